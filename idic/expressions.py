@@ -87,8 +87,8 @@ class Expression:
         if kind == "call":
             return self.grammar.functions[argument](operands[0])
         if kind == "compare":
-            parts = [_COMPARISONS[sign](left, right)
-                     for sign, left, right in zip(argument, operands, operands[1:], strict=False)]
+            parts = [_COMPARISONS[sign](lower, upper)
+                     for sign, lower, upper in zip(argument, operands, operands[1:], strict=False)]
             return np.logical_and.reduce(np.broadcast_arrays(*parts))
         if kind in ("and", "or"):
             join = np.logical_and if kind == "and" else np.logical_or

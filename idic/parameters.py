@@ -104,20 +104,20 @@ class JointPrior:
         The others are averaged over: what they may be stays in the covariance of those that are there. What the
         covariance holds for exact (fx = fy of square pixels) stays so, within `TIED_VARIANCE`.
         """
-        own = [i for i, name in enumerate(self.names) if name in names]
-        covariance = self.covariance[np.ix_(own, own)]
+        places = [i for i, name in enumerate(self.names) if name in names]
+        covariance = self.covariance[np.ix_(places, places)]
         size = np.sqrt(np.diagonal(covariance))
         values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
         values = np.where(values > MIN_VARIANCE, values, TIED_VARIANCE)
         inverse = (vectors / values) @ vectors.T / np.outer(size, size)
-        return [names.index(self.names[i]) for i in own], self.mean[own], inverse
+        return [names.index(self.names[i]) for i in places], self.mean[places], inverse
 
     def normal_equations(self, parameters: Mapping[str, Parameter], names: Sequence[str],
                          slopes: np.ndarray) -> tuple[list[int], np.ndarray, np.ndarray]:
         """Places in `names`, and what the prior adds to M and b of the scaled unknowns there; slopes : of `names`."""
         at, mean, inverse = self.precision(names)
-        own = slopes[at][:, None] * inverse * slopes[at][None, :]
-        return at, own, own @ ((mean - np.array([parameters[names[i]].value for i in at])) / slopes[at])
+        information = slopes[at][:, None] * inverse * slopes[at][None, :]
+        return at, information, information @ ((mean - np.array([parameters[names[i]].value for i in at])) / slopes[at])
 
     def renamed(self, names: Mapping[str, str]) -> JointPrior:
         """The same under other names."""
@@ -140,9 +140,9 @@ class SmoothnessPrior:
     def normal_equations(self, parameters: Mapping[str, Parameter], names: Sequence[str],
                          slopes: np.ndarray) -> tuple[list[int], np.ndarray, np.ndarray]:
         """As `JointPrior.normal_equations`; parameters that are not in `names` keep their values."""
-        own = [i for i, name in enumerate(self.names) if name in names]
-        at, bends = [names.index(self.names[i]) for i in own], np.array(self.bends)
-        moving = bends[:, own] * slopes[at]
+        places = [i for i, name in enumerate(self.names) if name in names]
+        at, bends = [names.index(self.names[i]) for i in places], np.array(self.bends)
+        moving = bends[:, places] * slopes[at]
         away = np.array([parameters[name].value for name in self.names]) - self.centre
         return at, moving.T @ moving, -moving.T @ (bends @ away)
 
@@ -191,8 +191,8 @@ class ParameterSet(Mapping[str, Parameter]):
         unknown = set(values) - set(self._items)
         if unknown:
             raise KeyError(f"no such parameter: {', '.join(sorted(unknown))}")
-        given = {name: float(value) for name, value in values.items() if value is not None}
-        return ParameterSet((replace(p, value=given[p.name]) if p.name in given else p for p in self.values()),
+        changed = {name: float(value) for name, value in values.items() if value is not None}
+        return ParameterSet((replace(p, value=changed[p.name]) if p.name in changed else p for p in self.values()),
                             self.joint)
 
     def own_of(self, values: Mapping[str, float]) -> dict[str, float]:
@@ -234,8 +234,8 @@ class ParameterSet(Mapping[str, Parameter]):
                 M[i, i] += (slopes[i] / p.prior_std) ** 2
                 b[i] += M[i, i] * (p.prior_mean - p.value) / slopes[i]
         for prior in self.joint:
-            at, own, pull = prior.normal_equations(self, names, slopes)
-            M[np.ix_(at, at)] += own
+            at, information, pull = prior.normal_equations(self, names, slopes)
+            M[np.ix_(at, at)] += information
             b[at] += pull
         return M, b
 

@@ -26,7 +26,7 @@ def path_name(label: str) -> str:
 
     Labels of letters, digits, dots, dashes and spaces stay as they are.
     """
-    name = _ENCODED.sub(lambda found: "".join(f"%{byte:02X}" for byte in found.group().encode()), label)
+    name = _ENCODED.sub(lambda match: "".join(f"%{byte:02X}" for byte in match.group().encode()), label)
     if _DEVICES.fullmatch(name) or not name:
         name = f"%{name}"
     if len(name.encode()) <= MAX_BYTES:
@@ -44,19 +44,20 @@ def refuse_names_that_are_one(labels: Iterable[str], folder: Path) -> None:
     InputError
         There are two such labels, and the file system ignores case.
     """
-    seen: dict[str, str] = {}
+    labels_by_name: dict[str, str] = {}
     for label in labels:
-        other = seen.setdefault(unicodedata.normalize("NFC", path_name(label)).casefold(), label)
-        if other != label and ignores_case(folder):
+        earlier = labels_by_name.setdefault(unicodedata.normalize("NFC", path_name(label)).casefold(), label)
+        if earlier != label and ignores_case(folder):
             raise InputError("two names that are the same for the file system of the results", file=folder,
-                             expected="names that differ in more than upper and lower case", found=f"{other}, {label}",
+                             expected="names that differ in more than upper and lower case",
+                             found=f"{earlier}, {label}",
                              remedy="rename one of them in the mesh, the log or experiment.toml")
 
 
 def ignores_case(folder: Path) -> bool:
     """Whether the disk of a folder, which need not exist yet, takes ``a`` and ``A`` for one name; writes nothing."""
     for part in (folder.absolute(), *folder.absolute().parents):
-        other = part.with_name(part.name.swapcase()) if part.name else part
-        if part.exists() and other.name != part.name:
-            return other.exists() and other.samefile(part)
+        swapped = part.with_name(part.name.swapcase()) if part.name else part
+        if part.exists() and swapped.name != part.name:
+            return swapped.exists() and swapped.samefile(part)
     return False

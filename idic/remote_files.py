@@ -76,8 +76,8 @@ def relocated_text(text: str, moved: Mapping[str, str]) -> str:
 
 def fetch(path: Path | str) -> None:
     """Bring a file that may be on another machine; nothing happens where it is not in a mirror."""
-    for seen in _recorders:
-        seen.add(os.fspath(path))
+    for recorder in _recorders:
+        recorder.add(os.fspath(path))
     remote = _remote_of(path) if _remotes else None
     if remote is not None:
         remote.fetch(os.fspath(path))
@@ -86,12 +86,12 @@ def fetch(path: Path | str) -> None:
 @contextmanager
 def fetched_files() -> Iterator[set[str]]:
     """The files that `fetch` is called for during a ``with`` block."""
-    seen: set[str] = set()
-    _recorders.append(seen)
+    paths: set[str] = set()
+    _recorders.append(paths)
     try:
-        yield seen
+        yield paths
     finally:
-        _recorders.remove(seen)
+        _recorders.remove(paths)
 
 
 def image_facts(path: Path | str) -> ImageFacts | None:

@@ -77,17 +77,17 @@ def adjust(state: State, views: Views, lens: Lens, prior_mm: float = 0.0, noise_
         The adjustment does not settle.
     """
     weight = noise_px / prior_mm if prior_mm > 0.0 else 0.0
-    places = tuple((v, c) for v, row in enumerate(views) for c, seen in enumerate(row) if seen is not None)
+    places = tuple((v, c) for v, row in enumerate(views) for c, view in enumerate(row) if view is not None)
     radius = dot_radius(state, views, places)
     nominal = state.points_mm
     for _ in range(SHIFT_PASSES if radius and not rough else 1):
         equations = _Equations(state, views, lens, places, radius, weight, nominal)
-        found = minimum(equations.distances, equations.slopes, n_unknowns(state, lens, weight > 0.0),
-                        START_TOLERANCE if rough else TOLERANCE)
-        state = moved(state, lens, found, weight > 0.0)
-    last = _Equations(state, views, lens, places, radius, weight, nominal)
-    here = np.zeros(len(found))
-    errors, jacobian = last.distances(here), last.slopes(here)
+        step = minimum(equations.distances, equations.slopes, n_unknowns(state, lens, weight > 0.0),
+                       START_TOLERANCE if rough else TOLERANCE)
+        state = moved(state, lens, step, weight > 0.0)
+    equations_at_end = _Equations(state, views, lens, places, radius, weight, nominal)
+    zero_step = np.zeros(len(step))
+    errors, jacobian = equations_at_end.distances(zero_step), equations_at_end.slopes(zero_step)
     residuals: list[list[np.ndarray | None]] = [[None] * len(row) for row in views]
     at = 0
     for v, c in places:
@@ -108,30 +108,32 @@ class _Equations:
     def __init__(self, base, views, lens, places, radius_mm, weight, nominal):
         self.base, self.lens, self.places, self.weight, self.nominal = base, lens, places, weight, nominal
         self.numbers = {(v, c): views[v][c].index[:, 0] for v, c in places}
-        self.seen = {(v, c): views[v][c].points_px for v, c in places}
+        self.pixels = {(v, c): views[v][c].points_px for v, c in places}
         if radius_mm:  # what is seen is the centroid
             for v, c in places:
                 points = base.points_mm[self.numbers[v, c]]
-                self.seen[v, c] = self.seen[v, c] - dot_shift(base.cameras[c], base.poses[v], points, radius_mm)
+                self.pixels[v, c] = self.pixels[v, c] - dot_shift(base.cameras[c], base.poses[v], points, radius_mm)
 
     def distances(self, step):
         """Projected minus seen, then the points' distance from their places in the weight of the prior."""
         try:
-            now = moved(self.base, self.lens, step, self.weight > 0.0)
-            parts = [(now.cameras[c].project(in_camera_0(now.poses[v], now.points_mm[self.numbers[v, c]]))
-                      - self.seen[v, c]).ravel() for v, c in self.places]
+            moved_state = moved(self.base, self.lens, step, self.weight > 0.0)
+            parts = [(moved_state.cameras[c].project(in_camera_0(moved_state.poses[v],
+                                                                 moved_state.points_mm[self.numbers[v, c]]))
+                      - self.pixels[v, c]).ravel() for v, c in self.places]
         except InputError:  # a trial step with a point behind a camera: it is cut
             return np.full(1, np.inf)
         if self.weight:
-            parts.append((now.points_mm - self.nominal).ravel() * self.weight)
+            parts.append((moved_state.points_mm - self.nominal).ravel() * self.weight)
         return np.concatenate(parts)
 
     def slopes(self, step):
         """Derivatives of `distances`."""
-        free = self.weight > 0.0
-        now = moved(self.base, self.lens, step, free)
-        parts = [derivatives(now, self.lens, step, free, v, c, self.numbers[v, c]) for v, c in self.places]
-        if free:
+        points_free = self.weight > 0.0
+        moved_state = moved(self.base, self.lens, step, points_free)
+        parts = [derivatives(moved_state, self.lens, step, points_free, v, c, self.numbers[v, c])
+                 for v, c in self.places]
+        if points_free:
             rows = np.zeros((self.nominal.size, len(step)))
             rows[:, -self.nominal.size :] = np.eye(self.nominal.size) * self.weight
             parts.append(rows)
@@ -142,27 +144,27 @@ def dot_radius(state: State, views: Views, places) -> float:
     """Radius of the dots in mm, the median of all; 0 for a chessboard."""
     radii = []
     for v, c in places:
-        seen = views[v][c]
-        if seen.areas_px is not None:
-            space = in_camera_0(state.poses[v], state.points_mm[seen.index[:, 0]])
-            radii.append(np.sqrt(seen.areas_px / magnification(state.cameras[c], state.poses[v], space) / np.pi))
+        view = views[v][c]
+        if view.areas_px is not None:
+            space = in_camera_0(state.poses[v], state.points_mm[view.index[:, 0]])
+            radii.append(np.sqrt(view.areas_px / magnification(state.cameras[c], state.poses[v], space) / np.pi))
     return float(np.nanmedian(np.concatenate(radii))) if radii else 0.0
 
 
 def without_outliers(adjusted: Adjusted, views: Views) -> tuple[Views, int]:
     """The views without points that lie further off than errors of detection do, and how many these are."""
     deviation = 1.4826 * np.median(np.abs(adjusted.all_px))
-    kept, n_left_out = [], 0
+    inlying_views, n_left_out = [], 0
     for row, errors in zip(views, adjusted.residuals_px, strict=True):
-        new = []
-        for seen, error in zip(row, errors, strict=True):
-            if seen is not None:
+        inlying_row = []
+        for view, error in zip(row, errors, strict=True):
+            if view is not None:
                 good = np.abs(error).max(axis=1) <= OUTLIER * deviation
                 n_left_out += int((~good).sum())
-                seen = subset(seen, good)
-            new.append(seen)
-        kept.append(tuple(new))
-    return tuple(kept), n_left_out
+                view = subset(view, good)
+            inlying_row.append(view)
+        inlying_views.append(tuple(inlying_row))
+    return tuple(inlying_views), n_left_out
 
 
 def subset(view, good):

@@ -49,20 +49,21 @@ def calibrate(views: Views, image_size_px: tuple[tuple[int, int], ...], spacing_
     """
     lens, n_cameras = lens or Lens(), len(image_size_px)
     for number in range(n_cameras):
-        seen = sum(row[number] is not None for row in views)
-        if seen < MIN_VIEWS:
-            raise InputError("too few images show the target", key=f"camera {number}", found=f"{seen}",
+        n_views = sum(row[number] is not None for row in views)
+        if n_views < MIN_VIEWS:
+            raise InputError("too few images show the target", key=f"camera {number}", found=f"{n_views}",
                              expected=f"at least {MIN_VIEWS}, better 15, at different tilts and places",
                              remedy="record more images of the target; check --target and --grid")
     used, points = numbered(views, spacing_mm)
-    alone = [one_camera(used, number, points, image_size_px[number], lens) for number in range(n_cameras)]
-    cameras = [next(iter(alone[0].values()))[0]]
+    single_cameras = [one_camera(used, number, points, image_size_px[number], lens) for number in range(n_cameras)]
+    cameras = [next(iter(single_cameras[0].values()))[0]]
     if n_cameras == 2:
-        camera, used = second_camera(alone[0], alone[1], used, points)
+        camera, used = second_camera(single_cameras[0], single_cameras[1], used, points)
         cameras.append(camera)
-    own = {v: pose for v, (_, pose) in alone[0].items()}
-    others = {v: _back(cameras[1], pose) for v, (_, pose) in alone[1].items()} if n_cameras == 2 else {}
-    poses = [own.get(v, others.get(v)) for v in range(len(used))]
+    first_poses = {v: pose for v, (_, pose) in single_cameras[0].items()}
+    second_poses = {v: _pose_in_camera_0(cameras[1], pose)
+                    for v, (_, pose) in single_cameras[1].items()} if n_cameras == 2 else {}
+    poses = [first_poses.get(v, second_poses.get(v)) for v in range(len(used))]
     seen_views = [v for v, pose in enumerate(poses) if pose is not None]
     used = tuple(used[v] for v in seen_views)
     state = State(tuple(cameras), tuple(poses[v] for v in seen_views), points)  # type: ignore[misc]
@@ -81,12 +82,12 @@ def calibrate(views: Views, image_size_px: tuple[tuple[int, int], ...], spacing_
     return replace(result, notes=notes_on(result, target_std_mm))
 
 
-def _rig(found: Adjusted, lens: Lens, noise: float, sizes) -> CameraRig:
-    covariance = found.cofactor * noise**2
+def _rig(adjusted: Adjusted, lens: Lens, noise: float, sizes) -> CameraRig:
+    covariance = adjusted.cofactor * noise**2
     names, rows = [], []
     at = 0
     for number in range(len(sizes)):
-        for name in lens.free:
+        for name in lens.identified:
             names.append(f"{number}.{name}")
             rows.append((at, 1.0))
             if name == "fx" and lens.square:
@@ -99,11 +100,11 @@ def _rig(found: Adjusted, lens: Lens, noise: float, sizes) -> CameraRig:
             at += 6
     order = np.array([row for row, _ in rows])
     factor = np.array([f for _, f in rows])
-    return CameraRig(found.state.cameras, tuple(sizes), tuple(names),
+    return CameraRig(adjusted.state.cameras, tuple(sizes), tuple(names),
                      covariance[np.ix_(order, order)] * factor[:, None] * factor)
 
 
-def _back(camera, pose):
+def _pose_in_camera_0(camera, pose):
     """The pose of a target in the frame of camera 0, of its pose in that of another camera."""
     return Pose(camera.rotation.T @ pose.rotation, camera.rotation.T @ (pose.translation_mm - camera.translation_mm))
 

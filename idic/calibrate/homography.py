@@ -21,8 +21,8 @@ def homography(plane: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     zero = np.zeros_like(p)
     rows = np.vstack([np.hstack([p, zero, -q[:, :1] * p]), np.hstack([zero, p, -q[:, 1:2] * p])])
     solution = np.linalg.svd(rows, full_matrices=False)[2][-1].reshape(3, 3)
-    found = np.linalg.inv(to_pixels) @ solution @ to_plane
-    return found / np.linalg.norm(found)
+    matrix = np.linalg.inv(to_pixels) @ solution @ to_plane
+    return matrix / np.linalg.norm(matrix)
 
 
 def focal_length(homographies: list[np.ndarray], centre: np.ndarray, width: float) -> float:
@@ -54,14 +54,14 @@ def mirrored(pose: Pose, middle: np.ndarray) -> Pose:
     centre = pose.rotation @ middle + pose.translation_mm
     sight = centre / np.linalg.norm(centre)
     normal = pose.rotation[:, 2]
-    other = 2.0 * (normal @ sight) * sight - normal
-    axis = np.cross(normal, other)
+    mirrored_normal = 2.0 * (normal @ sight) * sight - normal
+    axis = np.cross(normal, mirrored_normal)
     sine = np.linalg.norm(axis)
     if sine < 1e-9:
         return pose
     k = axis / sine
     cross = np.array([[0, -k[2], k[1]], [k[2], 0, -k[0]], [-k[1], k[0], 0]])
-    rotation = (np.eye(3) + sine * cross + (1 - normal @ other) * cross @ cross) @ pose.rotation
+    rotation = (np.eye(3) + sine * cross + (1 - normal @ mirrored_normal) * cross @ cross) @ pose.rotation
     return Pose(rotation, centre - rotation @ middle)
 
 

@@ -50,9 +50,9 @@ def shape_error(result: Calibration) -> tuple[float, float]:
     n = len(result.points_mm)
     normal, right = np.zeros((n, 3, 3)), np.zeros((n, 3))
     for pose, views, errors in zip(result.poses, result.views, result.residuals_px, strict=True):
-        for c, (seen, error) in enumerate(zip(views, errors, strict=True)):
-            if seen is not None:
-                chosen = seen.index[:, 0]
+        for c, (view, error) in enumerate(zip(views, errors, strict=True)):
+            if view is not None:
+                chosen = view.index[:, 0]
                 slopes = result.rig.cameras[c].jacobian(in_camera_0(pose, result.points_mm[chosen])) @ pose.rotation
                 np.add.at(normal, chosen, np.einsum("nki,nkj->nij", slopes, slopes))
                 np.add.at(right, chosen, np.einsum("nki,nk->ni", slopes, error))

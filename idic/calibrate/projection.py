@@ -48,18 +48,18 @@ def moved(state: State, lens: Lens, step: np.ndarray, points_free: bool) -> Stat
     step, cameras, poses = np.asarray(step, dtype=float), [], []
     at = 0
     for number, camera in enumerate(state.cameras):
-        now = camera.values()
-        new = {name: now[name] + d for name, d in zip(lens.free, step[at:], strict=False)}
-        at += len(lens.free)
+        intrinsic = camera.values()
+        moved_intrinsic = {name: intrinsic[name] + d for name, d in zip(lens.identified, step[at:], strict=False)}
+        at += len(lens.identified)
         if lens.square:
-            new["fy"] = new["fx"]
+            moved_intrinsic["fy"] = moved_intrinsic["fx"]
         rotation, translation = camera.rotation, camera.translation_mm
         if number:
             rotation = rotation_of(np.degrees(step[at : at + 3])) @ rotation
             translation = translation + step[at + 3 : at + 6]
             at += N_POSE
-        cameras.append(PinholeCamera(**({n: now[n] for n in INTRINSIC_PARAMETERS} | new), rotation=rotation,
-                                     translation_mm=translation))
+        cameras.append(PinholeCamera(**({n: intrinsic[n] for n in INTRINSIC_PARAMETERS} | moved_intrinsic),
+                                     rotation=rotation, translation_mm=translation))
     for pose in state.poses:
         poses.append(Pose(rotation_of(np.degrees(step[at : at + 3])) @ pose.rotation,
                           pose.translation_mm + step[at + 3 : at + 6]))
@@ -71,7 +71,7 @@ def moved(state: State, lens: Lens, step: np.ndarray, points_free: bool) -> Stat
 def n_unknowns(state: State, lens: Lens, points_free: bool) -> int:
     """Length of the step of `moved`."""
     n = len(state.cameras)
-    return n * len(lens.free) + N_POSE * (n - 1 + len(state.poses)) + (state.points_mm.size if points_free else 0)
+    return n * len(lens.identified) + N_POSE * (n - 1 + len(state.poses)) + (state.points_mm.size if points_free else 0)
 
 
 def derivatives(state: State, lens: Lens, step: np.ndarray, points_free: bool, view: int, number: int,
@@ -80,13 +80,13 @@ def derivatives(state: State, lens: Lens, step: np.ndarray, points_free: bool, v
 
     ``state`` is the one after the step; ``chosen`` (n,) are the numbers of the target points.
     """
-    camera, pose, first = state.cameras[number], state.poses[view], len(lens.free)
+    camera, pose, first = state.cameras[number], state.poses[view], len(lens.identified)
     points = state.points_mm[chosen]
     space = in_camera_0(pose, points)
     all_columns, by_point = camera.parameter_jacobian(space), camera.jacobian(space)
     rows = np.zeros((len(chosen), 2, n_unknowns(state, lens, points_free)))
     at = number * first + N_POSE * max(number - 1, 0)
-    for k, name in enumerate(lens.free):
+    for k, name in enumerate(lens.identified):
         rows[:, :, at + k] = all_columns[:, :, PINHOLE_PARAMETERS.index(name)]
         if name == "fx" and lens.square:
             rows[:, :, at + k] += all_columns[:, :, PINHOLE_PARAMETERS.index("fy")]

@@ -18,16 +18,16 @@ class Lens:
 
     Attributes
     ----------
-    free : tuple of str
+    identified : tuple of str
         Names of `idic.images.pinhole.INTRINSIC_PARAMETERS`.
     """
 
-    free: tuple[str, ...] = ("fx", "fy", "cx", "cy", "k1", "k2")
+    identified: tuple[str, ...] = ("fx", "fy", "cx", "cy", "k1", "k2")
 
     @property
     def square(self) -> bool:
         """One focal length for both directions."""
-        return "fx" in self.free and "fy" not in self.free
+        return "fx" in self.identified and "fy" not in self.identified
 
 
 @dataclass(frozen=True, eq=False)

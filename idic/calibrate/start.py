@@ -19,11 +19,11 @@ NO_LENS = Lens(())
 
 def numbered(views: Views, spacing_mm: float) -> tuple[Views, np.ndarray]:
     """The views with numbers of target points as ``index`` (n, 1), and the points  # (n_points, 3) mm"""
-    places = np.unique(np.vstack([seen.index for row in views for seen in row if seen is not None]), axis=0)
+    places = np.unique(np.vstack([view.index for row in views for view in row if view is not None]), axis=0)
     number = {tuple(place): n for n, place in enumerate(places.tolist())}
-    rows = tuple(tuple(None if seen is None
-                       else replace(seen, index=np.array([[number[tuple(p)]] for p in seen.index.tolist()]))
-                       for seen in row) for row in views)
+    rows = tuple(tuple(None if view is None
+                       else replace(view, index=np.array([[number[tuple(p)]] for p in view.index.tolist()]))
+                       for view in row) for row in views)
     return rows, np.column_stack([places * spacing_mm, np.zeros(len(places))])
 
 
@@ -36,15 +36,15 @@ def one_camera(views: Views, number: int, points_mm: np.ndarray, size: tuple[int
         Where the views of this camera are too few.
     """
     chosen = [v for v, row in enumerate(views) if row[number] is not None]
-    own = tuple((views[v][number],) for v in chosen)
+    camera_views = tuple((views[v][number],) for v in chosen)
     centre = (np.array(size) - 1.0) / 2.0
-    maps = [homography(points_mm[seen.index[:, 0], :2], seen.points_px) for (seen,) in own]
+    maps = [homography(points_mm[view.index[:, 0], :2], view.points_px) for (view,) in camera_views]
     focal = focal_length(maps, centre, size[0])
     camera = PinholeCamera(fx=focal, fy=focal, cx=centre[0], cy=centre[1])
     state = State((camera,), tuple(pose_of(h, focal, centre) for h in maps), points_mm)
-    best = adjust(state, own, Lens(("fx",)), rough=True)
+    best = adjust(state, camera_views, Lens(("fx",)), rough=True)
     for _ in range(2):  # a long lens hardly tells a tilt from the opposite one: both are tried with the better lens
-        best = adjust(_better_tilts(best, own), own, lens, rough=True)
+        best = adjust(_better_tilts(best, camera_views), camera_views, lens, rough=True)
     return {v: (best.state.cameras[0], pose) for v, pose in zip(chosen, best.state.poses, strict=True)}
 
 
@@ -73,7 +73,8 @@ def second_camera(first: dict[int, tuple], second: dict[int, tuple], views: View
             rotation = b.rotation @ turn @ a.rotation.T
             candidates[v, n] = rotation, b.rotation @ shift + b.translation_mm - rotation @ a.translation_mm
     scale = np.median([np.linalg.norm(first[v][1].translation_mm) for v in pairs])
-    spread = {key: np.median([min(_apart(pose, candidates[v, n], scale) for n in range(len(turns))) for v in pairs])
+    spread = {key: np.median([min(_pose_distance(pose, candidates[v, n], scale) for n in range(len(turns)))
+                              for v in pairs])
               for key, pose in candidates.items()}
     best = min(spread, key=lambda key: (spread[key], key))
     if spread[best] > MAX_POSE_SPREAD:
@@ -84,9 +85,9 @@ def second_camera(first: dict[int, tuple], second: dict[int, tuple], views: View
     rotation, translation = candidates[best]
     renumbered = list(views)
     for v in pairs:
-        n = min(range(len(turns)), key=lambda n: _apart(candidates[best], candidates[v, n], scale))
-        seen = views[v][1]
-        renumbered[v] = (views[v][0], replace(seen, index=turns[n][0][seen.index[:, 0]][:, None]))
+        n = min(range(len(turns)), key=lambda n: _pose_distance(candidates[best], candidates[v, n], scale))
+        view = views[v][1]
+        renumbered[v] = (views[v][0], replace(view, index=turns[n][0][view.index[:, 0]][:, None]))
     camera = next(iter(second.values()))[0].placed(rotation, translation)
     return camera, tuple(renumbered)
 
@@ -98,13 +99,13 @@ def _better_tilts(adjusted: Adjusted, views: Views) -> State:
         middle = state.points_mm[view[0].index[:, 0]].mean(axis=0)
         tries = [adjust(State(state.cameras, (start,), state.points_mm), (view,), NO_LENS, rough=True)
                  for start in (pose, mirrored(pose, middle))]
-        poses.append(min(tries, key=lambda found: found.rms_px).state.poses[0])
+        poses.append(min(tries, key=lambda adjusted_try: adjusted_try.rms_px).state.poses[0])
     return replace(state, poses=tuple(poses))
 
 
 def _symmetries(points_mm):
     """Rotations of the grid onto itself: new number of every point, and the rigid motion new place -> old place."""
-    size, found = points_mm.max(axis=0), []
+    size, symmetries = points_mm.max(axis=0), []
     keys = {tuple(np.round(p, 6)): n for n, p in enumerate(points_mm)}
     for quarter in range(4):
         turn = Rotation.from_euler("z", 90 * quarter, degrees=True).as_matrix().round()
@@ -115,10 +116,10 @@ def _symmetries(points_mm):
         numbers = [keys.get(tuple(np.round(p, 6))) for p in turned]
         if None not in numbers:
             offset = turned[0] - turn @ points_mm[0]
-            found.append((np.array(numbers), turn.T, -turn.T @ offset))
-    return found
+            symmetries.append((np.array(numbers), turn.T, -turn.T @ offset))
+    return symmetries
 
 
-def _apart(a, b, scale):
+def _pose_distance(a, b, scale):
     """Distance of two poses: angle in rad and shift over a distance."""
     return Rotation.from_matrix(a[0] @ b[0].T).magnitude() + np.linalg.norm(a[1] - b[1]) / scale

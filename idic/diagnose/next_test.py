@@ -226,7 +226,7 @@ def _further(hats: np.ndarray | None, n: int) -> np.ndarray | None:
 
 def _held(camera: Camera, n: int) -> Camera:
     """Where it was in the last image; a camera without motion parameters does not move."""
-    return camera if camera.motion is None else replace(camera, motion=camera.motion.held(n))
+    return camera if camera.motion is None else replace(camera, motion=camera.motion.extended(n))
 
 
 @dataclass(frozen=True, eq=False)

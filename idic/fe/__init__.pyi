@@ -10,7 +10,7 @@ from .external.deck import parse_deck
 from .external.inp_writer import ABAQUS_TYPES, inp_text
 from .external.process import LOG_FILE, PERMISSION, check_environment, find_program, require_permission
 from .external.solver import EXTERNAL, ExternalSetup, ExternalSolver, REASON_FILE, sweep
-from .external.solver_output import Solution, Wanted, gathered
+from .external.solver_output import ExpectedOutput, Solution, gathered
 from .extrapolation import increments_to_try, is_extrapolated, march_extrapolated
 from .fields import green_strain, nodal_deformation, nodal_field, nodal_state
 from .half_rate import Motion, at_frames, every_second, without_time_error
@@ -45,13 +45,13 @@ from .time_march import FrameState, PointValues, StepList, march
 __all__ = [
     "ABAQUS_TYPES", "CELL_TYPES", "CORNER_COSINE", "EDGE_STD_SHARE", "EXTERNAL", "LOG_FILE",
     "MAX_HALF_BANDWIDTH_OF_BAND_LU", "MIN_OPERATIONS_PER_ENTRY", "OUTLINE", "PERMISSION", "REASON_FILE", "TET_EDGES",
-    "Alternative", "Block", "Boundary", "Coarse", "Constraints", "Control", "Direction", "Evaluation", "ExternalSetup",
-    "ExternalSolver", "Factor", "Fill", "Filling", "FrameState", "FreePart", "Hole", "Loads", "Mesh", "Model", "Morph",
-    "Motion", "PathControl", "PerMesh", "PointValues", "Reaction", "Responses", "Section", "Segments", "Solution",
-    "StepList", "System", "Variation", "Wanted", "admissible", "at_frames", "bodies", "boundary_edges",
-    "boundary_faces", "can_halve", "can_raise_order", "cell_edges", "cell_type", "check_elements", "check_environment",
-    "coarsen", "conductance", "conducted", "constrain", "curved", "dead_pressure", "discretise", "dissected",
-    "dofs_of", "drives_at", "edges_by_name", "evaluate_system", "every_second", "face_area", "face_cells",
+    "Alternative", "Block", "Boundary", "Coarse", "Constraints", "Control", "Direction", "Evaluation",
+    "ExpectedOutput", "ExternalSetup", "ExternalSolver", "Factor", "Fill", "Filling", "FrameState", "FreePart", "Hole",
+    "Loads", "Mesh", "Model", "Morph", "Motion", "PathControl", "PerMesh", "PointValues", "Reaction", "Responses",
+    "Section", "Segments", "Solution", "StepList", "System", "Variation", "admissible", "at_frames", "bodies",
+    "boundary_edges", "boundary_faces", "can_halve", "can_raise_order", "cell_edges", "cell_type", "check_elements",
+    "check_environment", "coarsen", "conductance", "conducted", "constrain", "curved", "dead_pressure", "discretise",
+    "dissected", "dofs_of", "drives_at", "edges_by_name", "evaluate_system", "every_second", "face_area", "face_cells",
     "face_set_nodes", "factorise_tangent", "fill", "find_holes", "find_program", "first_responses", "follow_arcs",
     "followed", "free_edges", "free_parts", "gathered", "green_strain", "halve", "increments_to_try", "inp_text",
     "interpolation", "is_circle", "is_extrapolated", "is_linear", "is_raised_by_default", "make_mesh", "march",

@@ -58,7 +58,7 @@ def conducted(mesh: Mesh, values: np.ndarray) -> np.ndarray:
     if not unknown.any():
         return values
     K = conductance(mesh).tocsc()
-    pattern, which = np.unique(unknown, axis=0, return_inverse=True)
+    pattern, pattern_number = np.unique(unknown, axis=0, return_inverse=True)
     for k, gaps in enumerate(pattern):
         if not gaps.any():
             continue
@@ -68,20 +68,20 @@ def conducted(mesh: Mesh, values: np.ndarray) -> np.ndarray:
                              expected="a temperature in every piece of the mesh",
                              found=f"none in the piece with node {mesh.node_labels[lost]}",
                              remedy="give one there, or one without `nodes` first, for the whole mesh")
-        rows, used = np.flatnonzero(which.ravel() == k), gaps & (K.diagonal() > 0)
-        inside, given = np.flatnonzero(used), np.flatnonzero(~gaps)
-        flow = K[inside][:, given] @ values[rows][:, given].T
+        rows, used = np.flatnonzero(pattern_number.ravel() == k), gaps & (K.diagonal() > 0)
+        inside, measured = np.flatnonzero(used), np.flatnonzero(~gaps)
+        flow = K[inside][:, measured] @ values[rows][:, measured].T
         values[np.ix_(rows, inside)] = -splu(K[inside][:, inside].tocsc()).solve(np.asarray(flow)).T
         values[np.ix_(rows, np.flatnonzero(gaps & ~used))] = 0.0  # nodes of no element have no temperature to speak of
     return values
 
 
-def unreached(mesh: Mesh, known: np.ndarray) -> int | None:
-    """A node of a piece of the mesh without any known node; None where every piece has one. known : (n_nodes,) bool"""
+def unreached(mesh: Mesh, measured: np.ndarray) -> int | None:
+    """A node of a piece of the mesh without any measured node; None where each has one. measured : (n_nodes,) bool"""
     rows = np.concatenate([block.connectivity.ravel() for block in mesh.blocks])
     ends = np.concatenate([np.repeat(block.connectivity[:, 0], block.connectivity.shape[1]) for block in mesh.blocks])
     graph = sparse.csr_array((np.ones(len(rows)), (rows, ends)), shape=(mesh.n_nodes, mesh.n_nodes))
     piece = connected_components(graph, directed=False)[1]
-    lost = ~np.isin(piece, piece[known])
+    lost = ~np.isin(piece, piece[measured])
     lost &= np.isin(np.arange(mesh.n_nodes), rows)
     return int(np.argmax(lost)) if lost.any() else None

@@ -38,27 +38,27 @@ def solve_controlled(system: System, params: Mapping[str, np.ndarray], start: Co
     NotConverged
         With the reason; the caller may try a smaller increment.
     """
-    model, held = system.model, np.asarray(system.model.constraints.dofs)
+    model, held_dofs = system.model, np.asarray(system.model.constraints.dofs)
     limit, dt = control.clamp * system.size, drives.time - start.time
 
     def evaluate(u: np.ndarray, amplitude: float, guesses) -> tuple[Evaluation, Drives]:
-        there = with_amplitude(model, drives, amplitude)
+        scaled_drives = with_amplitude(model, drives, amplitude)
         if effort is not None:
             effort.evaluations += 1
-        return evaluate_system(system, params, u, start.states, dt, there, guesses), there
+        return evaluate_system(system, params, u, start.states, dt, scaled_drives, guesses), scaled_drives
 
     amplitude = start.drives.amplitude
-    ev, there = evaluate(start.u, amplitude, start.states)
+    ev, scaled_drives = evaluate(start.u, amplitude, start.states)
     admissible(ev)
     first, iterations, along = None, 0, np.zeros(start.u.size)
     while True:
-        unbalanced, scale = balance(system, ev, held, start.force_scale)
+        unbalanced, scale = balance(system, ev, held_dofs, start.force_scale)
         rounding, coarseness = negligible(system, ev)
-        met = _reads_right(system, ev, there, held)
+        met = _reads_right(system, ev, scaled_drives, held_dofs)
         if met and (unbalanced <= control.tolerance * scale + rounding or unbalanced <= coarseness):
             moved = ev.u.ravel() - start.u.ravel()
             bend = np.linalg.norm(moved - along) / max(np.linalg.norm(moved), np.finfo(float).tiny)
-            return Converged(there, ev.u, tuple(g.state for g in ev.groups), scale, ev, iterations, bend=bend)
+            return Converged(scaled_drives, ev.u, tuple(g.state for g in ev.groups), scale, ev, iterations, bend=bend)
         if met:
             first = unbalanced if first is None else first
             if not unbalanced < 1e6 * max(first, scale):
@@ -66,56 +66,57 @@ def solve_controlled(system: System, params: Mapping[str, np.ndarray], start: Co
         if iterations >= control.max_iterations:
             raise NotConverged(where_unbalanced(system, ev, unbalanced, scale, iterations))
         stiff = start.evaluation if iterations == 0 and start.evaluation is not None else ev
-        correction, more = _correction(system, ev, stiff, there, held)
+        correction, more = _correction(system, ev, stiff, scaled_drives, held_dofs)
         along = correction if iterations == 0 else along
         largest = float(np.abs(correction).max(initial=0.0))
         if not np.isfinite(largest) or not np.isfinite(more):
             raise NotConverged("the Newton correction is not finite")
-        whole = min(1.0, limit / largest) if largest > 0.0 else 1.0
+        clamp_factor = min(1.0, limit / largest) if largest > 0.0 else 1.0
         guesses = [g.state for g in ev.groups]
-        ev, there = _best(system, [(ev.u + part * whole * correction.reshape(ev.u.shape),
-                                    there.amplitude + part * whole * more)
-                                   for part in (LINE_SEARCH_PARTS if line_search else (1.0,))], evaluate, guesses, ev)
+        ev, scaled_drives = _best(system, [(ev.u + part * clamp_factor * correction.reshape(ev.u.shape),
+                                            scaled_drives.amplitude + part * clamp_factor * more)
+                                           for part in (LINE_SEARCH_PARTS if line_search else (1.0,))], evaluate,
+                                  guesses, ev)
         iterations += 1
 
 
-def _best(system: System, trials, evaluate, guesses, before: Evaluation) -> tuple[Evaluation, Drives]:
+def _best(system: System, trials, evaluate, guesses, start: Evaluation) -> tuple[Evaluation, Drives]:
     """The first trial that lowers the out-of-balance force, else the best."""
-    free, best, least = system.pattern.dofs, None, np.inf
-    limit = np.linalg.norm(before.residual.ravel()[free])
+    free_dofs, best, least = system.pattern.dofs, None, np.inf
+    limit = np.linalg.norm(start.residual.ravel()[free_dofs])
     for u, amplitude in trials:
-        ev, there = evaluate(u, amplitude, guesses)
+        ev, scaled_drives = evaluate(u, amplitude, guesses)
         if len(trials) == 1:
-            return admissible(ev), there
-        norm = np.inf if ev.trouble else np.linalg.norm(ev.residual.ravel()[free])
+            return admissible(ev), scaled_drives
+        norm = np.inf if ev.trouble else np.linalg.norm(ev.residual.ravel()[free_dofs])
         if best is None or norm < least:
-            best, least = (ev, there), norm
+            best, least = (ev, scaled_drives), norm
         if least < 0.9 * limit:
             break
     return admissible(best[0]), best[1]
 
 
-def _reads_right(system: System, ev: Evaluation, drives: Drives, held: np.ndarray) -> bool:
+def _reads_right(system: System, ev: Evaluation, drives: Drives, held_dofs: np.ndarray) -> bool:
     """Whether held dofs and gauge have what is asked, to rounding."""
     gauge, u = system.model.control.gauge, ev.u.ravel()
     rounding = 64.0 * np.finfo(float).eps * float(np.abs(u).max(initial=0.0))
-    off = float(np.abs(u[held] - drives.prescribed).max(initial=0.0))
+    off = float(np.abs(u[held_dofs] - drives.prescribed).max(initial=0.0))
     return bool(off <= rounding and abs(gauge @ u - drives.reading) <= rounding * np.abs(gauge).sum())
 
 
 def _correction(system: System, ev: Evaluation, stiff: Evaluation, drives: Drives,
-                held: np.ndarray) -> tuple[np.ndarray, float]:
+                held_dofs: np.ndarray) -> tuple[np.ndarray, float]:
     """Newton correction of the displacement (n_dof,) and of the size of the controlled drive or load
 
     stiff : the evaluation whose tangent is taken: at first that of the last increment, which knows what flows and tears
     """
-    factor, gauge, free = factorise_tangent(system, stiff), system.model.control.gauge, system.pattern.dofs
+    factor, gauge, free_dofs = factorise_tangent(system, stiff), system.model.control.gauge, system.pattern.dofs
     move = np.zeros(ev.u.size)
-    move[held] = drives.prescribed - ev.u.ravel()[held]
+    move[held_dofs] = drives.prescribed - ev.u.ravel()[held_dofs]
     rhs = -ev.residual.ravel()
     if move.any():
         rhs = rhs - stiffness_times(system, stiff, move[:, None])[:, 0]
-    move[free] = factor.solve(rhs[free])
+    move[free_dofs] = factor.solve(rhs[free_dofs])
     with_it = answer_to_control(system, stiff, factor)[0][:, 0]
     felt = float(gauge @ with_it)
     if not abs(felt) > MIN_FELT * float(np.abs(with_it).max(initial=0.0)):

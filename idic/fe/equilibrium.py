@@ -98,7 +98,7 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
     NotConverged
         With the reason; the caller may try a smaller increment.
     """
-    held = np.asarray(system.model.constraints.dofs)
+    held_dofs = np.asarray(system.model.constraints.dofs)
     limit, dt = control.clamp * system.size, drives.time - start.time
 
     def evaluate(u, guesses):
@@ -106,34 +106,35 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
             effort.evaluations += 1
         return evaluate_system(system, params, u, start.states, dt, drives, guesses)
 
-    known, iterations = _Known.of(start), 0
+    tangent, iterations = _Tangent.of(start), 0
     if predictor is None:
         ev = admissible(evaluate(start.u, start.states))
-        move, known = _tangent_move(system, ev, drives, held, known)
-        move = _clamped(move, held, limit)
+        move, tangent = _tangent_move(system, ev, drives, held_dofs, tangent)
+        move = _clamped(move, held_dofs, limit)
         ev, iterations = admissible(evaluate(start.u + move.reshape(start.u.shape), start.states)), 1
     else:
         u = predictor.copy()
-        u.reshape(-1)[held] = drives.prescribed
+        u.reshape(-1)[held_dofs] = drives.prescribed
         ev = admissible(evaluate(u, start.states))
-    first, before = None, 0.0
+    first, last_unbalanced = None, 0.0
     while True:
-        unbalanced, scale = balance(system, ev, held, start.force_scale)
+        unbalanced, scale = balance(system, ev, held_dofs, start.force_scale)
         rounding, coarseness = negligible(system, ev)
         if unbalanced <= control.tolerance * scale + rounding or unbalanced <= coarseness:
             states = tuple(g.state for g in ev.groups)
-            return Converged(drives, ev.u, states, scale, ev, iterations, known.factor, known.matrices,
-                             gain=known.gain, symmetric=known.symmetric)
+            return Converged(drives, ev.u, states, scale, ev, iterations, tangent.factor, tangent.matrices,
+                             gain=tangent.gain, symmetric=tangent.symmetric)
         first = unbalanced if first is None else first
         if iterations >= control.max_iterations or not unbalanced < 1e6 * max(first, scale):
             raise NotConverged(where_unbalanced(system, ev, unbalanced, scale, iterations))
         rhs, correction = -ev.residual.ravel()[system.pattern.dofs], np.zeros(ev.u.size)
-        if unbalanced**2 <= MAX_CHORD_UNBALANCE * control.tolerance * scale * before:  # same gain as the last time
-            correction[system.pattern.dofs] = known.factor.approximate(rhs)
+        # a correction with the same factor is expected to gain as much as the last one
+        if unbalanced**2 <= MAX_CHORD_UNBALANCE * control.tolerance * scale * last_unbalanced:
+            correction[system.pattern.dofs] = tangent.factor.approximate(rhs)
         else:
-            correction[system.pattern.dofs], known = _solution(system, ev, rhs, known)
-        before = unbalanced
-        correction = _clamped(correction, held, limit).reshape(ev.u.shape)
+            correction[system.pattern.dofs], tangent = _solution(system, ev, rhs, tangent)
+        last_unbalanced = unbalanced
+        correction = _clamped(correction, held_dofs, limit).reshape(ev.u.shape)
         ev = _corrected(system, evaluate, ev, correction, LINE_SEARCH_PARTS if line_search else (1.0,))
         iterations += 1
 
@@ -141,8 +142,8 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
 def linear_move(system: System, params: Mapping[str, np.ndarray], start: Converged, drives: Drives) -> np.ndarray:
     """The displacement increment to `drives` if stiffness stayed as it is at `start`  # (n_nodes, d) mm"""
     ev = admissible(evaluate_system(system, params, start.u, start.states, drives.time - start.time, drives))
-    held = np.asarray(system.model.constraints.dofs)
-    move, _ = _tangent_move(system, ev, drives, held, _Known.of(start))
+    held_dofs = np.asarray(system.model.constraints.dofs)
+    move, _ = _tangent_move(system, ev, drives, held_dofs, _Tangent.of(start))
     return move.reshape(start.u.shape)
 
 
@@ -153,8 +154,8 @@ LINE_SEARCH_PARTS = (1.0, 0.5, 0.25, 0.125, 0.0625)  # parts of a Newton correct
 
 
 @dataclass(frozen=True)
-class _Known:
-    """The last factors, and what `Converged` says of them."""
+class _Tangent:
+    """The last factors of the tangent, and what `Converged` says of them."""
 
     factor: Factor | None
     matrices: tuple[np.ndarray, ...] = ()
@@ -162,7 +163,7 @@ class _Known:
     symmetric: bool = True
 
     @classmethod
-    def of(cls, start: Converged) -> _Known:
+    def of(cls, start: Converged) -> _Tangent:
         return cls(start.factor, start.factor_matrices, start.gain, start.symmetric)
 
     @property
@@ -171,45 +172,45 @@ class _Known:
         return self.factor is not None and not self.matrices and not MAX_GAIN_REUSED < self.gain < np.inf
 
 
-def _tangent_move(system: System, ev: Evaluation, drives: Drives, held: np.ndarray,
-                  known: _Known) -> tuple[np.ndarray, _Known]:
+def _tangent_move(system: System, ev: Evaluation, drives: Drives, held_dofs: np.ndarray,
+                  tangent: _Tangent) -> tuple[np.ndarray, _Tangent]:
     """Displacement increment (n_dof,) linearised about the start of the step, prescribed increments included."""
     move = np.zeros(ev.u.size)
-    move[held] = drives.prescribed - ev.u.ravel()[held]
+    move[held_dofs] = drives.prescribed - ev.u.ravel()[held_dofs]
     rhs = -(ev.residual.ravel() + stiffness_times(system, ev, move[:, None])[:, 0])
-    move[system.pattern.dofs], known = _solution(system, ev, rhs[system.pattern.dofs], known)
-    return move, known
+    move[system.pattern.dofs], tangent = _solution(system, ev, rhs[system.pattern.dofs], tangent)
+    return move, tangent
 
 
-def _solution(system: System, ev: Evaluation, rhs: np.ndarray, known: _Known) -> tuple[np.ndarray, _Known]:
+def _solution(system: System, ev: Evaluation, rhs: np.ndarray, tangent: _Tangent) -> tuple[np.ndarray, _Tangent]:
     """Solution with the tangent of an evaluation, by an earlier factor where a new one costs much and it still
     serves."""
-    if system.pattern.costs_much and known.is_reused:
-        found = iterated(system.pattern.matrix(stiffness_values(system, ev)), known.factor, rhs)
-        if found is not None:
-            return found.x, replace(known, gain=found.gain)
-    factor, matrices = _factor(system, ev, known.factor, known.matrices, known.symmetric)
-    known = _Known(factor, matrices, symmetric=factor.of_symmetric_part)
+    if system.pattern.costs_much and tangent.is_reused:
+        iterated_solution = iterated(system.pattern.matrix(stiffness_values(system, ev)), tangent.factor, rhs)
+        if iterated_solution is not None:
+            return iterated_solution.x, replace(tangent, gain=iterated_solution.gain)
+    factor, matrices = _factor(system, ev, tangent.factor, tangent.matrices, tangent.symmetric)
+    tangent = _Tangent(factor, matrices, symmetric=factor.of_symmetric_part)
     if factor.of_symmetric_part and not matrices:
-        found = iterated(factor.matrix, factor, rhs)
-        if found is not None:
-            return found.x, replace(known, gain=found.gain)
-    return factor.solve(rhs), known
+        iterated_solution = iterated(factor.matrix, factor, rhs)
+        if iterated_solution is not None:
+            return iterated_solution.x, replace(tangent, gain=iterated_solution.gain)
+    return factor.solve(rhs), tangent
 
 
 def _corrected(system: System, evaluate, ev: Evaluation, correction: np.ndarray, parts) -> Evaluation:
     """The evaluation after the first part of the correction that lowers the out-of-balance force, else the best."""
-    guesses, free = [g.state for g in ev.groups], system.pattern.dofs
-    before = np.linalg.norm(ev.residual.ravel()[free])
+    guesses, free_dofs = [g.state for g in ev.groups], system.pattern.dofs
+    start_norm = np.linalg.norm(ev.residual.ravel()[free_dofs])
     best, least = None, np.inf
     for part in parts:
         trial = evaluate(ev.u + part * correction, guesses)
         if len(parts) == 1:
             return admissible(trial)
-        norm = np.inf if trial.trouble else np.linalg.norm(trial.residual.ravel()[free])
+        norm = np.inf if trial.trouble else np.linalg.norm(trial.residual.ravel()[free_dofs])
         if norm < least or best is None:
             best, least = trial, norm
-        if least < (1 - 0.1 * part) * before:
+        if least < (1 - 0.1 * part) * start_norm:
             break
     return admissible(best)
 
@@ -221,11 +222,12 @@ def admissible(ev: Evaluation) -> Evaluation:
     return ev
 
 
-def balance(system: System, ev: Evaluation, held: np.ndarray, so_far: float) -> tuple[float, float]:
+def balance(system: System, ev: Evaluation, held_dofs: np.ndarray, so_far: float) -> tuple[float, float]:
     """Largest out-of-balance force and the scale (N) it is compared with."""
     residual = ev.residual.ravel()
     unbalanced = float(np.abs(residual[system.pattern.dofs]).max(initial=0.0))
-    scale = max(so_far, float(np.abs(residual[held]).max(initial=0.0)), float(np.abs(ev.external).max(initial=0.0)),
+    scale = max(so_far, float(np.abs(residual[held_dofs]).max(initial=0.0)),
+                float(np.abs(ev.external).max(initial=0.0)),
                 _thermal_force(system, ev))
     if not (np.isfinite(unbalanced) and np.isfinite(scale)):
         raise NotConverged("the nodal forces are not finite")
@@ -262,18 +264,18 @@ def negligible(system: System, ev: Evaluation) -> tuple[float, float]:
     return 16 * eps * rounding, 4 * eps * moved * coarse
 
 
-def _clamped(move: np.ndarray, held: np.ndarray, limit: float) -> np.ndarray:
+def _clamped(move: np.ndarray, held_dofs: np.ndarray, limit: float) -> np.ndarray:
     """The correction scaled down to the limit; prescribed values are always reached."""
-    free = move.copy()
-    free[held] = 0.0
-    largest = float(np.abs(free).max(initial=0.0))
+    free_move = move.copy()
+    free_move[held_dofs] = 0.0
+    largest = float(np.abs(free_move).max(initial=0.0))
     if not np.isfinite(largest):
         raise NotConverged("the Newton correction is not finite")
     if largest <= limit:
         return move
-    free *= limit / largest
-    free[held] = move[held]
-    return free
+    free_move *= limit / largest
+    free_move[held_dofs] = move[held_dofs]
+    return free_move
 
 
 def _factor(system: System, ev: Evaluation, factor: Factor | None, matrices,
@@ -283,17 +285,18 @@ def _factor(system: System, ev: Evaluation, factor: Factor | None, matrices,
     if constant:
         for group, g in zip(system.groups, ev.groups, strict=True):
             element_matrices(group, g)
-        present = tuple(g.Ke for g in ev.groups)
-        if factor is not None and matrices and all(_same(a, b) for a, b in zip(present, matrices, strict=True)):
+        current_matrices = tuple(g.Ke for g in ev.groups)
+        if factor is not None and matrices and all(_equal(a, b)
+                                                   for a, b in zip(current_matrices, matrices, strict=True)):
             return factor, matrices
     try:
         values = stiffness_values(system, ev)
-        return factorise(system.pattern, values, symmetric), present if constant else ()
+        return factorise(system.pattern, values, symmetric), current_matrices if constant else ()
     except SingularMatrix as error:
         raise NotConverged(f"the stiffness is singular ({error}): check material parameters and supports") from None
 
 
-def _same(a: np.ndarray, b: np.ndarray) -> bool:
+def _equal(a: np.ndarray, b: np.ndarray) -> bool:
     return a is b or bool(np.abs(a - b).max() <= 1e-12 * np.abs(b).max())  # rounding of the plane-stress condensation
 
 
@@ -307,7 +310,7 @@ def consistent_factor(system: System, at: Converged) -> Factor:
     """The consistent tangent at a converged increment, factorised or with the factors of before where they serve."""
     if serves(system, at):
         return replace(at.factor, matrix=system.pattern.matrix(stiffness_values(system, at.evaluation)),
-                       kept=True)
+                       of_earlier_tangent=True)
     return _factor(system, at.evaluation, at.factor, at.factor_matrices, at.symmetric)[0]
 
 

@@ -45,12 +45,12 @@ def march_extrapolated(model: Model, params: Mapping[str, np.ndarray], times: np
         As `idic.fe.time_march.march`, where one of the two fails.
     """
     numbers, warm = (increments, increments // 2), (None, None) if warm_start is None else tee(warm_start)
-    frozen = [None, None] if steps is None else [StepList(own) for own in split(steps.times)]
-    fine, coarse = (march(model, params, times, directions, own, number, control, start, may_cut)
-                    for own, number, start in zip(frozen, numbers, warm, strict=True))
+    frozen = [None, None] if steps is None else [StepList(ends) for ends in split(steps.times)]
+    fine, coarse = (march(model, params, times, directions, step_list, number, control, start, may_cut)
+                    for step_list, number, start in zip(frozen, numbers, warm, strict=True))
     order = time_order(model)
-    for ours, theirs in zip(fine, coarse, strict=True):
-        yield _extrapolated(ours, theirs, order)
+    for fine_state, coarse_state in zip(fine, coarse, strict=True):
+        yield _extrapolated(fine_state, coarse_state, order)
 
 
 def time_order(model: Model) -> int:
@@ -85,7 +85,7 @@ def whole_increments(times: np.ndarray, number: int) -> tuple[float, ...]:
                  for t in np.append(a + (b - a) / number * np.arange(1, number), b))
 
 
-def increments_to_try(model: Model, times: np.ndarray, substeps: int, taken: Sequence[float] | None,
+def increments_to_try(model: Model, times: np.ndarray, substeps: int, last_ends: Sequence[float] | None,
                       extrapolated: bool = False) -> list[tuple[float, ...] | None]:
     """Lists of increments for a model whose parameters moved since it was last solved, in the order to try them.
 
@@ -93,7 +93,7 @@ def increments_to_try(model: Model, times: np.ndarray, substeps: int, taken: Seq
     ----------
     times : (n_frames,) s
     substeps : increments per frame; of the fine simulation, where two are extrapolated
-    taken : end times of the increments of the last solution; None: there is none
+    last_ends : end times of the increments of the last solution; None: there is none
 
     Returns
     -------
@@ -103,10 +103,10 @@ def increments_to_try(model: Model, times: np.ndarray, substeps: int, taken: Seq
         remain as an error of the time integration. (Not with follower pressures, whose first increments are small on
         purpose.)
     """
-    if taken is None:
+    if last_ends is None:
         return [None]
-    whole = whole_increments(times, substeps)
+    uncut_ends = whole_increments(times, substeps)
     if extrapolated:
-        whole += whole_increments(times, substeps // 2)
-    more = len(taken) > len(whole) and not model.loads.pressure_faces
-    return [*([whole] if more else []), tuple(taken), None]
+        uncut_ends += whole_increments(times, substeps // 2)
+    more = len(last_ends) > len(uncut_ends) and not model.loads.pressure_faces
+    return [*([uncut_ends] if more else []), tuple(last_ends), None]

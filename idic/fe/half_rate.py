@@ -30,14 +30,14 @@ def every_second(n_frames: int) -> np.ndarray:
 
 def at_frames(model: Model, frames: np.ndarray) -> Model:
     """The model with its histories at some frames."""
-    def own(histories: np.ndarray | None) -> np.ndarray | None:
+    def sampled(histories: np.ndarray | None) -> np.ndarray | None:
         return None if histories is None else histories[frames]
 
-    loads = replace(model.loads, dead_histories=own(model.loads.dead_histories),
-                    pressure_histories=own(model.loads.pressure_histories))
+    loads = replace(model.loads, dead_histories=sampled(model.loads.dead_histories),
+                    pressure_histories=sampled(model.loads.pressure_histories))
     control = None if model.control is None else replace(model.control, readings=model.control.readings[frames])
     constraints = replace(model.constraints, histories=model.constraints.histories[frames])
-    return replace(model, control=control, constraints=constraints, loads=loads, temperature=own(model.temperature))
+    return replace(model, control=control, constraints=constraints, loads=loads, temperature=sampled(model.temperature))
 
 
 def without_time_error(model: Model, fine: Iterable[Motion], coarse: Iterable[FrameState]) -> Iterator[Motion]:
@@ -51,14 +51,15 @@ def without_time_error(model: Model, fine: Iterable[Motion], coarse: Iterable[Fr
     share, frames = 1.0 / (2.0 ** time_order(model) - 1.0), iter(fine)
     first = next(frames)
     yield first
-    last, before = 0, tuple(np.zeros_like(part) for part in first)
+    last_frame, start_error = 0, tuple(np.zeros_like(part) for part in first)
     for state in coarse:
         if state.frame == 0:
             continue
-        between = [next(frames) for _ in range(last, state.frame)]
-        there = tuple(share * (own - other)
-                      for own, other in zip(between[-1], (state.seen_u, state.channels), strict=True))
+        between = [next(frames) for _ in range(last_frame, state.frame)]
+        end_error = tuple(share * (fine_part - coarse_part)
+                          for fine_part, coarse_part in zip(between[-1], (state.seen_u, state.channels), strict=True))
         for number, motion in enumerate(between, start=1):
-            part = number / (state.frame - last)
-            yield tuple(own + (1.0 - part) * a + part * b for own, a, b in zip(motion, before, there, strict=True))
-        last, before = state.frame, there
+            part = number / (state.frame - last_frame)
+            yield tuple(quantity + (1.0 - part) * a + part * b
+                        for quantity, a, b in zip(motion, start_error, end_error, strict=True))
+        last_frame, start_error = state.frame, end_error

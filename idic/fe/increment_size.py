@@ -35,7 +35,7 @@ class IncrementSize:
     gentle: bool = False
     unextrapolated: int = 0  # increments still to be solved without extrapolation
 
-    def start_from_rest(self, system: System, params: Mapping[str, np.ndarray], now: Converged, end: Drives,
+    def start_from_rest(self, system: System, params: Mapping[str, np.ndarray], start: Converged, end: Drives,
                         substeps: int, frozen: float | None) -> None:
         """Start an interval with a small increment where a follower pressure begins to act.
 
@@ -44,9 +44,9 @@ class IncrementSize:
         end : at the end of the interval
         frozen : the part that the first increment takes where increments are given; None: they are chosen here
         """
-        if not end.pressure.any() or now.drives.pressure.any():
+        if not end.pressure.any() or start.drives.pressure.any():
             return
-        part = first_part(system, params, now, end, substeps) if frozen is None else min(1.0, frozen)
+        part = first_part(system, params, start, end, substeps) if frozen is None else min(1.0, frozen)
         if part <= 0.5:
             self.unextrapolated = INCREMENTS_WITHOUT_EXTRAPOLATION
             self.gentle = frozen is None
@@ -64,10 +64,10 @@ class IncrementSize:
         self.gentle = self.gentle and self.part < 1.0
 
 
-def first_part(system: System, params: Mapping[str, np.ndarray], now: Converged, end: Drives, substeps: int) -> float:
+def first_part(system: System, params: Mapping[str, np.ndarray], start: Converged, end: Drives, substeps: int) -> float:
     """The part of an increment to `end` (of 1 / `substeps` of its interval) that is safe to begin with: 1, 1/4, ..."""
     try:
-        move = linear_move(system, params, now, end)
+        move = linear_move(system, params, start, end)
     except NotConverged:
         return 1.0
     steepest, d = 0.0, system.n_dim

@@ -49,7 +49,7 @@ class Responses:
 
 
 def first_responses(base: Alternative, times: np.ndarray, frames: Sequence[int], u: np.ndarray,
-                    others: Sequence[Alternative]) -> Iterator[Responses]:
+                    alternatives: Sequence[Alternative]) -> Iterator[Responses]:
     """The response of every other model at each of some frames.
 
     Parameters
@@ -69,46 +69,47 @@ def first_responses(base: Alternative, times: np.ndarray, frames: Sequence[int],
         If the law of `base` has no solution.
     """
     first = discretise(base.model)
-    systems = [like(first, other.model) for other in others]
-    own, courses, which = ModelPoints(first, base), [], []
-    for system, other in zip(systems, others, strict=True):
-        course = next((i for i, known in enumerate(courses) if known.serves(system, other)), None)
+    systems = [like(first, alternative.model) for alternative in alternatives]
+    base_points, courses, course_of = ModelPoints(first, base), [], []
+    for system, alternative in zip(systems, alternatives, strict=True):
+        course = next((i for i, candidate in enumerate(courses) if candidate.serves(system, alternative)), None)
         if course is None:
             course = len(courses)
-            courses.append(ModelPoints(system, other))
-        which.append(course)
+            courses.append(ModelPoints(system, alternative))
+        course_of.append(course)
     factor, matrices, alive = None, (), [True] * len(courses)
-    for before, frame, moved in zip((0, *frames), frames, u, strict=False):
-        span = (times, before, frame, moved)
-        here = own.at(*span, stiffness=True)
-        factor, matrices = kept_factor(first, here, factor, matrices)
+    for previous_frame, frame, moved in zip((0, *frames), frames, u, strict=False):
+        span = (times, previous_frame, frame, moved)
+        evaluation = base_points.at(*span, stiffness=True)
+        factor, matrices = kept_factor(first, evaluation, factor, matrices)
         stresses = [course.attempt(*span) if living else None for course, living in zip(courses, alive, strict=True)]
-        alive = [found is not None for found in stresses]
+        alive = [stress is not None for stress in stresses]
         forces, motions = np.zeros((moved.size, len(systems))), np.zeros((moved.size, len(systems)))
-        drives, held = drives_at(base.model, times, times[frame]), np.asarray(base.model.constraints.dofs)
-        for i, (system, course) in enumerate(zip(systems, which, strict=True)):
+        drives, held_dofs = drives_at(base.model, times, times[frame]), np.asarray(base.model.constraints.dofs)
+        for i, (system, course) in enumerate(zip(systems, course_of, strict=True)):
             if not alive[course]:
                 continue
-            now = drives_at(system.model, times, times[frame])
-            forces[:, i] = (_residual(system, stresses[course], now, moved) - here.residual).ravel()
-            motions[held, i] = now.prescribed - drives.prescribed
-        found = solved_responses(first, here, factor, forces, motions)
-        lost = [i for i, course in enumerate(which) if not alive[course]]
-        found.du[..., lost] = found.dchannels[..., lost] = np.nan
-        yield found
+            other_drives = drives_at(system.model, times, times[frame])
+            forces[:, i] = (_residual(system, stresses[course], other_drives, moved) - evaluation.residual).ravel()
+            motions[held_dofs, i] = other_drives.prescribed - drives.prescribed
+        responses = solved_responses(first, evaluation, factor, forces, motions)
+        lost = [i for i, course in enumerate(course_of) if not alive[course]]
+        responses.du[..., lost] = responses.dchannels[..., lost] = np.nan
+        yield responses
 
 
 def like(base: System, model: Model) -> System:
     """`discretise` of a model; numbering and shape functions of `base` are used again where they are the same."""
-    known = base.model
-    alike = _numbered_alike(model, known)
-    same = (alike and np.array_equal(model.mesh.nodes, known.mesh.nodes)
-            and (model.kind, model.thickness, model.locking) == (known.kind, known.thickness, known.locking)
-            and model.quadrature == known.quadrature and not known.variations and not base.pressures
-            and not model.loads.pressure_faces and not any(group.mean_dilatation for group in base.groups)
-            and all(one.law.spec.crack_band is None or one.law is other.law
-                    for one, other in zip(model.sections, known.sections, strict=True)))
-    if not same:
+    base_model = base.model
+    alike = _numbered_alike(model, base_model)
+    reusable = (alike and np.array_equal(model.mesh.nodes, base_model.mesh.nodes)
+                and (model.kind, model.thickness, model.locking) == (base_model.kind, base_model.thickness,
+                                                                     base_model.locking)
+                and model.quadrature == base_model.quadrature and not base_model.variations and not base.pressures
+                and not model.loads.pressure_faces and not any(group.mean_dilatation for group in base.groups)
+                and all(section.law.spec.crack_band is None or section.law is base_section.law
+                        for section, base_section in zip(model.sections, base_model.sections, strict=True)))
+    if not reusable:
         return discretise(model, base.pattern if alike else None)
     groups = []
     for group in base.groups:
@@ -121,57 +122,61 @@ def like(base: System, model: Model) -> System:
     return replace(base, model=model, groups=tuple(groups))
 
 
-def _numbered_alike(one: Model, other: Model) -> bool:
+def _numbered_alike(first: Model, second: Model) -> bool:
     """Whether elements, sections and held dofs of two models are the same."""
-    return (np.array_equal(one.constraints.dofs, other.constraints.dofs)
-            and len(one.sections) == len(other.sections) and len(one.mesh.blocks) == len(other.mesh.blocks)
+    return (np.array_equal(first.constraints.dofs, second.constraints.dofs)
+            and len(first.sections) == len(second.sections) and len(first.mesh.blocks) == len(second.mesh.blocks)
             and all(np.array_equal(a.elements, b.elements)
-                    for a, b in zip(one.sections, other.sections, strict=True))
+                    for a, b in zip(first.sections, second.sections, strict=True))
             and all(np.array_equal(a.connectivity, b.connectivity)
-                    for a, b in zip(one.mesh.blocks, other.mesh.blocks, strict=True)))
+                    for a, b in zip(first.mesh.blocks, second.mesh.blocks, strict=True)))
 
 
 class ModelPoints:
     """Stresses of a model's points along given displacements; they keep their history."""
 
     def __init__(self, system: System, model: Alternative):
-        self.system, self.params, self.states = system, model.params, system.rest()
+        self.system, self.params, self.states = system, model.params, system.rest_states()
 
     def serves(self, system: System, model: Alternative) -> bool:
         """Whether the points of another model go through the same."""
-        mine, other = self.system.model, system.model
-        if len(self.system.groups) != len(system.groups) or not _same(mine.temperature, other.temperature) \
-                or not _same(mine.start_temperature, other.start_temperature):
+        base_model, other_model = self.system.model, system.model
+        if (len(self.system.groups) != len(system.groups)
+                or not _equal(base_model.temperature, other_model.temperature)
+                or not _equal(base_model.start_temperature, other_model.start_temperature)):
             return False
         return all(a.law is b.law and a.name == b.name and a.expansion == b.expansion
                    and np.array_equal(self.params[a.name], model.params[b.name])
-                   for a, b in zip(mine.sections, other.sections, strict=True)) and all(
+                   for a, b in zip(base_model.sections, other_model.sections, strict=True)) and all(
                        a.mean_dilatation == b.mean_dilatation and (not a.mean_dilatation or a.weights is b.weights)
                        and np.array_equal(a.elements, b.elements)
                        for a, b in zip(self.system.groups, system.groups, strict=True))
 
-    def attempt(self, times: np.ndarray, before: int, frame: int, u: np.ndarray) -> Evaluation | None:
+    def attempt(self, times: np.ndarray, start_frame: int, frame: int, u: np.ndarray) -> Evaluation | None:
         """`at` without stiffness; None where the law finds no answer."""
         try:
-            return self.at(times, before, frame, u, stiffness=False)
+            return self.at(times, start_frame, frame, u, stiffness=False)
         except NotConverged:
             return None
 
-    def at(self, times: np.ndarray, before: int, frame: int, u: np.ndarray, stiffness: bool) -> Evaluation:
-        """The points at the displacement u (n_nodes, d) mm of `frame`, from their states at frame `before`; the states
-        are kept. `NotConverged` where the law has no solution.
+    def at(self, times: np.ndarray, start_frame: int, frame: int, u: np.ndarray, stiffness: bool) -> Evaluation:
+        """The points at the displacement u (n_nodes, d) mm of `frame`, from their states at `start_frame`.
+
+        Their new states are kept. `NotConverged` where the law has no solution.
         """
         drives = drives_at(self.system.model, times, times[frame])
-        found = evaluate_system(self.system, self.params, u, self.states, times[frame] - times[before], drives,
-                                  guesses=self.states if before else None, stiffness=stiffness)
-        if found.trouble:
-            raise NotConverged(f"{found.trouble}, frame {frame}")
-        self.states = tuple(group.state for group in found.groups)
-        return found
+        evaluation = evaluate_system(self.system, self.params, u, self.states, times[frame] - times[start_frame],
+                                     drives,
+                                  guesses=self.states if start_frame else None, stiffness=stiffness)
+        if evaluation.trouble:
+            raise NotConverged(f"{evaluation.trouble}, frame {frame}")
+        self.states = tuple(group.state for group in evaluation.groups)
+        return evaluation
 
 
-def _same(one: np.ndarray | None, other: np.ndarray | None) -> bool:
-    return (one is None and other is None) or (one is not None and other is not None and np.array_equal(one, other))
+def _equal(first: np.ndarray | None, second: np.ndarray | None) -> bool:
+    return (first is None and second is None) or (first is not None and second is not None
+                                                  and np.array_equal(first, second))
 
 
 def _residual(system: System, stresses: Evaluation, drives: Drives, u: np.ndarray) -> np.ndarray:
@@ -182,21 +187,21 @@ def _residual(system: System, stresses: Evaluation, drives: Drives, u: np.ndarra
     return internal - external_force(system, drives, u)
 
 
-def solved_responses(system: System, here: Evaluation, factor, forces: np.ndarray,
+def solved_responses(system: System, evaluation: Evaluation, factor, forces: np.ndarray,
                      motions: np.ndarray) -> Responses:
     """Answer of the tangent to forces lacking for equilibrium and to another prescribed motion  # (n_dof, m) each"""
-    free, channels = system.pattern.dofs, system.model.channels
+    free_dofs, channels = system.pattern.dofs, system.model.channels
     if motions.any():
-        forces = forces + stiffness_times(system, here, motions)
+        forces = forces + stiffness_times(system, evaluation, motions)
     moved = np.zeros_like(forces)
-    moved[free] = factor.solve(-forces[free])
+    moved[free_dofs] = factor.solve(-forces[free_dofs])
     readings = np.zeros((len(forces), len(channels)))
     for k, channel in enumerate(channels):
         np.add.at(readings[:, k], np.asarray(channel.dofs, dtype=np.int64), channel.factor)
-    shown = readings.T @ forces + transposed_stiffness_times(system, here, readings).T @ moved
+    channel_changes = readings.T @ forces + transposed_stiffness_times(system, evaluation, readings).T @ moved
     moved = motions + moved
     if system.model.control is not None:  # the gauge stays on its course
-        gauge, (with_it, felt) = system.model.control.gauge, answer_to_control(system, here, factor)
+        gauge, (with_it, felt) = system.model.control.gauge, answer_to_control(system, evaluation, factor)
         more = -(gauge @ moved) / (gauge @ with_it)
-        moved, shown = moved + with_it * more, shown + readings.T @ (felt * more)
-    return Responses(moved.reshape(*here.u.shape, -1), shown)
+        moved, channel_changes = moved + with_it * more, channel_changes + readings.T @ (felt * more)
+    return Responses(moved.reshape(*evaluation.u.shape, -1), channel_changes)

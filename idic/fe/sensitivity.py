@@ -65,21 +65,21 @@ def check_directions(model: Model, directions: Sequence[Direction], n_frames: in
                  "d_loads": d.d_loads is not None, "thickness": d.thickness, "expansion": d.expansion is not None,
                  "d_temperature": d.d_temperature is not None, "variation": d.variation is not None,
                  "d_readings": d.d_readings is not None}
-        given = {kind for kind, is_given in kinds.items() if is_given}
+        given_kinds = {kind for kind, is_given in kinds.items() if is_given}
         together = ({"d_loads", "thickness"}, {"d_histories", "d_temperature", "d_loads", "d_readings"})
-        if not given or (len(given) > 1 and not any(given <= kinds for kinds in together)):
+        if not given_kinds or (len(given_kinds) > 1 and not any(given_kinds <= kinds for kinds in together)):
             raise InputError(f"direction {d.name} must be of exactly one kind",
                              expected=f"one of {', '.join(kinds)} (d_loads may go with thickness; d_histories, "
-                             "d_temperature, d_loads and d_readings go together)", found=f"{len(given)} of them",
+                             "d_temperature, d_loads and d_readings go together)", found=f"{len(given_kinds)} of them",
                              remedy="give one direction per kind of parameter")
-        if given & {"expansion", "d_temperature"} and model.temperature is None:
+        if given_kinds & {"expansion", "d_temperature"} and model.temperature is None:
             raise InputError("a direction of thermal expansion, but no temperature", key=d.name,
                              expected="a temperature in the model", found="none",
                              remedy="give the model a temperature, or leave this direction out")
-        for what, table, n in (("d_histories", d.d_histories, n_drives), ("d_loads", d.d_loads, n_loads),
-                               ("d_temperature", d.d_temperature, model.mesh.n_nodes)):
+        for table_name, table, n in (("d_histories", d.d_histories, n_drives), ("d_loads", d.d_loads, n_loads),
+                                     ("d_temperature", d.d_temperature, model.mesh.n_nodes)):
             if table is not None and np.shape(table) != (n_frames, n):
-                raise InputError(f"{what} of direction {d.name} has the wrong shape", expected=str((n_frames, n)),
+                raise InputError(f"{table_name} of direction {d.name} has the wrong shape", expected=str((n_frames, n)),
                                  found=str(np.shape(table)), remedy="give one row per frame")
         if d.d_readings is not None and (model.control is None or np.shape(d.d_readings) != (n_frames,)):
             raise InputError(f"readings of direction {d.name} without a gauge, or of the wrong shape",
@@ -98,51 +98,52 @@ def at_rest(system: System, n_directions: int) -> Changes:
 
 
 def differentiate(system: System, params: Mapping[str, np.ndarray], directions: Sequence[Direction],
-                  times: np.ndarray, start: Converged, end: Converged, factor: Factor, before: Changes) -> Changes:
-    """Derivatives at `end` from those at `start` (`before`), with the factorised consistent tangent at `end`."""
+                  times: np.ndarray, start: Converged, end: Converged, factor: Factor,
+                  start_changes: Changes) -> Changes:
+    """Derivatives at `end` from those at `start` (`start_changes`), with the factorised consistent tangent at `end`."""
     nd, dt, shape = len(directions), end.time - start.time, end.u.shape
     forces = np.zeros((*shape, nd))
     dparams = _parameter_changes(system, directions, params, times, end)
     expansions = _expansion_changes(system, directions, times, end)
     _add_variations(system, directions, end, forces)
     for k, g in enumerate(end.evaluation.groups):
-        some = _concerning(dparams[k], expansions[k], before.states[k])
-        if not len(some):
+        concerned = _concerning(dparams[k], expansions[k], start_changes.states[k])
+        if not len(concerned):
             continue
         dP, _ = point_changes(system, k, g, _params(system, k, params), start.states, dt, None,
-                                       np.ascontiguousarray(before.states[k][:, some]),
-                                       _part(dparams[k], (..., some, slice(None))),
-                                       _part(expansions[k], (slice(None), some)))
-        part = np.zeros((*shape, len(some)))
+                                       np.ascontiguousarray(start_changes.states[k][:, concerned]),
+                                       _part(dparams[k], (..., concerned, slice(None))),
+                                       _part(expansions[k], (slice(None), concerned)))
+        part = np.zeros((*shape, len(concerned)))
         force_changes(system, k, g, dP, part)
-        forces[..., some] += part
+        forces[..., concerned] += part
     forces = forces.reshape(-1, nd)
     du = np.zeros_like(forces)
     _add_drive_changes(system, directions, times, end, du, forces)
     if du.any():
         forces += stiffness_times(system, end.evaluation, du)
-    free = system.pattern.dofs
+    free_dofs = system.pattern.dofs
     moved = np.zeros_like(du)
-    moved[free] = factor.solve(-forces[free])
+    moved[free_dofs] = factor.solve(-forces[free_dofs])
     forces += held_stiffness_times(system, end.evaluation, moved)
-    forces[free] = 0.0  # in equilibrium along every direction; only rounding is left
+    forces[free_dofs] = 0.0  # in equilibrium along every direction; only rounding is left
     du += moved
     if system.model.control is not None:
-        wanted = [change.reading for change in drive_changes(system.model, directions, times, end.time)]
-        du, forces = on_course(system, end.evaluation, factor, du, forces, np.array(wanted))
+        reading_changes = [change.reading for change in drive_changes(system.model, directions, times, end.time)]
+        du, forces = on_course(system, end.evaluation, factor, du, forces, np.array(reading_changes))
     states = []
     for k, g in enumerate(end.evaluation.groups):
         if system.groups[k].law.spec.n_state == 0 and not system.model.surface_side:  # nothing but F33, a start value
-            states.append(before.states[k])
+            states.append(start_changes.states[k])
             continue
         states.append(point_changes(system, k, g, _params(system, k, params), start.states, dt,
-                                             du.reshape(*shape, nd), before.states[k], dparams[k],
+                                             du.reshape(*shape, nd), start_changes.states[k], dparams[k],
                                              expansions[k])[1])
     return Changes(du, forces, tuple(states))
 
 
 def influence_at(system: System, params: Mapping[str, np.ndarray], start: Converged, end: Converged,
-                 factor: Factor | None, before: Influence | None) -> Influence:
+                 factor: Factor | None, previous: Influence | None) -> Influence:
     """The influence at `end`; the same record as in the frame before where the stiffness is the same.
 
     start : of the increment that ends there; factor : of the consistent tangent at `end`, None: not known yet
@@ -152,8 +153,8 @@ def influence_at(system: System, params: Mapping[str, np.ndarray], start: Conver
         none = np.zeros((len(end.u), 0)) if model.surface_side else None
         return Influence(np.zeros((*end.u.shape, 0)), np.zeros((model.n_dof, 0)), None, none)
     factor = consistent_factor(system, end) if factor is None else factor
-    if before is not None and factor is before.factor:
-        return before
+    if previous is not None and factor is previous.factor:
+        return previous
     du, forces = local_influence(system, end, factor)
     constant = factor is end.factor and bool(end.factor_matrices)
     du = du.reshape(*end.u.shape, -1)
@@ -191,30 +192,30 @@ def answers(system: System, evaluation: Evaluation, factor: Factor, drives: Sequ
     forces = stiffness_times(system, evaluation, du)
     for k, load in enumerate(loads, len(drives)):
         forces[:, k] -= _unit_load(system, evaluation.u, load)
-    free = system.pattern.dofs
+    free_dofs = system.pattern.dofs
     moved = np.zeros_like(du)
-    moved[free] = factor.solve(-forces[free])
+    moved[free_dofs] = factor.solve(-forces[free_dofs])
     forces += held_stiffness_times(system, evaluation, moved)
-    forces[free] = 0.0
+    forces[free_dofs] = 0.0
     return du + moved, forces
 
 
 def answer_to_control(system: System, evaluation: Evaluation, factor: Factor) -> tuple[np.ndarray, np.ndarray]:
     """Response to a unit of the controlled drive or load  # du (n_dof, 1) mm, forces (n_dof, 1) N"""
     control = system.model.control
-    return answers(system, evaluation, factor, *(() if which is None else (which,)
-                                                 for which in (control.drive, control.load)))
+    return answers(system, evaluation, factor, *(() if number is None else (number,)
+                                                 for number in (control.drive, control.load)))
 
 
 def on_course(system: System, evaluation: Evaluation, factor: Factor, du: np.ndarray, forces: np.ndarray,
-              wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+              reading_changes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Changes (n_dof, nd) at a fixed size of the controlled drive or load, with the size that the gauge asks for.
 
-    wanted : (nd,) mm, change of its reading
+    reading_changes : (nd,) mm, change of its reading
     """
     gauge = system.model.control.gauge
     moved, felt = answer_to_control(system, evaluation, factor)
-    more = (wanted - gauge @ du) / (gauge @ moved)
+    more = (reading_changes - gauge @ du) / (gauge @ moved)
     return du + moved * more, forces + felt * more
 
 
@@ -241,8 +242,8 @@ def _concerning(dparams, dexpansion, dstate: np.ndarray) -> np.ndarray:
     return np.flatnonzero(concerned)
 
 
-def _part(changes: np.ndarray | None, some) -> np.ndarray | None:
-    return None if changes is None else np.ascontiguousarray(changes[some])
+def _part(changes: np.ndarray | None, selection) -> np.ndarray | None:
+    return None if changes is None else np.ascontiguousarray(changes[selection])
 
 
 def _params(system: System, k: int, params: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -259,24 +260,24 @@ def _parameter_changes(system: System, directions, params, times: np.ndarray,
     """
     changes = []
     for group, g in zip(system.groups, end.evaluation.groups, strict=True):
-        own = _unit_changes(system, group.section, directions, params)
+        group_changes = _unit_changes(system, group.section, directions, params)
         if g.temperature is not None:
             warming = _nodal_warming(system, directions, times, end)
-            own = group.law.spec.temperature.changes(
-                params[system.model.sections[group.section].name], g.temperature, own,
+            group_changes = group.law.spec.temperature.changes(
+                params[system.model.sections[group.section].name], g.temperature, group_changes,
                 None if warming is None else points_of(system, group, warming), len(directions))
         if group.size is not None:
-            own = group.law.spec.crack_band.changes(band_place(group), own, group.size)
-        changes.append(own)
+            group_changes = group.law.spec.crack_band.changes(band_place(group), group_changes, group.size)
+        changes.append(group_changes)
     return changes
 
 
 def _nodal_warming(system: System, directions, times: np.ndarray, end: Converged) -> np.ndarray | None:
     """Change of the temperature of the nodes along each direction  # (n_nodes, nd) K; None: none changes it"""
-    given = [change.temperature for change in drive_changes(system.model, directions, times, end.time)]
-    if all(change is None for change in given):
+    warmings = [change.temperature for change in drive_changes(system.model, directions, times, end.time)]
+    if all(change is None for change in warmings):
         return None
-    return np.stack([np.zeros(system.model.mesh.n_nodes) if change is None else change for change in given], axis=1)
+    return np.stack([np.zeros(system.model.mesh.n_nodes) if change is None else change for change in warmings], axis=1)
 
 
 def _unit_changes(system, section: int, directions, params) -> np.ndarray | None:

@@ -47,12 +47,13 @@ def stress_error_responses(base: Alternative, times: np.ndarray, u: Iterable[np.
     sums = [_NodalSums.of(system, group, weights) for group in system.groups]
     factor, matrices = None, ()
     for frame, moved in enumerate(u, start=1):
-        here = points.at(times, frame - 1, frame, moved, stiffness=frame in frames)
+        evaluation = points.at(times, frame - 1, frame, moved, stiffness=frame in frames)
         if frame not in frames:
             continue
-        factor, matrices = kept_factor(system, here, factor, matrices)
-        forces = _component_forces(sum(own.of_stress(at.P) for own, at in zip(sums, here.groups, strict=True)))
-        yield solved_responses(system, here, factor, forces, np.zeros_like(forces))
+        factor, matrices = kept_factor(system, evaluation, factor, matrices)
+        forces = _component_forces(sum(nodal_sums.of_stress(at.P)
+                                       for nodal_sums, at in zip(sums, evaluation.groups, strict=True)))
+        yield solved_responses(system, evaluation, factor, forces, np.zeros_like(forces))
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,12 +82,12 @@ class _NodalSums:
 def _component_forces(sums: np.ndarray) -> np.ndarray:
     """Nodal forces of every component of the stress  # (d, n_nodes, p) -> (n_nodes d, components p)"""
     d, n, p = sums.shape
-    found = []
+    forces = []
     for i in range(d):
         for j in range(i, d):
             force = np.zeros((n, d, p))
             force[:, i] += sums[j]
             if j != i:
                 force[:, j] += sums[i]
-            found.append(force.reshape(n * d, p))
-    return np.concatenate(found, axis=1)
+            forces.append(force.reshape(n * d, p))
+    return np.concatenate(forces, axis=1)

@@ -33,11 +33,11 @@ UNIT_MOTION = 1e-3  # of the diagonal of the body: motion of a unit answer while
 class _Answers:
     """To a unit of each of q drives and dead loads.
 
-    which : (q,) columns of [drives, dead loads]; u : (n_dof, q); du : (nd, n_dof, q); channels, dchannels :
+    columns : (q,) of [drives, dead loads]; u : (n_dof, q); du : (nd, n_dof, q); channels, dchannels :
     (n_channels, q), (nd, n_channels, q); rise, d_rise : (n_nodes, q), (nd, n_nodes, q), None: not wanted
     """
 
-    which: np.ndarray
+    columns: np.ndarray
     u: np.ndarray
     du: np.ndarray
     channels: np.ndarray
@@ -57,8 +57,9 @@ class _Points:
     def __iter__(self) -> Iterator[PointValues]:
         system = self.body.system
         drives = drives_at(self.body.model, self.body.times, self.time)
-        found = evaluate_system(system, self.body.params, self.u, system.rest(), 0.0, drives, stiffness=False)
-        for group, g in zip(system.groups, found.groups, strict=True):
+        evaluation = evaluate_system(system, self.body.params, self.u, system.rest_states(), 0.0, drives,
+                                     stiffness=False)
+        for group, g in zip(system.groups, evaluation.groups, strict=True):
             yield PointValues(group.section, group.cell, group.elements, g.F, g.P, g.state)
 
 
@@ -96,15 +97,15 @@ def superposed(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray
     local = [*model.local_drives, *(n_drives + load for load in model.local_loads)]
     used = histories.any(axis=0) | np.any([slope.any(axis=0) for slope in slopes], axis=0)
     used[local] = True
-    which, size = np.flatnonzero(used), model.n_dof * (1 + len(directions))
-    if not 0 < len(which) < len(times) - 1 or 8.0 * size * len(which) > MAX_BYTES:
+    columns, size = np.flatnonzero(used), model.n_dof * (1 + len(directions))
+    if not 0 < len(columns) < len(times) - 1 or 8.0 * size * len(columns) > MAX_BYTES:
         return None
     try:
-        answers = _answers(model, params, directions, which, control)
+        answers = _answers(model, params, directions, columns, control)
     except NotConverged:
         return None  # the march says where
-    place = np.searchsorted(which, local)
-    return _frames(_Body(model, params, times), answers, histories[:, which], [slope[:, which] for slope in slopes],
+    place = np.searchsorted(columns, local)
+    return _frames(_Body(model, params, times), answers, histories[:, columns], [slope[:, columns] for slope in slopes],
                    place, _increments(times, steps, substeps))
 
 
@@ -118,57 +119,58 @@ def is_linear(model: Model) -> bool:
 def _histories(model: Model) -> np.ndarray:
     """Of drives and dead loads, zero at the first frame  # (n_frames, n_drives + n_dead)"""
     drives, dead = model.constraints.histories, model.loads.dead_histories
-    found = drives.copy() if dead is None else np.hstack([drives, dead])
-    found[0] = 0.0
-    return found
+    histories = drives.copy() if dead is None else np.hstack([drives, dead])
+    histories[0] = 0.0
+    return histories
 
 
 def _slopes(model: Model, direction: Direction) -> np.ndarray:
     """Derivative of the histories along a direction  # as `_histories`"""
-    found = np.zeros_like(_histories(model))
+    slopes = np.zeros_like(_histories(model))
     n_drives = model.constraints.histories.shape[1]
     if direction.d_histories is not None:
-        found[:, :n_drives] = direction.d_histories
+        slopes[:, :n_drives] = direction.d_histories
     if direction.d_loads is not None:
-        found[:, n_drives:] = direction.d_loads
-    found[0] = 0.0
-    return found
+        slopes[:, n_drives:] = direction.d_loads
+    slopes[0] = 0.0
+    return slopes
 
 
-def _answers(model: Model, params: Mapping[str, np.ndarray], directions: Sequence[Direction], which: np.ndarray,
+def _answers(model: Model, params: Mapping[str, np.ndarray], directions: Sequence[Direction], columns: np.ndarray,
              control: Control | None) -> _Answers:
     """The answers by a march whose frames are the units, one after the other."""
-    units, n_drives = _units(model, which), model.constraints.histories.shape[1]
-    c, loads, n = model.constraints, model.loads, len(which) + 1
+    units, n_drives = _units(model, columns), model.constraints.histories.shape[1]
+    c, loads, n = model.constraints, model.loads, len(columns) + 1
     tables = np.zeros((n, n_drives + (0 if loads.dead is None else loads.dead.shape[1])))
-    tables[np.arange(1, n), which] = units
+    tables[np.arange(1, n), columns] = units
     dead = None if loads.dead is None else tables[:, n_drives:]
-    alone = replace(model, constraints=Constraints(c.dofs, c.basis, tables[:, :n_drives]),
-                    loads=replace(loads, dead_histories=dead), local_drives=(), local_loads=())
-    own = [k for k, direction in enumerate(directions) if _of_the_body(direction)]
-    chosen = [replace(directions[k], d_histories=None, d_loads=None) for k in own]
-    states = march(alone, params, np.arange(n, dtype=float), chosen, control=control)
+    unit_model = replace(model, constraints=Constraints(c.dofs, c.basis, tables[:, :n_drives]),
+                         loads=replace(loads, dead_histories=dead), local_drives=(), local_loads=())
+    body_directions = [k for k, direction in enumerate(directions) if _of_the_body(direction)]
+    chosen = [replace(directions[k], d_histories=None, d_loads=None) for k in body_directions]
+    states = march(unit_model, params, np.arange(n, dtype=float), chosen, control=control)
     next(states)
     sizes = model.n_dof, len(model.channels), model.mesh.n_nodes
     u, channels, rise = (np.zeros((size, n - 1)) for size in sizes)
     du, dchannels, d_rise = (np.zeros((len(directions), size, n - 1)) for size in sizes)
     for j, state in enumerate(states):
         u[:, j], channels[:, j] = state.u.ravel() / units[j], state.channels / units[j]
-        du[own, :, j] = state.du.reshape(model.n_dof, len(own)).T / units[j]
-        dchannels[own, :, j] = state.dchannels.T / units[j]
+        du[body_directions, :, j] = state.du.reshape(model.n_dof, len(body_directions)).T / units[j]
+        dchannels[body_directions, :, j] = state.dchannels.T / units[j]
         if state.rise is not None:
-            rise[:, j], d_rise[own, :, j] = state.rise / units[j], state.d_rise.T / units[j]  # type: ignore[union-attr]
-    seen = bool(model.surface_side)
-    return _Answers(which, u, du, channels, dchannels, rise if seen else None, d_rise if seen else None)
+            rise[:, j], d_rise[body_directions, :,
+                               j] = state.rise / units[j], state.d_rise.T / units[j]  # type: ignore[union-attr]
+    has_surface = bool(model.surface_side)
+    return _Answers(columns, u, du, channels, dchannels, rise if has_surface else None, d_rise if has_surface else None)
 
 
-def _units(model: Model, which: np.ndarray) -> np.ndarray:
+def _units(model: Model, columns: np.ndarray) -> np.ndarray:
     """Size of each unit: a small motion of the body, or the largest value of a load  # (q,)"""
     basis, n_drives = np.abs(model.constraints.basis), model.constraints.histories.shape[1]
     extent = float(np.linalg.norm(np.ptp(model.mesh.nodes, axis=0)))
     largest = np.abs(_histories(model)).max(axis=0)
     return np.array([UNIT_MOTION * extent / max(basis[:, j].max(initial=0.0), 1e-300) if j < n_drives
-                     else largest[j] or 1.0 for j in which])
+                     else largest[j] or 1.0 for j in columns])
 
 
 def _of_the_body(direction: Direction) -> bool:
@@ -205,11 +207,11 @@ def _frames(body: _Body, answers: _Answers, histories: np.ndarray, slopes: Seque
             local_rise = answers.rise[:, local]
         for k, motion in enumerate(u):
             frame, t, motion = first + k, float(times[first + k]), motion.reshape(shape)
-            done = increments[:ends[frame]] if frame else increments[:0]
+            step_ends = increments[:ends[frame]] if frame else increments[:0]
             yield FrameState(frame, t, motion, channels[k], du[k].reshape(*shape, len(slopes)), dchannels[k],
                              local_du if frame else np.zeros_like(local_du),
                              local_channels if frame else np.zeros_like(local_channels), 0,
-                             _Points(body, motion, t), StepList(tuple(done.tolist())),
+                             _Points(body, motion, t), StepList(tuple(step_ends.tolist())),
                              None if rise is None else rise[k], None if d_rise is None else d_rise[k],
                              local_rise if frame or local_rise is None else np.zeros_like(local_rise))
 
@@ -223,9 +225,9 @@ def _derivatives(answers: np.ndarray, changes: np.ndarray, w: np.ndarray, slopes
     -------
     (n, rows, nd)
     """
-    found = np.empty((len(w), len(answers), len(slopes)))
+    derivatives = np.empty((len(w), len(answers), len(slopes)))
     for k, slope in enumerate(slopes):
-        found[:, :, k] = w @ changes[k].T
+        derivatives[:, :, k] = w @ changes[k].T
         if slope.any():
-            found[:, :, k] += slope @ answers.T
-    return found
+            derivatives[:, :, k] += slope @ answers.T
+    return derivatives

@@ -20,7 +20,7 @@ from idic.fe.assembly.point_means import add_carried_values, quotient
 from idic.fe.body.model import Direction
 
 
-def surface_rise(system: System, now: Converged, changes: Sequence[np.ndarray],
+def surface_rise(system: System, end: Converged, changes: Sequence[np.ndarray],
                  directions: Sequence[Direction]) -> tuple[np.ndarray, np.ndarray]:
     """Motion of the seen surface out of the plane, and its derivatives  # (n_nodes,) mm, (n_nodes, nd)
 
@@ -29,7 +29,7 @@ def surface_rise(system: System, now: Converged, changes: Sequence[np.ndarray],
     model = system.model
     half = 0.5 * model.surface_side * model.thickness
     stretch = _at_nodes(system, [np.concatenate([g.state[:, -1:] - 1.0, change[:, :, -1]], axis=1)
-                                 for g, change in zip(now.evaluation.groups, changes, strict=True)])
+                                 for g, change in zip(end.evaluation.groups, changes, strict=True)])
     slopes = half * stretch[:, 1:]
     for k, direction in enumerate(directions):
         if direction.thickness:
@@ -50,6 +50,6 @@ def _at_nodes(system: System, values: Sequence[np.ndarray]) -> np.ndarray:
     """Values of the points of every group, carried to the nodes  # (n_points, k) each -> (n_nodes, k)"""
     model = system.model
     total, weight = np.zeros((model.mesh.n_nodes, values[0].shape[1])), np.zeros(model.mesh.n_nodes)
-    for group, own in zip(system.groups, values, strict=True):
-        add_carried_values(model.mesh, group.cell, group.elements, own, model.quadrature, total, weight)
+    for group, point_values in zip(system.groups, values, strict=True):
+        add_carried_values(model.mesh, group.cell, group.elements, point_values, model.quadrature, total, weight)
     return np.nan_to_num(quotient(total, weight))  # nodes of no element stay

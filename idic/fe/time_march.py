@@ -189,95 +189,99 @@ def _frozen_targets(steps: StepList, times: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _Increment:
-    """A converged increment, from `before` to `now`.
+    """A converged increment, from `start` to `end`.
 
-    factor : of the consistent tangent at `now` where the next increment begins with it, else None
+    factor : of the consistent tangent at `end` where the next increment begins with it, else None
     ends_frame : number of the frame at its end, None inside of an interval; newton : iterations since the frame before
     """
 
-    before: Converged
-    now: Converged
+    start: Converged
+    end: Converged
     factor: Factor | None
     ends_frame: int | None
     newton: int
-    done: tuple[float, ...]
+    step_ends: tuple[float, ...]
 
 
 def _frames(system: System, params, times, directions, frozen, substeps, control, warm,
             may_cut) -> Iterator[FrameState]:
     """Each increment is differentiated while the next one is solved, where a second thread may do that."""
     drives = drives_at(system.model, times, times[0])
-    rest = Converged(drives, np.zeros_like(system.model.mesh.nodes), system.rest())
-    yield _reference_frame(system, times, directions, rest)
+    rest_state = Converged(drives, np.zeros_like(system.model.mesh.nodes), system.rest_states())
+    yield _reference_frame(system, times, directions, rest_state)
     changes, influence = at_rest(system, len(directions)), None
-    increments = _increments(system, params, times, rest, bool(directions), frozen, substeps, control, warm, may_cut)
+    increments = _increments(system, params, times, rest_state, bool(directions), frozen, substeps, control, warm,
+                             may_cut)
     second = bool(directions) and not system.pattern.costs_much and pool_of_threads() is not None
     with looked_ahead(increments, second) as solved:
-        for one in solved:
+        for increment in solved:
             factor = None
             if directions:
-                factor = consistent_factor(system, one.now) if one.factor is None else one.factor
-                changes = differentiate(system, params, directions, times, one.before, one.now, factor, changes)
-            if one.ends_frame is not None:
-                start = replace(one.before, evaluation=None, factor=None, factor_matrices=())
-                influence = influence_at(system, params, start, one.now, factor, influence)
-                yield _frame_state(system, one.ends_frame, one.now, changes, influence, one.newton, one.done,
-                                   directions)
-            del one, factor  # room for those of the next increment
+                factor = consistent_factor(system, increment.end) if increment.factor is None else increment.factor
+                changes = differentiate(system, params, directions, times, increment.start, increment.end, factor,
+                                        changes)
+            if increment.ends_frame is not None:
+                start = replace(increment.start, evaluation=None, factor=None, factor_matrices=())
+                influence = influence_at(system, params, start, increment.end, factor, influence)
+                yield _frame_state(system, increment.ends_frame, increment.end, changes, influence, increment.newton,
+                                   increment.step_ends, directions)
+            del increment, factor  # room for those of the next increment
 
 
-def _increments(system: System, params, times, rest: Converged, differentiated: bool, frozen, substeps, control, warm,
-                may_cut) -> Iterator[_Increment]:
-    now, earlier, done, size, effort = rest, None, [], IncrementSize(), Effort()
+def _increments(system: System, params, times, rest_state: Converged, differentiated: bool, frozen, substeps, control,
+                warm, may_cut) -> Iterator[_Increment]:
+    state, earlier, step_ends, size, effort = rest_state, None, [], IncrementSize(), Effort()
     most = np.inf if control.most_evaluations is None else control.most_evaluations * substeps * (len(times) - 1)
     for frame in range(1, len(times)):
         newton, failures = 0, 0
         if warm is not None:
             warm.advance()
-        whole = (times[frame] - times[frame - 1]) / substeps
-        given = None if frozen is None else (_next_target(now.time, times[frame], whole, frozen) - now.time) / whole
-        size.start_from_rest(system, params, now, drives_at(system.model, times, times[frame]), substeps, given)
-        while now.time < times[frame]:
-            target = _next_target(now.time, times[frame], size.part * whole, frozen)
+        full_step = (times[frame] - times[frame - 1]) / substeps
+        frozen_part = None if frozen is None else (_next_target(state.time, times[frame], full_step,
+                                                                frozen) - state.time) / full_step
+        size.start_from_rest(system, params, state, drives_at(system.model, times, times[frame]), substeps, frozen_part)
+        while state.time < times[frame]:
+            target = _next_target(state.time, times[frame], size.part * full_step, frozen)
             drives = drives_at(system.model, times, target)
-            guess = extrapolated(now, earlier, drives) if size.extrapolates() else None
-            if warm is not None and (now.time, target) == (times[frame - 1], times[frame]):
-                guess = warm.better(now.u, guess)
+            guess = extrapolated(state, earlier, drives) if size.extrapolates() else None
+            if warm is not None and (state.time, target) == (times[frame - 1], times[frame]):
+                guess = warm.better(state.u, guess)
             if effort.evaluations > most:
-                raise _too_slow(effort, now, frame)
+                raise _too_slow(effort, state, frame)
             try:
-                new = _attempt(system, params, now, guess, drives, control, effort)
+                solved = _attempt(system, params, state, guess, drives, control, effort)
             except NotConverged as error:
-                size.part, failures = (target - now.time) / whole / 2, failures + 1
+                size.part, failures = (target - state.time) / full_step / 2, failures + 1
                 as_given = frozen is not None and not may_cut
                 if (as_given or size.part < control.smallest_cut * substeps * size.smallest
                         or failures > control.most_failures * substeps):
-                    raise _gave_up(error, now, frame, target, as_given) from None
+                    raise _gave_up(error, state, frame, target, as_given) from None
                 if frozen is not None:
-                    frozen = np.sort(np.append(frozen, (now.time + target) / 2.0))
+                    frozen = np.sort(np.append(frozen, (state.time + target) / 2.0))
                 continue
-            if new.bend > MAX_BEND and frozen is None and size.part > SMALLEST_BENT_PART:
+            if solved.bend > MAX_BEND and frozen is None and size.part > SMALLEST_BENT_PART:
                 size.part /= 2.0
                 continue
             factor = None
             if differentiated and system.pattern.costs_much:
                 # room for one; the next increment begins with it
-                if not new.factor_matrices:
-                    now = replace(now, factor=None)
-                    new = new if serves(system, new) else replace(new, factor=None)
-                    factor = consistent_factor(system, new)
-                    new = replace(new, factor=factor, symmetric=factor.of_symmetric_part,
-                                  gain=new.gain if factor.kept else np.inf)
-                factor = new.factor
+                if not solved.factor_matrices:
+                    state = replace(state, factor=None)
+                    solved = solved if serves(system, solved) else replace(solved, factor=None)
+                    factor = consistent_factor(system, solved)
+                    solved = replace(solved, factor=factor, symmetric=factor.of_symmetric_part,
+                                     gain=solved.gain if factor.of_earlier_tangent else np.inf)
+                factor = solved.factor
             if warm is not None:
-                warm.judge(new.u)
-            size.converged(new.iterations)
-            newton += new.iterations
-            done.append(target)
-            ends = None if new.time < times[frame] else frame
-            before, earlier, now = now, replace(now, states=(), evaluation=None, factor=None, factor_matrices=()), new
-            yield _Increment(before, now, factor, ends, newton, tuple(done) if ends else ())
-            del before, new
+                warm.judge(solved.u)
+            size.converged(solved.iterations)
+            newton += solved.iterations
+            step_ends.append(target)
+            ends = None if solved.time < times[frame] else frame
+            previous, earlier, state = state, replace(state, states=(), evaluation=None, factor=None,
+                                                      factor_matrices=()), solved
+            yield _Increment(previous, state, factor, ends, newton, tuple(step_ends) if ends else ())
+            del previous, solved
 
 
 def _next_target(t: float, frame_time: float, interval: float, frozen: np.ndarray | None) -> float:
@@ -288,33 +292,33 @@ def _next_target(t: float, frame_time: float, interval: float, frozen: np.ndarra
     return float(frame_time) if remaining <= 1 else t + (frame_time - t) / remaining
 
 
-def _attempt(system, params, now: Converged, guess: np.ndarray | None, drives, control, effort: Effort) -> Converged:
+def _attempt(system, params, state: Converged, guess: np.ndarray | None, drives, control, effort: Effort) -> Converged:
     """Solve from a guess; if that fails from a tangent step, at last with a line search."""
     if system.model.control is not None:
         try:
-            return solve_controlled(system, params, now, drives, control, effort=effort)
+            return solve_controlled(system, params, state, drives, control, effort=effort)
         except NotConverged:
-            return solve_controlled(system, params, now, drives, control, line_search=True, effort=effort)
+            return solve_controlled(system, params, state, drives, control, line_search=True, effort=effort)
     for predictor in (None,) if guess is None else (guess, None):
         try:
-            return solve_increment(system, params, now, drives, predictor, control, effort=effort)
+            return solve_increment(system, params, state, drives, predictor, control, effort=effort)
         except NotConverged:
             continue
-    return solve_increment(system, params, now, drives, None, control, line_search=True, effort=effort)
+    return solve_increment(system, params, state, drives, None, control, line_search=True, effort=effort)
 
 
-def _too_slow(effort: Effort, now: Converged, frame: int) -> GaveUp:
-    stop = GaveUp(f"given up at {now.time:.6g} s, before frame {frame}, after {effort.evaluations} evaluations of "
+def _too_slow(effort: Effort, state: Converged, frame: int) -> GaveUp:
+    stop = GaveUp(f"given up at {state.time:.6g} s, before frame {frame}, after {effort.evaluations} evaluations of "
                   "the body: its equilibrium is hard to find")
-    stop.time, stop.frame = now.time, frame
+    stop.time, stop.frame = state.time, frame
     return stop
 
 
-def _gave_up(error: NotConverged, now: Converged, frame: int, target: float, frozen: bool) -> NotConverged:
-    tried = "with fixed increments" if frozen else f"down to increments of {target - now.time:.3g} s"
-    stop = NotConverged(f"no equilibrium beyond {now.time:.6g} s, before frame {frame}, {tried}: {error}. "
+def _gave_up(error: NotConverged, state: Converged, frame: int, target: float, frozen: bool) -> NotConverged:
+    tried = "with fixed increments" if frozen else f"down to increments of {target - state.time:.3g} s"
+    stop = NotConverged(f"no equilibrium beyond {state.time:.6g} s, before frame {frame}, {tried}: {error}. "
                         "Check loads and parameters at that time, or use more substeps.")
-    stop.time, stop.frame = now.time, frame
+    stop.time, stop.frame = state.time, frame
     return stop
 
 
@@ -324,26 +328,27 @@ def _channels(reactions: Sequence[Reaction], forces: np.ndarray) -> np.ndarray:
     return np.array(rows).reshape(len(reactions), *forces.shape[1:])
 
 
-def _frame_state(system: System, frame: int, now: Converged, changes: Changes, influence: Influence, newton, done,
+def _frame_state(system: System, frame: int, end: Converged, changes: Changes, influence: Influence, newton, step_ends,
                  directions: Sequence[Direction]) -> FrameState:
-    model, shape = system.model, now.u.shape
+    model, shape = system.model, end.u.shape
     values = tuple(PointValues(group.section, group.cell, group.elements, g.F, g.P, g.state)
-                   for group, g in zip(system.groups, now.evaluation.groups, strict=True))
-    rises = surface_rise(system, now, changes.states, directions) if model.surface_side else (None, None)
-    return FrameState(frame, now.time, now.u, _channels(model.channels, now.evaluation.residual.ravel()),
+                   for group, g in zip(system.groups, end.evaluation.groups, strict=True))
+    rises = surface_rise(system, end, changes.states, directions) if model.surface_side else (None, None)
+    return FrameState(frame, end.time, end.u, _channels(model.channels, end.evaluation.residual.ravel()),
                       changes.du.reshape(*shape, -1), _channels(model.channels, changes.forces),
                       influence.du, _channels(model.channels, influence.forces), newton, values,
-                      StepList(done), *rises, influence.rise)
+                      StepList(step_ends), *rises, influence.rise)
 
 
-def _reference_frame(system: System, times, directions, now: Converged) -> FrameState:
-    shape, n, m = now.u.shape, len(system.model.channels), len(system.model.local_drives + system.model.local_loads)
+def _reference_frame(system: System, times, directions, rest_state: Converged) -> FrameState:
+    shape, n, m = rest_state.u.shape, len(system.model.channels), len(system.model.local_drives
+                                                                      + system.model.local_loads)
     local, local_forces = np.zeros((*shape, m)), np.zeros((n, m))
     identity = np.eye(shape[1])
     values = tuple(PointValues(g.section, g.cell, g.elements, np.tile(identity, (g.n_points, 1, 1)),
                                np.zeros((g.n_points, *identity.shape)), state)
-                   for g, state in zip(system.groups, now.states, strict=True))
+                   for g, state in zip(system.groups, rest_state.states, strict=True))
     rises = ([np.zeros(shape[0]), np.zeros((shape[0], len(directions))), np.zeros((shape[0], m))]
              if system.model.surface_side else [])
-    return FrameState(0, float(times[0]), now.u, np.zeros(n), np.zeros((*shape, len(directions))),
+    return FrameState(0, float(times[0]), rest_state.u, np.zeros(n), np.zeros((*shape, len(directions))),
                       np.zeros((n, len(directions))), local, local_forces, 0, values, StepList(), *rises)

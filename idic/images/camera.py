@@ -159,14 +159,15 @@ class Camera:
         if unknown:
             raise InputError("no such camera parameter", key=", ".join(sorted(unknown)),
                              expected=", ".join(CAMERA_PARAMETERS), remedy="use one of these names")
-        new = self.values() | {name: float(value) for name, value in values.items()}
+        changed = self.values() | {name: float(value) for name, value in values.items()}
         matrix = self.matrix
         if "rotation_deg" in values:
-            matrix = rotation_matrix(new["rotation_deg"] - self.rotation_deg) @ matrix
+            matrix = rotation_matrix(changed["rotation_deg"] - self.rotation_deg) @ matrix
         if "pixel_size" in values:
-            matrix = matrix * (self.pixel_size / new["pixel_size"])
-        return replace(self, matrix=matrix, k1=new["k1"], tilt=np.array([new["tilt_x"], new["tilt_y"]]),
-                       rotation_deg=new["rotation_deg"], shift_px=np.array([new["shift_col"], new["shift_row"]]))
+            matrix = matrix * (self.pixel_size / changed["pixel_size"])
+        return replace(self, matrix=matrix, k1=changed["k1"], tilt=np.array([changed["tilt_x"], changed["tilt_y"]]),
+                       rotation_deg=changed["rotation_deg"],
+                       shift_px=np.array([changed["shift_col"], changed["shift_row"]]))
 
     def parameter_jacobian(self, points: np.ndarray, name: str) -> np.ndarray:
         """d (column, row) of fixed mesh points by one of `PARAMETERS`  # (n, 2|3) mm -> (n, 2) px per unit"""

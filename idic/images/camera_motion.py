@@ -31,20 +31,20 @@ class CameraMotion:
 
     def with_values(self, values: Mapping[str, float]) -> CameraMotion:
         """The same with these amplitudes, by name."""
-        return replace(self, values=np.array([values.get(name, old) for name, old in
+        return replace(self, values=np.array([values.get(name, amplitude) for name, amplitude in
                                               zip(self.names, self.values, strict=True)], dtype=float))
 
-    def held(self, n: int) -> CameraMotion:
+    def extended(self, n: int) -> CameraMotion:
         """The same for `n` more frames, in which the camera stays as it is in the last one."""
         return replace(self, courses=np.hstack([self.courses, np.repeat(self.courses[:, -1:], n, axis=1)]))
 
     def at(self, frame: int) -> tuple[np.ndarray, np.ndarray]:
         """Linear map and shift of a frame  # (2, 2), (2,) px"""
-        now = dict.fromkeys((MAGNIFICATION, TURN, COLUMN, ROW), 0.0)
+        motion = dict.fromkeys((MAGNIFICATION, TURN, COLUMN, ROW), 0.0)
         for kind, course, value in zip(self.kinds, self.courses[:, frame], self.values, strict=True):
-            now[kind] += float(course * value)
-        c, s = np.cos(np.radians(now[TURN])), np.sin(np.radians(now[TURN]))
-        return (1.0 + now[MAGNIFICATION]) * np.array([[c, s], [-s, c]]), np.array([now[COLUMN], now[ROW]])
+            motion[kind] += float(course * value)
+        c, s = np.cos(np.radians(motion[TURN])), np.sin(np.radians(motion[TURN]))
+        return (1.0 + motion[MAGNIFICATION]) * np.array([[c, s], [-s, c]]), np.array([motion[COLUMN], motion[ROW]])
 
     def slope(self, name: str, frame: int, centred: np.ndarray, linear: np.ndarray) -> np.ndarray:
         """Derivative of p0(t) by an amplitude  # (n, 2) px

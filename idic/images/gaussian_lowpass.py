@@ -59,8 +59,8 @@ def noise_share(fx: np.ndarray, fy: np.ndarray, std_px: float) -> float:
     if std_px <= 0:
         return 1.0
     power = float(np.sum(fx**2, dtype=float) + np.sum(fy**2, dtype=float))
-    again = sum(float(np.sum(lowpass(part, std_px) ** 2, dtype=float)) for part in (fx, fy))
-    return again / power
+    twice_blurred_power = sum(float(np.sum(lowpass(part, std_px) ** 2, dtype=float)) for part in (fx, fy))
+    return twice_blurred_power / power
 
 
 def blur_column(image: np.ndarray) -> np.ndarray:

@@ -33,7 +33,7 @@ def locate(
     outlines: np.ndarray,
     targets: np.ndarray,
     width: int,
-    taken: np.ndarray,
+    occupied: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Element and local coordinates of every target point.
 
@@ -47,7 +47,7 @@ def locate(
     outlines : (nel, nn, 2)
         Nodes on the target grid (column, row): nothing that is clearly outside of their polygon is tried.
     targets : (n_rows * width, 2)
-    taken : (n_targets,) bool
+    occupied : (n_targets,) bool
         Targets that already belong to another block.
 
     Returns
@@ -59,7 +59,7 @@ def locate(
     xi = np.zeros((len(targets), 2))
     around = np.ascontiguousarray(outlines[:, list(OUTLINES[cell])])
     _locate(CODES[cell], _polynomials(cell, plane[conn]), boxes, around, _reach(cell, outlines), targets, width,
-            np.ascontiguousarray(taken), element, xi)
+            np.ascontiguousarray(occupied), element, xi)
     return element, xi
 
 
@@ -187,7 +187,7 @@ def _span(around, reach, row):
 
 
 @numba.njit(cache=True, nogil=True)
-def _locate(code, mappings, boxes, around, reach, targets, width, taken, element, xi):
+def _locate(code, mappings, boxes, around, reach, targets, width, occupied, element, xi):
     a0 = 1.0 / 3.0 if code < 2 else 0.0
     for e in range(mappings.shape[0]):
         if boxes[e, 0] >= boxes[e, 1] or boxes[e, 2] >= boxes[e, 3]:
@@ -200,7 +200,7 @@ def _locate(code, mappings, boxes, around, reach, targets, width, taken, element
             a, b = a0, a0
             for column in range(max(boxes[e, 0], int(np.floor(low))), min(boxes[e, 1], int(np.ceil(high)) + 1)):
                 t = row * width + column
-                if taken[t] or element[t] >= 0:
+                if occupied[t] or element[t] >= 0:
                     continue
                 a, b, ok = _invert(c, targets[t, 0], targets[t, 1], a, b)
                 if not ok:  # a start too far away on a curved element: once more from the centre

@@ -82,8 +82,9 @@ def fineness_of(image: np.ndarray, ix: np.ndarray, iy: np.ndarray) -> float:
     """Mean square of f,xy over that of f,x and f,y at these pixels, px^-2: 1/(2 s²) of a speckle exp(-d²/(4 s²))."""
     taps = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
     by_x, by_y = (scipy.ndimage.correlate1d(image, taps, axis=axis, mode="mirror") for axis in (1, 0))
-    both = scipy.ndimage.correlate1d(by_x, taps, axis=0, mode="mirror")
-    slopes, mixed = (float(np.mean(np.square(part[iy, ix], dtype=np.float64))) for part in (np.hypot(by_x, by_y), both))
+    mixed_map = scipy.ndimage.correlate1d(by_x, taps, axis=0, mode="mirror")
+    slopes, mixed = (float(np.mean(np.square(part[iy, ix], dtype=np.float64)))
+                     for part in (np.hypot(by_x, by_y), mixed_map))
     return 2.0 * mixed / slopes if slopes > 0.0 else 0.0
 
 
@@ -104,8 +105,8 @@ def derivative_maps(image: np.ndarray, ix: np.ndarray, iy: np.ndarray) -> np.nda
         along = scipy.ndimage.correlate1d(coefficients, factorial[by_row] * taps[by_row], axis=0)
         for number, (by_column, order) in enumerate(ORDERS):
             if order == by_row:
-                both = scipy.ndimage.correlate1d(along, factorial[by_column] * taps[by_column], axis=1)
-                maps[number] = both[iy + MIRROR_PAD_PX, ix + MIRROR_PAD_PX]
+                derivative = scipy.ndimage.correlate1d(along, factorial[by_column] * taps[by_column], axis=1)
+                maps[number] = derivative[iy + MIRROR_PAD_PX, ix + MIRROR_PAD_PX]
     return maps
 
 
@@ -114,8 +115,8 @@ def matched_gain(weights: np.ndarray, lowpass_px: float) -> np.ndarray:
 
     Equation 1.11.
     """
-    whole = np.column_stack([np.ones(len(weights)), weights])
-    return np.einsum("ei,ij,ej->e", whole, _products(lowpass_px), whole)
+    factors = np.column_stack([np.ones(len(weights)), weights])
+    return np.einsum("ei,ij,ej->e", factors, _products(lowpass_px), factors)
 
 
 @njit(cache=True, nogil=True)
@@ -137,13 +138,13 @@ def _fill_weights(inverse, variance, cumulant, weights):
         if norm <= MIN_DIFFERENCE_PX2:
             weights[e, :] = 0.0
             continue
-        kept = 1.0 - MIN_DIFFERENCE_PX2 / norm
-        mean, turned = 0.5 * kept * (high + low), 0.5 * kept * (high - low) / radius if radius > 0.0 else 0.0
+        shrinkage = 1.0 - MIN_DIFFERENCE_PX2 / norm
+        mean, turned = 0.5 * shrinkage * (high + low), 0.5 * shrinkage * (high - low) / radius if radius > 0.0 else 0.0
         a, b, c = mean + turned * half, turned * xy, mean - turned * half
         p1, p2, q1, q2 = (min(max(p1, -end), end), min(max(p2, -end), end), min(max(q1, -end), end),
                           min(max(q2, -end), end))
         p11, p22, q11, q22 = p1 * p1, p2 * p2, q1 * q1, q2 * q2
-        fourth = kept * cumulant / 24.0
+        fourth = shrinkage * cumulant / 24.0
         weights[e, 0], weights[e, 1], weights[e, 2] = 0.5 * a, b, 0.5 * c
         weights[e, 3] = a * a / 8.0 + fourth * (p11 * p11 + p22 * p22 - 1.0)
         weights[e, 4] = 0.5 * a * b + fourth * 4.0 * (p11 * p1 * q1 + p22 * p2 * q2)

@@ -85,8 +85,9 @@ def _make(rng, sigma_px, low, high, extent_px, density, gain, inked) -> Pattern:
 
 @numba.njit(cache=True, nogil=True)
 def _evaluate(points, dots, cell, gain, inked, out):
-    seen = np.empty((5, 9 * dots.shape[2]))  # dots of 3 x 3 cells: column and row of the cell, place in it, amplitude
-    terms = np.empty(seen.shape[1])
+    nearby_dots = np.empty((5, 9
+                            * dots.shape[2]))  # dots of 3 x 3 cells: column and row of the cell, place in it, amplitude
+    terms = np.empty(nearby_dots.shape[1])
     last_i, last_j = 0, 0
     for p in range(points.shape[0]):
         x = points[p, 0] / cell
@@ -95,13 +96,13 @@ def _evaluate(points, dots, cell, gain, inked, out):
         j0 = int(np.floor(y))
         if p == 0 or i0 != last_i or j0 != last_j:
             last_i, last_j = i0, j0
-            _gather(dots, i0, j0, seen)
+            _gather(dots, i0, j0, nearby_dots)
         for k in range(terms.shape[0]):  # without a branch: several dots at a time
-            dx = x - seen[0, k] - seen[2, k]
-            dy = y - seen[1, k] - seen[3, k]
+            dx = x - nearby_dots[0, k] - nearby_dots[2, k]
+            dy = y - nearby_dots[1, k] - nearby_dots[3, k]
             q = 1.0 - dx * dx - dy * dy
             q = q * q if q > 0.0 else 0.0
-            terms[k] = seen[4, k] * q * q
+            terms[k] = nearby_dots[4, k] * q * q
         total = 0.0
         for k in range(terms.shape[0]):
             total += terms[k]
@@ -112,13 +113,13 @@ def _evaluate(points, dots, cell, gain, inked, out):
 
 
 @numba.njit(cache=True, nogil=True)
-def _gather(dots, i0, j0, seen):
+def _gather(dots, i0, j0, nearby_dots):
     n_cells, n_dots = dots.shape[0], dots.shape[2]
     at = 0
     for j in range(j0 - 1, j0 + 2):
         for i in range(i0 - 1, i0 + 2):
             for k in range(n_dots):
-                seen[0, at], seen[1, at] = i, j
+                nearby_dots[0, at], nearby_dots[1, at] = i, j
                 for c in range(3):
-                    seen[2 + c, at] = dots[j % n_cells, i % n_cells, k, c]
+                    nearby_dots[2 + c, at] = dots[j % n_cells, i % n_cells, k, c]
                 at += 1

@@ -160,13 +160,14 @@ class PinholeCamera:
         """The camera with these of `PARAMETERS` set (absolute values; the rotation relative to the calibrated one)."""
         if set(values) - set(PINHOLE_PARAMETERS):
             raise _no_such_parameter(set(values) - set(PINHOLE_PARAMETERS))
-        new = self.values() | {name: float(value) for name, value in values.items()}
-        turned = np.array([new[name] for name in POSE_PARAMETERS[:3]])
+        changed = self.values() | {name: float(value) for name, value in values.items()}
+        turned = np.array([changed[name] for name in POSE_PARAMETERS[:3]])
         rotation = self.rotation
         if (turned != self.turned_deg).any():
             rotation = rotation_of(turned) @ rotation_of(self.turned_deg).T @ rotation
-        return PinholeCamera(**{name: new[name] for name in INTRINSIC_PARAMETERS}, rotation=rotation,
-                             translation_mm=np.array([new[name] for name in POSE_PARAMETERS[3:]]), turned_deg=turned)
+        return PinholeCamera(**{name: changed[name] for name in INTRINSIC_PARAMETERS}, rotation=rotation,
+                             translation_mm=np.array([changed[name] for name in POSE_PARAMETERS[3:]]),
+                             turned_deg=turned)
 
     def _in_front(self, array):
         bad = np.isnan(array).reshape(len(array), -1).any(axis=1)

@@ -110,7 +110,7 @@ def undistort(pixels, q):
         bt = (pixels[i, 1] - q[4]) / q[1]
         at = (pixels[i, 0] - q[3] - q[2] * bt) / q[0]
         a, b = at, bt
-        found = False
+        converged = False
         for _ in range(_NEWTON_STEPS):
             ad, bd, m00, m01, m10, m11 = distort(a, b, q)
             ra, rb = ad - at, bd - bt
@@ -120,14 +120,15 @@ def undistort(pixels, q):
             da, db = (m11 * ra - m01 * rb) / determinant, (m00 * rb - m10 * ra) / determinant
             a, b = a - da, b - db
             if abs(da) + abs(db) <= 1e-15 * (1.0 + abs(a) + abs(b)):
-                found = True
+                converged = True
                 break
-        if not found:  # Newton may circle in the last bit: what counts is the position on the sensor
+        if not converged:  # Newton may circle in the last bit: what counts is the position on the sensor
             ad, bd, m00, m01, m10, m11 = distort(a, b, q)
-            found = (abs(ad - at) * q[0] + abs(bd - bt) * q[1] < 1e-11 * (1.0 + abs(pixels[i, 0]) + abs(pixels[i, 1]))
-                     and m00 > 0.0 and m00 * m11 - m01 * m10 > 0.0)
-        out[i, 0] = a if found else np.nan
-        out[i, 1] = b if found else np.nan
+            converged = (abs(ad - at) * q[0] + abs(bd - bt) * q[1] < 1e-11
+                         * (1.0 + abs(pixels[i, 0]) + abs(pixels[i, 1]))
+                         and m00 > 0.0 and m00 * m11 - m01 * m10 > 0.0)
+        out[i, 0] = a if converged else np.nan
+        out[i, 1] = b if converged else np.nan
     return out
 
 

@@ -136,7 +136,7 @@ class PlacedCamera:
         """The camera with these of `values` set, and amplitudes of its motion (``placement.t_z_drift``)."""
         stem = f"{PLACEMENT_STEM}."
         placed = {name.removeprefix(stem): float(value) for name, value in values.items() if name.startswith(stem)}
-        turn = np.array([values.get(name, old) for name, old in zip(PLACED_TURNS, self.turn_deg, strict=True)],
+        turn = np.array([values.get(name, angle) for name, angle in zip(PLACED_TURNS, self.turn_deg, strict=True)],
         dtype=float)
         lens = {name: value for name, value in values.items() if not name.startswith(stem) and name not in PLACED_TURNS}
         motion = self.motion
@@ -146,7 +146,7 @@ class PlacedCamera:
         if unknown:
             raise InputError("no such placement parameter", key=", ".join(sorted(unknown)), expected=", ".join(RIGID),
                              remedy="use one of these names")
-        placement = np.array([placed.get(name, old) for name, old in zip(RIGID, self.placement, strict=True)])
+        placement = np.array([placed.get(name, offset) for name, offset in zip(RIGID, self.placement, strict=True)])
         return replace(self, lens=self.lens.with_parameters(lens) if lens else self.lens, placement=placement,
                        motion=motion, turn_deg=turn)
 
@@ -155,15 +155,15 @@ class PlacedCamera:
         points = _space(points)
         if name in (*LENS_PARAMETERS, *PLACED_TURNS):
             return self._lens_slope(self._in_rig(points), name)
-        own = name.removeprefix(f"{PLACEMENT_STEM}.")
+        motion_name = name.removeprefix(f"{PLACEMENT_STEM}.")
         placed = displaced(points, self.placement, self.pivot_mm)
-        if own in RIGID:
-            slope = rigid_slope(points, self.placement, self.pivot_mm, RIGID.index(own))
+        if motion_name in RIGID:
+            slope = rigid_slope(points, self.placement, self.pivot_mm, RIGID.index(motion_name))
             slope = slope @ rotation_of(self.moved[:3]).T
-        elif self.motion is not None and own in self.motion.names:
+        elif self.motion is not None and motion_name in self.motion.names:
             if self.frame is None:
                 return np.zeros((len(points), 2))
-            k, course = self.motion.course(own, self.frame)
+            k, course = self.motion.course(motion_name, self.frame)
             slope = course * rigid_slope(placed, self.moved, self.pivot_mm, k)
         else:
             raise InputError("no such camera parameter", key=name,
@@ -176,16 +176,16 @@ class PlacedCamera:
         lens = self.lens
         if name in INTRINSIC_PARAMETERS or not (self.turn_deg.any() or name in PLACED_TURNS):
             return self.aimed.parameter_jacobian(points, name)
-        turn, own = rotation_of(self.turn_deg), points @ lens.rotation.T
+        turn, rotated = rotation_of(self.turn_deg), points @ lens.rotation.T
         if name in PLACED_TURNS:
             axis = np.radians(1.0) * left_jacobian(self.turn_deg)[:, PLACED_TURNS.index(name)]
-            slope = np.cross(axis, (own + lens.translation_mm) @ turn.T)
+            slope = np.cross(axis, (rotated + lens.translation_mm) @ turn.T)
         elif (k := POSE_PARAMETERS.index(name)) < 3:
-            slope = np.cross(np.radians(1.0) * left_jacobian(lens.turned_deg)[:, k], own) @ turn.T
+            slope = np.cross(np.radians(1.0) * left_jacobian(lens.turned_deg)[:, k], rotated) @ turn.T
         else:
-            slope = np.broadcast_to(turn[:, k - 3], own.shape)
-        here = lens.placed(np.eye(3), np.zeros(3))
-        return np.einsum("nij,nj->ni", here.jacobian((own + lens.translation_mm) @ turn.T), slope)
+            slope = np.broadcast_to(turn[:, k - 3], rotated.shape)
+        unplaced = lens.placed(np.eye(3), np.zeros(3))
+        return np.einsum("nij,nj->ni", unplaced.jacobian((rotated + lens.translation_mm) @ turn.T), slope)
 
     def is_motion(self, name: str) -> bool:
         """Whether a degree of freedom is an amplitude of the motion: it leaves the reference frame as it is."""
@@ -193,8 +193,8 @@ class PlacedCamera:
 
     def depths(self, points: np.ndarray) -> np.ndarray:
         """Distance along the optical axis  # (n, 2|3) mm -> (n,) mm"""
-        one = self.effective
-        return _space(points) @ one.rotation[2] + one.translation_mm[2]
+        camera = self.effective
+        return _space(points) @ camera.rotation[2] + camera.translation_mm[2]
 
     def _in_rig(self, points):
         placed = displaced(points, self.placement, self.pivot_mm)

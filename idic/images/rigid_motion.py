@@ -35,19 +35,19 @@ class RigidMotion:
 
     def with_values(self, values: Mapping[str, float]) -> RigidMotion:
         """The same with these amplitudes, by name."""
-        return replace(self, values=np.array([values.get(name, old) for name, old in
+        return replace(self, values=np.array([values.get(name, amplitude) for name, amplitude in
                                               zip(self.names, self.values, strict=True)], dtype=float))
 
-    def held(self, n: int) -> RigidMotion:
+    def extended(self, n: int) -> RigidMotion:
         """The same for `n` more frames, in which the specimen stays as it is in the last one."""
         return replace(self, courses=np.hstack([self.courses, np.repeat(self.courses[:, -1:], n, axis=1)]))
 
     def at(self, frame: int) -> np.ndarray:
         """The six numbers of a frame  # (6,) deg, mm"""
-        now = np.zeros(6)
+        motion = np.zeros(6)
         for kind, course, value in zip(self.kinds, self.courses[:, frame], self.values, strict=True):
-            now[RIGID.index(kind)] += course * value
-        return now
+            motion[RIGID.index(kind)] += course * value
+        return motion
 
     def course(self, name: str, frame: int) -> tuple[int, float]:
         """Which of the six numbers an amplitude changes in a frame, and by how much per unit."""

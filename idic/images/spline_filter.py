@@ -55,19 +55,19 @@ def filter_block(t, n, width, poles):
             t[0, j] = lam * first[j]
         for i in range(1, n):
             row = t[i]
-            before = t[i - 1]
+            previous = t[i - 1]
             for j in range(width):
-                row[j] = lam * row[j] + z * before[j]
+                row[j] = lam * row[j] + z * previous[j]
         end = np.float32(poles[k] / (poles[k] * poles[k] - 1.0))
-        last = t[n - 1]
-        before = t[n - 2]
+        end_row = t[n - 1]
+        second_last = t[n - 2]
         for j in range(width):
-            last[j] = end * (last[j] + z * before[j])
+            end_row[j] = end * (end_row[j] + z * second_last[j])
         for i in range(n - 2, -1, -1):
             row = t[i]
-            after = t[i + 1]
+            next_row = t[i + 1]
             for j in range(width):
-                row[j] = z * (after[j] - row[j])
+                row[j] = z * (next_row[j] - row[j])
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})

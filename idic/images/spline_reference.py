@@ -35,8 +35,8 @@ def spline_slopes(image: np.ndarray, points: np.ndarray, degree: int, step: floa
     coefficients = _coefficients(image, degree)
     slopes = np.empty((len(points), 2))
     for axis, shift in enumerate(step * np.eye(2)):
-        ahead, behind = (_at(coefficients, x, degree) for x in (points + shift, points - shift))
-        slopes[:, axis] = (ahead - behind) / (2 * step)
+        forward, backward = (_at(coefficients, x, degree) for x in (points + shift, points - shift))
+        slopes[:, axis] = (forward - backward) / (2 * step)
     return slopes
 
 

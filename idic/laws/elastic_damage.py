@@ -72,12 +72,12 @@ def behind_the_peak(k, peak, softening, ratio):
         decay = math.exp(-softening * (x - peak))
         excess, slope = x * (ratio + (1.0 - ratio) * decay) - k, ratio + (1.0 - ratio) * (1.0 - softening * x) * decay
         low, high = (low, x) if excess > 0.0 else (x, high)
-        new = x - excess / slope if slope > 0.0 else high
-        if not low <= new <= high:
-            new = 0.5 * (low + high)
-        if abs(new - x) <= TOLERANCE * x:
-            return new, ratio + (1.0 - ratio) * (1.0 - softening * new) * math.exp(-softening * (new - peak))
-        x = new
+        x_new = x - excess / slope if slope > 0.0 else high
+        if not low <= x_new <= high:
+            x_new = 0.5 * (low + high)
+        if abs(x_new - x) <= TOLERANCE * x:
+            return x_new, ratio + (1.0 - ratio) * (1.0 - softening * x_new) * math.exp(-softening * (x_new - peak))
+        x = x_new
     return x, 0.0
 
 
@@ -160,8 +160,8 @@ def linearise(finite, F, state, params, dF, dstate, dparams, P, state_new, dP, d
     if status != 0:
         return status
     state_new[0] = largest
-    whole = tensors.scaled(keep, s, 0.0)
-    store(finite, f, whole, P)
+    damaged_stress = tensors.scaled(keep, s, 0.0)
+    store(finite, f, damaged_stress, P)
     for k in range(dF.shape[0]):
         d = tensors.load(dF[k])
         de = strain_change(finite, f, d)
@@ -170,9 +170,9 @@ def linearise(finite, F, state, params, dF, dstate, dparams, P, state_new, dP, d
         dlargest, dkeep, dw = dstate[k, 0] if dstate.shape[0] > 0 else 0.0, 0.0, 0.0
         if dparams.shape[0] > 0:
             dlam, dmu = lame_change(params[0], params[1], dparams[k, 0], dparams[k, 1])
-            own = tensors.scaled(2.0 * dmu, e, dlam * tr_e)
-            ds = tensors.combine(1.0, ds, 1.0, own, 0.0)
-            dplain += tensors.contract(own, e) - plain / params[0] * dparams[k, 0]
+            modulus_change = tensors.scaled(2.0 * dmu, e, dlam * tr_e)
+            ds = tensors.combine(1.0, ds, 1.0, modulus_change, 0.0)
+            dplain += tensors.contract(modulus_change, e) - plain / params[0] * dparams[k, 0]
             if params[COMPRESSION] != 1.0:
                 dw = (1.0 - w) / (1.0 - params[COMPRESSION]) * dparams[k, COMPRESSION]
             elif trace < 0.0:
@@ -189,7 +189,7 @@ def linearise(finite, F, state, params, dF, dstate, dparams, P, state_new, dP, d
                     + by_ratio * dparams[k, LENGTH]
         store(finite, f, tensors.combine(keep, ds, keep * dkeep, s, 0.0), dP[k])
         if finite:
-            moved = symmetric.times(d, whole)
+            moved = symmetric.times(d, damaged_stress)
             for i in range(3):
                 for j in range(3):
                     dP[k, i, j] += moved[3 * i + j]

@@ -53,8 +53,8 @@ def linearise(finite, F, state, params, dF, dstate, dparams, P, state_new, dP, d
     if energy > 0.0:
         k = math.sqrt(energy / params[0])
     keep = math.exp(-params[NONLINEARITY] * k)
-    whole = tensors.scaled(keep, s, 0.0)
-    store(finite, f, whole, P)
+    stress = tensors.scaled(keep, s, 0.0)
+    store(finite, f, stress, P)
     for j in range(dF.shape[0]):
         d = tensors.load(dF[j])
         de = strain_change(finite, f, d)
@@ -62,9 +62,9 @@ def linearise(finite, F, state, params, dF, dstate, dparams, P, state_new, dP, d
         denergy, dk = 2.0 * tensors.contract(s, de), 0.0
         if dparams.shape[0] > 0:
             dlam, dmu = lame_change(params[0], params[1], dparams[j, 0], dparams[j, 1])
-            own = tensors.scaled(2.0 * dmu, e, dlam * trace)
-            ds = tensors.combine(1.0, ds, 1.0, own, 0.0)
-            denergy += tensors.contract(own, e) - energy / params[0] * dparams[j, 0]
+            modulus_change = tensors.scaled(2.0 * dmu, e, dlam * trace)
+            ds = tensors.combine(1.0, ds, 1.0, modulus_change, 0.0)
+            denergy += tensors.contract(modulus_change, e) - energy / params[0] * dparams[j, 0]
         if k > 0.0:
             dk = denergy / (2.0 * params[0] * k)
         dkeep = -params[NONLINEARITY] * dk
@@ -72,7 +72,7 @@ def linearise(finite, F, state, params, dF, dstate, dparams, P, state_new, dP, d
             dkeep -= k * dparams[j, NONLINEARITY]
         store(finite, f, tensors.combine(keep, ds, keep * dkeep, s, 0.0), dP[j])
         if finite:
-            moved = symmetric.times(d, whole)
+            moved = symmetric.times(d, stress)
             for i in range(3):
                 for m in range(3):
                     dP[j, i, m] += moved[3 * i + m]

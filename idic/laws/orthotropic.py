@@ -32,11 +32,12 @@ def contraction_through_thickness(E1, E2, nu12):
     in_plane = 1.0 - nu12 * nu12 * ratio
     if not in_plane.real > 0.0:
         return nu12 * math.nan
-    taken = nu12 * nu12 * (1.0 + ratio * (1.0 + 2.0 * nu12)) / in_plane
-    if not taken.real > MAX_THROUGH_THICKNESS:
+    square_ratio = nu12 * nu12 * (1.0 + ratio * (1.0 + 2.0 * nu12)) / in_plane
+    if not square_ratio.real > MAX_THROUGH_THICKNESS:
         return nu12 + 0.0 * ratio
-    left = 2.0 * MAX_THROUGH_THICKNESS - taken  # continuous, and soon no longer nearly incompressible
-    return nu12 * np.sqrt((left if left.real > USUAL_THROUGH_THICKNESS else USUAL_THROUGH_THICKNESS) / taken)
+    reduced = 2.0 * MAX_THROUGH_THICKNESS - square_ratio  # continuous, and soon no longer nearly incompressible
+    return nu12 * np.sqrt((reduced
+                           if reduced.real > USUAL_THROUGH_THICKNESS else USUAL_THROUGH_THICKNESS) / square_ratio)
 
 
 @inner

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError, NotConverged
-from idic.fe import ExternalSetup, ExternalSolver, FrameState, Solution, StepList, Wanted, inp_text
+from idic.fe import ExternalSetup, ExternalSolver, FrameState, Solution, StepList, ExpectedOutput, inp_text
 from idic.model.drives import DriveTable, build_drives, set_nodes
 from idic.model.experiment import Experiment, Measured, Parametrised
 from idic.model.readings import Readings, build_readings, controlled
@@ -141,10 +141,10 @@ class ExternalForward:
                 np.stack([(run[1] - channels) / change for run, change in runs], axis=-1))
 
     @cached_property
-    def _request(self) -> Wanted:
+    def _request(self) -> ExpectedOutput:
         experiment = self.experiment
         mesh, reactions = experiment.mesh, [c for c in experiment.channels if c.kind == "reaction"]
-        return Wanted(np.asarray(mesh.node_labels), experiment.n_dim, self._clock()[1:],
+        return ExpectedOutput(np.asarray(mesh.node_labels), experiment.n_dim, self._clock()[1:],
                       tuple(dict.fromkeys(f"{c.nodes}.{c.component}" for c in reactions)),
                       {c.nodes: set_nodes(experiment, c.nodes) for c in reactions},
                       float(np.linalg.norm(np.ptp(mesh.nodes, axis=0))))

@@ -210,7 +210,7 @@ class _Reader:
                        f"{len(labels)} nodes, {len(index)} labels", "write one part, as an orphan mesh")
         if not self.elements:
             self.fail(None, "the file holds no elements", "*ELEMENT", "none")
-        cells, position, where = [], {}, {}
+        cells, position, elements = [], {}, {}
         for kind, rows in self.elements.items():
             for label, nodes, line in rows:
                 if any(node not in index for node in nodes):
@@ -221,29 +221,29 @@ class _Reader:
                     self.fail(line, f"element label {label} occurs twice", "every label once", str(label),
                                "write one part, as an orphan mesh")
                 position[label] = len(position)
-                where[label] = (kind, nodes)
+                elements[label] = (kind, nodes)
             connectivity = np.array([[index[n] for n in nodes] for _, nodes, _ in rows], dtype=np.int64)
             cells.append((kind, connectivity, np.array([label for label, _, _ in rows], dtype=np.int64)))
         names = ScopedNames(self.node_sets, self.element_sets, self.surfaces)
         elements_of = LabelSets(names.flat(self.element_sets), position, "element", self.fail)
-        for scope, name, own, line in self.of_elements:
-            inside = elements_of.named(names.meant(own, scope, self.element_sets), line, f"set {name}")
-            self.node_sets[scope, name] += [(node, line) for node in {n for e in inside for n in where[e][1]}]
+        for scope, name, member, line in self.of_elements:
+            inside = elements_of.named(names.resolved(member, scope, self.element_sets), line, f"set {name}")
+            self.node_sets[scope, name] += [(node, line) for node in {n for e in inside for n in elements[e][1]}]
         nodes_of = LabelSets(names.flat(self.node_sets), index, "node", self.fail)
         raw = RawMesh(self.path, np.array(self.coordinates, dtype=float).reshape(-1, 3), labels, cells,
                       nodes_of.as_indices(), elements_of.as_indices())
         for (scope, name), (kind, data) in self.surfaces.items():
-            known = self.node_sets if kind == "NODE" else self.element_sets
-            rows = [(number, [names.meant(cells[0], scope, known), *cells[1:]]) for number, cells in data]
-            self._surface(raw, names.key(scope, name), kind, rows, where, nodes_of, elements_of)
+            sets = self.node_sets if kind == "NODE" else self.element_sets
+            rows = [(number, [names.resolved(cells[0], scope, sets), *cells[1:]]) for number, cells in data]
+            self._surface(raw, names.key(scope, name), kind, rows, elements, nodes_of, elements_of)
         names.merge_alike(raw.node_sets, raw.element_sets, raw.face_sets)
         return raw
 
-    def _surface(self, raw, name, kind, data, where, nodes_of: LabelSets, elements_of: LabelSets) -> None:
+    def _surface(self, raw, name, kind, data, elements, nodes_of: LabelSets, elements_of: LabelSets) -> None:
         if kind == "NODE":
-            found = [nodes_of.named(self._label_or_name(cells[0], number), number, f"surface {name}")
-                     for number, cells in data]
-            raw.node_sets.setdefault(name, nodes_of.indices(sorted(set().union(*found))))
+            members = [nodes_of.named(self._label_or_name(cells[0], number), number, f"surface {name}")
+                       for number, cells in data]
+            raw.node_sets.setdefault(name, nodes_of.indices(sorted(set().union(*members))))
             return
         index, faces = nodes_of.index, []
         if any(cell.upper() in _OF_SHELLS for _, cells in data for cell in cells[1:2]):
@@ -254,7 +254,7 @@ class _Reader:
                 self.fail(number, f"surface {name} is not given by elements and faces", "ELEMENT or ELSET, S1 … S6",
                            ", ".join(cells))
             for label in elements_of.named(self._label_or_name(cells[0], number), number, f"surface {name}"):
-                cell, nodes = where[label]
+                cell, nodes = elements[label]
                 table = CELL_TYPES[cell].faces if cell in CELL_TYPES else ()
                 if not 1 <= int(match.group(1)) <= len(table):
                     self.fail(number, f"surface {name}: a {cell} has no such face", f"S1 … S{len(table)}", cells[1])
@@ -284,7 +284,7 @@ class _Reader:
             self.fail(number, "not a number", "a coordinate", repr(cell),
                        "correct the mesh file, or export it again: it may be truncated")
 
-    def fail(self, number, what, expected, found, remedy="correct the mesh file") -> NoReturn:
-        raise InputError(what, file=self.path, key="mesh" if number is None else f"line {number}", expected=expected,
-                         found=found, remedy=remedy)
+    def fail(self, number, message, expected, finding, remedy="correct the mesh file") -> NoReturn:
+        raise InputError(message, file=self.path, key="mesh" if number is None else f"line {number}", expected=expected,
+                         found=finding, remedy=remedy)
 

@@ -33,23 +33,23 @@ class ScopedNames:
             for scope, name in kind:
                 self._places.setdefault(name.upper(), []).append((scope, name))
                 scopes.setdefault(name.upper(), set()).add(scope)
-            self._shared |= {name for name, found in scopes.items() if len(found) > 1}
+            self._shared |= {name for name, owners in scopes.items() if len(owners) > 1}
 
     def key(self, scope: str, name: str) -> str:
         """``Part-1_Set-1`` where another scope has such a set of this name, too."""
         return f"{scope or 'Model'}_{name}" if name.upper() in self._shared else name
 
-    def meant(self, member: int | str | range, scope: str, sets: Iterable[Scoped]) -> int | str | range:
+    def resolved(self, member: int | str | range, scope: str, sets: Iterable[Scoped]) -> int | str | range:
         """A member of a set or surface in `scope`, its name as `key` has it: a set of the same scope comes first."""
         if not isinstance(member, str) or member.upper() not in self._shared:
             return member
-        known = [(place, name) for place, name in sets if name.upper() == member.upper()]
-        own = [(place, name) for place, name in known if place == scope]
-        return self.key(*(own or known)[0]) if own or len(known) == 1 else member
+        places = [(place, name) for place, name in sets if name.upper() == member.upper()]
+        same_scope = [(place, name) for place, name in places if place == scope]
+        return self.key(*(same_scope or places)[0]) if same_scope or len(places) == 1 else member
 
     def flat(self, sets: Mapping[Scoped, list[Member]]) -> dict[str, list[Member]]:
         """{key: members} of one kind"""
-        return {self.key(scope, name): [(self.meant(member, scope, sets), line) for member, line in members]
+        return {self.key(scope, name): [(self.resolved(member, scope, sets), line) for member, line in members]
                 for (scope, name), members in sets.items()}
 
     def merge_alike(self, *kinds: dict) -> None:
@@ -57,16 +57,17 @@ class ScopedNames:
         for upper in self._shared:
             places = self._places[upper]
             keys = {self.key(*place) for place in places}
-            own = [(kind, [key for key in kind if key in keys]) for kind in kinds]
-            if all(_alike([kind[key] for key in found]) for kind, found in own):
-                for kind, found in own:
-                    values = [kind.pop(key) for key in found]
+            keys_by_kind = [(kind, [key for key in kind if key in keys]) for kind in kinds]
+            if all(_alike([kind[key] for key in kind_keys]) for kind, kind_keys in keys_by_kind):
+                for kind, kind_keys in keys_by_kind:
+                    values = [kind.pop(key) for key in kind_keys]
                     if values:
                         kind[places[0][1]] = values[0]
 
 
 def _alike(values: list) -> bool:
-    return len({frozenset(tuple(one) if isinstance(one, tuple) else int(one) for one in value) for value in values}) < 2
+    return len({frozenset(tuple(member) if isinstance(member, tuple) else int(member) for member in value)
+                for value in values}) < 2
 
 
 class LabelSets:
@@ -83,8 +84,8 @@ class LabelSets:
         Raises the InputError.
     """
 
-    def __init__(self, sets: Mapping[str, list], index: Mapping[int, int], what: str, fail: Callable):
-        self.sets, self.index, self.what, self.fail = sets, index, what, fail
+    def __init__(self, sets: Mapping[str, list], index: Mapping[int, int], entity: str, fail: Callable):
+        self.sets, self.index, self.entity, self.fail = sets, index, entity, fail
         self._spelling = {name.upper(): name for name in reversed(sets)}  # names ignore case; the first one counts
         self._found: dict[str, frozenset[int]] = {}
         self._n_members = 0
@@ -100,7 +101,7 @@ class LabelSets:
     def named(self, member: int | str, line: int, whose: str) -> frozenset[int]:
         """The labels that a line of a *SURFACE means: one label, or those of a set."""
         if isinstance(member, int):
-            return frozenset(self._known([member], line, whose))
+            return frozenset(self._existing([member], line, whose))
         key = self._spelling.get(member.upper())
         if key is None:
             self._no_set(member, line, whose)
@@ -113,33 +114,34 @@ class LabelSets:
         if len(outer) > _MAX_LEVELS:
             self.fail(None, "sets are nested too deeply", f"{_MAX_LEVELS} levels at most", f"set {name}",
                       "write the members in place of the names of sets")
-        found: set[int] = set()
+        labels: set[int] = set()
         for member in self.sets[name]:
-            found |= self._members(member, name, outer)
-        self._n_members += len(found)
+            labels |= self._members(member, name, outer)
+        self._n_members += len(labels)
         if self._n_members > _MAX_MEMBERS:
             self.fail(None, "the sets have too many members", f"{_MAX_MEMBERS} in all sets together",
                       f"more, at set {name}", "remove the sets that the experiment does not need")
-        return self._found.setdefault(name, frozenset(found))
+        return self._found.setdefault(name, frozenset(labels))
 
     def _members(self, member: Member | int, name: str, outer: tuple[str, ...]) -> frozenset[int] | set[int]:
-        given, line = member if isinstance(member, tuple) else (member, None)
-        if not isinstance(given, str):
-            return self._known(given if isinstance(given, range) else [given], line, f"set {name}")
-        key = self._spelling.get(given.upper())
+        reference, line = member if isinstance(member, tuple) else (member, None)
+        if not isinstance(reference, str):
+            return self._existing(reference if isinstance(reference, range) else [reference], line, f"set {name}")
+        key = self._spelling.get(reference.upper())
         if key is None or key in (*outer, name):
-            self._no_set(given, line, f"set {name}")
+            self._no_set(reference, line, f"set {name}")
         return self.labels(key, (*outer, name))
 
-    def _known(self, labels: Iterable[int], line: int | None, whose: str) -> set[int]:
+    def _existing(self, labels: Iterable[int], line: int | None, whose: str) -> set[int]:
         """The labels, all of which must exist; of a long range the first missing one ends the search."""
-        known = set()
+        existing = set()
         for label in labels:
             if label not in self.index:
-                self.fail(line, f"{whose} names {'an' if self.what == 'element' else 'a'} {self.what} that does not "
-                          "exist", f"{self.what}s of the file", f"{self.what} {label}")
-            known.add(label)
-        return known
+                self.fail(line,
+                          f"{whose} names {'an' if self.entity == 'element' else 'a'} {self.entity} that does not "
+                          "exist", f"{self.entity}s of the file", f"{self.entity} {label}")
+            existing.add(label)
+        return existing
 
     def _no_set(self, name: str, line: int | None, whose: str) -> None:
         self.fail(line, f"{whose} names a set that does not exist", ", ".join(self.sets) or "the name of a set", name)

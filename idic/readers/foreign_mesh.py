@@ -83,7 +83,7 @@ def check_indices(mesh: meshio.Mesh) -> None:
         references += [(f"element set {name}", ids, len(block.data))
                        for ids, block in zip(parts, mesh.cells, strict=True)
                        if ids is not None and not name.startswith("gmsh:")]  # those are numbers of entities
-    for what, numbers, n in references:
-        found = np.asarray(numbers)
-        if found.size and not (np.issubdtype(found.dtype, np.integer) and found.min() >= 0 and found.max() < n):
-            raise ValueError(f"{what} refer to numbers beyond the {n} that the file holds")
+    for subject, numbers, n in references:
+        indices = np.asarray(numbers)
+        if indices.size and not (np.issubdtype(indices.dtype, np.integer) and indices.min() >= 0 and indices.max() < n):
+            raise ValueError(f"{subject} refer to numbers beyond the {n} that the file holds")

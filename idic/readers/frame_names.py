@@ -64,7 +64,7 @@ def _seconds(clock: int) -> int:
     return 3600 * (clock // 10_000) + 60 * (clock // 100 % 100) + clock % 100
 
 
-def frame_indices(wanted: list[str | int], labels: tuple[str, ...], *, file, key) -> tuple[tuple[int, ...], str | None]:
+def frame_indices(frames: list[str | int], labels: tuple[str, ...], *, file, key) -> tuple[tuple[int, ...], str | None]:
     """Indices of the given frames, and a note on the meaning of the numbers.
 
     Names are file names. Numbers are those in the file names if all of them occur there, else indices into the stack,
@@ -78,39 +78,39 @@ def frame_indices(wanted: list[str | int], labels: tuple[str, ...], *, file, key
     """
     names = _Numbers(labels)
     numbers = names.of_frames
-    integers = [item for item in wanted if isinstance(item, int)]
+    integers = [item for item in frames if isinstance(item, int)]
     in_names = [item for item in integers if numbers is not None and item in numbers]
     if integers and in_names and len(in_names) < len(integers):
-        other = next(item for item in integers if item not in in_names)
-        known = [number for number in numbers if number is not None]  # type: ignore[union-attr]
+        stray = next(item for item in integers if item not in in_names)
+        known_numbers = [number for number in numbers if number is not None]  # type: ignore[union-attr]
         raise InputError("the frame numbers are ambiguous", file=file, key=key,
-                         expected=f"numbers in the file names, {known[0]} … {known[-1]}",
-                         found=f"{other} is not among them, {in_names[0]} is",
+                         expected=f"numbers in the file names, {known_numbers[0]} … {known_numbers[-1]}",
+                         found=f"{stray} is not among them, {in_names[0]} is",
                          remedy="give file names in place of numbers")
-    found, note = [], None
-    for item in wanted:
+    indices, note = [], None
+    for item in frames:
         if isinstance(item, str):
             if item not in labels:
                 raise InputError("no such frame", file=file, key=key,
                                  expected=f"a file name, {labels[0]} … {labels[-1]}", found=repr(item),
                                  remedy="correct the name")
-            found.append(labels.index(item))
+            indices.append(labels.index(item))
         elif in_names:
-            found.append(numbers.index(item))  # type: ignore[union-attr]
-            if found[-1] != item:
-                note = f"{key}: numbers are read as those in the file names ({item} is {labels[found[-1]]})"
+            indices.append(numbers.index(item))  # type: ignore[union-attr]
+            if indices[-1] != item:
+                note = f"{key}: numbers are read as those in the file names ({item} is {labels[indices[-1]]})"
         elif 0 <= item < len(labels):
             bearing = names.bearing(item) if numbers is None else []
             if bearing and bearing != [item]:
                 _refuse_two_meanings(item, labels, bearing, file, key)
-            found.append(item)
+            indices.append(item)
             if any(names.groups) and numbers != tuple(range(len(labels))):
                 note = f"{key}: numbers are read as indices from 0 ({item} is {labels[item]})"
         else:
             span = "the numbers in the file names, or " if numbers is not None else ""
             raise InputError("no such frame", file=file, key=key, expected=f"{span}indices 0 … {len(labels) - 1}",
                              found=str(item), remedy="give a file name" if numbers is None else "correct the number")
-    return tuple(dict.fromkeys(found)), note
+    return tuple(dict.fromkeys(indices)), note
 
 
 def _refuse_two_meanings(item: int, labels: tuple[str, ...], bearing: Sequence[int], file, key) -> NoReturn:
@@ -132,10 +132,10 @@ class _Numbers:
         self.groups = [[int(part) for part in re.findall(r"\d+", _stem(label))] for label in labels]
         counted = [k for k, group in enumerate(self.groups) if group]
         named = [k for k in counted if called_the_reference(_stem(labels[k]))]
-        others = [k for k in counted if k not in named]
-        if len(named) == 1 and len({len(self.groups[k]) for k in others}) == 1 \
-                and len(self.groups[named[0]]) != len(self.groups[others[0]]):
-            counted = others
+        unnamed = [k for k in counted if k not in named]
+        if len(named) == 1 and len({len(self.groups[k]) for k in unnamed}) == 1 \
+                and len(self.groups[named[0]]) != len(self.groups[unnamed[0]]):
+            counted = unnamed
         self._counted = counted
         alike = len({len(self.groups[k]) for k in counted}) == 1
         columns = list(zip(*(self.groups[k] for k in counted), strict=True)) if alike else []

@@ -56,8 +56,8 @@ def fill_with_gmsh(segments: Segments, boundary: Boundary, size: float, quads: b
 
 def _model(gmsh, segments: Segments, boundary: Boundary, size: float, quads: bool) -> None:
     geo = gmsh.model.geo
-    for k, ((x, y), own) in enumerate(zip(boundary.points, _sizes(boundary, size), strict=True), 1):
-        geo.addPoint(float(x), float(y), 0.0, float(own), k)
+    for k, ((x, y), point_size) in enumerate(zip(boundary.points, _sizes(boundary, size), strict=True), 1):
+        geo.addPoint(float(x), float(y), 0.0, float(point_size), k)
     for k, (a, b) in enumerate(boundary.edges.tolist(), 1):
         geo.addLine(a + 1, b + 1, k)
         geo.mesh.setTransfiniteCurve(k, 2)
@@ -93,9 +93,9 @@ def _result(gmsh, boundary: Boundary) -> Filling:
     kinds, _, connectivities = gmsh.model.mesh.getElements(2)
     for kind, connectivity in zip(kinds, connectivities, strict=True):
         corners = {2: 3, 3: 4}[int(kind)]
-        found = np.searchsorted(tags[order], connectivity.reshape(-1, corners)).astype(np.int64)
-        x, y = np.moveaxis(nodes[found], -1, 0)
+        corner_numbers = np.searchsorted(tags[order], connectivity.reshape(-1, corners)).astype(np.int64)
+        x, y = np.moveaxis(nodes[corner_numbers], -1, 0)
         clockwise = (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1) < 0
-        found[clockwise] = found[clockwise][:, ::-1]
-        cells[corners] = found
+        corner_numbers[clockwise] = corner_numbers[clockwise][:, ::-1]
+        cells[corners] = corner_numbers
     return nodes, cells[4], cells[3]

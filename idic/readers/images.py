@@ -141,9 +141,9 @@ def _headers(path: Path) -> list[ImageEntry]:
                      remedy="save the images as TIFF or PNG (JPEG compression destroys the measured grey values)")
 
 
-def _entry(path: Path, page: int, shape: tuple[int, int], dtype: str, label: str, stated: object) -> ImageEntry:
+def _entry(path: Path, page: int, shape: tuple[int, int], dtype: str, label: str, tag: object) -> ImageEntry:
     """The entry of an image with this shape as stored and this orientation tag."""
-    orientation = orientation_of(stated)
+    orientation = orientation_of(tag)
     return ImageEntry(path, page, upright_shape(shape, orientation), dtype, label, orientation)
 
 
@@ -153,12 +153,12 @@ def _tiff_headers(path: Path) -> list[ImageEntry]:
         with tifffile.TiffFile(path) as tiff:
             count = len(tiff.pages)  # ends at a loop of pages in a damaged file; iteration does not
             numbered = [(k, page) for k, page in ((k, tiff.pages[k]) for k in range(count)) if not page.is_reduced]
-            pages, made = [page for _, page in numbered], []
+            pages, entries = [page for _, page in numbered], []
             for number, page in numbered:
                 label = path.name if len(pages) == 1 else f"{path.name}[{number}]"
-                made.append(_entry(path, number, *_tiff_kind(page, path), label, page.tags.valueof(TAG)))
+                entries.append(_entry(path, number, *_tiff_kind(page, path), label, page.tags.valueof(TAG)))
             _complete(tiff, pages, path)
-            return made
+            return entries
     except InputError:
         raise
     except Exception as error:  # tifffile raises many types on damaged files
@@ -200,7 +200,7 @@ def _read_tiff(entry: ImageEntry) -> np.ndarray:
 def _png_header(path: Path) -> ImageEntry:
     try:
         with Image.open(path, formats=FORMATS) as image:
-            mode, size, stated = image.mode, image.size, image.getexif().get(TAG)
+            mode, size, tag = image.mode, image.size, image.getexif().get(TAG)
             if mode in ("1", "L", "I;16", "I;16B", "I"):
                 kind = "uint8" if mode in ("1", "L") else "uint16"
             elif mode in ("P", "RGB", "RGBA", "LA", "PA"):
@@ -218,7 +218,7 @@ def _png_header(path: Path) -> ImageEntry:
         raise
     except Exception as error:  # PIL raises many types on damaged files
         raise _damaged(path, error) from error
-    return _entry(path, 0, (size[1], size[0]), kind, path.name, stated)
+    return _entry(path, 0, (size[1], size[0]), kind, path.name, tag)
 
 
 def _is_deep(path: Path) -> bool:
@@ -294,8 +294,8 @@ def _depth(dtype: np.dtype | None, path: Path) -> str:
     return names[str(dtype)]
 
 
-def _colour(path: Path, found: str) -> InputError:
-    return InputError("a colour image", file=path, key="images", expected=_EXPECTED, found=found, remedy=_COLOUR)
+def _colour(path: Path, finding: str) -> InputError:
+    return InputError("a colour image", file=path, key="images", expected=_EXPECTED, found=finding, remedy=_COLOUR)
 
 
 def _damaged(path: Path, error: Exception) -> InputError:

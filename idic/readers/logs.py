@@ -56,12 +56,12 @@ class Log:
 
     def unit(self, name: str) -> str | None:
         """The unit of a column: from the units row, else from its name (``force_N``, ``Force [N]``); None without."""
-        given = self.table.units[self.names.index(name)] if name in self.names else ""
-        stated = unit_in_name(name)
-        if given and stated and parse_unit(given) != parse_unit(stated):
+        row_unit = self.table.units[self.names.index(name)] if name in self.names else ""
+        name_unit = unit_in_name(name)
+        if row_unit and name_unit and parse_unit(row_unit) != parse_unit(name_unit):
             raise InputError("the units row contradicts the name of a column", file=self.file, key=f"column {name}",
-                             expected=stated, found=given, remedy="correct the name or the unit below it")
-        return given or stated
+                             expected=name_unit, found=row_unit, remedy="correct the name or the unit below it")
+        return row_unit or name_unit
 
     def column(self, name: str, *, file=None, key=None) -> np.ndarray:
         """A column as numbers, in the unit of the file  # (n_rows,)
@@ -110,7 +110,7 @@ class Log:
         return certain_marks(cell for row in self.rows for cell in row)
 
     def _no_column(self, name: str, file, key) -> InputError:
-        above = next((line for line, row in self.table.before if name in row), None)
+        above = next((line for line, row in self.table.head_rows if name in row), None)
         if above is not None:
             return InputError("a row of the log holds no number", file=self.file, key=f"line {self.table.header_line}",
                               expected=f"rows of numbers below the header in line {above}",
@@ -153,8 +153,8 @@ class Log:
     @property
     def time_column(self) -> str | None:
         """``time_s``, ``t_ms``, …; None if the log has no such column."""
-        for name, given in zip(self.names, self.table.units, strict=True):
-            unit = parse_unit(given or unit_in_name(name) or "")
+        for name, row_unit in zip(self.names, self.table.units, strict=True):
+            unit = parse_unit(row_unit or unit_in_name(name) or "")
             if unit is not None and unit.dimension == "time" and without_unit(name).lower() in _TIME_NAMES:
                 return name
         return None
@@ -205,9 +205,9 @@ class MatchedLog:
         if self.frame_rows is not None:
             return values[self.frame_rows]
         times, at = self._read_at()
-        found = np.interp(at, times, values)
+        interpolated = np.interp(at, times, values)
         beyond = self._beyond()
-        return found + beyond * self._slopes(values) if beyond.any() else found
+        return interpolated + beyond * self._slopes(values) if beyond.any() else interpolated
 
     @property
     def is_interpolated(self) -> bool:
@@ -233,9 +233,9 @@ class MatchedLog:
         low, high = np.maximum(at - half, times[0]), np.minimum(at + half, times[-1])
         return (np.interp(high, times, values) - np.interp(low, times, values)) / (high - low)
 
-    def of_frames(self, kept: Sequence[int]) -> MatchedLog:
+    def of_frames(self, frames: Sequence[int]) -> MatchedLog:
         """The same of some of the frames."""
-        chosen = list(kept)
+        chosen = list(frames)
         return replace(self, times=None if self.times is None else self.times[chosen],
                        frame_rows=None if self.frame_rows is None else self.frame_rows[chosen])
 
@@ -253,8 +253,8 @@ def read_log(path: Path, decimal: Decimal | None = None) -> Log:
     text, note = text_of(path.read_bytes(), path, "loads")
     table = read_table(text, path)
     notes = [note] if note else []
-    if table.before:
-        notes.append(f"{path.name}: the header is line {table.header_line}; {len(table.before)} lines above it are "
+    if table.head_rows:
+        notes.append(f"{path.name}: the header is line {table.header_line}; {len(table.head_rows)} lines above it are "
                      "skipped")
     if any(table.units):
         notes.append(f"{path.name}: the row below the header gives the units")
@@ -278,8 +278,8 @@ def match(log: Log, n_frames: int, numbers: tuple[int, ...] | None, image_times:
     if image_times is not None and log.time_column is not None:
         return _by_time(log, image_times)
     if len(log.rows) != n_frames:
-        what = "fewer" if len(log.rows) < n_frames else "more"
-        raise InputError(f"the log has {what} rows than the test has images", file=log.file, key="loads",
+        difference = "fewer" if len(log.rows) < n_frames else "more"
+        raise InputError(f"the log has {difference} rows than the test has images", file=log.file, key="loads",
                          expected=f"{n_frames} rows, one per image",
                          found=f"{len(log.rows)} rows",
                          remedy="give one row per image in image order; or match by time: a column time_s in the log, "
@@ -291,16 +291,16 @@ def match(log: Log, n_frames: int, numbers: tuple[int, ...] | None, image_times:
 
 
 def _check_frames(log: Log, n_frames: int, numbers: tuple[int, ...] | None) -> None:
-    given = log.column("frame")
+    column = log.column("frame")
     accepted = [np.arange(n_frames)] + ([np.array(numbers)] if numbers is not None else [])
-    if any(np.array_equal(given, wanted) for wanted in accepted):
+    if any(np.array_equal(column, expected) for expected in accepted):
         return
-    k = int(np.argmax(given != accepted[0]))
+    k = int(np.argmax(column != accepted[0]))
     raise InputError("the frame column disagrees with the images", file=log.file,
                      key=f"column frame, line {log.lines[k]}",
                      expected=f"{accepted[0][k]}" + (f" (or {accepted[1][k]}, the number in the file name)"
                                                      if len(accepted) > 1 else ""),
-                     found=f"{given[k]:g}", remedy="sort the rows like the images and number them from 0")
+                     found=f"{column[k]:g}", remedy="sort the rows like the images and number them from 0")
 
 
 def _by_time(log: Log, image_times: np.ndarray) -> MatchedLog:

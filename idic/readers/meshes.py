@@ -142,12 +142,12 @@ def _array_sets(mesh: meshio.Mesh, starts: list[int], raw: RawMesh, named: tuple
 def _labelled(name: str, values: np.ndarray) -> list[tuple[str, np.ndarray]]:
     if name.startswith("gmsh:") or name.lower().startswith("vtk") or values.ndim != 1 or values.dtype.kind not in "iub":
         return []
-    found = np.unique(values)
+    labels = np.unique(values)
     if name == _PROPERTIES:
-        return [(f"property_{value}", values == value) for value in found]
-    if set(found.tolist()) <= {0, 1}:
+        return [(f"property_{value}", values == value) for value in labels]
+    if set(labels.tolist()) <= {0, 1}:
         return [(name, values == 1)]
-    return [(f"{name}_{value}", values == value) for value in found] if len(found) <= _MAX_SETS_OF_ARRAY else []
+    return [(f"{name}_{value}", values == value) for value in labels] if len(labels) <= _MAX_SETS_OF_ARRAY else []
 
 
 def _gmsh_labels(path: Path) -> tuple[np.ndarray | None, np.ndarray | None]:

@@ -42,7 +42,8 @@ def orientation_note(labels_and_orientations: list[tuple[str, int]]) -> list[str
         return []
     kinds = {orientation for _, orientation in turned}
     every = len(turned) == len(labels_and_orientations) and len(kinds) == 1
-    which = "the images" if every else f"{len(turned)} of {len(labels_and_orientations)} images (first {turned[0][0]})"
-    return [f"{which} are {_WORDS[turned[0][1]]} as their orientation tag ({TAG} = {turned[0][1]}) says; columns and "
+    number = len(labels_and_orientations)
+    subject = "the images" if every else f"{len(turned)} of {number} images (first {turned[0][0]})"
+    return [f"{subject} are {_WORDS[turned[0][1]]} as their orientation tag ({TAG} = {turned[0][1]}) says; columns and "
             f"rows "
             "count in the turned image" + ("" if every else ": check that the camera was not turned during the test")]

@@ -36,24 +36,25 @@ def recorded_order(paths: Iterable[Path], folder: Path) -> list[Path]:
     InputError
         The names differ in a decimal number whose digits put the files into another order than its value.
     """
-    found = sorted(paths, key=lambda path: natural_key(path.relative_to(folder).as_posix()))
-    named = [path for path in found if called_the_reference(path.stem)]
+    ordered = sorted(paths, key=lambda path: natural_key(path.relative_to(folder).as_posix()))
+    named = [path for path in ordered if called_the_reference(path.stem)]
     if len(named) == 1:
-        found.insert(0, found.pop(found.index(named[0])))
-    _check_decimals(found[len(named) == 1:], folder)
-    return found
+        ordered.insert(0, ordered.pop(ordered.index(named[0])))
+    _check_decimals(ordered[len(named) == 1:], folder)
+    return ordered
 
 
 def _check_decimals(paths: list[Path], folder: Path) -> None:
     """InputError for t_1.0s, t_1.5s, t_1.25s: 25 comes after 5, and 1.25 before 1.5."""
     stems = [path.relative_to(folder).with_suffix("").as_posix() for path in paths]
     numbers = [_DECIMAL.findall(stem) for stem in stems]
-    if any(len(found) != 1 for found in numbers) or len({_DECIMAL.sub("#", stem) for stem in stems}) != 1:
+    if any(len(matches) != 1 for matches in numbers) or len({_DECIMAL.sub("#", stem) for stem in stems}) != 1:
         return
-    values = [float(found[0]) for found in numbers]
-    whole, behind = ([found[0].split(".")[place] for found in numbers] for place in (0, 1))
-    if len(set(whole)) == 1 and [int(digits) for digits in behind] == list(range(int(behind[0]), int(behind[0])
-                                                                                 + len(behind))):
+    values = [float(matches[0]) for matches in numbers]
+    integers, fractions = ([matches[0].split(".")[place] for matches in numbers] for place in (0, 1))
+    if len(set(integers)) == 1 and [int(digits)
+                                    for digits in fractions] == list(range(int(fractions[0]), int(fractions[0])
+                                                                                       + len(fractions))):
         return  # specimen_1.9, specimen_1.10: a counter behind a point
     k = next((k for k in range(1, len(values)) if values[k] < values[k - 1]), None)
     if k is not None:
@@ -84,16 +85,16 @@ def existing_file(folder: Path, name: str, *, file, key) -> Path:
     """The path `name` inside the experiment folder; InputError if the file does not exist."""
     path = inside(folder, name, file=file, key=key)
     if not path.is_file():
-        near = sorted(p.name for p in path.parent.iterdir() if p.is_file())[:10] if path.parent.is_dir() else []
+        siblings = sorted(p.name for p in path.parent.iterdir() if p.is_file())[:10] if path.parent.is_dir() else []
         raise InputError("no such file", file=file, key=key, expected=str(path),
-                         found=f"the folder holds {', '.join(near)}" if near else "nothing",
+                         found=f"the folder holds {', '.join(siblings)}" if siblings else "nothing",
                          remedy="correct the name, relative to experiment.toml")
     return path
 
 
 def matching_files(folder: Path, patterns: list[str], *, file, key) -> list[Path]:
     """All files that match the patterns, in `recorded_order`."""
-    found: dict[Path, None] = {}
+    files: dict[Path, None] = {}
     for pattern in patterns:
         inside(folder, pattern, file=file, key=key)
         matches = _matches(folder, pattern, file=file, key=key)
@@ -104,8 +105,8 @@ def matching_files(folder: Path, patterns: list[str], *, file, key) -> list[Path
                              expected=f"files that match {pattern!r} in {folder}",
                              found=f"{parent.name}/ holds {', '.join(names)} …" if names else "none",
                              remedy='correct the pattern, e.g. images = "images/*.tif"')
-        found |= dict.fromkeys(matches)
-    return recorded_order(found, folder)
+        files |= dict.fromkeys(matches)
+    return recorded_order(files, folder)
 
 
 def patterns_of(folder: Path, paths: Sequence[Path]) -> list[str]:
@@ -113,22 +114,22 @@ def patterns_of(folder: Path, paths: Sequence[Path]) -> list[str]:
     parent = paths[0].parent
     place = glob.escape(parent.relative_to(folder).as_posix())
 
-    def fitting(some: Sequence[Path]) -> list[str]:
-        names = [path.name for path in some]
+    def fitting(files: Sequence[Path]) -> list[str]:
+        names = [path.name for path in files]
         start = glob.escape(_shared_start(names).rstrip("0123456789"))
         end = glob.escape(_shared_start([name[::-1] for name in names])[::-1].lstrip("0123456789"))
-        shapes = (f"*{glob.escape(some[0].suffix)}", f"{start}*{end}", f"{start}[0-9]*{end}")
-        one = next((shape for shape in shapes if set(_visible(parent, shape)) == set(some)), None)
-        return [] if one is None else [one]
+        shapes = (f"*{glob.escape(files[0].suffix)}", f"{start}*{end}", f"{start}[0-9]*{end}")
+        pattern = next((shape for shape in shapes if set(_visible(parent, shape)) == set(files)), None)
+        return [] if pattern is None else [pattern]
 
-    found = fitting(paths)
-    if not found:
+    shapes = fitting(paths)
+    if not shapes:
         alike = defaultdict(list)
         for path in paths:
             alike[re.sub(r"\d+", "#", path.name)].append(path)
-        found = [shape for some in alike.values()
-                 for shape in fitting(some) or [glob.escape(path.name) for path in some]]
-    return [(PurePosixPath(place) / shape).as_posix() for shape in found]
+        shapes = [shape for group in alike.values()
+                  for shape in fitting(group) or [glob.escape(path.name) for path in group]]
+    return [(PurePosixPath(place) / shape).as_posix() for shape in shapes]
 
 
 def _visible(folder: Path, pattern: str) -> list[Path]:
@@ -146,12 +147,12 @@ def _shared_start(names: Sequence[str]) -> str:
 def existing_start(base: Path, parts: Sequence[str]) -> tuple[Path, str]:
     """The folder that the first parts of a pattern name as they stand, as ``images [1]`` does, and the rest as a
     pattern; the last part, too, where it is the name of a file."""
-    left = list(parts)
-    while len(left) > 1 and os.path.isdir(base / left[0]):
-        base /= left.pop(0)
-    if len(left) == 1 and os.path.isfile(base / left[0]):
-        left = [glob.escape(left[0])]
-    return base, "/".join(left)
+    remaining = list(parts)
+    while len(remaining) > 1 and os.path.isdir(base / remaining[0]):
+        base /= remaining.pop(0)
+    if len(remaining) == 1 and os.path.isfile(base / remaining[0]):
+        remaining = [glob.escape(remaining[0])]
+    return base, "/".join(remaining)
 
 
 def _matches(folder: Path, pattern: str, *, file, key) -> list[Path]:
@@ -159,8 +160,8 @@ def _matches(folder: Path, pattern: str, *, file, key) -> list[Path]:
     try:
         if not parts:
             return []
-        start, rest = existing_start(folder, parts)
-        return _visible(start, rest)
+        start, tail = existing_start(folder, parts)
+        return _visible(start, tail)
     except (ValueError, NotImplementedError) as problem:  # Python's glob does not know the pattern
         raise InputError("not a usable pattern", file=file, key=key, expected='a pattern such as "images/*.tif"',
                          found=f"{pattern!r}: {problem}",

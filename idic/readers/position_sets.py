@@ -11,7 +11,7 @@ POSITIONS = Grammar({"abs": np.abs, "sqrt": np.sqrt}, compares=True, max_length=
 _EXAMPLE = 'comparisons of x, y, z joined by and, or, not, e.g. "y < -9.9" or "abs(x) < 1e-6 and y > 0"'
 
 
-def where(expression: str, points: np.ndarray, *, file=None, key=None) -> np.ndarray:
+def points_where(expression: str, points: np.ndarray, *, file=None, key=None) -> np.ndarray:
     """True for the points that satisfy the expression.
 
     Parameters

@@ -55,13 +55,13 @@ def to_mesh(raw: RawMesh, n_dim: int, factor: float) -> tuple[Mesh, list[str]]:
     """
     _check_content(raw, n_dim)
     notes: list[str] = []
-    start, new_index, kept = 0, {}, defaultdict(list)
+    start, new_index, parts_by_kind = 0, {}, defaultdict(list)
     for kind, connectivity, labels in raw.cells:
         if DIMENSION[kind] == n_dim:
-            kept[kind].append((start, connectivity, labels))
+            parts_by_kind[kind].append((start, connectivity, labels))
         start += len(connectivity)
     cells, element_labels, n = [], [], 0
-    for kind, parts in kept.items():
+    for kind, parts in parts_by_kind.items():
         cells.append((kind, np.concatenate([c for _, c, _ in parts])))
         for first, connectivity, labels in parts:
             new_index.update(zip(range(first, first + len(connectivity)), range(n, n + len(connectivity)), strict=True))
@@ -114,13 +114,14 @@ def _check_doubles(file: Path, cells: list[tuple[str, np.ndarray]], labels: np.n
     """InputError if two elements share all nodes; they would double the stiffness there without notice."""
     first = 0
     for _, connectivity in cells:
-        _, where, which, count = np.unique(np.sort(connectivity, axis=1), axis=0, return_index=True,
-                                           return_inverse=True, return_counts=True)
-        second = np.flatnonzero((count > 1)[which.ravel()] & (np.arange(len(connectivity)) != where[which.ravel()]))
+        _, first_places, number, count = np.unique(np.sort(connectivity, axis=1), axis=0, return_index=True,
+                                                   return_inverse=True, return_counts=True)
+        number = number.ravel()
+        second = np.flatnonzero((count > 1)[number] & (np.arange(len(connectivity)) != first_places[number]))
         if len(second):
             k = int(second[0])
             raise InputError("two elements on the same nodes", file=file, key="mesh", expected="every element once",
-                             found=f"elements {labels[first + where[which.ravel()[k]]]} and {labels[first + k]}"
+                             found=f"elements {labels[first + first_places[number[k]]]} and {labels[first + k]}"
                              + (f", and {len(second) - 1} more pairs" if len(second) > 1 else ""),
                              remedy="delete one of them in the mesh generator")
         first += len(connectivity)
@@ -179,8 +180,8 @@ def _lower_sets(raw: RawMesh, n_dim: int):
         start += len(connectivity)
     for name, ids in raw.element_sets.items():
         points: list[int] = []
-        for first, last, kind, connectivity in table:
-            inside = connectivity[ids[(ids >= first) & (ids < last)] - first]
+        for first, end, kind, connectivity in table:
+            inside = connectivity[ids[(ids >= first) & (ids < end)] - first]
             if len(inside) == 0 or DIMENSION[kind] >= n_dim:
                 continue
             points.extend(inside.ravel())
@@ -202,16 +203,17 @@ def _faces(mesh: Mesh, face_sets: dict[str, list[tuple[int, ...]]]) -> dict[str,
     """The faces with these corner nodes as [element, local face]."""
     if not face_sets:
         return {}
-    known = {}
+    faces_by_nodes = {}
     for block in mesh.blocks:
         cell = cell_type(block.cell)
         corners = n_face_corners(block.cell)
         for k, local in enumerate(cell.faces):
             for e, nodes in enumerate(np.sort(block.connectivity[:, list(local[:corners])], axis=1)):
-                known.setdefault(tuple(int(n) for n in nodes), (block.first + e, k))
-    made = {}
+                faces_by_nodes.setdefault(tuple(int(n) for n in nodes), (block.first + e, k))
+    edge_sets = {}
     for name, faces in face_sets.items():
-        found = [known[key] for face in faces if (key := tuple(sorted(int(n) for n in face))) in known]
-        if found:
-            made[name] = np.array(sorted(set(found)), dtype=np.int64)
-    return made
+        set_faces = [faces_by_nodes[key] for face in faces
+                     if (key := tuple(sorted(int(n) for n in face))) in faces_by_nodes]
+        if set_faces:
+            edge_sets[name] = np.array(sorted(set(set_faces)), dtype=np.int64)
+    return edge_sets

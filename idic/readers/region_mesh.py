@@ -123,8 +123,9 @@ def _follow_holes(mesh: Mesh, holes, roi, size: float) -> np.ndarray:
     for cx, cy, radius in holes:
         offset = nodes[candidates] - (cx, cy)
         distance = np.hypot(*offset.T)
-        near = (np.abs(distance - radius) < 1.5 * size) & (distance > 0)  # distance of the corners of removed elements
-        moved[candidates[near]] = (cx, cy) + offset[near] * (radius / distance[near])[:, None]
+        near_rim = (np.abs(distance - radius) < 1.5 * size) & (distance
+                                                               > 0)  # distance of the corners of removed elements
+        moved[candidates[near_rim]] = (cx, cy) + offset[near_rim] * (radius / distance[near_rim])[:, None]
     for _ in range(10):
         back = [b.connectivity[_smallest_jacobian(moved, b)
                                < _MIN_ELEMENT_SIZE_KEPT * _smallest_jacobian(nodes, b)].ravel() for b in mesh.blocks]

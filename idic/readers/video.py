@@ -119,9 +119,9 @@ def _bits(pixel_format: int) -> int:
     """Bits of a grey value by FFmpeg's four characters: Y, planes, layout, bits (or in reverse); 8 where they are
     others."""
     code = (pixel_format & 0xFFFFFFFF).to_bytes(4, "little")
-    for one in (code, code[::-1]):
-        if one[:1] == b"Y" and one[3] in DEEP_BITS:
-            return one[3]
+    for letters in (code, code[::-1]):
+        if letters[:1] == b"Y" and letters[3] in DEEP_BITS:
+            return letters[3]
     return 8
 
 
@@ -142,8 +142,8 @@ def _open(path: Path) -> cv2.VideoCapture:
     return capture
 
 
-def _unreadable(path: Path, found: str) -> InputError:
-    return InputError("the video cannot be read", file=path, key="images", expected=_EXPECTED, found=found,
+def _unreadable(path: Path, finding: str) -> InputError:
+    return InputError("the video cannot be read", file=path, key="images", expected=_EXPECTED, found=finding,
                       remedy=f"export the frames without loss, e.g.  ffmpeg -i {path.name} images/frame_%05d.png")
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from side_twins import GRIP, LENGTH, RADIUS, THICKNESS, TRUTH, WIDTH, Side, write_folder
 
 from idic.diagnose import element_centres
-from idic.fe import Wanted, gathered, inp_text
+from idic.fe import ExpectedOutput, gathered, inp_text
 from idic.virtual_tests import strip_with_hole, write_inp
 
 FINE = (28, 24, 22)  # elements around an eighth of the hole, from it to the square around, beside that
@@ -76,7 +76,7 @@ def simulated(folder: Path, layers: Layers):
             grip=GRIP.max()))
     done = subprocess.run(["ccx", "-i", "strip"], cwd=folder, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stdout[-2000:]
-    wanted = Wanted(mesh.node_labels, 2, np.array([1.0]), ("RIGHT.x",), mesh.node_sets, float(LENGTH))
+    wanted = ExpectedOutput(mesh.node_labels, 2, np.array([1.0]), ("RIGHT.x",), mesh.node_sets, float(LENGTH))
     found = gathered("calculix_dat", folder, "strip", wanted)
     course = GRIP / GRIP.max()
     return mesh, course[:, None, None] * found.u[-1], THIN * course * found.forces["RIGHT.x"][-1]

@@ -14,7 +14,7 @@ from material_twins import RUBBER
 from side_twins import LENGTH, RADIUS, THICKNESS, TIMES, WIDTH, Side, write_folder
 
 import side_twins
-from idic.fe import Wanted, gathered, inp_text
+from idic.fe import ExpectedOutput, gathered, inp_text
 from idic.virtual_tests import strip_with_hole, write_inp
 
 FINE, USER = (8, 8, 6), (4, 5, 4)
@@ -61,7 +61,7 @@ def simulated(folder: Path):
             grip="\n".join(f"{t:g}, {x:.9g}" for t, x in zip(TIMES, GRIP, strict=True))))
     done = subprocess.run(["ccx", "-i", "strip"], cwd=folder, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stdout[-2000:]
-    wanted = Wanted(mesh.node_labels, 2, np.arange(1.0, len(GRIP)), ("RIGHT.x",), mesh.node_sets, float(LENGTH))
+    wanted = ExpectedOutput(mesh.node_labels, 2, np.arange(1.0, len(GRIP)), ("RIGHT.x",), mesh.node_sets, float(LENGTH))
     found = gathered("calculix_dat", folder, "strip", wanted)
     return mesh, found.u, THIN * found.forces["RIGHT.x"]
 

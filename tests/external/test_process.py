@@ -52,7 +52,7 @@ def test_a_program_runs_in_its_folder_without_input_and_its_output_is_kept(tmp_p
     code = ("import os, sys; print(os.getcwd(), os.environ['OWN'], repr(sys.stdin.read()), flush=True); "
             "print('err', file=sys.stderr)")
     ending = run_program((*PYTHON, code), tmp_path, {"OWN": "x"}, 60.0)
-    assert (ending.how, ending.code) == ("ended", 0)
+    assert (ending.outcome, ending.code) == ("ended", 0)
     assert (tmp_path / "log.txt").read_text() == f"{tmp_path} x ''\nerr\n"
 
 
@@ -67,7 +67,7 @@ def test_a_relative_folder_will_do(tmp_path, monkeypatch):
                                                ("import os; os.kill(os.getpid(), 9)", "ended", -9)])
 def test_how_a_program_ends_is_told(tmp_path, code, how, number):
     ending = run_program((*PYTHON, code), tmp_path, {}, 60.0)
-    assert (ending.how, ending.code) == (how, number) and ending.in_words("x", 60.0)
+    assert (ending.outcome, ending.code) == (how, number) and ending.in_words("x", 60.0)
 
 
 def test_no_shell_looks_at_the_arguments(tmp_path):
@@ -80,7 +80,7 @@ def test_no_shell_looks_at_the_arguments(tmp_path):
 def test_when_the_time_is_up_the_whole_group_is_killed_even_if_it_does_not_listen(tmp_path, monkeypatch):
     mark, began = f"mark-{tmp_path}", time.monotonic()
     ending = run_program(family(mark), tmp_path, {}, 10.0)
-    assert ending.how == "timeout" and gone(mark)
+    assert ending.outcome == "timeout" and gone(mark)
     assert time.monotonic() - began < 60.0  # and not 600: loaded machines included
     assert "born" in (tmp_path / "log.txt").read_text()
 
@@ -153,4 +153,4 @@ def test_the_guard_needs_nothing_but_the_standard_library():
     done = subprocess.run([sys.executable, "-I", "-S", str(guard), json.dumps(
         {"command": ["/no/such"], "log": os.devnull, "log_limit": 10, "timeout_s": 1.0})],
         stdin=subprocess.PIPE, capture_output=True, text=True, check=True)
-    assert json.loads(done.stdout)["how"] == "not started"
+    assert json.loads(done.stdout)["outcome"] == "not started"

@@ -8,10 +8,10 @@ from strip import write_strip
 
 import idic
 from idic.errors import NotConverged
-from idic.fe import Wanted, gathered
+from idic.fe import ExpectedOutput, gathered
 
 U = {1: (0.0, 0.0), 2: (0.1, 0.0), 7: (0.1, -0.02)}  # node -> motion in the last frame, mm
-WANTED = Wanted(np.array([1, 2, 7]), 2, np.array([1.0, 2.0]), ("RIGHT.x",), {"RIGHT": np.array([1, 2])}, 6.0,
+WANTED = ExpectedOutput(np.array([1, 2, 7]), 2, np.array([1.0, 2.0]), ("RIGHT.x",), {"RIGHT": np.array([1, 2])}, 6.0,
                 {"boundary.RIGHT.x": (np.array([2, 4]), np.array([0.0, 0.05, 0.1]))})
 
 

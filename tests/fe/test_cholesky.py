@@ -74,7 +74,7 @@ def test_a_kept_factor_gives_the_solution_of_another_matrix_or_is_replaced(order
     other = pattern.matrix(matrix.data * scale[pattern.indices] * scale[columns])
     made, rhs = [], np.random.default_rng(2).random((pattern.n, 3))
     monkeypatch.setattr(linear, "factorise", lambda *a, **k: made.append(1) or original(*a, **k))
-    kept = linear.Factor(pattern, factor.lu, None, other, kept=True)
+    kept = linear.Factor(pattern, factor.lu, None, other, of_earlier_tangent=True)
     assert np.abs(other @ kept.solve(rhs) - rhs).max() < 1e-10 and bool(made) is again
     assert np.abs(other.T @ kept.solve_transposed(rhs) - rhs).max() < 1e-10
 
@@ -111,7 +111,7 @@ def test_kept_factors_of_superlu_serve_a_near_tangent_and_its_transpose():
     pattern, values, matrix = nearly_symmetric(brick(4, 3, 3))
     near = csc_array((values * (1.0 + 1e-3 * np.cos(np.arange(values.size))), matrix.indices, matrix.indptr),
                      shape=matrix.shape)
-    factor = linear.Factor(pattern, splu(matrix), matrix=near, kept=True)
+    factor = linear.Factor(pattern, splu(matrix), matrix=near, of_earlier_tangent=True)
     rhs = np.random.default_rng(2).random((pattern.n, 3))
     np.testing.assert_allclose(near @ factor.solve(rhs), rhs, rtol=0, atol=1e-11)
     np.testing.assert_allclose(near.T @ factor.solve_transposed(rhs), rhs, rtol=0, atol=1e-11)

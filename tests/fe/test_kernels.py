@@ -61,7 +61,7 @@ def test_the_stiffness_is_the_derivative_of_the_residual(cell, kind, law, kinema
     if kind == "plane_stress" and locking != "none":
         pytest.skip("plane stress does not lock")
     system, u = moved_body(cell, kind, law, kinematics, locking=locking)
-    params, states = {"BODY": PARAMETERS[law]}, system.rest()
+    params, states = {"BODY": PARAMETERS[law]}, system.rest_states()
     drives = Drives(1.0, np.zeros(0), np.zeros(0), np.array([2.0]))
 
     def residual(x, stiffness=False):
@@ -103,7 +103,7 @@ def test_band_and_sparse_factorisations_solve_the_same_system(cell, n):
                  held(mesh, [(where(mesh, lambda x, *_: x < 1e-9), i, 0.0) for i in range(mesh.n_dim)]))
     system = discretise(model)
     drives = Drives(1.0, np.zeros(0), np.zeros(0), np.zeros(0))
-    ev = evaluate_system(system, {"BODY": PARAMETERS["elastic"]}, np.zeros_like(mesh.nodes), system.rest(), 1.0,
+    ev = evaluate_system(system, {"BODY": PARAMETERS["elastic"]}, np.zeros_like(mesh.nodes), system.rest_states(), 1.0,
                            drives)
     dofs = [g.dofs for g in system.groups]
     solutions, rhs = [], np.random.default_rng(0).random((system.pattern.n, 3))

@@ -75,7 +75,7 @@ def test_a_system_like_another_is_the_one_made_from_nothing(before, after):
     u = solved(plate(before), FLOW if before == "j2_linear" else ELASTIC)[0][-1]
     params = {"BODY": compile_law(after).spec.defaults()}
     drives = drives_at(model, TIMES, TIMES[-1])
-    one, other = (evaluate_system(system, params, u, system.rest(), 1.0, drives) for system in (ours, theirs))
+    one, other = (evaluate_system(system, params, u, system.rest_states(), 1.0, drives) for system in (ours, theirs))
     assert not one.trouble
     np.testing.assert_array_equal(one.internal, other.internal)
     for a, b in zip(ours.groups, theirs.groups, strict=True):

@@ -37,7 +37,7 @@ def test_the_force_of_a_stress_error_is_its_work_on_the_strain_of_the_body(pulle
     """Betti's theorem for the linear body: dF times the grip's motion = integral of dP : grad u."""
     model, params, times, u, weights, answer = pulled
     system = discretise(model)
-    at = evaluate_system(system, params, u, system.rest(), 1.0, drives_at(model, times, 1.0))
+    at = evaluate_system(system, params, u, system.rest_states(), 1.0, drives_at(model, times, 1.0))
     group, stress = system.groups[0], at.groups[0].P
     gradient = at.groups[0].F - np.eye(2)
     sized = np.linalg.norm(stress, axis=(1, 2)) * group.weights

@@ -13,7 +13,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "external"))
 from test_material_cards import pulled_by_calculix  # noqa: E402
 
-from idic.fe import Mesh, Wanted, boundary_faces, gathered, inp_text  # noqa: E402
+from idic.fe import Mesh, ExpectedOutput, boundary_faces, gathered, inp_text  # noqa: E402
 from idic.laws import compile, point  # noqa: E402
 
 DECK = """*MATERIAL, NAME=M
@@ -55,7 +55,7 @@ def pulled(folder: Path, mesh: Mesh, values: dict[str, float], grip: np.ndarray,
         step=1.0 / increments))
     done = subprocess.run(["ccx", "-i", "body"], cwd=folder, capture_output=True, text=True, timeout=1800, check=False)
     assert done.returncode == 0, done.stdout[-2000:]
-    wanted = Wanted(mesh.node_labels, 3, np.arange(1.0, len(grip)), ("RIGHT.x",), mesh.node_sets,
+    wanted = ExpectedOutput(mesh.node_labels, 3, np.arange(1.0, len(grip)), ("RIGHT.x",), mesh.node_sets,
                     float(np.ptp(mesh.nodes)))
     found = gathered("calculix_dat", folder, "body", wanted)
     return found.u, found.forces["RIGHT.x"]

@@ -76,7 +76,7 @@ def tangents(found: Identification, residual: ResidualEvidence, only: int | None
     start = found.experiment.reference
     times = found.experiment.times[start:]
     system = discretise(model)
-    states, before, factor, matrices, solved = system.rest(), 0, None, (), residual.solved_u
+    states, before, factor, matrices, solved = system.rest_states(), 0, None, (), residual.solved_u
     history = any(state.size for state in states)
     for index, number in enumerate(residual.evidence.frames if only is None else residual.evidence.frames[:only + 1]):
         if only is not None and index < only and not history:

@@ -11,7 +11,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.experiment_file.schema.boundary import SetTable
 from idic.fe import Mesh, boundary_edges, boundary_faces, face_set_nodes
-from idic.readers import where
+from idic.readers import points_where
 
 
 def with_sets(mesh: Mesh, tables: Mapping[str, SetTable], factor: float, file) -> Mesh:
@@ -45,7 +45,7 @@ def with_sets(mesh: Mesh, tables: Mapping[str, SetTable], factor: float, file) -
 
 def _by_position(mesh: Mesh, name: str, expression: str, factor: float, file, key) -> Mesh:
     points = mesh.nodes / factor
-    inside = where(expression, points, file=file, key=f"{key}.where")
+    inside = points_where(expression, points, file=file, key=f"{key}.where")
     if not inside.any():
         extent = ", ".join(f"{axis} from {low:g} to {high:g}" for axis, low,
                            high in zip("xyz", points.min(axis=0), points.max(axis=0), strict=False))
@@ -55,7 +55,7 @@ def _by_position(mesh: Mesh, name: str, expression: str, factor: float, file, ke
     faces = boundary_faces(mesh)
     faces = np.array([face for face in faces if inside[mesh.face_nodes(face)].all()], dtype=np.int64).reshape(-1, 2)
     centres = np.concatenate([points[block.connectivity].mean(axis=1) for block in mesh.blocks])
-    elements = np.flatnonzero(where(expression, centres, file=file, key=key))
+    elements = np.flatnonzero(points_where(expression, centres, file=file, key=key))
     return _added(mesh, name, np.flatnonzero(inside), faces, elements)
 
 

@@ -79,7 +79,7 @@ class System:
     def n_dim(self) -> int:
         return self.model.mesh.n_dim
 
-    def rest(self) -> tuple[np.ndarray, ...]:
+    def rest_states(self) -> tuple[np.ndarray, ...]:
         """The state of the points of each group at rest  # per group (n_points, n_state)"""
         mode = self.model.mode
         return tuple(np.tile(g.law.initial_state(mode), (g.n_points, 1)) for g in self.groups)
@@ -215,9 +215,9 @@ def evaluate_system(system: System, params: Mapping[str, np.ndarray], u: np.ndar
                 dict(zip(group.law.spec.parameter_names, values, strict=True)), group.size)
         if not trouble:
             guess = np.ascontiguousarray(guesses[k][:, -1]) if guesses is not None and model.mode == 2 else None
-            own = values_at(group, values, g)
-            args = (group.law, model.mode, g.Fbar, g.expansion, states[k], own, dt)
-            linear = _linear(group, g, own)
+            point_params = values_at(group, values, g)
+            args = (group.law, model.mode, g.Fbar, g.expansion, states[k], point_params, dt)
+            linear = _linear(group, g, point_params)
             if linear is not None:
                 ok, (g.P, g.state) = True, linear.stress(g.F)
                 if stiffness:
@@ -275,8 +275,8 @@ def _deform(group: Group, u: np.ndarray) -> tuple[GroupEvaluation, str]:
 
 
 def _expand(system: System, group: Group, temperature: np.ndarray, g: GroupEvaluation) -> str:
-    free = system.model.sections[group.section].expansion * temperature
-    g.expansion = points_of(system, group, free)
+    nodal_expansion = system.model.sections[group.section].expansion * temperature
+    g.expansion = points_of(system, group, nodal_expansion)
     if not group.law.small and not g.expansion.min() > -1.0:
         return f"thermal expansion of {g.expansion.min():.3g} gives a stretch of zero or less: check alpha, its unit"
     return ""
@@ -299,8 +299,8 @@ def values_at(group: Group, params: np.ndarray, g: GroupEvaluation) -> np.ndarra
     ([n_points,] n_params)
     """
     spec = group.law.spec
-    found = params if g.temperature is None else spec.temperature.values(params, g.temperature)
-    return found if group.size is None else spec.crack_band.values(band_place(group), found, group.size)
+    values = params if g.temperature is None else spec.temperature.values(params, g.temperature)
+    return values if group.size is None else spec.crack_band.values(band_place(group), values, group.size)
 
 
 def _linear(group: Group, g: GroupEvaluation, params: np.ndarray) -> LinearResponse | None:
@@ -369,11 +369,11 @@ def element_matrices(group: Group, g: GroupEvaluation) -> None:
 
         _in_parts(group, part)
     elif group.mean_dilatation:
-        left, right, s = np.empty(group.dofs.shape), np.empty(group.dofs.shape), np.empty(len(group.elements))
-        locking.tangent_small(group.grads, group.weights, g.A, left, right, s)
+        g1, g2, s = np.empty(group.dofs.shape), np.empty(group.dofs.shape), np.empty(len(group.elements))
+        locking.tangent_small(group.grads, group.weights, g.A, g1, g2, s)
         stiffness(group.grads, group.weights, g.A, Ke)
-        locking.add_rank_one(left + s[:, None] * group.mean_b, group.mean_b, Ke)
-        locking.add_rank_one(group.mean_b, right, Ke)
+        locking.add_rank_one(g1 + s[:, None] * group.mean_b, group.mean_b, Ke)
+        locking.add_rank_one(group.mean_b, g2, Ke)
     else:
         _in_parts(group, lambda e, p: stiffness(group.grads[p], group.weights[p], g.A[p], Ke[e]))
     g.Ke = Ke

@@ -31,23 +31,23 @@ def stress(law: CompiledLaw, mode: int, F, e, state, params, dt: float, *, guess
     """As `points.stress`; F (n, d, d), e (n,), guess (n,) the body's F33  # P, state_new, ok"""
     if e is None:
         return point_stresses(law, mode, F, state, params, dt, guess=guess)
-    law_mode, Fm, guess = _seen(law, mode, F, e, state, guess)
+    law_mode, Fm, guess = _mechanical_input(law, mode, F, e, state, guess)
     P, state_new, ok = point_stresses(law, law_mode, Fm, state, params, dt, guess=guess)
-    return *_given_back(law, mode, P, state_new, e, F.shape[1]), ok
+    return *_total_output(law, mode, P, state_new, e, F.shape[1]), ok
 
 
 def tangent(law: CompiledLaw, mode: int, F, e, state, params, dt: float, *, guess=None):
     """As `points.tangent`  # P, state_new, A (n, d*d, d*d), ok"""
     if e is None:
         return in_parts.tangent(law, mode, F, state, params, dt, guess)
-    law_mode, Fm, guess = _seen(law, mode, F, e, state, guess)
+    law_mode, Fm, guess = _mechanical_input(law, mode, F, e, state, guess)
     P, state_new, A, ok = point_tangents(law, law_mode, Fm, state, params, dt, guess=guess)
     n, d = F.shape[:2]
     if mode == 1:
         A = A.reshape(n, 3, 3, 3, 3)[:, :2, :2, :2, :2].reshape(n, 4, 4)
     if not law.small:
         A = A * (1.0 + e)[:, None, None]
-    return *_given_back(law, mode, P, state_new, e, d), np.ascontiguousarray(A), ok
+    return *_total_output(law, mode, P, state_new, e, d), np.ascontiguousarray(A), ok
 
 
 def directional(law: CompiledLaw, mode: int, F, e, P, state, params, dt: float, dF, dstate, dparams, de, *, guess=None):
@@ -69,7 +69,7 @@ def directional(law: CompiledLaw, mode: int, F, e, P, state, params, dt: float, 
         return in_parts.directional(law, mode, F, state, params, dt, dF, dstate, dparams, guess)
     n, nd, d = dF.shape[:3]
     s = np.ones(n) if law.small else 1.0 + e
-    law_mode, Fm, law_guess = _seen(law, mode, F, e, state, guess)
+    law_mode, Fm, law_guess = _mechanical_input(law, mode, F, e, state, guess)
     dFm = np.zeros((n, nd, *Fm.shape[1:]))
     dFm[:, :, :d, :d] = dF / s[:, None, None, None]
     if de is not None:
@@ -88,7 +88,7 @@ def directional(law: CompiledLaw, mode: int, F, e, P, state, params, dt: float, 
     return dP, dstate_new, ok
 
 
-def _seen(law: CompiledLaw, mode: int, F, e, state, guess):
+def _mechanical_input(law: CompiledLaw, mode: int, F, e, state, guess):
     """The mode in which the law is asked, its F_m, and (plane stress) the start of its own F33."""
     if mode == 2:
         guess = state[:, -1] if guess is None else guess
@@ -100,7 +100,7 @@ def _seen(law: CompiledLaw, mode: int, F, e, state, guess):
     return 0 if mode == 1 else mode, Fm, guess
 
 
-def _given_back(law: CompiledLaw, mode: int, P, state, e, d: int):
+def _total_output(law: CompiledLaw, mode: int, P, state, e, d: int):
     """The body's stress and state out of the law's."""
     P = np.ascontiguousarray(P[:, :d, :d])
     if not law.small:

@@ -15,11 +15,11 @@ MIN_POINTS = 20_000  # of a group that is worth threads
 
 def in_parts(n_elements: int, n_points: int, work: Callable[[slice, slice], object]) -> list:
     """What ``work(elements, points)`` returns for parts of the elements and their points, in order."""
-    pool, each = pool_of_threads(), n_points // max(1, n_elements)
+    pool, points_per_element = pool_of_threads(), n_points // max(1, n_elements)
     if pool is None or n_points < MIN_POINTS:
         return [work(slice(0, n_elements), slice(0, n_points))]
     ends = np.linspace(0, n_elements, 2 * pool._max_workers + 1).astype(int).tolist()
-    spans = [(slice(a, b), slice(a * each, b * each)) for a, b in pairwise(ends)]
+    spans = [(slice(a, b), slice(a * points_per_element, b * points_per_element)) for a, b in pairwise(ends)]
     return list(pool.map(lambda span: work(*span), spans))
 
 

@@ -60,13 +60,13 @@ class KeptResponse:
 
     def of(self, params: np.ndarray) -> LinearResponse | None:
         """The response; None where the law has no answer for these parameters  # params (n_params,)"""
-        last = self._last  # one look: threads share it
-        if last is None or not np.array_equal(last[0], params):
-            found = self._computed(params)
-            if found is None:
+        latest = self._last  # one look: threads share it
+        if latest is None or not np.array_equal(latest[0], params):
+            response = self._computed(params)
+            if response is None:
                 return None
-            last = self._last = params.copy(), found
-        return last[1]
+            latest = self._last = params.copy(), response
+        return latest[1]
 
     def changes(self, params: np.ndarray, dparams: np.ndarray, F: np.ndarray) -> np.ndarray:
         """Change of the stress at F along changes of the parameters  # dparams (nd, n_params) -> (n, nd, d, d) MPa"""

@@ -180,46 +180,46 @@ def tangent_small(grads, weights, A, g1, g2, s):
     n_points, nn, d = grads.shape
     n_el = g1.shape[0]
     nq = n_points // n_el
-    left, right = np.empty(d * d), np.empty(d * d)
+    left_trace, right_trace = np.empty(d * d), np.empty(d * d)
     g1[:] = 0.0
     g2[:] = 0.0
     s[:] = 0.0
     for p in range(n_points):
         e = p // nq
-        both = 0.0
+        double_trace = 0.0
         for ij in range(d * d):
-            left[ij], right[ij] = 0.0, 0.0
+            left_trace[ij], right_trace[ij] = 0.0, 0.0
             for k in range(d):
-                left[ij] += A[p, ij, k * d + k] / d  # A : I / m
-                right[ij] += A[p, k * d + k, ij] / d  # I : A / m
+                left_trace[ij] += A[p, ij, k * d + k] / d  # A : I / m
+                right_trace[ij] += A[p, k * d + k, ij] / d  # I : A / m
         for k in range(d):
-            both += left[k * d + k] / d
+            double_trace += left_trace[k * d + k] / d
         for ij in range(d * d):
             for kl in range(d * d):
                 if ij % (d + 1) == 0:
-                    A[p, ij, kl] -= right[kl]
+                    A[p, ij, kl] -= right_trace[kl]
                 if kl % (d + 1) == 0:
-                    A[p, ij, kl] -= left[ij]
+                    A[p, ij, kl] -= left_trace[ij]
                 if ij % (d + 1) == 0 and kl % (d + 1) == 0:
-                    A[p, ij, kl] += both
-        s[e] += weights[p] * both
+                    A[p, ij, kl] += double_trace
+        s[e] += weights[p] * double_trace
         for k in range(d):
-            left[k * d + k] -= both
-            right[k * d + k] -= both
+            left_trace[k * d + k] -= double_trace
+            right_trace[k * d + k] -= double_trace
         for a in range(nn):
             for i in range(d):
                 first, second = 0.0, 0.0
                 for j in range(d):
-                    first += left[i * d + j] * grads[p, a, j]
-                    second += right[i * d + j] * grads[p, a, j]
+                    first += left_trace[i * d + j] * grads[p, a, j]
+                    second += right_trace[i * d + j] * grads[p, a, j]
                 g1[e, a * d + i] += weights[p] * first
                 g2[e, a * d + i] += weights[p] * second
 
 
 @kernel
-def add_rank_one(left, right, Ke):
-    """Ke[e] += left[e] (x) right[e]."""
+def add_rank_one(column, row, Ke):
+    """Ke[e] += column[e] (x) row[e]."""
     for e in range(Ke.shape[0]):
         for i in range(Ke.shape[1]):
             for j in range(Ke.shape[2]):
-                Ke[e, i, j] += left[e, i] * right[e, j]
+                Ke[e, i, j] += column[e, i] * row[e, j]

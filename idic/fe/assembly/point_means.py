@@ -29,10 +29,10 @@ def add_carried_values(mesh: Mesh, cell: str, elements, values, quadrature, tota
     connectivity, xi, volume = _points(mesh, cell, elements, quadrature)
     corner = _CORNER_CELL[cell]
     carry = shape_functions(corner, cell_type(cell).reference_nodes) @ np.linalg.pinv(shape_functions(corner, xi))
-    whole = volume.sum(axis=1)
+    element_volume = volume.sum(axis=1)
     at_nodes = np.einsum("aq,eq...->ea...", carry, values.reshape(*volume.shape, *values.shape[1:]))
-    np.add.at(weight, connectivity, whole[:, None])
-    np.add.at(total, connectivity, at_nodes * whole.reshape(-1, *[1] * (at_nodes.ndim - 1)))
+    np.add.at(weight, connectivity, element_volume[:, None])
+    np.add.at(total, connectivity, at_nodes * element_volume.reshape(-1, *[1] * (at_nodes.ndim - 1)))
 
 
 def _points(mesh: Mesh, cell: str, elements, quadrature) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

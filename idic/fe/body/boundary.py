@@ -105,7 +105,7 @@ class PressureFaces:
 
 def pressure_faces(model: Model) -> tuple[PressureFaces, ...]:
     """The model's follower pressures, grouped by kind of face."""
-    mesh, found = model.mesh, []
+    mesh, groups = model.mesh, []
     for load, faces in enumerate(model.loads.pressure_faces):
         faces = np.asarray(faces).reshape(-1, 2)
         if len(faces) == 0:
@@ -115,9 +115,9 @@ def pressure_faces(model: Model) -> tuple[PressureFaces, ...]:
             nodes = np.array([mesh.face_nodes(f) for f in faces[kinds == kind]])
             dofs = (nodes[:, :, None] * mesh.n_dim + np.arange(mesh.n_dim)).reshape(len(nodes), -1)
             points, weights = quadrature_rule(str(kind))
-            found.append(PressureFaces(load, nodes, dofs, shape_functions(str(kind), points),
-                                       shape_gradients(str(kind), points), weights, _depth(mesh, model.thickness)))
-    return tuple(found)
+            groups.append(PressureFaces(load, nodes, dofs, shape_functions(str(kind), points),
+                                        shape_gradients(str(kind), points), weights, _depth(mesh, model.thickness)))
+    return tuple(groups)
 
 
 def pressure_force(faces: PressureFaces, x: np.ndarray) -> np.ndarray:
@@ -178,8 +178,8 @@ def at_time(table: np.ndarray | None, times: np.ndarray, t: float) -> np.ndarray
     if t == times[k]:
         return np.array(table[k], dtype=float)
     s = (t - times[k - 1]) / (times[k] - times[k - 1])
-    before = table[k - 1] if k > 1 else 0.0
-    return (1 - s) * before + s * table[k]
+    start_value = table[k - 1] if k > 1 else 0.0
+    return (1 - s) * start_value + s * table[k]
 
 
 def drives_at(model: Model, times: np.ndarray, t: float) -> Drives:

@@ -217,10 +217,10 @@ def _check_sections(model: Model) -> None:
     count = np.zeros(model.mesh.n_elements, dtype=int)
     for section in model.sections:
         np.add.at(count, section.elements, 1)
-    for bad, what in ((count == 0, "have no material"), (count > 1, "have more than one material")):
+    for bad, fault in ((count == 0, "have no material"), (count > 1, "have more than one material")):
         if bad.any():
             labels = list(map(str, model.mesh.element_labels[bad]))
-            raise InputError(f"{bad.sum()} element(s) {what}", expected="each element in exactly one section",
+            raise InputError(f"{bad.sum()} element(s) {fault}", expected="each element in exactly one section",
                              found="elements " + ", ".join(labels[:10]) + (" ..." if len(labels) > 10 else ""),
                              remedy="check the element sets named in [material.SET]")
 
@@ -251,14 +251,14 @@ def _check_constraints(model: Model, n_frames: int) -> None:
 def _check_loads(model: Model, n_frames: int) -> None:
     loads = model.loads
     n_dead = 0 if loads.dead is None else loads.dead.shape[1]
-    for what, n, histories in (("dead load", n_dead, loads.dead_histories),
+    for kind, n, histories in (("dead load", n_dead, loads.dead_histories),
                                ("pressure", len(loads.pressure_faces), loads.pressure_histories)):
-        found = (n_frames, 0) if histories is None else histories.shape
-        if found != (n_frames, n):
-            raise InputError(f"{what} histories of inconsistent size", expected=str((n_frames, n)), found=str(found),
+        shape = (n_frames, 0) if histories is None else histories.shape
+        if shape != (n_frames, n):
+            raise InputError(f"{kind} histories of inconsistent size", expected=str((n_frames, n)), found=str(shape),
                              remedy="give one row per frame and one column per load")
         if histories is not None and not np.isfinite(histories).all():
-            raise InputError(f"a {what} is not a number", remedy="check the log")
+            raise InputError(f"a {kind} is not a number", remedy="check the log")
 
 
 def _check_control(model: Model, n_frames: int) -> None:
@@ -307,10 +307,12 @@ def _check_rigid_motion(model: Model) -> None:
     names += ["rotation"] if mesh.n_dim == 2 else [f"rotation about {axis}" for axis in "xyz"]
     for part in free_parts(mesh, np.asarray(model.constraints.dofs)):
         weights = np.abs(part.motions).max(axis=1)
-        free = [name for name, weight in zip(names, weights, strict=True) if weight > MIN_NAMED * weights.max()]
-        found = f"{', '.join(free)} of the piece with node {mesh.node_labels[part.nodes[0]]} ({len(part.nodes)} nodes)"
+        motions = [name for name, weight in zip(names, weights, strict=True) if weight > MIN_NAMED * weights.max()]
+        piece = f"the piece with node {mesh.node_labels[part.nodes[0]]} ({len(part.nodes)} nodes)"
+        description = f"{', '.join(motions)} of {piece}"
         raise InputError("rigid motion not prevented: the stiffness matrix is singular",
                          expected="prescribed displacements that hold every piece of the body",
-                         found=f"{found} is free" + (", which hangs on the rest by single nodes" if part.hangs else ""),
+                         found=f"{description} is free" + (", which hangs on the rest by single nodes"
+                                                           if part.hangs else ""),
                          remedy="prescribe further components in [[boundary]]"
                          + (", or join the pieces by whole faces of elements" if part.hangs else ""))

@@ -117,5 +117,6 @@ class Variation:
 
 def factor_of(variations: tuple[Variation, ...], section: str, points: np.ndarray) -> np.ndarray | None:
     """Product of all factors of a section at its points; None where none concerns it  # (n,)"""
-    own = [variation for variation in variations if variation.section == section]
-    return np.prod([variation.factor(points) for variation in own], axis=0) if own else None
+    section_variations = [variation for variation in variations if variation.section == section]
+    return np.prod([variation.factor(points) for variation in section_variations],
+                   axis=0) if section_variations else None

@@ -46,7 +46,7 @@ class Deck:
         """Every name that the deck asks for."""
         return frozenset(name for part in self.parts if isinstance(part, Place) for name in part.expression.names)
 
-    def check(self, known: Collection[str]) -> None:
+    def check(self, names: Collection[str]) -> None:
         """Whether all names are known.
 
         Raises
@@ -55,11 +55,12 @@ class Deck:
             At the first name that is not, with its line.
         """
         for part in self.parts:
-            for name in sorted(part.expression.names - set(known)) if isinstance(part, Place) else ():
-                near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+            for name in sorted(part.expression.names - set(names)) if isinstance(part, Place) else ():
+                suggestions = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
                 raise InputError("an unknown name in the deck", file=self.file, key=f"line {part.line}",
-                                 expected=f"one of {', '.join(sorted(known))}", found=f"{{{part.text}}}",
-                                 remedy=f"did you mean {near[0]}?" if near else "a literal brace is written twice: {{")
+                                 expected=f"one of {', '.join(sorted(names))}", found=f"{{{part.text}}}",
+                                 remedy=f"did you mean {suggestions[0]}?"
+                                 if suggestions else "a literal brace is written twice: {{")
 
     def render(self, values: Mapping[str, float | str]) -> str:
         """The deck with these values: numbers in the format of their place, texts (tables) as they are.
@@ -69,14 +70,14 @@ class Deck:
         NotConverged
             A value that is not finite: these parameters make no deck.
         """
-        return "".join(part if isinstance(part, str) else self._shown(part, values) for part in self.parts)
+        return "".join(part if isinstance(part, str) else self._text_at(part, values) for part in self.parts)
 
-    def _shown(self, place: Place, values: Mapping[str, float | str]) -> str:
+    def _text_at(self, place: Place, values: Mapping[str, float | str]) -> str:
         try:
             value = place.expression.value(values)
         except (ArithmeticError, ValueError) as problem:
-            where = f"{self.file.name}, line {place.line}"
-            raise NotConverged(f"{where}: {{{place.text}}} has no value: {problem}") from None
+            location = f"{self.file.name}, line {place.line}"
+            raise NotConverged(f"{location}: {{{place.text}}} has no value: {problem}") from None
         if isinstance(value, str):
             return value
         if not math.isfinite(value):
@@ -103,19 +104,18 @@ def parse_deck(text: str, file: Path) -> Deck:
         line = text.count("\n", 0, token.start()) + 1
         if token["stray"] is not None:
             raise _not_a_place(file, line, text[token.start():token.start() + 30].partition("\n")[0], "it is alone")
-        inside, colon, shown = token["inside"].partition(":")
-        if colon and not _FORMAT.fullmatch(shown):
-            raise _not_a_place(file, line, token[0], f"{shown!r} is not a number format such as .6e")
+        inside, colon, number_format = token["inside"].partition(":")
+        if colon and not _FORMAT.fullmatch(number_format):
+            raise _not_a_place(file, line, token[0], f"{number_format!r} is not a number format such as .6e")
         try:
             expression = parse_expression(inside, ARITHMETIC)
         except ValueError as problem:
             raise _not_a_place(file, line, token[0], str(problem)) from None
-        parts.append(Place(token["inside"], expression, shown or DEFAULT_FORMAT, line))
+        parts.append(Place(token["inside"], expression, number_format or DEFAULT_FORMAT, line))
     return Deck(file, tuple(part for part in (*parts, text[end:]) if part != ""))
 
 
-def _not_a_place(file: Path, line: int, found: str, why: str) -> InputError:
+def _not_a_place(file: Path, line: int, text: str, reason: str) -> InputError:
     return InputError("a brace without a name or an expression", file=file, key=f"line {line}",
                       expected="{NAME}, {NAME:.6e}, {2 * NAME}, or {{ and }} for braces",
-                      found=f"{found.strip()} ({why})",
-                      remedy="double the brace if it is meant for the solver")
+                      found=f"{text.strip()} ({reason})", remedy="double the brace if it is meant for the solver")

@@ -32,15 +32,15 @@ def main() -> None:
         program = subprocess.Popen(order["command"], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
                                    stderr=subprocess.STDOUT, start_new_session=True)
     except OSError as problem:
-        print(json.dumps({"how": "not started", "code": None, "why": str(problem)}))
+        print(json.dumps({"outcome": "not started", "code": None, "reason": str(problem)}))
         return
     log = threading.Thread(target=_keep, args=(program.stdout, order["log"], order["log_limit"]), daemon=True)
     log.start()
-    how = _wait(program, time.monotonic() + order["timeout_s"], stop)
+    outcome = _wait(program, time.monotonic() + order["timeout_s"], stop)
     _end_group(program)  # its children, if it ended by itself
     code = program.wait()
     log.join(GRACE_SECONDS)
-    print(json.dumps({"how": how, "code": code, "why": ""}), flush=True)
+    print(json.dumps({"outcome": outcome, "code": code, "reason": ""}), flush=True)
 
 
 def _watch_caller(stop: threading.Event) -> None:
@@ -92,7 +92,7 @@ def _signal(program, number: int) -> None:
 
 def _keep(stream, path: str, limit: int) -> None:
     """Copy a stream to a file: of more than `limit` bytes the first and the last half."""
-    last: deque = deque(maxlen=max(limit // 2 // BLOCK_BYTES, 1))
+    tail: deque = deque(maxlen=max(limit // 2 // BLOCK_BYTES, 1))
     written = dropped = 0
     with _opened(path) as file:
         while block := stream.read1(BLOCK_BYTES):
@@ -101,11 +101,11 @@ def _keep(stream, path: str, limit: int) -> None:
                 file.flush()
                 written += len(block)
             else:
-                dropped += len(last) == last.maxlen
-                last.append(block)
+                dropped += len(tail) == tail.maxlen
+                tail.append(block)
         if dropped:
             file.write(b"\n[... the middle of the output is left out ...]\n")
-        file.write(b"".join(last))
+        file.write(b"".join(tail))
 
 
 def _opened(path: str):

@@ -22,22 +22,25 @@ FORBIDDEN_PREFIXES = ("PATH", "LD_", "DYLD_", "PYTHON", "BASH", "ENV", "IFS", "S
 
 @dataclass(frozen=True)
 class Ending:
-    """How a program ended. how : "ended", "timeout", "stopped", "not started"; code : negative = killed by a signal."""
+    """How a program ended.
 
-    how: str
+    outcome : "ended", "timeout", "stopped", "not started"; code : negative = killed by a signal
+    """
+
+    outcome: str
     code: int | None
-    why: str = ""
+    reason: str = ""
 
     def in_words(self, program: str, timeout_s: float) -> str:
         """What went wrong; empty where nothing did."""
-        if self.how == "timeout":
+        if self.outcome == "timeout":
             return f"{program} was ended after {timeout_s:g} s"
-        if self.how != "ended":
-            what = "could not be started" if self.how == "not started" else "was stopped"
-            return f"{program} {what} {self.why}".strip()
+        if self.outcome != "ended":
+            fault = "could not be started" if self.outcome == "not started" else "was stopped"
+            return f"{program} {fault} {self.reason}".strip()
         if self.code:
-            what = f"was killed by signal {-self.code}" if self.code < 0 else f"ended with exit code {self.code}"
-            return f"{program} {what}"
+            fault = f"was killed by signal {-self.code}" if self.code < 0 else f"ended with exit code {self.code}"
+            return f"{program} {fault}"
         return ""
 
 
@@ -71,12 +74,12 @@ def find_program(name: str, file: Path | str) -> str:
     if not os.path.isabs(name) and (os.sep in name or (os.altsep and os.altsep in name)):
         raise InputError("a program by a relative path", file=file, key=key, found=name,
                          expected="a name found on PATH, or an absolute path", remedy="write the absolute path")
-    found = shutil.which(name)
-    if found is None or not os.path.isabs(found):
+    path = shutil.which(name)
+    if path is None or not os.path.isabs(path):
         raise InputError("the program of the external solver is not found", file=file, key=key,
                          expected=f"{name!r} on PATH, executable" if not os.path.isabs(name) else "an executable file",
                          found="nothing", remedy="install it, or write its absolute path")
-    return found
+    return path
 
 
 def check_environment(environment: Mapping[str, str], file: Path | str) -> None:
@@ -100,7 +103,7 @@ def run_program(command: Sequence[str], folder: Path, environment: Mapping[str, 
                              stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=os.environ | dict(environment),
                              start_new_session=True)
     try:
-        said = guard.stdout.read()  # until the guard is done; an interruption goes to `finally`
+        report = guard.stdout.read()  # until the guard is done; an interruption goes to `finally`
     finally:
         guard.stdin.close()
         try:
@@ -110,6 +113,6 @@ def run_program(command: Sequence[str], folder: Path, environment: Mapping[str, 
             guard.wait()
         guard.stdout.close()
     try:
-        return Ending(**json.loads(said))
+        return Ending(**json.loads(report))
     except (ValueError, TypeError):
         return Ending("stopped", None, "(its guard process ended)")

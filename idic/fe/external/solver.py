@@ -1,6 +1,6 @@
 """Any finite-element program as a black box: a deck filled in, a command run, its output read.
 
-    solver = ExternalSolver(setup, wanted, program)
+    solver = ExternalSolver(setup, expected, program)
     solution = solver.run({"SPECIMEN.E": 70e3, ...}, tables, folder)
 
 Every run has its own folder. A successful run deletes it; after a failure it stays, with ``reason.txt`` and
@@ -19,7 +19,7 @@ from pathlib import Path
 from idic.errors import NotConverged
 from idic.fe.external.deck import Deck
 from idic.fe.external.process import LOG_FILE, find_program, require_permission, run_program
-from idic.fe.external.solver_output import Solution, Wanted, gathered
+from idic.fe.external.solver_output import Solution, ExpectedOutput, gathered
 
 EXTERNAL = "external"  # the law of a material that only the external program knows
 REASON_FILE = "reason.txt"
@@ -78,7 +78,7 @@ class ExternalSolver:
     """A setup, and what one simulation has to deliver."""
 
     setup: ExternalSetup
-    wanted: Wanted
+    expected: ExpectedOutput
 
     def run(self, values: Mapping[str, float], texts: Mapping[str, str], scratch: Path, name: str) -> Solution:
         """One simulation in ``scratch/name``, tried again as often as the setup says.
@@ -91,7 +91,7 @@ class ExternalSolver:
         Raises
         ------
         NotConverged
-            The program crashed, took too long, or its output is not what is wanted: with its last lines, and where
+            The program crashed, took too long, or its output is not what is expected: with its last lines, and where
             the folder was kept.
         InputError
             The command may not be run, or its program is not there.
@@ -104,9 +104,9 @@ class ExternalSolver:
                 self._write(folder, values, texts)
                 solution = self._attempt(folder)
             except NotConverged as problem:
-                kept = _keep(folder, scratch / name, str(problem), self.setup.arguments, values, attempt + 1)
+                kept_folder = _keep(folder, scratch / name, str(problem), self.setup.arguments, values, attempt + 1)
                 if attempt == self.setup.retries:
-                    raise NotConverged(f"{problem} (kept in {kept})") from None
+                    raise NotConverged(f"{problem} (kept in {kept_folder})") from None
             except BaseException:
                 shutil.rmtree(folder, ignore_errors=True)
                 raise
@@ -130,7 +130,7 @@ class ExternalSolver:
         wrong = ending.in_words(setup.arguments[0], setup.timeout_s)
         if not wrong:
             try:
-                return gathered(setup.reader, folder, setup.job, self.wanted)
+                return gathered(setup.reader, folder, setup.job, self.expected)
             except NotConverged as problem:
                 wrong = f"{setup.arguments[0]}: {problem}"
         raise NotConverged(wrong + _last_words(folder / LOG_FILE))
@@ -154,7 +154,7 @@ def _last_words(log: Path) -> str:
     return f"; its last lines: {' | '.join(lines[-MAX_SHOWN_LINES:])}" if lines else ""
 
 
-def _keep(folder: Path, kept: Path, reason: str, command, values: Mapping[str, float], attempt: int) -> Path:
+def _keep(folder: Path, target: Path, reason: str, command, values: Mapping[str, float], attempt: int) -> Path:
     """Leave a failed run to be looked at, of many the latest ones; returns its folder.
 
     Others clean up here at the same time, and the disk may be full: whatever fails is left as it is.
@@ -163,22 +163,22 @@ def _keep(folder: Path, kept: Path, reason: str, command, values: Mapping[str, f
              *(f"{name} = {value!r}" for name, value in sorted(values.items()))]
     with suppress(OSError):
         (folder / REASON_FILE).write_text("\n".join(lines) + "\n", encoding="utf-8")
-    shutil.rmtree(kept, ignore_errors=True)
+    shutil.rmtree(target, ignore_errors=True)
     try:
-        folder.rename(kept)
+        folder.rename(target)
     except OSError:
-        kept = folder
-    for path in _failed_runs(kept.parent)[:-MAX_KEPT_FOLDERS]:
+        target = folder
+    for path in _failed_runs(target.parent)[:-MAX_KEPT_FOLDERS]:
         shutil.rmtree(path, ignore_errors=True)
-    return kept
+    return target
 
 
 def _failed_runs(scratch: Path) -> list[Path]:
     """Folders of failed runs, oldest first."""
-    found = []
+    dated_folders = []
     with suppress(OSError):
         for path in scratch.iterdir():
             with suppress(OSError):  # it was deleted meanwhile
                 if not path.name.startswith(RUNNING_PREFIX):
-                    found.append(((path / REASON_FILE).stat().st_mtime, path))
-    return [path for _, path in sorted(found)]
+                    dated_folders.append(((path / REASON_FILE).stat().st_mtime, path))
+    return [path for _, path in sorted(dated_folders)]

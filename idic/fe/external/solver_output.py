@@ -40,7 +40,7 @@ class Records:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class ExpectedOutput:
     """What a simulation has to deliver.
 
     labels (n_nodes,), dim; times (n_frames - 1,) of the frames after the reference; sets {name: node indices} whose
@@ -65,7 +65,7 @@ class Solution:
     forces: Mapping[str, np.ndarray]
 
 
-def gathered(reader: str, folder: Path, job: str, wanted: Wanted) -> Solution:
+def gathered(reader: str, folder: Path, job: str, expected: ExpectedOutput) -> Solution:
     """Read and check the files of a finished simulation.
 
     Raises
@@ -80,102 +80,103 @@ def gathered(reader: str, folder: Path, job: str, wanted: Wanted) -> Solution:
     except (OSError, ValueError, IndexError, KeyError, UnicodeDecodeError) as problem:
         raise NotConverged(f"the output of the solver cannot be read: {problem}") from None
     if records.by_frame:
-        wanted = replace(wanted, times=np.arange(1.0, len(wanted.times) + 1.0))
-    u = np.zeros((len(wanted.times) + 1, len(wanted.labels), wanted.dim))
-    forces = {name: np.zeros(len(wanted.times) + 1) for name in wanted.forces}
-    for frame, time in enumerate(wanted.times, 1):
-        u[frame] = _nodal(_at(records.motions, time, wanted, "displacements"), wanted, "displacements")
-        for name in wanted.forces:
-            forces[name][frame] = _force(records, name, time, wanted)
-    _check_values(u, forces, wanted)
-    _check_reference(records, u, wanted)
-    _check_motions(u, wanted)
+        expected = replace(expected, times=np.arange(1.0, len(expected.times) + 1.0))
+    u = np.zeros((len(expected.times) + 1, len(expected.labels), expected.dim))
+    forces = {name: np.zeros(len(expected.times) + 1) for name in expected.forces}
+    for frame, time in enumerate(expected.times, 1):
+        u[frame] = _nodal(_at(records.motions, time, expected, "displacements"), expected, "displacements")
+        for name in expected.forces:
+            forces[name][frame] = _force(records, name, time, expected)
+    _check_values(u, forces, expected)
+    _check_reference(records, u, expected)
+    _check_motions(u, expected)
     return Solution(u, forces)
 
 
-def _at(records: Mapping, time: float, wanted: Wanted, what: str):
+def _at(records: Mapping, time: float, expected: ExpectedOutput, quantity: str):
     """The record of a frame."""
     keys = np.array(list(records))
-    near = np.abs(keys - time) if len(keys) else np.array([np.inf])
-    shortest = np.diff(wanted.times, prepend=0.0).min()
-    if near.min() > min(MAX_TIME_MISMATCH * wanted.times[-1], MAX_SHARE_OF_INTERVAL * shortest):
-        frame = 1 + int(np.searchsorted(wanted.times, time))
-        raise NotConverged(f"no {what} of frame {frame} (time {time:g}); "
+    distances = np.abs(keys - time) if len(keys) else np.array([np.inf])
+    shortest = np.diff(expected.times, prepend=0.0).min()
+    if distances.min() > min(MAX_TIME_MISMATCH * expected.times[-1], MAX_SHARE_OF_INTERVAL * shortest):
+        frame = 1 + int(np.searchsorted(expected.times, time))
+        raise NotConverged(f"no {quantity} of frame {frame} (time {time:g}); "
                            + (f"the last ones are at {keys.max():g}" if len(keys) else "there are none"))
-    return records[float(keys[near.argmin()])]
+    return records[float(keys[distances.argmin()])]
 
 
-def _nodal(record: tuple[np.ndarray, np.ndarray], wanted: Wanted, what: str) -> np.ndarray:
+def _nodal(record: tuple[np.ndarray, np.ndarray], expected: ExpectedOutput, quantity: str) -> np.ndarray:
     """Values in the order of the mesh  # (n_nodes, dim)"""
     labels, values = record
-    compared = np.isin(labels, wanted.labels)
+    compared = np.isin(labels, expected.labels)
     labels, values = labels[compared], values[compared]
     order = np.argsort(labels, kind="stable")
-    same = np.flatnonzero(np.diff(labels[order]) == 0)
-    change = np.abs(values[order[same]] - values[order[same + 1]]).max(axis=1, initial=0.0)
-    if len(twice := same[change > MAX_REPEATED_CHANGE * np.abs(values).max(initial=0.0)]):
-        raise NotConverged(f"two different {what} of node {labels[order[twice[0]]]} at the same time: does every step "
-                           "of the solver count its time from 0? Write the time since the reference")
-    place = np.searchsorted(labels[order], wanted.labels)
-    found = place < len(labels)
-    found[found] = labels[order][place[found]] == wanted.labels[found]
-    if not found.all():
-        raise NotConverged(f"{what} of {int((~found).sum())} of {len(found)} nodes are missing, "
-                           f"first node {wanted.labels[~found][0]}")
-    if values.shape[1] < wanted.dim:
-        raise NotConverged(f"{what} have {values.shape[1]} components, expected {wanted.dim}")
-    return values[order][place][:, :wanted.dim]
+    repeats = np.flatnonzero(np.diff(labels[order]) == 0)
+    change = np.abs(values[order[repeats]] - values[order[repeats + 1]]).max(axis=1, initial=0.0)
+    if len(twice := repeats[change > MAX_REPEATED_CHANGE * np.abs(values).max(initial=0.0)]):
+        raise NotConverged(f"two different {quantity} of node {labels[order[twice[0]]]} at the same time: does every "
+                           "step of the solver count its time from 0? Write the time since the reference")
+    place = np.searchsorted(labels[order], expected.labels)
+    has_value = place < len(labels)
+    has_value[has_value] = labels[order][place[has_value]] == expected.labels[has_value]
+    if not has_value.all():
+        raise NotConverged(f"{quantity} of {int((~has_value).sum())} of {len(has_value)} nodes are missing, "
+                           f"first node {expected.labels[~has_value][0]}")
+    if values.shape[1] < expected.dim:
+        raise NotConverged(f"{quantity} have {values.shape[1]} components, expected {expected.dim}")
+    return values[order][place][:, :expected.dim]
 
 
-def _force(records: Records, name: str, time: float, wanted: Wanted) -> float:
+def _force(records: Records, name: str, time: float, expected: ExpectedOutput) -> float:
     """A total that was written, else the sum over the nodes of the set."""
     if records.forces or not records.nodal_forces:
-        row = _at(records.forces, time, wanted, f"force {name}")
-        known = {key.upper(): value for key, value in row.items()}
-        if name.upper() not in known:
+        row = _at(records.forces, time, expected, f"force {name}")
+        forces = {key.upper(): value for key, value in row.items()}
+        if name.upper() not in forces:
             raise NotConverged(f"no force {name} at time {time:g}; there are {', '.join(row) or 'none'}")
-        return known[name.upper()]
+        return forces[name.upper()]
     stem, _, component = name.rpartition(".")
-    nodal = _nodal(_at(records.nodal_forces, time, wanted, "nodal forces"), wanted, "nodal forces")
-    return float(nodal[wanted.sets[stem], "xyz".index(component)].sum())
+    nodal = _nodal(_at(records.nodal_forces, time, expected, "nodal forces"), expected, "nodal forces")
+    return float(nodal[expected.sets[stem], "xyz".index(component)].sum())
 
 
-def _check_values(u: np.ndarray, forces: Mapping[str, np.ndarray], wanted: Wanted) -> None:
-    for what, values in (("displacement", u), *forces.items()):
+def _check_values(u: np.ndarray, forces: Mapping[str, np.ndarray], expected: ExpectedOutput) -> None:
+    for quantity, values in (("displacement", u), *forces.items()):
         if not np.isfinite(values).all():
             frame = int(np.argwhere(~np.isfinite(values))[0][0])
-            raise NotConverged(f"{what}: a value that is not finite in frame {frame}")
-    if np.abs(u).max() > MAX_DISPLACEMENT_RATIO * wanted.size:
+            raise NotConverged(f"{quantity}: a value that is not finite in frame {frame}")
+    if np.abs(u).max() > MAX_DISPLACEMENT_RATIO * expected.size:
         frame = int(np.unravel_index(np.abs(u).argmax(), u.shape)[0])
         raise NotConverged(f"a displacement of {np.abs(u).max():.3g} mm in frame {frame}, "
-                           f"on a mesh of {wanted.size:.3g} mm")
+                           f"on a mesh of {expected.size:.3g} mm")
 
 
-def _check_reference(records: Records, u: np.ndarray, wanted: Wanted) -> None:
+def _check_reference(records: Records, u: np.ndarray, expected: ExpectedOutput) -> None:
     """Refuse frames that are counted from 1 at the reference, and a reference that is deformed."""
-    last, largest = len(u) - 1, np.abs(u).max()
-    if records.by_frame and last > 1 and max(records.motions) == last + 1 and largest > 0.0 and not u[1].any():
-        raise NotConverged(f"frames are counted up to {last + 1}, and in frame 1 all is at rest, but frame 1 is the "
-                           f"first after the reference and {last} the last: count the reference as 0")
+    last_frame, largest = len(u) - 1, np.abs(u).max()
+    counted_from_1 = records.by_frame and last_frame > 1 and max(records.motions) == last_frame + 1
+    if counted_from_1 and largest > 0.0 and not u[1].any():
+        raise NotConverged(f"frames are counted up to {last_frame + 1}, and in frame 1 all is at rest, but frame 1 is "
+                           f"the first after the reference and {last_frame} the last: count the reference as 0")
     labels, values = records.motions.get(0.0, (np.zeros(0), np.zeros((0, 2))))
-    at_rest = np.abs(values[np.isin(labels, wanted.labels), :wanted.dim]).max(initial=0.0)
+    at_rest = np.abs(values[np.isin(labels, expected.labels), :expected.dim]).max(initial=0.0)
     if at_rest > MAX_DISPLACEMENT_AT_REFERENCE * largest:
         clock = "frame" if records.by_frame else "time"
         raise NotConverged(f"displacements up to {at_rest:.3g} mm at the reference ({clock} 0), where the specimen is "
                            "undeformed: write them relative to the reference")
 
 
-def _check_motions(u: np.ndarray, wanted: Wanted) -> None:
+def _check_motions(u: np.ndarray, expected: ExpectedOutput) -> None:
     """Refuse a solution in which a set stands still, goes the other way or many times as far: other units, axes or
     frames. A smaller difference may be meant, such as a machine that yields."""
-    largest = max((float(np.abs(prescribed).max()) for _, prescribed in wanted.motions.values()), default=0.0)
-    for name, (dofs, prescribed) in wanted.motions.items():
+    largest = max((float(np.abs(prescribed).max()) for _, prescribed in expected.motions.values()), default=0.0)
+    for name, (dofs, prescribed) in expected.motions.items():
         if np.abs(prescribed).max() < MIN_COMPARED_MOTION * largest:
             continue
         frame = int(np.abs(prescribed).argmax())
-        found = u[frame].ravel()[dofs].mean()
-        if not MIN_FOLLOWED < found / prescribed[frame] < MAX_FOLLOWED:
-            raise NotConverged(f"{name} moves by {found:.4g} mm in frame {frame} after the reference, where "
+        mean_motion = u[frame].ravel()[dofs].mean()
+        if not MIN_FOLLOWED < mean_motion / prescribed[frame] < MAX_FOLLOWED:
+            raise NotConverged(f"{name} moves by {mean_motion:.4g} mm in frame {frame} after the reference, where "
                                f"{prescribed[frame]:.4g} mm are prescribed: the output needs mm, the axes of the mesh "
                                "and the frames of the test")
 
@@ -225,8 +226,8 @@ def read_calculix_dat(folder: Path, job: str) -> Records:
                 else:
                     target = None
             elif target is not None and target[2] is None:
-                own = records.forces.setdefault(target[0], {})
-                own.update({f"{target[1]}.{c}": float(word) for c, word in zip("xyz", words[:3], strict=True)})
+                set_forces = records.forces.setdefault(target[0], {})
+                set_forces.update({f"{target[1]}.{c}": float(word) for c, word in zip("xyz", words[:3], strict=True)})
             elif target is not None:
                 labels.append(int(words[0]))
                 rows.append([float(word) for word in words[1:4]])
@@ -248,10 +249,10 @@ def read_csv(folder: Path, job: str) -> Records:
                for k, time in enumerate(times)}
     forces = {}
     if (folder / "forces.csv").exists():
-        other, totals = _table(folder / "forces.csv")
-        if other != clock:
-            raise ValueError(f"displacements.csv counts by {clock}, forces.csv by {other}")
-        _check_repeated(totals, other)
+        force_clock, totals = _table(folder / "forces.csv")
+        if force_clock != clock:
+            raise ValueError(f"displacements.csv counts by {clock}, forces.csv by {force_clock}")
+        _check_repeated(totals, force_clock)
         forces = {float(time): {name: column[k] for name, column in totals.items() if name != clock}
                   for k, time in enumerate(totals[clock])}
     return Records(motions, forces, by_frame=clock == "frame")
@@ -260,10 +261,10 @@ def read_csv(folder: Path, job: str) -> Records:
 def _check_repeated(totals: Mapping[str, np.ndarray], clock: str) -> None:
     """Refuse two different forces at one time."""
     order = np.argsort(totals[clock], kind="stable")
-    same = np.flatnonzero(np.diff(totals[clock][order]) == 0)
+    repeats = np.flatnonzero(np.diff(totals[clock][order]) == 0)
     for name, column in totals.items():
-        changes = np.abs(np.diff(column[order])[same])
-        if len(twice := same[changes > MAX_REPEATED_CHANGE * np.abs(column).max()]):
+        changes = np.abs(np.diff(column[order])[repeats])
+        if len(twice := repeats[changes > MAX_REPEATED_CHANGE * np.abs(column).max()]):
             raise ValueError(f"forces.csv has two different {name} at {clock} {totals[clock][order[twice[0]]]:g}")
 
 

@@ -46,8 +46,8 @@ def coarsen(mesh: Mesh, n_elements: int) -> Coarse | None:
 
     def lengths(at: np.ndarray) -> np.ndarray:
         """Mean length of the edges of every layer."""
-        own = np.linalg.norm(mesh.nodes[at[edges[:, 1]]] - mesh.nodes[at[edges[:, 0]]], axis=1)
-        return np.bincount(owner, own) / np.bincount(owner)
+        edge_lengths = np.linalg.norm(mesh.nodes[at[edges[:, 1]]] - mesh.nodes[at[edges[:, 0]]], axis=1)
+        return np.bincount(owner, edge_lengths) / np.bincount(owner)
 
     first = lengths(body.at)
     waiting = np.array([layer.can_close for layer in layers])
@@ -55,9 +55,9 @@ def coarsen(mesh: Mesh, n_elements: int) -> Coarse | None:
         grown = np.where(waiting, np.round(lengths(body.at) / first, 6), np.inf)
         k = int(np.argmin(grown))
         waiting[k] = False
-        choices = [made for side in (0, 1) if (made := body.without(layers[k], side)) is not None]
+        choices = [candidate for side in (0, 1) if (candidate := body.without(layers[k], side)) is not None]
         if choices:  # onto the side that leaves the shorter neighbours
-            body = min(choices, key=lambda made: float((lengths(made.at) / first)[waiting].max(initial=0.0)))
+            body = min(choices, key=lambda candidate: float((lengths(candidate.at) / first)[waiting].max(initial=0.0)))
     return None if body.n_elements == mesh.n_elements else body.as_mesh()
 
 
@@ -87,23 +87,23 @@ def _layers(mesh: Mesh) -> list[_Layer]:
     owners, groups = np.concatenate(owners), np.concatenate(groups)  # group: one direction of one element
     key = pairs[:, 0] * mesh.n_nodes + pairs[:, 1]
     back = pairs[:, 1] * mesh.n_nodes + pairs[:, 0]
-    known, place = np.unique(np.concatenate([key, back]), return_inverse=True)
-    there, here = place[:len(key)], place[len(key):]
+    edge_keys, place = np.unique(np.concatenate([key, back]), return_inverse=True)
+    forward, backward = place[:len(key)], place[len(key):]
     first = np.unique(groups, return_index=True)[1][groups]  # the first edge of the same direction of the same element
-    links = np.concatenate([np.stack([there, there[first]]), np.stack([here, here[first]])], axis=1)
-    n = len(known)
+    links = np.concatenate([np.stack([forward, forward[first]]), np.stack([backward, backward[first]])], axis=1)
+    n = len(edge_keys)
     _, label = connected_components(sparse.coo_array((np.ones(links.shape[1]), tuple(links)), shape=(n, n)), False)
     outer = _boundary_edges(mesh)
-    found = []
-    for number in np.unique(np.minimum(label[there], label[here])):
-        edges = np.unique(known[label == number])
+    layers = []
+    for number in np.unique(np.minimum(label[forward], label[backward])):
+        edges = np.unique(edge_keys[label == number])
         ends = np.stack([edges // mesh.n_nodes, edges % mesh.n_nodes], axis=1)
-        mine = (label[there] == number) | (label[here] == number)
-        passes = np.unique(np.stack([owners[mine], groups[mine]], axis=1), axis=0)[:, 0]
+        of_layer = (label[forward] == number) | (label[backward] == number)
+        passes = np.unique(np.stack([owners[of_layer], groups[of_layer]], axis=1), axis=0)[:, 0]
         crossed = len(np.unique(passes)) < len(passes) or len(np.intersect1d(ends[:, 0], ends[:, 1])) > 0
-        found.append(_Layer(ends, np.isin(np.sort(ends, axis=1) @ [mesh.n_nodes, 1], outer), np.unique(passes),
-                            not crossed))
-    return found
+        layers.append(_Layer(ends, np.isin(np.sort(ends, axis=1) @ [mesh.n_nodes, 1], outer), np.unique(passes),
+                             not crossed))
+    return layers
 
 
 def _boundary_edges(mesh: Mesh) -> np.ndarray:
@@ -154,21 +154,22 @@ class _Body:
         rows = np.arange(len(ends))
         becomes = np.arange(self.mesh.n_nodes)
         becomes[ends[rows, 1 - keep]] = ends[rows, keep]
-        made = object.__new__(_Body)
-        made.mesh, made.rank, made.member = self.mesh, self.rank, self.member
-        made.at, made.alive = becomes[self.at], self.alive.copy()
-        made.alive[layer.elements] = False
+        closed = object.__new__(_Body)
+        closed.mesh, closed.rank, closed.member = self.mesh, self.rank, self.member
+        closed.at, closed.alive = becomes[self.at], self.alive.copy()
+        closed.alive[layer.elements] = False
         sets = self.mesh.element_sets.values()
-        if not made.alive.any() or any(len(own) and not made.alive[np.asarray(own)].any() for own in sets):
+        if not closed.alive.any() or any(len(members) and not closed.alive[np.asarray(members)].any()
+                                         for members in sets):
             return None
-        return made if made._has_volume() else None
+        return closed if closed._has_volume() else None
 
     def _has_volume(self) -> bool:
         """Whether no element that is left is inverted, or flat in a corner."""
         for block in self.mesh.blocks:
-            own = self.alive[block.first:block.first + block.n_elements]
+            alive = self.alive[block.first:block.first + block.n_elements]
             cell = cell_type(LINEAR[block.cell])
-            x = self.mesh.nodes[self.at[block.connectivity[own][:, :cell.n_nodes]]]
+            x = self.mesh.nodes[self.at[block.connectivity[alive][:, :cell.n_nodes]]]
             gradients = shape_gradients(cell.name, cell.reference_nodes)
             det = np.linalg.det(np.einsum("eai,qaj->eqij", x, gradients))
             if np.any(det.min(axis=1) < MIN_CORNER_JACOBIAN * det.max(axis=1)):
@@ -177,34 +178,36 @@ class _Body:
 
     def as_mesh(self) -> Coarse:
         """The coarser mesh, with all sets."""
-        old = self.mesh
+        mesh = self.mesh
         cells, labels = [], []
-        for block in old.blocks:
-            own = self.alive[block.first:block.first + block.n_elements]
+        for block in mesh.blocks:
+            alive = self.alive[block.first:block.first + block.n_elements]
             corners = cell_type(LINEAR[block.cell]).n_nodes
-            cells.append((LINEAR[block.cell], self.at[block.connectivity[own][:, :corners]]))
+            cells.append((LINEAR[block.cell], self.at[block.connectivity[alive][:, :corners]]))
         nodes = np.unique(np.concatenate([connectivity.ravel() for _, connectivity in cells]))
-        new, first, blocks = np.full(old.n_nodes, -1), 0, []
-        new[nodes] = np.arange(len(nodes))
+        node_map, first, blocks = np.full(mesh.n_nodes, -1), 0, []
+        node_map[nodes] = np.arange(len(nodes))
         for cell, connectivity in cells:
-            blocks.append(Block(cell, new[connectivity], first))
+            blocks.append(Block(cell, node_map[connectivity], first))
             first += len(connectivity)
-        labels, number = old.element_labels[self.alive], np.cumsum(self.alive) - 1  # type: ignore[assignment]
-        bare = Mesh(old.nodes[nodes], tuple(blocks), node_labels=old.node_labels[nodes], element_labels=labels)
-        kept = {name: new[own][new[own] >= 0] for name, own in ((n, np.asarray(o)) for n, o in old.node_sets.items())}
-        elements = {name: number[own[self.alive[own]]] for name, own in
-                    ((n, np.asarray(o)) for n, o in old.element_sets.items())}
-        return Coarse(replace(bare, node_sets=kept, element_sets=elements, edge_sets=self._faces(bare, new)), nodes)
+        labels, number = mesh.element_labels[self.alive], np.cumsum(self.alive) - 1  # type: ignore[assignment]
+        bare = Mesh(mesh.nodes[nodes], tuple(blocks), node_labels=mesh.node_labels[nodes], element_labels=labels)
+        node_sets = {name: node_map[members][node_map[members] >= 0]
+                     for name, members in ((n, np.asarray(o)) for n, o in mesh.node_sets.items())}
+        elements = {name: number[members[self.alive[members]]] for name, members in
+                    ((n, np.asarray(o)) for n, o in mesh.element_sets.items())}
+        return Coarse(replace(bare, node_sets=node_sets, element_sets=elements, edge_sets=self._faces(bare, node_map)),
+                      nodes)
 
-    def _faces(self, bare: Mesh, new: np.ndarray) -> dict[str, np.ndarray]:
+    def _faces(self, bare: Mesh, node_map: np.ndarray) -> dict[str, np.ndarray]:
         """Boundary faces whose corners are those of a face of the set, after closing."""
         faces = boundary_faces(bare)
         keys = [tuple(sorted(_corners(bare, face))) for face in faces]
-        found = {}
-        for name, own in self.mesh.edge_sets.items():
-            wanted = {tuple(sorted(new[self.at[_corners(self.mesh, face)]])) for face in np.asarray(own)}
-            found[name] = faces[[key in wanted for key in keys]]
-        return found
+        edge_sets = {}
+        for name, set_faces in self.mesh.edge_sets.items():
+            set_keys = {tuple(sorted(node_map[self.at[_corners(self.mesh, face)]])) for face in np.asarray(set_faces)}
+            edge_sets[name] = faces[[key in set_keys for key in keys]]
+        return edge_sets
 
 
 def _rank(mesh: Mesh) -> np.ndarray:
@@ -220,20 +223,21 @@ def _rank(mesh: Mesh) -> np.ndarray:
         for node in corners:
             normals.setdefault(int(node), []).append(normal / max(np.linalg.norm(normal), 1e-300))
     rank = np.zeros(mesh.n_nodes, dtype=int)
-    for node, own in normals.items():
-        rank[node] = int((np.linalg.svd(np.array(own), compute_uv=False) > MAX_FLAT_SPREAD * np.sqrt(len(own))).sum())
+    for node, node_normals in normals.items():
+        rank[node] = int((np.linalg.svd(np.array(node_normals),
+                                        compute_uv=False) > MAX_FLAT_SPREAD * np.sqrt(len(node_normals))).sum())
     return rank
 
 
 def _membership(mesh: Mesh) -> np.ndarray:
     """Which sets a node belongs to: node sets, face sets, the elements around it  # (n_nodes, n_sets) bool"""
-    sets = [np.asarray(own) for own in mesh.node_sets.values()]
-    sets += [face_set_nodes(mesh, np.asarray(own)) for own in mesh.edge_sets.values()]
-    for own in mesh.element_sets.values():
-        inside = np.isin(np.arange(mesh.n_elements), np.asarray(own))
+    sets = [np.asarray(indices) for indices in mesh.node_sets.values()]
+    sets += [face_set_nodes(mesh, np.asarray(indices)) for indices in mesh.edge_sets.values()]
+    for indices in mesh.element_sets.values():
+        inside = np.isin(np.arange(mesh.n_elements), np.asarray(indices))
         sets.append(np.concatenate([b.connectivity[inside[b.first:b.first + b.n_elements]].ravel()
                                     for b in mesh.blocks]))
     member = np.zeros((mesh.n_nodes, len(sets)), dtype=bool)
-    for k, own in enumerate(sets):
-        member[own, k] = True
+    for k, indices in enumerate(sets):
+        member[indices, k] = True
     return member

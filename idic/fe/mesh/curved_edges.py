@@ -35,8 +35,8 @@ def curved(mesh: Mesh) -> Mesh:
     Boundaries are those of the body and those of its element sets, so that a thin layer between two of them keeps its
     thickness. Elements that this would flatten keep straight edges. The same object where no edge is curved.
     """
-    made = _CURVED.once(mesh, (), lambda: _curved(mesh))
-    return mesh if made is None else made
+    curved_mesh = _CURVED.once(mesh, (), lambda: _curved(mesh))
+    return mesh if curved_mesh is None else curved_mesh
 
 
 def _curved(mesh: Mesh) -> Mesh | None:
@@ -48,8 +48,8 @@ def _curved(mesh: Mesh) -> Mesh | None:
     for arc in arcs:
         nodes[arc.middles] = arc.places
     while len(flat := _flattened(mesh, nodes)):
-        kept = _straight_again(mesh, nodes, arcs, flat)
-        nodes[kept] = mesh.nodes[kept]
+        straight = _straightened_middles(mesh, nodes, arcs, flat)
+        nodes[straight] = mesh.nodes[straight]
     return replace(mesh, nodes=nodes) if (nodes != mesh.nodes).any() else None
 
 
@@ -68,8 +68,9 @@ def _parts(mesh: Mesh) -> Iterator[Mesh]:
     yield mesh
     for elements in mesh.element_sets.values():
         if 0 < len(elements) < mesh.n_elements:
-            yield make_mesh(mesh.nodes, [(block.cell, block.connectivity[own - block.first]) for block in mesh.blocks
-                                         if len(own := elements[(elements >= block.first) & (
+            yield make_mesh(mesh.nodes,
+                            [(block.cell, block.connectivity[block_elements - block.first]) for block in mesh.blocks
+                                         if len(block_elements := elements[(elements >= block.first) & (
                                              elements < block.first + block.n_elements)])])
 
 
@@ -86,10 +87,10 @@ def _arcs_in_plane(mesh: Mesh) -> list[_Arc]:
         return []
     middles = np.array(sorted(places))
     at = np.array([np.mean(places[middle], axis=0) for middle in middles])
-    far = np.hypot(*(at - mesh.nodes[middles]).T)
-    middles, at, far = (one[far > MIN_SHIFT * np.ptp(mesh.nodes, axis=0).max()] for one in (middles, at, far))
+    shift = np.hypot(*(at - mesh.nodes[middles]).T)
+    middles, at, shift = (array[shift > MIN_SHIFT * np.ptp(mesh.nodes, axis=0).max()] for array in (middles, at, shift))
     label = _hanging_together(np.array([ends[middle] for middle in middles]).reshape(-1, 2), mesh.n_nodes)
-    return [_Arc(middles[label == k], at[label == k], float(far[label == k].max())) for k in np.unique(label)]
+    return [_Arc(middles[label == k], at[label == k], float(shift[label == k].max())) for k in np.unique(label)]
 
 
 def _hanging_together(edges: np.ndarray, n_nodes: int) -> np.ndarray:
@@ -102,9 +103,9 @@ def _on_arcs(nodes: np.ndarray, edges: np.ndarray) -> Iterator[tuple[int, np.nda
     """Middle nodes of a closed loop of edges (n, 3) and their places on arcs."""
     n = len(edges)
     for first in range(n if n >= CORNERS_OF_AN_ARC else 0):
-        own = (first + np.arange(CORNERS_OF_AN_ARC)) % n
-        arc = _arc(nodes[edges[own, 0]])
-        for edge in own[:-1] if arc is not None else ():
+        run = (first + np.arange(CORNERS_OF_AN_ARC)) % n
+        arc = _arc(nodes[edges[run, 0]])
+        for edge in run[:-1] if arc is not None else ():
             middle = int(edges[edge, 2])
             yield middle, nearest_on_circle(nodes[middle], *arc)
 
@@ -112,8 +113,9 @@ def _on_arcs(nodes: np.ndarray, edges: np.ndarray) -> Iterator[tuple[int, np.nda
 def _arc(corners: np.ndarray) -> tuple[np.ndarray, float] | None:
     """Centre and radius of the circle through corners in a row; None where they are no arc."""
     along = np.diff(corners, axis=0)
-    before, after = along[:-1], along[1:]
-    turn = np.arctan2(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], np.einsum("ni,ni->n", before, after))
+    incoming, outgoing = along[:-1], along[1:]
+    turn = np.arctan2(incoming[:, 0] * outgoing[:, 1] - incoming[:, 1] * outgoing[:, 0],
+                      np.einsum("ni,ni->n", incoming, outgoing))
     size = np.abs(turn)
     if not ((turn > 0).all() or (turn < 0).all()) or size.min() < MIN_TURN or size.max() > MAX_TURN:
         return None
@@ -142,8 +144,8 @@ def _round_walls(mesh: Mesh) -> Iterator[_Arc]:
             is_open[middles] = False
             places = mesh.nodes[middles].copy()
             places[:, :2] = nearest_on_circle(places[:, :2], wall.hole.centre, wall.hole.radius)
-            far = np.hypot(*(places - mesh.nodes[middles])[:, :2].T)
-            moves = far > MIN_SHIFT * np.ptp(mesh.nodes, axis=0).max()  # others stand in the corners' lines along z
+            shift = np.hypot(*(places - mesh.nodes[middles])[:, :2].T)
+            moves = shift > MIN_SHIFT * np.ptp(mesh.nodes, axis=0).max()  # others stand in the corners' lines along z
             yield _Arc(middles[moves], places[moves], height)
 
 
@@ -154,7 +156,7 @@ def _flattened(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
     return np.unique(np.concatenate(flat))
 
 
-def _straight_again(mesh: Mesh, nodes: np.ndarray, arcs: Sequence[_Arc], flat: np.ndarray) -> np.ndarray:
+def _straightened_middles(mesh: Mesh, nodes: np.ndarray, arcs: Sequence[_Arc], flat: np.ndarray) -> np.ndarray:
     """Middle nodes that go back to their chords for the sake of flattened elements.
 
     Those of the elements alone; beside another arc, as near as thin layers have it, that arc and its own as a whole:
@@ -162,12 +164,13 @@ def _straight_again(mesh: Mesh, nodes: np.ndarray, arcs: Sequence[_Arc], flat: n
     """
     from scipy.spatial import cKDTree  # here: no identification of a sound mesh loads it
 
-    left = [arc for arc in arcs if (nodes[arc.middles] != mesh.nodes[arc.middles]).any()]
-    own = [arc for arc in left if np.isin(arc.middles, flat).any()]
-    kept = [flat]
-    for arc in own:
+    curved_arcs = [arc for arc in arcs if (nodes[arc.middles] != mesh.nodes[arc.middles]).any()]
+    flattening_arcs = [arc for arc in curved_arcs if np.isin(arc.middles, flat).any()]
+    straight = [flat]
+    for arc in flattening_arcs:
         tree = cKDTree(mesh.nodes[arc.middles])
-        near = [other for other in left if other is not arc and tree.query(mesh.nodes[other.middles])[0].min()
-                < THIN_HEIGHTS * max(arc.height, other.height)]
-        kept += [one.middles for one in (arc, *near)] if near else []
-    return np.unique(np.concatenate(kept))
+        neighbours = [other_arc for other_arc in curved_arcs
+                      if other_arc is not arc and tree.query(mesh.nodes[other_arc.middles])[0].min()
+                      < THIN_HEIGHTS * max(arc.height, other_arc.height)]
+        straight += [straight_arc.middles for straight_arc in (arc, *neighbours)] if neighbours else []
+    return np.unique(np.concatenate(straight))

@@ -23,13 +23,14 @@ EDGE_STD_SHARE = 1.0
 MIN_CORNER_SINE = 0.5  # of the angle between two edges (30 degrees): the corner of flatter ones goes half way with each
 
 
-def free_edges(mesh: Mesh, held: Mapping[str, np.ndarray]) -> np.ndarray:
+def free_edges(mesh: Mesh, held_sets: Mapping[str, np.ndarray]) -> np.ndarray:
     """Boundary edges whose nodes are not all in one of these sets  # (n, 2) [global element index, local edge]
 
-    held : {name: (n,) node indices}
+    held_sets : {name: (n,) node indices}
     """
     faces = boundary_faces(mesh)
-    driven = np.array([any(np.isin(mesh.face_nodes(face), nodes).all() for nodes in held.values()) for face in faces],
+    driven = np.array([any(np.isin(mesh.face_nodes(face), nodes).all() for nodes in held_sets.values())
+                       for face in faces],
                       dtype=bool)
     return faces[~driven]
 
@@ -49,11 +50,11 @@ def outward_velocity(mesh: Mesh, faces: np.ndarray) -> np.ndarray:
     for k, members in enumerate(nodes):
         for node in members.tolist():
             around.setdefault(node, []).append(k)
-    given = {node: _velocity(normals[at], target[at]) for node, at in around.items()
-             if target[at].any() or _is_corner(normals[at])}
+    node_velocities = {node: _velocity(normals[at], target[at]) for node, at in around.items()
+                       if target[at].any() or _is_corner(normals[at])}
     velocity = np.zeros((mesh.n_nodes, 2))
-    velocity[list(given)] = list(given.values())
-    sliding = np.array([node for node in around if node not in given], dtype=int)
+    velocity[list(node_velocities)] = list(node_velocities.values())
+    sliding = np.array([node for node in around if node not in node_velocities], dtype=int)
     _solve(velocity, _along_walls(mesh, nodes), sliding)
     for node in sliding:
         velocity[node] = _tangential(velocity[node], normals[around[node]].mean(axis=0))
@@ -64,13 +65,13 @@ def outward_velocity(mesh: Mesh, faces: np.ndarray) -> np.ndarray:
 
 def _with_straight_edges(mesh: Mesh, velocity: np.ndarray, walls: set[int]) -> np.ndarray:
     """Nodes in the middle of edges inside the body move with its ends: quadratic elements keep straight edges."""
-    made = velocity.copy()
+    straightened = velocity.copy()
     for block in mesh.blocks:
         for a, b, *middle in cell_type(block.cell).faces:
             for at in middle:
                 nodes = block.connectivity[~np.isin(block.connectivity[:, at], list(walls))]
-                made[nodes[:, at]] = 0.5 * (velocity[nodes[:, a]] + velocity[nodes[:, b]])
-    return made
+                straightened[nodes[:, at]] = 0.5 * (velocity[nodes[:, a]] + velocity[nodes[:, b]])
+    return straightened
 
 
 def _is_corner(normals: np.ndarray) -> bool:
@@ -100,18 +101,18 @@ def _along_walls(mesh: Mesh, walls: list[np.ndarray]) -> sparse.csr_array:
     return sparse.csr_array(sparse.coo_array(triplet, shape=(mesh.n_nodes,) * 2))
 
 
-def _solve(velocity: np.ndarray, matrix: sparse.csr_array, free: np.ndarray) -> None:
+def _solve(velocity: np.ndarray, matrix: sparse.csr_array, free_nodes: np.ndarray) -> None:
     """Harmonic values at free nodes, in place; loops that hold no given node stay."""
-    if len(free):
-        own = matrix[free][:, free] + 1e-12 * sparse.diags_array(matrix.diagonal()[free])
-        velocity[free] = splu(own.tocsc()).solve(-(matrix[free] @ velocity))
+    if len(free_nodes):
+        stiffness = matrix[free_nodes][:, free_nodes] + 1e-12 * sparse.diags_array(matrix.diagonal()[free_nodes])
+        velocity[free_nodes] = splu(stiffness.tocsc()).solve(-(matrix[free_nodes] @ velocity))
 
 
-def edges_by_name(mesh: Mesh, free: np.ndarray) -> dict[str, np.ndarray]:
-    """Sets EDGE1, EDGE2, … and HOLE1, HOLE2, … of a drawn outline that are free altogether  # {name: (n, 2)}
+def edges_by_name(mesh: Mesh, open_faces: np.ndarray) -> dict[str, np.ndarray]:
+    """Sets EDGE1, EDGE2, … and HOLE1, HOLE2, … of a drawn outline whose faces are all open  # {name: (n, 2)}
 
-    free : (n, 2), of `free_edges`
+    open_faces : (n, 2), of `free_edges`
     """
-    there = {tuple(face) for face in free.tolist()}
+    open_keys = {tuple(face) for face in open_faces.tolist()}
     return {name: faces for name, faces in mesh.edge_sets.items()
-            if re.fullmatch(r"(EDGE|HOLE)\d+", name) and all(tuple(face) in there for face in faces.tolist())}
+            if re.fullmatch(r"(EDGE|HOLE)\d+", name) and all(tuple(face) in open_keys for face in faces.tolist())}

@@ -175,8 +175,8 @@ def _tables(name: str, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     values = factor.prod(axis=2)
     grads = np.empty(factor.shape)
     for i in range(nodes.shape[1]):
-        others = np.delete(factor, i, axis=2).prod(axis=2)
-        grads[:, :, i] = nodes[None, :, i] / 2 * others
+        other_factors = np.delete(factor, i, axis=2).prod(axis=2)
+        grads[:, :, i] = nodes[None, :, i] / 2 * other_factors
     return values, grads
 
 
@@ -244,7 +244,7 @@ def _serendipity_brick(xi):
     values = factor.prod(axis=2) * np.where(corner, reach / 8, 0.25)
     grads = np.empty(factor.shape)
     for i in range(3):
-        others = np.delete(factor, i, axis=2).prod(axis=2)
-        grads[:, :, i] = others * np.where(corner, (slope[:, :, i] * reach + factor[:, :, i] * _HEX20[:, i]) / 8,
-                                           slope[:, :, i] / 4)
+        other_factors = np.delete(factor, i, axis=2).prod(axis=2)
+        grads[:, :, i] = other_factors * np.where(corner, (slope[:, :, i] * reach + factor[:, :, i] * _HEX20[:, i]) / 8,
+                                                  slope[:, :, i] / 4)
     return values, grads

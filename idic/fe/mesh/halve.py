@@ -62,8 +62,8 @@ def halve(mesh: Mesh) -> Halved:
     family = lambda e: children[owner(e)][e - mesh.blocks[owner(e)].first]  # noqa: E731
     element_sets = {name: np.concatenate([family(int(e)) for e in np.asarray(members)])
                     for name, members in mesh.element_sets.items()}
-    edge_sets = {name: np.array([(family(int(e))[child], own) for e, k in np.asarray(members)
-                                 for child, own in _parts_of_face(mesh.blocks[owner(int(e))].cell, int(k))])
+    edge_sets = {name: np.array([(family(int(e))[child], child_face) for e, k in np.asarray(members)
+                                 for child, child_face in _parts_of_face(mesh.blocks[owner(int(e))].cell, int(k))])
                  for name, members in mesh.edge_sets.items()}
     labels = np.concatenate([np.repeat(mesh.element_labels[b.first:b.first + b.n_elements], len(_children(b.cell)))
                              for b in mesh.blocks])
@@ -81,28 +81,28 @@ class _Nodes:
         self.keys: dict[tuple, int] = {}
         self.rows: list[tuple[np.ndarray, np.ndarray]] = []  # parents and their weights
         self.holders: list[set[int]] = []  # elements around each node
-        old: dict[int, tuple] = {}
+        node_keys: dict[int, tuple] = {}
         for block in mesh.blocks:
             cell = cell_type(block.cell)
             corners = _corners(_corner_weights(block.cell, cell.reference_nodes))
             for nodes in block.connectivity.tolist():
-                old.update(zip(nodes, (_key(nodes, own) for own in corners), strict=True))
+                node_keys.update(zip(nodes, (_key(nodes, point_corners) for point_corners in corners), strict=True))
         for node in range(mesh.n_nodes):
-            self._new(old.get(node, ((node, -1),)), np.array([node]), np.ones(1))
+            self._append_node(node_keys.get(node, ((node, -1),)), np.array([node]), np.ones(1))
 
     def add(self, block: Block, points: np.ndarray) -> np.ndarray:
         """Nodes of the children of a block  # (n_elements * n_children, n_nodes)"""
         flat = points.reshape(-1, points.shape[-1])
         corners, values = _corners(_corner_weights(block.cell, flat)), shape_functions(block.cell, flat)
-        found = np.empty((block.n_elements, len(flat)), dtype=np.int64)
+        connectivity = np.empty((block.n_elements, len(flat)), dtype=np.int64)
         for e, nodes in enumerate(block.connectivity.tolist()):
             for i in range(len(flat)):
                 index = self.keys.get(key := _key(nodes, corners[i]))
-                found[e, i] = self._new(key, np.array(nodes), values[i]) if index is None else index
-                self.holders[found[e, i]].add(block.first + e)
-        return found.reshape(-1, points.shape[1])
+                connectivity[e, i] = self._append_node(key, np.array(nodes), values[i]) if index is None else index
+                self.holders[connectivity[e, i]].add(block.first + e)
+        return connectivity.reshape(-1, points.shape[1])
 
-    def _new(self, key: tuple, parents: np.ndarray, weights: np.ndarray) -> int:
+    def _append_node(self, key: tuple, parents: np.ndarray, weights: np.ndarray) -> int:
         self.keys[key] = len(self.rows)
         self.rows.append((parents, weights))
         self.holders.append(set())
@@ -117,15 +117,16 @@ class _Nodes:
     def sets(self) -> dict[str, np.ndarray]:
         outer = set(_outer(self.mesh))
         corners = [frozenset(node for node, _ in key) for key in self.keys]
-        whole = {block.first + e: frozenset(nodes) for block in self.mesh.blocks
-                 for e, nodes in enumerate(block.connectivity.tolist())}
-        made = {}
+        element_nodes = {block.first + e: frozenset(nodes) for block in self.mesh.blocks
+                         for e, nodes in enumerate(block.connectivity.tolist())}
+        node_sets = {}
         for name, members in self.mesh.node_sets.items():
             inside = frozenset(np.asarray(members).tolist())
-            new = [n for n in range(self.mesh.n_nodes, len(corners)) if corners[n] <= inside
-                   and (corners[n] in outer or any(whole[e] <= inside for e in self.holders[n]))]
-            made[name] = np.concatenate([np.asarray(members, dtype=np.int64), np.array(new, dtype=np.int64)])
-        return made
+            new_members = [n for n in range(self.mesh.n_nodes, len(corners)) if corners[n] <= inside
+                           and (corners[n] in outer or any(element_nodes[e] <= inside for e in self.holders[n]))]
+            node_sets[name] = np.concatenate([np.asarray(members, dtype=np.int64),
+                                              np.array(new_members, dtype=np.int64)])
+        return node_sets
 
 
 def _key(nodes: list[int], corners: list[tuple[int, int]]) -> tuple:
@@ -134,7 +135,7 @@ def _key(nodes: list[int], corners: list[tuple[int, int]]) -> tuple:
 
 def _corners(weights: np.ndarray) -> list[list[tuple[int, int]]]:
     """The corners that count at every point, with their weights; weights : (n, n_corners) int"""
-    return [[(i, int(weight)) for i, weight in enumerate(own) if weight] for own in weights]
+    return [[(i, int(weight)) for i, weight in enumerate(point_weights) if weight] for point_weights in weights]
 
 
 def _corner_weights(cell: str, points: np.ndarray) -> np.ndarray:
@@ -158,9 +159,9 @@ def _parts_of_face(cell: str, face: int) -> Iterator[tuple[int, int]]:
     off = [i for i in range(cell_type(cell).n_corners) if i not in faces[face][:n]]
     for child, points in enumerate(_children(cell)):
         weights = _corner_weights(cell, points)
-        for own, nodes in enumerate(faces):
+        for child_face, nodes in enumerate(faces):
             if not weights[np.ix_(list(nodes[:n]), off)].any():
-                yield child, own
+                yield child, child_face
 
 
 def _outer(mesh: Mesh) -> Iterator[frozenset[int]]:

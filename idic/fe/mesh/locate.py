@@ -33,9 +33,9 @@ def interpolation(nodes: np.ndarray, blocks: Sequence[Block],
     inside = np.zeros(len(points), dtype=bool)
     rows, columns, values = [], [], []
     for block in blocks:
-        found, conn, shapes = _in_block(nodes, block, points, np.flatnonzero(~inside))
-        inside[found] = True
-        rows.append(np.repeat(found, conn.shape[1]))
+        numbers, conn, shapes = _in_block(nodes, block, points, np.flatnonzero(~inside))
+        inside[numbers] = True
+        rows.append(np.repeat(numbers, conn.shape[1]))
         columns.append(conn.ravel())
         values.append(shapes.ravel())
     weights = sparse.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
@@ -44,28 +44,28 @@ def interpolation(nodes: np.ndarray, blocks: Sequence[Block],
 
 
 def _in_block(nodes: np.ndarray, block: Block, points: np.ndarray,
-              wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Numbers of the wanted points that lie in a block, nodes of their elements, and shape functions there."""
+              candidates: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Numbers of the candidates that lie in a block, nodes of their elements, and shape functions there."""
     corners = nodes[block.connectivity]
     low, high = corners.min(axis=1), corners.max(axis=1)
     slack = 0.02 * (high - low).max()  # a curved edge bulges beyond its nodes
-    found, elements, places = [], [], []
-    for number in wanted:
+    numbers, elements, places = [], [], []
+    for number in candidates:
         x = points[number]
-        near = np.flatnonzero(((x >= low - slack) & (x <= high + slack)).all(axis=1))
-        if not len(near):
+        nearby_elements = np.flatnonzero(((x >= low - slack) & (x <= high + slack)).all(axis=1))
+        if not len(nearby_elements):
             continue
-        xi = _local(block.cell, corners[near], x)
+        xi = _local(block.cell, corners[nearby_elements], x)
         excess = _outside(block.cell, xi)
         best = int(np.argmin(excess))
         if excess[best] <= _EDGE_TOLERANCE:
-            found.append(number)
-            elements.append(near[best])
+            numbers.append(number)
+            elements.append(nearby_elements[best])
             places.append(xi[best])
-    if not found:
+    if not numbers:
         n = block.connectivity.shape[1]
         return np.zeros(0, dtype=int), np.zeros((0, n), dtype=int), np.zeros((0, n))
-    return np.array(found), block.connectivity[elements], shape_functions(block.cell, np.array(places))
+    return np.array(numbers), block.connectivity[elements], shape_functions(block.cell, np.array(places))
 
 
 def _local(cell: str, corners: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -74,16 +74,16 @@ def _local(cell: str, corners: np.ndarray, x: np.ndarray) -> np.ndarray:
     xi = np.tile(cell_type(cell).reference_nodes[:n_corners].mean(axis=0), (len(corners), 1))
     for _ in range(_NEWTON_STEPS):
         shapes, slopes = shape_functions(cell, xi), shape_gradients(cell, xi)
-        left = x - np.einsum("ea,eak->ek", shapes, corners)
+        gap = x - np.einsum("ea,eak->ek", shapes, corners)
         jacobian = np.einsum("eak,eai->eki", corners, slopes)
-        step = np.linalg.solve(jacobian, left[:, :, None])[:, :, 0]
+        step = np.linalg.solve(jacobian, gap[:, :, None])[:, :, 0]
         xi = np.clip(xi + step, -3.0, 3.0)  # far outside an element its map folds back
         if np.abs(step).max() < 1e-12:
             break
     shapes = shape_functions(cell, xi)
-    left = np.linalg.norm(x - np.einsum("ea,eak->ek", shapes, corners), axis=1)
+    distance = np.linalg.norm(x - np.einsum("ea,eak->ek", shapes, corners), axis=1)
     size = np.ptp(corners, axis=1).max(axis=1)
-    return np.where((left < 1e-6 * size)[:, None], xi, np.inf)
+    return np.where((distance < 1e-6 * size)[:, None], xi, np.inf)
 
 
 def _outside(cell: str, xi: np.ndarray) -> np.ndarray:

@@ -152,7 +152,7 @@ def boundary_faces(mesh: Mesh, blocks: tuple[Block, ...] | None = None) -> np.nd
             keys = np.sort(block.connectivity[:, list(local[:n_corner])], axis=1)
             for e, key in enumerate(map(tuple, keys)):
                 owners[key].append((block.first + e, k))
-    faces = [where[0] for where in owners.values() if len(where) == 1]
+    faces = [sides[0] for sides in owners.values() if len(sides) == 1]
     return np.array(sorted(faces), dtype=np.int64).reshape(-1, 2)
 
 
@@ -246,9 +246,9 @@ class PerMesh:
         """What `make` returns the first time for this mesh and key; nothing is remembered where it raises."""
         number = id(mesh)
         if number not in self._known or self._known[number][0]() is not mesh:
-            gone = self._known
-            self._known[number] = weakref.ref(mesh, lambda _: gone.pop(number, None)), {}
-        found = self._known[number][1]
-        if key not in found:
-            found[key] = make()
-        return found[key]
+            registry = self._known
+            self._known[number] = weakref.ref(mesh, lambda _: registry.pop(number, None)), {}
+        by_key = self._known[number][1]
+        if key not in by_key:
+            by_key[key] = make()
+        return by_key[key]

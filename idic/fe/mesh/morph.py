@@ -74,10 +74,10 @@ def walls_about_a_centre(mesh: Mesh) -> Iterator[Wall]:
     """Connected walls whose faces all look towards the centre of their circle, or all away from it: holes, tubes."""
     faces, normals = _walls(mesh)
     for part in _connected(mesh, faces):
-        own = np.array([mesh.face_nodes(face)[:_n_corners(mesh)] for face in faces[part]])  # (n, corners)
-        corners = np.unique(own)
+        wall_corners = np.array([mesh.face_nodes(face)[:_n_corners(mesh)] for face in faces[part]])  # (n, corners)
+        corners = np.unique(wall_corners)
         centre, radius = fit_circle(mesh.nodes[corners, :2])
-        offsets = mesh.nodes[own, :2] - centre
+        offsets = mesh.nodes[wall_corners, :2] - centre
         side = np.einsum("ni,ni->n", normals[part], offsets.mean(axis=1))
         if (side < 0).all() or (side > 0).all():
             angles = np.arctan2(offsets[..., 1], offsets[..., 0])
@@ -118,19 +118,20 @@ def velocities(mesh: Mesh, hole: Hole) -> dict[str, np.ndarray]:
     On the rim (1, 0), (0, 1) and (X - centre)/radius; zero on every other wall; harmonic between; no z component.
     """
     faces, _ = _walls(mesh)
-    fixed = np.unique(np.concatenate([face_set_nodes(mesh, faces), hole.rim]))
+    boundary_nodes = np.unique(np.concatenate([face_set_nodes(mesh, faces), hole.rim]))
     stiffness, used = laplacian(mesh)
-    inner = np.setdiff1d(used, fixed)
-    given = np.zeros((mesh.n_nodes, 3))  # a rigid shift in one direction, and the two components of the radial field
-    given[hole.rim, 0] = 1.0
-    given[hole.rim, 1:] = (mesh.nodes[hole.rim, :2] - hole.centre) / hole.radius
+    inner = np.setdiff1d(used, boundary_nodes)
+    components = np.zeros((mesh.n_nodes,
+                           3))  # a rigid shift in one direction, and the two components of the radial field
+    components[hole.rim, 0] = 1.0
+    components[hole.rim, 1:] = (mesh.nodes[hole.rim, :2] - hole.centre) / hole.radius
     if len(inner):
-        given[inner] = splu(stiffness[inner][:, inner].tocsc()).solve(-(stiffness[inner] @ given))
+        components[inner] = splu(stiffness[inner][:, inner].tocsc()).solve(-(stiffness[inner] @ components))
     flat = np.zeros((mesh.n_nodes, mesh.n_dim))
-    made = {"x": flat.copy(), "y": flat.copy(), "radius": flat.copy()}
-    made["x"][:, 0] = made["y"][:, 1] = given[:, 0]
-    made["radius"][:, :2] = given[:, 1:]
-    return made
+    fields = {"x": flat.copy(), "y": flat.copy(), "radius": flat.copy()}
+    fields["x"][:, 0] = fields["y"][:, 1] = components[:, 0]
+    fields["radius"][:, :2] = components[:, 1:]
+    return fields
 
 
 def admissible(mesh: Mesh, velocity: np.ndarray, least: float = MIN_JACOBIAN_IN_BOUNDS) -> tuple[float, float]:
@@ -174,12 +175,13 @@ def jacobian_ratios(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
                            for block in mesh.blocks])
 
 
-def ratios_of_block(block: Block, before: np.ndarray, after: np.ndarray, n_nodes: int) -> np.ndarray:
+def ratios_of_block(block: Block, nodes_before: np.ndarray, nodes_after: np.ndarray, n_nodes: int) -> np.ndarray:
     """The same of one block, at integration points and its first `n_nodes` nodes  # (n_elements, n_points)"""
     points = np.concatenate([quadrature_rule(block.cell)[0], cell_type(block.cell).reference_nodes[:n_nodes]])
     slopes = shape_gradients(block.cell, points)
-    new, old = (np.linalg.det(np.einsum("eai,qaj->eqij", x[block.connectivity], slopes)) for x in (after, before))
-    return new / old
+    new_volume, old_volume = (np.linalg.det(np.einsum("eai,qaj->eqij", x[block.connectivity], slopes))
+                              for x in (nodes_after, nodes_before))
+    return new_volume / old_volume
 
 
 def _n_corners(mesh: Mesh) -> int:

@@ -65,16 +65,16 @@ class Segments:
 
     def box(self) -> np.ndarray:
         """Least and largest coordinates of the outline without its holes, arcs by 64 points  # (2, 2)"""
-        own, shares = np.flatnonzero(self.loop == 0), np.linspace(0, 1, 65)
-        points = self.at(np.repeat(own, len(shares)), np.tile(shares, len(own)))
+        outer_segments, shares = np.flatnonzero(self.loop == 0), np.linspace(0, 1, 65)
+        points = self.at(np.repeat(outer_segments, len(shares)), np.tile(shares, len(outer_segments)))
         return np.array([points.min(axis=0), points.max(axis=0)])
 
     def area(self) -> float:
         """The area enclosed by the outline less that of the holes, exact for arcs."""
         cross = self.start[:, 0] * self.end[:, 1] - self.start[:, 1] * self.end[:, 0]
         sector = self.radius**2 * (self.sweep - np.sin(self.sweep))
-        own = [abs(float((cross + sector)[self.loop == k].sum()) / 2) for k in range(int(self.loop.max()) + 1)]
-        return own[0] - sum(own[1:])
+        loop_areas = [abs(float((cross + sector)[self.loop == k].sum()) / 2) for k in range(int(self.loop.max()) + 1)]
+        return loop_areas[0] - sum(loop_areas[1:])
 
 
 def segments_of(outline: Sequence, holes: Sequence = ()) -> Segments:
@@ -146,13 +146,13 @@ def _arc(a: np.ndarray, through: np.ndarray, b: np.ndarray):
     normal = np.array([-chord[1], chord[0]])
     offset = (middle @ middle - middle @ chord) / (2 * twice)
     centre = a + chord / 2 + offset * normal
-    first, last = np.arctan2(*(a - centre)[::-1]), np.arctan2(*(b - centre)[::-1])
-    sweep = (last - first) % (2 * np.pi) if twice < 0 else -((first - last) % (2 * np.pi))
+    first, last_angle = np.arctan2(*(a - centre)[::-1]), np.arctan2(*(b - centre)[::-1])
+    sweep = (last_angle - first) % (2 * np.pi) if twice < 0 else -((first - last_angle) % (2 * np.pi))
     return centre, float(np.hypot(*(a - centre))), float(first), float(sweep)
 
 
-def _refused(what: str, expected: str, found: str, remedy: str) -> InputError:
-    return InputError(what, expected=expected, found=found, remedy=remedy)
+def _refused(message: str, expected: str, finding: str, remedy: str) -> InputError:
+    return InputError(message, expected=expected, found=finding, remedy=remedy)
 
 
 @dataclass(frozen=True)
@@ -198,8 +198,8 @@ def cut(segments: Segments, size: float) -> Boundary:
     points = segments.at(segment, k / counts[segment])
     following = np.arange(len(segment)) + 1
     for loop in range(int(segments.loop.max()) + 1):
-        own = np.flatnonzero(segments.loop[segment] == loop)
-        following[own[-1]] = own[0]
+        loop_edges = np.flatnonzero(segments.loop[segment] == loop)
+        following[loop_edges[-1]] = loop_edges[0]
     share = np.column_stack([k, k + 1]) / counts[segment, None]
     return Boundary(points, np.column_stack([np.arange(len(segment)), following]), segment, share)
 
@@ -208,10 +208,11 @@ def halved(boundary: Boundary, segments: Segments, chosen: np.ndarray) -> Bounda
     """The boundary with the edges `chosen` (bool) cut in two, at the middle of their line or arc."""
     middle_share = boundary.share[chosen].mean(axis=1)
     middle = segments.at(boundary.segment[chosen], middle_share)
-    new = len(boundary.points) + np.arange(len(middle))
-    kept, old = ~chosen, boundary.edges[chosen]
-    edges = np.concatenate([boundary.edges[kept], np.column_stack([old[:, 0], new]), np.column_stack([new, old[:, 1]])])
-    share = np.concatenate([boundary.share[kept], np.column_stack([boundary.share[chosen, 0], middle_share]),
+    middle_numbers = len(boundary.points) + np.arange(len(middle))
+    uncut, cut_edges = ~chosen, boundary.edges[chosen]
+    edges = np.concatenate([boundary.edges[uncut], np.column_stack([cut_edges[:, 0], middle_numbers]),
+                            np.column_stack([middle_numbers, cut_edges[:, 1]])])
+    share = np.concatenate([boundary.share[uncut], np.column_stack([boundary.share[chosen, 0], middle_share]),
                             np.column_stack([middle_share, boundary.share[chosen, 1]])])
-    segment = np.concatenate([boundary.segment[kept], np.tile(boundary.segment[chosen], 2)])
+    segment = np.concatenate([boundary.segment[uncut], np.tile(boundary.segment[chosen], 2)])
     return Boundary(np.concatenate([boundary.points, middle]), edges, segment, share)

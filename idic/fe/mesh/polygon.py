@@ -90,24 +90,24 @@ def follow_arcs(mesh: Mesh, outline: Sequence, holes: Sequence = ()) -> Mesh:
     for k in curved:
         centre, radius = segments.centre[k], segments.radius[k]
         on = [np.abs(np.hypot(*(x - centre).T) - radius) < 1e-6 * radius for x in (a, b)]
-        own = on[0] & on[1]
+        on_arc = on[0] & on[1]
         offset = middle - centre
         distance = np.hypot(*offset.T)
         turned = (np.arctan2(offset[:, 1], offset[:, 0]) - segments.angle[k]) * np.sign(segments.sweep[k]) % (2 * np.pi)
-        own &= (turned < abs(segments.sweep[k])) & (distance > 0.5 * radius)
-        nodes[ends[own, 2]] = centre + offset[own] * (radius / distance[own])[:, None]
+        on_arc &= (turned < abs(segments.sweep[k])) & (distance > 0.5 * radius)
+        nodes[ends[on_arc, 2]] = centre + offset[on_arc] * (radius / distance[on_arc])[:, None]
     return replace(mesh, nodes=nodes)
 
 
 def smallest_angle(mesh: Mesh) -> float:
     """The smallest corner angle of all elements, in degrees."""
-    found = []
+    angles = []
     for block in mesh.blocks:
         corners = mesh.nodes[block.connectivity[:, : cell_type(block.cell).n_corners]]
         ahead, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
         cosine = (ahead * back).sum(axis=-1) / (np.linalg.norm(ahead, axis=-1) * np.linalg.norm(back, axis=-1))
-        found.append(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))).min())
-    return float(min(found))
+        angles.append(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))).min())
+    return float(min(angles))
 
 
 def _check_size(segments: Segments, size: float) -> None:
@@ -127,8 +127,8 @@ def _check_size(segments: Segments, size: float) -> None:
 
 def _with_sets(mesh: Mesh, segments: Segments, boundary: Boundary, names: Mapping[str, Sequence[int]]) -> Mesh:
     faces = boundary_faces(mesh)
-    known = {tuple(sorted(mesh.face_nodes(face)[:2].tolist())): k for k, face in enumerate(faces)}
-    places = [known.get(tuple(sorted(edge))) for edge in boundary.edges.tolist()]
+    face_numbers = {tuple(sorted(mesh.face_nodes(face)[:2].tolist())): k for k, face in enumerate(faces)}
+    places = [face_numbers.get(tuple(sorted(edge))) for edge in boundary.edges.tolist()]
     if None in places or len(places) != len(faces):
         raise InputError("the outline cannot be meshed", expected="elements that fill the region",
                          found="gaps at its boundary",
@@ -146,7 +146,7 @@ def _with_sets(mesh: Mesh, segments: Segments, boundary: Boundary, names: Mappin
             raise InputError("not a name of edges", key=name, expected=f"a new name, and segments from 1 to {n}",
                              found=f"{name} = {list(numbers)}", remedy="correct the numbers, or choose another name")
         of[name] = np.isin(segment, np.asarray(numbers) - 1)
-    edge_sets = {name: faces[own] for name, own in of.items()}
+    edge_sets = {name: faces[mask] for name, mask in of.items()}
     return replace(mesh, edge_sets=edge_sets,
-                   node_sets={name: face_set_nodes(mesh, own) for name, own in edge_sets.items()},
+                   node_sets={name: face_set_nodes(mesh, set_faces) for name, set_faces in edge_sets.items()},
                    element_sets={"ALL": np.arange(mesh.n_elements)})

@@ -48,8 +48,8 @@ def corner_sines(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
     return cross / np.maximum(np.linalg.norm(ahead, axis=-1) * np.linalg.norm(back, axis=-1), 1e-300)
 
 
-def smoothed(points: np.ndarray, quads: np.ndarray, triangles: np.ndarray, fixed: int, rounds: int = 8) -> np.ndarray:
-    """The points, those from `fixed` on moved towards the mean of their neighbours where every cell keeps its shape."""
+def smoothed(points: np.ndarray, quads: np.ndarray, triangles: np.ndarray, n_fixed: int, rounds: int = 8) -> np.ndarray:
+    """The points; those from `n_fixed` on move to the mean of their neighbours where every cell keeps its shape."""
     cells = [c for c in (quads, triangles) if len(c)]
     ends = np.concatenate([np.column_stack([c[:, k], np.roll(c, -1, axis=1)[:, k]]) for c in cells
                            for k in range(c.shape[1])])
@@ -61,7 +61,7 @@ def smoothed(points: np.ndarray, quads: np.ndarray, triangles: np.ndarray, fixed
             np.add.at(count, a, 1.0)
         target = sums / np.maximum(count, 1.0)[:, None]
         moved = points.copy()
-        moved[fixed:] += 0.5 * (target - points)[fixed:]
+        moved[n_fixed:] += 0.5 * (target - points)[n_fixed:]
         for _ in range(10):
             worse = [c[corner_sines(moved, c).min(axis=1) < corner_sines(points, c).min(axis=1) - 1e-12].ravel()
                      for c in cells]

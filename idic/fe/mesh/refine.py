@@ -70,10 +70,10 @@ def _on_boundary(mesh: Mesh, edges: np.ndarray) -> np.ndarray:
 def _with_middles(members: np.ndarray, edges: np.ndarray, outer: np.ndarray, blocks, mesh: Mesh) -> np.ndarray:
     inside = np.zeros(mesh.n_nodes, dtype=bool)
     inside[members] = True
-    both = inside[edges].all(axis=1)
-    whole = np.zeros(len(edges), dtype=bool)
+    joined = inside[edges].all(axis=1)
+    in_full_element = np.zeros(len(edges), dtype=bool)
     for block in blocks:
         corners = cell_type(block.cell).n_corners
         full = inside[block.connectivity[:, :corners]].all(axis=1)
-        whole[block.connectivity[full, corners:].ravel() - mesh.n_nodes] = True
-    return np.concatenate([members, np.flatnonzero(both & (outer | whole)) + mesh.n_nodes])
+        in_full_element[block.connectivity[full, corners:].ravel() - mesh.n_nodes] = True
+    return np.concatenate([members, np.flatnonzero(joined & (outer | in_full_element)) + mesh.n_nodes])

@@ -28,8 +28,8 @@ def graded_boundary(segments: Segments, size: float) -> Boundary:
     check_crossings(boundary, segments)
     _check_nesting(boundary, segments)
     for _ in range(MAX_ROUNDS):
-        wanted = size_at(boundary, boundary.middles, np.inf)
-        chosen = (boundary.lengths > MAX_NEIGHBOUR_RATIO * wanted) | _encroached(boundary, segments)
+        target_sizes = size_at(boundary, boundary.middles, np.inf)
+        chosen = (boundary.lengths > MAX_NEIGHBOUR_RATIO * target_sizes) | _encroached(boundary, segments)
         if not chosen.any():
             return boundary
         if len(boundary.edges) > MAX_EDGES:
@@ -50,28 +50,28 @@ def size_at(boundary: Boundary, points: np.ndarray, size: float) -> np.ndarray:
     """The element size at points: `size`, less near short edges  # (n,)"""
     lengths, middles = boundary.lengths, boundary.middles
     short = lengths < 0.95 * size
-    wanted = np.full(len(points), float(size))
+    sizes = np.full(len(points), float(size))
     if not short.any():
-        return wanted
+        return sizes
     step = max(CHUNK // int(short.sum()), 1)
     for first in range(0, len(points), step):
         part = points[first : first + step]
         distance = np.hypot(part[:, None, 0] - middles[short, 0], part[:, None, 1] - middles[short, 1])
         grown = lengths[short] + GROWTH * np.maximum(distance - lengths[short] / 2, 0.0)
-        wanted[first : first + step] = np.minimum(size, grown.min(axis=1))
-    return wanted
+        sizes[first : first + step] = np.minimum(size, grown.min(axis=1))
+    return sizes
 
 
 def near_edges(boundary: Boundary, points: np.ndarray, reach: float) -> np.ndarray:
     """Which points lie within `reach` half lengths of the middle of a boundary edge  # (n,) bool"""
     half = boundary.lengths / 2 * reach
     tree = scipy.spatial.cKDTree(points) if len(points) else None
-    near = np.zeros(len(points), dtype=bool)
+    is_near = np.zeros(len(points), dtype=bool)
     if tree is None:
-        return near
-    for found in tree.query_ball_point(boundary.middles, half * (1 - 1e-9)):
-        near[found] = True
-    return near
+        return is_near
+    for neighbours in tree.query_ball_point(boundary.middles, half * (1 - 1e-9)):
+        is_near[neighbours] = True
+    return is_near
 
 
 def _encroached(boundary: Boundary, segments: Segments) -> np.ndarray:
@@ -80,24 +80,25 @@ def _encroached(boundary: Boundary, segments: Segments) -> np.ndarray:
     A point in the diametral circle of an edge may break it in a Delaunay triangulation, and elements of its size do not
     fit in the gap. Segments that meet at a sharp corner come as close as they like.
     """
-    found = scipy.spatial.cKDTree(boundary.points).query_ball_point(boundary.middles, boundary.lengths / 2 * CLEARANCE)
+    close_points = scipy.spatial.cKDTree(boundary.points).query_ball_point(boundary.middles,
+                                                                           boundary.lengths / 2 * CLEARANCE)
     of_point = [set() for _ in boundary.points]
     for segment, ends in zip(boundary.segment.tolist(), boundary.edges.tolist(), strict=True):
         for end in ends:
             of_point[end].add(segment)
-    beside = _neighbours(segments)
-    return np.array([any(of_point[k].isdisjoint(beside[segment]) for k in near)
-                     for near, segment in zip(found, boundary.segment.tolist(), strict=True)])
+    neighbours = _neighbours(segments)
+    return np.array([any(of_point[k].isdisjoint(neighbours[segment]) for k in numbers)
+                     for numbers, segment in zip(close_points, boundary.segment.tolist(), strict=True)])
 
 
 def _neighbours(segments: Segments) -> list[set[int]]:
     """Of every segment: itself, the one before it and the one after it."""
-    beside = []
+    neighbours = []
     for k, loop in enumerate(segments.loop):
-        own = np.flatnonzero(segments.loop == loop).tolist()
-        place = own.index(k)
-        beside.append({k, own[place - 1], own[(place + 1) % len(own)]})
-    return beside
+        loop_segments = np.flatnonzero(segments.loop == loop).tolist()
+        place = loop_segments.index(k)
+        neighbours.append({k, loop_segments[place - 1], loop_segments[(place + 1) % len(loop_segments)]})
+    return neighbours
 
 
 def inside(boundary: Boundary, points: np.ndarray) -> np.ndarray:
@@ -127,9 +128,9 @@ def triangles_inside(boundary: Boundary, points: np.ndarray) -> tuple[scipy.spat
     for k in range(3):  # neighbour k is opposite to corner k
         across = mesh.neighbors[:, k]
         key = _keys(corners[:, [(k + 1) % 3, (k + 2) % 3]], n)
-        free = (across >= 0) & np.fromiter((value not in walls for value in key.tolist()), bool, len(key))
-        rows.append(np.flatnonzero(free))
-        columns.append(across[free])
+        passable = (across >= 0) & np.fromiter((value not in walls for value in key.tolist()), bool, len(key))
+        rows.append(np.flatnonzero(passable))
+        columns.append(across[passable])
     row, column = np.concatenate(rows), np.concatenate(columns)
     graph = sparse.coo_matrix((np.ones(len(row)), (row, column)), shape=(len(corners),) * 2)
     _, part = connected_components(graph, directed=False)
@@ -137,8 +138,8 @@ def triangles_inside(boundary: Boundary, points: np.ndarray) -> tuple[scipy.spat
     order = np.argsort(area, kind="stable")
     largest = np.zeros(part.max() + 1, dtype=int)
     largest[part[order]] = order  # the last entry wins: the largest triangle of each part
-    kept = inside(boundary, points[corners[largest]].mean(axis=1))
-    return mesh, kept[part] & (area > 1e-9 * area.max())
+    is_inside = inside(boundary, points[corners[largest]].mean(axis=1))
+    return mesh, is_inside[part] & (area > 1e-9 * area.max())
 
 
 def _keys(pairs: np.ndarray, n: int) -> np.ndarray:
@@ -169,18 +170,18 @@ def check_crossings(boundary: Boundary, segments: Segments) -> None:
     ends, n = boundary.ends, len(boundary.edges)
     a, d = ends[:, 0], ends[:, 1] - ends[:, 0]
     for k in range(n):
-        others = np.arange(k + 1, n)
-        touches = np.isin(boundary.edges[others], boundary.edges[k]).any(axis=1)
-        others = others[~touches & (boundary.segment[others] != boundary.segment[k])]
-        gap = a[others] - a[k]
-        twice = d[k, 0] * d[others, 1] - d[k, 1] * d[others, 0]
+        later_edges = np.arange(k + 1, n)
+        touches = np.isin(boundary.edges[later_edges], boundary.edges[k]).any(axis=1)
+        later_edges = later_edges[~touches & (boundary.segment[later_edges] != boundary.segment[k])]
+        gap = a[later_edges] - a[k]
+        twice = d[k, 0] * d[later_edges, 1] - d[k, 1] * d[later_edges, 0]
         with np.errstate(divide="ignore", invalid="ignore"):
-            t = (gap[:, 0] * d[others, 1] - gap[:, 1] * d[others, 0]) / twice
+            t = (gap[:, 0] * d[later_edges, 1] - gap[:, 1] * d[later_edges, 0]) / twice
             s = (gap[:, 0] * d[k, 1] - gap[:, 1] * d[k, 0]) / twice
         hit = (t >= 0) & (t <= 1) & (s >= 0) & (s <= 1)
         if hit.any():
             x, y = a[k] + t[hit][0] * d[k]
-            loops = segments.loop[boundary.segment[[k, others[hit][0]]]]
+            loops = segments.loop[boundary.segment[[k, later_edges[hit][0]]]]
             names = " and ".join("the outline" if loop == 0 else f"hole {loop}"
                                  for loop in dict.fromkeys(loops.tolist()))
             raise InputError("lines of the drawing cross", expected="lines that meet at their ends only",
@@ -190,13 +191,14 @@ def check_crossings(boundary: Boundary, segments: Segments) -> None:
 def _check_nesting(boundary: Boundary, segments: Segments) -> None:
     loop = segments.loop[boundary.segment]
     for k in range(1, int(loop.max()) + 1):
-        own, others = loop == k, loop == 0
-        outer = Boundary(boundary.points, boundary.edges[others], boundary.segment[others], boundary.share[others])
+        of_hole, of_outline = loop == k, loop == 0
+        outer = Boundary(boundary.points, boundary.edges[of_outline], boundary.segment[of_outline],
+                         boundary.share[of_outline])
         in_another = [j for j in range(1, int(loop.max()) + 1) if j != k and inside(
             Boundary(boundary.points, boundary.edges[loop == j], boundary.segment[loop == j],
                      boundary.share[loop == j]),
-            boundary.points[boundary.edges[own][:1, 0]])[0]]
-        if not inside(outer, boundary.points[boundary.edges[own][:, 0]]).all() or in_another:
-            where = f"inside hole {in_another[0]}" if in_another else "outside the outline"
+            boundary.points[boundary.edges[of_hole][:1, 0]])[0]]
+        if not inside(outer, boundary.points[boundary.edges[of_hole][:, 0]]).all() or in_another:
+            location = f"inside hole {in_another[0]}" if in_another else "outside the outline"
             raise InputError("a hole is not in the material", expected="holes inside the outline, none in another one",
-                             found=f"hole {k} is {where}", remedy="move the hole, or leave it out")
+                             found=f"hole {k} is {location}", remedy="move the hole, or leave it out")

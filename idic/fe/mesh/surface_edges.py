@@ -22,8 +22,8 @@ def seen_first(mesh: Mesh, surface: str, nodes: np.ndarray) -> np.ndarray:
     on_surface = np.flatnonzero(np.isin(nodes, face_set_nodes(mesh, mesh.edge_sets[surface])))
     if not len(on_surface):
         return np.empty(0, dtype=np.int64)
-    _, near = scipy.spatial.cKDTree(mesh.nodes[nodes[on_surface]]).query(mesh.nodes[nodes])
-    leaders = on_surface[near]
+    _, nearest = scipy.spatial.cKDTree(mesh.nodes[nodes[on_surface]]).query(mesh.nodes[nodes])
+    leaders = on_surface[nearest]
     leaders[on_surface] = on_surface
     return leaders
 
@@ -52,16 +52,16 @@ def followed(points: np.ndarray, leaders: np.ndarray) -> tuple[np.ndarray, np.nd
     left : (3, q)
         Orthonormal directions along which hidden nodes lie away from the seen ones, and no slope is known.
     """
-    own = np.unique(leaders)
-    weights = (leaders[:, None] == own).astype(float)
+    visible = np.unique(leaders)
+    weights = (leaders[:, None] == visible).astype(float)
     away = points - points[leaders]
-    u, sizes, directions = np.linalg.svd(points[own] - points[own].mean(axis=0), full_matrices=False)
+    u, sizes, directions = np.linalg.svd(points[visible] - points[visible].mean(axis=0), full_matrices=False)
     reach = np.abs(away @ directions.T).max(axis=0)
-    told = MAX_EXTRAPOLATED * sizes > reach
-    for k in np.flatnonzero(told):
+    resolved = MAX_EXTRAPOLATED * sizes > reach
+    for k in np.flatnonzero(resolved):
         weights += np.outer(away @ directions[k], u[:, k] / sizes[k])
-    untold = away - away @ directions[told].T @ directions[told]
-    _, size, along = np.linalg.svd(untold, full_matrices=False)
+    unresolved = away - away @ directions[resolved].T @ directions[resolved]
+    _, size, along = np.linalg.svd(unresolved, full_matrices=False)
     return weights, along[size > 1e-6 * np.abs(points).max()].T
 
 
@@ -92,28 +92,28 @@ def rim_second_differences(mesh: Mesh, surface: str, nodes: np.ndarray) -> np.nd
             neighbours.setdefault(a, []).append(b)
             neighbours.setdefault(b, []).append(a)
     place, rows = {int(node): i for i, node in enumerate(nodes)}, []
-    for here in place:
-        around = neighbours.get(here, [])
+    for node in place:
+        around = neighbours.get(node, [])
         if len(around) != 2 or not set(around) <= place.keys():
             continue
-        row = second_difference(mesh.nodes, place, around[0], here, around[1])
+        row = second_difference(mesh.nodes, place, around[0], node, around[1])
         if row is not None:
             rows.append(row)
     return np.array(rows).reshape(-1, len(nodes))
 
 
-def second_difference(points: np.ndarray, place: Mapping[int, int], before: int, here: int,
-                      after: int) -> np.ndarray | None:
+def second_difference(points: np.ndarray, place: Mapping[int, int], previous: int, node: int,
+                      following: int) -> np.ndarray | None:
     """Second difference of nodal values at a node of an edge, scaled to the mean of the two spacings; None at a corner.
 
     points : (n_nodes, 2|3); place : position of a node among the values. Returns (len(place),)
     """
-    first, second = points[here] - points[before], points[after] - points[here]
+    first, second = points[node] - points[previous], points[following] - points[node]
     h, k = np.linalg.norm(first), np.linalg.norm(second)
     if first @ second < CORNER_COSINE * h * k:
         return None
     row = np.zeros(len(place))
-    row[[place[before], place[here], place[after]]] = 0.5 * (h + k) * np.array([1 / h, -1 / h - 1 / k, 1 / k])
+    row[[place[previous], place[node], place[following]]] = 0.5 * (h + k) * np.array([1 / h, -1 / h - 1 / k, 1 / k])
     return row
 
 

@@ -54,8 +54,8 @@ def triangulate(segments: Segments, boundary: Boundary, size: float,
 
 def _triangles(boundary: Boundary, inner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     points = np.concatenate([boundary.points, inner])
-    mesh, kept = triangles_inside(boundary, points)
-    triangles = mesh.simplices[kept].astype(np.int64)
+    mesh, in_region = triangles_inside(boundary, points)
+    triangles = mesh.simplices[in_region].astype(np.int64)
     clockwise = areas(points, triangles) < 0
     triangles[clockwise] = triangles[clockwise][:, ::-1]
     return points, triangles
@@ -81,15 +81,15 @@ def _refined(boundary: Boundary, inner: np.ndarray, size: float) -> np.ndarray:
     for _ in range(MAX_REFINEMENTS):
         points, triangles = _triangles(boundary, inner)
         centre, radius, shortest = _circles(points[triangles])
-        wanted = size_at(boundary, centre, size)
+        sizes = size_at(boundary, centre, size)
         sharp = shortest < 2 * np.sin(MIN_ANGLE) * radius
-        bad = np.flatnonzero((radius > MAX_CIRCUMRADIUS * wanted) | (sharp & (radius > 0.6 * wanted)))
+        bad = np.flatnonzero((radius > MAX_CIRCUMRADIUS * sizes) | (sharp & (radius > 0.6 * sizes)))
         bad = bad[inside(boundary, centre[bad])]
         bad = bad[~near_edges(boundary, centre[bad], 1.0)]
         if not len(bad):
             break
-        bad = bad[np.argsort(-radius[bad] / wanted[bad], kind="stable")]
-        chosen = _apart(centre[bad], 0.7 * wanted[bad])
+        bad = bad[np.argsort(-radius[bad] / sizes[bad], kind="stable")]
+        chosen = _spaced_out(centre[bad], 0.7 * sizes[bad])
         inner = np.concatenate([inner, centre[bad][chosen]])
     return inner
 
@@ -105,14 +105,14 @@ def _circles(corners: np.ndarray):
     return a + offset, np.hypot(*offset.T), edges.min(axis=1)
 
 
-def _apart(points: np.ndarray, distance: np.ndarray) -> np.ndarray:
+def _spaced_out(points: np.ndarray, distance: np.ndarray) -> np.ndarray:
     """Which points to keep so that none lies nearer to an earlier one than its distance  # (n,) bool"""
-    kept = np.ones(len(points), dtype=bool)
-    near = scipy.spatial.cKDTree(points).query_ball_point(points, distance)
-    for k, others in enumerate(near):
-        if kept[k]:
-            kept[[j for j in others if j > k]] = False
-    return kept
+    is_kept = np.ones(len(points), dtype=bool)
+    neighbours = scipy.spatial.cKDTree(points).query_ball_point(points, distance)
+    for k, close_points in enumerate(neighbours):
+        if is_kept[k]:
+            is_kept[[j for j in close_points if j > k]] = False
+    return is_kept
 
 
 def _smoothed(boundary: Boundary, inner: np.ndarray, size: float, rounds: int, square: bool) -> np.ndarray:

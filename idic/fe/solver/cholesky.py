@@ -68,8 +68,8 @@ class SymmetricFactor:
             backward(self.entries, *tree.arrays, *span, x, self._room(x))
 
         list(run(down, range(len(tree.parts))))
-        for (_, last), share in zip(tree.parts, beyond, strict=True):
-            reached = tree.boundary[tree.beginning[last - 1]:tree.beginning[last]]
+        for (_, part_end), share in zip(tree.parts, beyond, strict=True):
+            reached = tree.boundary[tree.beginning[part_end - 1]:tree.beginning[part_end]]
             x[:, reached] += share[:, reached]
         for span in tree.above:
             forward(self.entries, *tree.arrays, *span, x.shape[1], x, x, self._room(x))
@@ -88,7 +88,7 @@ def tree_of(fronts: Sequence[Front]) -> Tree:
     beginning = np.concatenate([[0], np.cumsum([len(front.boundary) for front in fronts])]).astype(np.int64)
     rows = end - first + np.diff(beginning)
     parts = sorted(independent_parts(fronts, PARTS))
-    beneath = {k for begin, last in parts for k in range(begin, last)}
+    beneath = {k for begin, part_end in parts for k in range(begin, part_end)}
     above = tuple((k, k + 1) for k in range(len(fronts)) if k not in beneath)
     return Tree(np.concatenate([[0], np.cumsum(rows * (end - first))]).astype(np.int64), first, end,
                 np.concatenate([front.boundary for front in fronts]).astype(np.int64), beginning, tuple(parts), above)
@@ -114,21 +114,21 @@ class _Elimination(Elimination):
         gather(blocks, s, b, front.sources, front.targets, self.values)
         for child, places in zip(front.children, front.embeddings, strict=True):
             extend(blocks, update, s, b, self.updates.pop(child), places)
-        whole = columns(blocks, s + b)
-        if not factorise_lower(whole[:s]):
+        front_columns = columns(blocks, s + b)
+        if not factorise_lower(front_columns[:s]):
             return False
         if b:
-            solve_triangle(whole[:s], whole[s:], right=True, lower=True, unit=False, transposed=True)
-            subtract_square(whole[s:], columns(update, b))
+            solve_triangle(front_columns[:s], front_columns[s:], right=True, lower=True, unit=False, transposed=True)
+            subtract_square(front_columns[s:], columns(update, b))
         self.updates[k] = update
         return True
 
 
 @kernel
-def forward(entries, starts, first, end, boundary, beginning, begin, last, limit, x, beyond, room):
-    """Forward substitution in the fronts begin ... last - 1; x (m, n); equations from `limit` on change in `beyond`."""
+def forward(entries, starts, first, end, boundary, beginning, begin, stop, limit, x, beyond, room):
+    """Forward substitution in the fronts begin ... stop - 1; x (m, n); equations from `limit` on change in `beyond`."""
     m = x.shape[0]
-    for k in range(begin, last):
+    for k in range(begin, stop):
         s, b = end[k] - first[k], beginning[k + 1] - beginning[k]
         for c in range(m):
             room[c, :s] = x[c, first[k]:end[k]]
@@ -153,10 +153,10 @@ def forward(entries, starts, first, end, boundary, beginning, begin, last, limit
 
 
 @kernel
-def backward(entries, starts, first, end, boundary, beginning, begin, last, x, room):
-    """Backward substitution in the fronts last - 1 ... begin; x (m, n)."""
+def backward(entries, starts, first, end, boundary, beginning, begin, stop, x, room):
+    """Backward substitution in the fronts stop - 1 ... begin; x (m, n)."""
     m = x.shape[0]
-    for k in range(last - 1, begin - 1, -1):
+    for k in range(stop - 1, begin - 1, -1):
         s, b = end[k] - first[k], beginning[k + 1] - beginning[k]
         for c in range(m):
             room[c, :s] = x[c, first[k]:end[k]]

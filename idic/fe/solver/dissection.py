@@ -35,12 +35,12 @@ class Level:
 
     part (n_elements,) : part of each element, before halving; the halves of part p are 2 p and 2 p + 1
     chosen (n_nodes,) bool : separators between the halves; all nodes left at the last level, those of no element too
-    taken (n_nodes,) bool : separators of the levels above
+    separated (n_nodes,) bool : separators of the levels above
     """
 
     part: np.ndarray
     chosen: np.ndarray
-    taken: np.ndarray
+    separated: np.ndarray
 
 
 def incidences(coordinates: np.ndarray, connectivities: list[np.ndarray]) -> Incidences:
@@ -59,25 +59,25 @@ def incidences(coordinates: np.ndarray, connectivities: list[np.ndarray]) -> Inc
 def dissect(mesh: Incidences) -> Iterator[Level]:
     """Levels from the first cut to the leaves."""
     leaf = LEAF_ELEMENTS[mesh.centres.shape[1]]
-    part, taken = np.zeros(len(mesh.centres), dtype=np.int64), np.zeros(mesh.n_nodes, dtype=bool)
+    part, separated = np.zeros(len(mesh.centres), dtype=np.int64), np.zeros(mesh.n_nodes, dtype=bool)
     while True:
-        last = np.bincount(part).max() <= leaf
-        halves = part if last else 2 * part + _upper_half(mesh.centres, part)
-        chosen = ~taken
-        if not last:
+        is_last = np.bincount(part).max() <= leaf
+        halves = part if is_last else 2 * part + _upper_half(mesh.centres, part)
+        chosen = ~separated
+        if not is_last:
             chosen &= _divided(mesh.nodes, halves[mesh.elements], mesh.n_nodes)
-        yield Level(part, chosen, taken)
-        if last:
+        yield Level(part, chosen, separated)
+        if is_last:
             return
-        taken, part = taken | chosen, halves
+        separated, part = separated | chosen, halves
 
 
-def separators(mesh: Incidences, wanted: np.ndarray) -> tuple[list[np.ndarray], list[list[int]]]:
+def separators(mesh: Incidences, eliminated: np.ndarray) -> tuple[list[np.ndarray], list[list[int]]]:
     """Nodes of each separator or leaf and the separators or leaves directly below, in elimination order (postorder).
 
     Parameters
     ----------
-    wanted : (n_nodes,) bool
+    eliminated : (n_nodes,) bool
         The nodes to eliminate.
 
     Returns
@@ -89,7 +89,7 @@ def separators(mesh: Incidences, wanted: np.ndarray) -> tuple[list[np.ndarray], 
     element[mesh.nodes[first]] = mesh.elements[first]
     levels = []
     for level in dissect(mesh):
-        nodes = np.flatnonzero(level.chosen & wanted)
+        nodes = np.flatnonzero(level.chosen & eliminated)
         part = level.part[element[nodes]]
         order = np.argsort(part, kind="stable")
         parts, starts = np.unique(part[order], return_index=True)
@@ -103,10 +103,10 @@ def separators(mesh: Incidences, wanted: np.ndarray) -> tuple[list[np.ndarray], 
         if depth == len(levels) or part not in levels[depth][0]:
             return []
         below = eliminate(depth + 1, 2 * part) + eliminate(depth + 1, 2 * part + 1)
-        own = levels[depth][1].get(part)
-        if own is None:
+        front = levels[depth][1].get(part)
+        if front is None:
             return below
-        fronts.append(own)
+        fronts.append(front)
         children.append(below)
         return [len(fronts) - 1]
 

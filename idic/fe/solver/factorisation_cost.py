@@ -30,7 +30,7 @@ def dissected(mesh: Mesh) -> Fill:
     for level in dissect(touching):
         part, n_parts = level.part[touching.elements], int(level.part.max()) + 1
         s = mesh.n_dim * _counted(part, touching.nodes, level.chosen, n_parts)
-        b = mesh.n_dim * _counted(part, touching.nodes, level.taken, n_parts)
+        b = mesh.n_dim * _counted(part, touching.nodes, level.separated, n_parts)
         entries += float((s * (s + 1) / 2 + s * b).sum())
         operations += float((s**3 / 3 + s**2 * b + s * b**2).sum())
     return Fill(entries, operations)

@@ -21,19 +21,19 @@ def known_pattern(coordinates: np.ndarray, element_dofs: Sequence[np.ndarray], p
     A diagnosis simulates one mesh some thirty times, and its numbering costs as much as several frames of it.
     """
     key = _digest(coordinates, prescribed, *element_dofs)
-    found = _kept.pop(key, None)
-    if found is None:
-        found = make_pattern(coordinates, element_dofs, prescribed)
-    if found.n_stored <= MAX_KEPT_ENTRIES:
-        _kept[key] = found  # the last one used stands last
-        for old in list(_kept)[:-MAX_KEPT_PATTERNS]:
-            _kept.pop(old, None)
-    return found
+    pattern = _kept.pop(key, None)
+    if pattern is None:
+        pattern = make_pattern(coordinates, element_dofs, prescribed)
+    if pattern.n_stored <= MAX_KEPT_ENTRIES:
+        _kept[key] = pattern  # the last one used stands last
+        for stale_key in list(_kept)[:-MAX_KEPT_PATTERNS]:
+            _kept.pop(stale_key, None)
+    return pattern
 
 
 def _digest(*arrays: np.ndarray) -> bytes:
     content = hashlib.blake2b(digest_size=16)
-    for one in arrays:
-        content.update(repr((one.shape, one.dtype.str)).encode())
-        content.update(np.ascontiguousarray(one).tobytes())
+    for array in arrays:
+        content.update(repr((array.shape, array.dtype.str)).encode())
+        content.update(np.ascontiguousarray(array).tobytes())
     return content.digest()

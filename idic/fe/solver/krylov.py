@@ -77,8 +77,8 @@ def iterate(matrix, approximate: Callable[[np.ndarray], np.ndarray], rhs: np.nda
 
 def correction(matrix, factor, rhs: np.ndarray) -> Iterated | None:
     """Newton's correction, x (n,), by an earlier `Factor`; None where the iterations are too slow."""
-    found = iterate(matrix, factor.approximate, rhs[:, None], TOLERANCE)
-    return None if found is None else Iterated(found.x[:, 0], found.gain)
+    outcome = iterate(matrix, factor.approximate, rhs[:, None], TOLERANCE)
+    return None if outcome is None else Iterated(outcome.x[:, 0], outcome.gain)
 
 
 def solution(matrix, approximate: Callable[[np.ndarray], np.ndarray], rhs: np.ndarray) -> np.ndarray | None:
@@ -86,8 +86,8 @@ def solution(matrix, approximate: Callable[[np.ndarray], np.ndarray], rhs: np.nd
     x = np.empty_like(rhs)
     for first in range(0, rhs.shape[1], MAX_COLUMNS):
         part = slice(first, first + MAX_COLUMNS)
-        found = iterate(matrix, approximate, rhs[:, part], EXACT, ROUNDING)
-        if found is None:
+        outcome = iterate(matrix, approximate, rhs[:, part], EXACT, ROUNDING)
+        if outcome is None:
             return None
-        x[:, part] = found.x
+        x[:, part] = outcome.x
     return x

@@ -107,14 +107,15 @@ class Factor:
     """A factorised matrix.
 
     lu : band of LAPACK with its row exchanges (from 1), fronts, or SuperLU
-    matrix : where the factors are those of a similar one: of its symmetric part, or (``kept``) of an earlier tangent
+    matrix : where the factors are those of a similar one: of its symmetric part, or (``of_earlier_tangent``) of an
+        earlier one
     """
 
     pattern: Pattern
     lu: np.ndarray | tuple[multifrontal.FrontFactor, ...] | cholesky.SymmetricFactor | SuperLU
     exchanges: np.ndarray | None = None
     matrix: csc_array | None = field(default=None, repr=False)
-    kept: bool = False
+    of_earlier_tangent: bool = False
 
     @property
     def of_symmetric_part(self) -> bool:
@@ -126,10 +127,10 @@ class Factor:
             return np.zeros_like(rhs)
         if self.matrix is None:
             return self.approximate(rhs)
-        found = krylov.solution(self.matrix, self.approximate, rhs.reshape(self.pattern.n, -1))
-        if found is None:
-            return factorise(self.pattern, self.matrix.data, symmetric=self.kept).solve(rhs)
-        return found.reshape(rhs.shape)
+        solution = krylov.solution(self.matrix, self.approximate, rhs.reshape(self.pattern.n, -1))
+        if solution is None:
+            return factorise(self.pattern, self.matrix.data, symmetric=self.of_earlier_tangent).solve(rhs)
+        return solution.reshape(rhs.shape)
 
     def approximate(self, rhs: np.ndarray) -> np.ndarray:
         """Solutions with the matrix of the factors itself."""
@@ -153,10 +154,11 @@ class Factor:
             return np.zeros_like(rhs)
         columns = rhs.reshape(self.pattern.n, -1)
         if self.matrix is not None:
-            found = krylov.solution(self.matrix.T, self._approximate_transposed, columns)
-            if found is None:
-                return factorise(self.pattern, self.matrix.data, symmetric=self.kept).solve_transposed(rhs)
-            return found.reshape(rhs.shape)
+            solution = krylov.solution(self.matrix.T, self._approximate_transposed, columns)
+            if solution is None:
+                return factorise(self.pattern, self.matrix.data,
+                                 symmetric=self.of_earlier_tangent).solve_transposed(rhs)
+            return solution.reshape(rhs.shape)
         if isinstance(self.lu, tuple):
             return substitution.solve_transposed(self.pattern.fronts, self.lu, columns).reshape(rhs.shape)
         if isinstance(self.lu, SuperLU):
@@ -185,14 +187,14 @@ def make_pattern(coordinates: np.ndarray, element_dofs: Sequence[np.ndarray], pr
         Half bandwidth from which compressed columns are used; default by dimension.
     """
     n_dim, n_dof = coordinates.shape[1], coordinates.size
-    free = np.zeros(n_dof, dtype=bool)
+    is_free = np.zeros(n_dof, dtype=bool)
     for dofs in element_dofs:
-        free[dofs] = True
-    free[prescribed] = False
+        is_free[dofs] = True
+    is_free[prescribed] = False
     narrowest, equation, dof_order = n_dof, None, None
     for nodes in _node_orders(coordinates, element_dofs):
         candidate = (nodes[:, None] * n_dim + np.arange(n_dim)).ravel()
-        candidate = candidate[free[candidate]]
+        candidate = candidate[is_free[candidate]]
         numbers = np.full(n_dof, -1, dtype=np.int64)
         numbers[candidate] = np.arange(len(candidate))
         width = max((_half_bandwidth(numbers[dofs]) for dofs in element_dofs), default=0)
@@ -200,18 +202,18 @@ def make_pattern(coordinates: np.ndarray, element_dofs: Sequence[np.ndarray], pr
             narrowest, equation, dof_order = width, numbers, candidate
     if narrowest <= (MAX_HALF_BANDWIDTH_OF_BAND_LU[n_dim] if widest_band is None else widest_band):
         return Pattern(equation, dof_order, narrowest)
-    return _dissected(coordinates, element_dofs, free)
+    return _dissected(coordinates, element_dofs, is_free)
 
 
-def _dissected(coordinates: np.ndarray, element_dofs: Sequence[np.ndarray], free: np.ndarray) -> Pattern:
+def _dissected(coordinates: np.ndarray, element_dofs: Sequence[np.ndarray], is_free: np.ndarray) -> Pattern:
     """Compressed columns, numbered by nested dissection."""
     n_dim = coordinates.shape[1]
     nodes = [dofs[:, ::n_dim] // n_dim for dofs in element_dofs]
     separators, children = dissection.separators(dissection.incidences(coordinates, nodes),
-                                                  free.reshape(-1, n_dim).any(axis=1))
+                                                  is_free.reshape(-1, n_dim).any(axis=1))
     order = (np.concatenate(separators)[:, None] * n_dim + np.arange(n_dim)).ravel()
-    ends = np.cumsum(free[order])[n_dim * np.cumsum([len(part) for part in separators]) - 1]
-    order = order[free[order]]
+    ends = np.cumsum(is_free[order])[n_dim * np.cumsum([len(part) for part in separators]) - 1]
+    order = order[is_free[order]]
     equation = np.full(coordinates.size, -1, dtype=np.int64)
     equation[order] = np.arange(len(order))
     columns = _compressed_columns(len(order), [equation[dofs] for dofs in element_dofs])
@@ -281,8 +283,8 @@ def _symmetric_factor(pattern: Pattern, values: np.ndarray) -> Factor | None:
     if fronts is None:
         return None
     factor, rhs = Factor(pattern, fronts, None, pattern.matrix(values)), np.cos(np.arange(pattern.n, dtype=float))
-    left = np.linalg.norm(rhs - factor.matrix @ factor.approximate(rhs)) / np.linalg.norm(rhs)
-    return factor if left <= MAX_LEFT_BY_SYMMETRIC_PART else None
+    relative_residual = np.linalg.norm(rhs - factor.matrix @ factor.approximate(rhs)) / np.linalg.norm(rhs)
+    return factor if relative_residual <= MAX_LEFT_BY_SYMMETRIC_PART else None
 
 
 def _sparse_factor(pattern: Pattern, values: np.ndarray) -> Factor:

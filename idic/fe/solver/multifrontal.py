@@ -134,8 +134,8 @@ def eliminated(fronts: Sequence[Front], work: Elimination) -> tuple | None:
         return tuple(work.factors) if all(work.eliminate(k) for k in range(len(fronts))) else None
     parts = independent_parts(fronts, pool._max_workers)
     beneath = {k for first, end in parts for k in range(first, end)}
-    whole = list(pool.map(lambda part: all(work.eliminate(k) for k in range(*part)), parts))
-    if not all(whole) or not all(work.eliminate(k) for k in range(len(fronts)) if k not in beneath):
+    successes = list(pool.map(lambda part: all(work.eliminate(k) for k in range(*part)), parts))
+    if not all(successes) or not all(work.eliminate(k) for k in range(len(fronts)) if k not in beneath):
         return None
     return tuple(work.factors)
 

@@ -25,10 +25,11 @@ def solve(fronts: Sequence[Front], factors: Sequence[FrontFactor], rhs: np.ndarr
     parts = independent_parts(fronts, pool._max_workers)
     beneath = {k for first, end in parts for k in range(first, end)}
     above = [(k, k + 1) for k in range(len(fronts)) if k not in beneath]
-    left = dict(zip(parts, pool.map(lambda span: _forward_beneath(fronts, factors, x, span), parts), strict=True))
+    contributions = dict(zip(parts, pool.map(lambda span: _forward_beneath(fronts, factors, x, span), parts),
+                             strict=True))
     for span in sorted([*parts, *above]):  # what reaches the fronts above is subtracted in the order of the fronts
-        if span in left:
-            for equations, share in left[span]:
+        if span in contributions:
+            for equations, share in contributions[span]:
                 x[equations] -= share
         else:
             _forward(fronts[slice(*span)], factors[slice(*span)], x)
@@ -42,9 +43,9 @@ def _forward(fronts: Sequence[Front], factors: Sequence[FrontFactor], x: np.ndar
     """Forward substitution."""
     if x.shape[1] == 1:
         column, share = x[:, 0], np.empty(max((f.b for f in factors), default=0))
-        at, there = x.ctypes.data, share.ctypes.data
+        at, share_address = x.ctypes.data, share.ctypes.data
         for front, f in zip(fronts, factors, strict=True):
-            f.forward(at + 8 * front.first, there)
+            f.forward(at + 8 * front.first, share_address)
             column[front.boundary] -= share[:f.b]
         return
     for front, f in zip(fronts, factors, strict=True):
@@ -72,11 +73,11 @@ def _backward(fronts: Sequence[Front], factors: Sequence[FrontFactor], x: np.nda
     """Backward substitution."""
     if x.shape[1] == 1:
         column, share = x[:, 0], np.empty(max((f.s for f in factors), default=0))
-        at, there = x.ctypes.data, share.ctypes.data
+        at, share_address = x.ctypes.data, share.ctypes.data
         for front, f in zip(reversed(fronts), reversed(factors), strict=True):
             if f.b:
                 beyond = column[front.boundary]
-                f.carried(beyond.ctypes.data, there)
+                f.carried(beyond.ctypes.data, share_address)
                 column[front.first:front.end] -= share[:f.s]
             f.backward(at + 8 * front.first)
         return

@@ -20,11 +20,11 @@ def solver_threads(n: int) -> Iterator[None]:
         yield
         return
     with ThreadPoolExecutor(n, thread_name_prefix="idic-solver") as pool:
-        before = _pool.set(pool)
+        token = _pool.set(pool)
         try:
             yield
         finally:
-            _pool.reset(before)
+            _pool.reset(token)
 
 
 def pool_of_threads() -> ThreadPoolExecutor | None:

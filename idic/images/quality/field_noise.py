@@ -62,14 +62,15 @@ def field_noise(stack: Stack, positions: np.ndarray, frames: Sequence[int], refe
         return None
     middle = [k for k in range(1, len(frames) - 1) if frames[k] != reference]
     chosen = [middle[k] for k in np.unique(np.linspace(0, len(middle) - 1, min(MAX_STAGES, len(middle))).astype(int))]
-    found = [_left(stack, positions, frames[k - 1], frames[k], frames[k + 1], reference, n_references) for k in chosen]
-    stages = [stage for stage in found if stage is not None]
-    variances = [float(np.mean(stage.noise[stage.known] ** 2)) for stage in stages]
+    residuals = [_stage_residual(stack, positions, frames[k - 1], frames[k], frames[k + 1], reference, n_references)
+                 for k in chosen]
+    stages = [stage for stage in residuals if stage is not None]
+    variances = [float(np.mean(stage.noise[stage.measured] ** 2)) for stage in stages]
     if not variances or not float(np.median(variances)) > 0.0:
         return None
     most = MAX_VARIANCE_RATIO * float(np.median(variances))
-    kept = [stage for stage, variance in zip(stages, variances, strict=True) if variance <= most]
-    covariance = _covariance(positions, kept)
+    quiet_stages = [stage for stage, variance in zip(stages, variances, strict=True) if variance <= most]
+    covariance = _covariance(positions, quiet_stages)
     variance = float(covariance[MAX_LAG, MAX_LAG])
     if not variance > 0.0:  # computed fields
         return None
@@ -97,12 +98,12 @@ def _sum_ratio(positions: np.ndarray, correlation: np.ndarray) -> float:
 class _Stage:
     """What the fit of a stage leaves.
 
-    noise : (n_points, c), as large as the stage's own noise, 0 where it is not known; known : (n_points,) bool;
+    noise : (n_points, c), as large as the stage's own noise, 0 where it is not measured; measured : (n_points,) bool;
     fitted : (n_points, c, k) orthonormal columns of the fit, all components of all points together
     """
 
     noise: np.ndarray
-    known: np.ndarray
+    measured: np.ndarray
     fitted: np.ndarray
 
 
@@ -112,31 +113,31 @@ def _smooth(positions: np.ndarray) -> np.ndarray:
     return np.column_stack([np.ones(len(x)), x, y, x * x, x * y, y * y])
 
 
-def _left(stack: Stack, positions, before: int, now: int, after: int, reference: int,
+def _stage_residual(stack: Stack, positions, previous_frame: int, frame: int, next_frame: int, reference: int,
           n_references: int) -> _Stage | None:
     """What the neighbours in time and a polynomial leave of a stage."""
-    shown = np.asarray(stack.frame(now), float)
-    c = shown.shape[1]
-    fields = [shown if k == now else np.zeros_like(shown) if k == reference else np.asarray(stack.frame(k), float)
-              for k in (before, now, after)]
-    known = np.isfinite(np.hstack(fields)).all(axis=1)
-    n = int(known.sum())
+    field = np.asarray(stack.frame(frame), float)
+    c = field.shape[1]
+    fields = [field if k == frame else np.zeros_like(field) if k == reference else np.asarray(stack.frame(k), float)
+              for k in (previous_frame, frame, next_frame)]
+    measured = np.isfinite(np.hstack(fields)).all(axis=1)
+    n = int(measured.sum())
     if n < MIN_POINTS:
         return None
-    smooth = _smooth(positions[known])
-    previous, value, following = (field[known].T.ravel() for field in fields)  # columns first, then rows
+    smooth = _smooth(positions[measured])
+    previous, value, following = (field[measured].T.ravel() for field in fields)  # columns first, then rows
     neighbours = [column for column in (previous, following) if column.any()]
     columns = np.column_stack([np.kron(np.eye(c), smooth), *neighbours])
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     factors = np.linalg.lstsq(columns, value, rcond=1e-10)[0]
-    shares = factors[c * smooth.shape[1]:] / [max(float(np.linalg.norm(one)), 1e-300) for one in neighbours]
+    shares = factors[c * smooth.shape[1]:] / [max(float(np.linalg.norm(column)), 1e-300) for column in neighbours]
     gain = 1.0 + float(shares @ shares) + (1.0 - float(shares.sum())) ** 2 / n_references
     basis, size, _ = np.linalg.svd(columns, full_matrices=False)
     basis = basis[:, size > 1e-10 * size[0]]
     noise, fitted = np.zeros((len(positions), c)), np.zeros((len(positions), c, basis.shape[1]))
-    noise[known] = (value - columns @ factors).reshape(c, n).T / np.sqrt(gain)
-    fitted[known] = basis.reshape(c, n, -1).transpose(1, 0, 2)
-    return _Stage(noise, known, fitted)
+    noise[measured] = (value - columns @ factors).reshape(c, n).T / np.sqrt(gain)
+    fitted[measured] = basis.reshape(c, n, -1).transpose(1, 0, 2)
+    return _Stage(noise, measured, fitted)
 
 
 def _covariance(positions: np.ndarray, stages: Sequence[_Stage]) -> np.ndarray:
@@ -152,16 +153,16 @@ def _covariance(positions: np.ndarray, stages: Sequence[_Stage]) -> np.ndarray:
     """
     pairs, place = _pairs(positions)
     n, n_lags = len(positions), int(_lags().max()) + 1
-    whole = sparse.csr_array((np.ones(len(pairs)), (place * n + pairs[:, 0], pairs[:, 1])), shape=(n_lags * n, n))
-    matrix, seen = np.zeros((n_lags, n_lags)), np.zeros(n_lags)
+    pair_matrix = sparse.csr_array((np.ones(len(pairs)), (place * n + pairs[:, 0], pairs[:, 1])), shape=(n_lags * n, n))
+    matrix, pair_sums = np.zeros((n_lags, n_lags)), np.zeros(n_lags)
     for stage in stages:
-        def across(fields: np.ndarray, known: np.ndarray = stage.known) -> np.ndarray:
+        def across(fields: np.ndarray, measured: np.ndarray = stage.measured) -> np.ndarray:
             """S_d times fields  # (n, m) -> (n_lags, n, m)"""
-            return (whole @ fields).reshape(n_lags, n, -1) * known[:, None]
+            return (pair_matrix @ fields).reshape(n_lags, n, -1) * measured[:, None]
 
-        seen += np.einsum("ic,dic->d", stage.noise, across(stage.noise))
-        near = across(stage.known[:, None].astype(float)).sum(axis=(1, 2))
-        matrix[np.diag_indices(n_lags)] += stage.noise.shape[1] * near
+        pair_sums += np.einsum("ic,dic->d", stage.noise, across(stage.noise))
+        n_pairs = across(stage.measured[:, None].astype(float)).sum(axis=(1, 2))
+        matrix[np.diag_indices(n_lags)] += stage.noise.shape[1] * n_pairs
         inner = np.zeros((n_lags, *[stage.fitted.shape[2]] * 2))
         for k, column in enumerate(np.moveaxis(stage.fitted, 2, 0)):  # one by one: all of them would be large
             moved = across(column).reshape(n_lags, -1)
@@ -170,7 +171,7 @@ def _covariance(positions: np.ndarray, stages: Sequence[_Stage]) -> np.ndarray:
         inner = inner.reshape(n_lags, -1)
         matrix += inner @ inner.T
     shorter = float(np.ptp(positions, axis=0).min()) + 1.0
-    return _fitted(matrix, seen, LENGTHS[: max(int((MAX_LENGTH_PART * shorter >= LENGTHS).sum()), 1)])
+    return _fitted(matrix, pair_sums, LENGTHS[: max(int((MAX_LENGTH_PART * shorter >= LENGTHS).sum()), 1)])
 
 
 def _lags() -> np.ndarray:
@@ -182,49 +183,51 @@ def _lags() -> np.ndarray:
 
 def _pairs(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Pairs of points, in both orders, themselves included  # (m, 2), and the number of their distance (m,)"""
-    near = scipy.spatial.cKDTree(positions).query_pairs(MAX_LAG * 1.5, output_type="ndarray")
-    own = np.repeat(np.arange(len(positions))[:, None], 2, axis=1)
-    pairs = np.concatenate([own, near, near[:, ::-1]])
+    neighbour_pairs = scipy.spatial.cKDTree(positions).query_pairs(MAX_LAG * 1.5, output_type="ndarray")
+    self_pairs = np.repeat(np.arange(len(positions))[:, None], 2, axis=1)
+    pairs = np.concatenate([self_pairs, neighbour_pairs, neighbour_pairs[:, ::-1]])
     lag = np.rint(positions[pairs[:, 1]] - positions[pairs[:, 0]]).astype(int)
     inside = (np.abs(lag) <= MAX_LAG).all(axis=1) & ((lag != 0).any(axis=1) | (pairs[:, 0] == pairs[:, 1]))
     return pairs[inside], _lags()[lag[inside, 1] + MAX_LAG, lag[inside, 0] + MAX_LAG]
 
 
-def _fitted(matrix: np.ndarray, seen: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+def _fitted(matrix: np.ndarray, pair_sums: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     """The covariance by independent noise and up to two smooth parts, as few as do  # (2 L + 1, 2 L + 1)
 
     A part is that of a Gaussian filter, or the overlap of square subsets. Waves about as long as the field are mostly
     taken by its fit: they follow from the shape of the near neighbours.
     """
     number = _lags()
-    lags = np.zeros((len(seen), 2))
+    lags = np.zeros((len(pair_sums), 2))
     lags[number.ravel()] = (np.indices(number.shape) - MAX_LAG).reshape(2, -1).T
     squared = (lags**2).sum(axis=1)
     # products of n independent pairs scatter by its root
     weight = 1.0 / np.sqrt(2.0 * np.maximum(np.diagonal(matrix), 1.0))
-    own = (squared == 0.0).astype(float)[:, None]
+    white = (squared == 0.0).astype(float)[:, None]
     overlaps = np.clip(1.0 - np.abs(lags)[:, :, None] / (SUBSET_LENGTHS * lengths), 0.0, None).prod(axis=1)
     shapes = np.hstack([np.exp(-squared[:, None] / (4.0 * lengths**2)), overlaps])
 
     def fit(columns: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Squares that are left, covariance by distance, columns."""
-        amplitudes, left = scipy.optimize.nnls(weight[:, None] * (matrix @ columns), weight * seen)
-        return left**2, columns @ amplitudes, columns
+        amplitudes, residual_norm = scipy.optimize.nnls(weight[:, None] * (matrix @ columns), weight * pair_sums)
+        return residual_norm**2, columns @ amplitudes, columns
 
-    def wider(known: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    def wider(columns: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """With one more part, the best one."""
-        return min((fit(np.column_stack([known, one])) for one in shapes.T), key=lambda one: one[0])
+        return min((fit(np.column_stack([columns, candidate])) for candidate in shapes.T),
+                   key=lambda candidate: candidate[0])
 
-    best = min(fit(own), wider(own[:, :0]), key=lambda one: one[0])
-    further = wider(own)
-    best = further if _is_needed(further, best, number) else best
+    best = min(fit(white), wider(white[:, :0]), key=lambda candidate: candidate[0])
+    wider_fit = wider(white)
+    best = wider_fit if _is_needed(wider_fit, best, number) else best
     if best[2].shape[1] == 2:
-        further = wider(best[2])
-        best = further if _is_needed(further, best, number) else best
+        wider_fit = wider(best[2])
+        best = wider_fit if _is_needed(wider_fit, best, number) else best
     covariance = best[1]
-    return (covariance if covariance[squared == 1.0].mean() > MIN_CORRELATION * covariance[0] else fit(own)[1])[number]
+    return (covariance
+            if covariance[squared == 1.0].mean() > MIN_CORRELATION * covariance[0] else fit(white)[1])[number]
 
 
-def _is_needed(further: tuple, known: tuple, number: np.ndarray) -> bool:
+def _is_needed(wider_fit: tuple, narrower_fit: tuple, number: np.ndarray) -> bool:
     """Whether a fit gains on another one more than noise; products of correlated noise scatter together."""
-    return known[0] - further[0] > MIN_GAIN * float((further[1][number] ** 2).sum())
+    return narrower_fit[0] - wider_fit[0] > MIN_GAIN * float((wider_fit[1][number] ** 2).sum())

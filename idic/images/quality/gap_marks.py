@@ -16,11 +16,11 @@ def gap_mark(heights: np.ndarray, region: np.ndarray) -> tuple[float, int] | Non
     """
     values = heights[region & np.isfinite(heights)].astype(float)
     for mark in (values.min(), values.max()) if len(values) else ():
-        others = values[values != mark]
-        marked = len(values) - len(others)
-        if marked < MIN_MARKED or not len(others) or np.ptp(others) == 0.0:
+        unmarked_values = values[values != mark]
+        marked = len(values) - len(unmarked_values)
+        if marked < MIN_MARKED or not len(unmarked_values) or np.ptp(unmarked_values) == 0.0:
             continue
-        away = np.abs(others - mark).min()
-        if away > np.ptp(others) and away > MIN_LEVELS_AWAY * np.median(np.diff(np.unique(others))):
+        away = np.abs(unmarked_values - mark).min()
+        if away > np.ptp(unmarked_values) and away > MIN_LEVELS_AWAY * np.median(np.diff(np.unique(unmarked_values))):
             return float(mark), marked
     return None

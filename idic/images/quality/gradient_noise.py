@@ -37,9 +37,9 @@ def gradient_noise_share(fx: np.ndarray, fy: np.ndarray, noise_std: float, degre
     noise_std : float
         Of a pixel before the blur (GV).
     """
-    own = 2.0 * noise_std**2 * slope_gain(degree, lowpass_px)
-    whole = float(np.mean(np.square(fx, dtype=float)) + np.mean(np.square(fy, dtype=float)))
-    return own / (whole - own) if whole > own else np.inf
+    noise_power = 2.0 * noise_std**2 * slope_gain(degree, lowpass_px)
+    total_power = float(np.mean(np.square(fx, dtype=float)) + np.mean(np.square(fy, dtype=float)))
+    return noise_power / (total_power - noise_power) if total_power > noise_power else np.inf
 
 
 @lru_cache(maxsize=8)
@@ -51,7 +51,7 @@ def slope_gain(degree: int, lowpass_px: float) -> float:
     return float(0.5 * (np.var(gx, dtype=float) + np.var(gy, dtype=float)))
 
 
-def without_noise(image: np.ndarray, seen: np.ndarray, noise_std: float,
+def without_noise(image: np.ndarray, region: np.ndarray, noise_std: float,
                   lowpass_px: float = 0.0) -> tuple[np.ndarray, float]:
     """The image through a Wiener filter, the same in all directions.
 
@@ -59,7 +59,7 @@ def without_noise(image: np.ndarray, seen: np.ndarray, noise_std: float,
     ----------
     image : array (ny, nx)
         Blurred by `lowpass_px` already.
-    seen : array (ny, nx), bool
+    region : array (ny, nx), bool
         Where the specimen is: its spectrum is that of the pattern.
     noise_std : float
         Of a pixel before the blur (GV), as it was stated or measured.
@@ -70,26 +70,26 @@ def without_noise(image: np.ndarray, seen: np.ndarray, noise_std: float,
     noise_std : float
         As given, or less where the finest waves of the image have less power (rendered images).
     """
-    wave, power, blur = radial_spectrum(image, seen, lowpass_px)
+    wave, power, blur = radial_spectrum(image, region, lowpass_px)
     finest = (wave > MIN_FINE_WAVE * np.pi) & (wave <= np.pi) & (blur > MIN_BLUR_GAIN)
     variance = min(noise_std**2, float(np.mean(power[finest] / blur[finest]))) if finest.any() else noise_std**2
-    kept = np.clip(1.0 - variance * blur / np.maximum(power, np.finfo(float).tiny), 0.0, 1.0)
+    signal_share = np.clip(1.0 - variance * blur / np.maximum(power, np.finfo(float).tiny), 0.0, 1.0)
     ny, nx = image.shape
     rows, columns = np.pi * np.arange(ny) / ny, np.pi * np.arange(nx) / nx
-    gain = np.interp(np.hypot(rows[:, None], columns[None, :]), wave, kept)
+    gain = np.interp(np.hypot(rows[:, None], columns[None, :]), wave, signal_share)
     coefficients = scipy.fft.dctn(np.asarray(image, dtype=float), workers=1)
     return scipy.fft.idctn(gain * coefficients, workers=1), float(np.sqrt(variance))
 
 
-def radial_spectrum(image: np.ndarray, seen: np.ndarray,
+def radial_spectrum(image: np.ndarray, region: np.ndarray,
                     lowpass_px: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Wave numbers (rad/px), mean power (GV^2), and the part of white noise that the blur leaves there  # three (n,)
 
     The power of white noise is its variance at every wave.
     """
-    rows, columns = (np.flatnonzero(seen.any(axis=axis)) for axis in (1, 0))
+    rows, columns = (np.flatnonzero(region.any(axis=axis)) for axis in (1, 0))
     box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
-    inside = np.pad(seen[box], 1)  # the border of the box is an edge, too
+    inside = np.pad(region[box], 1)  # the border of the box is an edge, too
     distance = scipy.ndimage.distance_transform_edt(inside)[1:-1, 1:-1]
     window = np.sin(0.5 * np.pi * np.minimum(distance / TAPER_PX, 1.0)) ** 2
     grey = np.asarray(image[box], dtype=float)

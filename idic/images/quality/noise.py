@@ -93,16 +93,16 @@ def image_noise(image: np.ndarray, mask: np.ndarray | None = None, block: int = 
     image = np.asarray(image, dtype=float)
     kernel = _FOURTH_DIFFERENCE / np.sqrt((_FOURTH_DIFFERENCE**2).sum())
     rows = sum(w * image[i : image.shape[0] - 4 + i] for i, w in enumerate(kernel))
-    both = sum(w * rows[:, j : rows.shape[1] - 4 + j] for j, w in enumerate(kernel))
-    usable = np.ones(both.shape, dtype=bool) if mask is None else np.asarray(mask, dtype=bool)[2:-2, 2:-2]
-    ny, nx = (n // block for n in both.shape)
+    fourth_differences = sum(w * rows[:, j : rows.shape[1] - 4 + j] for j, w in enumerate(kernel))
+    usable = np.ones(fourth_differences.shape, dtype=bool) if mask is None else np.asarray(mask, dtype=bool)[2:-2, 2:-2]
+    ny, nx = (n // block for n in fourth_differences.shape)
     cut = (slice(0, ny * block), slice(0, nx * block))
-    square = (both[cut] ** 2).reshape(ny, block, nx, block).mean(axis=(1, 3))
-    whole = usable[cut].reshape(ny, block, nx, block).all(axis=(1, 3))
-    if np.count_nonzero(whole) < 2:
+    square = (fourth_differences[cut] ** 2).reshape(ny, block, nx, block).mean(axis=(1, 3))
+    full_blocks = usable[cut].reshape(ny, block, nx, block).all(axis=(1, 3))
+    if np.count_nonzero(full_blocks) < 2:
         raise InputError("too little of the image to estimate its noise",
                          expected=f"two blocks of {block} x {block} px", remedy="give camera.noise_std_gv")
-    variance = float(np.quantile(square[whole], _WHITE_QUANTILE)) / _white_quantile(block)
+    variance = float(np.quantile(square[full_blocks], _WHITE_QUANTILE)) / _white_quantile(block)
     return NoiseEstimate(float(np.sqrt(variance)), "one_image")
 
 
@@ -127,16 +127,17 @@ def _differences(images, mask):
         raise InputError("too few pixels to estimate the noise", expected=">= 100 px",
                          found=int(np.count_nonzero(keep)), remedy="give camera.noise_std_gv")
     pairs = []
-    for one, two in pairwise(images):
-        mean = (np.asarray(one, dtype=float) + two) / 2.0  # its noise is not correlated with that of the difference
+    for first, second in pairwise(images):
+        mean = (np.asarray(first,
+                           dtype=float) + second) / 2.0  # its noise is not correlated with that of the difference
         slopes = np.gradient(mean)
-        known = keep & np.isfinite(slopes[0]) & np.isfinite(slopes[1]) & np.isfinite(mean)  # height images have gaps
-        if np.count_nonzero(known) < 100:
+        usable = keep & np.isfinite(slopes[0]) & np.isfinite(slopes[1]) & np.isfinite(mean)  # height images have gaps
+        if np.count_nonzero(usable) < 100:
             raise InputError("too few pixels with a value to estimate the noise", expected=">= 100 px",
-                             found=int(np.count_nonzero(known)), remedy="give camera.noise_std_gv")
-        grey = mean[known]
-        columns = np.stack([np.ones(len(grey)), grey - grey.mean(), slopes[0][known], slopes[1][known]], axis=1)
-        difference = (np.asarray(one, dtype=float) - two)[known]
+                             found=int(np.count_nonzero(usable)), remedy="give camera.noise_std_gv")
+        grey = mean[usable]
+        columns = np.stack([np.ones(len(grey)), grey - grey.mean(), slopes[0][usable], slopes[1][usable]], axis=1)
+        difference = (np.asarray(first, dtype=float) - second)[usable]
         fit = np.linalg.lstsq(columns.T @ columns, columns.T @ difference, rcond=None)[0]
         pairs.append((difference - columns @ fit, grey))
     return pairs

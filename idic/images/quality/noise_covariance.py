@@ -71,17 +71,17 @@ def noise_covariance(stack: Stack, frames: Sequence[int], region: np.ndarray,
     if len(corners) == 0 or not pairs:
         return None
     moved = corners.copy()  # where the material of each tile is
-    found: list[list[TileNoise]] = []
-    before, last = np.asarray(stack.frame(frames[0]), np.float32), 0
+    noise_of_pairs: list[list[TileNoise]] = []
+    image, image_number = np.asarray(stack.frame(frames[0]), np.float32), 0
     for first in sorted(pairs):
-        if first != last:
-            now = np.asarray(stack.frame(frames[first]), np.float32)
-            moved, before, last = moved + _motion(before, now, moved, side), now, first
-        after = np.asarray(stack.frame(frames[first + 1]), np.float32)
-        step = _motion(before, after, moved, side)
-        found.append(_pair_noise(before, after, moved, step, side, lowpass_px))
-        moved, before, last = moved + step, after, first + 1
-    return pooled(found)
+        if first != image_number:
+            newer_image = np.asarray(stack.frame(frames[first]), np.float32)
+            moved, image, image_number = moved + _motion(image, newer_image, moved, side), newer_image, first
+        next_image = np.asarray(stack.frame(frames[first + 1]), np.float32)
+        step = _motion(image, next_image, moved, side)
+        noise_of_pairs.append(_pair_noise(image, next_image, moved, step, side, lowpass_px))
+        moved, image, image_number = moved + step, next_image, first + 1
+    return pooled(noise_of_pairs)
 
 
 @dataclass(frozen=True)
@@ -138,13 +138,13 @@ def _corners(total: np.ndarray, side: int) -> np.ndarray:
     return np.stack([rows[inside], columns[inside]], axis=1)
 
 
-def _motion(one: np.ndarray, two: np.ndarray, corners: np.ndarray, side: int) -> np.ndarray:
+def _motion(first: np.ndarray, second: np.ndarray, corners: np.ndarray, side: int) -> np.ndarray:
     """Motion of the tiles to the nearest pixel: of the whole picture first, then of each tile  # (n, 2)"""
-    whole = _whole_motion(one, two)
+    picture_step = _whole_motion(first, second)
     steps = np.zeros_like(corners)
     for i, (row, column) in enumerate(corners):
-        tile = _cut(one, row, column, side, 0)
-        wide = _cut(two, row + whole[0], column + whole[1], side, MAX_SEARCH_PX)
+        tile = _cut(first, row, column, side, 0)
+        wide = _cut(second, row + picture_step[0], column + picture_step[1], side, MAX_SEARCH_PX)
         if tile is None or wide is None:
             continue
         windows = np.lib.stride_tricks.sliding_window_view(wide, tile.shape)
@@ -153,16 +153,16 @@ def _motion(one: np.ndarray, two: np.ndarray, corners: np.ndarray, side: int) ->
         product = np.einsum("abij,ij->ab", windows, centred)
         power = np.einsum("abij,abij->ab", windows, windows) - tile.size * means**2
         best = np.argmax(product / np.sqrt(np.maximum(power, 1e-12)))
-        steps[i] = np.array(np.unravel_index(best, product.shape)) - MAX_SEARCH_PX + whole
+        steps[i] = np.array(np.unravel_index(best, product.shape)) - MAX_SEARCH_PX + picture_step
     return steps
 
 
-def _whole_motion(one: np.ndarray, two: np.ndarray) -> np.ndarray:
+def _whole_motion(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Shift of the picture to the nearest pixel, by the peak of its correlation  # (2,)"""
-    spectra = [np.fft.rfft2(image - image.mean()) for image in (one, two)]
-    peak = np.fft.irfft2(spectra[1] * spectra[0].conj(), s=one.shape)
+    spectra = [np.fft.rfft2(image - image.mean()) for image in (first, second)]
+    peak = np.fft.irfft2(spectra[1] * spectra[0].conj(), s=first.shape)
     place = np.array(np.unravel_index(np.argmax(peak), peak.shape))
-    return np.where(place > np.array(one.shape) // 2, place - one.shape, place)
+    return np.where(place > np.array(first.shape) // 2, place - first.shape, place)
 
 
 def _cut(image: np.ndarray, row: int, column: int, side: int, margin: int) -> np.ndarray | None:
@@ -173,12 +173,12 @@ def _cut(image: np.ndarray, row: int, column: int, side: int, margin: int) -> np
     return image[low_row:low_row + size, low_column:low_column + size].astype(float)
 
 
-def _pair_noise(one: np.ndarray, two: np.ndarray, corners: np.ndarray, steps: np.ndarray, side: int,
+def _pair_noise(first: np.ndarray, second: np.ndarray, corners: np.ndarray, steps: np.ndarray, side: int,
                 lowpass_px: float) -> list[TileNoise]:
     tiles, rng = [], np.random.default_rng(0)  # the same white noise for every pair: it calibrates the fit
     for (row, column), step in zip(corners, steps, strict=True):
-        a = _cut(one, row, column, side, MARGIN_PX)
-        b = _cut(two, row + step[0], column + step[1], side, MARGIN_PX)
+        a = _cut(first, row, column, side, MARGIN_PX)
+        b = _cut(second, row + step[0], column + step[1], side, MARGIN_PX)
         white = rng.standard_normal((side, side))
         if a is not None and b is not None:
             tiles.append(tile_noise(a, b, white, lowpass_px))
@@ -194,17 +194,17 @@ def tile_noise(a: np.ndarray, b: np.ndarray, white: np.ndarray, lowpass_px: floa
         slope = _derivative(mean, FIRST, axis)[inner]
         columns += [slope, x * slope, y * slope, _derivative(mean, WIDE, axis)[inner],
                     _derivative(mean, WIDER, axis)[inner]]
-    for one, other in ((0, 1), (1, 0)):  # third derivatives across
-        columns.append(_derivative(_second(mean, one), FIRST, other)[inner])
+    for slope_axis, curvature_axis in ((0, 1), (1, 0)):  # third derivatives across
+        columns.append(_derivative(_second(mean, slope_axis), FIRST, curvature_axis)[inner])
     basis, _ = np.linalg.qr(np.stack([c.ravel() for c in columns], axis=1))
     difference = (a - b)[inner].ravel()
     difference = (difference - basis @ (basis.T @ difference)).reshape(x.shape) / np.sqrt(2.0)
     through = (white.ravel() - basis @ (basis.T @ white.ravel())).reshape(x.shape)
-    left = x.size - basis.shape[1]
+    n_dof = x.size - basis.shape[1]
     weights = [lowpass(lowpass(_derivative(mean, FIRST, axis), lowpass_px), lowpass_px)[inner].astype(float)
                for axis in (0, 1)]  # the low-pass acts on the noise, or once more on the gradient
     square = weights[0] ** 2 + weights[1] ** 2
-    return TileNoise(float((difference**2).sum()) / left, _lagged(difference), _lagged(through),
+    return TileNoise(float((difference**2).sum()) / n_dof, _lagged(difference), _lagged(through),
                       float((square * difference**2).sum()), float((square * through**2).sum()),
                       np.stack([_lagged(weight) for weight in weights]), basis.reshape(*x.shape, -1), square)
 
@@ -217,18 +217,18 @@ def _second(image: np.ndarray, axis: int) -> np.ndarray:
     return scipy.ndimage.correlate1d(image, np.array([1.0, -2.0, 1.0]), axis=axis, mode="nearest")
 
 
-def _lagged(values: np.ndarray, others: np.ndarray | None = None) -> np.ndarray:
+def _lagged(values: np.ndarray, factors: np.ndarray | None = None) -> np.ndarray:
     """Sums of products with the others (none: itself) at all lags up to `MAX_LAG_PX`  # (2 L + 1, 2 L + 1)
 
-    values, others : (t, t), or (t, t, k), summed over k
+    values, factors : (t, t), or (t, t, k), summed over k
     """
     size = len(values) + MAX_LAG_PX
-    one = scipy.fft.rfft2(values, (size, size), axes=(0, 1))
-    two = one if others is None else scipy.fft.rfft2(others, (size, size), axes=(0, 1))
-    products = one.conj() * two
-    found = scipy.fft.irfft2(products if products.ndim == 2 else products.sum(axis=2), (size, size))
+    spectrum = scipy.fft.rfft2(values, (size, size), axes=(0, 1))
+    factor_spectrum = spectrum if factors is None else scipy.fft.rfft2(factors, (size, size), axes=(0, 1))
+    products = spectrum.conj() * factor_spectrum
+    sums = scipy.fft.irfft2(products if products.ndim == 2 else products.sum(axis=2), (size, size))
     at = np.arange(-MAX_LAG_PX, MAX_LAG_PX + 1)
-    return found[np.ix_(at, at)]
+    return sums[np.ix_(at, at)]
 
 
 def _good(tiles: Sequence[TileNoise]) -> list[TileNoise]:
@@ -244,9 +244,10 @@ def _good(tiles: Sequence[TileNoise]) -> list[TileNoise]:
 
 def pooled(pairs: Sequence[Sequence[TileNoise]]) -> NoiseCovariance | None:
     """The pairs that show the least: in the others the specimen moved by more than the fit takes out."""
-    kept = sorted((good for tiles in pairs if (good := _good(tiles))),
-                  key=lambda tiles: float(np.mean([tile.in_sums for tile in tiles])))
-    good = [tile for tiles in kept[:max(1, int(np.ceil(BEST_PAIRS_PART * len(kept))))] for tile in tiles]
+    usable_pairs = sorted((good for tiles in pairs if (good := _good(tiles))),
+                          key=lambda tiles: float(np.mean([tile.in_sums for tile in tiles])))
+    good = [tile for tiles in usable_pairs[:max(1, int(np.ceil(BEST_PAIRS_PART * len(usable_pairs))))]
+            for tile in tiles]
     if not good:
         return None
     independent = len(good) * (len(good[0].square) // 2)**2  # pixels: tiles overlap
@@ -255,7 +256,7 @@ def pooled(pairs: Sequence[Sequence[TileNoise]]) -> NoiseCovariance | None:
     variance = float(np.mean([tile.variance for tile in good]))
     weighted = sum(tile.weighted for tile in good) / sum(tile.white_weighted for tile in good)
     if np.count_nonzero(correlation) > 1:
-        variance, weighted, correlation = _given_back(good, lags)
+        variance, weighted, correlation = _before_fit(good, lags)
         correlation = _without_chance(correlation, independent)
     gain = _gain_of_sums(correlation, [tile.pattern for tile in good])
     uncertainty = np.sqrt(0.5 * float((correlation**2).sum()) / independent)
@@ -270,9 +271,10 @@ def _gain_of_sums(correlation: np.ndarray, patterns: Sequence[np.ndarray]) -> fl
 
     patterns : of the tiles, (2, 2 L + 1, 2 L + 1) each
     """
-    both, *single = (np.sum([pattern[part].sum(axis=0) for pattern in patterns], axis=0)
-                     for part in (slice(2), slice(1), slice(1, 2)))
-    gain, *gains = (float((correlation * sums).sum() / sums[MAX_LAG_PX, MAX_LAG_PX]) for sums in (both, *single))
+    gradient_sums, *single = (np.sum([pattern[part].sum(axis=0) for pattern in patterns], axis=0)
+                              for part in (slice(2), slice(1), slice(1, 2)))
+    gain, *gains = (float((correlation * sums).sum() / sums[MAX_LAG_PX, MAX_LAG_PX])
+                    for sums in (gradient_sums, *single))
     return max(gains) if max(gains) > MAX_DIRECTION_RATIO * gain else gain
 
 
@@ -290,7 +292,7 @@ def _without_chance(correlation: np.ndarray, independent: int) -> np.ndarray:
     return np.where(chance, 0.0, correlation)
 
 
-def _given_back(tiles: Sequence[TileNoise], lags: np.ndarray) -> tuple[float, float, np.ndarray]:
+def _before_fit(tiles: Sequence[TileNoise], lags: np.ndarray) -> tuple[float, float, np.ndarray]:
     """What the fit takes from correlated noise is given back: it takes most of what is as smooth as the pattern.
 
     Fixed point of the covariance whose expected sums after the fit are those found; of as many tiles as tell it.
@@ -299,18 +301,19 @@ def _given_back(tiles: Sequence[TileNoise], lags: np.ndarray) -> tuple[float, fl
     -------
     variance, weighted variance : of a pixel, and where the gradient is large (GV^2); correlation : (2 L + 1, 2 L + 1)
     """
-    some = tiles[::max(1, len(tiles) // MAX_CALIBRATED_TILES)]
+    sample = tiles[::max(1, len(tiles) // MAX_CALIBRATED_TILES)]
     middle = MAX_LAG_PX, MAX_LAG_PX
-    overlap = len(some[0].square) - np.abs(np.arange(-MAX_LAG_PX, MAX_LAG_PX + 1))
-    pixels = np.outer(overlap, overlap) * len(some)
-    found = 0.5 * (lags + lags[::-1, ::-1]) * (len(some) / len(tiles))
-    covariance = found / pixels
+    overlap = len(sample[0].square) - np.abs(np.arange(-MAX_LAG_PX, MAX_LAG_PX + 1))
+    pixels = np.outer(overlap, overlap) * len(sample)
+    measured_sums = 0.5 * (lags + lags[::-1, ::-1]) * (len(sample) / len(tiles))
+    covariance = measured_sums / pixels
     for _ in range(CALIBRATION_ROUNDS):
-        expected = np.sum([_lags_after_fit(tile.basis, covariance)[0] for tile in some], axis=0)
-        covariance = covariance + (found - expected) / pixels
-    left = [_lags_after_fit(tile.basis, covariance / covariance[middle])[1] for tile in some]
-    weighted = (sum(tile.weighted for tile in some)
-                / sum(float((tile.square * own).sum()) for tile, own in zip(some, left, strict=True)))
+        expected = np.sum([_lags_after_fit(tile.basis, covariance)[0] for tile in sample], axis=0)
+        covariance = covariance + (measured_sums - expected) / pixels
+    pixel_variances = [_lags_after_fit(tile.basis, covariance / covariance[middle])[1] for tile in sample]
+    weighted = (sum(tile.weighted for tile in sample)
+                / sum(float((tile.square * variances).sum())
+                      for tile, variances in zip(sample, pixel_variances, strict=True)))
     return float(covariance[middle]), float(weighted), covariance / covariance[middle]
 
 
@@ -329,11 +332,11 @@ def _lags_after_fit(basis: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarr
     for i, j in zip(*np.nonzero(covariance), strict=True):
         coloured_basis += covariance[i, j] * wide[i:i + t, j:j + t]
     gram = np.tensordot(basis, coloured_basis, axes=((0, 1), (0, 1)))
-    both = np.tensordot(basis, gram, axes=(2, 0))
+    basis_gram = np.tensordot(basis, gram, axes=(2, 0))
     overlap = t - np.abs(np.arange(-reach, reach + 1))
     removed = _lagged(basis, coloured_basis)
-    lags = covariance * np.outer(overlap, overlap) - removed - removed[::-1, ::-1] + _lagged(basis, both)
-    variances = covariance[reach, reach] - 2.0 * (basis * coloured_basis).sum(axis=2) + (basis * both).sum(axis=2)
+    lags = covariance * np.outer(overlap, overlap) - removed - removed[::-1, ::-1] + _lagged(basis, basis_gram)
+    variances = covariance[reach, reach] - 2.0 * (basis * coloured_basis).sum(axis=2) + (basis * basis_gram).sum(axis=2)
     return lags, variances
 
 
@@ -343,8 +346,8 @@ def pixel_gain(correlation: np.ndarray, lowpass_px: float) -> float:
     weights = np.array(lowpass_weights(lowpass_px))
     passed = np.correlate(np.pad(weights, reach), np.pad(weights, reach), "same")
     middle = len(passed) // 2
-    own = passed[middle - reach:middle + reach + 1]
-    return float((correlation * np.outer(own, own)).sum() / own[reach] ** 2)
+    autocorrelation = passed[middle - reach:middle + reach + 1]
+    return float((correlation * np.outer(autocorrelation, autocorrelation)).sum() / autocorrelation[reach] ** 2)
 
 
 def sum_gain(image: np.ndarray, correlation: np.ndarray) -> float:
@@ -371,6 +374,6 @@ def coloured(white: np.ndarray, correlation: np.ndarray) -> np.ndarray:
 
 
 def _centred(small: np.ndarray, size: int) -> np.ndarray:
-    whole, first = np.zeros((size, size)), size // 2 - len(small) // 2
-    whole[first:first + len(small), first:first + len(small)] = small
-    return whole
+    padded, first = np.zeros((size, size)), size // 2 - len(small) // 2
+    padded[first:first + len(small), first:first + len(small)] = small
+    return padded

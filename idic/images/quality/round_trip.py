@@ -26,8 +26,9 @@ def spline_error(image: np.ndarray, degree: int, noise_std: float) -> float:
     background.
     """
     ny, nx = image.shape
-    top, left = max((ny - MAX_SIDE_PX) // 2, 0), max((nx - MAX_SIDE_PX) // 2, 0)
-    middle = np.asarray(image[top:top + MAX_SIDE_PX, left:left + MAX_SIDE_PX], dtype=np.float32)
+    first_row, first_column = max((ny - MAX_SIDE_PX) // 2, 0), max((nx - MAX_SIDE_PX) // 2, 0)
+    window = np.s_[first_row:first_row + MAX_SIDE_PX, first_column:first_column + MAX_SIDE_PX]
+    middle = np.asarray(image[window], dtype=np.float32)
     return float(np.sqrt(max(_missing(middle, degree) ** 2 - (lost_noise_share(degree) * noise_std) ** 2, 0.0)))
 
 
@@ -38,8 +39,8 @@ def lost_noise_share(degree: int) -> float:
 
 
 def _missing(image: np.ndarray, degree: int) -> float:
-    there = _moved(image, SHIFT_PX, degree)
-    back = _moved(np.where(np.isfinite(there), there, image), -SHIFT_PX, degree)
+    shifted = _moved(image, SHIFT_PX, degree)
+    back = _moved(np.where(np.isfinite(shifted), shifted, image), -SHIFT_PX, degree)
     inner = (back - image)[BORDER_PX:-BORDER_PX, BORDER_PX:-BORDER_PX]
     return STD_PER_MEDIAN * float(np.nanmedian(np.abs(inner))) if inner.size else 0.0
 

@@ -23,11 +23,11 @@ def saturated_share(image: np.ndarray, region: np.ndarray) -> float | None:
 
 def largest_value(image: np.ndarray) -> int:
     """The largest grey value that the sensor has, by that of its image: of its bits, else of those of the file."""
-    top, whole = int(image.max()), int(np.iinfo(image.dtype).max)
-    bits = whole.bit_length()
-    own = [(1 << n) - 1 for n in SENSOR_BITS if n < bits]
-    shifted = [value << (bits - value.bit_length()) for value in own]  # of which the lower bits are 0
-    return top if top in own or top in shifted else whole
+    top, file_max = int(image.max()), int(np.iinfo(image.dtype).max)
+    bits = file_max.bit_length()
+    sensor_maxima = [(1 << n) - 1 for n in SENSOR_BITS if n < bits]
+    shifted = [value << (bits - value.bit_length()) for value in sensor_maxima]  # of which the lower bits are 0
+    return top if top in sensor_maxima or top in shifted else file_max
 
 
 def sensor_levels(image: np.ndarray) -> float:

@@ -32,14 +32,14 @@ def speckle_size(image: np.ndarray, region: np.ndarray, noise_std: float = 0.0) 
         px; None where there is no pattern, or none that falls off within 60 px.
     """
     image = np.asarray(image, dtype=float)
-    seen = np.asarray(region, dtype=bool) & np.isfinite(image)
-    if np.count_nonzero(seen) < MIN_PIXELS:
+    pattern = np.asarray(region, dtype=bool) & np.isfinite(image)
+    if np.count_nonzero(pattern) < MIN_PIXELS:
         return None
-    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+    rows, columns = np.flatnonzero(pattern.any(axis=1)), np.flatnonzero(pattern.any(axis=0))
     window = np.s_[rows[0]:rows[-1] + 1, columns[0]:columns[-1] + 1]
-    seen, image = seen[window], image[window]
-    detail = np.where(seen, image - image[seen].mean(), 0.0)
-    correlation = _by_radius(detail, seen)
+    pattern, image = pattern[window], image[window]
+    detail = np.where(pattern, image - image[pattern].mean(), 0.0)
+    correlation = _by_radius(detail, pattern)
     top = correlation[0] - noise_std**2
     if not top > 0.0:
         return None
@@ -47,8 +47,8 @@ def speckle_size(image: np.ndarray, region: np.ndarray, noise_std: float = 0.0) 
     if not len(below):
         return None
     k = int(below[0])
-    before = top if k == 1 else correlation[k - 1]
-    return 2.0 * float(k - 1 + (before - 0.5 * top) / (before - correlation[k]))
+    previous = top if k == 1 else correlation[k - 1]
+    return 2.0 * float(k - 1 + (previous - 0.5 * top) / (previous - correlation[k]))
 
 
 def edge_blur(image: np.ndarray, region: np.ndarray, noise_std: float = 0.0) -> float | None:
@@ -71,9 +71,9 @@ def edge_blur(image: np.ndarray, region: np.ndarray, noise_std: float = 0.0) -> 
     float or None
         px; None where there is no pattern.
     """
-    image, seen = np.asarray(image, dtype=float), np.asarray(region, dtype=bool)
-    seen = scipy.ndimage.binary_erosion(seen & np.isfinite(image), iterations=4)
-    if np.count_nonzero(seen) < MIN_PIXELS:
+    image, pattern = np.asarray(image, dtype=float), np.asarray(region, dtype=bool)
+    pattern = scipy.ndimage.binary_erosion(pattern & np.isfinite(image), iterations=4)
+    if np.count_nonzero(pattern) < MIN_PIXELS:
         return None
     reach = np.arange(-4.0, 5.0)
     bell = np.exp(-0.5 * (reach / SMOOTHING_PX) ** 2)
@@ -82,19 +82,20 @@ def edge_blur(image: np.ndarray, region: np.ndarray, noise_std: float = 0.0) -> 
     for difference in (np.array([-0.5, 0.0, 0.5]), np.array([1.0, -2.0, 1.0])):
         taps = np.convolve(bell, difference)
         added = noise_std**2 * (taps**2).sum() * (bell**2).sum()
-        found = [scipy.ndimage.correlate1d(scipy.ndimage.correlate1d(filled, taps, axis=axis), bell, axis=1 - axis)
-                 for axis in (0, 1)]
-        squares.append(sum(float((part[seen] ** 2).mean()) for part in found) - 2.0 * added)
+        derivatives = [scipy.ndimage.correlate1d(scipy.ndimage.correlate1d(filled, taps, axis=axis), bell,
+                                                 axis=1 - axis)
+                       for axis in (0, 1)]
+        squares.append(sum(float((part[pattern] ** 2).mean()) for part in derivatives) - 2.0 * added)
     if not min(squares) > 0.0:
         return None
     return float(np.sqrt(max(0.5 * squares[0] / squares[1] - SMOOTHING_PX**2, 0.0)))
 
 
-def _by_radius(detail: np.ndarray, seen: np.ndarray) -> np.ndarray:
+def _by_radius(detail: np.ndarray, pattern: np.ndarray) -> np.ndarray:
     """Autocorrelation over whole radii 0, 1, 2 … px: sums over rings, weighted by the pairs of pixels  # (n,)"""
-    reach = min(MAX_SHIFT_PX, min(seen.shape) // 2)
-    shape = [n + reach + 1 for n in seen.shape]
-    spectra = (np.abs(np.fft.rfft2(part, shape))**2 for part in (detail, seen.astype(float)))
+    reach = min(MAX_SHIFT_PX, min(pattern.shape) // 2)
+    shape = [n + reach + 1 for n in pattern.shape]
+    spectra = (np.abs(np.fft.rfft2(part, shape))**2 for part in (detail, pattern.astype(float)))
     products, pairs = (np.fft.irfft2(spectrum, shape) for spectrum in spectra)
     dy, dx = np.meshgrid(*(np.r_[0:reach + 1, -reach:0] for _ in range(2)), indexing="ij")
     radius = np.hypot(dy, dx)

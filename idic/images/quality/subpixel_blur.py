@@ -52,15 +52,15 @@ def subpixel_blur(image: np.ndarray, region: np.ndarray, degree: int, lowpass_px
     noise = noise_gv2 if correlation is None else noise_gv2 * _noise_spectrum(correlation, along)
     surface = power - noise
     passed = [_symbol(np.array(lowpass_weights(lowpass_px)), k) ** 2 for k in along]
-    kept = np.outer(passed[1], passed[0])
-    kept[0, 0] = 0.0
+    passband = np.outer(passed[1], passed[0])
+    passband[0, 0] = 0.0
     curvature = -0.5 * (_symbol(SECOND_DERIVATIVE, along[1])[:, None] + _symbol(SECOND_DERIVATIVE, along[0]))
-    curvature -= (power * kept * curvature).sum() / (power * kept).sum()
-    spread = float((power * kept * curvature**2).sum())  # the column of a blur has the noise of the image, too
-    slope = surface * kept * curvature
-    found = [float(slope.sum(axis=axis) @ _lost(np.abs(k), surface.sum(axis=axis), degree))
-             for axis, k in enumerate(along)]
-    return np.maximum(found, 0.0) / spread
+    curvature -= (power * passband * curvature).sum() / (power * passband).sum()
+    spread = float((power * passband * curvature**2).sum())  # the column of a blur has the noise of the image, too
+    slope = surface * passband * curvature
+    variances = [float(slope.sum(axis=axis) @ _lost(np.abs(k), surface.sum(axis=axis), degree))
+                 for axis, k in enumerate(along)]
+    return np.maximum(variances, 0.0) / spread
 
 
 def _spectrum(image: np.ndarray, region: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
@@ -92,8 +92,8 @@ def _lost(k: np.ndarray, power: np.ndarray, degree: int) -> np.ndarray:
 
 
 def _transfer(k: np.ndarray, degree: int) -> np.ndarray:
-    own, order = np.sinc(k), degree + 1
-    return own**order / sum(np.sinc(k + m) ** order for m in range(-N_ALIASES, N_ALIASES + 1))
+    aperture, order = np.sinc(k), degree + 1
+    return aperture**order / sum(np.sinc(k + m) ** order for m in range(-N_ALIASES, N_ALIASES + 1))
 
 
 def _share_beyond(k: np.ndarray, power: np.ndarray) -> np.ndarray:
@@ -105,8 +105,8 @@ def _share_beyond(k: np.ndarray, power: np.ndarray) -> np.ndarray:
     if upper <= 0.0:
         return np.zeros_like(k)
     rate = _rate(lower / upper)
-    own, beyond = _passed(rate, k), _passed(rate, 1.0 - k)
-    return np.minimum(beyond / (own + beyond), 0.5 * upper / np.maximum(density, upper)[band])
+    within, beyond = _passed(rate, k), _passed(rate, 1.0 - k)
+    return np.minimum(beyond / (within + beyond), 0.5 * upper / np.maximum(density, upper)[band])
 
 
 def _passed(rate: float, k: np.ndarray) -> np.ndarray:

@@ -103,13 +103,13 @@ def shifted(back, stress, growth, state, params, A, dA):
 
 
 @inner
-def relaxed(elastic, back, hardening, rate, A, trial, p, growth, dt, state, params, own, e, xi, flowing, passes,
+def relaxed(elastic, back, hardening, rate, A, trial, p, growth, dt, state, params, flow_params, e, xi, flowing, passes,
             sloped):
     """The strain e, xi and A xi that belong to a growth: (1 / resistance - 1 / q, its slope over growth if ``sloped``).
 
     e is the start and is overwritten. ``passes`` bounds the Newton passes on the strain: 1 in the complex step.
     """
-    flow, dflow, _ = resistance(hardening, rate, p, growth, dt, 0.0 * p, own)
+    flow, dflow, _ = resistance(hardening, rate, p, growth, dt, 0.0 * p, flow_params)
     z, dz = growth / flow, (1.0 - growth / flow * dflow) / flow
     t, D = np.empty_like(e), np.empty((6, 6), e.dtype)
     K, columns, shift, dshift, moved = (np.empty((6, 6), e.dtype), np.empty((6, 2), e.dtype), np.empty_like(e),
@@ -122,7 +122,7 @@ def relaxed(elastic, back, hardening, rate, A, trial, p, growth, dt, state, para
             moved[i] = t[i]
             for j in range(6):
                 moved[i] += D[i, j] * (trial[j] - e[j])
-        total, dtotal = shifted(back, moved, growth, state, own, shift, dshift)
+        total, dtotal = shifted(back, moved, growth, state, flow_params, shift, dshift)
         for i in range(6):
             columns[i, 0], columns[i, 1] = shift[i], 0.0
         stiffness_times(D, A, total, z, K)
@@ -132,9 +132,9 @@ def relaxed(elastic, back, hardening, rate, A, trial, p, growth, dt, state, para
             xi[i] = columns[i, 0]
         times(A, xi, flowing)
         for i in range(6):
-            new = trial[i] - z * flowing[i]
-            change += abs(new.real - e[i].real)
-            e[i] = new
+            next_strain = trial[i] - z * flowing[i]
+            change += abs(next_strain.real - e[i].real)
+            e[i] = next_strain
         if len(elastic) <= 3 or change <= STRAIN_TOLERANCE * size:
             break
     q = np.sqrt(product(xi, flowing))
@@ -167,41 +167,41 @@ def stiffness_times(D, A, total, z, K):
 
 
 @inner
-def plastic_growth(elastic, back, hardening, rate, A, trial, q, modulus, p, dt, state, params, own):
+def plastic_growth(elastic, back, hardening, rate, A, trial, q, modulus, p, dt, state, params, flow_params):
     """Root of the yield condition, all real; -1 where there is none. Newton inside a bracket, from the middle."""
     e, xi, flowing = np.empty(6), np.empty(6), np.empty(6)
-    sigma, largest = flow_stress(hardening, p, own)[0], q / modulus
-    low, high = 0.0, max(most_growth(hardening, rate, q, p, sigma, dt, own), ABSOLUTE_TOLERANCE * largest)
+    sigma, largest = flow_stress(hardening, p, flow_params)[0], q / modulus
+    low, high = 0.0, max(most_growth(hardening, rate, q, p, sigma, dt, flow_params), ABSOLUTE_TOLERANCE * largest)
     x = 0.5 * min((q - sigma) / modulus, high)
     for _ in range(MAX_ITERATIONS):
         for m in range(6):  # not e[:]: that takes three seconds to compile
             e[m] = trial[m]
-        value, slope = relaxed(elastic, back, hardening, rate, A, trial, p, x, dt, state, params, own, e, xi, flowing,
-                               MOST_PASSES, True)
+        value, slope = relaxed(elastic, back, hardening, rate, A, trial, p, x, dt, state, params, flow_params, e, xi,
+                               flowing, MOST_PASSES, True)
         if not math.isfinite(value):
             return -1.0
         if value > 0.0:
             low = x
         else:
             high = x
-        new = x - value / slope
-        converged = abs(new - x) <= RELATIVE_TOLERANCE * x
-        if not low <= new <= high:
-            new, converged = (2.0 * low + largest if high == math.inf else 0.5 * (low + high)), False
-        if converged or abs(new - x) <= ABSOLUTE_TOLERANCE * largest:
-            return new if flow_stress(hardening, p + new, own)[0] > 0.0 else -1.0
-        x = new
+        next_growth = x - value / slope
+        converged = abs(next_growth - x) <= RELATIVE_TOLERANCE * x
+        if not low <= next_growth <= high:
+            next_growth, converged = (2.0 * low + largest if high == math.inf else 0.5 * (low + high)), False
+        if converged or abs(next_growth - x) <= ABSOLUTE_TOLERANCE * largest:
+            return next_growth if flow_stress(hardening, p + next_growth, flow_params)[0] > 0.0 else -1.0
+        x = next_growth
     return -1.0
 
 
 @inner
 def update(elastic, shift, angle, surface, hill, hardening, back, rate, damage, F, state, params, dt, P, state_new):
-    """One point, real or complex; ``elastic``: symmetry and terms, ``shift``: places of `params` before ``own``'s."""
+    """One point, real or complex; ``elastic``: symmetry and terms, ``shift``: place in `params` of the flow's."""
     f = tensors.load(F)
     J, _ = tensors.inverse(f)
     if not J.real > 0.0:
         return 1
-    own, p = params[shift:], state[6]
+    flow_params, p = params[shift:], state[6]
     for m in range(state.shape[0]):
         state_new[m] = state[m]
     R = rotation(f)
@@ -216,12 +216,12 @@ def update(elastic, shift, angle, surface, hill, hardening, back, rate, damage, 
     for m in range(6):
         e[m] = trial[m]
     elastic_stress(elastic[0], elastic[1:], e, params, t, D)
-    flow_matrix(surface, hill, own, A)
-    shifted(back, t, 0.0 * p, state, own, xi, slope)
+    flow_matrix(surface, hill, flow_params, A)
+    shifted(back, t, 0.0 * p, state, flow_params, xi, slope)
     times(A, xi, flowing)
     square, growth = product(xi, flowing), 0.0 * p
     q = math.sqrt(max(square.real, 0.0))
-    if flows(hardening, rate, q, p.real, dt, 0.0, own.real):
+    if flows(hardening, rate, q, p.real, dt, 0.0, flow_params.real):
         times(D, flowing, slope)
         modulus = (product(flowing, slope) / square).real
         real = plastic_growth(elastic, back, hardening, rate, A.real.copy(), trial.real.copy(), q, modulus, p.real, dt,
@@ -229,25 +229,26 @@ def update(elastic, shift, angle, surface, hill, hardening, back, rate, damage, 
         if real < 0.0:
             return 1
         growth = real + 0.0 * p
-        for last in range(3):  # the real solution, one step in complex: exact derivative, the strain that belongs to it
-            value, steep = relaxed(elastic, back, hardening, rate, A, trial, p, growth, dt, state, params, own, e, xi,
-                                   flowing, MOST_PASSES if last == 0 else 1, last == 1)
-            growth -= value / steep.real if last == 1 else 0.0 * value
+        for sweep in range(3):  # the real solution, a step in complex: exact derivative, the strain that belongs to it
+            value, steep = relaxed(elastic, back, hardening, rate, A, trial, p, growth, dt, state, params, flow_params,
+                                   e, xi, flowing, MOST_PASSES if sweep == 0 else 1, sweep == 1)
+            growth -= value / steep.real if sweep == 1 else 0.0 * value
         elastic_stress(elastic[0], elastic[1:], e, params, t, D)
-        g = remember(back, U, e, turn, trial, growth, state, own, state_new)
+        g = remember(back, U, e, turn, trial, growth, state, flow_params, state_new)
         inverse_cp = (1.0 + state_new[0], 1.0 + state_new[1], 1.0 + state_new[2], state_new[3], state_new[4],
                       state_new[5])
     keep = 1.0 + 0.0 * p
     if damage > 0:
-        last = state.shape[0] - 1
+        damage_place = state.shape[0] - 1
         mean, deviator = tensors.deviator((t[0], t[1], t[2], t[3], t[4], t[5]))
         size = tensors.contract(deviator, deviator)
-        D_new = state[last]
+        D_new = state[damage_place]
         if size.real > 0.0:
-            D_new += damage_growth_of(damage, 0.5 * product(t, e), mean / (np.sqrt(size) / ROOT), p, growth, own)
+            D_new += damage_growth_of(damage, 0.5 * product(t, e), mean / (np.sqrt(size) / ROOT), p, growth,
+                                      flow_params)
         if D_new.real > MOST_DAMAGE:
             D_new = MOST_DAMAGE + 0.0 * D_new
-        state_new[last] = D_new
+        state_new[damage_place] = D_new
         keep = 1.0 - D_new
     stress = tensors.congruence(transposed(turn), (keep * t[0], keep * t[1], keep * t[2], keep * t[3], keep * t[4],
                                                    keep * t[5]))
@@ -256,17 +257,17 @@ def update(elastic, shift, angle, surface, hill, hardening, back, rate, damage, 
 
 
 @inner
-def remember(back, U, e, turn, trial, growth, state, own, state_new):
+def remember(back, U, e, turn, trial, growth, state, flow_params, state_new):
     """Cp^-1, p and back strains after a plastic step into the state; returns g."""
-    after = tensors.congruence(transposed(turn), of_strain((e[0], e[1], e[2], e[3], e[4], e[5])))
+    g_new = tensors.congruence(transposed(turn), of_strain((e[0], e[1], e[2], e[3], e[4], e[5])))
     u = inverse_of(U)
-    c = tensors.congruence(full(u), after)
+    c = tensors.congruence(full(u), g_new)
     state_new[0], state_new[1], state_new[2] = c[0] - 1.0, c[1] - 1.0, c[2] - 1.0
     state_new[3], state_new[4], state_new[5] = c[3], c[4], c[5]
     state_new[6] = state[6] + growth
     for term in range(len(back) // 2 - 1):
-        w = recovery(back, term, growth, own)[2]
+        w = recovery(back, term, growth, flow_params)[2]
         for i in range(6):
             m = 7 + 6 * term + i
             state_new[m] = w * (state[m] + trial[i] - e[i])
-    return after
+    return g_new

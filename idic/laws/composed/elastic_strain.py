@@ -64,16 +64,16 @@ def squared(s):
 def of_strain(e):
     """g of e; the square root by the iteration of Denman and Beavers, which keeps symmetric tensors symmetric."""
     y, z = tensors.scaled(4.0, squared(e), 1.0), tensors.scaled(0.0, e, 1.0)
-    left = MAX_ROOT_ITERATIONS
-    while left > 0:
-        left -= 1
-        new = tensors.combine(0.5, y, 0.5, inverse(z), 0.0)
+    rounds_left = MAX_ROOT_ITERATIONS
+    while rounds_left > 0:
+        rounds_left -= 1
+        y_new = tensors.combine(0.5, y, 0.5, inverse(z), 0.0)
         z = tensors.combine(0.5, z, 0.5, inverse(y), 0.0)
-        change = (abs(new[0].real - y[0].real) + abs(new[1].real - y[1].real) + abs(new[2].real - y[2].real)
-                  + abs(new[3].real - y[3].real) + abs(new[4].real - y[4].real) + abs(new[5].real - y[5].real))
-        y = new
+        change = (abs(y_new[0].real - y[0].real) + abs(y_new[1].real - y[1].real) + abs(y_new[2].real - y[2].real)
+                  + abs(y_new[3].real - y[3].real) + abs(y_new[4].real - y[4].real) + abs(y_new[5].real - y[5].real))
+        y = y_new
         if change < ROOT_TOLERANCE:
-            left = min(left, 2)
+            rounds_left = min(rounds_left, 2)
     return tensors.combine(2.0, e, 1.0, y, 0.0)
 
 

@@ -65,9 +65,9 @@ def compliance(terms, x, G, params):
 @inner
 def inverted(terms, strain, G, params):
     """(x, its slope) of `compliance` = strain >= 0: Newton from above, where the curve is convex; exact in complex."""
-    x, known, shear = strain.real, params.real, G.real
+    x, real_params, shear = strain.real, params.real, G.real
     for _ in range(MAX_ITERATIONS):
-        value, slope = compliance(terms, x, shear, known)
+        value, slope = compliance(terms, x, shear, real_params)
         step = (value - strain.real) / slope
         x -= step
         if abs(step) <= RELATIVE_TOLERANCE * x:

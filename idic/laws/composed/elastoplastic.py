@@ -45,29 +45,28 @@ def composed_name(kinds: Sequence[str]) -> str:
 
 
 def _chosen(kinds: Sequence[str]) -> list[Term]:
-    found = [term_of(kind) for kind in kinds]
-    unknown = [kind for kind, term in zip(kinds, found, strict=True) if term is None]
+    candidates = [term_of(kind) for kind in kinds]
+    unknown = [kind for kind, term in zip(kinds, candidates, strict=True) if term is None]
     if unknown:
         raise InputError(f"{ELASTOPLASTIC} has no such term", key="law", expected=f"one of {', '.join(TERMS)}",
                          found=repr(unknown[0]),
                          remedy=f"correct the kind; a free curve has {KNOTS[0]} to {KNOTS[1]} knots")
-    terms = sorted((term for term in found if term is not None), key=lambda term: GROUPS.index(term.group))
+    terms = sorted((term for term in candidates if term is not None), key=lambda term: GROUPS.index(term.group))
     for group in GROUPS:
-        own = [term.kind for term in terms if term.group == group]
-        flexible = [kind for kind in own if FREE_NAME.fullmatch(kind)]
-        if flexible and len(own) > 1:
+        group_kinds = [term.kind for term in terms if term.group == group]
+        flexible = [kind for kind in group_kinds if FREE_NAME.fullmatch(kind)]
+        if flexible and len(group_kinds) > 1:
             raise InputError(f"{ELASTOPLASTIC}: a free curve is the whole hardening", key=group,
                              expected=f"{flexible[0]} alone",
-                             found=" and ".join(own), remedy="remove the other terms of the list")
-        twice = [kind for kind in ONCE if own.count(kind) > 1]
-        if (len(own) > 1 and group not in LISTS) or twice:
+                             found=" and ".join(group_kinds), remedy="remove the other terms of the list")
+        twice = [kind for kind in ONCE if group_kinds.count(kind) > 1]
+        if (len(group_kinds) > 1 and group not in LISTS) or twice:
             raise InputError(f"{ELASTOPLASTIC}: two terms where one is enough", key=group,
                              expected=f"one {twice[0]} term"
-                             if twice else f"one {group}", found=" and ".join(own), remedy="remove one of them")
-        if len(own) > MOST_TERMS:
+                             if twice else f"one {group}", found=" and ".join(group_kinds), remedy="remove one of them")
+        if len(group_kinds) > MOST_TERMS:
             raise InputError(f"{ELASTOPLASTIC}: too many terms", key=group, expected=f"{MOST_TERMS} at most",
-                             found=str(len(own)),
-                             remedy="remove those that the test cannot separate")
+                             found=str(len(group_kinds)), remedy="remove those that the test cannot separate")
     _refuse(terms)
     return [term for term in terms if term.kind not in DEFAULTS]
 
@@ -75,25 +74,24 @@ def _chosen(kinds: Sequence[str]) -> list[Term]:
 def _refuse(terms: Sequence[Term]) -> None:
     """Raise where terms do not go together."""
     kinds = [term.kind for term in terms]
-    beside = [term.kind for term in terms if term.group in ("backstress", "damage")]
-    if "drucker_prager" in kinds and beside:
-        raise InputError(f"{ELASTOPLASTIC}: drucker_prager does not go with {beside[0]}, which has no equation where "
-                         "tension "
-                         f"leaves "
-                         "no strength", key="yield_surface", expected="mises or hill48 with a back stress or damage",
-                         found="drucker_prager", remedy=f"remove {beside[0]}, or take mises or hill48")
-    beside = [kind for kind in kinds if kind == "orthotropic" or kind in kinds_of("nonlinear_elasticity")]
-    if "drucker_prager" in kinds and beside:
-        raise InputError(f"{ELASTOPLASTIC}: drucker_prager does not go with {beside[0]}: the pressure would change "
+    conflicts = [term.kind for term in terms if term.group in ("backstress", "damage")]
+    if "drucker_prager" in kinds and conflicts:
+        raise InputError(f"{ELASTOPLASTIC}: drucker_prager does not go with {conflicts[0]}, which has no equation "
+                         "where tension leaves no strength", key="yield_surface",
+                         expected="mises or hill48 with a back stress or damage", found="drucker_prager",
+                         remedy=f"remove {conflicts[0]}, or take mises or hill48")
+    conflicts = [kind for kind in kinds if kind == "orthotropic" or kind in kinds_of("nonlinear_elasticity")]
+    if "drucker_prager" in kinds and conflicts:
+        raise InputError(f"{ELASTOPLASTIC}: drucker_prager does not go with {conflicts[0]}: the pressure would change "
                          "with the flow",
                          key="yield_surface", expected="mises, hill48 or in_plane_shear", found="drucker_prager",
-                         remedy=f"remove {beside[0]}, or take another yield surface")
+                         remedy=f"remove {conflicts[0]}, or take another yield surface")
     surface = next((kind for kind in kinds if LOCUS_NAME.fullmatch(kind)), None)
-    beside = [kind for kind in kinds if kind == "orthotropic" or kind in kinds_of("nonlinear_elasticity")]
-    if surface is not None and beside:
-        raise InputError(f"{ELASTOPLASTIC}: a free yield surface does not go with {beside[0]}", key="yield_surface",
+    conflicts = [kind for kind in kinds if kind == "orthotropic" or kind in kinds_of("nonlinear_elasticity")]
+    if surface is not None and conflicts:
+        raise InputError(f"{ELASTOPLASTIC}: a free yield surface does not go with {conflicts[0]}", key="yield_surface",
                          expected="isotropic elasticity, or hill48", found=surface,
-                         remedy=f"remove {beside[0]}, or take hill48")
+                         remedy=f"remove {conflicts[0]}, or take hill48")
     along = [kind for kind in kinds if kind in NEED_AXES]
     if along and "orthotropic" not in kinds:
         raise InputError(f"{ELASTOPLASTIC}: {along[0]} needs material axes", key="nonlinear_elasticity",
@@ -117,14 +115,14 @@ def law_of(name: str, terms: Sequence[Term]) -> LawSpec:
             parameters = [*parameters[:-1], *term.named(number)]
     for term in terms:
         number = len(codes[term.group]) // 2 + 1
-        own = term.named(number)
+        term_parameters = term.named(number)
         if term.kind == "orthotropic":
-            parameters = [*own, *parameters[2:]]
+            parameters = [*term_parameters, *parameters[2:]]
         elif term.kind == "swift":
-            codes[term.group] += (term.code, parameters.index(own[0]))
+            codes[term.group] += (term.code, parameters.index(term_parameters[0]))
         else:  # one set of axes: those of the elasticity where it has some
             codes[term.group] += (term.code, len(parameters))
-            parameters += [p for p in own if not (orthotropic and p.name == "yield_surface_angle")]
+            parameters += [p for p in term_parameters if not (orthotropic and p.name == "yield_surface_angle")]
         equations.append(f"{term.group} {term.kind}: {term.equation}")
         if term.group == "backstress":
             states += [f"back{number}_{c}" for c in COMPONENTS]

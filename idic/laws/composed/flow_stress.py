@@ -164,14 +164,14 @@ def most_growth(hardening, rate, trial, p, sigma, dt, params):
     if without_viscosity(rate, params):
         return math.inf
     kind, first = rate[0], rate[1]
-    strength, other = params[first], params[first + 1]
+    strength, rate_param = params[first], params[first + 1]
     if kind == NORTON:
-        return dt * (trial / strength) ** other
+        return dt * (trial / strength) ** rate_param
     least = weakest(hardening, p, sigma, params)
     if least < min(sigma, 1e-6 * trial):
         return math.inf  # softened away within the step: no bound
     base = max(least, 1e-6 * trial)
     if kind == JOHNSON_COOK:
         exponent = (trial / base - 1.0) / strength
-        return other * dt * math.expm1(exponent) if exponent < 500.0 else math.inf
-    return dt / strength * (trial / base - 1.0) ** other if trial > base else 0.0
+        return rate_param * dt * math.expm1(exponent) if exponent < 500.0 else math.inf
+    return dt / strength * (trial / base - 1.0) ** rate_param if trial > base else 0.0

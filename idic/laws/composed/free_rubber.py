@@ -106,8 +106,8 @@ def knots_of_rubber(law: str) -> tuple[int, int]:
     """The numbers of knots of g1 and g2 in a law's name; (0, 0) of another law."""
     if law == FREE_RUBBER:
         return int(FEWEST[0]), 0
-    found = re.fullmatch(rf"{FREE_RUBBER}\((\d+)(?:\+(\d+))?\)", law)
-    return (int(found[1]), int(found[2] or 0)) if found else (0, 0)
+    match = re.fullmatch(rf"{FREE_RUBBER}\((\d+)(?:\+(\d+))?\)", law)
+    return (int(match[1]), int(match[2] or 0)) if match else (0, 0)
 
 
 def rubber_level_names(invariant: str, n: int) -> tuple[str, ...]:
@@ -147,8 +147,9 @@ def compose(kinds: Sequence[str]) -> LawSpec:
 
 def _curve(invariant: str, n: int) -> tuple[LawParameter, ...]:
     first = invariant == "I1"
-    last = LawParameter(f"{invariant}_range", "-", f"{invariant} - 3 at the last knot; chosen, locked", default=2.0)
-    return (last,
+    range_parameter = LawParameter(f"{invariant}_range", "-", f"{invariant} - 3 at the last knot; chosen, locked",
+                                   default=2.0)
+    return (range_parameter,
             *(LawParameter(name, "MPa", f"dW/d{invariant} at knot {k} of {n}", default=0.3 + 0.02 * k if first else 0.3,
                                  positive=first, bounds=(0.0 if first else -np.inf, np.inf),
                                  max_step=USUAL_MAX_STEP if first else SECOND_MAX_STEP)

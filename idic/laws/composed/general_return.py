@@ -89,9 +89,9 @@ def relative(back, s, growth, state, params):
 
 
 @inner
-def yield_function(surface, hardening, back, rate, s, twice_shear, state, p, growth, dt, hill, params, near):
+def yield_function(surface, hardening, back, rate, s, twice_shear, state, p, growth, dt, hill, params, xi_start):
     """(value, its slope over growth, strain, xi, slope of xi): the equation at the top, beside Mises as 1 / resistance
-    - 1 / q; near : real, where the search for xi begins."""
+    - 1 / q; xi_start : real, where the search for xi begins."""
     flow, dflow, _ = resistance(hardening, rate, p, growth, dt, 0.0 * p, params)
     A, dA, sum_C, dsum_C = relative(back, s, growth, state, params)
     h = twice_shear + sum_C
@@ -101,33 +101,33 @@ def yield_function(surface, hardening, back, rate, s, twice_shear, state, p, gro
         return norm / ROOT - 1.5 * h * growth - flow, slope, tensors.scaled(growth / ROOT / norm, A, 0.0), A, dA
     z = growth / flow
     w, dw = z * h, (1.0 - z * dflow) / flow * h + z * dsum_C
-    xi, direction, dxi = returned_to(surface, A, dA, w, dw, hill, params, near)
+    xi, direction, dxi = returned_to(surface, A, dA, w, dw, hill, params, xi_start)
     q = np.sqrt(tensors.contract(direction, xi))
     dq = tensors.contract(direction, dxi) / q
     return 1.0 / flow - 1.0 / q, dq / (q * q) - dflow / (flow * flow), tensors.scaled(z, direction, 0.0), xi, dxi
 
 
-def returned_to(surface, A, dA, w, dw, hill, params, near):
+def returned_to(surface, A, dA, w, dw, hill, params, xi_start):
     """(xi, q dq/dxi, slope of xi over growth) of (1 + w q dq/dxi) xi = A, where A and w have the slopes dA and dw.
 
-    near : of a free surface, where the search begins; in complex passes the real solution. A free surface is a tuple of
-    three, any other one of two: laws without it do not compile it.
+    xi_start : of a free surface, where the search begins; in complex passes the real solution. A free surface is a
+    tuple of three, any other one of two: laws without it do not compile it.
     """
     raise TypeError("returned_to is called by compiled functions only")
 
 
 @overload(returned_to, strict=False)
-def _returned_to(surface, A, dA, w, dw, hill, params, near):
+def _returned_to(surface, A, dA, w, dw, hill, params, xi_start):
     if surface.count == LENGTH_OF_FREE:
         solve = free_locus.returned_with_derivative if isinstance(w, types.Complex) else free_locus.returned
 
-        def implementation(surface, A, dA, w, dw, hill, params, near):
+        def implementation(surface, A, dA, w, dw, hill, params, xi_start):
             n, first = surface[2], surface[1] + 1
-            xi = solve(n, first, A, w, params, near)
+            xi = solve(n, first, A, w, params, xi_start)
             direction, change = free_locus.direction_and_change(n, first, xi, w, dA, dw, params)
             return xi, direction, change
     else:
-        def implementation(surface, A, dA, w, dw, hill, params, near):
+        def implementation(surface, A, dA, w, dw, hill, params, xi_start):
             xi = returned(A, w, hill)
             direction = flow_direction(xi, hill)
             return xi, direction, returned(tensors.combine(1.0, dA, -dw, direction, 0.0), w, hill)
@@ -159,25 +159,26 @@ def plastic_growth(surface, hardening, back, rate, s, twice_shear, state, p, q, 
     limit = max(most_growth(hardening, rate, max(size, q), p, sigma, dt, params), ABSOLUTE_TOLERANCE * largest)
     low, high = 0.0, limit if surface[0] != MISES else min(largest, limit)
     x = 0.5 * min((q - sigma) / (1.5 * twice_shear), high)
-    near = tensors.scaled(1.0 / (1.0 + 1.5 * twice_shear * x / max(sigma, 1e-3 * size)), s, 0.0)  # xi of Mises, about
+    xi_start = tensors.scaled(1.0 / (1.0 + 1.5 * twice_shear * x / max(sigma, 1e-3 * size)), s,
+                              0.0)  # xi of Mises, about
     for _ in range(MAX_ITERATIONS):
         value, slope, _, xi, dxi = yield_function(surface, hardening, back, rate, s, twice_shear, state, p, x, dt,
-                                                  hill, params, near)
+                                                  hill, params, xi_start)
         if value > 0.0:
             low = x
         else:
             high = x
-        new = x - value / slope
-        converged = abs(new - x) <= RELATIVE_TOLERANCE * x
-        if not low <= new <= high:
-            new, converged = (2.0 * low + largest if high == math.inf else 0.5 * (low + high)), False
-        if converged or abs(new - x) <= ABSOLUTE_TOLERANCE * largest:
-            strong = flow_stress(hardening, p + new, params)[0] > 0.0  # else softened away
-            root = new if strong and (surface[0] != MISES or new < (1.0 - 1e-10) * largest) else -1.0
-            return root, tensors.combine(1.0, xi, new - x, dxi, 0.0)
-        near = tensors.combine(1.0, xi, new - x, dxi, 0.0)
-        x = new
-    return -1.0, near
+        next_growth = x - value / slope
+        converged = abs(next_growth - x) <= RELATIVE_TOLERANCE * x
+        if not low <= next_growth <= high:
+            next_growth, converged = (2.0 * low + largest if high == math.inf else 0.5 * (low + high)), False
+        if converged or abs(next_growth - x) <= ABSOLUTE_TOLERANCE * largest:
+            strong = flow_stress(hardening, p + next_growth, params)[0] > 0.0  # else softened away
+            root = next_growth if strong and (surface[0] != MISES or next_growth < (1.0 - 1e-10) * largest) else -1.0
+            return root, tensors.combine(1.0, xi, next_growth - x, dxi, 0.0)
+        xi_start = tensors.combine(1.0, xi, next_growth - x, dxi, 0.0)
+        x = next_growth
+    return -1.0, xi_start
 
 
 @inner
@@ -194,14 +195,14 @@ def damage_growth(first, s, spherical, p, growth, params):
 @inner
 def damage_growth_of(first, energy, ratio, p, growth, params):
     """Growth of D of a step that ends with the energy density Y, ``ratio`` = mean stress / q, and p + growth."""
-    after = p + growth
-    if not (growth.real > 0.0 and after.real > params[first + 2].real):
+    p_new = p + growth
+    if not (growth.real > 0.0 and p_new.real > params[first + 2].real):
         return 0.0 * growth
     opened = 1.0 + 3.0 * ratio  # 0 in uniaxial compression, 1 in shear
     if not opened.real > 0.0:
         return 0.0 * growth
     weight = opened * opened * (3.0 - 2.0 * opened) if opened.real < 1.0 else 1.0 + 0.0 * opened
-    counted = growth if p.real > params[first + 2].real else after - params[first + 2]
+    counted = growth if p.real > params[first + 2].real else p_new - params[first + 2]
     if params[first + 3].real > 0.0:  # length over size of the element: plastic opening counts, not strain
         counted = counted / params[first + 3]
     return (energy / params[first]) ** params[first + 1] * counted * weight
@@ -221,7 +222,7 @@ def update(surface, hardening, back, rate, damage, F, state, params, dt, P, stat
     J, fi, b, mean, dev, _, shrink = trial_state(F, state)
     if not J.real > 0.0:
         return 1
-    p, known, before = state[6], params.real, state.real
+    p, real_params, real_state = state[6], params.real, state.real
     for m in range(state.shape[0]):
         state_new[m] = state[m]
     R = rotation(tensors.load(F))
@@ -233,19 +234,19 @@ def update(surface, hardening, back, rate, damage, F, state, params, dt, P, stat
     local, hill = tensors.congruence(turn, s), hill_coefficients(surface[0], surface[1], params)
     A = relative(back, local, 0.0 * p, state, params)[0]
     real_A, real_hill = real_parts(A), (hill[0].real, hill[1].real, hill[2].real, hill[3].real)
-    q = np.sqrt(tensors.contract(real_A, direction_of(surface, real_A, real_hill, known)))
+    q = np.sqrt(tensors.contract(real_A, direction_of(surface, real_A, real_hill, real_params)))
     growth = 0.0 * p
-    if flows(hardening, rate, q, p.real, dt, 0.0, known):
+    if flows(hardening, rate, q, p.real, dt, 0.0, real_params):
         twice_shear = 2.0 * G * mean
-        real, near = plastic_growth(surface, hardening, back, rate, real_parts(local), twice_shear.real, before, p.real,
-                                    q, dt, real_hill, known)
+        real, xi_start = plastic_growth(surface, hardening, back, rate, real_parts(local), twice_shear.real, real_state,
+                                        p.real, q, dt, real_hill, real_params)
         if real < 0.0:
             return 1
         growth, strain = real + 0.0 * p, tensors.scaled(0.0 * p, local, 0.0)
-        for last in range(2):  # one more step, in complex: exact derivative; then the strain that belongs to it
+        for sweep in range(2):  # one more step, in complex: exact derivative; then the strain that belongs to it
             value, slope, strain, _, _ = yield_function(surface, hardening, back, rate, local, twice_shear, state, p,
-                                                        growth, dt, hill, params, near)
-            growth -= value / slope.real if last == 0 else 0.0 * value
+                                                        growth, dt, hill, params, xi_start)
+            growth -= value / slope.real if sweep == 0 else 0.0 * value
         local = tensors.combine(1.0, local, -twice_shear, strain, 0.0)
         s = tensors.congruence(transposed(turn), local)
         scale = 1.0 / shrink
@@ -257,11 +258,11 @@ def update(surface, hardening, back, rate, damage, F, state, params, dt, P, stat
             put(tensors.combine(w, back_strain(state, term), w, strain, 0.0), state_new, 7 + 6 * term)
     keep = 1.0 + 0.0 * p
     if damage > 0:
-        last = state.shape[0] - 1
-        D = state[last] + damage_growth(damage, local, spherical, p, growth, params)
+        damage_place = state.shape[0] - 1
+        D = state[damage_place] + damage_growth(damage, local, spherical, p, growth, params)
         if D.real > MOST_DAMAGE:
             D = MOST_DAMAGE + 0.0 * D
-        state_new[last] = D
+        state_new[damage_place] = D
         keep = 1.0 - D
     tau = tensors.scaled(keep, s, keep * spherical)
     tensors.store(tensors.times_transposed(tau, fi), P)

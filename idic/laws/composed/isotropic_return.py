@@ -68,13 +68,13 @@ def plastic_growth(hardening, rate, trial, stiffness, p, dt, friction_stress, pa
             low = x
         else:
             high = x
-        new = x + excess / (stiffness + slope)
-        converged = abs(new - x) <= RELATIVE_TOLERANCE * x
-        if not low <= new <= high:
-            new, converged = 0.5 * (low + high), False
-        if converged or abs(new - x) <= ABSOLUTE_TOLERANCE * largest:
-            return new if new < (1.0 - 1e-10) * largest else -1.0
-        x = new
+        next_growth = x + excess / (stiffness + slope)
+        converged = abs(next_growth - x) <= RELATIVE_TOLERANCE * x
+        if not low <= next_growth <= high:
+            next_growth, converged = 0.5 * (low + high), False
+        if converged or abs(next_growth - x) <= ABSOLUTE_TOLERANCE * largest:
+            return next_growth if next_growth < (1.0 - 1e-10) * largest else -1.0
+        x = next_growth
     return -1.0
 
 
@@ -98,15 +98,16 @@ def update(surface, hardening, rate, F, state, params, dt, P, state_new):
     J, fi, b, mean, dev, norm, shrink = trial_state(F, state)
     if not J.real > 0.0:
         return 1
-    p, known = state[6], params.real
+    p, real_params = state[6], params.real
     keep = 1.0 + 0.0 * J
     spherical = kappa * (J - 1.0) * J
     friction_stress = friction_of(surface, spherical, params)
     for m in range(7):
         state_new[m] = state[m]
     trial, stiffness = G * norm / ROOT, 3.0 * G * mean
-    if flows(hardening, rate, trial.real, p.real, dt, friction_stress.real, known):
-        real = plastic_growth(hardening, rate, trial.real, stiffness.real, p.real, dt, friction_stress.real, known)
+    if flows(hardening, rate, trial.real, p.real, dt, friction_stress.real, real_params):
+        real = plastic_growth(hardening, rate, trial.real, stiffness.real, p.real, dt, friction_stress.real,
+                              real_params)
         if real == -1.0 or (real < 0.0 and surface[0] != DRUCKER_PRAGER):
             return 1
         if real < 0.0:
@@ -157,17 +158,17 @@ def linearise(surface, hardening, rate, F, state, params, dt, dF, dstate, dparam
     none = params[:0]
     for k in range(dF.shape[0]):
         dG, dkappa, dflow, dp, dfriction_stress = 0.0, 0.0, 0.0, 0.0, 0.0
-        given = dparams[k] if dparams.shape[0] > 0 else none
-        if given.shape[0] > 0:
-            dG, dkappa = elastic_change(params, given)
+        dparam = dparams[k] if dparams.shape[0] > 0 else none
+        if dparam.shape[0] > 0:
+            dG, dkappa = elastic_change(params, dparam)
         if plastic and strong:
             if surface[0] == DRUCKER_PRAGER:
                 ell = tensors.product(tensors.load(dF[k]), fi)
                 change = kappa * (2.0 * J - 1.0) * J * (ell[0] + ell[4] + ell[8]) + dkappa * (J - 1.0) * J
                 dfriction_stress = -params[surface[1]] * change - (
-                    given[surface[1]] * spherical if given.shape[0] > 0 else 0.0)
-            if given.shape[0] > 0:
-                dflow = resistance_change(hardening, rate, state_new[6], growth, dt, friction_stress, params, given,
+                    dparam[surface[1]] * spherical if dparam.shape[0] > 0 else 0.0)
+            if dparam.shape[0] > 0:
+                dflow = resistance_change(hardening, rate, state_new[6], growth, dt, friction_stress, params, dparam,
                                           dfriction_stress)
             elif surface[0] == DRUCKER_PRAGER:
                 dflow = dfriction_stress * rate_factor(hardening, rate, p, growth, dt, friction_stress, params)

@@ -53,12 +53,12 @@ def material_card(name: str, law: str, values: Mapping[str, float], program: str
     rubber = rubber_card(law, values)
     if rubber is not None:
         lines, missing = rubber
-        head = [f"** {law}, units mm, N, MPa", *(f"** NOT IN THIS CARD: {what}" for what in missing)]
+        head = [f"** {law}, units mm, N, MPa", *(f"** NOT IN THIS CARD: {gap}" for gap in missing)]
         return Card("\n".join([*head, f"*MATERIAL, NAME={name}", *lines, *_expansion(values)]) + "\n", tuple(missing))
     branches = spectrum(law, values)
     if branches is not None:
         lines, missing = relaxation_card(branches, values, program)
-        head = [f"** {law}, units mm, N, MPa, s", *(f"** NOT IN THIS CARD: {what}" for what in missing)]
+        head = [f"** {law}, units mm, N, MPa, s", *(f"** NOT IN THIS CARD: {gap}" for gap in missing)]
         return Card("\n".join([*head, f"*MATERIAL, NAME={name}", *lines, *_expansion(values)]) + "\n", tuple(missing))
     terms = terms_of(law, values)
     if terms is None:
@@ -69,7 +69,7 @@ def material_card(name: str, law: str, values: Mapping[str, float], program: str
     factors = by_group.get("temperature", [])
     tabled = bool(factors) and not {"backstress", "elasticity"} & {*by_group} and len(temperatures) > 0
     at = [(T, values_at(law, values, T)) for T in temperatures] if tabled else []
-    before, lines, missing = _elastic(name, by_group, values, at)
+    preamble, lines, missing = _elastic(name, by_group, values, at)
     start = float(flow_stress(law, values, np.zeros(1))[0])
     if ("yield_stress" in values or any(w.kind == "swift" for w in terms)) and math.isfinite(start):
         more, lacking = _plastic(law, by_group, values, start, program, reached, at)
@@ -79,8 +79,8 @@ def material_card(name: str, law: str, values: Mapping[str, float], program: str
     lines = lines + _expansion(values)
     head = [f"** {line}".replace("°C", "deg C")  # a solver may read plain letters only
             for line in (f"{law}, units mm, N, MPa, s; Kirchhoff flow stress read as Cauchy stress",
-                         *(f"NOT IN THIS CARD: {what}" for what in missing))]
-    return Card("\n".join([*head, *before, f"*MATERIAL, NAME={name}", *lines]) + "\n", tuple(missing))
+                         *(f"NOT IN THIS CARD: {gap}" for gap in missing))]
+    return Card("\n".join([*head, *preamble, f"*MATERIAL, NAME={name}", *lines]) + "\n", tuple(missing))
 
 
 def _expansion(values: Mapping[str, float]) -> list[str]:
@@ -102,27 +102,28 @@ def _elastic(name: str, groups: Mapping[str, list[WrittenTerm]], values: Mapping
         return [], ["*ELASTIC", *rows], missing
     v = orthotropic[0].values
     E1, E2, nu12, G12 = v["E1"], v["E2"], v["nu12"], v["G12"]
-    angle, before = math.radians(v.get("angle", 0.0)), []
+    angle, preamble = math.radians(v.get("angle", 0.0)), []
     if angle:
-        before = [f"** *SOLID SECTION, ..., ORIENTATION={name}",
-                  f"*ORIENTATION, NAME={name}, SYSTEM=RECTANGULAR",
-                  _row(math.cos(angle), math.sin(angle), 0.0, -math.sin(angle), math.cos(angle), 0.0)]
+        preamble = [f"** *SOLID SECTION, ..., ORIENTATION={name}",
+                    f"*ORIENTATION, NAME={name}, SYSTEM=RECTANGULAR",
+                    _row(math.cos(angle), math.sin(angle), 0.0, -math.sin(angle), math.cos(angle), 0.0)]
     # closed as idic's law
     across = float(contraction_through_thickness.py_func(E1, E2, nu12))  # type: ignore[attr-defined]
     shear = 0.5 * E2 / (1.0 + across)
-    return before, ["*ELASTIC, TYPE=ENGINEERING CONSTANTS", _row(E1, E2, E2, nu12, across, across, G12, G12),
-                    _row(shear)], missing
+    return preamble, ["*ELASTIC, TYPE=ENGINEERING CONSTANTS", _row(E1, E2, E2, nu12, across, across, G12, G12),
+                      _row(shear)], missing
 
 
 def _plastic(law: str, groups: Mapping[str, list[WrittenTerm]], values: Mapping[str, float], start: float,
              program: str, reached: float | None, at: Warm) -> tuple[list[str], list[str]]:
     missing = [f"{w.term.group} {w.kind}: no card has this equation" for group in ("rate", "damage")
                for w in groups.get(group, [])]
-    free = [w for w in groups.get("hardening", []) if w.kind.startswith("free")]
-    end = reached or (free[0].values["range"] if free else COMPARED_STRAIN)
+    free_terms = [w for w in groups.get("hardening", []) if w.kind.startswith("free")]
+    end = reached or (free_terms[0].values["range"] if free_terms else COMPARED_STRAIN)
     p = end * np.linspace(0.0, 1.0, ROWS) ** 2
-    if free:  # straight between its knots
-        p = np.append(last := knots(free[0].values["range"], knots_of(law)), max(end, 2.0 * last[-1]))
+    if free_terms:  # straight between its knots
+        p = np.append(knot_strains := knots(free_terms[0].values["range"], knots_of(law)),
+                      max(end, 2.0 * knot_strains[-1]))
     table = [_row(stress, strain) for stress, strain in zip(flow_stress(law, values, p), p, strict=True)]
     if at:
         table = [_row(stress, strain, T) for T, v in at

@@ -13,34 +13,34 @@ TIE = 1e-9  # relative difference below which two values are equal
 
 
 @inner
-def on_knots(n, last, start, levels, rising, x, params):
+def on_knots(n, range_place, start, levels, rising, x, params):
     """(value, slope) at x; real or complex."""
-    low, before, steepness = params[start] + 0.0 * x, 0.0 * params[last], 0.0 * (params[last] + x)
+    low, previous_knot, steepness = params[start] + 0.0 * x, 0.0 * params[range_place], 0.0 * (params[range_place] + x)
     for k in range(1, n):
-        knot = params[last] * (k / (n - 1.0)) ** 2
+        knot = params[range_place] * (k / (n - 1.0)) ** 2
         high = params[levels + k - 1]
         if rising and high.real < (1.0 - TIE) * low.real:
             high = low
-        steepness = (high - low) / (knot - before)
+        steepness = (high - low) / (knot - previous_knot)
         if x.real < knot.real or k == n - 1:
             break
-        low, before = high + 0.0 * x, knot
-    return low + steepness * (x - before), steepness
+        low, previous_knot = high + 0.0 * x, knot
+    return low + steepness * (x - previous_knot), steepness
 
 
 @inner
-def on_knots_change(n, last, start, levels, rising, x, params, d):
+def on_knots_change(n, range_place, start, levels, rising, x, params, d):
     """Change of the value with the parameters at fixed x; real."""
-    low, dlow, before, dbefore, steepness, change = params[start], d[start], 0.0, 0.0, 0.0, 0.0
+    low, dlow, previous_knot, dprevious_knot, steepness, change = params[start], d[start], 0.0, 0.0, 0.0, 0.0
     for k in range(1, n):
         share = (k / (n - 1.0)) ** 2
-        knot, dknot = params[last] * share, d[last] * share
+        knot, dknot = params[range_place] * share, d[range_place] * share
         high, dhigh = params[levels + k - 1], d[levels + k - 1]
         if rising and high < (1.0 - TIE) * low:
             high, dhigh = low, dlow
-        steepness = (high - low) / (knot - before)
-        change = (dhigh - dlow - steepness * (dknot - dbefore)) / (knot - before)
+        steepness = (high - low) / (knot - previous_knot)
+        change = (dhigh - dlow - steepness * (dknot - dprevious_knot)) / (knot - previous_knot)
         if x < knot or k == n - 1:
             break
-        low, dlow, before, dbefore = high, dhigh, knot, dknot
-    return dlow + change * (x - before) - steepness * dbefore
+        low, dlow, previous_knot, dprevious_knot = high, dhigh, knot, dknot
+    return dlow + change * (x - previous_knot) - steepness * dprevious_knot

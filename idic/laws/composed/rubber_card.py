@@ -47,29 +47,29 @@ def _quadratic(invariant: str, n: int, values: Mapping[str, float]) -> tuple[flo
     stretch"""
     if n == 0:
         return 0.0, 0.0, 0.0
-    last = values[f"{invariant}_range"]
-    x = last * np.linspace(0.0, 1.0, FITTED) ** 2
-    g = basis(x, last, n) @ [values[name] for name in rubber_level_names(invariant, n)]
-    found = np.linalg.lstsq(np.column_stack([np.ones_like(x), 2.0 * x, 3.0 * x * x]), g, rcond=None)[0]
-    return float(found[0]), float(found[1]), float(found[2])
+    end = values[f"{invariant}_range"]
+    x = end * np.linspace(0.0, 1.0, FITTED) ** 2
+    g = basis(x, end, n) @ [values[name] for name in rubber_level_names(invariant, n)]
+    coefficients = np.linalg.lstsq(np.column_stack([np.ones_like(x), 2.0 * x, 3.0 * x * x]), g, rcond=None)[0]
+    return float(coefficients[0]), float(coefficients[1]), float(coefficients[2])
 
 
 def _largest_difference(counts: tuple[int, int], values: Mapping[str, float], first: tuple[float, ...],
                         second: tuple[float, ...]) -> float:
     """Of the polynomial's nominal stresses from those of the free energy, over the largest stress of the mode."""
-    own = [(invariant, n) for invariant, n in zip(INVARIANTS, counts, strict=True) if n]
-    last = tuple(values[f"{invariant}_range"] for invariant, _ in own)
-    levels = np.concatenate([[values[name] for name in rubber_level_names(*one)] for one in own])
+    curves = [(invariant, n) for invariant, n in zip(INVARIANTS, counts, strict=True) if n]
+    ends = tuple(values[f"{invariant}_range"] for invariant, _ in curves)
+    levels = np.concatenate([[values[name] for name in rubber_level_names(*curve)] for curve in curves])
     worst = 0.0
     for mode in RUBBER_TESTS:
         stretch = np.linspace(SMALLEST_STRETCH, LARGEST_STRETCH, 2000)
-        inside = np.all([x <= end for x, end in zip(invariants(mode, stretch), last, strict=False)], axis=0)
+        inside = np.all([x <= end for x, end in zip(invariants(mode, stretch), ends, strict=False)], axis=0)
         stretch = stretch[inside]
         if not len(stretch):
             continue
-        free = stress_matrix(mode, stretch, last, tuple(n for _, n in own)) @ levels
+        exact = stress_matrix(mode, stretch, ends, tuple(n for _, n in curves)) @ levels
         (x, y), (w1, w2) = invariants(mode, stretch), weights(mode, stretch)
         card = w1 * (first[0] + 2.0 * first[1] * x + 3.0 * first[2] * x * x) \
             + w2 * (second[0] + 2.0 * second[1] * y + 3.0 * second[2] * y * y)
-        worst = max(worst, float(np.abs(card - free).max() / np.abs(free).max()))
+        worst = max(worst, float(np.abs(card - exact).max() / np.abs(exact).max()))
     return worst

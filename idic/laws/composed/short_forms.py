@@ -51,7 +51,7 @@ def factor_at_one(K0, n, ep0):
     return K0 * ep0**-n
 
 
-def _own(group: str, *names: str) -> dict[str, str]:
+def _short_names(group: str, *names: str) -> dict[str, str]:
     return {f"{group}_{name}": name for name in names}
 
 
@@ -62,29 +62,30 @@ _VOCE = {"Q": 0.0, "b": 0.0, **_FLAT}
 SHORT_FORMS = {
     "j2_linear": ShortForm(("linear",), _H1, _FLAT, "yield_stress + hardening_modulus p"),
     "j2_voce": ShortForm(
-        ("voce", "linear"), _own("hardening_1", "Q", "b") | _H2, _VOCE,
+        ("voce", "linear"), _short_names("hardening_1", "Q", "b") | _H2, _VOCE,
         "yield_stress + Q (1 - exp(-b p)) + hardening_modulus p", {"hardening_modulus": 200.0}),
-    "j2_power": ShortForm(("power",), _own("hardening_1", "K", "n"), {"K": 0.0}, "yield_stress + K p^n"),
+    "j2_power": ShortForm(("power",), _short_names("hardening_1", "K", "n"), {"K": 0.0}, "yield_stress + K p^n"),
     "j2_power_reference": ShortForm(
-        ("power_reference",), _own("hardening_1", "K0", "n", "ep0"), {"K0": 0.0}, "yield_stress + K0 (p / ep0)^n",
-        derived={"K": ("MPa", factor_at_one)}),
-    "j2_swift": ShortForm(("swift",), _own("hardening_1", "K", "eps0", "n"), {"K": math.inf, "n": 0.0},
+        ("power_reference",), _short_names("hardening_1", "K0", "n", "ep0"), {"K0": 0.0},
+        "yield_stress + K0 (p / ep0)^n", derived={"K": ("MPa", factor_at_one)}),
+    "j2_swift": ShortForm(("swift",), _short_names("hardening_1", "K", "eps0", "n"), {"K": math.inf, "n": 0.0},
                           "K (eps0 + p)^n"),
     "j2_kinematic": ShortForm(
-        ("linear", "armstrong_frederick"), _H1 | _own("backstress_1", "C", "gamma"), {**_FLAT, "C": 0.0, "gamma": 0.0},
+        ("linear", "armstrong_frederick"), _H1 | _short_names("backstress_1", "C", "gamma"),
+        {**_FLAT, "C": 0.0, "gamma": 0.0},
         "yield_stress + hardening_modulus p, the size of the elastic range; gamma = 0: Prager, J. Appl. Mech. 23 "
         "(1956) 493", {"hardening_modulus": 500.0}),
     "j2_hill": ShortForm(
         ("voce", "linear", "hill48"),
-        _own("hardening_1", "Q", "b") | _H2 | _own("yield_surface", "r0", "r45", "r90", "angle"), _VOCE,
+        _short_names("hardening_1", "Q", "b") | _H2 | _short_names("yield_surface", "r0", "r45", "r90", "angle"), _VOCE,
         "yield_stress + Q (1 - exp(-b p)) + hardening_modulus p along the rolling direction",
         {"hardening_modulus": 200.0}),
     "viscoplastic": ShortForm(
-        ("linear", "norton"), _H1 | _own("rate", "eta", "m"), {**_FLAT, "eta": 0.0, "m": 1.0},
+        ("linear", "norton"), _H1 | _short_names("rate", "eta", "m"), {**_FLAT, "eta": 0.0, "m": 1.0},
         "yield_stress + hardening_modulus p + eta (dp/dt)^(1/m); Perzyna, Adv. Appl. Mech. 9 (1966) 243, "
         "doi:10.1016/S0065-2156(08)70009-7"),
     "j2_pressure": ShortForm(
-        ("linear", "drucker_prager"), _H1 | _own("yield_surface", "friction"), _FLAT,
+        ("linear", "drucker_prager"), _H1 | _short_names("yield_surface", "friction"), _FLAT,
         "yield_stress + friction pressure + hardening_modulus p"),
 }
 
@@ -93,15 +94,15 @@ def short_law(name: str) -> LawSpec:
     """The law of a short form."""
     form = SHORT_FORMS[name]
     terms = [term_of(kind) for kind in form.kinds]
-    whole = law_of(name, [term for term in terms if term is not None])
+    law = law_of(name, [term for term in terms if term is not None])
     parameters = []
-    for p in whole.parameters:
-        own = form.names.get(p.name, p.name)
-        parameters.append(replace(p, name=own, null=form.nulls.get(own, p.null),
-                                  default=form.defaults.get(own, p.default)))
+    for p in law.parameters:
+        short_name = form.names.get(p.name, p.name)
+        parameters.append(replace(p, name=short_name, null=form.nulls.get(short_name, p.null),
+                                  default=form.defaults.get(short_name, p.default)))
     return replace(
-        whole, name=name, parameters=tuple(parameters), compose=None, isotropic=whole.isotropic,
-        reference=f"elastoplastic({'+'.join(form.kinds)}): sigma = {form.flow}; {whole.reference.partition('; ')[2]}",
+        law, name=name, parameters=tuple(parameters), compose=None, isotropic=law.isotropic,
+        reference=f"elastoplastic({'+'.join(form.kinds)}): sigma = {form.flow}; {law.reference.partition('; ')[2]}",
         derived={key: DerivedQuantity(unit, value) for key, (unit, value) in form.derived.items()})
 
 

@@ -56,8 +56,8 @@ class Term:
         return tuple(replace(p, name=f"{self.stem(number)}_{p.name}") for p in self.parameters)
 
 
-def _lankford(name: str, where: str, default: float) -> LawParameter:
-    return LawParameter(name, "-", f"width over thickness strain of a strip {where} the rolling direction",
+def _lankford(name: str, direction: str, default: float) -> LawParameter:
+    return LawParameter(name, "-", f"width over thickness strain of a strip {direction} the rolling direction",
                         default=default, null=1.0, bounds=(0.05, 20.0))
 
 
@@ -208,16 +208,16 @@ def term_of(kind: str) -> Term | None:
     locus = LOCUS_NAME.fullmatch(kind)
     if locus is not None:
         return _free_surface(int(locus[1] or DEFAULT_RING))
-    found = FREE_NAME.fullmatch(kind)
-    if found is None:
+    match = FREE_NAME.fullmatch(kind)
+    if match is None:
         return TERMS.get(kind)
-    n = int(found[1] or DEFAULT_KNOTS)
+    n = int(match[1] or DEFAULT_KNOTS)
     if not KNOTS[0] <= n <= KNOTS[1]:
         return None
     levels = tuple(LawParameter(f"s{k}", "MPa", f"flow stress at knot {k} of {n}", default=200.0 + 25.0 * k)
                    for k in range(2, n + 1))
-    last = LawParameter("range", "-", "plastic strain of the last knot; chosen, locked", default=0.2)
-    return replace(TERMS["free"], kind=f"free{n}", code=FREE + n, parameters=(last, *levels))
+    range_parameter = LawParameter("range", "-", "plastic strain of the last knot; chosen, locked", default=0.2)
+    return replace(TERMS["free"], kind=f"free{n}", code=FREE + n, parameters=(range_parameter, *levels))
 
 
 def _free_surface(n: int) -> Term | None:
@@ -234,8 +234,8 @@ def _free_surface(n: int) -> Term | None:
 
 def ring_knots_of(law: str) -> int:
     """The number of knots on a ring of the free yield surface in a law's name; 0 without one."""
-    found = LOCUS_NAME.search(law)
-    return int(found[1] or DEFAULT_RING) if found else 0
+    match = LOCUS_NAME.search(law)
+    return int(match[1] or DEFAULT_RING) if match else 0
 
 
 def surface_weights(n: int) -> tuple[str, ...]:

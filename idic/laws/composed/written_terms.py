@@ -19,7 +19,7 @@ from idic.laws.composed.short_forms import SHORT_FORMS
 TERMS_OF_OTHERS = {  # law: (terms, {parameter of the law: that of the composed one})
     "elastic": ((), {}),
     "orthotropic": (("orthotropic",), {name: f"elasticity_{name}" for name in ("E1", "E2", "nu12", "G12", "angle")}),
-    **{name: (form.kinds, {own: composed for composed, own in form.names.items()})
+    **{name: (form.kinds, {short: composed for composed, short in form.names.items()})
        for name, form in SHORT_FORMS.items()},
 }
 
@@ -47,15 +47,16 @@ def terms_of(law: str, values: Mapping[str, float]) -> tuple[WrittenTerm, ...] |
     if kinds is None:
         return None
     in_law = {composed: older for older, composed in renamed.items()}
-    found, counted = [], dict.fromkeys(GROUPS, 0)
+    written, counted = [], dict.fromkeys(GROUPS, 0)
     for term in sorted((term_of(kind) for kind in kinds), key=lambda term: GROUPS.index(term.group)):  # type: ignore
         assert term is not None  # the law exists
         counted[term.group] += 1
-        names = {own.name: in_law.get(f"{term.stem(counted[term.group])}_{own.name}",
-                                      f"{term.stem(counted[term.group])}_{own.name}") for own in term.parameters}
-        names = {own: name for own, name in names.items() if name in values}  # one angle may serve two terms
-        found.append(WrittenTerm(term, {own: values[name] for own, name in names.items()}, names))
-    return tuple(found)
+        names = {parameter.name: in_law.get(f"{term.stem(counted[term.group])}_{parameter.name}",
+                                            f"{term.stem(counted[term.group])}_{parameter.name}")
+                 for parameter in term.parameters}
+        names = {key: name for key, name in names.items() if name in values}  # one angle may serve two terms
+        written.append(WrittenTerm(term, {key: values[name] for key, name in names.items()}, names))
+    return tuple(written)
 
 
 def values_at(law: str, values: Mapping[str, float], temperature: float) -> dict[str, float]:
@@ -63,8 +64,9 @@ def values_at(law: str, values: Mapping[str, float], temperature: float) -> dict
     spec, dependence = get_law(law), get_law(law).temperature
     if dependence is None:
         return dict(values)
-    own = np.array([values[name] for name in spec.parameter_names])
-    return dict(zip(spec.parameter_names, map(float, dependence.values(own, np.array([temperature]))[0]), strict=True))
+    params = np.array([values[name] for name in spec.parameter_names])
+    return dict(zip(spec.parameter_names, map(float, dependence.values(params, np.array([temperature]))[0]),
+                    strict=True))
 
 
 def flow_stress(law: str, values: Mapping[str, float], p: np.ndarray) -> np.ndarray:

@@ -41,17 +41,17 @@ class CrackBand:
         """The parameters with the length over the size of each point  # ([n,] n_params), (n,) -> ([n,] n_params)"""
         if not params[..., place].any():
             return params
-        found = np.tile(params, (len(size), 1)) if params.ndim == 1 else params.copy()
-        found[:, place] /= size
-        return found
+        scaled = np.tile(params, (len(size), 1)) if params.ndim == 1 else params.copy()
+        scaled[:, place] /= size
+        return scaled
 
     def changes(self, place: int, changes: np.ndarray | None, size: np.ndarray) -> np.ndarray | None:
         """Change of `values` with that of the parameters  # ([n,] nd, n_params) -> ([n,] nd, n_params)"""
         if changes is None or not changes[..., place].any():
             return changes
-        found = np.array(np.broadcast_to(changes, (len(size), *changes.shape[-2:])))
-        found[:, :, place] /= size[:, None]
-        return found
+        scaled = np.array(np.broadcast_to(changes, (len(size), *changes.shape[-2:])))
+        scaled[:, :, place] /= size[:, None]
+        return scaled
 
     def trouble(self, values: Mapping[str, float], size: np.ndarray) -> str:
         """Empty, or why the law cannot be used with elements of these sizes."""

@@ -26,8 +26,8 @@ def check_declaration(spec: Any) -> None:
         Names that are taken twice or that experiment.toml cannot hold, values outside their bounds, functions with
         other arguments than `ARGUMENTS`.
     """
-    def refuse(what: str):
-        raise ValueError(f"law {spec.name}: {what}")
+    def refuse(fault: str):
+        raise ValueError(f"law {spec.name}: {fault}")
 
     if not _COMPOSED_NAME.fullmatch(spec.name):
         refuse("a name has letters, digits, _ and -, and begins with a letter")

@@ -87,10 +87,10 @@ def next_stretch(f33, p33, slope, failed, low, high, good):
     low, high = (low, f33) if p33 > 0.0 else (f33, high)
     if not (slope > 0.0 and math.isfinite(step)):
         step = -math.copysign(0.1 * f33, p33)
-    new = min(max(f33 + step, 0.5 * f33), 2.0 * f33)
-    if high > 0.0 and low > 0.0 and not (low < new < high):
-        new = 0.5 * (low + high)
-    return new, low, high, f33, 2
+    f33_new = min(max(f33 + step, 0.5 * f33), 2.0 * f33)
+    if high > 0.0 and low > 0.0 and not (low < f33_new < high):
+        f33_new = 0.5 * (low + high)
+    return f33_new, low, high, f33, 2
 
 
 @borrowing
@@ -208,20 +208,20 @@ def stress_loop(update, by_hand, linearise, update_complex, finite, mode, F, gue
     dF, dP, dstate, none = np.zeros((1, 3, 3)), np.empty((1, 3, 3)), np.empty((1, n_law)), np.empty((0, n_law))
     none_params = np.empty((0, params.shape[1]))
     dF[0, 2, 2] = 1.0
-    point, stress, old, new = np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law)
+    point, stress, point_state, point_state_new = np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law)
     ok = True
     for i in range(n):
         embed(F[i], guess[i] if mode == 2 else 1.0, point)
-        copy(state[i], old)
+        copy(state[i], point_state)
         p = params[i * per_point]
         if not is_body(finite, point):
             status = 1
         elif mode == 2:
-            status, f33 = plane_stress(by_hand, linearise, update_complex, point, old, p, dt, dF, none, none_params,
-                                       dF, none, False, stress, new, dP, dstate, dP, work)
+            status, f33 = plane_stress(by_hand, linearise, update_complex, point, point_state, p, dt, dF, none,
+                                       none_params, dF, none, False, stress, point_state_new, dP, dstate, dP, work)
             state_new[i, n_law] = f33
         else:
-            status = update(point, old, p, dt, stress, new)
+            status = update(point, point_state, p, dt, stress, point_state_new)
             if not math.isfinite(stress[0, 0] + stress[0, 1] + stress[1, 0] + stress[1, 1] + stress[2, 2]):
                 status = 1
         if status != 0:
@@ -232,7 +232,7 @@ def stress_loop(update, by_hand, linearise, update_complex, finite, mode, F, gue
             continue
         put(stress, P[i])
         P33[i] = stress[2, 2]
-        copy(new, state_new[i])
+        copy(point_state_new, state_new[i])
     return ok
 
 
@@ -252,22 +252,22 @@ def tangent_loop(by_hand, linearise, update_complex, finite, mode, F, guess, sta
     dP, dstate = np.empty((d * d + extra, 3, 3)), np.empty((extra, n_law))
     none, none_params = np.empty((0, n_law)), np.empty((0, params.shape[1]))
     one_dP = np.empty((1, 3, 3))
-    point, stress, old, new = np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law)
+    point, stress, point_state, point_state_new = np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law)
     ok = True
     for i in range(n):
         embed(F[i], guess[i] if mode == 2 else 1.0, point)
-        copy(state[i], old)
+        copy(state[i], point_state)
         p = params[i * per_point]
         if not is_body(finite, point):
             status = 1
         elif mode == 2:
-            status, f33 = plane_stress(by_hand, linearise, update_complex, point, old, p, dt, dF, none, none_params,
-                                       first, none, False, stress, new, dP, dstate,
+            status, f33 = plane_stress(by_hand, linearise, update_complex, point, point_state, p, dt, dF, none,
+                                       none_params, first, none, False, stress, point_state_new, dP, dstate,
                                        one_dP, work)
             state_new[i, n_law] = f33
         else:
-            status = linearised(by_hand, linearise, update_complex, point, old, p, dt, dF, none, none_params,
-                                stress, new, dP, dstate, work)
+            status = linearised(by_hand, linearise, update_complex, point, point_state, p, dt, dF, none, none_params,
+                                stress, point_state_new, dP, dstate, work)
         if status != 0:
             ok = False
             clear(P[i])
@@ -275,7 +275,7 @@ def tangent_loop(by_hand, linearise, update_complex, finite, mode, F, guess, sta
             clear(A[i])
             continue
         put(stress, P[i])
-        copy(new, state_new[i])
+        copy(point_state_new, state_new[i])
         for c in range(d * d):
             for a in range(d):
                 for b in range(d):
@@ -301,13 +301,13 @@ def directional_loop(by_hand, linearise, update_complex, finite, mode, F, guess,
             copy(dparams[0, k], dp[extra + k])
     dP, dnew = np.empty((nd + extra, 3, 3)), np.empty((nd + extra, n_law))
     one_dP, none = np.empty((1, 3, 3)), np.empty((0, n_law))
-    point, stress, old, new = np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law)
+    point, stress, point_state, point_state_new = np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law)
     if mode == 2:
         dF[0, 2, 2] = 1.0
     ok = True
     for i in range(n):
         embed(F[i], guess[i] if mode == 2 else 1.0, point)
-        copy(state[i], old)
+        copy(state[i], point_state)
         for k in range(nd):
             embed(dF_in[i, k], 0.0, dF[extra + k])
             if dold.shape[0] > 0:
@@ -318,12 +318,12 @@ def directional_loop(by_hand, linearise, update_complex, finite, mode, F, guess,
         if not is_body(finite, point):
             status = 1
         elif mode == 2:
-            status, f33 = plane_stress(by_hand, linearise, update_complex, point, old, p, dt, dF, dold, dp,
-                                       first, none, close, stress, new, dP, dnew,
+            status, f33 = plane_stress(by_hand, linearise, update_complex, point, point_state, p, dt, dF, dold, dp,
+                                       first, none, close, stress, point_state_new, dP, dnew,
                                        one_dP, work)
         else:
-            status = linearised(by_hand, linearise, update_complex, point, old, p, dt, dF, dold, dp,
-                                stress, new, dP, dnew, work)
+            status = linearised(by_hand, linearise, update_complex, point, point_state, p, dt, dF, dold, dp,
+                                stress, point_state_new, dP, dnew, work)
         if status != 0:
             ok = False
             for k in range(nd):

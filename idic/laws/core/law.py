@@ -219,8 +219,8 @@ class LawSpec:
 
     def why_impossible(self, values: Sequence[float] | np.ndarray) -> str:
         """Why no body has these parameters (n_params,) together; empty where nothing is known against them."""
-        given = dict(zip(self.parameter_names, map(float, values), strict=True))
-        return "" if self.impossible is None else self.impossible(given)
+        named_values = dict(zip(self.parameter_names, map(float, values), strict=True))
+        return "" if self.impossible is None else self.impossible(named_values)
 
     def defaults(self) -> np.ndarray:
         """Typical parameter values  # (n_params,)"""
@@ -231,8 +231,8 @@ class LawSpec:
 def _reads_time(update: Callable) -> bool:
     code = getattr(update, "py_func", update).__code__
     dt = code.co_varnames[3]
-    return any(dt == own.argval or (isinstance(own.argval, tuple) and dt in own.argval)
-               for own in dis.get_instructions(code) if own.opname.startswith("LOAD"))
+    return any(dt == instruction.argval or (isinstance(instruction.argval, tuple) and dt in instruction.argval)
+               for instruction in dis.get_instructions(code) if instruction.opname.startswith("LOAD"))
 
 
 def _typed_in(spec: LawSpec) -> bool:
@@ -252,9 +252,9 @@ def register(spec: LawSpec) -> LawSpec:
     ValueError
         Another law has the name.
     """
-    known = _laws.get(spec.name)
-    if known is not None and known.updates != spec.updates:
-        if not (_typed_in(known) and _typed_in(spec)):
+    registered = _laws.get(spec.name)
+    if registered is not None and registered.updates != spec.updates:
+        if not (_typed_in(registered) and _typed_in(spec)):
             raise ValueError(f"a law named {spec.name} is registered already")
         _with_modes.cache_clear()
         _with_terms.cache_clear()
@@ -277,9 +277,9 @@ def get_law(name: str) -> LawSpec:
     if name not in _laws and stem in _laws and number.isdecimal() and int(number) > 0 and _laws[stem].modes is not None:
         return _with_modes(stem, int(number))
     if name not in _laws:
-        near = _named_after(name) or difflib.get_close_matches(name, _laws, n=3, cutoff=0.4)
+        suggestions = _named_after(name) or difflib.get_close_matches(name, _laws, n=3, cutoff=0.4)
         raise InputError("unknown constitutive law", key="law", expected=f"one of {', '.join(_laws)}", found=repr(name),
-                         remedy=f"did you mean {' or '.join(near)}?" if near else
+                         remedy=f"did you mean {' or '.join(suggestions)}?" if suggestions else
                          "list the laws with  idic laws ; load a law file of yours with  idic --laws FILE COMMAND ...")
     return _laws[name]
 

@@ -18,9 +18,9 @@ def outside_values(function: Callable) -> str:
     Numba compiles an array or a number of a module into the function, and so the function of another file; it takes
     its machine code from the disk until the file of the function itself changes.
     """
-    known: set[int] = set()
+    visited: set[int] = set()
     plain: FunctionType = getattr(function, "py_func", function)  # type: ignore[arg-type]
-    parts = list(_used(plain, known))
+    parts = list(_used(plain, visited))
     return hashlib.sha256("\n".join(parts).encode()).hexdigest() if parts else ""
 
 
@@ -30,32 +30,32 @@ def code_of(function: Callable) -> str:
     return hashlib.sha256(f"{_text(plain.__code__)} {outside_values(plain)}".encode()).hexdigest()
 
 
-def _used(function: FunctionType, known: set[int]) -> Iterator[str]:
-    known.add(id(function))
+def _used(function: FunctionType, visited: set[int]) -> Iterator[str]:
+    visited.add(id(function))
     names = sorted(_names(function.__code__))
     for name in names:
         if name in function.__globals__:
-            yield from _described(name, function.__globals__[name], names, known)
+            yield from _described(name, function.__globals__[name], names, visited)
     for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
-        yield from _described(name, cell.cell_contents, names, known)
+        yield from _described(name, cell.cell_contents, names, visited)
 
 
-def _described(name: str, value: Any, names: list[str], known: set[int]) -> Iterator[str]:
+def _described(name: str, value: Any, names: list[str], visited: set[int]) -> Iterator[str]:
     value = getattr(value, "py_func", value)
     if _library(value):
         return
     if isinstance(value, ModuleType):
         for attribute in names:
             if hasattr(value, attribute):
-                yield from _described(f"{name}.{attribute}", getattr(value, attribute), names, known)
+                yield from _described(f"{name}.{attribute}", getattr(value, attribute), names, visited)
     elif isinstance(value, FunctionType):
-        if id(value) not in known:
+        if id(value) not in visited:
             yield f"{name} {_text(value.__code__)} {_text(value.__defaults__)}"
-            yield from _used(value, known)
+            yield from _used(value, visited)
     elif isinstance(value, (list, tuple)):
         yield f"{name} {len(value)}"
         for k, entry in enumerate(value):
-            yield from _described(f"{name}[{k}]", entry, names, known)
+            yield from _described(f"{name}[{k}]", entry, names, visited)
     else:
         yield f"{name} {_text(value)}"
 
@@ -70,8 +70,8 @@ def _text(value: Any) -> str:
         return f"({', '.join(map(_text, value))})"
     if isinstance(value, frozenset):
         return f"{{{', '.join(sorted(map(_text, value)))}}}"
-    known = isinstance(value, (bool, int, float, complex, str, bytes, np.generic, type(None)))
-    return repr(value) if known else type(value).__name__
+    is_plain = isinstance(value, (bool, int, float, complex, str, bytes, np.generic, type(None)))
+    return repr(value) if is_plain else type(value).__name__
 
 
 def _library(value: Any) -> bool:
@@ -81,4 +81,4 @@ def _library(value: Any) -> bool:
 
 def _names(code: CodeType) -> set[str]:
     inner = (constant for constant in code.co_consts if isinstance(constant, CodeType))
-    return set(code.co_names).union(*(_names(one) for one in inner))
+    return set(code.co_names).union(*(_names(constant) for constant in inner))

@@ -69,59 +69,59 @@ def drive(law: CompiledLaw, params, F, *, mode: int = 0, driven=None, times=None
     params = np.asarray(params, dtype=float)
     m, d = F.shape[:2]
     times = np.arange(m, dtype=float) if times is None else np.asarray(times, dtype=float)
-    free = np.zeros(d * d, bool) if driven is None else ~np.asarray(driven, bool).ravel()
+    is_free = np.zeros(d * d, bool) if driven is None else ~np.asarray(driven, bool).ravel()
     n_params, n_state = len(params), law.n_state(mode)
     curve = Curve(times, np.empty((m, d, d)), np.zeros((m, d, d)), np.empty((m, n_state)),
                   np.zeros((m, n_params, d, d)), np.zeros((m, n_params, d, d)))
     point = (np.eye(d), law.initial_state(mode), np.zeros((n_params, n_state)))
     curve.F[0], curve.state[0] = point[:2]
     for k in range(1, m):
-        point, stress, dF, dP = _advance(law, mode, params, free, point, F[k], times[k] - times[k - 1], MAX_HALVINGS)
+        point, stress, dF, dP = _advance(law, mode, params, is_free, point, F[k], times[k] - times[k - 1], MAX_HALVINGS)
         curve.F[k], curve.state[k], curve.P[k], curve.dF[k], curve.dP[k] = point[0], point[1], stress, dF, dP
     return curve
 
 
-def _advance(law, mode, params, free, point, target, dt, halvings):
+def _advance(law, mode, params, is_free, point, target, dt, halvings):
     """One increment from ``point`` = (F, state, dstate) to the driven components of ``target``."""
     F, state, dstate = point
-    solution = _solve(law, mode, params, free, F, state, target, dt)
+    solution = _solve(law, mode, params, is_free, F, state, target, dt)
     if solution is None:
         if halvings == 0:
             raise NotConverged(f"law {law.spec.name}: no equilibrium of the point at driven F = {target.tolist()}")
         middle = 0.5 * (F + target)
-        halfway, *_ = _advance(law, mode, params, free, point, middle, 0.5 * dt, halvings - 1)
-        return _advance(law, mode, params, free, halfway, target, 0.5 * dt, halvings - 1)
+        halfway, *_ = _advance(law, mode, params, is_free, point, middle, 0.5 * dt, halvings - 1)
+        return _advance(law, mode, params, is_free, halfway, target, 0.5 * dt, halvings - 1)
     F_new, stress, state_new, A = solution
     d, n_params = len(F), len(params)
     dF = np.zeros((n_params, d * d))
-    for _ in range(2 if free.any() else 1):  # first at fixed F, then with the free components following
+    for _ in range(2 if is_free.any() else 1):  # first at fixed F, then with the free components following
         dP, dstate_new, ok = directional_stresses(law, mode, F_new[None], state[None], params, dt,
                                                 dF.reshape(1, n_params, d, d), dstate[None], np.eye(n_params),
                                                 guess=state_new[-1:] if mode == 2 else None)
         if not ok:
             raise NotConverged(f"law {law.spec.name}: no derivative at F = {F_new.tolist()}")
-        if not dF.any() and free.any():
-            dF[:, free] = -np.linalg.solve(A[np.ix_(free, free)], dP.reshape(n_params, -1)[:, free].T).T
+        if not dF.any() and is_free.any():
+            dF[:, is_free] = -np.linalg.solve(A[np.ix_(is_free, is_free)], dP.reshape(n_params, -1)[:, is_free].T).T
     return (F_new, state_new, dstate_new[0]), stress, dF.reshape(n_params, d, d), dP[0]
 
 
-def _solve(law, mode, params, free, F, state, target, dt):
+def _solve(law, mode, params, is_free, F, state, target, dt):
     """F with the driven components of ``target`` and zero stress in the free ones: (F, P, state, A), or None."""
     d = len(F)
-    F = np.where(free.reshape(d, d), F, target)
+    F = np.where(is_free.reshape(d, d), F, target)
     for _ in range(MAX_ITERATIONS):
         P, state_new, A, ok = point_tangents(law, mode, F[None], state[None], params, dt)
         if not ok:
             return None
-        residual, A = P[0].ravel()[free], A[0]
+        residual, A = P[0].ravel()[is_free], A[0]
         tolerance = STRESS_TOLERANCE * np.abs(P).max() + STIFFNESS_ROUNDING * np.abs(A).max()
         if np.abs(residual).max(initial=0.0) <= tolerance:
             return F, P[0], state_new[0], A
-        step = np.linalg.solve(A[np.ix_(free, free)], -residual)
+        step = np.linalg.solve(A[np.ix_(is_free, is_free)], -residual)
         if not np.isfinite(step).all():
             return None
         F = F.copy()
-        F.ravel()[free] += step
+        F.ravel()[is_free] += step
     return None
 
 

@@ -64,11 +64,11 @@ def _inputs(law: CompiledLaw, mode: int, F, state, params, guess):
         params = params[None, :]
     n, d = len(F), 3 if mode == 0 else 2
     n_params = len(law.spec.parameters)
-    for what, found, expected in (("F", F.shape, (n, d, d)), ("state", state.shape, (n, law.n_state(mode))),
+    for name, shape, expected in (("F", F.shape, (n, d, d)), ("state", state.shape, (n, law.n_state(mode))),
                                   ("params", params.shape, (params.shape[0] if params.shape[0] in (1, n) else n,
                                                             n_params))):
-        if found != expected:
-            raise ValueError(f"law {law.spec.name}, mode {mode}: expected {what} of shape {expected}, got {found}")
+        if shape != expected:
+            raise ValueError(f"law {law.spec.name}, mode {mode}: expected {name} of shape {expected}, got {shape}")
     if mode == 2:
         guess = np.ascontiguousarray(state[:, -1]) if guess is None else _array(guess)
     else:

@@ -20,19 +20,19 @@ def rotation(f):
     size = det ** (-1.0 / 3.0)
     r = (size * f[0], size * f[1], size * f[2], size * f[3], size * f[4], size * f[5], size * f[6], size * f[7],
          size * f[8])
-    left = MAX_POLAR_ITERATIONS
-    while left > 0:
-        left -= 1
+    rounds_left = MAX_POLAR_ITERATIONS
+    while rounds_left > 0:
+        rounds_left -= 1
         det, inv = tensors.inverse(r)
-        new = (0.5 * (r[0] + inv[0]), 0.5 * (r[1] + inv[3]), 0.5 * (r[2] + inv[6]),
-               0.5 * (r[3] + inv[1]), 0.5 * (r[4] + inv[4]), 0.5 * (r[5] + inv[7]),
-               0.5 * (r[6] + inv[2]), 0.5 * (r[7] + inv[5]), 0.5 * (r[8] + inv[8]))
-        change = (abs(new[0].real - r[0].real) + abs(new[1].real - r[1].real) + abs(new[2].real - r[2].real)
-                  + abs(new[3].real - r[3].real) + abs(new[4].real - r[4].real) + abs(new[5].real - r[5].real)
-                  + abs(new[6].real - r[6].real) + abs(new[7].real - r[7].real) + abs(new[8].real - r[8].real))
-        r = new
+        r_new = (0.5 * (r[0] + inv[0]), 0.5 * (r[1] + inv[3]), 0.5 * (r[2] + inv[6]),
+                 0.5 * (r[3] + inv[1]), 0.5 * (r[4] + inv[4]), 0.5 * (r[5] + inv[7]),
+                 0.5 * (r[6] + inv[2]), 0.5 * (r[7] + inv[5]), 0.5 * (r[8] + inv[8]))
+        change = (abs(r_new[0].real - r[0].real) + abs(r_new[1].real - r[1].real) + abs(r_new[2].real - r[2].real)
+                  + abs(r_new[3].real - r[3].real) + abs(r_new[4].real - r[4].real) + abs(r_new[5].real - r[5].real)
+                  + abs(r_new[6].real - r[6].real) + abs(r_new[7].real - r[7].real) + abs(r_new[8].real - r[8].real))
+        r = r_new
         if change < POLAR_TOLERANCE:
-            left = min(left, 2)
+            rounds_left = min(rounds_left, 2)
     return r
 
 

@@ -21,15 +21,15 @@ KELVIN = 273.15  # °C
 STEP = 1e-30  # of the complex step, as in kernels.py
 
 
-def factor(kind: int, own: Sequence | np.ndarray, reference, T: np.ndarray) -> np.ndarray:
-    """The factor at temperatures T (n,), real or complex; own : the term's parameters  # (n,)"""
+def factor(kind: int, term_params: Sequence | np.ndarray, reference, T: np.ndarray) -> np.ndarray:
+    """The factor at temperatures T (n,), real or complex; term_params : of the term  # (n,)"""
     if kind == LINEAR:
-        return 1.0 + own[0] * (T - reference)
+        return 1.0 + term_params[0] * (T - reference)
     if kind == ARRHENIUS:
-        return np.exp(own[0] * (1.0 / (T + KELVIN) - 1.0 / (reference + KELVIN)))
-    share = (T - reference) / (own[1] - reference)
+        return np.exp(term_params[0] * (1.0 / (T + KELVIN) - 1.0 / (reference + KELVIN)))
+    share = (T - reference) / (term_params[1] - reference)
     warm = share.real > 0.0
-    return np.where(warm, 1.0 - np.where(warm, share, 1.0) ** own[0], 1.0)
+    return np.where(warm, 1.0 - np.where(warm, share, 1.0) ** term_params[0], 1.0)
 
 
 @dataclass(frozen=True)
@@ -50,12 +50,12 @@ class TemperatureDependence:
 
     def values(self, params: np.ndarray, T: np.ndarray) -> np.ndarray:
         """The parameters at temperatures T (n,) °C; params (n_params,)  # (n, n_params)"""
-        found = np.tile(params, (len(T), 1)).astype(np.result_type(params, T))
-        for one in self.factors:
-            by = factor(one.kind, params[one.first:one.first + 2], params[self.reference], T)
-            for place in one.targets:
-                found[:, place] *= by
-        return found
+        scaled = np.tile(params, (len(T), 1)).astype(np.result_type(params, T))
+        for term in self.factors:
+            by = factor(term.kind, params[term.first:term.first + 2], params[self.reference], T)
+            for place in term.targets:
+                scaled[:, place] *= by
+        return scaled
 
     def changes(self, params: np.ndarray, T: np.ndarray, dparams: np.ndarray | None, dT: np.ndarray | None, nd: int,
                 ) -> np.ndarray | None:
@@ -79,8 +79,8 @@ class TemperatureDependence:
 
     def trouble(self, params: np.ndarray, T: np.ndarray) -> str:
         """Empty, or why the law cannot be used at these temperatures."""
-        for one in self.factors:
-            by = factor(one.kind, params[one.first:one.first + 2], params[self.reference], T)
+        for term in self.factors:
+            by = factor(term.kind, params[term.first:term.first + 2], params[self.reference], T)
             worst = int(np.argmin(by))
             if not by[worst] > 0.0:
                 return f"a parameter of the law would be multiplied by {by[worst]:.3g} at {T[worst]:.4g} °C"

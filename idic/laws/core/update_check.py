@@ -43,10 +43,11 @@ class _Law:
     derivative: Callable
     by_hand: bool
 
-    def refuse(self, what: str, expected: str, found: str, remedy: str, function: Callable | None = None) -> InputError:
+    def refuse(self, fault: str, expected: str, finding: str, remedy: str,
+               function: Callable | None = None) -> InputError:
         plain = (function or self.update).py_func  # type: ignore[attr-defined]
-        return InputError(f"law {self.spec.name}: {what}", file=plain.__code__.co_filename, key=plain.__name__,
-                          expected=expected, found=found, remedy=remedy)
+        return InputError(f"law {self.spec.name}: {fault}", file=plain.__code__.co_filename, key=plain.__name__,
+                          expected=expected, found=finding, remedy=remedy)
 
 
 def check_update(spec: LawSpec, kinematics: str, by_hand: bool, signatures: tuple) -> None:
@@ -74,20 +75,20 @@ def check_update(spec: LawSpec, kinematics: str, by_hand: bool, signatures: tupl
         second = -first if number % 2 else second  # every other path turns back
         state = np.array(spec.initial_state, dtype=float)
         middle = np.eye(3) + 0.5 * size * first / np.linalg.norm(first)
-        P, kept = _called(law, middle, state, params)
-        if P is None or not np.isfinite(kept).all():
+        P, state_new = _called(law, middle, state, params)
+        if P is None or not np.isfinite(state_new).all():
             continue
         _check_symmetry(law, P if kinematics == "small" else P @ middle.T)
         if spec.linear and kinematics == "small":
-            _check_linearity(law, P, _called(law, 2.0 * middle - np.eye(3), kept, params)[0])
+            _check_linearity(law, P, _called(law, 2.0 * middle - np.eye(3), state_new, params)[0])
         F = middle + 0.3 * size * second / np.linalg.norm(second)
-        for what, dF, dstate, dparams in _directions(spec, rng, size, kept - state, params):
-            wrong.setdefault(what, []).extend(_differs(law, (F, kept, params), (dF, dstate, dparams)))
-    for what, found in wrong.items():
-        if sum(found) >= MIN_WRONG:
+        for quantity, dF, dstate, dparams in _directions(spec, rng, size, state_new - state, params):
+            wrong.setdefault(quantity, []).extend(_differs(law, (F, state_new, params), (dF, dstate, dparams)))
+    for quantity, verdicts in wrong.items():
+        if sum(verdicts) >= MIN_WRONG:
             raise law.refuse(
-                f"its derivative with respect to {what} is wrong", "that of the stress and the new state",
-                f"another one than the difference quotient at {sum(found)} of {len(found)} points",
+                f"its derivative with respect to {quantity} is wrong", "that of the stress and the new state",
+                f"another one than the difference quotient at {sum(verdicts)} of {len(verdicts)} points",
                 f"correct linearise, or leave it out ({_PAGE})" if by_hand else
                 f"take no abs, max or min of what depends on F, state or parameters, and end an inner iteration with "
                 f"one more step in complex numbers ({_PAGE})", law.derivative)
@@ -105,21 +106,21 @@ def compiled_or_refused(spec: LawSpec, compiler: Callable, function: Callable, s
         return compiler(function, signature)
     except (numba.core.errors.NumbaError, NotImplementedError, TypeError, ValueError) as problem:
         lines = [line.strip() for line in _COLOURS.sub("", str(problem)).splitlines() if line.strip()]
-        told = [line for line in lines if not line.startswith(("Failed in", "File ", "During", "def ", "<source"))]
-        found = (told or lines or [type(problem).__name__])[0]
-        where = re.search(r'\bline (\d+)|\.py \((\d+)\)', _COLOURS.sub("", str(problem)))
+        messages = [line for line in lines if not line.startswith(("Failed in", "File ", "During", "def ", "<source"))]
+        reason = (messages or lines or [type(problem).__name__])[0]
+        line_match = re.search(r'\bline (\d+)|\.py \((\d+)\)', _COLOURS.sub("", str(problem)))
         plain = getattr(function, "py_func", function)
-        place = f"{plain.__name__}, line {where[1] or where[2]}" if where else plain.__name__
+        place = f"{plain.__name__}, line {line_match[1] or line_match[2]}" if line_match else plain.__name__
         raise InputError(f"law {spec.name} cannot be compiled", file=plain.__code__.co_filename, key=place,
                          expected="Python that numba compiles for real and for complex numbers, and that returns 0 or "
-                         "1", found=found, remedy="correct it; compare real parts only (x.real > 0.0), without abs, "
+                         "1", found=reason, remedy="correct it; compare real parts only (x.real > 0.0), without abs, "
                          f"max and min: {_PAGE}") from problem
 
 
 def _checked(spec: LawSpec, function: Callable, signature) -> Callable:
-    def compiler(plain, wanted):
+    def compiler(plain, types):
         dispatcher = numba.njit(error_model="numpy", boundscheck=True)(getattr(plain, "py_func", plain))
-        dispatcher.compile(wanted)
+        dispatcher.compile(types)
         return dispatcher
 
     return compiled_or_refused(spec, compiler, function, signature)
@@ -136,22 +137,22 @@ def _called(law: _Law, F: np.ndarray, state: np.ndarray, params: np.ndarray) -> 
     outputs = []
     for mark in MARKS:
         inputs = (F.copy(), state.copy(), params.copy())
-        P, new = np.full((3, 3), mark), np.full(len(state), mark)
-        if _guarded(law, law.update, (*inputs, DT, P, new)) != 0:
+        P, state_new = np.full((3, 3), mark), np.full(len(state), mark)
+        if _guarded(law, law.update, (*inputs, DT, P, state_new)) != 0:
             return None, None
-        for name, before, after in zip(("F", "state", "params"), (F, state, params), inputs, strict=True):
-            if not np.array_equal(before, after):
+        for name, original, passed in zip(("F", "state", "params"), (F, state, params), inputs, strict=True):
+            if not np.array_equal(original, passed):
                 raise law.refuse(f"it writes into {name}", "inputs that are read only",
                                  f"another {name} after the call", f"write to a copy, as {name}.copy()")
-        outputs.append((P, new))
-    for name, (one, other) in zip(("P", "state_new"), zip(*outputs, strict=True), strict=True):
-        left = (one == MARKS[0]) & (other == MARKS[1])
-        if left.any():
-            entry = ", ".join(map(str, np.argwhere(left)[0]))
+        outputs.append((P, state_new))
+    for name, (first_output, second_output) in zip(("P", "state_new"), zip(*outputs, strict=True), strict=True):
+        unwritten = (first_output == MARKS[0]) & (second_output == MARKS[1])
+        if unwritten.any():
+            entry = ", ".join(map(str, np.argwhere(unwritten)[0]))
             raise law.refuse(f"it does not write all of {name}", f"every entry of {name}, also those that are zero",
                              f"nothing in {name}[{entry}]", "write it on every path")
-    P, new = outputs[0]
-    return (P, new) if np.isfinite(P).all() else (None, None)
+    P, state_new = outputs[0]
+    return (P, state_new) if np.isfinite(P).all() else (None, None)
 
 
 def _check_symmetry(law: _Law, kirchhoff: np.ndarray) -> None:
@@ -197,35 +198,35 @@ def _directions(spec: LawSpec, rng: np.random.Generator, size: float, change: np
 
 def _differs(law: _Law, at: tuple, along: tuple) -> list[bool]:
     """Whether the derivative of the law is not the difference quotient; empty where there is none."""
-    here, found = _called(law, *at), _derivative(law, at, along)
-    if here[0] is None or found is None:
+    outputs, derivatives = _called(law, *at), _derivative(law, at, along)
+    if outputs[0] is None or derivatives is None:
         return []
     quotients, bends = [], []
     for h in STEPS:
         ends = [_called(law, *(x + s * h * dx for x, dx in zip(at, along, strict=True))) for s in (1.0, -1.0)]
         if any(P is None for P, _ in ends):
             return []
-        quotients.append([(one - other) / (2.0 * h) for one, other in zip(*ends, strict=True)])
-        bends = [np.abs(one - 2.0 * middle + other).max(initial=0.0) / h
-                 for one, other, middle in zip(*ends, here, strict=True)]
+        quotients.append([(ahead - back) / (2.0 * h) for ahead, back in zip(*ends, strict=True)])
+        bends = [np.abs(ahead - 2.0 * middle + back).max(initial=0.0) / h
+                 for ahead, back, middle in zip(*ends, outputs, strict=True)]
     answers = []
-    for coarse, fine, bend, own, value in zip(*quotients, bends, found, here, strict=True):
+    for coarse, fine, bend, derivative, value in zip(*quotients, bends, derivatives, outputs, strict=True):
         scale = np.abs(fine).max(initial=0.0)
         rounding = 1e-13 * np.abs(value).max(initial=0.0) / STEPS[-1]
         smooth = np.abs(coarse - fine).max(initial=0.0) <= SMOOTH * scale and bend <= MAX_BEND * scale
         if smooth and scale > 1e3 * rounding:
-            answers.append(not np.abs(own - fine).max(initial=0.0) <= WRONG * scale)
+            answers.append(not np.abs(derivative - fine).max(initial=0.0) <= WRONG * scale)
     return [any(answers)] if answers else []
 
 
 def _derivative(law: _Law, at: tuple, along: tuple) -> tuple | None:
     (F, state, params), (dF, dstate, dparams) = at, along
     if law.by_hand:
-        P, new, dP, dnew = np.zeros((3, 3)), np.zeros(len(state)), np.zeros((1, 3, 3)), np.zeros((1, len(state)))
+        P, state_new, dP, dnew = np.zeros((3, 3)), np.zeros(len(state)), np.zeros((1, 3, 3)), np.zeros((1, len(state)))
         status = _guarded(law, law.derivative, (F.copy(), state.copy(), params.copy(), DT, dF[None], dstate[None],
-                                                dparams[None], P, new, dP, dnew))
+                                                dparams[None], P, state_new, dP, dnew))
         return None if status else (dP[0], dnew[0])
-    P, new = np.zeros((3, 3), complex), np.zeros(len(state), complex)
+    P, state_new = np.zeros((3, 3), complex), np.zeros(len(state), complex)
     moved = [x + 1j * COMPLEX_STEP * dx for x, dx in zip(at, along, strict=True)]
-    status = _guarded(law, law.derivative, (*moved, DT, P, new))
-    return None if status else (P.imag / COMPLEX_STEP, new.imag / COMPLEX_STEP)
+    status = _guarded(law, law.derivative, (*moved, DT, P, state_new))
+    return None if status else (P.imag / COMPLEX_STEP, state_new.imag / COMPLEX_STEP)

@@ -47,7 +47,7 @@ def _load(path: Path, module_name: str) -> None:
     if not path.is_file():
         raise InputError("no such file of laws", file=path, key=f"--laws ({VARIABLE})", expected="a Python file",
                          found="nothing there", remedy="correct the path")
-    known = set(all_laws())
+    earlier = set(all_laws())
     spec = importlib.util.spec_from_file_location(module_name, path)
     if spec is None or spec.loader is None:
         raise InputError("this is not a file of laws", file=path, key=f"--laws ({VARIABLE})",
@@ -63,10 +63,10 @@ def _load(path: Path, module_name: str) -> None:
         raise InputError("a file of laws cannot be imported", file=path, key=f"--laws ({VARIABLE})",
                          expected="Python that registers a LawSpec", found=f"{type(problem).__name__}: {problem}",
                          remedy="correct it; docs/add-a-law.md shows such a file") from problem
-    own = set(all_laws()) - known
-    if not own:
+    registered = set(all_laws()) - earlier
+    if not registered:
         del sys.modules[module_name]  # or a second attempt would pass
         raise InputError("a file of laws registers none", file=path, key=f"--laws ({VARIABLE})",
                          expected="register(LawSpec(...))", found="no new law",
                          remedy="add it; docs/add-a-law.md shows how")
-    _sources.update(dict.fromkeys(own, path))
+    _sources.update(dict.fromkeys(registered, path))

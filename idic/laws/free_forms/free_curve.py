@@ -22,8 +22,8 @@ SURE_BEND = 3.0  # standard deviations of a change of slope that is none of the 
 
 def knots_of(law: str) -> int:
     """The number of knots of the free curve in a law's name; 0 without one."""
-    found = TERM.search(law)
-    return int(found[1]) if found else 0
+    match = TERM.search(law)
+    return int(match[1]) if match else 0
 
 
 def level_names(law: str, element_set: str) -> tuple[str, ...]:
@@ -32,14 +32,14 @@ def level_names(law: str, element_set: str) -> tuple[str, ...]:
     return (f"{element_set}.yield_stress", *(f"{element_set}.hardening_1_s{k}" for k in range(2, n + 1))) if n else ()
 
 
-def knots(last: float, n: int) -> np.ndarray:
+def knots(end: float, n: int) -> np.ndarray:
     """Plastic strain of the knots, dense at the beginning  # (n,)"""
-    return last * (np.arange(n) / (n - 1.0)) ** 2
+    return end * (np.arange(n) / (n - 1.0)) ** 2
 
 
-def basis(p: np.ndarray, last: float, n: int) -> np.ndarray:
-    """B: weights at p (m,) of the values at n knots, the last at plastic strain `last`; straight beyond  # (m, n)"""
-    at, p = knots(last, n), np.asarray(p, dtype=float)
+def basis(p: np.ndarray, end: float, n: int) -> np.ndarray:
+    """B: weights at p (m,) of the values at n knots, the last at plastic strain `end`; straight beyond  # (m, n)"""
+    at, p = knots(end, n), np.asarray(p, dtype=float)
     k = np.clip(np.searchsorted(at, p, side="right") - 1, 0, n - 2)
     x = (p - at[k]) / (at[k + 1] - at[k])
     B = np.zeros((len(p), n))
@@ -48,16 +48,16 @@ def basis(p: np.ndarray, last: float, n: int) -> np.ndarray:
     return B
 
 
-def between_knots(p: np.ndarray, last: float, levels: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+def between_knots(p: np.ndarray, end: float, levels: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Covariance at p (m,) of what a curve does between its knots, MPa^2  # (m, m)
 
     Of every interval the std is the distance of its chord from the parabola whose change of slope is the mean of those
     at both ends; the intervals are independent. Nothing at the knots, little where the curve is smooth, most beside a
     corner, which may lie anywhere between two knots. Changes of slope that may be noise do not count.
 
-    levels, covariance : (n,), (n, n) values at the knots, the last at plastic strain `last`
+    levels, covariance : (n,), (n, n) values at the knots, the last at plastic strain `end`
     """
-    at = knots(last, len(levels))
+    at = knots(end, len(levels))
     slopes = np.diff(np.eye(len(levels)), axis=0) / np.diff(at)[:, None]
     bends = np.pad(np.diff(slopes, axis=0), ((1, 1), (0, 0)))
     means = 0.5 * (bends[:-1] + bends[1:])
@@ -133,21 +133,21 @@ def classical_fits(p: np.ndarray, stress: np.ndarray, covariance: np.ndarray, at
     """
     at = np.asarray(at)
     values, vectors = np.linalg.eigh(covariance[np.ix_(at, at)])
-    kept = values > WHITENING_RANK * values[-1]
-    white = vectors[:, kept].T / np.sqrt(values[kept])[:, None]
+    significant = values > WHITENING_RANK * values[-1]
+    white = vectors[:, significant].T / np.sqrt(values[significant])[:, None]
     size, reach = float(np.max(np.abs(stress))), float(np.max(p))
     fits = []
     for name, form in forms.items():
         best = None
         for start in form.starts(reach):
-            scale = np.array([size if own in form.stresses else 1.0 for own in form.names])
-            found = scipy.optimize.least_squares(
+            scale = np.array([size if parameter in form.stresses else 1.0 for parameter in form.names])
+            fit = scipy.optimize.least_squares(
                 lambda z, form=form, scale=scale: white @ (form.curve(p[at], *(z * scale)) - stress[at]),
                 start, bounds=(form.lowest, np.inf), x_scale=np.maximum(np.abs(start), 1e-6), max_nfev=2000)
-            if best is None or found.cost < best[0]:
-                best = (found.cost, found.x * scale)
+            if best is None or fit.cost < best[0]:
+                best = (fit.cost, fit.x * scale)
         assert best is not None  # every form has a start
-        loss, freedom = 2.0 * float(best[0]), int(kept.sum()) - len(form.names)
+        loss, freedom = 2.0 * float(best[0]), int(significant.sum()) - len(form.names)
         inside = freedom > 0 and loss <= scipy.special.chdtri(freedom, 1.0 - NOISE_PROBABILITY)
         fits.append(ClassicalFit(name, dict(zip(form.names, map(float, best[1]), strict=True)), loss, freedom,
                                  bool(inside),

@@ -61,9 +61,9 @@ def grid_covariance(times: np.ndarray, taus: np.ndarray, weights: np.ndarray) ->
 
     taus, weights : (n,) s, -
     """
-    own = relaxing(times, taus)
+    grid = relaxing(times, taus)
     between = relaxing(times, np.sqrt(taus[:-1] * taus[1:])).T
-    rests = np.array([share - own @ scipy.optimize.nnls(own, share)[0] for share in between])
+    rests = np.array([share - grid @ scipy.optimize.nnls(grid, share)[0] for share in between])
     rests *= 0.5 * (weights[:-1] + weights[1:])[:, None]
     return rests.T @ rests
 
@@ -73,13 +73,13 @@ def relaxation_card(branches: Sequence[tuple[float, float]], values: Mapping[str
     """(lines, what they do not say) of a body whose shear modulus relaxes; branches : (weight, time in s)"""
     E, nu = values["E"], values["nu"]
     G, kappa = E / (2.0 * (1.0 + nu)), E / (3.0 * (1.0 - 2.0 * nu))
-    kept = [(g, tau) for g, tau in branches if g > 0.0]
+    active = [(g, tau) for g, tau in branches if g > 0.0]
     elastic = [f"{0.5 * G:.8g}, {2.0 / kappa:.8g}"]
     if program == "calculix":
         return ["*HYPERELASTIC, NEO HOOKE", *elastic], ["relaxation: CalculiX has no *VISCOELASTIC; this body is the "
-                                                        "instantaneous one"] if kept else []
+                                                        "instantaneous one"] if active else []
     lines = ["*HYPERELASTIC, NEO HOOKE, MODULI=INSTANTANEOUS", *elastic]
-    if not kept:
+    if not active:
         return lines, []
-    return ([*lines, "*VISCOELASTIC, TIME=PRONY", *(f"{g:.8g}, 0, {tau:.8g}" for g, tau in kept)],
+    return ([*lines, "*VISCOELASTIC, TIME=PRONY", *(f"{g:.8g}, 0, {tau:.8g}" for g, tau in active)],
             ["at large strains the branches are those of Abaqus, linear in the stress, not multiplicative ones"])

@@ -43,9 +43,9 @@ def weights(mode: str, stretch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return of_first, of_first * of_second
 
 
-def stress_matrix(mode: str, stretch: np.ndarray, last: tuple[float, ...], n: tuple[int, ...]) -> np.ndarray:
-    """Nominal stress per value of g1 and g2 at their n knots, the last at `last`  # (m, sum of n)"""
-    parts = zip(invariants(mode, stretch), weights(mode, stretch), last, n, strict=False)
+def stress_matrix(mode: str, stretch: np.ndarray, ends: tuple[float, ...], n: tuple[int, ...]) -> np.ndarray:
+    """Nominal stress per value of g1 and g2 at their n knots, the last at `ends`  # (m, sum of n)"""
+    parts = zip(invariants(mode, stretch), weights(mode, stretch), ends, n, strict=False)
     return np.hstack([w[:, None] * basis(x, reach, count) for x, w, reach, count in parts])
 
 
@@ -53,10 +53,10 @@ def classical_forms(mode: np.ndarray, stretch: np.ndarray) -> dict[str, Form]:
     """The classical forms at points of these modes (m,) and stretches (m,); the points of `Form.curve` are their
     places."""
     x, y, of_first, of_second = (np.zeros(len(stretch)) for _ in range(4))
-    for one in RUBBER_TESTS:
-        own = mode == one
-        x[own], y[own] = invariants(one, stretch[own])
-        of_first[own], of_second[own] = weights(one, stretch[own])
+    for test in RUBBER_TESTS:
+        of_test = mode == test
+        x[of_test], y[of_test] = invariants(test, stretch[of_test])
+        of_first[of_test], of_second[of_test] = weights(test, stretch[of_test])
 
     def by_slopes(slopes: Slopes) -> Callable[..., np.ndarray]:
         def curve(places, *parameters):

@@ -38,10 +38,10 @@ def equivalent(weights: np.ndarray, stress: np.ndarray) -> tuple[np.ndarray, np.
     """(q, its derivatives by the weights) of plane stresses (m, 3)  # (m,), (m, 3 n)"""
     weights = np.asarray(weights, dtype=float)
     n = len(weights) // 3
-    own, along = powers(n, stress), powers(n, np.array([[1.0, 0.0, 0.0]]))
-    sums, unit = own @ weights, along @ weights
+    stress_powers, along = powers(n, stress), powers(n, np.array([[1.0, 0.0, 0.0]]))
+    sums, unit = stress_powers @ weights, along @ weights
     q = (sums / unit) ** (1.0 / POWER)
-    return q, q[:, None] / POWER * (own / sums[:, None] - along / unit)
+    return q, q[:, None] / POWER * (stress_powers / sums[:, None] - along / unit)
 
 
 def hill48(stress: np.ndarray, r0: float, r45: float, r90: float) -> np.ndarray:

@@ -97,11 +97,11 @@ def one_direction(F, trial, solution, explicit, k, dF, dstate, dP, dstate_new):
     if k >= dstate_new.shape[0]:
         return
     if plastic:
-        after = tensors.scaled(keep, dev, mean)
-        dafter = tensors.combine(dkeep, dev, keep, ddev, dmean)
-        dafter = tensors.combine(1.0, dafter, -1.0, tensors.twice_symmetric(ell, after), 0.0)
-        dafter = tensors.combine(scale, dafter, 2.0 / 3.0 * t * scale, after, 0.0)
-        dc = tensors.congruence(fi, dafter)
+        b_after = tensors.scaled(keep, dev, mean)
+        db_after = tensors.combine(dkeep, dev, keep, ddev, dmean)
+        db_after = tensors.combine(1.0, db_after, -1.0, tensors.twice_symmetric(ell, b_after), 0.0)
+        db_after = tensors.combine(scale, db_after, 2.0 / 3.0 * t * scale, b_after, 0.0)
+        dc = tensors.congruence(fi, db_after)
         for m in range(6):
             dstate_new[k, m] = dc[m]
     else:

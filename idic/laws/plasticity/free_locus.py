@@ -44,13 +44,14 @@ def directions(n: int) -> np.ndarray:
 
 def neighbours(n: int) -> np.ndarray:
     """Differences of neighbouring weights, which have unit variance in the smoothness prior  # (5 n, 3 n)"""
-    rows, one = [], np.eye(RINGS * n)
+    rows, identity = [], np.eye(RINGS * n)
     for ring in range(RINGS):
         for k in range(n):
-            rows.append(one[ring * n + (k + 1) % n] - one[ring * n + k])
+            rows.append(identity[ring * n + (k + 1) % n] - identity[ring * n + k])
             if ring + 1 < RINGS:  # knots of the next ring lie half an interval on, or back
-                other = (ring + 1) * n + np.array([k, k - 1 if ring == 0 else (k + 1) % n]) % n
-                rows.append(one[(ring + 1) * n:(ring + 2) * n][other - (ring + 1) * n].mean(axis=0) - one[ring * n + k])
+                adjacent = (ring + 1) * n + np.array([k, k - 1 if ring == 0 else (k + 1) % n]) % n
+                rows.append(identity[(ring + 1) * n:(ring + 2) * n][adjacent - (ring + 1) * n].mean(axis=0)
+                            - identity[ring * n + k])
     return np.array(rows)
 
 
@@ -115,8 +116,8 @@ def in_plane(n, first, scale, x, params):
             m23 += w * b * c
             c = -c
     if not S.real > SMALLEST:
-        one = 1.0 + zero
-        return (x[0], x[1], x[2]), (one, one, one, zero, zero, zero)
+        unit = 1.0 + zero
+        return (x[0], x[1], x[2]), (unit, unit, unit, zero, zero, zero)
     f = S ** (-0.75)
     h = (POWER - 2.0) / S
     return (f * v1, f * v2, f * v3), (
@@ -153,36 +154,37 @@ def newton_step(n, first, scale, c, x, y, params):
 
 
 @inner
-def returned(n, first, s, w, params, near):
-    """s+ of s+ + w (q dq/ds)(s+) = s, all real, searched from `near`.
+def returned(n, first, s, w, params, start):
+    """s+ of s+ + w (q dq/ds)(s+) = s, all real, searched from `start`.
 
     The gradient of a strongly convex function: Newton with halved steps where the residual does not fall.
     """
-    c, x, y = 1.5 * w, coordinates(s), coordinates(near)
+    c, x, y = 1.5 * w, coordinates(s), coordinates(start)
     scale, y, size = tension(n, first, params), (y[0], y[1], y[2]), math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
     step, residual = newton_step(n, first, scale, c, x, y, params)
     for _ in range(MOST_STEPS):
         length = math.sqrt(step[0] * step[0] + step[1] * step[1] + step[2] * step[2])
         if not length > STEP_TOLERANCE * size:
             break
-        part, new, next_step, left = 1.0, y, step, residual
+        part, y_new, next_step, residual_new = 1.0, y, step, residual
         for _ in range(8):
-            new = (y[0] + part * step[0], y[1] + part * step[1], y[2] + part * step[2])
-            next_step, left = newton_step(n, first, scale, c, x, new, params)
-            if left < residual:
+            y_new = (y[0] + part * step[0], y[1] + part * step[1], y[2] + part * step[2])
+            next_step, residual_new = newton_step(n, first, scale, c, x, y_new, params)
+            if residual_new < residual:
                 break
             part *= 0.5
-        y, step, residual = new, next_step, left
+        y, step, residual = y_new, next_step, residual_new
     return deviator_of((y[0] + step[0], y[1] + step[1], y[2] + step[2], x[3] / (1.0 + c), x[4] / (1.0 + c)))
 
 
 @inner
-def returned_with_derivative(n, first, s, w, params, near):
-    """As `returned`, complex, from the real s+ `near`: one more step."""
-    c, x, y = 1.5 * w, coordinates(s), coordinates(near)
-    own = (y[0] + 0.0 * x[0], y[1] + 0.0 * x[0], y[2] + 0.0 * x[0])
-    last, _ = newton_step(n, first, tension(n, first, params), c, x, own, params)
-    return deviator_of((own[0] + last[0], own[1] + last[1], own[2] + last[2], x[3] / (1.0 + c), x[4] / (1.0 + c)))
+def returned_with_derivative(n, first, s, w, params, start):
+    """As `returned`, complex, from the real s+ `start`: one more step."""
+    c, x, y = 1.5 * w, coordinates(s), coordinates(start)
+    y_start = (y[0] + 0.0 * x[0], y[1] + 0.0 * x[0], y[2] + 0.0 * x[0])
+    last_step, _ = newton_step(n, first, tension(n, first, params), c, x, y_start, params)
+    return deviator_of((y_start[0] + last_step[0], y_start[1] + last_step[1], y_start[2] + last_step[2],
+                        x[3] / (1.0 + c), x[4] / (1.0 + c)))
 
 
 @inner

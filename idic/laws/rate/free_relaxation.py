@@ -66,8 +66,8 @@ def times_of(law: str) -> int:
     """The number of relaxation times in a law's name; 0 of another law."""
     if law == FREE_RELAXATION:
         return int(FEWEST[0])
-    found = re.fullmatch(rf"{FREE_RELAXATION}\((\d+)\)", law)
-    return int(found[1]) if found else 0
+    match = re.fullmatch(rf"{FREE_RELAXATION}\((\d+)\)", law)
+    return int(match[1]) if match else 0
 
 
 def weight_names(n: int) -> tuple[str, ...]:

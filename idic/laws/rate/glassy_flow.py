@@ -84,9 +84,9 @@ def softening_change(gamma, S, params):
     """dS/d(Sa, r0, r1, r2) at fixed gamma; real."""
     r0, r1, less = params[R0], params[R1], params[R2] - 1.0
     log = math.log(r0)
-    before, slope_before = softplus(r1 * log)
-    now, slope = softplus(r1 * (log + gamma))
-    grown = (now - before) / r1
+    softplus_start, slope_before = softplus(r1 * log)
+    softplus_end, slope = softplus(r1 * (log + gamma))
+    grown = (softplus_end - softplus_start) / r1
     return (math.exp(less * grown), S * less * (slope - slope_before) / r0,
             S * less / r1 * (slope * (log + gamma) - slope_before * log - grown), S * grown)
 
@@ -123,10 +123,10 @@ def bracketed_step(z, r, slope, low, high):
         return z + step, low, high, True
     if not slope > 0.0:
         step = -math.copysign(MAX_STEP, r)
-    new = z + min(max(step, -MAX_STEP), MAX_STEP)
-    if not low < new < high:
-        new = 0.5 * (low + high) if low > -math.inf else high - MAX_STEP
-    return new, low, high, high - low <= 1e-14 * (1.0 + abs(high))
+    z_new = z + min(max(step, -MAX_STEP), MAX_STEP)
+    if not low < z_new < high:
+        z_new = 0.5 * (low + high) if low > -math.inf else high - MAX_STEP
+    return z_new, low, high, high - low <= 1e-14 * (1.0 + abs(high))
 
 
 @inner
@@ -146,8 +146,8 @@ def real_root(invariants, gamma_n, constant, rate_dt, params):
         r, slope = residual(z, math.exp(z), invariants, gamma_n, constant, params)[:2]
         if not math.isfinite(r):
             return math.nan
-        z, low, high, found = bracketed_step(z, r, slope, low, high)
-        if found:
+        z, low, high, is_root = bracketed_step(z, r, slope, low, high)
+        if is_root:
             return z
     return math.nan
 

@@ -70,8 +70,9 @@ def end_of_step(E, modes, Ct, params, state_new):
         put(end, row, Y)
         put(end_adj, row, Y_ADJ)
         A = tensors.combine(1.0, A, G * root / det, end_adj, 0.0)
-        kept = tensors.scaled(1.0 / root, end, 0.0)
-        put((kept[0] - 1.0, kept[1] - 1.0, kept[2] - 1.0, kept[3], kept[4], kept[5]), state_new, 6 * i)
+        elastic_state = tensors.scaled(1.0 / root, end, 0.0)
+        put((elastic_state[0] - 1.0, elastic_state[1] - 1.0, elastic_state[2] - 1.0, elastic_state[3], elastic_state[4],
+             elastic_state[5]), state_new, 6 * i)
     return A
 
 
@@ -313,21 +314,22 @@ def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstat
     return 0
 
 
-def several_modes(one: LawSpec, n: int) -> LawSpec:
-    """The law with n > 1 modes, made of that with one: shared parameters first, then G1, eta01, G2, eta02, ...
+def several_modes(single: LawSpec, n: int) -> LawSpec:
+    """The law with n > 1 modes, made of the single one: shared parameters first, then G1, eta01, G2, eta02, ...
 
-    Typical values: the moduli of like modes add up to that of the one; a decade of viscosity from mode to mode.
+    Typical values: the moduli of like modes add up to that of the single one; a decade of viscosity from mode to mode.
     """
-    shared, (modulus, viscosity) = one.parameters[:N_SHARED_PARAMETERS], one.parameters[N_SHARED_PARAMETERS:]
+    shared, (modulus, viscosity) = single.parameters[:N_SHARED_PARAMETERS], single.parameters[N_SHARED_PARAMETERS:]
     G, eta = (float(p.default or 0.0) for p in (modulus, viscosity))
-    own = []
+    mode_parameters = []
     for i in range(1, n + 1):
-        which = "1, whose flow drives the softening: the highest viscosity" if i == 1 else str(i)
-        own += [replace(modulus, name=f"G{i}", description=f"shear modulus of Maxwell mode {which}",
-                        default=G / n),
-                replace(viscosity, name=f"eta0{i}", description=f"viscosity of Maxwell mode {i}, fully softened, "
-                        "at no stress", default=eta / n * 0.1 ** (i - 1))]
-    states = tuple(f"mode {i}, {name}" for i in range(1, n + 1) for name in one.state_names[:6])
-    return LawSpec(name=f"{one.name}_{n}", parameters=(*shared, *own), updates={"finite": update},
-                   linearise={"finite": linearise}, state_names=(*states, *one.state_names[6:]),
-                   reference=one.reference)
+        label = "1, whose flow drives the softening: the highest viscosity" if i == 1 else str(i)
+        mode_parameters += [replace(modulus, name=f"G{i}", description=f"shear modulus of Maxwell mode {label}",
+                                    default=G / n),
+                            replace(viscosity, name=f"eta0{i}",
+                                    description=f"viscosity of Maxwell mode {i}, fully softened, "
+                                    "at no stress", default=eta / n * 0.1 ** (i - 1))]
+    states = tuple(f"mode {i}, {name}" for i in range(1, n + 1) for name in single.state_names[:6])
+    return LawSpec(name=f"{single.name}_{n}", parameters=(*shared, *mode_parameters), updates={"finite": update},
+                   linearise={"finite": linearise}, state_names=(*states, *single.state_names[6:]),
+                   reference=single.reference)

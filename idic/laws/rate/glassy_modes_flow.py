@@ -153,7 +153,7 @@ def real_root(modes, gamma_n, constant, E_before, params):
         r, slope = residual(z, math.exp(z), modes, gamma_n, constant, params)
         if not math.isfinite(r):
             return math.nan
-        z, low, high, found = bracketed_step(z, r, slope, low, high)
-        if found:
+        z, low, high, is_root = bracketed_step(z, r, slope, low, high)
+        if is_root:
             return z
     return math.nan

@@ -32,10 +32,10 @@ def weights(h):
     """Weights (of the old Ci, the old C, the new C) for a step of h relaxation times; their sum is 1."""
     decay = np.exp(-h)
     if h.real < MAX_SERIES_STEP:
-        rest = h * (1.0 / 2 - h * (1.0 / 6 - h * (1.0 / 24 - h * (1.0 / 120 - h * (1.0 / 720 - h / 5040)))))
+        new_weight = h * (1.0 / 2 - h * (1.0 / 6 - h * (1.0 / 24 - h * (1.0 / 120 - h * (1.0 / 720 - h / 5040)))))
     else:
-        rest = 1.0 - (1.0 - decay) / h
-    return decay, 1.0 - rest - decay, rest
+        new_weight = 1.0 - (1.0 - decay) / h
+    return decay, 1.0 - new_weight - decay, new_weight
 
 
 @inner
@@ -63,9 +63,9 @@ def keep_tensor(s, state_new, first):
 @inner
 def relaxed(tau, dt, state, first, C_old, C_new, state_new):
     """(weight, adjugate) of a branch after a step: weight times adjugate is its Ci^-1, which goes into `state_new`."""
-    keep, before, now = weights(dt / tau)
-    updated = tensors.combine(keep, plus_identity(state, first), before, C_old, 0.0)
-    updated = tensors.combine(1.0, updated, now, C_new, 0.0)
+    keep, weight_old, weight_new = weights(dt / tau)
+    updated = tensors.combine(keep, plus_identity(state, first), weight_old, C_old, 0.0)
+    updated = tensors.combine(1.0, updated, weight_new, C_new, 0.0)
     det, adjugate = symmetric_inverse(updated)
     size = det ** (1.0 / 3.0)
     keep_tensor(tensors.scaled(1.0 / size, updated, 0.0), state_new, first)

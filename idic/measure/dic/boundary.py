@@ -40,8 +40,9 @@ def virtual_boundaries(experiment: Experiment) -> tuple[Prescribed, ...]:
     section = experiment.surface is not None and experiment.kind != "solid"
     if experiment.stack is None or experiment.quantity == "height" or section:
         return ()
-    seen = "xyz" if is_stereo(experiment) else "xy"
-    return tuple(p for p in experiment.prescribed if isinstance(p.drive, Parametrised) and p.component in seen)
+    seen_components = "xyz" if is_stereo(experiment) else "xy"
+    return tuple(p for p in experiment.prescribed
+                 if isinstance(p.drive, Parametrised) and p.component in seen_components)
 
 
 def boundary_start(experiment: Experiment, u_px: np.ndarray, excluded: Collection[int] = (),
@@ -61,26 +62,26 @@ def boundary_start(experiment: Experiment, u_px: np.ndarray, excluded: Collectio
         stem, drive = f"boundary.{entry.nodes}.{entry.component}", entry.drive
         nodes = set_nodes(experiment, entry.nodes)
         motion = edge_motion(experiment, entry, u_px, excluded, u_mm)  # (n_frames, n) mm
-        seen = np.isfinite(motion).all(axis=0)
-        if not seen.any():
+        in_images = np.isfinite(motion).all(axis=0)
+        if not in_images.any():
             notes.append(f"{stem}: no part of this edge is in the images; it starts from rest")
             continue
         if drive.kind == "dic":
-            shapes, courses, amplitudes = _strongest(motion, experiment.mesh.nodes[nodes], seen, drive)
+            shapes, courses, amplitudes = _strongest(motion, experiment.mesh.nodes[nodes], in_images, drive)
             modes[f"{entry.nodes}.{entry.component}"] = shapes, courses
         else:
             shapes, courses = mode_shapes(experiment, nodes, drive, stem)
             amplitudes = None
         names = mode_names(entry)
-        given = {name for name in names if name in experiment.extras.get("given", ())}
-        here = np.array([experiment.parameters[name].value for name in names])
-        free = np.array([name not in given for name in names])
-        if amplitudes is None or given:
-            amplitudes = _projected(motion[:, seen], shapes[seen], courses, here, free)
-        amplitudes = np.where(free, amplitudes, here)
-        values |= {name: float(value) for name, value in zip(names, amplitudes, strict=True) if name not in given}
-        notes.append(_note(stem, experiment, motion[:, seen], shapes[seen], courses, amplitudes, len(given),
-                           1.0 - seen.mean()))
+        given_names = {name for name in names if name in experiment.extras.get("given", ())}
+        current_values = np.array([experiment.parameters[name].value for name in names])
+        is_free = np.array([name not in given_names for name in names])
+        if amplitudes is None or given_names:
+            amplitudes = _projected(motion[:, in_images], shapes[in_images], courses, current_values, is_free)
+        amplitudes = np.where(is_free, amplitudes, current_values)
+        values |= {name: float(value) for name, value in zip(names, amplitudes, strict=True) if name not in given_names}
+        notes.append(_note(stem, experiment, motion[:, in_images], shapes[in_images], courses, amplitudes,
+                           len(given_names), 1.0 - in_images.mean()))
     return BoundaryStart(values, modes, tuple(notes))
 
 
@@ -88,9 +89,9 @@ def with_boundary_start(experiment: Experiment, start: BoundaryStart) -> Experim
     """The experiment with these modes, starting values and notes."""
     prescribed = []
     for entry in experiment.prescribed:
-        found = start.modes.get(f"{entry.nodes}.{entry.component}")
-        if found is not None and isinstance(entry.drive, Parametrised):
-            entry = replace(entry, drive=replace(entry.drive, shapes=found[0], courses=found[1]))
+        mode = start.modes.get(f"{entry.nodes}.{entry.component}")
+        if mode is not None and isinstance(entry.drive, Parametrised):
+            entry = replace(entry, drive=replace(entry.drive, shapes=mode[0], courses=mode[1]))
         prescribed.append(entry)
     return replace(experiment, prescribed=tuple(prescribed), notes=(*experiment.notes, *start.notes),
                    parameters=experiment.parameters.with_values(start.values))
@@ -106,64 +107,65 @@ def edge_motion(experiment: Experiment, entry: Prescribed, u_px: np.ndarray, exc
         later = [k for k in range(first, experiment.n_frames) if k not in excluded]
         motion[later] = u_mm[later][:, nodes, component]
     else:
-        rest = camera.project(experiment.mesh.nodes[nodes])
-        plane = camera.inverse(rest)
+        rest_px = camera.project(experiment.mesh.nodes[nodes])
+        plane = camera.inverse(rest_px)
         for k in range(first, experiment.n_frames):
             moved = u_px[k, nodes, :2]
-            known = np.isfinite(moved).all(axis=1)
-            if k not in excluded and known.any():
-                motion[k, known] = (camera.inverse(rest[known] + moved[known]) - plane[known])[:, component]
+            measured = np.isfinite(moved).all(axis=1)
+            if k not in excluded and measured.any():
+                motion[k, measured] = (camera.inverse(rest_px[measured] + moved[measured]) - plane[measured])[:,
+                                                                                                              component]
     frames = np.arange(experiment.n_frames)
     motion[:first + 1] = 0.0
     for column in motion.T:
-        known = np.isfinite(column)
-        if known[first + 1:].any():
-            column[~known] = np.interp(frames[~known], frames[known], column[known])
+        measured = np.isfinite(column)
+        if measured[first + 1:].any():
+            column[~measured] = np.interp(frames[~measured], frames[measured], column[measured])
     return motion
 
 
-def edge_modes(experiment: Experiment, entry: Prescribed, u_px: np.ndarray, max_left_px: float,
+def edge_modes(experiment: Experiment, entry: Prescribed, u_px: np.ndarray, max_residual_px: float,
                excluded: Collection[int] = ()) -> int:
-    """Fewest modes, in space and in time, that leave less than `max_left_px` (rms) of a measured edge motion."""
+    """Fewest modes, in space and in time, that leave less than `max_residual_px` (rms) of a measured edge motion."""
     motion = edge_motion(experiment, entry, u_px, excluded) / pixel_size(experiment)
     motion = motion[:, np.isfinite(motion).all(axis=0)]
     strength = np.linalg.svd(motion, compute_uv=False) ** 2
-    left = np.sqrt((strength.sum() - np.cumsum(strength)) / max(motion.size, 1))
-    return 1 + int(np.argmax(left <= max_left_px)) if len(left) else 1
+    residual_px = np.sqrt((strength.sum() - np.cumsum(strength)) / max(motion.size, 1))
+    return 1 + int(np.argmax(residual_px <= max_residual_px)) if len(residual_px) else 1
 
 
-def _projected(motion: np.ndarray, shapes: np.ndarray, courses: np.ndarray, here: np.ndarray,
-               free: np.ndarray) -> np.ndarray:
+def _projected(motion: np.ndarray, shapes: np.ndarray, courses: np.ndarray, values: np.ndarray,
+               is_free: np.ndarray) -> np.ndarray:
     """Least squares amplitudes of the free modes, the others given  # (modes * time_modes,) mm
 
     By the normal equations, whose matrix is a Kronecker product; B-splines are well conditioned, and
     undetermined modes get the smallest amplitudes.
     """
     matrix = np.kron(shapes.T @ shapes, courses.T @ courses)
-    rhs = (shapes.T @ motion.T @ courses).ravel() - matrix @ np.where(free, 0.0, here)
-    found = here.copy()
-    if free.any():
-        found[free] = np.linalg.lstsq(matrix[np.ix_(free, free)], rhs[free], rcond=1e-10)[0]
-    return found
+    rhs = (shapes.T @ motion.T @ courses).ravel() - matrix @ np.where(is_free, 0.0, values)
+    amplitudes = values.copy()
+    if is_free.any():
+        amplitudes[is_free] = np.linalg.lstsq(matrix[np.ix_(is_free, is_free)], rhs[is_free], rcond=1e-10)[0]
+    return amplitudes
 
 
-def _strongest(motion: np.ndarray, points: np.ndarray, seen: np.ndarray,
+def _strongest(motion: np.ndarray, points: np.ndarray, in_images: np.ndarray,
                drive: Parametrised) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The strongest shapes and courses of a motion, each of largest value 1, and the amplitudes of the motion in them.
 
     Nodes that are not seen move like the nearest one that is.
     """
-    u, s, vt = np.linalg.svd(motion[:, seen], full_matrices=False)
-    shapes, courses = np.zeros((len(seen), drive.modes)), np.zeros((len(motion), drive.time_modes))
+    u, s, vt = np.linalg.svd(motion[:, in_images], full_matrices=False)
+    shapes, courses = np.zeros((len(in_images), drive.modes)), np.zeros((len(motion), drive.time_modes))
     amplitudes = np.zeros((drive.modes, drive.time_modes))
-    near = np.argmin(np.linalg.norm(points[:, None] - points[seen][None], axis=2), axis=1)  # (n,)
+    nearest = np.argmin(np.linalg.norm(points[:, None] - points[in_images][None], axis=2), axis=1)  # (n,)
     for i in range(min(len(s), max(drive.modes, drive.time_modes))):
         if s[i] <= 1e-12 * s[0]:
             break
         shape, course = vt[i], u[:, i]
         largest, peak = shape[np.argmax(np.abs(shape))], course[np.argmax(np.abs(course))]
         if i < drive.modes:
-            shapes[:, i] = (shape / largest)[near]
+            shapes[:, i] = (shape / largest)[nearest]
         if i < drive.time_modes:
             courses[:, i] = course / peak
         if i < min(amplitudes.shape):
@@ -174,13 +176,13 @@ def _strongest(motion: np.ndarray, points: np.ndarray, seen: np.ndarray,
 def _note(stem, experiment, motion, shapes, courses, amplitudes, n_given, unseen) -> str:
     per_px = pixel_size(experiment)
     fitted = courses @ amplitudes.reshape(shapes.shape[1], courses.shape[1]).T @ shapes.T
-    left = float(np.sqrt(np.mean((motion - fitted) ** 2))) / per_px
+    residual_px = float(np.sqrt(np.mean((motion - fitted) ** 2))) / per_px
     text = (f"{stem}: {len(amplitudes)} modes start from the motion that a free FE-DIC measures there "
-            f"(up to {np.abs(motion).max() / per_px:.2g} px; they leave {left:.2g} px rms of it)")
+            f"(up to {np.abs(motion).max() / per_px:.2g} px; they leave {residual_px:.2g} px rms of it)")
     if n_given:
         text += f"; {n_given} of them as given"
     if unseen > 0:
         text += f"; {100 * unseen:.0f} % of its nodes are not seen"
-    if left > _MAX_FIT_RMS_PX:
+    if residual_px > _MAX_FIT_RMS_PX:
         text += "; more modes along the edge or in time would fit it better"
     return text

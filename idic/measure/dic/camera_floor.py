@@ -100,27 +100,28 @@ def camera_floor(experiment: Experiment, reference: ReferenceImage, still: Still
     measured = list(_measured(experiment, reference, smoother, still, motion))
     if not measured:
         return None
-    nodes = np.all([np.isfinite(one.u_px).all(axis=1) for _, one in measured], axis=0)
+    nodes = np.all([np.isfinite(frame.u_px).all(axis=1) for _, frame in measured], axis=0)
     nodes &= measured[0][1].factorisation.measured  # type: ignore[union-attr]
     leading = _leading(experiment, reference, smoother, still, motion, nodes)
     noise = _NodeNoise(reference, measured[0][1], experiment, nodes)
-    kept = []
-    for number, one in measured:
-        u = one.u_px[nodes].reshape(1, -1)
-        own = without_rigid(u, at[nodes])
-        drift = float(np.sqrt(np.mean((u - own) ** 2)))
+    floors = []
+    for number, frame in measured:
+        u = frame.u_px[nodes].reshape(1, -1)
+        warp = without_rigid(u, at[nodes])
+        drift = float(np.sqrt(np.mean((u - warp) ** 2)))
         if number in still.unloaded and leading is not None:
-            if np.abs(own @ leading[0][0]) > MAX_LEVEL_SHARE * leading[1]:
+            if np.abs(warp @ leading[0][0]) > MAX_LEVEL_SHARE * leading[1]:
                 continue  # a permanent strain: no camera's
-            own = without_rigid(u, at[nodes], leading[0])
-        own = own.reshape(-1, 2)
+            warp = without_rigid(u, at[nodes], leading[0])
+        warp = warp.reshape(-1, 2)
         in_reference = number in experiment.averaged and not still.separate
-        kept.append(_Kept(number, drift, noise.excess(own, in_reference), float(noise.variance(in_reference).mean())))
-    return _floor(kept, noise, nodes, smoother, still) if kept else None
+        floors.append(_StillFrameFloor(number, drift, noise.excess(warp, in_reference),
+                            float(noise.variance(in_reference).mean())))
+    return _floor(floors, noise, nodes, smoother, still) if floors else None
 
 
 @dataclass(frozen=True, eq=False)
-class _Kept:
+class _StillFrameFloor:
     """One still frame: its rigid motion, px, e^2 - v of every node (m,), px^2, and the mean of v."""
 
     number: int
@@ -143,9 +144,9 @@ def _measured(experiment: Experiment, reference: ReferenceImage, smoother: Smoot
         start = np.zeros((experiment.mesh.n_nodes, 2))
         if motion is not None and not still.separate:
             start = np.nan_to_num(motion(k))
-        found = dic_frame(reference, spline, start, smoother, experiment.options.brightness)
-        if found.converged and found.factorisation is not None and is_recognised(reference, found):
-            yield k, found
+        frame = dic_frame(reference, spline, start, smoother, experiment.options.brightness)
+        if frame.converged and frame.factorisation is not None and is_recognised(reference, frame):
+            yield k, frame
 
 
 def _images(experiment: Experiment, still: StillFrames) -> tuple[Stack, list[int]]:
@@ -178,14 +179,14 @@ def _leading(experiment: Experiment, reference: ReferenceImage, smoother: Smooth
             motions += [] if field is None else [field.u_full_px[nodes].ravel()]
             continue
         spline = frame_spline(experiment, k)
-        found = dic_frame(reference, spline, np.nan_to_num(motion(k)), smoother, experiment.options.brightness)
-        if is_recognised(reference, found):
-            motions.append(found.u_full_px[nodes].ravel())
+        frame = dic_frame(reference, spline, np.nan_to_num(motion(k)), smoother, experiment.options.brightness)
+        if is_recognised(reference, frame):
+            motions.append(frame.u_full_px[nodes].ravel())
     if not motions:
         return None
-    own = without_rigid(np.array(motions), reference.pixel_map.nodes_px[nodes])
-    vectors = np.linalg.svd(own, full_matrices=False)[2][:N_LEADING]
-    return vectors, float(np.abs(own @ vectors[0]).max())
+    warps = without_rigid(np.array(motions), reference.pixel_map.nodes_px[nodes])
+    vectors = np.linalg.svd(warps, full_matrices=False)[2][:N_LEADING]
+    return vectors, float(np.abs(warps @ vectors[0]).max())
 
 
 class _NodeNoise:
@@ -211,31 +212,31 @@ class _NodeNoise:
 
     def variance(self, in_reference: bool) -> np.ndarray:
         """Variance per component  # (m,) px^2; in_reference : the frame is one of those averaged to the reference."""
-        others = -1.0 / self.n_images if in_reference else 1.0 / self.n_images
-        return self.sigma2 * max(self.kappa + others, 0.0) * self.gains
+        reference_share = -1.0 / self.n_images if in_reference else 1.0 / self.n_images
+        return self.sigma2 * max(self.kappa + reference_share, 0.0) * self.gains
 
-    def excess(self, own: np.ndarray, in_reference: bool) -> np.ndarray:
+    def excess(self, warp: np.ndarray, in_reference: bool) -> np.ndarray:
         """e^2 - v  # (m, 2) px -> (m,) px^2; an averaged frame has lost its part of the mean."""
-        kept = 1.0 - 1.0 / self.n_images if in_reference else 1.0
-        return (np.mean(own**2, axis=1) - self.variance(in_reference)) / kept**2
+        share = 1.0 - 1.0 / self.n_images if in_reference else 1.0
+        return (np.mean(warp**2, axis=1) - self.variance(in_reference)) / share**2
 
 
-def _floor(kept: list[_Kept], noise: _NodeNoise, nodes: np.ndarray, smoother: Smoother,
+def _floor(floors: list[_StillFrameFloor], noise: _NodeNoise, nodes: np.ndarray, smoother: Smoother,
            still: StillFrames) -> CameraFloor:
-    mean = np.mean([one.excess for one in kept], axis=0)  # (m,) px^2
-    shared = (1.0 + SHARED_NOISE_SQUARE * (len(kept) - 1)) / len(kept)
-    error = float(np.mean([one.variance for one in kept])) * np.sqrt(2.0 / noise.n_independent * shared)
+    mean = np.mean([floor.excess for floor in floors], axis=0)  # (m,) px^2
+    shared = (1.0 + SHARED_NOISE_SQUARE * (len(floors) - 1)) / len(floors)
+    error = float(np.mean([floor.variance for floor in floors])) * np.sqrt(2.0 / noise.n_independent * shared)
     square = float(mean.mean())
     px = float(np.sqrt(square)) if square > MIN_FLOOR_Z * error else 0.0
-    whole = np.zeros(len(nodes))
+    nodal_px = np.zeros(len(nodes))
     if px:
         local = np.zeros(len(nodes))
         local[nodes] = mean
         rings = max(1, round(smoother.length_px / smoother.size_px))
         local = np.maximum(_averaged(local, nodes, smoother, rings), (0.5 * px) ** 2)  # a region is a small sample
-        whole[nodes] = np.sqrt(local[nodes] * square / local[nodes].mean())
-    return CameraFloor(px, float(np.sqrt(max(square, 0.0) + MIN_FLOOR_Z * error)), whole, smoother.length_px,
-                       tuple(one.number for one in kept), still.source, tuple(one.drift_px for one in kept),
+        nodal_px[nodes] = np.sqrt(local[nodes] * square / local[nodes].mean())
+    return CameraFloor(px, float(np.sqrt(max(square, 0.0) + MIN_FLOOR_Z * error)), nodal_px, smoother.length_px,
+                       tuple(floor.number for floor in floors), still.source, tuple(floor.drift_px for floor in floors),
                        still.separate)
 
 

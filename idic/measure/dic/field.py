@@ -43,19 +43,21 @@ def field_frame(reference: FieldReference, measured: np.ndarray, smoother: Smoot
     if factor is None:
         return None
     u = factor.lu.solve(nodal.q).reshape(-1, 2)
-    left = reference.equations(measured, u)
-    seen = smoother.reached(factor.measured)
-    return DicFrame(np.where(seen[:, None], u, np.nan), u, float(np.sqrt(left.rr / left.n_valid)), left.rr,
-                    left.element_rr, np.zeros(0), left.n_valid, left.n_lost, 1, True, 0.0, 1.0, left.H, factor)
+    residual = reference.equations(measured, u)
+    reached = smoother.reached(factor.measured)
+    return DicFrame(np.where(reached[:, None], u, np.nan), u, float(np.sqrt(residual.rr / residual.n_valid)),
+                    residual.rr,
+                    residual.element_rr, np.zeros(0), residual.n_valid, residual.n_lost, 1, True, 0.0, 1.0, residual.H,
+                    factor)
 
 
-def _factor_of(reference: FieldReference, shown: np.ndarray, nodal: FieldEquations,
+def _factor_of(reference: FieldReference, pattern: np.ndarray, nodal: FieldEquations,
                smoother: Smoother) -> Factorisation | None:
     """The factorisation of a frame that shows these points; that of the frame before where it shows the same ones."""
-    last = _LAST.get(reference)
-    if last is None or last[0] is not smoother or not np.array_equal(last[1], shown):
-        last = _LAST[reference] = smoother, shown, _factorised(reference, nodal.H, smoother, nodal.n_valid)
-    return last[2]
+    latest = _LAST.get(reference)
+    if latest is None or latest[0] is not smoother or not np.array_equal(latest[1], pattern):
+        latest = _LAST[reference] = smoother, pattern, _factorised(reference, nodal.H, smoother, nodal.n_valid)
+    return latest[2]
 
 
 def _factorised(reference: FieldReference, hessian: sparse.csr_array, smoother: Smoother,
@@ -99,23 +101,23 @@ def field_motion(experiment: Experiment, regularisation: Regularisation,
     reference = build_field_reference(experiment, experiment.camera).in_plane
     smoother = smoother_of(experiment, reference, regularisation)
     n, nodes = experiment.n_frames, experiment.mesh.n_nodes
-    kept: list[np.ndarray] = []
-    keep_motion = kept.append if keep is None else keep
+    motions: list[np.ndarray] = []
+    keep_motion = motions.append if keep is None else keep
     rms, chi2, local = (np.full(n, np.nan) for _ in range(3))
     pixels, lost = np.zeros(n, dtype=int), np.zeros(n, dtype=int)
     std = experiment.noise.std_gv or np.nan
-    known, dof = None, 0.0
+    factor, dof = None, 0.0
     for k in range(n):
         if k == experiment.reference or k in experiment.excluded:
             keep_motion(np.full((nodes, 2), 0.0 if k == experiment.reference else np.nan))
             continue
-        found = field_frame(reference, reference.measured(experiment, k), smoother)
-        if found is not None and found.factorisation is not None:
-            if found.factorisation is not known:
-                known, dof = found.factorisation, fitted_dof(found)
-            rms[k], pixels[k], lost[k] = found.rms_gv, found.n_pixels, found.n_lost
-            keep_motion(found.u_px)
-            local[k] = field_variance(found, reference, dof)
+        frame = field_frame(reference, reference.measured(experiment, k), smoother)
+        if frame is not None and frame.factorisation is not None:
+            if frame.factorisation is not factor:
+                factor, dof = frame.factorisation, fitted_dof(frame)
+            rms[k], pixels[k], lost[k] = frame.rms_gv, frame.n_pixels, frame.n_lost
+            keep_motion(frame.u_px)
+            local[k] = field_variance(frame, reference, dof)
             chi2[k] = local[k] / std**2
         else:
             keep_motion(np.full((nodes, 2), np.nan))
@@ -125,7 +127,7 @@ def field_motion(experiment: Experiment, regularisation: Regularisation,
     status = ["excluded" if k in experiment.excluded else "ok" if k == experiment.reference
               else "lost" if not np.isfinite(rms[k]) else "unexplained" if rms[k] > MAX_RMS_RATIO * typical else "ok"
               for k in range(n)]
-    u_px = np.array(kept) if keep is None else np.empty((0, nodes, 2))
+    u_px = np.array(motions) if keep is None else np.empty((0, nodes, 2))
     return {"u_px": u_px, "status": status, "rms_gv": rms, "chi2_dof": chi2, "noise_gv": float(std),
             "noise_frames_gv": np.sqrt(local), "n_pixels": pixels, "n_lost": lost, "mismatched": np.zeros(n),
             "iterations": np.where(np.isfinite(rms), 1, 0), "converged": np.isfinite(rms), "attempts": np.zeros(n, int),

@@ -146,11 +146,11 @@ def _diverges(steps: list[float]) -> bool:
 
 def _result(nodal, smoother, factor, u, iterations, step, tolerance) -> DicFrame:
     fit = solve_brightness(nodal)
-    seen = np.zeros(len(u), dtype=bool) if factor is None else smoother.reached(factor.measured)
+    reached = np.zeros(len(u), dtype=bool) if factor is None else smoother.reached(factor.measured)
     if not np.isfinite(step):
-        seen[:] = False
+        reached[:] = False
     return DicFrame(
-        u_px=np.where(seen[:, None], u, np.nan), u_full_px=u,
+        u_px=np.where(reached[:, None], u, np.nan), u_full_px=u,
         rms_gv=float(np.sqrt(max(fit.rr, 0.0) / nodal.n_valid)) if nodal.n_valid else np.nan, rr_gv2=fit.rr,
         element_rr=nodal.element_rr, brightness=fit.coefficients, n_pixels=nodal.n_valid, n_lost=nodal.n_lost,
         iterations=iterations, converged=bool(step < tolerance), last_step_px=step, kappa=nodal.kappa,
@@ -158,13 +158,13 @@ def _result(nodal, smoother, factor, u, iterations, step, tolerance) -> DicFrame
 
 
 def _factorise(reference: ReferenceImage, nodal: NodalEquations, u, smoother: Smoother,
-               old: Factorisation | None) -> Factorisation | None:
-    """A new one where the strain or the visible pixels changed, else the old one; None: too few nodes are measured."""
+                previous: Factorisation | None) -> Factorisation | None:
+    """A new one where strain or visible pixels changed, else the previous one; None: too few nodes are measured."""
     gradients = nodal.motion.gradient
-    if old is not None and abs(nodal.n_valid - old.n_valid) <= _MAX_PIXEL_CHANGE * nodal.n_valid:
-        change = gradients - old.gradients
+    if previous is not None and abs(nodal.n_valid - previous.n_valid) <= _MAX_PIXEL_CHANGE * nodal.n_valid:
+        change = gradients - previous.gradients
         if np.sqrt(np.mean(change**2)) <= _MAX_STRAIN_CHANGE[0] and np.abs(change).max() <= _MAX_STRAIN_CHANGE[1]:
-            return old
+            return previous
     measured = measured_nodes(nodal.H)
     if measured.sum() < 3:
         return None
@@ -187,8 +187,8 @@ def measured_nodes(hessian: sparse.csr_array) -> np.ndarray:
     cross = hessian.diagonal(1)[::2]
     mean, half = diagonal.mean(axis=1), (diagonal[:, 0] - diagonal[:, 1]) / 2
     smallest = mean - np.hypot(half, cross)  # eigenvalue of the node's 2 x 2 block
-    seen = smallest > 0
-    return smallest > _MIN_INFORMATION * np.median(smallest[seen]) if seen.any() else seen
+    informed = smallest > 0
+    return smallest > _MIN_INFORMATION * np.median(smallest[informed]) if informed.any() else informed
 
 
 def _gauss_newton_step(nodal: NodalEquations, factor: Factorisation, u) -> np.ndarray:

@@ -41,8 +41,8 @@ def fitted_dof(frame: DicFrame) -> float:
     unit[chosen, np.arange(len(chosen))] = 1.0
     column = factor.lu.solve(np.ascontiguousarray(hessian @ unit))  # S e_i
     row = hessian @ factor.lu.solve(unit)  # S^T e_i
-    own = column[chosen, np.arange(len(chosen))]
-    part = np.mean(2 * own - np.einsum("ij,ij->j", row, column))
+    diagonal = column[chosen, np.arange(len(chosen))]
+    part = np.mean(2 * diagonal - np.einsum("ij,ij->j", row, column))
     return float(np.clip(part, 0.0, 1.0) * len(dofs))  # beyond: a frame that did not converge
 
 
@@ -53,23 +53,23 @@ def residual_noise(reference: ReferenceImage, spline: Spline, frame: DicFrame, b
     A low-pass correlates the noise: a displacement takes `gradient_share` / gain of a pixel's variance from it, a mean
     1 / gain (gain: variance of a blurred pixel).
     """
-    found = residual_map(reference, spline, frame.u_full_px, brightness, frame.brightness)
+    residual = residual_map(reference, spline, frame.u_full_px, brightness, frame.brightness)
     start = reference.pixel_map.start[:-1]
-    gain = found.still_gain
-    weight = np.where(found.valid, 1.0 / (found.reference_gain / reference.n_images + found.noise_gain), 0.0)
-    r = np.where(found.valid, found.r, 0.0).astype(float)
-    count = np.add.reduceat(found.valid.astype(float), start)
+    gain = residual.still_gain
+    weight = np.where(residual.valid, 1.0 / (residual.reference_gain / reference.n_images + residual.noise_gain), 0.0)
+    r = np.where(residual.valid, residual.r, 0.0).astype(float)
+    count = np.add.reduceat(residual.valid.astype(float), start)
     n = count.sum()
     square, total = np.add.reduceat(weight * r**2, start), np.add.reduceat(weight * r, start)
-    left = max(n - (dof * gradient_share(reference) + len(frame.brightness)) / gain, 1.0)
+    remaining_dof = max(n - (dof * gradient_share(reference) + len(frame.brightness)) / gain, 1.0)
     full = count >= max(0.5 * np.median(count), 8 / gain)  # elements at the rim have few pixels
     if not full.any():
-        return ResidualNoise(float(square.sum() / left), float(square.sum() / left))
-    own = np.maximum(count - 1.0 / gain, 1.0)
+        return ResidualNoise(float(square.sum() / remaining_dof), float(square.sum() / remaining_dof))
+    local_dof = np.maximum(count - 1.0 / gain, 1.0)
     mean_weight = np.maximum(np.add.reduceat(weight, start), 1e-12)
-    local = (square - total**2 / mean_weight) / own
-    local /= (1.0 - 2.0 / (9.0 * own * gain)) ** 3  # median of chi^2 to its mean
-    return ResidualNoise(float(square.sum() / left), float(np.median(local[full]) * n / left))
+    local = (square - total**2 / mean_weight) / local_dof
+    local /= (1.0 - 2.0 / (9.0 * local_dof * gain)) ** 3  # median of chi^2 to its mean
+    return ResidualNoise(float(square.sum() / remaining_dof), float(np.median(local[full]) * n / remaining_dof))
 
 
 def noise_of_frames(local_variance: np.ndarray) -> float:
@@ -114,6 +114,6 @@ def node_std(reference: ReferenceImage, frame: DicFrame, noise_gv: float,
         unit[part, np.arange(len(part))] = 1.0
         x = factor.lu.solve(unit)
         variance[first : first + 256] = np.einsum("ij,ij->j", x, frame.hessian @ x)
-    seen = noise_gv**2 * gradient_share(reference) * (1.0 / reference.n_images + frame.kappa)
-    std = np.sqrt(variance * seen).reshape(-1, 2)
+    residual_variance = noise_gv**2 * gradient_share(reference) * (1.0 / reference.n_images + frame.kappa)
+    std = np.sqrt(variance * residual_variance).reshape(-1, 2)
     return np.where(np.isfinite(frame.u_px[nodes]), std, np.nan)

@@ -78,19 +78,19 @@ class Smoother:
     neighbours: sparse.csr_array
     size_px: float
 
-    def matrix(self, mean_square_gradient: float, held: np.ndarray) -> sparse.csc_array:
-        """w D^T D; the rows of `held` nodes (not located by pixels) weigh at least as over one element.
+    def matrix(self, mean_square_gradient: float, unlocated: np.ndarray) -> sparse.csc_array:
+        """w D^T D; the rows of `unlocated` nodes (not located by pixels) weigh at least as over one element.
 
-        mean_square_gradient : (f_x^2 + f_y^2)/2 averaged over the ROI, GV^2/px^2; held : (n_nodes,) bool.
+        mean_square_gradient : (f_x^2 + f_y^2)/2 averaged over the ROI, GV^2/px^2; unlocated : (n_nodes,) bool.
         """
         order = 1 if self.kind == "gradient" else 2
         weight = np.full(len(self.row_node), (self.length_px / (2 * np.pi)) ** (2 * order))
         if self.kind == "none":
             weight[:] = 0.0
         if order == 2:
-            own = held[self.row_node]
-            weight[own] = np.maximum(weight[own], (2 * self.size_px / (2 * np.pi)) ** 4)
-            if own.any():
+            in_unlocated = unlocated[self.row_node]
+            weight[in_unlocated] = np.maximum(weight[in_unlocated], (2 * self.size_px / (2 * np.pi)) ** 4)
+            if in_unlocated.any():
                 weight = np.maximum(weight, 1e-5 * (2 * self.size_px / (2 * np.pi)) ** 4)  # a unique solution, no more
         rows = np.flatnonzero(weight)
         scaled = sparse.diags_array(np.sqrt(weight[rows] * mean_square_gradient)) @ self.operator[rows]
@@ -99,10 +99,10 @@ class Smoother:
     def reached(self, measured: np.ndarray) -> np.ndarray:
         """Nodes within the regularisation length of a measured node, one element at least  # (n_nodes,) bool"""
         rings = max(1, round(self.length_px / self.size_px))
-        seen = measured.copy()
+        reached_nodes = measured.copy()
         for _ in range(rings):
-            seen |= (self.neighbours @ seen.astype(np.float64)) > 0
-        return seen
+            reached_nodes |= (self.neighbours @ reached_nodes.astype(np.float64)) > 0
+        return reached_nodes
 
 
 def build_smoother(nodes_px: np.ndarray, cells: Sequence[Block], regularisation: Regularisation) -> Smoother:
@@ -178,17 +178,17 @@ def _gap_rows(nodes_px, cells, neighbours):
     """Equilibrium gap at the inner nodes, second difference along the edge at the boundary nodes, times sqrt(area)."""
     n_nodes = len(nodes_px)
     stiffness, area = _stiffness(nodes_px, cells)
-    before, after = _along_boundary(n_nodes, cells)
+    previous, following = _along_boundary(n_nodes, cells)
     used = area > 0
-    inner = np.flatnonzero(used & (before < 0))
+    inner = np.flatnonzero(used & (previous < 0))
     scale = np.zeros(n_nodes)
     lame, shear = POISSON_RATIO / (1 - POISSON_RATIO**2), 0.5 / (1 + POISSON_RATIO)
     scale[inner] = 1.0 / np.sqrt(area[inner] * shear * (lame + 2 * shear))  # between longitudinal and transverse waves
     rows = np.repeat(scale, 2)
     gap = (sparse.diags_array(rows) @ stiffness).tocsr()[np.repeat(2 * inner, 2) + np.tile([0, 1], len(inner))]
-    edge_nodes, edge = _edge_rows(nodes_px, area, before, after, neighbours)
-    both = sparse.kron(edge, sparse.eye_array(2), format="csr")
-    return sparse.vstack([gap, both]).tocsr(), np.repeat(np.concatenate([inner, edge_nodes]), 2)
+    edge_nodes, edge = _edge_rows(nodes_px, area, previous, following, neighbours)
+    edge_gap = sparse.kron(edge, sparse.eye_array(2), format="csr")
+    return sparse.vstack([gap, edge_gap]).tocsr(), np.repeat(np.concatenate([inner, edge_nodes]), 2)
 
 
 def _stiffness(nodes_px, cells):
@@ -231,28 +231,28 @@ def _along_boundary(n_nodes, cells):
     links = np.concatenate([straight[:, :2], curved[:, [0, 2]], curved[:, [2, 1]]])
     links = np.concatenate([links, links[:, ::-1]])
     degree = np.bincount(links[:, 0], minlength=n_nodes)
-    before, after = np.full(n_nodes, -1), np.full(n_nodes, -1)
-    before[links[:, 0]] = links[:, 1]  # the last one written
-    other = links[before[links[:, 0]] != links[:, 1]]
-    after[other[:, 0]] = other[:, 1]
-    after[degree > 2] = -1
-    return before, after
+    previous, following = np.full(n_nodes, -1), np.full(n_nodes, -1)
+    previous[links[:, 0]] = links[:, 1]  # the last one written
+    second_links = links[previous[links[:, 0]] != links[:, 1]]
+    following[second_links[:, 0]] = second_links[:, 1]
+    following[degree > 2] = -1
+    return previous, following
 
 
-def _edge_rows(nodes_px, area, before, after, neighbours):
+def _edge_rows(nodes_px, area, previous, following, neighbours):
     """Second differences along the edge, zero for affine motion by the smallest change over the node's neighbours.
 
     Returns the nodes and a csr_array (n_edge_nodes, n_nodes).
     """
     nodes, rows, columns, values = [], [], [], []
-    for i in np.flatnonzero((before >= 0) & (after >= 0)):
-        a, b = nodes_px[before[i]] - nodes_px[i], nodes_px[after[i]] - nodes_px[i]
+    for i in np.flatnonzero((previous >= 0) & (following >= 0)):
+        a, b = nodes_px[previous[i]] - nodes_px[i], nodes_px[following[i]] - nodes_px[i]
         la, lb = np.linalg.norm(a), np.linalg.norm(b)
         if -(a @ b) < _CORNER_COS * la * lb:
             continue
         around = neighbours.indices[neighbours.indptr[i] : neighbours.indptr[i + 1]]
         c = np.zeros(len(around))
-        c[around == before[i]], c[around == after[i]] = 2 / (la * (la + lb)), 2 / (lb * (la + lb))
+        c[around == previous[i]], c[around == following[i]] = 2 / (la * (la + lb)), 2 / (lb * (la + lb))
         c[around == i] = -2 / (la * lb)
         offset = (nodes_px[around] - nodes_px[i]) / (la + lb)
         affine = np.column_stack([np.ones(len(around)), offset])

@@ -84,12 +84,12 @@ def section_field(reference: SectionReference, image: np.ndarray, start: np.ndar
         converged = _in_noise(step, H + penalty, nodal) < _MAX_STEP_STDS
         if converged:
             break
-    left = section_residual_map(reference, image, motion)
+    residual = section_residual_map(reference, image, motion)
     if penalty is None:
-        return SectionField(motion, nodes, left, 0.0, False)
+        return SectionField(motion, nodes, residual, 0.0, False)
     passed = np.linalg.lstsq(H + penalty, H, rcond=None)[0]
     fitted = float(2.0 * np.trace(passed) - np.sum(passed * passed.T))
-    return SectionField(motion, nodes, left, fitted, converged)
+    return SectionField(motion, nodes, residual, fitted, converged)
 
 
 def section_nodes(reference: SectionReference, columns_px: np.ndarray) -> np.ndarray:
@@ -108,10 +108,10 @@ def second_difference(x: np.ndarray) -> np.ndarray:
     n = len(x)
     if n < 3:
         return np.zeros((0, n))
-    before, after = np.diff(x)[:-1], np.diff(x)[1:]
-    span, k = before + after, np.arange(n - 2)
+    backward, forward = np.diff(x)[:-1], np.diff(x)[1:]
+    span, k = backward + forward, np.arange(n - 2)
     D = np.zeros((n - 2, n))
-    D[k, k], D[k, k + 1], D[k, k + 2] = 2.0 / (before * span), -2.0 / (before * after), 2.0 / (after * span)
+    D[k, k], D[k, k + 1], D[k, k + 2] = 2.0 / (backward * span), -2.0 / (backward * forward), 2.0 / (forward * span)
     return np.sqrt(0.5 * span)[:, None] * D
 
 
@@ -124,20 +124,20 @@ def _bends(reference: SectionReference, nodes: np.ndarray, x: np.ndarray) -> np.
                               shape=(len(nodes), len(nodes)))
     number, run = connected_components(joined, directed=False)
     parts = []
-    for own in (np.flatnonzero(run == k) for k in range(number)):
-        rows = second_difference(x[own])
+    for members in (np.flatnonzero(run == k) for k in range(number)):
+        rows = second_difference(x[members])
         parts.append(np.zeros((len(rows), len(nodes))))
-        parts[-1][:, own] = rows
+        parts[-1][:, members] = rows
     return np.concatenate(parts)
 
 
 def _penalty(H: np.ndarray, bend: np.ndarray, x: np.ndarray, length: float) -> np.ndarray:
     """(l / 2 pi)^4 times the information of a column, component by component  # (2 n, 2 n)"""
     n, extent = len(x), max(float(np.ptp(x)), 1.0)
-    whole = np.zeros((2 * n, 2 * n))
+    penalty = np.zeros((2 * n, 2 * n))
     for part in (slice(0, n), slice(n, 2 * n)):  # the sum over a block is that of all columns: sum_a N_a = 1
-        whole[part, part] = (length / (2.0 * np.pi)) ** 4 * H[part, part].sum() / extent * bend.T @ bend
-    return whole
+        penalty[part, part] = (length / (2.0 * np.pi)) ** 4 * H[part, part].sum() / extent * bend.T @ bend
+    return penalty
 
 
 def _solve(A: np.ndarray, rhs: np.ndarray) -> np.ndarray:

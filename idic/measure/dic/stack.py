@@ -89,7 +89,7 @@ class _Setting:
 
 
 @dataclass(frozen=True, eq=False)
-class _Known:
+class _LastFrame:
     """The last frame with a usable displacement."""
 
     frame: int
@@ -142,7 +142,7 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
     pixels, lost, iterations, attempts = (np.zeros(n, dtype=int) for _ in range(4))
     converged = np.zeros(n, dtype=bool)
     recognised, mismatched = np.zeros(n, dtype=bool), np.zeros(n)
-    for done, (k, frame, tried, noise) in enumerate(_frames(setting), 1):
+    for n_done, (k, frame, tried, noise) in enumerate(_frames(setting), 1):
         recognised[k] = is_recognised(setting.reference, frame)
         rms[k], pixels[k], lost[k] = frame.rms_gv, frame.n_pixels, frame.n_lost
         iterations[k], converged[k], attempts[k] = frame.iterations, frame.converged, tried
@@ -151,7 +151,7 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
             mismatched[k], variance[k], local[k] = wrong.mean(), noise.variance, noise.local_variance
             u_px[k] = np.where(nodes_of(setting.reference, wrong)[:, None], np.nan, frame.u_px)
         if progress is not None:
-            progress(done, n)
+            progress(n_done, n)
     status = _status(experiment, recognised, unexplained(np.where(recognised, rms, np.nan), mismatched))
     good = np.array([s == "ok" and k not in experiment.averaged for k, s in enumerate(status)])  # part of the reference
     noise_gv = noise_of_frames(np.where(good, local, np.nan))
@@ -183,43 +183,43 @@ def _frames(setting: _Setting) -> Iterator[tuple[int, DicFrame, int, Any]]:
     zero = np.zeros((experiment.mesh.n_nodes, 2))
     dof_of: tuple[Factorisation | None, float] = (None, 0.0)
     for order in (range(experiment.reference + 1, experiment.n_frames), range(experiment.reference - 1, -1, -1)):
-        known = _Known(experiment.reference, experiment.times[experiment.reference], zero, None, np.inf, None)
+        start = _LastFrame(experiment.reference, experiment.times[experiment.reference], zero, None, np.inf, None)
         for k in order:
             if k in experiment.excluded:
                 continue
             image = experiment.stack.frame(k)
             spline = frame_spline(experiment, k)
-            frame, tried = _measure(setting, k, image, spline, known)
+            frame, tried = _measure(setting, k, image, spline, start)
             noise = None
             if is_recognised(setting.reference, frame):
                 if dof_of[0] is not frame.factorisation:
                     dof_of = (frame.factorisation, fitted_dof(frame))
                 noise = residual_noise(setting.reference, spline, frame, setting.brightness, dof_of[1])
-                if not _suspicious(setting, frame, 2 * known.rms):
-                    known = _follow(known, k, experiment.times[k], frame)
+                if not _suspicious(setting, frame, 2 * start.rms):
+                    start = _follow(start, k, experiment.times[k], frame)
             yield k, frame, tried, noise
 
 
-def _follow(known: _Known, k: int, time: float, frame: DicFrame) -> _Known:
-    elapsed = time - known.time
-    velocity = (frame.u_full_px - known.u) / elapsed if elapsed else None
-    return _Known(k, time, frame.u_full_px, velocity, frame.rms_gv, frame.factorisation)
+def _follow(start: _LastFrame, k: int, time: float, frame: DicFrame) -> _LastFrame:
+    elapsed = time - start.time
+    velocity = (frame.u_full_px - start.u) / elapsed if elapsed else None
+    return _LastFrame(k, time, frame.u_full_px, velocity, frame.rms_gv, frame.factorisation)
 
 
-def _measure(setting: _Setting, k: int, image, spline: Spline, known: _Known) -> tuple[DicFrame, int]:
+def _measure(setting: _Setting, k: int, image, spline: Spline, start: _LastFrame) -> tuple[DicFrame, int]:
     """The best of up to five starts; the next one is tried only while the result looks wrong."""
     best, lowest = None, np.inf
-    for tried, start in enumerate(_starts(setting, k, image, spline, known), 1):
-        if start is None:
+    for tried, trial_start in enumerate(_starts(setting, k, image, spline, start), 1):
+        if trial_start is None:
             continue
-        frame = dic_frame(setting.reference, spline, start, setting.smoother, setting.brightness,
-                          factorisation=known.factorisation)
+        frame = dic_frame(setting.reference, spline, trial_start, setting.smoother, setting.brightness,
+                          factorisation=start.factorisation)
         value = unlikeness_of(setting.reference, frame)
         if best is None or value < _MAX_UNLIKENESS_RATIO * lowest:
             best, lowest = (frame, tried), value
-        if not _suspicious(setting, frame, _MAX_RMS_RATIO * known.rms):
+        if not _suspicious(setting, frame, _MAX_RMS_RATIO * start.rms):
             break
-    if best[0].rms_gv < _MAX_REPAIR_RMS_RATIO * known.rms:
+    if best[0].rms_gv < _MAX_REPAIR_RMS_RATIO * start.rms:
         return _repaired(setting, spline, best[0]), best[1]
     return best
 
@@ -244,9 +244,9 @@ def _repaired(setting: _Setting, spline: Spline, frame: DicFrame) -> DicFrame:
     return frame
 
 
-def _starts(setting: _Setting, k: int, image, spline: Spline, known: _Known) -> Iterator[np.ndarray | None]:
+def _starts(setting: _Setting, k: int, image, spline: Spline, last_frame: _LastFrame) -> Iterator[np.ndarray | None]:
     """Starting displacements from cheap to thorough  # (n_nodes, 2) px, None: no match"""
-    first, value = _from_frame_before(setting, k, spline, known)
+    first, value = _from_frame_before(setting, k, spline, last_frame)
     yield first if value < _MAX_START_UNLIKENESS else None
     experiment = setting.experiment
     reference_image = experiment.stack.frame(experiment.reference)
@@ -256,20 +256,20 @@ def _starts(setting: _Setting, k: int, image, spline: Spline, known: _Known) -> 
     yield descend(setting.pyramid, image, first, setting.brightness) if value < _MAX_START_UNLIKENESS else None
     nodes = setting.reference.pixel_map.nodes_px
     visible = setting.reference.pixel_map.visible_nodes
-    for frame, u in ((known.frame, known.u), (experiment.reference, np.zeros_like(known.u))):
+    for frame, u in ((last_frame.frame, last_frame.u), (experiment.reference, np.zeros_like(last_frame.u))):
         moved = coarse_motion(experiment.stack.frame(frame), image, (nodes + u)[visible], nodes + u)
         yield None if moved is None else descend(setting.pyramid, image, u + moved, setting.brightness)
-        if known.frame == experiment.reference:
+        if last_frame.frame == experiment.reference:
             break
     if value >= _MAX_START_UNLIKENESS:
         yield descend(setting.pyramid, image, first, setting.brightness)
 
 
-def _from_frame_before(setting: _Setting, k: int, spline: Spline, known: _Known) -> tuple[np.ndarray, float]:
+def _from_frame_before(setting: _Setting, k: int, spline: Spline, last_frame: _LastFrame) -> tuple[np.ndarray, float]:
     """The last displacement or its extrapolation in time, whichever fits the frame better, and its unlikeness."""
-    candidates = [known.u]
-    if known.velocity is not None:
-        candidates.append(known.u + known.velocity * (setting.experiment.times[k] - known.time))
+    candidates = [last_frame.u]
+    if last_frame.velocity is not None:
+        candidates.append(last_frame.u + last_frame.velocity * (setting.experiment.times[k] - last_frame.time))
     trials = [nodal_equations(setting.reference, spline, u, setting.brightness) for u in candidates]
     fits = [solve_brightness(nodal) for nodal in trials]
     likeness = [unlikeness(setting.reference, nodal.n_valid, fit.rr, fit.coefficients)
@@ -287,7 +287,7 @@ def _suspicious(setting: _Setting, frame: DicFrame, largest_rms: float) -> bool:
     return bool(mismatched_elements(setting.reference, frame).mean() > _MAX_MISMATCHED_PART)
 
 
-def _status(experiment: Experiment, recognised: np.ndarray, far: np.ndarray) -> list[str]:
+def _status(experiment: Experiment, recognised: np.ndarray, is_unexplained: np.ndarray) -> list[str]:
     status = []
     for k in range(experiment.n_frames):
         if k in experiment.excluded and k != experiment.reference:
@@ -297,5 +297,5 @@ def _status(experiment: Experiment, recognised: np.ndarray, far: np.ndarray) -> 
         elif not recognised[k]:
             status.append("lost")
         else:
-            status.append("unexplained" if far[k] else "ok")
+            status.append("unexplained" if is_unexplained[k] else "ok")
     return status

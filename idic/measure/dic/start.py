@@ -60,11 +60,11 @@ def descend(pyramid: Sequence[Level], image: np.ndarray, start_px: np.ndarray, b
     for level in pyramid:
         blurred = scipy.ndimage.gaussian_filter(np.asarray(image, dtype=np.float32), level.blur_px)
         spline = prefilter(blurred, level.reference.degree)
-        found = dic_frame(level.reference, spline, u, level.smoother, brightness, tolerance=0.02 * level.blur_px,
+        frame = dic_frame(level.reference, spline, u, level.smoother, brightness, tolerance=0.02 * level.blur_px,
                           max_iterations=8)
-        moved = np.abs(found.u_full_px - u).max()
-        if found.n_pixels and moved < 20 * level.blur_px:  # not nan either
-            u = found.u_full_px
+        moved = np.abs(frame.u_full_px - u).max()
+        if frame.n_pixels and moved < 20 * level.blur_px:  # not nan either
+            u = frame.u_full_px
     return u
 
 
@@ -150,9 +150,9 @@ def _vertex(line, k):
     """Sub-pixel offset of the largest of three neighbours by a parabola."""
     if not 0 < k < len(line) - 1:
         return 0.0
-    left, middle, right = line[k - 1], line[k], line[k + 1]
-    curvature = left - 2 * middle + right
-    return 0.0 if curvature >= 0 else float(np.clip(0.5 * (left - right) / curvature, -0.5, 0.5))
+    lower, middle, upper = line[k - 1], line[k], line[k + 1]
+    curvature = lower - 2 * middle + upper
+    return 0.0 if curvature >= 0 else float(np.clip(0.5 * (lower - upper) / curvature, -0.5, 0.5))
 
 
 def _affine_by_vote(x, shift, tolerance):

@@ -42,9 +42,9 @@ def mismatched_elements(reference: ReferenceImage, frame: DicFrame) -> np.ndarra
     """Elements that do not match the frame: wrong minimum, crack, lost paint  # (n_elements,) bool"""
     count = reference.pixel_map.pixels_per_element
     number, first, second = reference.blocks.grey.T
-    left = frame.element_rr / count
+    residual = frame.element_rr / count
     variance = second / number - (first / number) ** 2
-    return (left > _MAX_RESIDUAL_RATIO * np.median(left)) & (left > _MAX_CONTRAST_RATIO * variance)
+    return (residual > _MAX_RESIDUAL_RATIO * np.median(residual)) & (residual > _MAX_CONTRAST_RATIO * variance)
 
 
 def pixels_of(reference: ReferenceImage, elements: np.ndarray) -> np.ndarray:
@@ -73,8 +73,8 @@ def unexplained(rms_gv: np.ndarray, mismatched_part: np.ndarray) -> np.ndarray:
 
     rms_gv : (n_frames,) GV, nan where not compared; mismatched_part : (n_frames,). Returns (n_frames,) bool.
     """
-    known = np.isfinite(rms_gv)
-    far = known & (mismatched_part > MAX_MISMATCHED_PART)
-    if known.sum() >= 3:
-        far |= known & (rms_gv > MAX_RMS_RATIO * np.median(rms_gv[known]))
-    return far
+    compared = np.isfinite(rms_gv)
+    is_unexplained = compared & (mismatched_part > MAX_MISMATCHED_PART)
+    if compared.sum() >= 3:
+        is_unexplained |= compared & (rms_gv > MAX_RMS_RATIO * np.median(rms_gv[compared]))
+    return is_unexplained

@@ -96,16 +96,16 @@ def surface_motion(experiment: Experiment, length_mm: float | None = None,
     u_mm = np.full((n_frames, len(smoother.nodes), 3), np.nan)
     u_mm[experiment.reference] = 0.0
     rms, iterations = np.full((n_frames, len(eyes)), np.nan), np.zeros(n_frames, dtype=int)
-    known, noise = np.zeros((experiment.mesh.n_nodes, 3)), None
+    start, noise = np.zeros((experiment.mesh.n_nodes, 3)), None
     frames = [k for k in range(experiment.reference + 1, n_frames) if k not in experiment.excluded]
-    for done, frame in enumerate(frames, 1):
-        found, own, count, converged = _measure(eyes, frame, known, smoother)
-        iterations[frame], rms[frame] = count, own
+    for n_done, frame in enumerate(frames, 1):
+        u, frame_rms, count, converged = _measure(eyes, frame, start, smoother)
+        iterations[frame], rms[frame] = count, frame_rms
         if converged:
-            u_mm[frame], known = found[smoother.nodes], found
-            noise = _noise(eyes, frame, found, smoother) if noise is None else noise
+            u_mm[frame], start = u[smoother.nodes], u
+            noise = _noise(eyes, frame, u, smoother) if noise is None else noise
         if progress is not None:
-            progress(done, len(frames))
+            progress(n_done, len(frames))
     unknown = np.full((len(smoother.nodes), 3), np.nan)
     return SurfaceMotion(smoother.nodes, u_mm, rms, unknown if noise is None else noise, iterations, smoother.length_mm)
 
@@ -173,9 +173,9 @@ def _noise(eyes: Sequence[_Eye], frame: int, u: np.ndarray, smoother: SurfaceSmo
     size = information.shape[0]
     variance = np.empty(size)
     for first in range(0, size, COLUMNS_AT_A_TIME):
-        last = min(first + COLUMNS_AT_A_TIME, size)
-        columns = np.zeros((size, last - first))
-        columns[np.arange(first, last), np.arange(last - first)] = 1.0
+        end = min(first + COLUMNS_AT_A_TIME, size)
+        columns = np.zeros((size, end - first))
+        columns[np.arange(first, end), np.arange(end - first)] = 1.0
         solved = solver.solve(columns)
-        variance[first:last] = np.einsum("ij,ij->j", solved, information @ solved)
+        variance[first:end] = np.einsum("ij,ij->j", solved, information @ solved)
     return np.sqrt(np.maximum(variance, 0.0)).reshape(-1, 3)

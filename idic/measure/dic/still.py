@@ -68,23 +68,24 @@ def find_still_frames(experiment: Experiment, motion_px: np.ndarray | None = Non
     """
     declared = tuple(experiment.extras.get("still_frames", ()))
     by_log = _rest_by_log(experiment)
-    source, rest = "log", by_log
+    source, at_rest = "log", by_log
     if motion_px is not None:
         by_images = _rest_by_images(nodes_in_image(experiment)[slice(None) if nodes is None else nodes],
                                     np.asarray(motion_px, float))
         source = "images"
-        rest = by_images if by_log is None or by_images is None else by_images & by_log
-    found = set() if rest is None else set(np.flatnonzero(rest).tolist())
-    found -= set(experiment.excluded) - set(declared) - set(experiment.averaged)
-    frames = tuple(sorted(found | set(declared)))
+        at_rest = by_images if by_log is None or by_images is None else by_images & by_log
+    numbers = set() if at_rest is None else set(np.flatnonzero(at_rest).tolist())
+    numbers -= set(experiment.excluded) - set(declared) - set(experiment.averaged)
+    frames = tuple(sorted(numbers | set(declared)))
     references = set(experiment.averaged) | {experiment.reference}
-    own = set(frames) - references - set(declared)
+    detected = set(frames) - references - set(declared)
     separate = experiment.extras.get("still_stack") is not None
     if not set(frames) - {experiment.reference}:
         return StillFrames(source="declared" if separate else "", separate=separate)
-    told = "declared" if declared or separate else ""
-    return StillFrames(frames, " and ".join(part for part in (told, source if own else "") if part) or source,
-                       tuple(k for k in frames if _is_after_load(k, rest, experiment)), separate)
+    declaration = "declared" if declared or separate else ""
+    return StillFrames(frames,
+                       " and ".join(part for part in (declaration, source if detected else "") if part) or source,
+                       tuple(k for k in frames if _is_after_load(k, at_rest, experiment)), separate)
 
 
 def declared_stack(experiment: Experiment) -> Stack:
@@ -93,22 +94,22 @@ def declared_stack(experiment: Experiment) -> Stack:
     return stack if stabiliser is None else StabilisedStack(stack, stabiliser)
 
 
-def _is_after_load(frame: int, rest: np.ndarray | None, experiment: Experiment) -> bool:
+def _is_after_load(frame: int, at_rest: np.ndarray | None, experiment: Experiment) -> bool:
     """Whether the specimen was under load between the reference frame and this one."""
-    return rest is not None and frame > experiment.reference and not rest[experiment.reference:frame].all()
+    return at_rest is not None and frame > experiment.reference and not at_rest[experiment.reference:frame].all()
 
 
 def _rest_by_log(experiment: Experiment) -> np.ndarray | None:
     """Frames whose readings are all back at those of the reference frame; None without a reading  # (n_frames,)"""
-    rest = None
+    at_rest = None
     for values in _readings(experiment):
         change = np.abs(values - values[experiment.reference])
         largest = change.max(initial=0.0)
         if not largest > MIN_READING_CHANGE * max(np.abs(values).max(initial=0.0), 1e-300):
             continue
         back = change <= MAX_LEVEL_SHARE * largest
-        rest = back if rest is None else rest & back
-    return rest
+        at_rest = back if at_rest is None else at_rest & back
+    return at_rest
 
 
 def _readings(experiment: Experiment) -> Iterator[np.ndarray]:
@@ -122,18 +123,18 @@ def _readings(experiment: Experiment) -> Iterator[np.ndarray]:
 
 def _rest_by_images(at: np.ndarray, motion: np.ndarray) -> np.ndarray | None:
     """Frames without the test's own motion; None where no frame has any  # at (m, 2) px -> (n_frames,)"""
-    known, nodes = nodes_seen_throughout(motion)
+    measured, nodes = nodes_seen_throughout(motion)
     if nodes.sum() < MIN_NODES:
         return None
-    own = np.zeros((len(motion), 2 * int(nodes.sum())))
-    own[known] = without_rigid(motion[known][:, nodes].reshape(int(known.sum()), -1), at[nodes])
-    rms = np.sqrt(np.mean(own**2, axis=1))
+    warp = np.zeros((len(motion), 2 * int(nodes.sum())))
+    warp[measured] = without_rigid(motion[measured][:, nodes].reshape(int(measured.sum()), -1), at[nodes])
+    rms = np.sqrt(np.mean(warp**2, axis=1))
     largest = rms.max(initial=0.0)
     if largest < MIN_OTHER_PX:
         return None
-    level = np.abs(own @ np.linalg.svd(own, full_matrices=False)[2][0])
+    level = np.abs(warp @ np.linalg.svd(warp, full_matrices=False)[2][0])
     bound = np.clip(MAX_OTHER_SHARE * largest, MIN_OTHER_PX, MAX_OTHER_PX)
-    return known & (level <= MAX_LEVEL_SHARE * level.max()) & (rms <= bound)
+    return measured & (level <= MAX_LEVEL_SHARE * level.max()) & (rms <= bound)
 
 
 def nodes_in_image(experiment: Experiment) -> np.ndarray:
@@ -144,20 +145,20 @@ def nodes_in_image(experiment: Experiment) -> np.ndarray:
 
 def nodes_seen_throughout(motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Frames with a measured motion (n_frames,) bool, and nodes that all of them see (n_nodes,) bool."""
-    seen = np.isfinite(motion).all(axis=2)
-    part = seen.mean(axis=1)
-    known = part > 0.5 * part.max(initial=0.0)
-    return known, seen[known].all(axis=0)
+    is_measured = np.isfinite(motion).all(axis=2)
+    part = is_measured.mean(axis=1)
+    measured_frames = part > 0.5 * part.max(initial=0.0)
+    return measured_frames, is_measured[measured_frames].all(axis=0)
 
 
-def without_rigid(motions: np.ndarray, at: np.ndarray, further: np.ndarray | None = None) -> np.ndarray:
-    """Motions without translation and small rotation, and without further directions.
+def without_rigid(motions: np.ndarray, at: np.ndarray, more_directions: np.ndarray | None = None) -> np.ndarray:
+    """Motions without translation and small rotation, and without more directions where given.
 
     Parameters
     ----------
     motions : (m, 2 n) px, column and row of every node in turn
     at : (n, 2) px
-    further : (k, 2 n), optional
+    more_directions : (k, 2 n), optional
 
     Returns
     -------
@@ -167,6 +168,6 @@ def without_rigid(motions: np.ndarray, at: np.ndarray, further: np.ndarray | Non
     rigid = np.zeros((3, len(at), 2))
     rigid[0, :, 0] = rigid[1, :, 1] = 1.0
     rigid[2] = np.column_stack([-centred[:, 1], centred[:, 0]])
-    directions = rigid.reshape(3, -1) if further is None else np.vstack([rigid.reshape(3, -1), further])
+    directions = rigid.reshape(3, -1) if more_directions is None else np.vstack([rigid.reshape(3, -1), more_directions])
     base = np.linalg.qr(directions.T)[0]
     return motions - (motions @ base) @ base.T

@@ -52,10 +52,10 @@ def surface_smoother(points: np.ndarray, cells: Sequence[tuple[np.ndarray, np.nd
     laplacian, area, edges = sparse.csr_array((n, n)), np.zeros(n), []
     for k in np.unique(kind):
         faces = number[conn[kind == k, :N_NODES[k]]]
-        stiffness, own = _face_matrices(CELLS[k], x[faces])
+        stiffness, node_areas = _face_matrices(CELLS[k], x[faces])
         i, j = np.broadcast_arrays(faces[:, :, None], faces[:, None, :])
         laplacian = laplacian + sparse.coo_array((stiffness.ravel(), (i.ravel(), j.ravel())), shape=(n, n)).tocsr()
-        np.add.at(area, faces, own)
+        np.add.at(area, faces, node_areas)
         corners = faces[:, :3 if k % 2 == 0 else 4]
         lengths = np.linalg.norm(x[corners] - x[np.roll(corners, -1, axis=1)], axis=2).ravel()
         edges.append(lengths / (1 if N_NODES[k] == corners.shape[1] else 2))

@@ -28,22 +28,22 @@ def field_columns(series: FieldSeries, k: int, measure: str = "green_lagrange", 
         ``u_x_mm``, ``u_y_mm``; ``strain_xx``, ``_yy``, ``_xy``, ``_1``, ``_2``; the same with ``_measured`` and
         ``_std``; ``stress_xx_MPa``, ``_yy_``, ``_xy_``; the states by their names.
     """
-    turn, one = _axes(angle_deg), _frame(series, k)
-    found: dict[str, np.ndarray] = {}
-    for tail, u in (("", one.simulated), ("_measured", one.measured)):
+    turn, frame = _axes(angle_deg), _frame(series, k)
+    columns: dict[str, np.ndarray] = {}
+    for tail, u in (("", frame.simulated), ("_measured", frame.measured)):
         if u is None:
             continue
-        found |= {f"u_{axis}_{series.unit}{tail}": (u[0] @ turn.T)[:, i] for i, axis in enumerate("xy")}
-        E = one.strain(measure, angle_deg, tail[1:] or "simulated")[0]
-        found |= {f"strain_{name}{tail}": component_of(E, name) for name in STRAINS}
+        columns |= {f"u_{axis}_{series.unit}{tail}": (u[0] @ turn.T)[:, i] for i, axis in enumerate("xy")}
+        E = frame.strain(measure, angle_deg, tail[1:] or "simulated")[0]
+        columns |= {f"strain_{name}{tail}": component_of(E, name) for name in STRAINS}
     if noise and series.noise is not None and series.measured is not None:
         spread = np.sqrt(np.mean((series.noise @ turn.T) ** 2, axis=0))
-        found |= {f"u_{axis}_{series.unit}_std": spread[:, i] for i, axis in enumerate("xy")}
-        found |= {f"strain_{name}_std": one.strain_std(name, measure, angle_deg)[0] for name in STRAINS}
-    if one.stress is not None:
-        stress = rotated(one.stress[0], angle_deg)
-        found |= {f"stress_{name}_{series.stress_unit}": component_of(stress, name) for name in ("xx", "yy", "xy")}
-    return found | {name: values[0] for name, values in one.states.items()}
+        columns |= {f"u_{axis}_{series.unit}_std": spread[:, i] for i, axis in enumerate("xy")}
+        columns |= {f"strain_{name}_std": frame.strain_std(name, measure, angle_deg)[0] for name in STRAINS}
+    if frame.stress is not None:
+        stress = rotated(frame.stress[0], angle_deg)
+        columns |= {f"stress_{name}_{series.stress_unit}": component_of(stress, name) for name in ("xx", "yy", "xy")}
+    return columns | {name: values[0] for name, values in frame.states.items()}
 
 
 def _frame(series: FieldSeries, k: int) -> FieldSeries:

@@ -43,19 +43,20 @@ def seen_by(experiment: Experiment, reference) -> Seen | None:
     return Seen(experiment, reference, build_smoother(reference.pixel_map.nodes_px, cells, Regularisation()))
 
 
-def free_frame(seen: Seen, frame: int, start: np.ndarray, known: Factorisation | None = None) -> DicFrame | None:
+def free_frame(view: Seen, frame: int, start: np.ndarray,
+               factorisation: Factorisation | None = None) -> DicFrame | None:
     """The free motion in one frame; None where it is lost.
 
-    start : (n_nodes, 2) px, simulated motion; known : factorisation of a neighbouring frame
+    start : (n_nodes, 2) px, simulated motion; factorisation : of a neighbouring frame
     """
-    if isinstance(seen.reference, FieldReference):
-        return field_frame(seen.reference, seen.reference.measured(seen.experiment, frame), seen.smoother)
-    found = dic_frame(seen.reference, frame_spline(seen.experiment, frame), start, seen.smoother,
-                      seen.experiment.options.brightness, factorisation=known)
-    return found if found.factorisation is not None and found.n_pixels else None
+    if isinstance(view.reference, FieldReference):
+        return field_frame(view.reference, view.reference.measured(view.experiment, frame), view.smoother)
+    dic = dic_frame(view.reference, frame_spline(view.experiment, frame), start, view.smoother,
+                    view.experiment.options.brightness, factorisation=factorisation)
+    return dic if dic.factorisation is not None and dic.n_pixels else None
 
 
-def free_motion(seen: Seen, frames: Sequence[int], simulated: Callable[[int], np.ndarray]) -> np.ndarray:
+def free_motion(view: Seen, frames: Sequence[int], simulated: Callable[[int], np.ndarray]) -> np.ndarray:
     """The free motion in some frames, NaN where it is lost or a node is not seen.
 
     simulated : frame -> (n_nodes, 2) px
@@ -64,51 +65,51 @@ def free_motion(seen: Seen, frames: Sequence[int], simulated: Callable[[int], np
     -------
     (n_frames, n_nodes, 2) px
     """
-    motion = np.full((len(frames), seen.experiment.mesh.n_nodes, 2), np.nan)
+    motion = np.full((len(frames), view.experiment.mesh.n_nodes, 2), np.nan)
     for k, frame in enumerate(frames):
-        if frame == seen.experiment.reference:
+        if frame == view.experiment.reference:
             motion[k] = 0.0
             continue
-        found = free_frame(seen, frame, simulated(frame))
-        if found is not None:
-            motion[k] = found.u_px
+        dic = free_frame(view, frame, simulated(frame))
+        if dic is not None:
+            motion[k] = dic.u_px
     return motion
 
 
-def still_frame(seen: Seen, rng: np.random.Generator, noise_gv: float,
-                known: Factorisation | None = None) -> DicFrame | None:
+def still_frame(view: Seen, rng: np.random.Generator, noise_gv: float,
+                factorisation: Factorisation | None = None) -> DicFrame | None:
     """The motion found in a still image with fresh noise; noise_gv : standard deviation of one image."""
-    experiment, reference = seen.experiment, seen.reference
+    experiment, reference = view.experiment, view.reference
     if isinstance(reference, FieldReference):
         noise = noise_gv * np.sqrt(1.0 + 1.0 / reference.n_images) * rng.standard_normal(reference.pixel_map.n_pixels)
-        return field_frame(reference, noise, seen.smoother)
-    taken = experiment.averaged or (experiment.reference,)
-    still = np.mean([np.asarray(experiment.stack.frame(k), dtype=float) for k in taken], axis=0)
-    still = still + noise_gv * np.sqrt(1.0 + 1.0 / len(taken)) * rng.standard_normal(still.shape)
+        return field_frame(reference, noise, view.smoother)
+    averaged_frames = experiment.averaged or (experiment.reference,)
+    still = np.mean([np.asarray(experiment.stack.frame(k), dtype=float) for k in averaged_frames], axis=0)
+    still = still + noise_gv * np.sqrt(1.0 + 1.0 / len(averaged_frames)) * rng.standard_normal(still.shape)
     spline = prefilter(still, reference.degree, experiment.options.lowpass_px)
-    found = dic_frame(reference, spline, np.zeros((experiment.mesh.n_nodes, 2)), seen.smoother,
-                      experiment.options.brightness, factorisation=known)
-    return found if found.factorisation is not None and found.n_pixels else None
+    dic = dic_frame(reference, spline, np.zeros((experiment.mesh.n_nodes, 2)), view.smoother,
+                    experiment.options.brightness, factorisation=factorisation)
+    return dic if dic.factorisation is not None and dic.n_pixels else None
 
 
-def noise_samples(seen: Seen, n: int = N_NOISE_SAMPLES) -> np.ndarray | None:
+def noise_samples(view: Seen, n: int = N_NOISE_SAMPLES) -> np.ndarray | None:
     """Motion by noise alone, in repeated still images; None where the noise is not known.
 
     Returns
     -------
     (n, n_nodes, 2) px
     """
-    noise = seen.experiment.noise.in_sums_gv
+    noise = view.experiment.noise.in_sums_gv
     if not noise:
         return None
-    rng, known, found = np.random.default_rng(_SEED), None, []
+    rng, factorisation, samples = np.random.default_rng(_SEED), None, []
     for _ in range(n):
-        still = still_frame(seen, rng, noise, known)
+        still = still_frame(view, rng, noise, factorisation)
         if still is None:
             return None
-        known = still.factorisation
-        found.append(still.u_px)
-    return np.array(found)
+        factorisation = still.factorisation
+        samples.append(still.u_px)
+    return np.array(samples)
 
 
 def in_mm(motion: np.ndarray, nodes: np.ndarray, camera: Camera, later: Camera | None = None) -> np.ndarray:
@@ -121,13 +122,13 @@ def in_mm(motion: np.ndarray, nodes: np.ndarray, camera: Camera, later: Camera |
     (n_nodes, 2) mm
     """
     place = camera.project(nodes) + motion
-    known = np.isfinite(place).all(axis=1)
-    found = np.full(motion.shape, np.nan)
-    found[known] = (later or camera).inverse(place[known]) - nodes[known, :2]
-    return found
+    measured = np.isfinite(place).all(axis=1)
+    displacement = np.full(motion.shape, np.nan)
+    displacement[measured] = (later or camera).inverse(place[measured]) - nodes[measured, :2]
+    return displacement
 
 
-def smoothed_length(seen: Seen, camera: Camera) -> float:
+def smoothed_length(view: Seen, camera: Camera) -> float:
     """Length of the wave that the regularisation halves, mm."""
-    middle = seen.experiment.mesh.nodes.mean(axis=0, keepdims=True)
-    return float(seen.smoother.length_px / np.sqrt(abs(np.linalg.det(camera.jacobian(middle)[0]))))
+    middle = view.experiment.mesh.nodes.mean(axis=0, keepdims=True)
+    return float(view.smoother.length_px / np.sqrt(abs(np.linalg.det(camera.jacobian(middle)[0]))))

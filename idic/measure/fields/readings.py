@@ -58,31 +58,31 @@ class _Weights:
     def __call__(self, values: np.ndarray) -> np.ndarray:
         """(m, n, ...) at nodes -> (m, ...) of a point or circle, (m, places, ...) of a line or extensometer"""
         flat = np.moveaxis(values, 1, 0).reshape(values.shape[1], -1)
-        found = self.matrix @ flat
-        found[~self.inside] = np.nan
-        found = np.moveaxis(found.reshape(-1, values.shape[0], *values.shape[2:]), 0, 1)
+        readings = self.matrix @ flat
+        readings[~self.inside] = np.nan
+        readings = np.moveaxis(readings.reshape(-1, values.shape[0], *values.shape[2:]), 0, 1)
         if self.kind == "probe":
-            return found[:, 0]
-        return found[:, self.inside].mean(axis=1) if self.kind == "circle" else found
+            return readings[:, 0]
+        return readings[:, self.inside].mean(axis=1) if self.kind == "circle" else readings
 
 
 def _extensometer(series: FieldSeries, gauge: Gauge, at: _Weights) -> Iterator[Reading]:
     """Elongation and strain of the straight distance of two points."""
     start = np.diff(np.array(gauge.points_mm), axis=0)[0]
-    rest = float(np.hypot(*start))
+    rest_length = float(np.hypot(*start))
 
     def length(u: np.ndarray) -> np.ndarray:
-        return np.hypot(*(start + np.diff(u, axis=1)[:, 0]).T) - rest
+        return np.hypot(*(start + np.diff(u, axis=1)[:, 0]).T) - rest_length
 
     simulated = at(series.simulated)
-    found = length(simulated)
+    elongation = length(simulated)
     measured = None if series.measured is None else length(at(series.measured))
     std = None
     if series.noise is not None and measured is not None:
         noise = at(series.noise)
         std = np.array([_std(length(u + noise), length(u[None])) for u in simulated])
-    for quantity, unit, size in (("elongation", series.unit, 1.0), ("strain", "-", rest)):
-        yield Reading(gauge, quantity, unit, found / size, None if measured is None else measured / size,
+    for quantity, unit, size in (("elongation", series.unit, 1.0), ("strain", "-", rest_length)):
+        yield Reading(gauge, quantity, unit, elongation / size, None if measured is None else measured / size,
                       None if std is None else std / size)
 
 
@@ -108,12 +108,12 @@ def _fields(series: FieldSeries, gauge: Gauge, at: _Weights) -> Iterator[Reading
 
 def _strain_std(series: FieldSeries, at: Callable, component: str) -> np.ndarray:
     """See `FieldSeries.strain_std`, at the places of the gauge."""
-    found = []
+    deviations = []
     for F in series.F:
-        rest = component_of(at(strain(F)[None]), component)
-        found.append(_std(component_of(at(strain(F + series.F_noise)), component), rest))
-    return np.array(found)
+        noiseless = component_of(at(strain(F)[None]), component)
+        deviations.append(_std(component_of(at(strain(F + series.F_noise)), component), noiseless))
+    return np.array(deviations)
 
 
-def _std(values: np.ndarray, rest: np.ndarray | float) -> np.ndarray:
-    return np.sqrt(np.mean((values - rest) ** 2, axis=0))
+def _std(values: np.ndarray, noiseless: np.ndarray | float) -> np.ndarray:
+    return np.sqrt(np.mean((values - noiseless) ** 2, axis=0))

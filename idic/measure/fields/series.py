@@ -94,12 +94,12 @@ class FieldSeries:
         """
         if self.F_noise is None:
             return None
-        found = np.empty(self.F.shape[:2])
+        deviations = np.empty(self.F.shape[:2])
         for k, F in enumerate(self.F):
             values = component_of(rotated(strain(F + self.F_noise, measure), angle_deg), component)
-            rest = component_of(rotated(strain(F, measure), angle_deg), component)
-            found[k] = np.sqrt(np.mean((values - rest) ** 2, axis=0))
-        return found
+            noiseless = component_of(rotated(strain(F, measure), angle_deg), component)
+            deviations[k] = np.sqrt(np.mean((values - noiseless) ** 2, axis=0))
+        return deviations
 
     @property
     def floor(self) -> dict[str, float]:
@@ -126,28 +126,28 @@ def component_of(tensor: np.ndarray, component: str) -> np.ndarray:
 
 
 def simulated_states(model: Model, states: Iterable[FrameState], index: np.ndarray,
-                     wanted: Iterable[int]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+                     frames: Iterable[int]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Stress and state of the laws at some nodes in some frames of a simulation.
 
     Parameters
     ----------
     index : (n,) nodes
-    wanted : increasing frame numbers, counted from the first of the simulation
+    frames : increasing frame numbers, counted from the first of the simulation
 
     Returns
     -------
     stress : (m, n, 2, 2) MPa, in the plane of x and y
     states : {name: (m, n)}
     """
-    chosen, names = set(wanted), state_names(model)
-    stress, found = [], {name: [] for name in names}
+    chosen, names = set(frames), state_names(model)
+    stress, histories = [], {name: [] for name in names}
     for state in states:
         if state.frame not in chosen:
             continue
         stress.append(nodal_field(model, state, "stress")[index][:, :2, :2].copy())
         for name in names:
-            found[name].append(nodal_state(model, state, name)[index].copy())
-    return np.array(stress), {name: np.array(values) for name, values in found.items()}
+            histories[name].append(nodal_state(model, state, name)[index].copy())
+    return np.array(stress), {name: np.array(values) for name, values in histories.items()}
 
 
 def state_names(model: Model) -> tuple[str, ...]:

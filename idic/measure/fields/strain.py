@@ -37,12 +37,12 @@ def strain(F: np.ndarray, measure: str = "green_lagrange") -> np.ndarray:
     if measure not in MEASURES:
         raise InputError("no such strain", key="measure", expected=", ".join(MEASURES), found=str(measure),
                          remedy="write one of these names")
-    one = np.eye(F.shape[-1])
+    identity = np.eye(F.shape[-1])
     if measure == "small":
-        return (F + np.swapaxes(F, -1, -2)) / 2.0 - one
+        return (F + np.swapaxes(F, -1, -2)) / 2.0 - identity
     C = np.swapaxes(F, -1, -2) @ F
     if measure == "green_lagrange":
-        return (C - one) / 2.0
+        return (C - identity) / 2.0
     squares, directions = _eigen(C)
     with np.errstate(invalid="ignore", divide="ignore"):
         logs = np.log(squares) / 2.0
@@ -72,6 +72,6 @@ def von_mises(stress: np.ndarray) -> np.ndarray:
 
 def _eigen(tensor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Eigenvalues in ascending order and eigenvectors of symmetric tensors; NaN where an entry is not finite."""
-    known = np.isfinite(tensor).all(axis=(-2, -1))
-    values, vectors = np.linalg.eigh(np.where(known[..., None, None], tensor, np.eye(tensor.shape[-1])))
-    return np.where(known[..., None], values, np.nan), np.where(known[..., None, None], vectors, np.nan)
+    finite = np.isfinite(tensor).all(axis=(-2, -1))
+    values, vectors = np.linalg.eigh(np.where(finite[..., None, None], tensor, np.eye(tensor.shape[-1])))
+    return np.where(finite[..., None], values, np.nan), np.where(finite[..., None, None], vectors, np.nan)

@@ -39,7 +39,7 @@ class Surface:
         """Plane deformation gradient at the nodes  # (..., n, 2) mm -> (..., n, 2, 2)"""
         in_plane = np.asarray(u)[..., :2]
         flat = np.reshape(in_plane, (-1, self.n_nodes, 2))
-        return np.array([nodal_deformation(self.plane, one) for one in flat]).reshape(*in_plane.shape, 2)
+        return np.array([nodal_deformation(self.plane, motion) for motion in flat]).reshape(*in_plane.shape, 2)
 
     def weights(self, points: np.ndarray) -> tuple[sparse.csr_array, np.ndarray]:
         """See `idic.fe.mesh.locate.interpolation`  # (m, 2) mm -> (m, n), (m,) bool"""

@@ -47,7 +47,7 @@ def read_dice_xml(text: str, file, conventions: Conventions) -> CameraRig:
             continue
         number, values = len(cameras), _parameters(entry)
         _refuse_other_terms(values, from_vic, file, entry.get("name"))
-        known = {_NAMES[name]: _number(values[name], file, name) for name in _NAMES if name in values}
+        lens_values = {_NAMES[name]: _number(values[name], file, name) for name in _NAMES if name in values}
         size = re.findall(r"\d+", values.get("IMAGE_HEIGHT_WIDTH", ""))
         sizes.append((int(size[1]), int(size[0])) if len(size) == 2 else None)
         if relative and number == 0:
@@ -55,7 +55,7 @@ def read_dice_xml(text: str, file, conventions: Conventions) -> CameraRig:
         else:
             rotation = _rotation(entry, values, conventions, file)
             shift = np.array([_number(values.get(name, "0"), file, name) for name in _SHIFTS])
-        cameras.append(camera_of(known, conventions, file, number, sizes[-1], rotation, shift))
+        cameras.append(camera_of(lens_values, conventions, file, number, sizes[-1], rotation, shift))
     if not cameras:
         raise InputError("no camera in this file", file=file, expected='<ParameterList name="CAMERA 0">', found="none",
                          remedy="give the camera system file of DICe")
@@ -114,9 +114,9 @@ def _rotation(entry, values, conventions, file):
 def _refuse_other_terms(values, from_vic, file, camera):
     model = values.get("LENS_DISTORTION_MODEL", "").upper()
     distorted = any(float(values.get(name, 0.0) or 0.0) for name in ("K1", "K2", "K3"))
-    other = [name for name in _OTHER if float(values.get(name, 0.0) or 0.0)]
+    other_terms = [name for name in _OTHER if float(values.get(name, 0.0) or 0.0)]
     # with the values of VIC-3D in it, the file means VIC-3D's polynomial, whichever of its own DICe takes for that
-    if other or (distorted and model not in _BROWN and not (from_vic and model == "K1R1_K2R2_K3R3")):
+    if other_terms or (distorted and model not in _BROWN and not (from_vic and model == "K1R1_K2R2_K3R3")):
         raise InputError("a distortion that this camera model does not have", file=file, key=camera,
                          expected="k1, k2, k3, p1, p2 of Brown's model (OPENCV_DIS, K1R3_K2R5_K3R7, VIC3D_DIS)",
-                         found=", ".join([model, *other]), remedy="calibrate with one of these models")
+                         found=", ".join([model, *other_terms]), remedy="calibrate with one of these models")

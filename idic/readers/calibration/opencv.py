@@ -32,22 +32,22 @@ def read_opencv(content: bytes, file, conventions: Conventions) -> CameraRig:
     InputError
         Where no camera matrix is found, a matrix has another size, or the distortion has further terms.
     """
-    found = {re.sub(r"[^a-z0-9]", "", str(name).lower()): value for name, value in _entries(content, file).items()}
-    suffixes = next((pair for pair in _PAIRS if all(_matrix(found, suffix) is not None for suffix in pair)), None)
+    entries = {re.sub(r"[^a-z0-9]", "", str(name).lower()): value for name, value in _entries(content, file).items()}
+    suffixes = next((pair for pair in _PAIRS if all(_matrix(entries, suffix) is not None for suffix in pair)), None)
     if suffixes is None:
-        suffixes = next(((s,) for s in ("", "1", "0", "left", "right") if _matrix(found, s) is not None), None)
+        suffixes = next(((s,) for s in ("", "1", "0", "left", "right") if _matrix(entries, s) is not None), None)
     if suffixes is None:
-        raise InputError("no camera matrix in this file", file=file, found=", ".join(map(str, found)) or "nothing",
+        raise InputError("no camera matrix in this file", file=file, found=", ".join(map(str, entries)) or "nothing",
                          expected="camera_matrix (3 x 3), or K1 and K2", remedy="give the file of the calibration")
-    sizes = tuple(_image_size(found, suffix) or _image_size(found, "") for suffix in suffixes)
+    sizes = tuple(_image_size(entries, suffix) or _image_size(entries, "") for suffix in suffixes)
     cameras = []
     for number, (suffix, size) in enumerate(zip(suffixes, sizes, strict=True)):
-        matrix = _matrix(found, suffix)
+        matrix = _matrix(entries, suffix)
         values = {"fx": matrix[0, 0], "fy": matrix[1, 1], "skew": matrix[0, 1], "cx": matrix[0, 2], "cy": matrix[1, 2]}
-        values |= _distortion(_first(found, _DISTORTION, suffix), file, number)
-        pose = _pose(found, file) if number == 1 else {}
+        values |= _distortion(_first(entries, _DISTORTION, suffix), file, number)
+        pose = _pose(entries, file) if number == 1 else {}
         cameras.append(camera_of(values, conventions, file, number, size, **pose))
-    names, covariance = _covariance(found.get("covariance"), file)
+    names, covariance = _covariance(entries.get("covariance"), file)
     return CameraRig(tuple(cameras), sizes, names, covariance)
 
 
@@ -94,18 +94,18 @@ def _array(value):
     return array if np.isfinite(array).all() else None
 
 
-def _first(found, bases, suffix):
+def _first(entries, bases, suffix):
     for base in bases:
         for name in (base + suffix, suffix + base):
-            if name in found:
-                return found[name]
+            if name in entries:
+                return entries[name]
     return None
 
 
-def _matrix(found, suffix):
+def _matrix(entries, suffix):
     for base in _MATRIX:
         for name in {base + suffix, suffix + base}:
-            array = _array(found[name]) if name in found else None
+            array = _array(entries[name]) if name in entries else None
             if array is not None and array.size == 9:
                 return array.reshape(3, 3)
     return None
@@ -122,21 +122,21 @@ def _distortion(value, file, camera):
     return dict(zip(("k1", "k2", "p1", "p2", "k3"), array.ravel().tolist(), strict=False))
 
 
-def _pose(found, file):
-    rotation, shift = (_array(_first(found, names, "")) for names in (_ROTATION, _TRANSLATION))
+def _pose(entries, file):
+    rotation, shift = (_array(_first(entries, names, "")) for names in (_ROTATION, _TRANSLATION))
     if rotation is None or shift is None or rotation.size not in (3, 9) or shift.size != 3:
         raise InputError("the pose of the second camera is missing", file=file, key="R, T",
                          expected="R (3 x 3, or a rotation vector in rad) and T (3, mm)",
-                         found=", ".join(map(str, found)), remedy="store what stereoCalibrate returned")
+                         found=", ".join(map(str, entries)), remedy="store what stereoCalibrate returned")
     rotation = rotation.reshape(3, 3) if rotation.size == 9 else rotation_of(np.degrees(rotation.ravel()))
     return {"rotation": rotation, "translation_mm": shift.ravel()}
 
 
-def _image_size(found, suffix):
-    size = _array(found.get(f"imagesize{suffix}"))
+def _image_size(entries, suffix):
+    size = _array(entries.get(f"imagesize{suffix}"))
     if size is not None and size.size == 2:
         return int(size.ravel()[0]), int(size.ravel()[1])
-    width, height = (found.get(f"{name}{suffix}") for name in ("imagewidth", "imageheight"))
+    width, height = (entries.get(f"{name}{suffix}") for name in ("imagewidth", "imageheight"))
     return None if width is None or height is None else (int(np.asarray(width).item()), int(np.asarray(height).item()))
 
 

@@ -40,11 +40,11 @@ class Conventions:
     angles: str = "xyz"
 
     def __post_init__(self):
-        for name, known in (("skew", (None, *SKEW_UNITS)), ("distortion", (None, *DISTORTION_UNITS)),
-                            ("angles", ANGLE_ORDERS)):
-            if getattr(self, name) not in known:
+        for name, allowed in (("skew", (None, *SKEW_UNITS)), ("distortion", (None, *DISTORTION_UNITS)),
+                              ("angles", ANGLE_ORDERS)):
+            if getattr(self, name) not in allowed:
                 raise InputError("no such convention", key=name, found=getattr(self, name),
-                                 expected=", ".join(str(word) for word in known if word),
+                                 expected=", ".join(str(word) for word in allowed if word),
                                  remedy="use one of these words")
 
 
@@ -113,10 +113,10 @@ class CameraRig:
             raise ValueError("the covariance holds for the frame of camera 0")
         home = self.cameras[camera]
         placed = []
-        for other in self.cameras:
-            rotation = np.eye(3) if other is home else other.rotation @ home.rotation.T
-            shift = np.zeros(3) if other is home else other.translation_mm - rotation @ home.translation_mm
-            placed.append(other.placed(rotation, shift))
+        for pinhole in self.cameras:
+            rotation = np.eye(3) if pinhole is home else pinhole.rotation @ home.rotation.T
+            shift = np.zeros(3) if pinhole is home else pinhole.translation_mm - rotation @ home.translation_mm
+            placed.append(pinhole.placed(rotation, shift))
         return replace(self, cameras=tuple(placed))
 
 
@@ -142,13 +142,13 @@ def camera_of(values: dict[str, float], conventions: Conventions, file, camera: 
         for name, power in (("k1", 2), ("k2", 4), ("k3", 6), ("p1", 1), ("p2", 1)):
             values[name] = values.get(name, 0.0) * focal**power
     try:
-        made = PinholeCamera(**values, rotation=np.eye(3) if rotation is None else nearest_rotation(rotation),
-                             translation_mm=np.zeros(3) if translation_mm is None else translation_mm)
+        pinhole = PinholeCamera(**values, rotation=np.eye(3) if rotation is None else nearest_rotation(rotation),
+                                translation_mm=np.zeros(3) if translation_mm is None else translation_mm)
     except InputError as error:
         raise InputError(error.what, file=file, key=f"camera {camera}: {error.key}", expected=error.expected,
                          found=error.found, remedy=error.remedy) from None
-    _check_units(made, conventions, file, camera, image_size)
-    return made
+    _check_units(pinhole, conventions, file, camera, image_size)
+    return pinhole
 
 
 def rotation_of_angles(angles_deg, conventions: Conventions) -> np.ndarray:

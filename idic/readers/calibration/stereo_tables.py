@@ -31,13 +31,13 @@ def read_stereo_table(text: str, file, conventions: Conventions) -> CameraRig:
     table, units = _table(text, file)
     cameras = []
     for number in (0, 1):
-        values, own = {}, conventions
+        values, camera_conventions = {}, conventions
         for name, value in table.items():
             match = re.fullmatch(rf"cam{number}_(\w+)", name)
             if match and match[1] in _NAMES:
                 values[_NAMES[match[1]]] = value
                 if match[1] == "fs" and units[name] in _DEGREES and conventions.skew is None:
-                    own = replace(conventions, skew="deg")
+                    camera_conventions = replace(conventions, skew="deg")
             elif match:
                 raise InputError("a value that this camera model does not have", file=file, key=name,
                                  expected=", ".join(_NAMES), found=value,
@@ -51,7 +51,7 @@ def read_stereo_table(text: str, file, conventions: Conventions) -> CameraRig:
                                  remedy="export the calibration again")
             pose = {"rotation": rotation_of_angles([table[name] for name in _POSE[:3]], conventions),
                     "translation_mm": np.array([table[name] for name in _POSE[3:]])}
-        cameras.append(camera_of(values, own, file, number, **pose))
+        cameras.append(camera_of(values, camera_conventions, file, number, **pose))
     return CameraRig(tuple(cameras), (None, None))
 
 

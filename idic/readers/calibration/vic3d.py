@@ -28,7 +28,7 @@ def read_vic3d(text: str, file, conventions: Conventions) -> CameraRig:
     InputError
         Without cameras, or with values that this camera model does not have.
     """
-    cameras, seen = [], []
+    cameras, numbers = [], []
     for number, intrinsic, orientation in _CAMERA.findall(text):
         values = _numbers(intrinsic, file, f"camera {number}")
         pose = _numbers(orientation, file, f"camera {number}: orientation")
@@ -39,10 +39,10 @@ def read_vic3d(text: str, file, conventions: Conventions) -> CameraRig:
                              remedy="calibrate without further distortion terms")
         cameras.append(camera_of(dict(zip(_ORDER, values, strict=False)), conventions, file, int(number),
                                  rotation=rotation_of_angles(pose[:3], conventions), translation_mm=np.array(pose[3:])))
-        seen.append(int(number))
-    if seen != list(range(len(seen))) or not seen:
+        numbers.append(int(number))
+    if numbers != list(range(len(numbers))) or not numbers:
         raise InputError("no calibration of cameras in this project", file=file, key="calibration",
-                         expected='<camera id="0">, <camera id="1"> … with their orientation', found=seen or "none",
+                         expected='<camera id="0">, <camera id="1"> … with their orientation', found=numbers or "none",
                          remedy="give the project in which the calibration was accepted")
     return CameraRig(tuple(cameras), (None,) * len(cameras))
 

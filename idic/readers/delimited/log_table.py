@@ -27,7 +27,7 @@ _LOOKED_AT = 1000  # lines in which the separator shows
 class Table:
     """Cells of a log as text.
 
-    names : header; units : of the units row, "" where none; before : rows of text above the header; lines : line in
+    names : header; units : of the units row, "" where none; head_rows : rows of text above the header; lines : line in
     the file of each row
     """
 
@@ -37,7 +37,7 @@ class Table:
     units: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     lines: tuple[int, ...]
-    before: tuple[tuple[int, tuple[str, ...]], ...]
+    head_rows: tuple[tuple[int, tuple[str, ...]], ...]
 
 
 def read_table(text: str, path: Path) -> Table:
@@ -77,16 +77,16 @@ def read_table(text: str, path: Path) -> Table:
     n = len(names)
     _check_names(names, path)
     _refuse_shifted_row(names, rows, path)
-    made = []
+    table_rows = []
     for number, row in rows:
         row = row[:n] if not any(row[n:]) else row
         if len(row) != n:
             raise InputError("a row of the log has another number of cells than its header", file=path,
                              key=f"line {number}", expected=f"{n} cells: {', '.join(names)}", found=f"{len(row)} cells",
                              remedy="correct the row; with a comma as separator, numbers need a decimal point")
-        made.append(row)
+        table_rows.append(row)
     units = tuple(cell.strip("[]() ") for cell in units[:n])
-    return Table(separator, cells[header][0], names, units + ("",) * (n - len(units)), tuple(made),
+    return Table(separator, cells[header][0], names, units + ("",) * (n - len(units)), tuple(table_rows),
                  tuple(k for k, _ in rows),
                  tuple(cells[:header]))
 
@@ -95,25 +95,25 @@ def _whole_lines(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
     """Numbers and lines; a quoted cell that is written over several lines, as ``"Force`` and ``[N]"``, in one."""
     k = 0
     while k < len(lines):
-        last = k
+        last_line = k
         if '"' in lines[k] and not lines[k].lstrip().startswith("#") and _ends_in_quotes(lines[k]):
-            whole = lines[k]
+            joined = lines[k]
             for end in range(k + 1, min(k + 1 + _MAX_LINES_OF_HEADER, len(lines))):
-                whole += f" {lines[end].strip()}"
-                if not _ends_in_quotes(whole):
-                    last = end
+                joined += f" {lines[end].strip()}"
+                if not _ends_in_quotes(joined):
+                    last_line = end
                     break
-        yield k + 1, whole if last > k else lines[k]
-        k = last + 1
+        yield k + 1, joined if last_line > k else lines[k]
+        k = last_line + 1
 
 
 def _ends_in_quotes(line: str) -> bool:
     """Whether the last quoted cell of a line goes on in the next one; an inch within a cell quotes nothing."""
-    inside, before = False, ";"
+    inside, previous = False, ";"
     for letter in line:
         if letter == '"':
-            inside = not inside if inside else before in ',;\t|"'
-        before = letter if letter != " " else before
+            inside = not inside if inside else previous in ',;\t|"'
+        previous = letter if letter != " " else previous
     return inside
 
 
@@ -141,9 +141,9 @@ def _cells(line: str, separator: str, number: int, path: Path) -> tuple[str, ...
     return cells
 
 
-def _too_long(path: Path, number: int, found: str) -> InputError:
+def _too_long(path: Path, number: int, cell: str) -> InputError:
     return InputError("a cell of the log is longer than any number", file=path, key=f"line {number}",
-                      expected=f"cells of up to {_MAX_CELL} characters", found=found, remedy="export the log again")
+                      expected=f"cells of up to {_MAX_CELL} characters", found=cell, remedy="export the log again")
 
 
 def _separates(lines: list[tuple[int, str]], separator: str, path: Path) -> bool:
@@ -157,19 +157,20 @@ def _header(cells: list[tuple[int, tuple[str, ...]]]) -> tuple[int | None, int]:
     """Places of the header and of the first row of numbers: the last row of text that a row with a number follows."""
     text = [any(row) and not any(looks_numeric(cell) for cell in row) for _, row in cells]
     numbers = [any(looks_numeric(cell) for cell in row) for _, row in cells]
-    last = next((k for k in reversed(range(len(cells) - 1)) if text[k] and numbers[k + 1]), None)
-    if last is None:
+    last_text = next((k for k in reversed(range(len(cells) - 1)) if text[k] and numbers[k + 1]), None)
+    if last_text is None:
         return None, 0
-    if last > 0 and text[last - 1] and _are_units(cells[last][1]) and not _are_units(cells[last - 1][1]):
-        return last - 1, last + 1
-    return last, last + 1
+    if last_text > 0 and text[last_text
+                              - 1] and _are_units(cells[last_text][1]) and not _are_units(cells[last_text - 1][1]):
+        return last_text - 1, last_text + 1
+    return last_text, last_text + 1
 
 
 def _are_units(row: tuple[str, ...]) -> bool:
     """Whether most of the cells are units, at least one of them with a dimension."""
-    given = [cell.strip("[]() ") for cell in row if cell.strip("[]() ")]
-    units = [unit for unit in map(parse_unit, given) if unit is not None]
-    return 2 * len(units) > len(given) and any(any(unit.powers) for unit in units)
+    texts = [cell.strip("[]() ") for cell in row if cell.strip("[]() ")]
+    units = [unit for unit in map(parse_unit, texts) if unit is not None]
+    return 2 * len(units) > len(texts) and any(any(unit.powers) for unit in units)
 
 
 def _check_names(names: tuple[str, ...], path: Path) -> None:

@@ -47,8 +47,8 @@ def _encoding(data: bytes) -> tuple[str, int]:
         if data.startswith(mark):
             return encoding, len(mark)
     first, second = data[0:_LOOKED_AT:2], data[1:_LOOKED_AT:2]
-    for zeros, others, encoding in ((second, first, "utf-16-le"), (first, second, "utf-16-be")):
-        if zeros and zeros.count(0) >= _MIN_ZERO_SHARE * len(zeros) and others.count(0) == 0:
+    for zeros, letters, encoding in ((second, first, "utf-16-le"), (first, second, "utf-16-be")):
+        if zeros and zeros.count(0) >= _MIN_ZERO_SHARE * len(zeros) and letters.count(0) == 0:
             return encoding, 0
     return "utf-8", 0
 

@@ -72,34 +72,33 @@ def parse_unit(text: str) -> Unit | None:
     return Unit(factor, tuple(powers))
 
 
-def factor_between(given: str, internal: str, *, file=None, key=None) -> float:
-    """Factor from the unit `given` to the internal unit `internal` (``"MPa"``, ``"-"``).
+def factor_between(unit_name: str, internal: str, *, file=None, key=None) -> float:
+    """Factor from the unit `unit_name` to the internal unit `internal` (``"MPa"``, ``"-"``).
 
     Raises
     ------
     InputError
-        `given` is not a unit, or a unit of another dimension.
+        `unit_name` is not a unit, or a unit of another dimension.
     """
-    unit, expected = parse_unit(given), parse_unit(internal)
+    unit, expected = parse_unit(unit_name), parse_unit(internal)
     if unit is None:
         raise InputError("unknown unit", file=file, key=key, expected=f"a unit such as {internal or '-'}",
-                         found=repr(given),
-                         remedy=f"use one of {KNOWN}, or a product of them such as MPa*s")
+                         found=repr(unit_name), remedy=f"use one of {KNOWN}, or a product of them such as MPa*s")
     if expected is None or unit.powers != expected.powers:
-        raise InputError("wrong unit", file=file, key=key, found=f"{given!r} ({unit.dimension})",
+        raise InputError("wrong unit", file=file, key=key, found=f"{unit_name!r} ({unit.dimension})",
                          expected=f"a unit of the dimension of {internal or '-'}",
                          remedy=f'write e.g. unit = "{internal or "-"}"')
     return unit.factor / (1.0 if expected is None else expected.factor)
 
 
-def factor_to(wanted: str, given: str) -> float | None:
-    """Factor from the unit `given` to `wanted`; None where they have other dimensions or are not known."""
-    if given == wanted:
+def factor_to(target: str, source: str) -> float | None:
+    """Factor from the unit `source` to `target`; None where they have other dimensions or are not known."""
+    if source == target:
         return 1.0
-    unit, other = parse_unit(given), parse_unit(wanted)
-    if unit is None or other is None or unit.powers != other.powers:
+    unit, target_unit = parse_unit(source), parse_unit(target)
+    if unit is None or target_unit is None or unit.powers != target_unit.powers:
         return None
-    return unit.factor / other.factor
+    return unit.factor / target_unit.factor
 
 
 def suffix_unit(column: str) -> str | None:
@@ -126,7 +125,7 @@ def _ending(column: str) -> str:
     if match is not None:
         return next(group for group in match.groups()[1:] if group is not None).strip()
     name, _, suffix = column.rpartition("_")
-    return suffix if name and suffix.lower() in {known.lower() for known in _UNITS if len(known) > 1} else ""
+    return suffix if name and suffix.lower() in {symbol.lower() for symbol in _UNITS if len(symbol) > 1} else ""
 
 
 def unit_in_name(column: str) -> str | None:
@@ -143,16 +142,17 @@ def without_unit(column: str) -> str:
 
 def column_factor(column: str, internal: str, unit: str | None = None, *, file=None, key=None) -> float:
     """Factor from a logged column to internal units, by ``unit`` if given, else by the unit in its name."""
-    given = unit or unit_in_name(column)
-    if given is None and (ending := _ending(column)):
-        meant = [name for name, one in _UNITS.items() if name.lower() == ending.lower()
-                 and one.powers == parse_unit(internal).powers]  # type: ignore[union-attr]
+    unit_name = unit or unit_in_name(column)
+    if unit_name is None and (ending := _ending(column)):
+        candidates = [name for name, known_unit in _UNITS.items() if name.lower() == ending.lower()
+                      and known_unit.powers == parse_unit(internal).powers]  # type: ignore[union-attr]
+        likely = (candidates or [internal])[0]
         raise InputError(f'column "{column}" ends in a unit that idic does not know', file=file, key=key,
-                         expected=f"one of {KNOWN}" if not meant else " or ".join(meant), found=ending,
-                         remedy=f'write {{ column = {json.dumps(column)}, unit = "{(meant or [internal])[0]}" }} if '
-                                "that is its unit; else convert the column")
-    if given is None:
+                         expected=f"one of {KNOWN}" if not candidates else " or ".join(candidates), found=ending,
+                         remedy=f'write {{ column = {json.dumps(column)}, unit = "{likely}" }} if that is its unit; '
+                                "else convert the column")
+    if unit_name is None:
         raise InputError(f'column "{column}" has no unit', file=file, key=key, found=f'"{column}"',
                          expected=f"a name that ends in a unit, such as {column}_{internal}",
                          remedy=f'rename the column, or write {{ column = "{column}", unit = "{internal}" }}')
-    return factor_between(given, internal, file=file, key=key)
+    return factor_between(unit_name, internal, file=file, key=key)

@@ -109,7 +109,7 @@ def _pairs(text: str) -> Iterator[tuple[str, str]]:
 
 
 def _channels(units, blocks, path: Path) -> tuple[float | None, dict[str, tuple[float, str | None]]]:
-    time, found = None, []
+    time, channels = None, []
     for block in blocks:
         header = block.header
         if len(block.lines) < 2:
@@ -120,10 +120,10 @@ def _channels(units, blocks, path: Path) -> tuple[float | None, dict[str, tuple[
             time *= factor_between(units.get("time", "s"), "s", file=path, key="# Units: time")
         elif "untransformed" in header and "transformed" in header:
             value = _value(cells[header.index("transformed")], path, block.first + 1, header[0])
-            found.append((header[0], block.name, value))
-    quantities = [quantity for quantity, _, _ in found]
+            channels.append((header[0], block.name, value))
+    quantities = [quantity for quantity, _, _ in channels]
     return time, {quantity if quantities.count(quantity) == 1 else name: (value, units.get(quantity))
-                  for quantity, name, value in found}
+                  for quantity, name, value in channels}
 
 
 def _value(cell: str, path: Path, line: int, name: str) -> float:

@@ -32,7 +32,7 @@ class Bending:
 def largest_bending(stack: FieldStack, stages: Sequence[int], thickness_mm: float) -> Bending | None:
     """Of stages that are loaded; None where no stage shows it  # points in three coordinates"""
     chosen = np.array(stages)[np.unique(np.linspace(0, len(stages) - 1, min(N_STAGES, len(stages))).astype(int))]
-    found = []
+    strains = []
     for k in chosen.tolist():
         moved = stack.points.moved(stack.series.stage(k))
         out = out_of_plane(stack.points.positions, moved[:, 2])
@@ -40,7 +40,7 @@ def largest_bending(stack: FieldStack, stages: Sequence[int], thickness_mm: floa
             continue
         flat = moved[:, :2] if stack.flattening is None else stack.flattening(moved)[:, :2]
         strain = float(np.abs(np.linalg.eigvalsh(mean_strain(stack.points.positions, flat))).max())
-        found.append((k, 0.5 * thickness_mm * out.curvature, strain))
-    most = max((strain for _, _, strain in found), default=0.0)
-    shares = [Bending(k, bent, bent / strain) for k, bent, strain in found if strain > MIN_STRAIN_PART * most]
-    return max(shares, key=lambda one: one.share, default=None)
+        strains.append((k, 0.5 * thickness_mm * out.curvature, strain))
+    most = max((strain for _, _, strain in strains), default=0.0)
+    shares = [Bending(k, bent, bent / strain) for k, bent, strain in strains if strain > MIN_STRAIN_PART * most]
+    return max(shares, key=lambda bending: bending.share, default=None)

@@ -41,34 +41,35 @@ class StageRule:
         return ", ".join([*parts, *([f"{self.most} at most, evenly spread"] if self.most else [])])
 
 
-def chosen_stages(series: FieldSeries, points: MeasuredPoints, rule: StageRule, always: Collection[int],
+def chosen_stages(series: FieldSeries, points: MeasuredPoints, rule: StageRule, references: Collection[int],
                   never: Collection[int]) -> tuple[int, ...]:
     """Numbers of the stages that the rule keeps, in order; the last one is kept.
 
-    always : kept in any case (reference stages); never : excluded stages, which are not read
+    references : kept in any case (reference stages); never : excluded stages, which are not read
 
     Raises
     ------
     InputError
         The rule counts time and the stages have none.
     """
-    first = min(always)
-    rest = [k for k in range(first, len(series.entries)) if k not in never]
-    kept = _by_difference(series, points, rule, rest) if rule.strain or rule.change_um or rule.time_s else rest
-    if rule.most is not None and len(kept) > rule.most:
-        kept = [kept[i] for i in np.unique(np.rint(np.linspace(0, len(kept) - 1, rule.most)).astype(int))]
-    return tuple(sorted({*kept, *always}))
+    first = min(references)
+    candidates = [k for k in range(first, len(series.entries)) if k not in never]
+    chosen = _by_difference(series, points, rule,
+                            candidates) if rule.strain or rule.change_um or rule.time_s else candidates
+    if rule.most is not None and len(chosen) > rule.most:
+        chosen = [chosen[i] for i in np.unique(np.rint(np.linspace(0, len(chosen) - 1, rule.most)).astype(int))]
+    return tuple(sorted({*chosen, *references}))
 
 
 def _by_difference(series: FieldSeries, points: MeasuredPoints, rule: StageRule, stages: Sequence[int]) -> list[int]:
-    kept = [stages[0]]
-    last = _Shape.of(series, points, rule, stages[0])
+    chosen = [stages[0]]
+    last_shape = _Shape.of(series, points, rule, stages[0])
     for k in stages[1:]:
-        now = _Shape.of(series, points, rule, k)
-        if now.far_from(last, rule, points):
-            kept.append(k)
-            last = now
-    return kept if kept[-1] == stages[-1] else [*kept, stages[-1]]
+        shape = _Shape.of(series, points, rule, k)
+        if shape.far_from(last_shape, rule, points):
+            chosen.append(k)
+            last_shape = shape
+    return chosen if chosen[-1] == stages[-1] else [*chosen, stages[-1]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,31 +93,31 @@ class _Shape:
         moved = points.moved(series.stage(k))[:, :2]
         return cls(moved, mean_strain(points.positions, moved), entry.time_s)
 
-    def far_from(self, other: _Shape, rule: StageRule, points: MeasuredPoints) -> bool:
-        if rule.time_s and self.time_s - other.time_s >= rule.time_s:  # type: ignore[operator]
+    def far_from(self, earlier: _Shape, rule: StageRule, points: MeasuredPoints) -> bool:
+        if rule.time_s and self.time_s - earlier.time_s >= rule.time_s:  # type: ignore[operator]
             return True
-        if rule.strain and np.linalg.norm(self.strain - other.strain) >= rule.strain:  # type: ignore[operator]
+        if rule.strain and np.linalg.norm(self.strain - earlier.strain) >= rule.strain:  # type: ignore[operator]
             return True
         return bool(rule.change_um) and change_of_shape(points.positions,
-                                                        self.moved - other.moved) * 1e3 >= rule.change_um
+                                                        self.moved - earlier.moved) * 1e3 >= rule.change_um
 
 
 def mean_strain(positions: np.ndarray, moved: np.ndarray) -> np.ndarray:
     """Small strain of the affine motion that fits best  # (2, 2); zero where fewer than 3 points are measured"""
-    known = np.isfinite(moved).all(axis=1)
-    if known.sum() < 3:
+    measured = np.isfinite(moved).all(axis=1)
+    if measured.sum() < 3:
         return np.zeros((2, 2))
-    x = positions[known] - positions[known].mean(axis=0)
-    gradient = np.linalg.lstsq(np.column_stack([np.ones(len(x)), x]), moved[known], rcond=None)[0][1:].T
+    x = positions[measured] - positions[measured].mean(axis=0)
+    gradient = np.linalg.lstsq(np.column_stack([np.ones(len(x)), x]), moved[measured], rcond=None)[0][1:].T
     return 0.5 * (gradient + gradient.T)
 
 
 def change_of_shape(positions: np.ndarray, moved: np.ndarray) -> float:
     """rms length of a displacement less the rigid motion that fits best  # (n, 2) mm -> mm"""
-    known = np.isfinite(moved).all(axis=1)
-    if known.sum() < 3:
+    measured = np.isfinite(moved).all(axis=1)
+    if measured.sum() < 3:
         return 0.0
-    x, u = (values[known] - values[known].mean(axis=0) for values in (positions, moved))
+    x, u = (values[measured] - values[measured].mean(axis=0) for values in (positions, moved))
     turned = x[:, ::-1] * [-1.0, 1.0]
     u = u - turned * (np.sum(u * turned) / max(np.sum(turned * turned), 1e-300))
     return float(np.sqrt(np.mean(np.sum(u**2, axis=1))))

@@ -91,15 +91,15 @@ def key_of(column: str, exact_case: bool = False) -> str:
 
 def unit_of(column: str) -> str | None:
     """The unit behind a column name; "px" for pixels, None without."""
-    found = re.search(r"[\[(]([^\])]*)[\])]\s*$", column.strip().strip('"'))
-    text = found[1].strip() if found else unit_in_name(column.strip())
+    match = re.search(r"[\[(]([^\])]*)[\])]\s*$", column.strip().strip('"'))
+    text = match[1].strip() if match else unit_in_name(column.strip())
     return "px" if text and text.lower() in _PIXEL_UNITS else text or None
 
 
-def find_columns(lines: Sequence[str], wanted: str | None = None) -> Columns | None:
+def find_columns(lines: Sequence[str], dialect_name: str | None = None) -> Columns | None:
     """The first line that is the header of a known dialect; None if there is none.
 
-    wanted : name of a dialect, None: any
+    dialect_name : name of a dialect, None: any
     """
     for number, line in enumerate(lines[:_MAX_LINES_ABOVE]):
         if not line.strip() or _NUMBER.match(line.lstrip(' "')):
@@ -108,19 +108,20 @@ def find_columns(lines: Sequence[str], wanted: str | None = None) -> Columns | N
         text = line.lstrip("# ")
         names = tuple(text.split() if separator == " " else cells_of(text, separator))
         for dialect in DIALECTS:
-            if wanted not in (None, "auto", dialect.name):
+            if dialect_name not in (None, "auto", dialect.name):
                 continue
-            if dialect.exact_case and wanted != dialect.name and any(key_of(name) in STAGE_COLUMNS for name in names):
+            if dialect.exact_case and dialect_name != dialect.name and any(key_of(name) in STAGE_COLUMNS
+                                                                           for name in names):
                 continue  # VIC writes a file per stage: X, Y, U, V of all stages are a plain table
-            found = Columns(dialect, names, separator, number + 2, dialect.unit)
+            columns = Columns(dialect, names, separator, number + 2, dialect.unit)
             needed = (*dialect.points[:2], *dialect.displacement[:2], *dialect.needs)
-            if all(found.place(name) is not None for name in needed):
-                stated = unit_of(names[found.place(dialect.points[0])])  # type: ignore[index]
-                return Columns(dialect, names, separator, number + 2, stated or dialect.unit)
+            if all(columns.place(name) is not None for name in needed):
+                unit = unit_of(names[columns.place(dialect.points[0])])  # type: ignore[index]
+                return Columns(dialect, names, separator, number + 2, unit or dialect.unit)
     return None
 
 
-def read_columns(path: Path, wanted: str | None = None) -> list[tuple[float, Stage]]:
+def read_columns(path: Path, dialect_name: str | None = None) -> list[tuple[float, Stage]]:
     """The stages of a file with their numbers in its stage column, in the order of these; one stage where there is no
     such column.
 
@@ -130,7 +131,7 @@ def read_columns(path: Path, wanted: str | None = None) -> list[tuple[float, Sta
         No dialect has these columns, a row is cut off, units differ between the columns, or a point occurs twice.
     """
     lines = stage_text(path).splitlines()
-    columns = find_columns(lines, wanted)
+    columns = find_columns(lines, dialect_name)
     if columns is None:
         raise InputError("no columns of positions and displacements", file=path, key=KEY,
                          expected="columns of " + ", ".join(FORMATS) + ": for example stage,x_mm,y_mm,ux_mm,uy_mm",
@@ -164,9 +165,9 @@ def _stage(columns: Columns, values: np.ndarray, path: Path) -> Stage:
         ids = values[:, place].astype(np.int64)
     if columns.unit == "px":  # rows of an image count downwards
         points, displacement = points * _UPWARDS[:n], displacement * _UPWARDS[:n]
-    known = np.isfinite(points).all(axis=1)
-    points, displacement = points[known], displacement[known]
-    ids = None if ids is None else ids[known]
+    located = np.isfinite(points).all(axis=1)
+    points, displacement = points[located], displacement[located]
+    ids = None if ids is None else ids[located]
     names = ids if ids is not None else np.round(points, 9)
     if len(np.unique(names, axis=0)) < len(points):
         raise InputError("a point occurs twice in a stage", file=path, key=KEY, expected="every point once",

@@ -61,19 +61,19 @@ class Flattening:
 
         moved : (n, 3) mm, NaN where not measured; returns (n, 3) mm
         """
-        known = np.isfinite(moved).all(axis=1)
-        if known.sum() < MIN_KNOWN:
+        measured = np.isfinite(moved).all(axis=1)
+        if measured.sum() < MIN_KNOWN:
             return moved
-        now, x = self.positions + moved, self.positions[:, :2]
-        level = np.column_stack([now[known, :2], np.ones(known.sum())])
-        tilt = np.linalg.lstsq(level, now[known, 2], rcond=None)[0][:2]
-        turned = now @ _upright(tilt).T - self.positions
-        slope, K = _rise(x[known], (turned[:, 2] - self.thinning(turned))[known])
+        places, x = self.positions + moved, self.positions[:, :2]
+        level = np.column_stack([places[measured, :2], np.ones(measured.sum())])
+        tilt = np.linalg.lstsq(level, places[measured, 2], rcond=None)[0][:2]
+        turned = places @ _upright(tilt).T - self.positions
+        slope, K = _rise(x[measured], (turned[:, 2] - self.thinning(turned))[measured])
         turned[:, :2] += self.half_mm * (slope + x @ K) + _arc(self.curvature + K, x) - _arc(self.curvature, x)
         return turned
 
     @cached_property
-    def _near(self) -> np.ndarray:
+    def _neighbours(self) -> np.ndarray:
         return neighbours(self.positions[:, :2])
 
     def thinning(self, moved: np.ndarray) -> np.ndarray:
@@ -81,13 +81,13 @@ class Flattening:
         if not self.half_mm:
             return np.zeros(len(moved))
         x = self.positions[:, :2] / np.abs(self.positions[:, :2]).max()
-        largest = self.half_mm * (1.0 / area_ratio(self.positions[:, :2], moved[:, :2], self._near) - 1.0)
-        known = np.isfinite(largest) & np.isfinite(moved[:, 2])
-        bent = np.column_stack([x[:, 0] ** i * x[:, 1] ** j for i, j in powers(BENDING_DEGREE)])[known]
+        largest = self.half_mm * (1.0 / area_ratio(self.positions[:, :2], moved[:, :2], self._neighbours) - 1.0)
+        measured = np.isfinite(largest) & np.isfinite(moved[:, 2])
+        bent = np.column_stack([x[:, 0] ** i * x[:, 1] ** j for i, j in powers(BENDING_DEGREE)])[measured]
         if len(bent) < 2 * bent.shape[1]:
             return np.zeros(len(moved))
-        both = np.column_stack([largest, moved[:, 2]])[known]
-        p, w = (both - bent @ np.linalg.lstsq(bent, both, rcond=None)[0]).T
+        fields = np.column_stack([largest, moved[:, 2]])[measured]
+        p, w = (fields - bent @ np.linalg.lstsq(bent, fields, rcond=None)[0]).T
         precision = 1.0 / max(float(w @ w) / len(w), 1e-300)
         share = ((precision * float(p @ w) + SHARE_MEAN / SHARE_STD**2)
                  / (precision * float(p @ p) + 1.0 / SHARE_STD**2))

@@ -54,14 +54,14 @@ def read_ncorr(path: Path) -> dict[float | None, Stage]:
     fields, shape = saved.fields, saved.fields[0][0].shape
     if any(part.shape != shape or part.ndim != 2 for pair in fields for part in pair):
         raise _foreign(path, "displacements of one grid", ", ".join(str(u.shape) for u, _ in fields[:4]))
-    seen = [np.isfinite(u) & np.isfinite(v) & ((u != 0.0) | (v != 0.0)) for u, v in fields]
-    rows, columns = np.nonzero(np.logical_or.reduce(seen))
+    measured = [np.isfinite(u) & np.isfinite(v) & ((u != 0.0) | (v != 0.0)) for u, v in fields]
+    rows, columns = np.nonzero(np.logical_or.reduce(measured))
     points = saved.scale * saved.step_px * np.column_stack([columns, -rows]).astype(float)
     ids = (rows * shape[1] + columns).astype(np.int64)
     stages: dict[float | None, Stage] = {0.0: Stage(points, np.zeros_like(points), saved.unit, ids)}
-    for k, ((u, v), there) in enumerate(zip(fields, seen, strict=True), 1):
+    for k, ((u, v), is_measured) in enumerate(zip(fields, measured, strict=True), 1):
         moved = np.column_stack([u[rows, columns], -v[rows, columns]])
-        stages[float(k)] = Stage(points, np.where(there[rows, columns][:, None], moved, np.nan), saved.unit, ids)
+        stages[float(k)] = Stage(points, np.where(is_measured[rows, columns][:, None], moved, np.nan), saved.unit, ids)
     return stages
 
 
@@ -70,8 +70,8 @@ def _content(path: Path) -> _Saved:
         is_hdf5 = stream.read(len(_HDF5)) == _HDF5
     try:
         info, displacements = _of_hdf5(path) if is_hdf5 else _of_mat(path)
-        formatted = [_pair(one, "ref_formatted") for one in displacements]
-        raw = [_pair(one, "dic") for one in displacements]
+        formatted = [_pair(image, "ref_formatted") for image in displacements]
+        raw = [_pair(image, "dic") for image in displacements]
         step, scale = float(np.ravel(info["spacing"])[0]) + 1.0, info.get("pixtounits")
         scale = np.ravel([] if scale is None else scale)
     except Exception as problem:  # noqa: BLE001  (a damaged file makes SciPy and h5py raise all kinds)
@@ -91,17 +91,18 @@ def _content(path: Path) -> _Saved:
     return _Saved(step, factor, name, [(factor * u, factor * v) for u, v in raw])  # type: ignore[misc]
 
 
-def _pair(one: dict[str, Any], kind: str) -> tuple[np.ndarray, np.ndarray] | None:
+def _pair(image: dict[str, Any], kind: str) -> tuple[np.ndarray, np.ndarray] | None:
     """u and v of an image; None where they are missing or empty."""
-    found = [np.asarray(one[name], float) for name in (f"plot_u_{kind}", f"plot_v_{kind}") if one.get(name) is not None]
-    return (found[0], found[1]) if len(found) == 2 and all(part.size for part in found) else None
+    components = [np.asarray(image[name], float) for name in (f"plot_u_{kind}", f"plot_v_{kind}")
+                  if image.get(name) is not None]
+    return (components[0], components[1]) if len(components) == 2 and all(part.size for part in components) else None
 
 
 def _of_mat(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """dispinfo and displacements of a file of version 5 or 7."""
-    found = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False, variable_names=["data_dic_save"])
-    saved = found["data_dic_save"]
-    return vars(saved.dispinfo), [vars(one) for one in np.atleast_1d(saved.displacements)]
+    content = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False, variable_names=["data_dic_save"])
+    saved = content["data_dic_save"]
+    return vars(saved.dispinfo), [vars(image) for image in np.atleast_1d(saved.displacements)]
 
 
 def _of_hdf5(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
@@ -137,6 +138,6 @@ def _value(node: h5py.Dataset) -> Any:
     return "".join(map(chr, values.ravel())) if text else values.T
 
 
-def _foreign(path: Path, expected: str, found: str) -> InputError:
-    return InputError("not a readable file of Ncorr", file=path, key=KEY, expected=expected, found=found,
+def _foreign(path: Path, expected: str, finding: str) -> InputError:
+    return InputError("not a readable file of Ncorr", file=path, key=KEY, expected=expected, found=finding,
                       remedy="save it again in Ncorr (File > Save Data), or export a table")

@@ -67,5 +67,5 @@ class PatternSteps:
 
 
 def _typical(step: np.ndarray) -> float:
-    known = np.isfinite(step).all(axis=1)
-    return MAD_TO_STD * float(np.median(np.abs(step[known]))) if known.any() else float("nan")
+    measured = np.isfinite(step).all(axis=1)
+    return MAD_TO_STD * float(np.median(np.abs(step[measured]))) if measured.any() else float("nan")

@@ -68,14 +68,14 @@ def sides(outline: np.ndarray) -> dict[str, list[int]]:
     along, middle = following - outline, 0.5 * (outline + following)
     outward = np.column_stack([along[:, 1], -along[:, 0]]) / np.hypot(*along.T)[:, None]
     low, high = outline.min(axis=0), outline.max(axis=0)
-    found = {}
+    segments = {}
     for name, axis, sign in (("LEFT", 0, -1), ("RIGHT", 0, 1), ("BOTTOM", 1, -1), ("TOP", 1, 1)):
         end = (high if sign > 0 else low)[axis]
-        there = (sign * outward[:, axis] > np.cos(np.radians(20.0))) & (np.abs(middle[:, axis] - end) < 0.1
-                                                                        * (high - low)[axis])
-        if there.any():
-            found[name] = (np.flatnonzero(there) + 1).tolist()
-    return found
+        on_end = (sign * outward[:, axis] > np.cos(np.radians(20.0))) & (np.abs(middle[:, axis] - end) < 0.1
+                                                                         * (high - low)[axis])
+        if on_end.any():
+            segments[name] = (np.flatnonzero(on_end) + 1).tolist()
+    return segments
 
 
 def sides_of_any(outline: np.ndarray) -> dict[str, list[int]]:
@@ -108,44 +108,44 @@ def loops_of(points: np.ndarray, pitch: float) -> list[np.ndarray]:
     sides_ = [np.hypot(*(p - q).T) for p, q in ((b, c), (c, a), (a, b))]
     twice = np.abs((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0]))
     radius = np.prod(sides_, axis=0) / np.maximum(2.0 * twice, 1e-300)
-    kept = radius < MAX_CIRCUMRADIUS * pitch
-    if not kept.any():
+    is_small = radius < MAX_CIRCUMRADIUS * pitch
+    if not is_small.any():
         return []
-    across = np.where(mesh.neighbors >= 0, kept[mesh.neighbors], False) & kept[:, None]
+    across = np.where(mesh.neighbors >= 0, is_small[mesh.neighbors], False) & is_small[:, None]
     row, side = np.nonzero(across)
     graph = sparse.coo_array((np.ones(len(row)), (row, mesh.neighbors[row, side])), shape=(len(corners),) * 2)
     part = connected_components(graph, directed=False)[1]
-    largest = np.argmax(np.bincount(part, kept * twice))
-    own = kept & (part == largest)
-    row, side = np.nonzero(own[:, None] & ~across)
+    largest = np.argmax(np.bincount(part, is_small * twice))
+    in_largest = is_small & (part == largest)
+    row, side = np.nonzero(in_largest[:, None] & ~across)
     edges = np.column_stack([corners[row, (side + 1) % 3], corners[row, (side + 2) % 3]])
     return [points[loop] for loop in _walks(edges) if len(loop) > 2]
 
 
 def _walks(edges: np.ndarray) -> list[np.ndarray]:
     """Closed walks along edges; one that meets itself in a point is cut there."""
-    beside: dict[int, list[int]] = {}
+    neighbours: dict[int, list[int]] = {}
     for first, second in edges.tolist():
-        beside.setdefault(first, []).append(second)
-        beside.setdefault(second, []).append(first)
-    found = []
-    while beside:
-        walk = [next(iter(beside))]
+        neighbours.setdefault(first, []).append(second)
+        neighbours.setdefault(second, []).append(first)
+    walks = []
+    while neighbours:
+        walk = [next(iter(neighbours))]
         place = {walk[0]: 0}
-        while beside.get(walk[-1]):
-            here = walk[-1]
-            there = beside[here].pop()
-            beside[there].remove(here)
-            if there in place:
-                found.append(np.array(walk[place[there]:]))
-                for gone in walk[place[there] + 1:]:
-                    del place[gone]
-                walk = walk[:place[there] + 1]
+        while neighbours.get(walk[-1]):
+            tail = walk[-1]
+            head = neighbours[tail].pop()
+            neighbours[head].remove(tail)
+            if head in place:
+                walks.append(np.array(walk[place[head]:]))
+                for dropped in walk[place[head] + 1:]:
+                    del place[dropped]
+                walk = walk[:place[head] + 1]
             else:
-                place[there] = len(walk)
-                walk.append(there)
-        beside = {node: others for node, others in beside.items() if others}
-    return found
+                place[head] = len(walk)
+                walk.append(head)
+        neighbours = {node: nodes for node, nodes in neighbours.items() if nodes}
+    return walks
 
 
 def _straightened(loop: np.ndarray, pitch: float) -> np.ndarray:
@@ -154,9 +154,10 @@ def _straightened(loop: np.ndarray, pitch: float) -> np.ndarray:
     loop = np.roll(loop, -start, axis=0)
     closed = np.vstack([loop, loop[:1]])
     opposite = int(np.argmax(np.hypot(*(loop - loop[0]).T)))
-    kept = [0, *_chosen(closed, 0, opposite, MAX_STEP * pitch), opposite,
-            *_chosen(closed, opposite, len(loop), MAX_STEP * pitch)]
-    lines = [_line(closed[first:last + 1]) for first, last in zip(kept, [*kept[1:], len(loop)], strict=True)]
+    corner_places = [0, *_chosen(closed, 0, opposite, MAX_STEP * pitch), opposite,
+                     *_chosen(closed, opposite, len(loop), MAX_STEP * pitch)]
+    lines = [_line(closed[first:end + 1])
+             for first, end in zip(corner_places, [*corner_places[1:], len(loop)], strict=True)]
     merged = [lines[0]]
     for line in lines[1:]:
         if abs(_turn(merged[-1][1], line[1])) < MIN_CORNER_ANGLE:
@@ -167,23 +168,24 @@ def _straightened(loop: np.ndarray, pitch: float) -> np.ndarray:
         merged[0] = _line(np.vstack([merged.pop()[2], merged[0][2]]))
     merged = _without_chamfers(merged, pitch)
     if len(merged) < 3:
-        return closed[kept]
-    return np.array([_crossing(before, line) for before, line in zip([merged[-1], *merged[:-1]], merged, strict=True)])
+        return closed[corner_places]
+    return np.array([_crossing(previous, line)
+                     for previous, line in zip([merged[-1], *merged[:-1]], merged, strict=True)])
 
 
-def _chosen(points: np.ndarray, first: int, last: int, tolerance: float) -> list[int]:
+def _chosen(points: np.ndarray, first: int, end: int, tolerance: float) -> list[int]:
     """Corners between two points by the farthest one (Douglas and Peucker 1973, doi:10.3138/FM57-6770-U75U-7727)."""
-    if last - first < 2:
+    if end - first < 2:
         return []
-    chord = points[last] - points[first]
-    off = points[first + 1:last] - points[first]
+    chord = points[end] - points[first]
+    off = points[first + 1:end] - points[first]
     length = float(np.hypot(*chord))
     distance = np.abs(chord[0] * off[:, 1] - chord[1] * off[:, 0]) / length if length > 0 else np.hypot(*off.T)
     at = int(np.argmax(distance))
     if distance[at] <= tolerance:
         return []
     middle = first + 1 + at
-    return [*_chosen(points, first, middle, tolerance), middle, *_chosen(points, middle, last, tolerance)]
+    return [*_chosen(points, first, middle, tolerance), middle, *_chosen(points, middle, end, tolerance)]
 
 
 def _line(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -192,12 +194,12 @@ def _line(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     Best is the least sum of distances: the few points of a curve at its end do not turn it. The ends are shared with
     the next line and do not count.
     """
-    own = points[1:-1] if len(points) > 4 else points
-    weights = np.ones(len(own))
+    inner = points[1:-1] if len(points) > 4 else points
+    weights = np.ones(len(inner))
     for _ in range(SWEEPS):
-        centre = weights @ own / weights.sum()
-        direction = np.linalg.svd(np.sqrt(weights)[:, None] * (own - centre), full_matrices=False)[2][0]
-        off = np.abs((own - centre) @ [-direction[1], direction[0]])
+        centre = weights @ inner / weights.sum()
+        direction = np.linalg.svd(np.sqrt(weights)[:, None] * (inner - centre), full_matrices=False)[2][0]
+        off = np.abs((inner - centre) @ [-direction[1], direction[0]])
         weights = 1.0 / np.maximum(off, 1e-3 * max(float(off.max()), 1e-12))
     along = points[-1] - points[0]
     return centre, direction if direction @ along >= 0 else -direction, points
@@ -207,10 +209,10 @@ def _without_chamfers(lines: list, pitch: float) -> list:
     """Lines without the short ones that cut a corner of their neighbours, as a grid does with a corner askew to it."""
     k = 0
     while len(lines) > 3 and k < len(lines):
-        before, (centre, _, points), after = lines[k - 1], lines[k], lines[(k + 1) % len(lines)]
+        previous, (centre, _, points), following = lines[k - 1], lines[k], lines[(k + 1) % len(lines)]
         short = np.hypot(*(points[-1] - points[0])) < MAX_CHAMFER * pitch
-        if short and abs(np.sin(_turn(before[1], after[1]))) > 0.5 and (
-                np.hypot(*(_crossing(before, after) - centre)) < MAX_CHAMFER * pitch):
+        if short and abs(np.sin(_turn(previous[1], following[1]))) > 0.5 and (
+                np.hypot(*(_crossing(previous, following) - centre)) < MAX_CHAMFER * pitch):
             lines = lines[:k] + lines[k + 1:]
         else:
             k += 1
@@ -232,17 +234,17 @@ def _grown(corners: np.ndarray, margin: float) -> np.ndarray:
     along = np.roll(corners, -1, axis=0) - corners
     along = along / np.hypot(*along.T)[:, None]
     outward = np.column_stack([along[:, 1], -along[:, 0]])
-    before = np.roll(outward, 1, axis=0)
-    cosine = np.maximum(1.0 + np.sum(before * outward, axis=1), 2.0 / MAX_MITRE**2)
-    return corners + margin * (before + outward) / cosine[:, None]
+    previous_outward = np.roll(outward, 1, axis=0)
+    cosine = np.maximum(1.0 + np.sum(previous_outward * outward, axis=1), 2.0 / MAX_MITRE**2)
+    return corners + margin * (previous_outward + outward) / cosine[:, None]
 
 
 def _hole(loop: np.ndarray, pitch: float, margin: float) -> np.ndarray | None:
     """A hole narrower by the margin: ``[x, y, r]`` of a round one, else corners; None where nothing is left."""
     matrix = np.column_stack([2.0 * loop, np.ones(len(loop))])
-    x, y, rest = np.linalg.lstsq(matrix, np.sum(loop**2, axis=1), rcond=None)[0]
+    x, y, constant = np.linalg.lstsq(matrix, np.sum(loop**2, axis=1), rcond=None)[0]
     radius = np.hypot(*(loop - (x, y)).T)
-    mean = float(np.sqrt(max(rest + x * x + y * y, 0.0)))
+    mean = float(np.sqrt(max(constant + x * x + y * y, 0.0)))
     if np.sqrt(np.mean((radius - mean) ** 2)) < MAX_OUT_OF_ROUND * pitch:
         return np.array([x, y, mean - margin]) if mean > margin else None
     corners = _grown(_straightened(_turned(loop, True), pitch), -margin)

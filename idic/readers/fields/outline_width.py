@@ -13,44 +13,44 @@ SLICES, SLICED = 200, (0.1, 0.9)  # across an outline, for its narrowest width, 
 MIN_NOTCH = 0.7  # radii of a closed gap: how much wider it is a gap beside the narrowest place; less is no notch
 
 
-def width_error(found: PointOutline, pitch: float) -> float:
+def width_error(contour: PointOutline, pitch: float) -> float:
     """Uncertainty of the narrowest width of an outline  # mm
 
     Each edge lies half a distance beyond the outermost points, give or take half a distance. The tip of a notch is
     filled where it is narrower than the gaps that are closed, and the lines of its sides meet deeper than its round:
     it is known to the radius of such a gap.
     """
-    along, gap = _loaded_axis(found, pitch), MAX_CIRCUMRADIUS * pitch
-    at = int(np.argmin(_widths(found, along)))
-    widths = _widths(replace(found, holes=()), along)  # a hole is a circle through many points
-    beside = np.clip(at + np.array([-1, 1]) * _slices_of(found, along, 2.0 * gap), 0, SLICES - 1)
-    return 2.0 * gap if (widths[beside] - widths[at]).min() > MIN_NOTCH * gap else pitch
+    along, gap = _loaded_axis(contour, pitch), MAX_CIRCUMRADIUS * pitch
+    at = int(np.argmin(_widths(contour, along)))
+    widths = _widths(replace(contour, holes=()), along)  # a hole is a circle through many points
+    neighbours = np.clip(at + np.array([-1, 1]) * _slices_of(contour, along, 2.0 * gap), 0, SLICES - 1)
+    return 2.0 * gap if (widths[neighbours] - widths[at]).min() > MIN_NOTCH * gap else pitch
 
 
-def narrowest(found: PointOutline, pitch: float) -> float:
+def narrowest(contour: PointOutline, pitch: float) -> float:
     """The smallest width across the loaded axis, holes left out, between a tenth of the length from both ends  # mm"""
-    return float(_widths(found, _loaded_axis(found, pitch)).min())
+    return float(_widths(contour, _loaded_axis(contour, pitch)).min())
 
 
-def _loaded_axis(found: PointOutline, pitch: float) -> int:
+def _loaded_axis(contour: PointOutline, pitch: float) -> int:
     """Between the loaded ends: not through notched sides, else the longer one."""
-    a, b = found.outline, np.roll(found.outline, -1, axis=0)
+    a, b = contour.outline, np.roll(contour.outline, -1, axis=0)
     edges = (a[:, None] + np.linspace(0.0, 1.0, SLICES)[:, None] * (b - a)[:, None]).reshape(-1, 2)
     notched = notched_axis(edges, pitch)
-    return int(np.argmax(np.ptp(found.outline, axis=0))) if notched is None else 1 - notched
+    return int(np.argmax(np.ptp(contour.outline, axis=0))) if notched is None else 1 - notched
 
 
-def _widths(found: PointOutline, along: int) -> np.ndarray:
+def _widths(contour: PointOutline, along: int) -> np.ndarray:
     """Widths across an axis  # (SLICES,) mm"""
-    low, extent = found.outline.min(axis=0), np.ptp(found.outline, axis=0)
-    loops = [found.outline, *(_circle(hole) if hole.ndim == 1 else hole for hole in found.holes)]
+    low, extent = contour.outline.min(axis=0), np.ptp(contour.outline, axis=0)
+    loops = [contour.outline, *(_circle(hole) if hole.ndim == 1 else hole for hole in contour.holes)]
     return np.array([sum(_width(loop, along, at) * (1.0 if k == 0 else -1.0) for k, loop in enumerate(loops))
                      for at in low[along] + extent[along] * np.linspace(*SLICED, SLICES)])
 
 
-def _slices_of(found: PointOutline, along: int, length: float) -> int:
+def _slices_of(contour: PointOutline, along: int, length: float) -> int:
     """How many slices are a length apart."""
-    return int(np.ceil(length * (SLICES - 1) / (np.ptp(found.outline[:, along]) * (SLICED[1] - SLICED[0]))))
+    return int(np.ceil(length * (SLICES - 1) / (np.ptp(contour.outline[:, along]) * (SLICED[1] - SLICED[0]))))
 
 
 def _circle(hole: np.ndarray) -> np.ndarray:
@@ -87,5 +87,5 @@ def _recess(across: np.ndarray, along: np.ndarray, pitch: float) -> float:
     lowest = np.full(place.max() + 1, np.inf)
     np.minimum.at(lowest, place, across)
     lowest = lowest[np.isfinite(lowest)]
-    before, after = np.minimum.accumulate(lowest), np.minimum.accumulate(lowest[::-1])[::-1]
-    return float((lowest - np.maximum(before, after)).max())
+    from_start, from_end = np.minimum.accumulate(lowest), np.minimum.accumulate(lowest[::-1])[::-1]
+    return float((lowest - np.maximum(from_start, from_end)).max())

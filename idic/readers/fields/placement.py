@@ -51,14 +51,14 @@ class Edges:
             centres.append(np.repeat(nodes[corners].mean(axis=1), corners.shape[1], axis=0))
         every, centre = np.concatenate(ends), np.concatenate(centres)
         _, first, count = np.unique(np.sort(every, axis=1), axis=0, return_index=True, return_counts=True)
-        own = first[count == 1]
-        start, along = nodes[every[own, 0]], nodes[every[own, 1]] - nodes[every[own, 0]]
+        outer = first[count == 1]
+        start, along = nodes[every[outer, 0]], nodes[every[outer, 1]] - nodes[every[outer, 0]]
         normal = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
-        inside = np.sum(normal * (centre[own] - start), axis=1) > 0
+        inside = np.sum(normal * (centre[outer] - start), axis=1) > 0
         return cls(start, along, np.where(inside[:, None], normal, -normal))
 
     def sampled(self, step: float) -> tuple[np.ndarray, np.ndarray]:
-        """Points on the edges `step` apart, and the edge of each  # (m, 2), (m,)"""
+        """Points on the edges `step` distance, and the edge of each  # (m, 2), (m,)"""
         counts = np.maximum(np.ceil(np.hypot(*self.along.T) / step).astype(int), 1)
         edge = np.repeat(np.arange(len(counts)), counts)
         place = (np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts) + 0.5) / counts[edge]
@@ -82,15 +82,15 @@ class Placement:
 
 
 def fitted_placement(edges: Edges, points: np.ndarray, loops: Sequence[np.ndarray], pitch: float,
-                     near: Placement) -> tuple[Placement, list[Placement]]:
-    """The placement that is nearest to `near` among those that fit best, and the others that fit alike.
+                     guess: Placement) -> tuple[Placement, list[Placement]]:
+    """The placement that is nearest to `guess` among those that fit best, and the others that fit alike.
 
     Parameters
     ----------
     edges : of the mesh, in its axes
     points : all of them, (n, 2) mm; loops : boundary loops of them, (m, 2) mm, the outer one first; pitch : distance of
     neighbours
-    near : its origin NaN: nearest is the one with the smallest turn from its angle
+    guess : its origin NaN: nearest is the one with the smallest turn from its angle
 
     Raises
     ------
@@ -102,34 +102,37 @@ def fitted_placement(edges: Edges, points: np.ndarray, loops: Sequence[np.ndarra
     coarse = fit.thinned()
     rough = coarse.distinct([coarse.refined(start, (WIDE,)) for start in _starts(edges, loops)])
     refined = fit.distinct([fit.refined(start, (WIDE, NARROW)) for start in rough[:MAX_REFINED]])
-    whole = replace(fit, points=points)
-    found = [one for one in refined if np.mean(whole.distances(one)[0] < -pitch) < MAX_OUTSIDE]
-    strange_holes = [sum(replace(fit, points=hole).off(one) for hole in loops[1:]) for one in found]
-    found = [one for one, number in zip(found, strange_holes, strict=True) if number == min(strange_holes)]
-    best = (found or refined)[0]
-    if not found or best.on_edges < MIN_ON_EDGES:
+    fit_of_all = replace(fit, points=points)
+    accepted = [placement for placement in refined
+                if np.mean(fit_of_all.distances(placement)[0] < -pitch) < MAX_OUTSIDE]
+    strange_holes = [sum(replace(fit, points=hole).off(placement) for hole in loops[1:]) for placement in accepted]
+    accepted = [placement for placement, number in zip(accepted, strange_holes, strict=True)
+                if number == min(strange_holes)]
+    best = (accepted or refined)[0]
+    if not accepted or best.on_edges < MIN_ON_EDGES:
         raise InputError("the outline of the points does not lie along the edges of the mesh", key="camera.placement",
                          expected=f"{100 * MIN_ON_EDGES:.0f} % of it or more within {NARROW:g} distances of points, "
                                   f"and no point outside the mesh", found=f"{100 * best.on_edges:.0f} % in the best "
                                                                           "placement",
                          remedy="check the mesh and its unit, or place it: origin_mm, axes, rotation_deg")
     fit.check_held(best)
-    alike = [one for one in found if one.cost < MAX_COST_RATIO * best.cost + (0.1 * pitch) ** 2]
-    if np.isfinite(near.origin).all():
-        alike.sort(key=lambda one: fit.apart(one, near))
+    alike = [placement for placement in accepted if placement.cost < MAX_COST_RATIO * best.cost + (0.1 * pitch) ** 2]
+    if np.isfinite(guess.origin).all():
+        alike.sort(key=lambda placement: fit.distance(placement, guess))
         return alike[0], []
-    strange = [one for one in alike[1:] if not fit.symmetric(best, one)]
+    strange = [placement for placement in alike[1:] if not fit.symmetric(best, placement)]
     if strange:
         raise InputError("the mesh fits the points in several ways", key="camera.placement",
                          expected="one placement, or several that are equal by symmetry of the mesh",
-                         found="; ".join(_words(one) for one in (best, *strange)),
+                         found="; ".join(_words(placement) for placement in (best, *strange)),
                          remedy="select one: give its origin_mm and rotation_deg next to placement")
-    alike.sort(key=lambda one: abs(_half_turns(one.angle - near.angle)))
+    alike.sort(key=lambda placement: abs(_half_turns(placement.angle - guess.angle)))
     return alike[0], alike[1:]
 
 
-def _words(one: Placement) -> str:
-    return f"origin [{one.origin[0]:.3g}, {one.origin[1]:.3g}] mm turned by {np.degrees(_half_turns(one.angle)):.2f}°"
+def _words(placement: Placement) -> str:
+    x, y = placement.origin
+    return f"origin [{x:.3g}, {y:.3g}] mm turned by {np.degrees(_half_turns(placement.angle)):.2f}°"
 
 
 def _half_turns(angle: float) -> float:
@@ -148,13 +151,13 @@ def _starts(edges: Edges, loops: Sequence[np.ndarray]) -> Iterator[Placement]:
     holes = [(hole.mean(axis=0), place) for hole in loops[1:] for place in _hole_centres(edges)]
     for angle in 2.0 * np.pi * np.arange(N_TURNS) / N_TURNS:
         turn = _rotation(angle)
-        seen = loops[0] @ turn  # in axes parallel to those of the mesh
-        first, last = seen.min(axis=0) - low, seen.max(axis=0) - high
-        middle = 0.5 * (first + last)
-        for x, y in ((middle, middle), (first, middle), (last, middle), (middle, first), (middle, last)):
+        turned_loop = loops[0] @ turn  # in axes parallel to those of the mesh
+        first, at_end = turned_loop.min(axis=0) - low, turned_loop.max(axis=0) - high
+        middle = 0.5 * (first + at_end)
+        for x, y in ((middle, middle), (first, middle), (at_end, middle), (middle, first), (middle, at_end)):
             yield Placement(turn @ [x[0], y[1]], float(angle), 0.0)
-        for at, own in holes:
-            yield Placement(at - turn @ own, float(angle), 0.0)
+        for at, mesh_centre in holes:
+            yield Placement(at - turn @ mesh_centre, float(angle), 0.0)
 
 
 def _hole_centres(edges: Edges) -> list[np.ndarray]:
@@ -249,24 +252,25 @@ class _Fit:
 
     def distinct(self, placements: Sequence[Placement]) -> list[Placement]:
         """Without repetitions, the best one first."""
-        found: list[Placement] = []
-        for one in sorted(placements, key=lambda one: one.cost):
-            if not any(self.apart(one, other) < SAME * self.pitch for other in found):
-                found.append(one)
-        return found
+        unique: list[Placement] = []
+        for placement in sorted(placements, key=lambda placement: placement.cost):
+            if not any(self.distance(placement, earlier) < SAME * self.pitch for earlier in unique):
+                unique.append(placement)
+        return unique
 
     def off(self, placement: Placement) -> bool:
         """Whether most of the points are beside the edges."""
         return bool(np.median(np.abs(self.distances(placement)[0] - placement.margin)) > NARROW * self.pitch)
 
-    def apart(self, one: Placement, other: Placement) -> float:
+    def distance(self, first: Placement, second: Placement) -> float:
         """rms distance of the outline in two placements, mm"""
-        return float(np.sqrt(np.mean(np.sum((one.into_mesh(self.points) - other.into_mesh(self.points)) ** 2, axis=1))))
+        return float(np.sqrt(np.mean(np.sum((first.into_mesh(self.points) - second.into_mesh(self.points)) ** 2,
+                                            axis=1))))
 
-    def symmetric(self, one: Placement, other: Placement) -> bool:
+    def symmetric(self, first: Placement, second: Placement) -> bool:
         """Whether the mesh lies on itself when it is moved from one placement to the other."""
-        samples = self.tree.data @ _rotation(one.angle).T + one.origin
-        gap = self.tree.query(other.into_mesh(samples))[0]
+        samples = self.tree.data @ _rotation(first.angle).T + first.origin
+        gap = self.tree.query(second.into_mesh(samples))[0]
         return bool(np.sqrt(np.mean(gap**2)) < MAX_SYMMETRY_GAP * self.pitch)
 
     @property

@@ -53,15 +53,15 @@ def out_of_plane(points: np.ndarray, rise: np.ndarray) -> OutOfPlane | None:
 
     points : (n, 2) mm; rise : (n,) mm, NaN where not measured
     """
-    known = np.isfinite(rise)
-    if known.sum() < 12:
+    measured = np.isfinite(rise)
+    if measured.sum() < 12:
         return None
-    x, y = (points[known] - points[known].mean(axis=0)).T
+    x, y = (points[measured] - points[measured].mean(axis=0)).T
     size = max(np.ptp(x), np.ptp(y))
     x, y = x / size, y / size
-    c = np.linalg.lstsq(np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y]), rise[known], rcond=None)[0]
+    c = np.linalg.lstsq(np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y]), rise[measured], rcond=None)[0]
     bend = np.linalg.eigvalsh([[2 * c[3], c[4]], [c[4], 2 * c[5]]])
-    return OutOfPlane(float(np.sqrt(np.mean(rise[known] ** 2))), (c[1] / size, c[2] / size),
+    return OutOfPlane(float(np.sqrt(np.mean(rise[measured] ** 2))), (c[1] / size, c[2] / size),
                       float(np.abs(bend).max() / size**2))
 
 
@@ -76,14 +76,14 @@ def largest_change(positions: np.ndarray, moved: np.ndarray, half_mm: float) -> 
     positions : (n, 2) mm; moved : (n, 2) mm in the plane, NaN where not measured
     """
     rise = half_mm * (1.0 / area_ratio(positions, moved, neighbours(positions)) - 1.0)
-    known = np.isfinite(rise)
+    measured = np.isfinite(rise)
     degree = powers(BENDING_DEGREE)
-    if known.sum() <= 2 * len(degree):
+    if measured.sum() <= 2 * len(degree):
         return 0.0
-    x, y = (positions[known] - positions[known].mean(axis=0)).T / np.ptp(positions, axis=0).max()
+    x, y = (positions[measured] - positions[measured].mean(axis=0)).T / np.ptp(positions, axis=0).max()
     bent = np.column_stack([x**i * y**j for i, j in degree])
-    left = rise[known] - bent @ np.linalg.lstsq(bent, rise[known], rcond=None)[0]
-    return float(np.sqrt(np.mean(left**2)))
+    residual = rise[measured] - bent @ np.linalg.lstsq(bent, rise[measured], rcond=None)[0]
+    return float(np.sqrt(np.mean(residual**2)))
 
 
 def neighbours(positions: np.ndarray) -> np.ndarray:
@@ -91,15 +91,16 @@ def neighbours(positions: np.ndarray) -> np.ndarray:
     return scipy.spatial.cKDTree(positions).query(positions, k=min(NEIGHBOURS, len(positions)))[1]
 
 
-def area_ratio(positions: np.ndarray, moved: np.ndarray, near: np.ndarray) -> np.ndarray:
+def area_ratio(positions: np.ndarray, moved: np.ndarray, around: np.ndarray) -> np.ndarray:
     """det F of the motion of the neighbours of every point, NaN where too few are measured  # (n,)"""
-    known = np.isfinite(moved).all(axis=1)[near]
-    n = np.maximum(known.sum(axis=1), 1)
-    x, u = (np.where(known[:, :, None], values[near], 0.0) for values in (positions, moved))
-    x, u = (np.where(known[:, :, None], values - (values.sum(axis=1) / n[:, None])[:, None], 0.0) for values in (x, u))
+    measured = np.isfinite(moved).all(axis=1)[around]
+    n = np.maximum(measured.sum(axis=1), 1)
+    x, u = (np.where(measured[:, :, None], values[around], 0.0) for values in (positions, moved))
+    x, u = (np.where(measured[:, :, None], values - (values.sum(axis=1) / n[:, None])[:, None], 0.0)
+            for values in (x, u))
     spread, product = np.einsum("nki,nkj->nij", x, x), np.einsum("nki,nkj->nij", u, x)
-    enough = (known.sum(axis=1) >= MIN_NEIGHBOURS) & (np.linalg.det(spread) > 1e-6 * np.trace(spread, axis1=1,
+    determined = (measured.sum(axis=1) >= MIN_NEIGHBOURS) & (np.linalg.det(spread) > 1e-6 * np.trace(spread, axis1=1,
                                                                                                axis2=2) ** 2)
     ratio = np.full(len(positions), np.nan)
-    ratio[enough] = np.linalg.det(np.eye(2) + product[enough] @ np.linalg.inv(spread[enough]))
+    ratio[determined] = np.linalg.det(np.eye(2) + product[determined] @ np.linalg.inv(spread[determined]))
     return ratio

@@ -75,9 +75,9 @@ class FieldSeries:
     def labels(self) -> tuple[str, ...]:
         return tuple(entry.label for entry in self.entries)
 
-    def only(self, kept: Sequence[int]) -> FieldSeries:
+    def only(self, numbers: Sequence[int]) -> FieldSeries:
         """Some of the stages."""
-        return replace(self, entries=tuple(self.entries[k] for k in kept))
+        return replace(self, entries=tuple(self.entries[k] for k in numbers))
 
     def stage(self, k: int) -> Stage:
         """The points of a stage, lengths in mm.
@@ -116,10 +116,10 @@ class FieldSeries:
             self._complete(timed, "time")
             columns["time_s"] = "", [float(entry.time_s) for entry in self.entries]  # type: ignore[arg-type]
         for name in names:
-            given = [{n: (value, unit) for n, value, unit in entry.analog}.get(name) for entry in self.entries]
-            self._complete([value is not None for value in given], name)
-            self._one_unit([value[1] for value in given], name)  # type: ignore[index]
-            columns[name] = given[0][1] or "", [value[0] for value in given]  # type: ignore[index]
+            readings = [{n: (value, unit) for n, value, unit in entry.analog}.get(name) for entry in self.entries]
+            self._complete([value is not None for value in readings], name)
+            self._one_unit([value[1] for value in readings], name)  # type: ignore[index]
+            columns[name] = readings[0][1] or "", [value[0] for value in readings]  # type: ignore[index]
         if not columns:
             return None
         rows = tuple(tuple(repr(values[k]) for _, values in columns.values()) for k in range(len(self.entries)))
@@ -127,18 +127,19 @@ class FieldSeries:
                       tuple(range(1, len(rows) + 1)), ())
         return Log(self.entries[0].path.parent, table, ".", of_stages=True)
 
-    def _complete(self, given: Sequence[bool], name: str) -> None:
-        if not all(given):
-            entry = self.entries[given.index(False)]
+    def _complete(self, has_value: Sequence[bool], name: str) -> None:
+        if not all(has_value):
+            entry = self.entries[has_value.index(False)]
             raise InputError("a channel is missing in some stages", file=entry.path, key=name,
-                             expected=f"{name} in all {len(given)} stages", found=f"{given.count(False)} without it",
+                             expected=f"{name} in all {len(has_value)} stages",
+                             found=f"{has_value.count(False)} without it",
                              remedy="export it with every stage, or remove these stages from the pattern")
 
     def _one_unit(self, units: Sequence[str | None], name: str) -> None:
-        other = next((k for k, unit in enumerate(units) if unit != units[0]), None)
-        if other is not None:
-            raise InputError("a channel changes its unit between stages", file=self.entries[other].path, key=name,
-                             expected=units[0] or "no unit, as in the first stage", found=units[other] or "no unit",
+        odd_stage = next((k for k, unit in enumerate(units) if unit != units[0]), None)
+        if odd_stage is not None:
+            raise InputError("a channel changes its unit between stages", file=self.entries[odd_stage].path, key=name,
+                             expected=units[0] or "no unit, as in the first stage", found=units[odd_stage] or "no unit",
                              remedy="export all stages with the same units")
 
 
@@ -156,11 +157,11 @@ def open_fields(paths: Sequence[Path], format: str = "auto", unit: str | None = 
     InputError
         A file is none of the formats, or the fields are in px and no pixel size is given.
     """
-    found = detected(paths[0]) if format == "auto" else format
-    entries = [entry for path in paths for entry in _entries(path, found)]
-    first = _read(entries[0].path, found)[entries[0].number]
+    file_format = detected(paths[0]) if format == "auto" else format
+    entries = [entry for path in paths for entry in _entries(path, file_format)]
+    first = _read(entries[0].path, file_format)[entries[0].number]
     assumed = first.unit_assumed and unit is None
-    stated, unit = first.unit, unit or first.unit
+    file_unit, unit = first.unit, unit or first.unit
     if unit == "px":
         if pixel_size_mm is None:
             raise InputError("fields in px without a scale", file=paths[0], key="camera.pixel_size_mm",
@@ -169,7 +170,7 @@ def open_fields(paths: Sequence[Path], format: str = "auto", unit: str | None = 
         factor = pixel_size_mm
     else:
         factor = factor_between(unit, "mm", file=paths[0], key="experiment.fields_unit")
-    return FieldSeries(tuple(entries), found, factor, stated, first.columns, assumed,
+    return FieldSeries(tuple(entries), file_format, factor, file_unit, first.columns, assumed,
                        first.unit_assumed and unit == "px")
 
 
@@ -186,9 +187,9 @@ def detected(path: Path) -> str:
     InputError
         It is none of them.
     """
-    if (known := _BY_SUFFIX.get(path.suffix.lower())) is not None:
-        _read(path, known)
-        return known
+    if (format_name := _BY_SUFFIX.get(path.suffix.lower())) is not None:
+        _read(path, format_name)
+        return format_name
     if is_aramis(stage_text(path)):
         return ARAMIS
     from idic.readers.fields.column_tables import find_columns
@@ -213,8 +214,8 @@ def _entries(path: Path, format: str) -> list[FieldEntry]:
     if format == VTU:
         return [FieldEntry(path, path.name, None, None, ())]
     stages = _read(path, format)
-    alone = len(stages) == 1
-    return [FieldEntry(path, path.name if alone else f"{path.name}[{number:g}]", number, stage.time_s, ())
+    is_single = len(stages) == 1
+    return [FieldEntry(path, path.name if is_single else f"{path.name}[{number:g}]", number, stage.time_s, ())
             for number, stage in stages.items()]
 
 
@@ -275,8 +276,8 @@ class MeasuredPoints:
     def moved(self, stage: Stage) -> np.ndarray:
         """Displacement along the axes of the plane since the reference, NaN where not measured  # (n, 2 | 3) mm"""
         place = self.found_in(stage)
-        now = stage.points if stage.displacement is None else stage.displacement
-        moved = np.where((place >= 0)[:, None], now[place], np.nan) - self.start
+        values = stage.points if stage.displacement is None else stage.displacement
+        moved = np.where((place >= 0)[:, None], values[place], np.nan) - self.start
         return moved if self.plane is None else moved @ self.plane.axes.T
 
 
@@ -299,12 +300,13 @@ def measured_points(series: FieldSeries, references: Sequence[int]) -> MeasuredP
     pitch = float(np.median(scipy.spatial.cKDTree(first.points).query(first.points, k=2)[0][:, 1]))
     raw = MeasuredPoints(first.points, pitch, first.ids, first.points, None, np.zeros_like(first.points))
     start = np.mean([raw.moved(stage) for stage in stages], axis=0)
-    known = np.isfinite(start).all(axis=1)
-    if known.sum() < max(MIN_POINTS, 0.5 * n):
+    measured = np.isfinite(start).all(axis=1)
+    if measured.sum() < max(MIN_POINTS, 0.5 * n):
         raise InputError("the reference stages show different points", file=series.entries[references[0]].path,
                          key="experiment.reference", expected="stages of one specimen at rest",
-                         found=f"{int(known.sum())} of {n} points in all of them", remedy="name fewer reference stages")
-    points, start = first.points[known], start[known]
+                         found=f"{int(measured.sum())} of {n} points in all of them",
+                         remedy="name fewer reference stages")
+    points, start = first.points[measured], start[measured]
     positions = start if first.displacement is None else points + start
     spread = np.linalg.svd(positions - positions.mean(axis=0), compute_uv=False) / np.sqrt(len(points))
     if spread[1] < _MIN_WIDTH * pitch:
@@ -314,7 +316,7 @@ def measured_points(series: FieldSeries, references: Sequence[int]) -> MeasuredP
     plane = mean_plane(positions) if positions.shape[1] == 3 else None
     middle = positions.mean(axis=0)  # where it was: a turn about the origin of the cameras would shift a drawn outline
     flat = positions if plane is None else middle + (positions - middle) @ plane.axes.T
-    return MeasuredPoints(flat[:, :2], pitch, None if first.ids is None else first.ids[known], points, plane, start,
+    return MeasuredPoints(flat[:, :2], pitch, None if first.ids is None else first.ids[measured], points, plane, start,
                           None if plane is None else flat[:, 2] - flat[:, 2].mean())
 
 
@@ -359,18 +361,18 @@ class FieldStack:
             The stage shows other points, or points that have moved by more than the specimen is long.
         """
         moved = self.points.moved(self.series.stage(k))
-        known = np.isfinite(moved).all(axis=1)
+        measured = np.isfinite(moved).all(axis=1)
         path = self.entries[k].path
         if shared_part(moved) < MIN_SHARED_PART:
             raise InputError("a stage shows other points than the reference", file=path, key=KEY,
                              expected=f"the {len(moved)} points of the reference stage, or most of them",
-                             found=f"{int(known.sum())} of them",
+                             found=f"{int(measured.sum())} of them",
                              remedy="remove stages of other specimens, and those after the break, from the pattern")
         size = float(np.ptp(self.points.positions, axis=0).max())
-        if np.abs(np.median(moved[known], axis=0)).max() > size:
+        if np.abs(np.median(moved[measured], axis=0)).max() > size:
             raise InputError("the points of a stage are far from those of the reference", file=path, key=KEY,
                              expected=f"displacements below the length of the specimen, {size:.3g} mm",
-                             found=f"{np.abs(np.median(moved[known], axis=0)).max():.3g} mm",
+                             found=f"{np.abs(np.median(moved[measured], axis=0)).max():.3g} mm",
                              remedy="remove stages of other specimens from the pattern")
         c = self.n_components
         if self.flattening is not None:

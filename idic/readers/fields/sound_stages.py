@@ -66,16 +66,16 @@ def check_stages(stack: FieldStack, frames: Sequence[int]) -> None:
         k, size = jump
         raise _other_specimen(stack, frames[k], "a mean strain near that of the stages before and after it",
                               f"one that is off by {size:.2g} in this stage alone")
-    other = pattern.other_pattern(np.array(strains))
-    if other is not None:
-        k, size = other
+    odd_stage = pattern.other_pattern(np.array(strains))
+    if odd_stage is not None:
+        k, size = odd_stage
         raise _other_specimen(stack, frames[k], "points that move relative to their neighbours by noise, as between "
                               "other stages", f"{size:.2g} times that, all over the field")
 
 
-def _other_specimen(stack: FieldStack, k: int, expected: str, found: str) -> InputError:
+def _other_specimen(stack: FieldStack, k: int, expected: str, finding: str) -> InputError:
     return InputError("a stage of another specimen, or of a broken one", file=stack.entries[k].path, key=KEY,
-                      expected=expected, found=found,
+                      expected=expected, found=finding,
                       remedy="remove stages of other specimens, and those after the break, from the pattern")
 
 
@@ -92,14 +92,15 @@ def _check_places(stack: FieldStack, k: int) -> None:
     if stage.displacement is None:
         return
     at = points.found_in(stage)
-    there = at >= 0
-    beside = np.linalg.norm(stage.points[at[there]] - points.keys[there], axis=1) > MAX_OTHER_PLACE * points.pitch
-    other = float(beside.mean()) if there.any() else 1.0
+    shared = at >= 0
+    is_displaced = np.linalg.norm(stage.points[at[shared]] - points.keys[shared],
+                                  axis=1) > MAX_OTHER_PLACE * points.pitch
+    other_part = float(is_displaced.mean()) if shared.any() else 1.0
     if points.ids is None:
-        other = max(other, 1.0 - there.sum() / len(stage.points))
-    if other > MAX_OTHER_PART:
+        other_part = max(other_part, 1.0 - shared.sum() / len(stage.points))
+    if other_part > MAX_OTHER_PART:
         raise _other_specimen(stack, k, "points at the reference coordinates of the reference stage",
-                              f"{100 * other:.0f} % of them at others")
+                              f"{100 * other_part:.0f} % of them at others")
 
 
 def _jump(strains: np.ndarray) -> tuple[int, float] | None:
@@ -112,11 +113,11 @@ def _jump(strains: np.ndarray) -> tuple[int, float] | None:
         return None
     sizes = np.append(np.minimum(steps[:-1], steps[1:]), steps[-1])  # of the stages after the first
     k = int(np.argmax(sizes)) + 1
-    size, last = float(sizes[k - 1]), k == len(steps)
-    others = np.delete(steps, [k - 1] if last else [k - 1, k])
-    if size < MIN_JUMP_STRAIN or len(others) < MIN_OTHER_STEPS or others.max() > MAX_OTHER_STEP * size:
+    size, is_last = float(sizes[k - 1]), k == len(steps)
+    other_steps = np.delete(steps, [k - 1] if is_last else [k - 1, k])
+    if size < MIN_JUMP_STRAIN or len(other_steps) < MIN_OTHER_STEPS or other_steps.max() > MAX_OTHER_STEP * size:
         return None
-    returns = last or np.linalg.norm(strains[k + 1] - strains[k - 1]) < MAX_OTHER_STEP * size
+    returns = is_last or np.linalg.norm(strains[k + 1] - strains[k - 1]) < MAX_OTHER_STEP * size
     return (k, size) if returns else None
 
 
@@ -136,17 +137,17 @@ class _End:
 
     @classmethod
     def of(cls, stack: FieldStack, k: int) -> _End:
-        here = stack.points.found_in(stack.series.stage(k)) >= 0
-        there = np.flatnonzero(here)
-        missing = len(here) - 1 - int(there[-1]) if len(there) else len(here)
-        ends = stack.points.positions[[-1 - missing, -missing]] if 0 < missing < len(here) else np.zeros((2, 0))
+        is_shown = stack.points.found_in(stack.series.stage(k)) >= 0
+        shown_numbers = np.flatnonzero(is_shown)
+        missing = len(is_shown) - 1 - int(shown_numbers[-1]) if len(shown_numbers) else len(is_shown)
+        ends = stack.points.positions[[-1 - missing, -missing]] if 0 < missing < len(is_shown) else np.zeros((2, 0))
         in_line = bool(ends.size) and float(np.linalg.norm(ends[1] - ends[0])) < MAX_NEIGHBOUR * stack.points.pitch
-        return cls(missing, int((~here).sum()) - missing, len(here), in_line)
+        return cls(missing, int((~is_shown).sum()) - missing, len(is_shown), in_line)
 
-    def is_cut_after(self, before: _End) -> bool:
+    def is_cut_after(self, previous: _End) -> bool:
         """Whether the rows end within a line, where those above are as complete as in the stage before."""
-        return (self.in_line and self.missing - before.missing > MIN_CUT_PART * self.n
-                and self.lost <= before.lost + MAX_LOST_PART * self.n)
+        return (self.in_line and self.missing - previous.missing > MIN_CUT_PART * self.n
+                and self.lost <= previous.lost + MAX_LOST_PART * self.n)
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,8 +172,8 @@ class _Middles:
 
     def torn_part(self, moved_um: np.ndarray) -> float:
         """Part of these points that are not between the others any more  # moved_um (n, 2)"""
-        now = self.positions + moved_um / self.pitch_um
-        away = np.linalg.norm(now[self.point] - now[self.around].mean(axis=1), axis=1)
+        places = self.positions + moved_um / self.pitch_um
+        away = np.linalg.norm(places[self.point] - places[self.around].mean(axis=1), axis=1)
         away = away[np.isfinite(away)]
         return float((away > MIN_TORN_PITCH).mean()) if len(away) else 0.0
 

@@ -113,7 +113,7 @@ def _row(line: str, n_columns: int, separator: str, path: Path, number: int) -> 
                          expected=f"{n_columns} numbers", found=line[:80], remedy="export the stage again") from None
 
 
-def _cut_off(path: Path, number: int, expected: int, found: int) -> InputError:
+def _cut_off(path: Path, number: int, expected: int, n_cells: int) -> InputError:
     return InputError("a row of a stage has another number of cells than its header", file=path,
-                      key=f"line {number}", expected=f"{expected} cells", found=f"{found}",
+                      key=f"line {number}", expected=f"{expected} cells", found=f"{n_cells}",
                       remedy="the file may be half written: export the stage again, or remove it from the pattern")

@@ -28,8 +28,8 @@ def read_vtu(path: Path) -> Stage:
     except (Exception, SystemExit) as problem:  # noqa: BLE001  (meshio raises all kinds, and exits)
         raise InputError("not a readable VTU file", file=path, key=KEY, expected="points with a displacement",
                          found=str(problem) or type(problem).__name__, remedy="export the stage again") from None
-    found = {name.lower(): np.asarray(values, float) for name, values in mesh.point_data.items()}
-    values = next((found[name] for name in _NAMES if name in found), None)
+    point_data = {name.lower(): np.asarray(values, float) for name, values in mesh.point_data.items()}
+    values = next((point_data[name] for name in _NAMES if name in point_data), None)
     if values is None or values.ndim != 2 or values.shape[1] not in (2, 3):
         raise InputError("a stage without displacements", file=path, key=KEY,
                          expected=f"point data named {', '.join(_NAMES)}", found=", ".join(mesh.point_data) or "none",

@@ -105,20 +105,21 @@ def frames_of(images: Any, with_gaps: bool = False) -> ArrayFrames | FileStack:
     """
     if isinstance(images, (str, os.PathLike)):
         return open_stack(_files(images), file="idic.Experiment", key=KEY, with_gaps=with_gaps)
-    if isinstance(images, Sequence) and images and all(isinstance(one, (str, os.PathLike)) for one in images):
-        return open_stack([file for one in images for file in _files(one)], file="idic.Experiment", key=KEY,
+    if isinstance(images, Sequence) and images and all(isinstance(entry, (str, os.PathLike)) for entry in images):
+        return open_stack([file for entry in images for file in _files(entry)], file="idic.Experiment", key=KEY,
                           with_gaps=with_gaps)
     return ArrayFrames(images, with_gaps)
 
 
 def _files(path: str | os.PathLike) -> list[Path]:
     """The files that a path or pattern names, a folder all of its own."""
-    found = Path(path)
-    if found.is_file():
-        return [found]
-    start, rest = (found, "*") if found.is_dir() else existing_start(Path(found.anchor), found.relative_to(
-        found.anchor).parts)
-    pattern = os.path.join(glob.escape(str(start)), rest) if start.parts else rest
+    named_path = Path(path)
+    if named_path.is_file():
+        return [named_path]
+    start, tail = (named_path, "*") if named_path.is_dir() else existing_start(Path(named_path.anchor),
+                                                                               named_path.relative_to(
+        named_path.anchor).parts)
+    pattern = os.path.join(glob.escape(str(start)), tail) if start.parts else tail
     files = [file for file in map(Path, glob.glob(pattern, recursive=True))
              if file.is_file() and not file.name.startswith(".")]
     files = recorded_order(files, Path(os.path.commonpath([file.parent for file in files])) if files else Path())
@@ -143,5 +144,5 @@ def _kinds(images: Any) -> list[tuple[tuple[int, ...], str]]:
     return kinds
 
 
-def _refused(what: str, found: str, remedy: str) -> InputError:
-    return InputError(what, key=KEY, expected=_EXPECTED, found=found, remedy=remedy)
+def _refused(message: str, finding: str, remedy: str) -> InputError:
+    return InputError(message, key=KEY, expected=_EXPECTED, found=finding, remedy=remedy)

@@ -24,8 +24,8 @@ def find_chessboard(image: np.ndarray, grid: tuple[int, int]) -> TargetView | No
         return None
     grey = np.clip((image.astype(np.float32) - low) * (255.0 / (high - low)), 0, 255).astype(np.uint8)
     flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY
-    found, corners = cv2.findChessboardCornersSB(grey, grid, flags)
-    if not found:
+    is_complete, corners = cv2.findChessboardCornersSB(grey, grid, flags)
+    if not is_complete:
         return None
     points = np.asarray(corners, dtype=float).reshape(-1, 2)
     column, row = np.meshgrid(np.arange(grid[0]), np.arange(grid[1]))

@@ -32,17 +32,17 @@ def fit_corners(image: np.ndarray, field: np.ndarray) -> np.ndarray:
                          MAX_HALF_PX))
     reach = int(np.ceil(half))
     dx, dy = (d.ravel() for d in np.meshgrid(np.arange(-reach, reach + 1), np.arange(-reach, reach + 1)))
-    near = dx**2 + dy**2 <= half**2
-    dx, dy = dx[near], dy[near]
+    in_window = dx**2 + dy**2 <= half**2
+    dx, dy = dx[in_window], dy[in_window]
     middle = np.rint(start).astype(int)
     inside = ((middle >= reach) & (middle < np.array(image.shape[::-1]) - reach)).all(axis=1)
-    found = start.copy()
+    refined = start.copy()
     if inside.any():
         grey = image[middle[inside, 1, None] + dy, middle[inside, 0, None] + dx].astype(float)
         offset, good = _fit(grey, dx, dy, start[inside] - middle[inside], along[inside], down[inside])
         chosen = np.flatnonzero(inside)[good]
-        found[chosen] = middle[chosen] + offset[good]
-    return found.reshape(field.shape)
+        refined[chosen] = middle[chosen] + offset[good]
+    return refined.reshape(field.shape)
 
 
 def _fit(grey, dx, dy, offset, along, down):

@@ -35,16 +35,16 @@ def find_dots(image: np.ndarray) -> TargetView | None:
     if not high > low:
         return None
     grey = np.clip((image.astype(np.float32) - low) * (255.0 / (high - low)), 0, 255).astype(np.uint8)
-    best, found = None, None
+    best, best_grid = None, None
     for block in BLOCKS:  # the largest first: a small one finds rings around dots of the other kind
         for dark in (True, False):
             ellipses = _ellipses(grey if dark else 255 - grey, block)
             chosen, index = grid_index(ellipses[:, :2], _rounding(ellipses))
             if len(chosen) >= MIN_DOTS and (best is None or len(chosen) > 1.05 * best):
-                best, found = len(chosen), (ellipses[chosen], index, dark)
-    if found is None:
+                best, best_grid = len(chosen), (ellipses[chosen], index, dark)
+    if best_grid is None:
         return None
-    ellipses, index, dark = found
+    ellipses, index, dark = best_grid
     points, areas, hollow = _centroids(image.astype(float) * (-1.0 if dark else 1.0), ellipses)
     good = np.isfinite(points).all(axis=1)
     index, points, areas, hollow = index[good], points[good], areas[good], hollow[good]
@@ -60,7 +60,7 @@ def _ellipses(grey, block):
     binary = cv2.adaptiveThreshold(grey, 255, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV, size,
                                    255 * CONTRAST_STEP)
     contours, hierarchy = cv2.findContours(binary, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    found = []
+    fits = []
     for contour, (_, _, _, parent) in zip(contours, [] if hierarchy is None else hierarchy[0], strict=True):
         area = cv2.contourArea(contour)
         if parent >= 0 or len(contour) < 8 or area < MIN_AREA_PX:  # with a parent: the border of a hole
@@ -70,8 +70,8 @@ def _ellipses(grey, block):
             continue
         if abs(area / (np.pi / 4 * a * b) - 1.0) > MAX_AREA_MISFIT + 1 / np.sqrt(area):
             continue
-        found.append((x, y, a / 2, b / 2, angle))
-    ellipses = np.array(found).reshape(-1, 5)
+        fits.append((x, y, a / 2, b / 2, angle))
+    ellipses = np.array(fits).reshape(-1, 5)
     if len(ellipses) == 0:
         return ellipses
     areas = ellipses[:, 2] * ellipses[:, 3]
@@ -90,11 +90,11 @@ def _rounding(ellipses):
 def _outermost(ellipses):
     """Without the inner contour of a ring."""
     order = np.argsort(-ellipses[:, 2] * ellipses[:, 3])
-    kept: list[int] = []
+    outer: list[int] = []
     for i in order:
-        if not any(np.hypot(*(ellipses[i, :2] - ellipses[j, :2])) < ellipses[j, 2] for j in kept):
-            kept.append(int(i))
-    return ellipses[sorted(kept)]
+        if not any(np.hypot(*(ellipses[i, :2] - ellipses[j, :2])) < ellipses[j, 2] for j in outer):
+            outer.append(int(i))
+    return ellipses[sorted(outer)]
 
 
 def _centroids(bright, ellipses):
@@ -135,8 +135,8 @@ def _centroids(bright, ellipses):
 
 def _gaps(ellipses):
     """Free distance to the next dot."""
-    distance, other = cKDTree(ellipses[:, :2]).query(ellipses[:, :2], k=2)
-    return np.maximum(distance[:, 1] - ellipses[:, 3] - ellipses[other[:, 1], 3], 1.0)
+    distance, neighbours = cKDTree(ellipses[:, :2]).query(ellipses[:, :2], k=2)
+    return np.maximum(distance[:, 1] - ellipses[:, 3] - ellipses[neighbours[:, 1], 3], 1.0)
 
 
 def _by_markers(index, hollow):

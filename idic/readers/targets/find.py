@@ -53,9 +53,9 @@ def _first_axis_right(view):
     """The grid counted so that its first axis points to the right of the image."""
     if view is None:
         return None
-    last = view.index.max(axis=0)
-    ends = [view.points_px[view.index[:, 0] == i].mean(axis=0) for i in (0, last[0])]
-    return view if ends[1][0] >= ends[0][0] else replace(view, index=last - view.index)
+    largest = view.index.max(axis=0)
+    ends = [view.points_px[view.index[:, 0] == i].mean(axis=0) for i in (0, largest[0])]
+    return view if ends[1][0] >= ends[0][0] else replace(view, index=largest - view.index)
 
 
 def _whole_grid(view, grid):
@@ -83,4 +83,4 @@ def _window(index, grid):
     local = index - place
     local = local[((local >= 0) & (local < grid)).all(axis=1)]
     borders = [((local[:, axis] == end).sum(), grid[1 - axis]) for axis in (0, 1) for end in (0, grid[axis] - 1)]
-    return place if all(n >= MIN_BORDER_FILLED * whole for n, whole in borders) else None
+    return place if all(n >= MIN_BORDER_FILLED * full for n, full in borders) else None

@@ -37,8 +37,8 @@ def grid_index(points_px: np.ndarray, rounding: np.ndarray) -> tuple[np.ndarray,
     for seed in np.atleast_1d(order):
         axes = _axes(points_px, rounding[seed], tree, int(seed))
         if axes is not None:
-            found = _follow(points_px, tree, int(seed), axes)
-            best = found if len(found) > len(best) else best
+            places = _follow(points_px, tree, int(seed), axes)
+            best = places if len(places) > len(best) else best
         if 2 * len(best) > len(points_px):
             break
     if len(best) < 4:
@@ -50,8 +50,8 @@ def grid_index(points_px: np.ndarray, rounding: np.ndarray) -> tuple[np.ndarray,
 
 def _axes(points, rounding, tree, seed):
     """Vectors to the next point along each axis, the first along the columns; None where there are none."""
-    _, near = tree.query(points[seed], k=min(len(points), NEIGHBOURS + 1))
-    vectors = points[near[1:]] - points[seed]
+    _, nearest = tree.query(points[seed], k=min(len(points), NEIGHBOURS + 1))
+    vectors = points[nearest[1:]] - points[seed]
     square = vectors @ rounding.T
     order = np.argsort(np.linalg.norm(square, axis=1))
     first, lengths = vectors[order[0]], np.linalg.norm(square, axis=1)
@@ -71,19 +71,19 @@ def _axes(points, rounding, tree, seed):
 
 def _follow(points, tree, seed, axes):
     """Point number to (i, j), breadth first; every step takes the spacing that it found on."""
-    place, taken = {seed: (0, 0)}, {(0, 0): seed}
+    place, point_at = {seed: (0, 0)}, {(0, 0): seed}
     queue = [(seed, *axes)]
     while queue:
         i, a, b = queue.pop(0)
         for step, vector in (((1, 0), a), ((-1, 0), -a), ((0, 1), b), ((0, -1), -b)):
             target = place[i][0] + step[0], place[i][1] + step[1]
-            if target in taken:
+            if target in point_at:
                 continue
             distance, j = tree.query(points[i] + vector)
             if distance > MAX_MISS * np.linalg.norm(vector) or int(j) in place:
                 continue
             j, moved = int(j), points[j] - points[i]
-            place[j], taken[target] = target, j
+            place[j], point_at[target] = target, j
             queue.append((j, moved * step[0], b) if step[0] else (j, a, moved * step[1]))
     return place
 

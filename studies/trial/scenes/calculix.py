@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError, NotConverged
-from idic.fe import Mesh, Wanted, gathered, inp_text
+from idic.fe import Mesh, ExpectedOutput, gathered, inp_text
 from idic_studies.trial.scenes.scene import Scene
 from idic_studies.trial.scenes.solve import Motion, element_factors, end_dofs, has_memory, true_mesh
 from idic_studies.trial.scenes.specimens import bricks, partners_of
@@ -77,7 +77,8 @@ def _solved(program: str, scene: Scene, mesh: Mesh, share: float) -> Motion:
                                f"time): {done.stdout[-400:]}")
         start = scene.times[0]
         force = f"RIGHT.{scene.along}"
-        wanted = Wanted(mesh.node_labels, 2, scene.times[1:] - start, (force,), mesh.node_sets, scene.geometry.length)
+        wanted = ExpectedOutput(mesh.node_labels, 2, scene.times[1:] - start, (force,), mesh.node_sets,
+                                scene.geometry.length)
         found = gathered("calculix_dat", path, JOB, wanted)
     return Motion(mesh, found.u, (2.0 if scene.solid else THICKNESS_DIVISOR) * found.forces[force])
 
