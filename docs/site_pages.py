@@ -32,7 +32,7 @@ WRAPPED = ".highlight-text pre { white-space: pre-wrap; }"
 PYTHON = {  # title -> modules of the reference
     "From Python objects": ("idic.notebook.experiment", "idic.notebook.identification", "idic.notebook.result",
                             "idic.notebook.estimates"),
-    "From folders": ("idic.experiment_file.load", "idic.run.plain", "idic.run.reporting.write",
+    "From folders": ("idic.experiment_file.load", "idic.run.identify", "idic.run.reporting.write",
                      "idic.run.reporting.export", "idic.run.design"),
     "Experiment and simulation": ("idic.model.experiment", "idic.model.gauges", "idic.model.forward", "idic.parameters",
                                   "idic.images.camera"),

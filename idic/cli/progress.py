@@ -23,7 +23,7 @@ MIN_DONE_SHARE = 0.02  # of a fan-out before its pace means something
 
 
 class ProgressView:
-    """What `idic_flows.identify.Console` calls; the methods have the signatures it expects.
+    """What `idic.run.Console` calls; the methods have the signatures it expects.
 
     stages : what the command does, in its order and in the words of its calls of `stage`; a call whose text begins with
     one of them is numbered; spent_s : by earlier stages

@@ -1,6 +1,7 @@
 from .batch.entries import read_batch
 from .batch.identify import identify_batch
 from .batch.runs import BatchJob, BatchOutcome, identify_whole
+from .batch.starts import with_starts
 from .batch.store import Batch
 from .calibration.run import CalibrationRun, run_calibration
 from .design import PAGE_FILE, write_design
@@ -18,6 +19,7 @@ from .orchestrator import Command, Console, DIRECT, Hooks, Orchestrator
 from .postprocess import has_force
 from .prepared.context import RunContext, correlation_context, open_run
 from .prepared.in_memory import Prepared, prepare_in_memory
+from .prepared.session import Timing
 from .prepared.tasks import CorrelationJob, SimulationJob
 from .reporting.accepted_residual import accepted_residual
 from .reporting.compare import compare_runs, headlines, write_comparison
@@ -51,13 +53,14 @@ __all__ = [
     "BASE", "DIRECT", "FROM_PYTHON", "PAGE_FILE", "PASSWORD", "RESULT_FILE", "STATE_FILE", "Batch", "BatchJob",
     "BatchOutcome", "CalibrationRun", "Command", "Console", "CorrelationJob", "Folders", "FrameArrays", "Hooks",
     "JobKillsWorkers", "Orchestrator", "Points", "PrefectServer", "Prepared", "RunContext", "RunStore", "SecondProcess",
-    "SerialRunner", "SimulationJob", "TaskRunner", "Workplace", "ZarrStack", "accepted_residual", "channels_of",
-    "check_scheduler", "checked_memory_limit", "chosen_tables", "clean_run", "compare_runs", "compiling_meanwhile",
-    "correlation_context", "cpu_seconds", "diagnose_run", "diagnosis_content", "drawing_beside", "empty_folder",
-    "export_fields", "export_laws", "finite", "folders_of", "free_parameters", "group_name", "has_force", "headlines",
-    "identify_batch", "identify_run", "identify_whole", "import_meanwhile", "in_empty_folder", "ingest", "is_held",
-    "is_joint", "open_cluster", "open_run", "open_source", "peak_memory_mb", "prepare_in_memory", "process_lives",
-    "read_array", "read_batch", "read_result", "refuse_passed_point", "refuse_store", "replace_file", "residuals_of",
-    "run_calibration", "run_lock", "run_refits", "start_server", "systematic", "this_process", "use_one_thread",
-    "without_spots", "write_array", "write_comparison", "write_design", "write_json", "write_report",
+    "SerialRunner", "SimulationJob", "TaskRunner", "Timing", "Workplace", "ZarrStack", "accepted_residual",
+    "channels_of", "check_scheduler", "checked_memory_limit", "chosen_tables", "clean_run", "compare_runs",
+    "compiling_meanwhile", "correlation_context", "cpu_seconds", "diagnose_run", "diagnosis_content", "drawing_beside",
+    "empty_folder", "export_fields", "export_laws", "finite", "folders_of", "free_parameters", "group_name",
+    "has_force", "headlines", "identify_batch", "identify_run", "identify_whole", "import_meanwhile", "in_empty_folder",
+    "ingest", "is_held", "is_joint", "open_cluster", "open_run", "open_source", "peak_memory_mb", "prepare_in_memory",
+    "process_lives", "read_array", "read_batch", "read_result", "refuse_passed_point", "refuse_store", "replace_file",
+    "residuals_of", "run_calibration", "run_lock", "run_refits", "start_server", "systematic", "this_process",
+    "use_one_thread", "with_starts", "without_spots", "write_array", "write_comparison", "write_design", "write_json",
+    "write_report",
 ]

@@ -4,7 +4,7 @@ import pytest
 import reversed_plate
 
 import idic
-from idic.run import SerialRunner, systematic
+from idic.run import systematic
 
 pytestmark = pytest.mark.slow
 TRUTH = {"E": reversed_plate.E, "nu": reversed_plate.NU, "yield_stress": reversed_plate.YIELD,
@@ -20,7 +20,7 @@ def test_isotropic_and_kinematic_hardening_are_found_on_a_plate_with_a_hole(ccx,
     reversed_plate.write_folder(tmp_path / "test", reversed_plate.truth_by_calculix(tmp_path / "ccx"))
     result = idic.identify(str(tmp_path / "test"), out=str(tmp_path / "run"))
     assert result.status == "converged"
-    found = systematic(tmp_path / "run", SerialRunner(), spread=False)["parameters"]
+    found = systematic(tmp_path / "run", spread=False)["parameters"]
     expected = TRUTH | reversed_plate.fitted_to_one_element(tmp_path)
     for name, value in TRUTH.items():
         entry = found[f"sheet.{name}"]

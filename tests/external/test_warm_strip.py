@@ -5,7 +5,7 @@ import pytest
 import warm_strip
 
 import idic
-from idic.run import SerialRunner, systematic
+from idic.run import systematic
 
 pytestmark = pytest.mark.slow
 TRUTH = {"E": warm_strip.E, "yield_stress": warm_strip.YIELD, "hardening_1_H": warm_strip.H, "alpha": warm_strip.ALPHA,
@@ -20,7 +20,7 @@ def test_modulus_flow_stress_and_expansion_are_found_over_the_temperature(ccx, t
     warm_strip.write_folder(tmp_path / "test", truth)
     result = idic.identify(str(tmp_path / "test"), out=str(tmp_path / "run"))
     assert result.status == "converged"
-    found = systematic(tmp_path / "run", SerialRunner(), spread=False)["parameters"]
+    found = systematic(tmp_path / "run", spread=False)["parameters"]
     for name, value in TRUTH.items():
         entry = found[f"sheet.{name}"]
         off = entry["value"] - entry["discretisation_bias"] - value

@@ -7,7 +7,7 @@ import pytest
 import idic
 from idic.fe import Constraints, Model, Reaction, Section, march
 from idic.laws import compile
-from idic.run import SerialRunner, systematic
+from idic.run import systematic
 
 pytestmark = pytest.mark.slow
 
@@ -39,7 +39,7 @@ def test_plasticity_and_stiffness_loss_are_found_on_a_plate_with_a_hole(tmp_path
     u, force = twins.converged(twin, mesh, 3, 8)
     twins.write_folder(tmp_path / "test", twin, twins.DAMAGED, mesh, u, force, twins.FINER_USER)
     result = idic.identify(str(tmp_path / "test"), out=str(tmp_path / "run"))
-    checked(result, twin, systematic(tmp_path / "run", SerialRunner(), spread=False)["parameters"])
+    checked(result, twin, systematic(tmp_path / "run", spread=False)["parameters"])
 
 
 def test_hills_plasticity_on_orthotropic_elasticity_is_found_in_a_sheared_laminate(tmp_path):
@@ -47,7 +47,7 @@ def test_hills_plasticity_on_orthotropic_elasticity_is_found_in_a_sheared_lamina
     u, force = twins.converged(twin, mesh, 2, 14)
     twins.write_laminate(tmp_path / "test", twin, mesh, u, force, twins.notched(12, 8, 0.35))
     result = idic.identify(str(tmp_path / "test"), out=str(tmp_path / "run"))
-    checked(result, twin, systematic(tmp_path / "run", SerialRunner(), spread=False)["parameters"])
+    checked(result, twin, systematic(tmp_path / "run", spread=False)["parameters"])
 
 
 def forces_of_the_law(twin, mesh, substeps):
