@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from idic.correlation import FrameResponse
 from idic.diagnose.discretisation.bricks import thickness_error
 from idic.diagnose.discretisation.following import at_values, following, moved
 from idic.diagnose.discretisation.mesh_error import brick_mesh_error, motion_error, without_reactions
 from idic.diagnose.discretisation.turns import Begun, in_turns
 from idic.diagnose.discretisation.weight import change_matters, counts, error_column
 from idic.diagnose.refits.refit_job import ExperimentSource
-from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
+from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence, with_error_added
 from idic.diagnose.residual.score import null_model, score
 from idic.diagnose.residual.subspace import Grid
 from idic.identification import Identification
@@ -30,7 +32,7 @@ def with_error(source: ExperimentSource,
     error, residual = motion_error(found), residual_evidence(found, light=False)
     if error is None or not counts(residual, error):
         return source, found, residual
-    source, found = knowing(source, found, error)
+    source, found = knowing(source, found, error, with_error_added(residual.responses, error))
     return source, found, residual_evidence(found, light=False)
 
 
@@ -93,8 +95,12 @@ def renewed_error(found: Identification, residual: ResidualEvidence, grid: Grid,
     return (new, there) if new is not None and change_matters(residual, old, new) else None
 
 
-def knowing(source: ExperimentSource, found: Identification,
-            error: MotionError) -> tuple[ExperimentSource, Identification]:
-    """With an error; the parameters follow by one step, as they have taken a part of it."""
+def knowing(source: ExperimentSource, found: Identification, error: MotionError,
+            responses: Sequence[FrameResponse] | None = None) -> tuple[ExperimentSource, Identification]:
+    """With an error; the parameters follow by one step, as they have taken a part of it.
+
+    responses : of `found` with the error, where it has been simulated
+    """
     there = at_values(found, replace(found.experiment, motion_error=error), found.parameters.as_values())
-    return source.with_motion_error(error), moved(there, following(residual_evidence(there, light=False))[0])
+    residual = residual_evidence(there, light=False, responses=responses)
+    return source.with_motion_error(error), moved(there, following(residual)[0])
