@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
+from idic.correlation import FrameResponse
 from idic.diagnose.discretisation.following import at_values, following, moved
 from idic.diagnose.discretisation.sheet import SheetAndBricks
 from idic.diagnose.discretisation.turns import in_turns
 from idic.diagnose.discretisation.weight import weighed
 from idic.diagnose.refits.refit_job import ExperimentSource
-from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
+from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence, with_error_added
 from idic.diagnose.residual.subspace import Grid
 from idic.identification import Identification
 from idic.model import MotionError
@@ -27,7 +29,7 @@ def with_error(source: ExperimentSource,
     error, residual = mesh_error(found.model_point), residual_evidence(found, light=False)
     if error is None or not weighed(residual, error).matters:
         return source, found, residual
-    source, found = knowing(source, found, error)
+    source, found = knowing(source, found, error, with_error_added(residual.responses, error))
     return source, found, residual_evidence(found, light=False)
 
 
@@ -88,8 +90,12 @@ def renewed_error(found: Identification, residual: ResidualEvidence, grid: Grid,
     return (new, there) if new is not None and weighed(residual, new.less(old)).matters else None
 
 
-def knowing(source: ExperimentSource, found: Identification,
-            error: MotionError) -> tuple[ExperimentSource, Identification]:
-    """With an error; the parameters follow by one step, as they have taken a part of it."""
+def knowing(source: ExperimentSource, found: Identification, error: MotionError,
+            responses: Sequence[FrameResponse] | None = None) -> tuple[ExperimentSource, Identification]:
+    """With an error; the parameters follow by one step, as they have taken a part of it.
+
+    responses : of `found` with the error, where it has been simulated
+    """
     there = at_values(found, replace(found.experiment, motion_error=error), found.parameters.as_values())
-    return source.with_motion_error(error), moved(there, following(residual_evidence(there, light=False))[0])
+    residual = residual_evidence(there, light=False, responses=responses)
+    return source.with_motion_error(error), moved(there, following(residual)[0])

@@ -267,10 +267,10 @@ def _rank(gram: np.ndarray) -> int:
 
 
 def brightness_level(found: Identification, residual: ResidualEvidence) -> Level:
-    """Gain and offset of every patch instead of the whole frame: one more pass over the images."""
+    """Gain and offset of every patch instead of the whole frame: one more pass over the images, of the same motion."""
     options = replace(found.experiment.options, brightness="patch")
     patched = residual_evidence(replace(found, experiment=replace(found.experiment, options=options)),
-                                light=False).evidence
+                                light=False, responses=residual.responses).evidence
     gains, ranks = [], []
     for fine, whole in zip(patched.parts, residual.evidence.parts, strict=True):
         gains.append(float(fine.inner_q @ fine.inner @ fine.inner_q - whole.inner_q @ whole.inner @ whole.inner_q))

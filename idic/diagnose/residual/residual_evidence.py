@@ -23,6 +23,7 @@ from idic.correlation import (
 from idic.diagnose.residual.evidence import Columns, Evidence, FrameEvidence, noise_share
 from idic.diagnose.residual.grey_value_effects import joined_pixels, pixel_basis, pixel_parts, sums_against
 from idic.identification import Identification, response_of
+from idic.model import MotionError
 
 MAX_KEPT_BYTES = 300e6  # of residual maps, at most
 MAX_LOST_SHARE = 0.5  # of the pixels: where frames lose more, each counts what it sees
@@ -103,6 +104,16 @@ def simulated(found: Identification, null: bool = True) -> list[FrameResponse]:
     moving = tuple(name for name in experiment.parameters.free if null and forward.moves(name))
     states = found.march(moving, forward.drives.n_local > 0)
     return [response_of(at, experiment.reference) for at in states if at.frame + experiment.reference in wanted]
+
+
+def with_error_added(responses: Sequence[FrameResponse], error: MotionError) -> list[FrameResponse]:
+    """A simulation without a known error, with it: the motion is added, derivatives are unchanged."""
+    changed = []
+    for response in responses:
+        u, change = response.u.copy(), error.u[response.frame]
+        u[:, :change.shape[1]] += change  # a rise of the seen surface has none
+        changed.append(replace(response, u=u, channels=response.channels + error.channels[response.frame]))
+    return changed
 
 
 def context_of(found: Identification, null: bool = True) -> CorrelationContext:
