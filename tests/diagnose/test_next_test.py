@@ -45,7 +45,7 @@ def models(tmp_path_factory):
     """A machine that yields by so much at the largest force, a grip that slips by as much, on a test at even speed."""
     folder = tmp_path_factory.mktemp("ramp")
     scene = plain_scene("ramp", Geometry(), NULLS["ramp"].truth)
-    source = FolderSource(str(folder), write_public(folder, scene, solve(scene), Paint(3, 4)))
+    source = FolderSource.of(folder, write_public(folder, scene, solve(scene), Paint(3, 4)))
     found = identify(source.load())
     here = situation(found, residual_evidence(found), read_toml(folder / "experiment.toml"))
     known = {c.name: c for c in candidate_library()}
