@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import sys
 from collections.abc import Callable, Iterator
@@ -40,8 +41,16 @@ class FinishedRun:
         return load_state(self.run)
 
     @cached_property
+    def shown(self) -> Path:
+        """A copy of the RUN for this process, in which reports and exports keep what they compute."""
+        folder = self.run.with_name(f"shown-{os.getpid()}")
+        if not folder.exists():
+            shutil.copytree(self.run, folder)
+        return folder
+
+    @cached_property
     def record(self) -> RunRecord:
-        return load_record(self.run)
+        return load_record(self.shown)
 
     def copied(self, folder: Path) -> FinishedRun:
         """Both in a folder of the test's own, to be changed. The RUN reads the experiment of the gallery."""
@@ -101,7 +110,6 @@ def opened(base: Path, locked: Callable) -> Iterator[Callable[[str], FinishedRun
         with locked(folder):
             if not (folder / WHOLE).exists():
                 KINDS[kind](folder)
-                load_record(folder / "run")  # leaves what it has computed in the RUN
                 (folder / WHOLE).write_text(json.dumps(contents(folder)))
         return FinishedRun(folder / "test", folder / "run")
 

@@ -14,7 +14,7 @@ from idic.run import export_fields
 
 @pytest.fixture(scope="module")
 def run(gallery):
-    return gallery("plate").run
+    return gallery("plate").shown
 
 
 @pytest.fixture(scope="module")

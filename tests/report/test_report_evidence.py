@@ -28,7 +28,7 @@ SETUP = '\n[setup]\ncamera = "a virtual camera"\n'
 @pytest.fixture(scope="module")
 def run(gallery):
     """A tension test of an elastic plate with force, identified: E and nu."""
-    return gallery("plate").run
+    return gallery("plate").shown
 
 
 @pytest.fixture(scope="module")
