@@ -5,6 +5,7 @@ Each case is one made-up result; ``approved/CASE.txt`` holds all that is said of
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -166,7 +167,8 @@ PAGES = {
 
 @pytest.mark.parametrize("case", PAGES)
 def test_the_words_of_a_page_are_approved(case):
-    assert_approved("\n".join(page_paragraphs(render_page(PAGES[case](), ()))), APPROVED / f"{case}.txt")
+    page = re.sub(r"<(/?)(?:td|th)\b", r"<\1span", render_page(PAGES[case](), ()))  # a row of a table is a line
+    assert_approved("\n".join(page_paragraphs(page)), APPROVED / f"{case}.txt")
 
 
 def test_no_case_is_left_over():
