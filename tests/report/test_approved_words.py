@@ -13,7 +13,7 @@ from approved import assert_approved
 from made_up_run import NAMES, make_practice, make_record, make_result
 
 from idic.cli.tables import remarks
-from idic.report import advice, render_page, result_headline, result_verdict, undetermined
+from idic.report import advice, render_page, result_headline, result_verdict, tables, undetermined
 from idic.report.result.words import discrepancy_text, explained, left_out, not_explained, result_cautions
 from idic_studies.equality.normal_text import page_paragraphs
 
@@ -171,5 +171,9 @@ def test_the_words_of_a_page_are_approved(case):
     assert_approved("\n".join(page_paragraphs(page)), APPROVED / f"{case}.txt")
 
 
+def test_the_table_of_the_parameters_is_approved():
+    assert_approved(tables.parameters(make_record()), APPROVED / "parameters.txt")
+
+
 def test_no_case_is_left_over():
-    assert {file.stem for file in APPROVED.iterdir()} == set(CASES) | set(PAGES)
+    assert {file.stem for file in APPROVED.iterdir()} == {*CASES, *PAGES, "parameters"}
