@@ -103,10 +103,25 @@ def _no_wait_for_the_disk(request):
 
 
 @pytest.fixture(scope="session")
-def _session_server(tmp_path_factory):
-    """What a Prefect server sets in the environment of those that use it; the processes of pytest-xdist share one."""
+def session_folder(tmp_path_factory):
+    """The folder that all processes of pytest-xdist share."""
     base = tmp_path_factory.getbasetemp()
-    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "prefect"
+    return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+
+@pytest.fixture(scope="module")
+def gallery(session_folder):
+    """A function: the finished RUN of a kind of `gallery.KINDS`, to be looked at; what is to be changed is a copy."""
+    from gallery import opened
+
+    with opened(session_folder / "gallery", _held) as finished:
+        yield finished
+
+
+@pytest.fixture(scope="session")
+def _session_server(session_folder):
+    """What a Prefect server sets in the environment of those that use it; the processes of pytest-xdist share one."""
+    folder = session_folder / "prefect"
     (folder / "users").mkdir(parents=True, exist_ok=True)
     settings, own, server = folder / "settings.json", folder / "users" / str(os.getpid()), None
     own.touch()

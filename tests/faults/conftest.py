@@ -7,9 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 from fault_runs import finish, outcome, plain_run, stored_system
-from virtual_tests.small_strip import write_small_strip
 
-import idic
 from idic.virtual_tests import examples as example
 
 
@@ -31,11 +29,9 @@ def undisturbed(tmp_path_factory, script_folder):
                            system=stored_system(folder / "run"))
 
 
-@pytest.fixture(scope="session")
-def small(tmp_path_factory, script_folder):
+@pytest.fixture(scope="module")
+def small(gallery):
     """Of 11 small frames that start near the truth: experiment, run, result, M and b."""
-    folder = tmp_path_factory.mktemp("small")
-    write_small_strip(folder / "experiment")
-    idic.identify(folder / "experiment", folder / "run")
-    return SimpleNamespace(experiment=folder / "experiment", run=folder / "run", result=outcome(folder / "run"),
-                           system=stored_system(folder / "run"))
+    strip = gallery("strip")
+    return SimpleNamespace(experiment=strip.experiment, run=strip.run, result=outcome(strip.run),
+                           system=stored_system(strip.run))

@@ -33,15 +33,15 @@ def interrupted(finished, run):
     return store, state.accepted.number
 
 
-def test_a_run_interrupted_before_its_end_has_a_report_with_its_channels(small, tmp_path):
+def test_a_run_interrupted_before_its_end_has_a_report_with_its_channels(small, gallery, tmp_path):
     interrupted(small.run, tmp_path / "run")
     np.testing.assert_array_equal(load_record(tmp_path / "run").channels[0].simulated,
-                                  load_record(small.run).channels[0].simulated)
+                                  gallery("strip").record.channels[0].simulated)
 
 
-def test_channels_of_a_pause_are_not_shown_beside_later_parameters(small, tmp_path):
+def test_channels_of_a_pause_are_not_shown_beside_later_parameters(small, gallery, tmp_path):
     store, number = interrupted(small.run, tmp_path / "run")
-    own = load_record(small.run).channels[0].simulated
+    own = gallery("strip").record.channels[0].simulated
     with store.building("channels", {"evaluation": number - 1}) as folder:
         for name in ("simulated", "measured"):
             write_array(folder, name, np.zeros((len(own), 1)))

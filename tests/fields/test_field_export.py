@@ -1,36 +1,25 @@
 """`idic fields`: what another program reads is what the run holds."""
 
 import csv
-import sys
-from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
 import zarr
 
-sys.path[:0] = [str(Path(__file__).parents[1] / "identify")]
-
-from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder  # noqa: E402
-
-import idic  # noqa: E402
-from idic.errors import InputError  # noqa: E402
-from idic.measure import field_columns  # noqa: E402
-from idic.run import export_fields  # noqa: E402
-from idic.run.reporting.write import load_record  # noqa: E402
+from idic.errors import InputError
+from idic.measure import field_columns
+from idic.run import export_fields
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    root = tmp_path_factory.mktemp("export")
-    path = write_folder(root / "test", Twin(seed=1), ELASTIC + GRIPS + FORCE)
-    idic.identify(path, root / "run")
-    return root / "run"
+def run(gallery):
+    return gallery("plate").shown
 
 
 @pytest.fixture(scope="module")
-def exact(run):
-    return field_columns(load_record(run).series, 4, "hencky", 30.0)
+def exact(gallery):
+    return field_columns(gallery("plate").record.series, 4, "hencky", 30.0)
 
 
 def test_a_table_has_a_row_per_node(run, exact, tmp_path):

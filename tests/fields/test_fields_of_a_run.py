@@ -20,11 +20,10 @@ from idic.experiment_file import load_experiment  # noqa: E402
 from idic.measure import free_motion, in_mm, readings, seen_by  # noqa: E402
 from idic.images import ArrayStack  # noqa: E402
 from idic.model import Gauge  # noqa: E402
-from idic.run.reporting.write import load_record  # noqa: E402
 from idic.run import read_array, write_report  # noqa: E402
 from idic.virtual_tests import Sensor, record as recorded  # noqa: E402
 
-TWIN = Twin(seed=1)
+TWIN = Twin()  # of the gallery
 N_REPEATS = 30
 
 
@@ -34,16 +33,13 @@ def clean():
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory, clean):
-    root = tmp_path_factory.mktemp("fields")
-    path = write_folder(root / "test", TWIN, ELASTIC + GRIPS + FORCE, clean)
-    idic.identify(path, root / "run")
-    return root / "run"
+def plate(gallery):
+    return gallery("plate")
 
 
 @pytest.fixture(scope="module")
-def series(run):
-    return load_record(run).series
+def series(plate):
+    return plate.record.series
 
 
 def truth_at(nodes):
@@ -71,9 +67,9 @@ def test_the_measured_strain_is_the_true_one_within_its_noise_floor(series):
     assert rms(apart) == pytest.approx(rms(std), rel=0.25)
 
 
-def test_the_noise_floor_is_the_scatter_of_repeated_recordings(run, series, clean):
+def test_the_noise_floor_is_the_scatter_of_repeated_recordings(plate, series, clean):
     """Reference and loaded image are recorded anew, with fresh noise each time, and measured at the true motion."""
-    path, rng = run.parent / "test", np.random.default_rng(9)
+    path, rng = plate.experiment, np.random.default_rng(9)
     sensor = Sensor(SHAPE, noise_std=NOISE, background=25.0)
     found = []
     for _ in range(N_REPEATS):
@@ -100,34 +96,34 @@ def _simulated(series, experiment, frame):
     return u
 
 
-def test_the_stress_carries_the_force(run, series):
-    record = load_record(run)
+def test_the_stress_carries_the_force(plate, series):
     x, y = series.surface.plane.nodes.T
     low, high = y[np.abs(x) < 1e-9].min(), y[np.abs(x) < 1e-9].max()  # of the waist
     cut = Gauge("cut", "line", ((0.0, low), (0.0, high)), samples=201)
     stress = next(one for one in readings(series, cut) if one.quantity == "stress_xx").simulated
     force = np.trapezoid(stress, cut.places[:, 1], axis=1) * THICKNESS
-    (channel,) = record.channels
+    (channel,) = plate.record.channels
     # nodal averages of the stress at integration points: the coarse mesh knows the sum to a percent
     assert np.allclose(force[1:], channel.simulated[1:], rtol=0.02)
     assert not series.states  # an elastic law has no memory
 
 
-def test_the_store_holds_documented_arrays_and_an_earlier_run_gets_the_same(run, tmp_path):
-    folder = run / "run.zarr" / "fields"
+def test_the_store_holds_documented_arrays_and_an_earlier_run_gets_the_same(plate, series, tmp_path):
+    folder = plate.shown / "run.zarr" / "fields"
     frames, nodes = read_array(folder, "frames"), read_array(folder, "nodes")
     assert read_array(folder, "measured").shape == (len(frames), len(nodes), 2)
     assert read_array(folder, "stress").shape == (len(frames), len(nodes), 2, 2)
     assert read_array(folder, "noise").shape[1:] == (len(nodes), 2)
-    before = read_array(folder, "measured")
-    shutil.rmtree(folder)
-    again = load_record(run).series
-    assert np.array_equal(again.measured, before.astype(float))
+    earlier = plate.copied(tmp_path)
+    shutil.rmtree(earlier.run / "run.zarr" / "fields")
+    assert np.array_equal(earlier.record.series.measured, read_array(folder, "measured").astype(float))
 
 
 @pytest.mark.slow  # two reports
-def test_gauges_may_be_added_after_the_identification(run):
-    with open(run.parent / "test" / "experiment.toml", "a", encoding="utf-8") as file:
+def test_gauges_may_be_added_after_the_identification(tmp_path):
+    path, run = write_folder(tmp_path / "test", TWIN, ELASTIC + GRIPS + FORCE), tmp_path / "run"
+    idic.identify(path, run)
+    with open(path, "a", encoding="utf-8") as file:
         file.write('\n[[extensometer]]\nname = "L0"\nfrom_px = [30.0, 50.0]\nto_px = [110.0, 50.0]\n')
     page = write_report(run)
     text = page.read_text(encoding="utf-8")

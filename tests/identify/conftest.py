@@ -11,11 +11,8 @@ def clean():
     return clean_images(Twin())
 
 
-@pytest.fixture(scope="session")
-def plain(clean, tmp_path_factory):
+@pytest.fixture(scope="module")
+def plain(gallery):
     """The standard twin's experiment.toml and its identification  # path, state, result"""
-    from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
-
-    folder = tmp_path_factory.mktemp("plain")
-    path = write_folder(folder / "test", Twin(), ELASTIC + GRIPS + FORCE, clean)
-    return path, *identify(path, folder / "run")
+    plate = gallery("plate")
+    return plate.experiment / "experiment.toml", plate.state, plate.result

@@ -1,9 +1,10 @@
-"""A camera that was turned about its own centre: what the degrees of freedom mean, and their derivatives."""
+"""A camera that was turned about its own centre: what the degrees of freedom mean, and the contract of cameras."""
 
 import numpy as np
 import pytest
+from camera_contract import CameraContract
 
-from idic.images import PLACED_TURNS, PinholeCamera, PlacedCamera, RIGID, rotation_of
+from idic.images import PLACED_TURNS, PinholeCamera, PlacedCamera, rotation_of
 
 LENS = PinholeCamera(2468.5, 2471.2, 638.9, 407.3, skew=-0.4, k1=-0.12, p1=1.5e-3,
                      rotation=rotation_of([3.0, 14.0, 1.0]), translation_mm=[-70.0, 3.0, 20.0],
@@ -27,17 +28,10 @@ def test_the_rotation_of_the_calibration_moves_the_centre():
     assert distance == pytest.approx(np.radians(0.1) * np.hypot(70.0, 20.0), rel=0.01)  # about the origin of the rig
 
 
-@pytest.mark.parametrize("turned", [(0.0, 0.0, 0.0), (3.0, -8.0, 5.0)])
-@pytest.mark.parametrize("name", ["fx", "cx", "k1", "rotation_x", "rotation_z", "t_x", "t_z", *PLACED_TURNS,
-                                  f"placement.{RIGID[1]}", f"placement.{RIGID[5]}"])
-def test_derivatives_of_a_turned_camera_are_difference_quotients(name, turned):
-    camera = CAMERA.with_parameters(dict(zip(PLACED_TURNS, turned, strict=True)))
-    value, step = camera.values()[name], 1e-4
-    higher, lower = (camera.with_parameters({name: value + sign * step}).project(POINTS) for sign in (1, -1))
-    slope = camera.parameter_jacobian(POINTS, name)
-    # central differences: step² of the third derivative; rounding 1e-12 px over the step
-    np.testing.assert_allclose(slope, (higher - lower) / (2 * step), atol=1e-6 * np.abs(slope).max() + 1e-7)
-    assert np.abs(slope).max() > 0.0
+class TestPlaced(CameraContract):
+    cameras = {"aimed": CAMERA,
+               "turned": CAMERA.with_parameters(dict(zip(PLACED_TURNS, (3.0, -8.0, 5.0), strict=True)))}
+    parameters, points = tuple(CAMERA.values()), POINTS
 
 
 def test_values_set_to_themselves_change_nothing():

@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 
 from idic.errors import InputError
-from idic.images import ArrayStack, Stack, gap_mark, image_noise, still_noise, still_noise_model
+from idic.images import ArrayStack, gap_mark, image_noise, lowpass, still_gain, still_noise, still_noise_model
 
 
 def speckle(std_px=2.0, shape=(200, 300), seed=0):
@@ -56,11 +56,12 @@ def test_too_few_or_unequal_still_frames_are_an_input_error(images):
         still_noise(images)
 
 
-def test_an_array_stack_is_a_stack():
-    stack = ArrayStack(np.zeros((3, 20, 30), dtype=np.uint8))
-    assert isinstance(stack, Stack) and stack.n_frames == 3 and stack.shape == (20, 30)
-    with pytest.raises(IndexError):
-        stack.frame(3)
+@pytest.mark.parametrize("std_px", [0.6, 1.0])
+def test_a_low_pass_leaves_its_gain_of_independent_noise(std_px):
+    noise = np.random.default_rng(5).standard_normal((400, 400))
+    # 160 000 values, of which the low-pass leaves a tenth independent: sqrt(2 / 16 000) = 1.1 %, thrice that
+    assert lowpass(noise, std_px).var() == pytest.approx(still_gain(std_px), rel=0.035)
+    assert still_gain(0.0) == 1.0
 
 
 @pytest.mark.parametrize("images", [[], [np.zeros((5, 5)), np.zeros((5, 6))], np.zeros((2, 5, 5, 3))])

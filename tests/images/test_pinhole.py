@@ -1,8 +1,9 @@
-"""The pinhole camera against OpenCV, against difference quotients, and there and back."""
+"""The pinhole camera: against OpenCV, the contract of cameras, there and back."""
 
 import cv2
 import numpy as np
 import pytest
+from camera_contract import CameraContract
 
 from idic.errors import InputError
 from idic.images import PINHOLE_PARAMETERS, PinholeCamera, rotation_of
@@ -29,29 +30,15 @@ def test_skew_moves_columns_by_the_normalised_row():
     assert np.all(moved[:, 1] == 0.0)
 
 
-def test_jacobian_at_the_surface_is_the_difference_quotient():
-    step = 1e-4  # mm; central differences: error step² · third derivative ~ 1e-10, rounding 1e-13 / 1e-4 = 1e-9
-    jacobian = CAMERA.jacobian(POINTS)
-    for j in range(3):
-        e = np.eye(3)[j] * step
-        quotient = (CAMERA.project(POINTS + e) - CAMERA.project(POINTS - e)) / (2 * step)
-        assert np.abs(jacobian[:, :, j] - quotient).max() < 1e-7
+def turned(*degrees):
+    """The camera as it was calibrated, at a rotation by the degrees of freedom."""
+    return PinholeCamera(**{name: getattr(CAMERA, name) for name in PINHOLE_PARAMETERS[:10]},
+                         rotation=rotation_of(degrees), turned_deg=degrees, translation_mm=CAMERA.translation_mm)
 
 
-@pytest.mark.parametrize("turned", [(0.0, 0.0, 0.0), (0.3, -0.2, 0.5), (20.0, -35.0, 50.0)])
-@pytest.mark.parametrize("name", PINHOLE_PARAMETERS)
-def test_derivative_by_every_parameter_is_the_difference_quotient(name, turned):
-    camera = CAMERA if not any(turned) else PinholeCamera(
-        **{n: getattr(CAMERA, n) for n in PINHOLE_PARAMETERS[:10]}, rotation=rotation_of(turned), turned_deg=turned,
-        translation_mm=CAMERA.translation_mm)
-    value = camera.values()[name]
-    step = 1e-5 * max(1.0, abs(value))
-    higher, lower = (camera.with_parameters({name: value + sign * step}).project(POINTS) for sign in (1, -1))
-    slope = camera.parameter_jacobian(POINTS, name)
-    scale = np.abs(slope).max()
-    # rounding: 1e-12 px over the step; truncation is below it for steps of 1e-5
-    assert np.abs((higher - lower) / (2 * step) - slope).max() < 1e-6 * scale + 1e-7
-    assert scale > 0.0
+class TestPinhole(CameraContract):
+    cameras = {"calibrated": CAMERA, "slightly turned": turned(0.3, -0.2, 0.5), "turned": turned(20.0, -35.0, 50.0)}
+    parameters, points = PINHOLE_PARAMETERS, POINTS
 
 
 def test_undistortion_returns_to_the_pixel_within_1e_10():

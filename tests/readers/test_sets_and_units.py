@@ -109,3 +109,12 @@ def test_numbers_that_are_no_part_of_the_names_are_indices_with_a_note():
     found, note = frame_indices([0], labels, file=None, key="k")
     assert found == (0,) and "indices from 0" in note
     assert frame_indices([1], ("a.tif", "b.tif"), file=None, key="k") == ((1,), None)
+
+
+@pytest.mark.parametrize("unit, internal, size", [
+    ("in", "mm", 25.4), ("um", "mm", 1e-3), ("min", "s", 60.0), ("lbf", "N", 0.45359237 * 9.80665),
+    ("kip", "N", 1e3 * 0.45359237 * 9.80665), ("kgf", "N", 9.80665), ("bar", "MPa", 0.1), ("kPa", "MPa", 1e-3),
+    ("psi", "MPa", 0.45359237 * 9.80665 / 25.4**2), ("ksi", "MPa", 1e3 * 0.45359237 * 9.80665 / 25.4**2),
+    ("rad", "deg", 180.0 / 3.14159265358979), ("N/mm^2", "MPa", 1.0), ("GPa*s", "MPa*s", 1e3)])
+def test_units_have_the_size_of_their_definition(unit, internal, size):
+    assert factor_between(unit, internal) == pytest.approx(size, rel=1e-12)

@@ -15,30 +15,25 @@ sys.path[:0] = [str(Path(__file__).parents[1] / "identify")]
 
 from twin_runs import ELASTIC, FORCE, GRIPS, NOISE, SHAPE, Twin, write_folder  # noqa: E402
 
-import idic  # noqa: E402
 from idic.correlation import build_experiment_reference, frame_spline  # noqa: E402
 from idic.measure.dic import node_std  # noqa: E402
 from idic.measure import dic_frame, seen_by  # noqa: E402
 from idic.errors import InputError  # noqa: E402
 from idic.experiment_file import load_experiment  # noqa: E402
-from idic.run.reporting.write import load_record  # noqa: E402
 from idic.run import open_run, write_report  # noqa: E402
 
 SETUP = '\n[setup]\ncamera = "a virtual camera"\n'
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
+def run(gallery):
     """A tension test of an elastic plate with force, identified: E and nu."""
-    root = tmp_path_factory.mktemp("evidence")
-    path = write_folder(root / "test", Twin(seed=1), ELASTIC + GRIPS + FORCE + SETUP)
-    idic.identify(path, root / "run")
-    return root / "run"
+    return gallery("plate").shown
 
 
 @pytest.fixture(scope="module")
-def record(run):
-    return load_record(run)
+def record(gallery):
+    return gallery("plate").record
 
 
 def test_the_band_of_an_elastic_law_is_that_of_its_modulus(record):
@@ -88,7 +83,7 @@ def test_the_free_dic_finds_the_simulated_motion_and_no_more_than_noise(record):
     assert record.free.frames == record.residuals.frames
     rms = np.sqrt(np.nanmean(record.free.difference_px**2))
     assert rms == pytest.approx(floor, rel=0.35)  # noise of the frames and of their reference; the mesh's own error
-    assert np.allclose(record.free.chi2_dof, 1.0, atol=0.06)  # 8000 pixels: 1.6 %, the interpolant the rest
+    assert np.allclose(record.free.chi2_dof, 1.0, atol=0.08)  # 8000 pixels: 1.6 %, five of them
 
 
 def test_the_facts_are_those_of_the_images(record):
@@ -113,7 +108,8 @@ def test_the_processor_time_is_counted(record):
     assert 0.0 < cost["cpu_s"] < 1.5 * cost["wall_s"] + 1.0 and "cpu_before_s" not in cost
 
 
-def test_a_report_leaves_its_frames_as_files(run):
+def test_a_report_leaves_its_frames_as_files(gallery, tmp_path):
+    run = gallery("plate").copied(tmp_path).run
     page = write_report(run)
     assert (run / "figures" / "frame_0005.jpeg").read_bytes().startswith(b"\xff\xd8")
     assert (run / "figures" / "stress_strain_BODY.png").exists() and (run / "figures" / "free_dic.png").exists()

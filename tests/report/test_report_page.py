@@ -8,16 +8,16 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from made_up_run import NAMES, make_curve, make_practice, make_record, make_result
+from made_up_run import NAMES, make_curve, make_record, make_result
 
 from idic.report import (
-    advice, draw_sections, number_text, render_page, result_headline, result_verdict, short, tables, two_digits,
+    draw_sections, number_text, render_page, short, tables, two_digits,
     with_std,
 )
 from idic.report.design.words import percent
 from idic.report.figures import charts, maps, matrices
 from idic.report.page import _derived_rows
-from idic.report.result.words import explained, relative_std, result_cautions
+from idic.report.result.words import relative_std
 
 BARE = dict(history=(), M=None, reference=None, nodes_px=None, cells=(), times=None, rms_before=None, rms_after=None,
             channels=(), fields=None, sensitivities=None, residuals=None, notes=(), views=(), free=None, curves=(),
@@ -63,74 +63,29 @@ def test_the_page_is_one_self_contained_well_formed_file(record, sections):
     assert len(page) < 3e6  # to be sent by mail
 
 
-def test_the_first_sentence_reports_the_identified_values(record):
-    page = render_page(record, ())
-    first = re.search(r'<p class="first">(.*?)</p>', page).group(1)
-    assert first.startswith("E = 70.012 ± 0.055 GPa, nu = 0.3004 ± 0.0011, yield_stress = 199.80 ± 0.24 MPa")
-    assert "Converged in 7 iterations." in page
-    assert "The image residual is camera noise" in page
-
-
-def test_a_parameter_that_the_test_cannot_see_is_named_with_the_reason():
-    lost = [(n, "no force was measured: stresses have no scale") for n in NAMES[:1]]
-    sentences = result_headline(make_result(not_identifiable=lost))
-    assert "E = " not in sentences[0]
-    assert (
-        sentences[-1]
-        == "Not determined by this test: E (no force was measured: stresses have no scale)."
-    )
+def test_a_parameter_that_the_test_cannot_see_has_that_status_in_the_tables():
+    lost = [(NAMES[0], "no force was measured: stresses have no scale")]
     record = make_record(result=make_result(not_identifiable=lost))
     assert tables.parameter_status(record, "sheet.E") == "not determined"
     assert "not determined" in render_page(record, ())
 
 
-def test_a_free_measurement_with_a_far_larger_residual_than_the_model_has_failed():
-    result = make_result()
-    for free, said in ((0.99, "has χ² = 0.99"), (78.8, "failed")):
-        result["residual"]["free_dic_chi2_dof"] = free
-        assert f"a free FE-DIC on the same mesh {said}" in explained(result)
-        assert ("on the same mesh failed" in render_page(make_record(result=result), ())) == (free > 2.0)
-
-
 def test_a_ratio_that_moves_between_treatments_is_not_given_as_found():
     result = make_result(not_identifiable=[("G", "moves by 62 % between treatments of boundary and camera")])
     result["derived"]["G"]["systematic_std"] = 9e3
-    assert "G = " not in result_headline(result)[0] and "G = " in result_headline(make_result())[0]
-    assert "Not determined by this test: G (moves by 62 %" in result_headline(result)[-1]
-    assert not any("G:" in sentence for sentence in result_cautions(result))
     row = next(row for row in _derived_rows(make_record(result=result)))
     assert row["value"] == "–" and row["status"] == "not determined" and row["systematic"] == "9000"
 
 
-@pytest.mark.parametrize("status", ["stalled", "max_iterations", "at_bound", "forward_failed", "interrupted"])
-def test_a_run_that_did_not_converge_says_so(status):
-    sentences = result_headline(make_result(status=status))
-    assert "Converged" not in " ".join(sentences) and len(sentences[1]) > 20
-    assert 'class="warn"' in render_page(make_record(result=make_result(status=status)), ())
+def test_a_run_that_did_not_converge_is_marked():
+    assert 'class="warn"' in render_page(make_record(result=make_result(status="stalled")), ())
 
 
-def test_residuals_above_the_noise_are_not_called_noise():
-    text = explained(make_result(chi2=1.4))
-    assert "larger than camera noise" in text and "residual maps show where" in text
-    assert "overstated" in explained(make_result(chi2=0.7))
+def test_a_ratio_has_its_whole_name_as_title():
     result = make_result()
-    result["residual"]["channel_chi2_dof"]["force_N"] = 9.0
-    assert "The simulated force_N differs from the measured one by more than its noise" in explained(result)
-
-
-def test_the_first_sentence_of_a_test_without_force_reports_ratios():
-    reason = "no force: only ratios of moduli can be determined"
-    result = make_result(not_identifiable=[(n, reason) for n in NAMES if n != "sheet.nu"])
     result["derived"] = {"sheet.E/yield_stress": {"value": 350.2, "std": 0.5, "ci95": [349.2, 351.2]}}
-    result["residual"]["free_dic_chi2_dof"] = 1.12
-    result["frames"][7] |= {"status": "unexplained", "label": "zoom-0078.tif"}
-    first, *rest = result_headline(result)
-    assert first == "nu = 0.3004 ± 0.0011, E/yield_stress = 350.20 ± 0.50."
-    assert "a free FE-DIC on the same mesh has χ² = 1.12" in rest[1]
-    assert rest[2] == f"Not determined by this test: E, yield_stress, hardening_modulus ({reason})."
-    assert rest[3].startswith("Left out: frame 7 (zoom-0078.tif), unexplained")
     page = render_page(make_record(result=result), ())
-    assert '<td title="sheet.E/yield_stress">E/yield_stress</td>' in page and "19 of 20" in page
+    assert '<td title="sheet.E/yield_stress">E/yield_stress</td>' in page
 
 
 def test_a_frame_that_is_left_out_does_not_set_the_scale():
@@ -184,69 +139,16 @@ def test_a_share_that_is_rounded_to_the_whole_has_no_exponent():
     assert relative_std(1.0, 0.997) == percent(0.997) == "100 %" and percent(1.52) == "150 %"
 
 
-@pytest.mark.parametrize(
-    "changes, level, text",
-    [
-        ({}, "good", "the residual is noise"),
-        ({"chi2": 1.4}, "look", "1.4 times the variance of the noise"),
-        ({"chi2": 0.6}, "look", "stated noise is larger"),
-        ({"status": "stalled"}, "bad", "do not use the values"),
-        ({"not_identifiable": [(n, "why") for n in NAMES]}, "bad", "no parameter is determined"),
-    ],
-)
-def test_the_verdict_stands_at_the_top(changes, level, text):
-    result = make_result(**changes)
-    if "not_identifiable" in changes:
-        result["derived"] = {}
-    assert result_verdict(result)[0] == level and text in result_verdict(result)[1]
-    page = render_page(make_record(result=result), ())
+@pytest.mark.parametrize("changes, level", [({}, "good"), ({"chi2": 1.4}, "look"), ({"status": "stalled"}, "bad")])
+def test_the_verdict_stands_at_the_top(changes, level):
+    page = render_page(make_record(result=make_result(**changes)), ())
     assert page.index(f'class="verdict {level}"') < page.index('class="first')
 
 
-def test_the_terminal_proposes_remedies_for_a_poor_fit():
-    assert advice(make_result()) == []
-    first, second = advice(make_result(chi2=1.4))
-    assert first.startswith("Look closer") and "idic diagnose" in second
-    first, second = advice(make_result(status="at_bound"))
-    assert "do not use" in first and "bound" in second
-
-
-def test_a_channel_that_is_missed_counts_against_the_fit():
-    result = make_result()
-    result["residual"]["channel_chi2_dof"]["force_N"] = 9.0
-    assert result_verdict(result) == ("look", "Look closer: force_N not matched within the noise")
-
-
-def test_correlations_and_biases_above_the_error_bars_are_said():
-    result = make_result()
-    assert result_cautions(result) == []
-    result["correlation"]["matrix"][2][3] = result["correlation"]["matrix"][3][2] = -0.97
-    result["parameters"]["sheet.nu"]["discretisation_bias"] = 0.005
-    first, second = result_cautions(result)
-    assert "hardening_modulus" in first and "yield_stress" in first and "0.970" in first
-    assert second.startswith("nu: a finer mesh")
-
-
-def test_an_image_called_still_that_has_moved_is_told():
+def test_still_images_below_the_bound_have_not_moved():
     floor = {"px": 0.02, "bound_px": 0.03, "length_px": 50.0, "frames": [1, 2], "labels": ["a.tif", "b.tif"],
-             "drift_px": [0.01, 0.17], "source": "declared"}
-    moved = render_page(make_record(result={**make_result(), "camera_floor": floor}), ())
-    assert "b.tif has moved by 0.17 px" in moved and "a.tif has moved" not in moved
-    still = render_page(make_record(result={**make_result(), "camera_floor": floor | {"drift_px": [0.01, 0.02]}}), ())
-    assert "has moved by" not in still
-
-
-def test_the_table_of_good_practice_lists_unknown_entries():
-    page = render_page(make_record(), ())
-    for text in ("a camera of 5 megapixels", "4.3 px = 0.215 mm", "392 × quad4, mean side 9.6 px = 0.48 mm",
-                 "0.00021 px = 0.011 µm (frame 19)", "300 µm/m", "5 N, as given", "B-spline of degree 5",
-                 "15 × 10 mm", "8 bit"):
-        assert text in page, text
-    assert page.count("not stated") == 7  # of nine lines on the laboratory two were given
-    bare = render_page(make_record(pixel_size_mm=None, practice=make_practice(setup={}, speckle_px=None,
-                                                                              channel_noise=())), ())
-    for text in ("no scale is known", "the autocorrelation does not fall off", "no force is compared"):
-        assert text in bare
+             "drift_px": [0.01, 0.02], "source": "declared"}
+    assert "has moved by" not in render_page(make_record(result={**make_result(), "camera_floor": floor}), ())
 
 
 def test_the_curve_of_a_law_with_an_open_parameter_is_not_drawn():

@@ -5,25 +5,13 @@ import re
 import numpy as np
 import pytest
 
-import idic
-from idic.run.reporting.write import load_record
 from idic.run import write_report
-from idic_studies.cases.bulge import SKETCH_SIZE
-from idic_studies.examples.bulge import write_bulge
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    """The bulge test in its smallest size, from the truth: a step or two."""
-    root = tmp_path_factory.mktemp("section")
-    write_bulge(root / "test", noise=0.01, seed=3, size=SKETCH_SIZE)
-    idic.identify(root / "test", root / "run")
-    return root / "run"
-
-
-@pytest.fixture(scope="module")
-def record(run):
-    return load_record(run)
+def record(gallery):
+    """Of the bulge test."""
+    return gallery("section").record
 
 
 def test_the_simulated_profile_is_the_roughness_lifted_by_the_model(record):
@@ -67,7 +55,8 @@ def test_the_free_measurement_leaves_as_much_as_a_right_model_and_is_as_near_as_
 
 
 @pytest.mark.slow  # a report
-def test_the_page_has_a_slider_and_the_comparison(run):
+def test_the_page_has_a_slider_and_the_comparison(gallery, tmp_path):
+    run = gallery("section").copied(tmp_path).run
     page = write_report(run).read_text(encoding="utf-8")
     assert page.count('class="slide"') == 8 and "Measured and simulated height" in page
     assert "Identified model and free measurement" in page and re.search(r"height, free FE-DIC", page)

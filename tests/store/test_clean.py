@@ -5,7 +5,6 @@ import shutil
 from dataclasses import replace
 
 import pytest
-from experiment_file.small_experiment import write_experiment
 from typer.testing import CliRunner
 
 from idic.cli.app import app
@@ -16,10 +15,11 @@ from idic.run.store.state_file import load_state, save_state
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
+def run(gallery, tmp_path_factory):
     """Its report is a page and a table of one line: a whole one takes 5 s and comes with the slow test."""
     folder = tmp_path_factory.mktemp("clean")
-    identify_run(write_experiment(folder / "test"), folder / "run", overrides={"options.max_iterations": 1})
+    step = gallery("step").copied(folder)
+    identify_run(step.experiment, step.run, resume=True, overrides={"options.max_iterations": 1})  # moved
     for name in ("report.html", "tables/frames.csv", "figures/where.png"):
         file = folder / "run" / name
         file.parent.mkdir(exist_ok=True)

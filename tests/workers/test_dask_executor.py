@@ -15,17 +15,18 @@ import numpy as np
 import psutil
 import pytest
 import tifffile
-from cluster_jobs import (die_always, die_once, die_when_asked, fail_until, hold_memory, loaded, refuse, slow_first,
-                          slow_once, square, thread_limits)
+from cluster_jobs import die_always, die_once, die_when_asked, hold_memory, loaded, slow_once, square, thread_limits
 from experiment_file.small_experiment import load_experiment, write_experiment
+from runner_contract import RunnerContract, names
 
-from idic.errors import InputError, NotConverged
+from idic.errors import InputError
 from idic.readers import open_stack
 from idic.run import JobKillsWorkers, RunStore, SerialRunner, ZarrStack, open_cluster
 from idic.run.prepared.prepare import ingest
 from idic.run.workers.dask_connection import checked_address
 from idic.run.workers.submission import Submission
 from idic.run.workers.task_limits import TaskLimits, task_limits
+from idic_flows.shown_runner import ShownRunner
 
 HERE = Path(__file__).parent
 posix = pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
@@ -39,20 +40,24 @@ def cluster():
             yield runner
 
 
-@pytest.fixture(params=["serial", "cluster"])
-def runner(request):
-    return SerialRunner() if request.param == "serial" else request.getfixturevalue("cluster")
+class TestSerial(RunnerContract):
+    @pytest.fixture
+    def runner(self):
+        return SerialRunner()
 
 
-def names(n, what="job-it000"):
-    return [f"{what}-{i}" for i in range(n)]
+class TestCluster(RunnerContract):
+    @pytest.fixture
+    def runner(self, cluster):
+        return cluster
 
 
-def test_results_come_in_the_order_of_the_jobs(runner):
-    seen = []
-    results = runner.map(square, list(range(20)), names(20), progress=lambda *counts: seen.append(counts))
-    assert results == [i * i for i in range(20)]
-    assert seen == [(i + 1, 20) for i in range(20)]
+class TestShown(RunnerContract):
+    """Outside of a flow run: what it shows inside is seen in run/test_shown_jobs.py."""
+
+    @pytest.fixture
+    def runner(self):
+        return ShownRunner(SerialRunner())
 
 
 def test_a_worker_that_keeps_nearly_all_that_it_may_have_goes_on_working(monkeypatch):
@@ -69,40 +74,6 @@ def test_a_worker_that_keeps_nearly_all_that_it_may_have_goes_on_working(monkeyp
 def test_cores_of_idle_workers_serve_the_jobs_of_the_others(cluster):
     assert (cluster.threads_for(1), cluster.threads_for(2), cluster.threads_for(7)) == (2, 1, 1)
     assert SerialRunner().threads_for(1) == 1 and SerialRunner(threads=2).threads_for(1) == 2
-
-
-def test_no_jobs_give_no_results(runner):
-    assert runner.map(square, [], []) == []
-
-
-def test_a_sum_has_the_same_bits_with_and_without_a_cluster(cluster):
-    sums = []
-    for runner in (SerialRunner(), cluster, cluster):
-        total = np.zeros(50)
-        for share in runner.stream(slow_first, list(range(8)), names(8), ahead=4):
-            total += share
-        sums.append(total.tobytes())
-    assert len(set(sums)) == 1
-
-
-def test_the_exceptions_of_the_product_arrive_with_their_fields(runner):
-    with pytest.raises(InputError, match="frame 2") as problem:
-        runner.map(refuse, [0, 1, 2], names(3))
-    assert problem.value.remedy == "remove it"
-    with pytest.raises(NotConverged, match="t = 3"):
-        runner.map(refuse, [0, 3], names(2))
-    assert runner.map(square, [3], names(1)) == [9]  # the runner is still of use
-
-
-def test_a_job_that_raises_is_tried_again(runner, tmp_path):
-    assert runner.map(fail_until, [(tmp_path / "mark", 2)], names(1), retries=2) == [2]
-    with pytest.raises(RuntimeError, match="not yet"):
-        runner.map(fail_until, [(tmp_path / "other", 2)], names(1), retries=1)
-
-
-def test_the_same_job_twice_is_computed_twice(runner, tmp_path):
-    counts = [runner.map(fail_until, [(tmp_path / "mark", 0)], names(1)) for _ in range(2)]
-    assert counts == [[0], [1]]
 
 
 def test_the_number_of_jobs_under_way_is_bounded(cluster):
@@ -185,7 +156,6 @@ def test_a_lost_worker_costs_nothing_but_time(cluster, tmp_path):
     assert (tmp_path / "mark3").exists()
 
 
-@posix
 @posix
 def test_work_in_the_background_is_given_up_with_its_worker(tmp_path):
     """Dask gives such a task to no other worker once all workers were lost."""

@@ -30,24 +30,18 @@ def test_a_limit_that_cannot_hold_is_refused(limit, workers, scheduler, found):
     assert caught.value.key == "--memory-limit" and caught.value.found == found and caught.value.remedy
 
 
-@pytest.fixture(scope="module")
-def place(tmp_path_factory):
-    """A folder with an experiment TEST and its RUN."""
-    place = tmp_path_factory.mktemp("place")
-    identify_run(write_experiment(place / "TEST"), place / "RUN", overrides={"options.max_iterations": 1})
-    return place
 
 
 @pytest.mark.parametrize("command", ["identify TEST --out OUT", "batch TEST --out OUT", "study coverage --out OUT",
                                      "diagnose RUN", "systematic RUN"])
-def test_every_command_with_workers_takes_a_limit_and_refuses_nonsense(command, place, capsys):
+def test_every_command_with_workers_takes_a_limit_and_refuses_nonsense(command, gallery, tmp_path, capsys):
     """Before anything is started or written."""
-    before = sorted(place.rglob("*"))
-    places = {name: str(place / name) for name in ("TEST", "OUT", "RUN")}
+    step = gallery("step")
+    places = {"TEST": str(step.experiment), "OUT": str(tmp_path / "out"), "RUN": str(step.run)}
     with pytest.raises(SystemExit) as end:
         app([places.get(word, word) for word in command.split()] + ["--memory-limit", "much"])
     assert end.value.code == 2 and "--memory-limit: not a usable memory limit" in capsys.readouterr().err
-    assert sorted(place.rglob("*")) == before
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_limit_is_read_as_dask_reads_it():

@@ -65,7 +65,8 @@ def _entries(content, file):
         if not text.lstrip().startswith(("%YAML", "<")):
             text = "%YAML:1.0\n---\n" + text.lstrip("-\n\r ")  # written by other libraries than OpenCV
         storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        return _node(storage.root())
+        entries = _node(storage.root())
+        return entries if isinstance(entries, dict) else {}  # of an empty file it is a number
     except (ValueError, UnicodeDecodeError, OSError, cv2.error, KeyError, SystemError) as error:
         raise InputError("not readable as a file of OpenCV", file=file, expected="YAML, XML, JSON or npz",
                          found=str(error).splitlines()[0], remedy="write the file again") from None

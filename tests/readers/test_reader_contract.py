@@ -1,0 +1,79 @@
+"""Every format of images, meshes, logs, calibrations and measured fields keeps the contract of readers."""
+
+from __future__ import annotations
+
+import meshio
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image
+from reader_contract import ReaderContract
+from test_calibration_files import TEXTS, opencv_yaml
+from test_field_exports import GRID, displaced, ncorr_file, ncorr_hdf5, on_image
+
+from experiment_file.small_experiment import LOADS, inp_text
+from idic.readers import open_fields, open_stack, read_calibration, read_log, read_mesh_file
+
+PIXELS = np.arange(600, dtype=np.uint8).reshape(20, 30)
+SQUARES = meshio.Mesh(np.array([[x, y, 0.0] for y in range(2) for x in range(3)]),
+                      [("quad", np.array([[0, 1, 4, 3], [1, 2, 5, 4]]))])
+
+
+class TestImages(ReaderContract):
+    files = {"a.tif": lambda path: tifffile.imwrite(path, PIXELS),
+             "deflated.tif": lambda path: tifffile.imwrite(path, PIXELS, compression="deflate"),
+             "a.png": lambda path: Image.fromarray(PIXELS).save(path)}
+
+    def read(self, path):
+        return open_stack([path]).frame(0)
+
+
+class TestMeshes(ReaderContract):
+    files = {"mesh.inp": lambda path: path.write_text(inp_text()),
+             "mesh.msh": lambda path: meshio.write(path, SQUARES, file_format="gmsh22", binary=False),
+             "mesh.vtu": SQUARES.write, "mesh.vtk": SQUARES.write, "mesh.med": SQUARES.write,
+             "mesh.bdf": lambda path: meshio.write(path, SQUARES, file_format="nastran")}
+
+    def read(self, path):
+        return read_mesh_file(path)
+
+
+class TestLogs(ReaderContract):
+    files = {"comma.csv": lambda path: path.write_text(LOADS),
+             "semicolon.csv": lambda path: path.write_text(LOADS.replace(",", ";")),
+             "tab.txt": lambda path: path.write_text(LOADS.replace(",", "\t"))}
+
+    def read(self, path):
+        return read_log(path).column("force_kN")
+
+
+class TestCalibrations(ReaderContract):
+    files = {name: lambda path, text=text: path.write_text(text()) for name, text in TEXTS.items()} | {
+        "cv.yml": opencv_yaml, "cv.xml": opencv_yaml}
+
+    def read(self, path):
+        return read_calibration(path)
+
+
+def vtu(path):
+    still = np.zeros((len(GRID), 1))
+    meshio.Mesh(np.hstack([GRID, still]), [("vertex", np.arange(len(GRID))[:, None])],
+                point_data={"displacement": np.hstack([displaced(1), still])}).write(path)
+
+
+def mudic(path):
+    column, row = np.meshgrid(np.arange(5.0), np.arange(6.0))
+    positions = [np.stack([column + on_image(k)[0], row + on_image(k)[1]]) for k in range(3)]
+    np.save(path, np.stack(positions, axis=-1)[None])
+
+
+class TestFields(ReaderContract):
+    files = {"stage.vtu": vtu, "run.mat": ncorr_file, "run_73.mat": ncorr_hdf5, "fields.npy": mudic,
+             "table.csv": lambda path: path.write_text("x_mm,y_mm,u_mm,v_mm\n" + "\n".join(
+                 f"{x},{y},{u},{v}" for (x, y), (u, v) in zip(GRID, displaced(1), strict=True)))}
+
+    def read(self, path):
+        return open_fields([path], pixel_size_mm=0.05)
+
+
+pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
