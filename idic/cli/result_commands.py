@@ -82,12 +82,12 @@ def compare(
         for line in headlines(content):
             console.print(line, highlight=False)
         for table in comparison_tables(content):
-            shown = Table(box=None, header_style="bold", title=table.title, title_justify="left")
+            screen_table = Table(box=None, header_style="bold", title=table.title, title_justify="left")
             for k, name in enumerate(table.header):
-                shown.add_column(name, justify="right" if k else "left")
+                screen_table.add_column(name, justify="right" if k else "left")
             for row in table.rows:
-                shown.add_row(*(Text(cell.text, style="bold" if cell.far else "") for cell in row))
-            console.print(shown)
+                screen_table.add_row(*(Text(cell.text, style="bold" if cell.is_bold else "") for cell in row))
+            console.print(screen_table)
         if out is not None:
             typer.echo(f"page     {user_path(write_comparison(content, out))}")
 
@@ -112,12 +112,12 @@ def systematic(
         from idic.cli.tables import systematic_table, treatments_table
         from idic.run import Workplace, assessed_experiments, systematic as assess, write_report
 
-        place, seen = Workplace(workers, scheduler, memory_limit, store), assessed_experiments(run)
+        place, experiments = Workplace(workers, scheduler, memory_limit, store), assessed_experiments(run)
         place.check(run, say=typer.echo)
         with (progress_view(terminal(stderr=True), run, SYSTEMATIC_STAGES) as view,
-              place.opened(run, seen, ("idic.run.systematic_run",)) as runner):
+              place.opened(run, experiments, ("idic.run.systematic_run",)) as runner):
             view.stage(SYSTEMATIC_STAGES[0])
-            result = assess(run, runner, bias, spread, lambda done, total: view.tasks("comparisons", done, total))
+            result = assess(run, runner, bias, spread, lambda count, total: view.tasks("comparisons", count, total))
             view.stage("report")
             page = write_report(run)
         console = terminal()
