@@ -1,4 +1,4 @@
-from .channels import FRICTION, channel_equations, channel_values, drifting, measured_values
+from .channels import channel_equations, channel_values, measured_values
 from .equations_of_frame import (
     at_fixed_pixels, correlated_frames, frame_equations, frame_system, global_columns, nodal_gradient,
     turned_response, with_all_cameras,
@@ -33,7 +33,7 @@ from .views.pinhole_view import PinholeView, in_space, nodal_normals
 from .views.view import GREY, SECTION, SPACE, View, is_section, view_of
 
 __all__ = [
-    "CELLS", "COARSE_PX", "FRICTION", "GREY", "MAX_DENSE_UNKNOWNS", "MAX_GRADIENT_NOISE", "MIN_CORRELATION", "N_NODES",
+    "CELLS", "COARSE_PX", "GREY", "MAX_DENSE_UNKNOWNS", "MAX_GRADIENT_NOISE", "MIN_CORRELATION", "N_NODES",
     "SECTION", "SPACE", "ColumnSum", "Contour", "CorrelationContext", "CorrelationSystem", "Evidence",
     "FieldEquations", "FieldReference", "FrameEquations", "FrameRecord", "FrameResponse", "GreyReference",
     "LocalEquations", "Marked", "MeasuredReference", "NodalEquations", "NodalField", "OpenSums", "PinholeView",
@@ -41,7 +41,7 @@ __all__ = [
     "SurfacePoints", "TexturePair", "View", "Weights", "agreements", "at_fixed_pixels", "blur_bias",
     "build_experiment_reference", "build_field_reference", "build_pixel_map", "build_reference", "camera_at",
     "channel_equations", "channel_values", "closed_system", "correlated_frames", "dense", "determined_by_texture",
-    "drifting", "edge_contour", "eliminate", "fitted_pose", "frame_equations", "frame_spline", "frame_system",
+    "edge_contour", "eliminate", "fitted_pose", "frame_equations", "frame_spline", "frame_system",
     "generalised_weights", "global_columns", "hole_contour", "in_space", "is_section", "local_covariance",
     "mean_information", "measured_values", "nodal_equations", "nodal_gradient", "nodal_normals", "onto_nodes",
     "ordinary_variance", "reduce_systems", "reselected", "residual_map", "residual_pass", "section_equations",

@@ -42,15 +42,16 @@ def inputs_of(path: str | Path, overrides: Mapping[str, Any]) -> Inputs:
     raw = with_overrides(read_toml(file), overrides)
     read = ExperimentFolder(file, file.parent.resolve(), validated(raw, file), raw)
     with fetched_files() as seen:
-        read.experiment()
-    frames = read.frames()
+        tables = read.tables()
+        tables.experiment()
+    frames = tables.recording.frames
     stack = frames.stack if frames.recorded is None else frames.recorded.stack
     recorded = [*(entry.path for entry in stack.entries), *camera_images(read.config, read.folder)]
     images = {one: _facts(one) for one in dict.fromkeys(recorded) if _is_image(one) and str(one) not in seen}
     own_laws = laws_of_user(read.config.material)  # IDIC_LAWS names them on every worker
     whole = [read.folder / file.name,
              *(read.folder / one.relative_to(file.parent) for one in law_files(file) if _below(one, file)),
-             *(one for one in read.small_files() if one not in own_laws), *read.still_files(frames),
+             *(one for one in tables.recording.files if one not in own_laws), *read.still_files(frames),
              *temperature_images(read.config, read.folder, file), *(one for one in recorded if one not in images)]
     return Inputs(read.folder, tuple(dict.fromkeys(whole)), images)
 

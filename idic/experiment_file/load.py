@@ -3,51 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from idic.errors import InputError
-from idic.experiment_file.laws.composed_law import course_notes
-from idic.experiment_file.laws.free_curves import free_curves, knot_notes, smoothness_priors
-from idic.experiment_file.laws.softening import softening_notes
-from idic.experiment_file.laws.spectrum import spectrum_notes
-from idic.experiment_file.measured_fields.noise import noise_of_fields, with_depth
-from idic.experiment_file.measured_fields.placement import field_camera, laid_on_outline
-from idic.experiment_file.checks.model import (check_materials, check_supported, check_surface, check_times,
-                                               check_visible, checked_heights)
+from idic.experiment_file.experiment_tables import ExperimentTables
 from idic.experiment_file.recording import Frames, RecordedFolder
-from idic.experiment_file.tables import boundaries as boundary_tables, dofs
-from idic.experiment_file.tables.camera_motion import moving_camera, with_identified_motions
-from idic.experiment_file.tables.camera_noise import camera_noise, with_stabilised_images
-from idic.experiment_file.tables.further_cameras import further_cameras, with_surfaces
-from idic.experiment_file.tables.gauges import gauges
-from idic.experiment_file.tables.geometry import geometry_of
-from idic.experiment_file.tables.heterogeneities import heterogeneities
-from idic.experiment_file.checks.images_at_rest import told_references
-from idic.experiment_file.tables.lengths import Lengths, lengths
-from idic.experiment_file.pinhole.pairing import pairing_notes
-from idic.experiment_file.pinhole.lenses import Lenses, camera_tables, check_image, joint_priors, lenses, middle_of
-from idic.experiment_file.pinhole.placed_lenses import placed_lenses
-from idic.experiment_file.tables.mesh_on_image import arcs_of, mesh_on_image, outline_share
-from idic.experiment_file.tables.mesh_sets import with_edge_set, with_element_set, with_sets
-from idic.experiment_file.tables.solver import EXTERNAL_PERTURBATION, external_solver, solver_notes
-from idic.experiment_file.tables.temperatures import knots_of_temperature, Body, temperatures
 from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
-from idic.fe import Mesh, can_raise_order, check_elements, curved, is_raised_by_default, raise_order
-from idic.images import AnyCamera, Camera, Stack, mirrored_rim_px
-from idic.model import Column, Experiment, FieldPoints, FurtherCamera, Material, Noise, Options, Prescribed, Stage
-from idic.parameters import Parameter, ParameterSet
-from idic.read_once import read_once
-from idic.readers import FieldStack, RawMesh, existing_file, factor_between, read_mesh_file, to_mesh
-
-LINEAR_AS_GIVEN = "elements are linear, as given: they are too stiff, and the parameters absorb most of that error"
-_HEIGHT_MM = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
+from idic.images import Stack
+from idic.model import Experiment
 
 
-def load_experiment(path: str | Path, overrides: Mapping[str, Any] | None = None) -> Experiment:
+def load_experiment(path: str | Path, overrides: Mapping[str, Any] | None = None, *,
+                    stack: Stack | None = None) -> Experiment:
     """Read and validate an experiment.
 
     Parameters
@@ -57,6 +25,8 @@ def load_experiment(path: str | Path, overrides: Mapping[str, Any] | None = None
     overrides : mapping, optional
         ``--set key=value``: dotted keys (``options.max_iterations``, ``boundary.1.uy``), ``SPECIMEN.E`` for the start
         value of a parameter, the name of a [[dof]] for its value.
+    stack : Stack, optional
+        Images in the place of those that the file names; the first one is the reference.
 
     Returns
     -------
@@ -68,340 +38,36 @@ def load_experiment(path: str | Path, overrides: Mapping[str, Any] | None = None
     InputError
         At the first error, with file, key, expected value, found value and remedy.
     """
-    file = locate(path)
-    raw = with_overrides(read_toml(file), overrides)
-    config = validated(raw, file)
-    return ExperimentFolder(file, file.parent.resolve(), config, raw).experiment()
+    return read_experiment(path, overrides, stack=stack).experiment()
 
 
-def load_rendered(path: str | Path, stack: Stack, overrides: Mapping[str, Any] | None = None) -> Experiment:
-    """Read an experiment as `load_experiment` does, with `stack` for its images; its first frame is the reference."""
+def read_experiment(path: str | Path, overrides: Mapping[str, Any] | None = None, *,
+                    stack: Stack | None = None) -> ExperimentTables:
+    """Read the files of an experiment; its model is made of them by `ExperimentTables.experiment`, with edits by
+    `ExperimentTables.edited`. Parameters as those of `load_experiment`.
+
+    Raises
+    ------
+    InputError
+        At the first error in the tables, or in a file that they name.
+    """
     file = locate(path)
     raw = with_overrides(read_toml(file), overrides)
-    return _RenderedFolder(file, file.parent.resolve(), validated(raw, file), raw, stack).experiment()
+    given = file, file.parent.resolve(), validated(raw, file), raw
+    return (ExperimentFolder(*given) if stack is None else _RenderedFolder(*given, stack)).tables()
 
 
 @dataclass(frozen=True)
 class ExperimentFolder(RecordedFolder):
-    """One experiment file and its folder; each method reads one part."""
+    """One experiment file and its folder."""
+
+    def tables(self) -> ExperimentTables:
+        """The tables on what the files hold."""
+        return ExperimentTables.of(self.file, self.raw, self.config, self.recording())
 
     def experiment(self) -> Experiment:
-        table = self.config.experiment
-        frames = self.frames()
-        lens = lenses(self.config, self.folder, self.file)
-        scale = self._scale(frames, lens)
-        mesh, notes = self.mesh(scale, frames)
-        materials, parameters, mesh, law_notes = self.materials(mesh)
-        solver = external_solver(self.config, self.folder, self.file)
-        log = self.log(frames)
-        if log is not None and log.is_interpolated:
-            log = replace(log, late=dofs.start_of_time_offset(self.config, self.file))
-        curves = free_curves(materials, self.config.material, parameters)
-        known_times = self.frame_times(frames) if log is None else log.times
-        check_times(materials, known_times, self.file)
-        context = boundary_tables.Context(log, known_times, frames.reference, frames.stack.n_frames, scale.unit,
-                                          self.file)
-        motion = boundary_tables.motion(self.config, mesh, context)
-        mesh = motion.mesh
-        if table.surface is not None:
-            mesh = with_edge_set(mesh, table.surface, self.file, "experiment.surface")
-        mesh = with_surfaces(mesh, self.config, self.file)
-        lens = lens.about(middle_of(mesh))
-        if lens.cameras[0] is not None:
-            lens = placed_lenses(lens, self.config, mesh, frames.stack, frames.reference, self.folder, self.file)
-            scale = replace(scale, camera=lens.cameras[0])
-        scale = self._placed(scale, frames, mesh)
-        thickness = self.thickness(scale, motion)
-        check_surface(mesh, table.kind, table.surface, self.file)
-        if solver is None:  # else the deck holds the body
-            self.check_held(mesh, motion.prescribed)
-        check_visible(mesh, table.kind, table.surface, scale.camera, frames.shape, frames.mask, self.file,
-                      fields=frames.points is not None)
-        cameras, camera_notes = further_cameras(self.config, mesh, scale, frames.stack.n_frames, frames.still,
-                                                self.folder, self.file, lens)
-        camera_notes += pairing_notes(self.config, mesh, scale.camera, frames.stack, cameras, frames.reference,
-                                      self.file)
-        mesh, order_notes = self.element_order(mesh, scale.camera, frames)
-        geometry = geometry_of(mesh, self.config, scale.unit, self.file)
-        mesh = geometry.mesh
-        varied, of_varied = heterogeneities(self.config, mesh, scale.unit, self.file)
-        parameters += of_varied
-        camera, cameras = self._moving(scale.camera, cameras, lens, frames, context, known_times)
-        parameters += dofs.further(self.config, camera, tuple(motion.channels), tuple(motion.prescribed),
-                                   thickness, known_times, scale.unit, frames.shape, parameters, self.file,
-                                   cameras, geometry.parameters, tuple(motion.loads), lens.freed,
-                                   knots_of_temperature(self.config, context, self.file))
-        camera, cameras = with_identified_motions(camera, cameras, self.config.camera, parameters)
-        times = np.arange(frames.stack.n_frames, dtype=float) if known_times is None else known_times
-        body = Body(mesh, table.kind, table.surface, scale, frames.shape, tuple(motion.prescribed), times)
-        warmth, warm_notes = temperatures(self.config, body, context, self.folder, parameters)
-        noise, points, noise_notes = self.noise(frames, mesh, scale)
-        stack = frames.stack if points is None else frames.stack.with_components(points.n_components)
-        return checked_heights(told_references(with_stabilised_images(Experiment(
-            title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
-            thickness=thickness, materials=materials,
-            parameters=ParameterSet(parameters,
-                                    (*joint_priors(lens, parameters), *smoothness_priors(curves, parameters))),
-            prescribed=tuple(motion.prescribed), loads=tuple(motion.loads), channels=tuple(motion.channels),
-            camera=camera, stack=stack, labels=frames.labels, times=times,
-            reference=frames.reference, excluded=frames.excluded, mask=frames.mask, surface=table.surface,
-            symmetry=table.symmetry, quantity=table.quantity,
-            height_unit=_HEIGHT_MM[table.height_unit] if table.height_unit else 1.0,
-            noise=noise, stages=self.stages(parameters, known_times), options=self.options(), length_unit=scale.unit,
-            identity=self.identity(frames),
-            camera_name=self.config.camera.name if self.config.camera else "camera", cameras=cameras,
-            heterogeneities=varied, morphs=geometry.morphs, temperatures=warmth, solver=solver,
-            notes=(*scale.notes, *lens.notes, *camera_notes, *frames.notes, *(log.notes if log is not None else ()),
-                   *notes, *law_notes, *motion.notes, *order_notes,
-                   *geometry.notes, *warm_notes, *solver_notes(solver), *noise_notes,
-                   *self.force_notes(parameters, motion), *knot_notes(self.config.material),
-                   *course_notes(materials, parameters, _courses(motion)),
-                   *spectrum_notes(materials, parameters, known_times),
-                   *softening_notes(materials, parameters, mesh, scale.unit)),
-            extras=self._extras(frames, scale, log, known_times) | {"free_curves": curves},
-            averaged=frames.averaged, points=points, log_offset=0.0 if log is None else log.late,
-            gauges=gauges(self.config, mesh, scale.unit, scale.camera, self.file))), self.file), self.file)
-
-    def _moving(self, camera: AnyCamera, cameras: tuple[FurtherCamera, ...], lens: Lenses, frames: Frames,
-                context: boundary_tables.Context,
-                times: np.ndarray | None) -> tuple[AnyCamera, tuple[FurtherCamera, ...]]:
-        """The cameras with all their motions, or those of the specimen before lenses, every amplitude zero."""
-        tables = camera_tables(self.config)
-        if frames.points is not None:  # a rigid motion of fields is an unknown of the frame
-            tables[0] = tables[0].model_copy(update={"motion": None})
-        rigid = next((table for table in tables if table.model == "pinhole"), None)
-        compared = [k for k in range(frames.reference + 1, frames.stack.n_frames) if k not in frames.excluded]
-        moved = [moving_camera(seen, rigid if lens.cameras[i] is not None else tables[i], context, times, compared)
-                 for i, seen in enumerate([camera, *(other.camera for other in cameras)])]
-        return moved[0], tuple(replace(other, camera=own) for other, own in zip(cameras, moved[1:], strict=True))
-
-    def _placed(self, scale: Lengths, frames: Frames, mesh: Mesh) -> Lengths:
-        """With the camera of a mesh that is laid onto measured points by its outline."""
-        if self.config.camera is None or self.config.camera.placement == "given":
-            return scale
-        if not isinstance(frames.stack, FieldStack) or self.config.experiment.mesh.file is None:
-            raise InputError("a placement by the outline of points", file=self.file, key="camera.placement",
-                             expected="measured fields and a mesh file", found="images" if frames.points is None else
-                             "a mesh that is made of the points", remedy="leave placement out")
-        camera, note = laid_on_outline(self.config, frames.stack.points, mesh, scale.camera, self.file)
-        return replace(scale, camera=camera, notes=(*scale.notes, note))
-
-    def noise(self, frames: Frames, mesh: Mesh, scale: Lengths) -> tuple[Noise, FieldPoints | None, tuple[str, ...]]:
-        """Noise of the main camera, or of the measured fields; their points, weighed by it; and notes."""
-        if not isinstance(frames.stack, FieldStack) or frames.points is None:
-            noise, notes = camera_noise(self.config, frames, mesh, scale.camera, self.file)
-            return noise, None, notes
-        stack, n_references = frames.stack, max(len(frames.averaged), 1)
-        counted = tuple(k for k in range(frames.reference, stack.n_frames) if k not in frames.excluded)
-        if frames.recorded is not None:  # stages next to each other show the noise best
-            stack, counted = frames.recorded.stack, frames.recorded.counted
-        noise = noise_of_fields(self.config, stack, frames.points, counted, counted[0], n_references, self.file)
-        if frames.points.depth is None:
-            return noise, frames.points, ()
-        table = self.config.experiment
-        points, note = with_depth(frames.points, noise, stack, counted, counted[0], n_references,
-                                  bool(table.fields_thickness_change), table.thickness_mm)
-        return noise, points, (note,)
-
-    def _scale(self, frames: Frames, lens: Lenses) -> Lengths:
-        table = self.config.experiment
-        if isinstance(frames.stack, FieldStack):
-            unit = table.mesh_unit or "mm"
-            if unit == "px":
-                raise InputError("a mesh in px on measured fields", file=self.file, key="experiment.mesh_unit",
-                                 expected="a unit of length: the points are in mm", found='"px"',
-                                 remedy="multiply every length of the mesh by pixel_size_mm, leave mesh_unit out")
-            factor = factor_between(unit, "mm", file=self.file, key="experiment.mesh_unit")
-            return Lengths("mm", factor, field_camera(self.config, frames.stack.points, self.file), (), unit)
-        if lens.cameras[0] is not None:
-            check_image(lens.cameras[0], lens.sizes[0], frames.shape, "camera", self.file)
-        scale = lengths(self.config, frames.shape, self.file, lens.cameras[0])
-        if table.quantity == "height" and scale.unit == "px":
-            raise InputError("height images without a scale", file=self.file, key="camera.pixel_size_mm",
-                             expected=f"the size of a pixel: heights are in {table.height_unit}", found="lengths in px",
-                             remedy="give pixel_size_mm")
-        return scale
-
-    def _extras(self, frames: Frames, scale: Lengths, log, times: np.ndarray | None) -> dict:
-        """Further data for the checks, the reports and the warm start."""
-        return {"given": tuple(entry.name for entry in self.config.dof if entry.value is not None),
-                "mesh_unit_factor": scale.factor, "height_unit": self.config.experiment.height_unit,
-                "still_frames": frames.still, "still_stack": frames.still_stack, "setup": self.config.setup.stated,
-                "has_times": times is not None,
-                "interpolated_log": log is not None and log.is_interpolated,
-                "columns": () if log is None else tuple(log.names),
-                "units": {} if log is None else {name: unit for name in log.names if (unit := log.unit(name))},
-                "files": tuple(str(path) for path in self.small_files()),
-                "outline_share": outline_share(self.config, frames.stack, scale.camera, self.file)}
-
-    def element_order(self, mesh: Mesh, camera: Camera, frames: Frames) -> tuple[Mesh, tuple[str, ...]]:
-        """The mesh with the element order of the options, on the arcs of a drawing, and a note if the order was
-        raised."""
-        wanted, n = self.config.options.element_order, mesh.n_nodes
-        if wanted == "as_given" or (wanted == "auto" and not is_raised_by_default(mesh)):
-            return mesh, (LINEAR_AS_GIVEN,) if is_raised_by_default(mesh) else ()
-        if not can_raise_order(mesh):
-            raise InputError("idic cannot raise the order of these elements", file=self.file,
-                             key="options.element_order", expected="a mesh of tri3, quad4, tet4 or hex8 elements",
-                             found=", ".join(sorted({block.cell for block in mesh.blocks})),
-                             remedy='use element_order = "auto"')
-        straight, table = raise_order(mesh), self.config.experiment.mesh
-        if (drawing := arcs_of(self.config, frames.stack, camera, self.file)) is not None:
-            mesh = drawing.on_arcs(straight, camera if table.in_px else None)
-        else:
-            mesh = curved(straight)
-        bent = int((mesh.nodes != straight.nodes).any(axis=1).sum())
-        return mesh, (f"linear elements are computed as quadratic ones ({n} -> {mesh.n_nodes} nodes"
-                      + (f", {bent} of them moved onto the arcs of the boundary" if bent else "") + "); "
-                      'element_order = "as_given" under [options] keeps them linear',)
-
-    def mesh(self, scale: Lengths, frames: Frames) -> tuple[Mesh, list[str]]:
-        table, key = self.config.experiment.mesh, "experiment.mesh"
-        n_dim = 3 if self.config.experiment.kind == "solid" else 2
-        source = self.file
-        if table.file is not None:
-            raw = self.meshed(table.file)
-            source = raw.file
-            mesh, notes = to_mesh(raw, n_dim, scale.factor)
-        else:
-            mesh, notes = mesh_on_image(self.config, scale, frames.stack, self.file)
-        try:
-            check_elements(mesh)
-        except InputError as error:
-            raise InputError(error.what, file=source, key=key,
-                             expected=error.expected, found=error.found,
-                             remedy=error.remedy) from None
-        return with_sets(mesh, self.config.sets, scale.factor, self.file), notes
-
-    def meshed(self, name: str) -> RawMesh:
-        """The mesh with the cells, sets and lengths of the file."""
-        return read_once(read_mesh_file, existing_file(self.folder, name, file=self.file, key="experiment.mesh"))
-
-    def materials(self, mesh: Mesh) -> tuple[tuple[Material, ...], list[Parameter], Mesh, list[str]]:
-        made, parameters, notes = [], [], []
-        for name, table in self.config.material.items():
-            mesh, note = with_element_set(mesh, name, len(self.config.material) == 1, self.file, f"material.{name}",
-                                          self.config.sets)
-            record, own, more = dofs.material(name, table, self.file)
-            made.append(record)
-            parameters.extend(own)
-            notes.extend(([note] if note else []) + more)
-        check_materials(mesh, [record.element_set for record in made], self.file)
-        return tuple(made), parameters, mesh, notes
-
-    def thickness(self, scale: Lengths, motion: boundary_tables.Motion) -> float | None:
-        table = self.config.experiment
-        forced = any(c.kind == "reaction" for c in motion.channels)
-        forced = forced or any(load.kind == "force" for load in motion.loads)
-        if forced and scale.unit == "px":
-            raise InputError("a force without a scale", file=self.file, key="camera.pixel_size_mm",
-                             expected="the size of a pixel: stress is force per area", found="lengths in px",
-                             remedy="give pixel_size_mm, or leave the force out")
-        if table.kind == "solid":
-            if table.thickness_mm is not None:
-                raise InputError("a solid has its thickness in the mesh", file=self.file, key="experiment.thickness_mm",
-                                 expected="no thickness_mm", found=f"{table.thickness_mm:g}",
-                                 remedy="leave it out")
-            return None
-        if forced and table.thickness_mm is None:
-            raise InputError("a key is missing", file=self.file, key="experiment.thickness_mm",
-                             expected="the thickness: a force is compared or applied", found="no such key",
-                             remedy="give the measured thickness in mm" + (", the mean over the deformed part"
-                                                         if table.kind == "plane_stress" else ""))
-        return table.thickness_mm
-
-    def check_held(self, mesh: Mesh, prescribed: list[Prescribed]) -> None:
-        """See `check_supported`."""
-        check_supported(mesh, prescribed, self.file)
-
-    def stages(self, parameters: list[Parameter], times: np.ndarray | None) -> tuple[Stage, ...]:
-        names, free = {p.name for p in parameters}, [p.name for p in parameters if p.free]
-        for number, stage in enumerate(self.config.stage):
-            if stage.until_s is not None and times is None:
-                raise InputError("a stage in seconds on a test without times", file=self.file,
-                                 key=f"stage[{number}].until_s", found=f"{stage.until_s:g} s",
-                                 expected="frame_interval_s or image_times in [experiment], or a column time_s in the "
-                                 "log", remedy="give the times, or leave until_s out")
-            for name in stage.free if isinstance(stage.free, list) else ():
-                if name not in free:
-                    what = "a locked parameter in a stage" if name in names else "an unknown parameter in a stage"
-                    raise InputError(what, file=self.file, key=f"stage[{number}].free",
-                                     expected=f"one of {', '.join(free) or '(none is free)'}", found=repr(name),
-                                     remedy="set identify = true where it is defined" if name in names
-                                     else "correct the name")
-        return tuple(Stage(stage.free if isinstance(stage.free, str) else tuple(stage.free), stage.max_iterations,
-                           stage.lowpass_px, stage.until_s) for stage in self.config.stage)
-
-    def options(self) -> Options:
-        """The options; height images have defaults of their own.
-
-        Height images have no drifting light, and an offset of the instrument is indistinguishable from a rise of the
-        whole specimen: no brightness correction by default. They are not blurred either: the pixels of a profilometer
-        do not alias like those of a camera, and a blur would smooth the simulated height within the pattern.
-        """
-        table, height = self.config.options.model_dump(), self.config.experiment.quantity != "grey"
-        if self.config.experiment.fields:
-            self._check_field_options(table)
-            table |= {"edge_margin_px": 0, "border_px": 0}  # a point has a value of its own
-        defaults = {"brightness": "none" if height else "frame", "lowpass_px": 0.0 if height else Options.lowpass_px}
-        defaults["perturbation"] = Options.perturbation if self.config.solver is None else EXTERNAL_PERTURBATION
-        table |= {name: value for name, value in defaults.items() if table[name] is None}
-        if table["border_px"] is None:
-            table["border_px"] = mirrored_rim_px(table["lowpass_px"])
-        kinds = ("none", "frame", "tilt") if height else ("none", "frame", "patch")
-        if table["brightness"] not in kinds:
-            raise InputError("brightness does not fit these images", file=self.file, key="options.brightness",
-                             expected=" | ".join(kinds), found=table["brightness"],
-                             remedy="choose for height images the offset of the instrument (frame), with two tilts "
-                                    "(tilt); for grey images gain and offset of the frame or of patches")
-        if height and table["defocus"] != "none":
-            raise InputError("defocus does not fit these images", file=self.file, key="options.defocus",
-                             expected="none", found=table["defocus"],
-                             remedy="leave defocus out: height images have no focus")
-        table["left_out_px"] = self._left_out()
-        return Options(**table)
-
-    def _left_out(self) -> tuple[tuple[float, float, float], ...]:
-        """Circles of the reference image that are not correlated: those of one camera that looks at a surface."""
-        circles = tuple((float(x), float(y), float(radius)) for x, y, radius in self.config.options.left_out_px)
-        if circles and (self.config.experiment.fields or self.config.further_cameras):
-            raise InputError("circles that are left out, of several cameras or of measured fields", file=self.file,
-                             key="options.left_out_px", expected="one camera with images",
-                             found=f"{len(circles)} circles",
-                             remedy="paint them black in the mask of their camera, or remove their points")
-        if any(radius <= 0.0 for _, _, radius in circles):
-            raise InputError("a circle without a size", file=self.file, key="options.left_out_px",
-                             expected="[column, row, radius] with a radius above 0",
-                             found=str(next(list(one) for one in circles if one[2] <= 0.0)),
-                             remedy="correct the radius")
-        return circles
-
-    def _check_field_options(self, table: Mapping[str, Any]) -> None:
-        """Refuse options of images next to measured fields."""
-        for name, allowed in (("brightness", ("none",)), ("lowpass_px", (0.0,)), ("method", ("integrated",))):
-            if table[name] is not None and table[name] not in allowed:
-                raise InputError("an option of images next to measured fields", file=self.file, key=f"options.{name}",
-                                 expected=f"{allowed[0]}, or no {name}", found=str(table[name]),
-                                 remedy=f"leave {name} out")
-
-    def force_notes(self, parameters: list[Parameter], motion: boundary_tables.Motion) -> list[str]:
-        if any(c.kind == "reaction" for c in motion.channels) or motion.loads:
-            return []
-        stresses = [p for p in parameters if p.transform == "log" and p.unit in ("MPa", "GPa", "kPa", "Pa")]
-        fixed = ", ".join(p.name for p in stresses)
-        moduli = [p.name for p in stresses if p.free]
-        if len(moduli) == 1 and len(stresses) == 1:
-            return [f"no force is compared: {moduli[0]} cannot be identified"]
-        if moduli:
-            return [f"no force is compared: of {', '.join(moduli)} only ratios can be identified"]
-        return [f"no force is compared: the stresses follow from the fixed values of {fixed}; they are "
-                "not measured, as images determine only ratios of stresses"] if stresses else []
-
-
-def _courses(motion: boundary_tables.Motion) -> list[np.ndarray]:
-    """Logged motions and loads, one value per frame."""
-    drives = [*(entry.drive for entry in motion.prescribed), *(entry.drive for entry in motion.loads)]
-    return [drive.values for drive in drives if isinstance(drive, Column)]
+        """See `ExperimentTables.experiment`."""
+        return self.tables().experiment()
 
 
 @dataclass(frozen=True)

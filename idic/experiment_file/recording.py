@@ -14,18 +14,20 @@ from idic.errors import InputError
 from idic.experiment_file.measured_fields.noise import depth_of
 from idic.experiment_file.measured_fields.placement import grid_of, rigid_is_free
 from idic.experiment_file.measured_fields.stages import field_notes, kept_stages, open_series, stack_of
+from idic.experiment_file.pinhole.lenses import calibrations
 from idic.experiment_file.schema.experiment_file import ExperimentFile
 from idic.experiment_file.schema.materials import MaterialTable
-from idic.experiment_file.tables.further_cameras import camera_files, camera_images
+from idic.experiment_file.tables.further_cameras import CameraFrames, camera_files, camera_frames, camera_images
 from idic.experiment_file.checks.images_at_rest import check_depth
-from idic.experiment_file.tables.solver import solver_files
-from idic.experiment_file.tables.temperatures import temperature_images
+from idic.experiment_file.tables.solver import external_solver, solver_files
+from idic.experiment_file.tables.temperatures import infrared_stacks, temperature_images
+from idic.fe import ExternalSetup
 from idic.laws import all_laws, code_of, outside_values, source_of
 from idic.model import FieldPoints, KINDS
-from idic.read_once import read_once
 from idic.readers import (
-    ArrayFrames, FieldStack, FileStack, Log, MatchedLog, check_complete, check_increasing, existing_file,
-    frame_indices, frame_numbers, match, matching_files, open_stack, read_image, read_log,
+    ArrayFrames, CameraRig, FieldStack, FileStack, Log, MatchedLog, RawMesh, check_complete, check_increasing,
+    existing_file, frame_indices, frame_numbers, match, matching_files, open_stack, read_image, read_log,
+    read_mesh_file,
 )
 from idic.remote_files import image_facts
 
@@ -67,6 +69,31 @@ class Frames:
         return self.stack.shape if self.points is None else self.points.shape
 
 
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """What the files of an experiment hold; no model changes it, and images are opened on demand.
+
+    folder : of the files, `files` : all that are read whole; frames, cameras : images of the main camera (or stages of
+    measured fields) and of the further ones; log : one row per frame; times : (n_frames,) s, None where neither log nor
+    tables know them
+    mesh : of the mesh file; calibrations : by file name; infrared : images by the number of their [[boundary]];
+    solver : deck and command of an external program; identity : fingerprint of tables, files and images, "" of objects
+    in memory
+    """
+
+    folder: Path
+    frames: Frames
+    cameras: tuple[CameraFrames, ...]
+    log: MatchedLog | None
+    times: np.ndarray | None
+    mesh: RawMesh | None
+    calibrations: Mapping[str, CameraRig]
+    infrared: Mapping[int, FileStack]
+    solver: ExternalSetup | None
+    files: tuple[Path, ...]
+    identity: str
+
+
 @dataclass(frozen=True)
 class RecordedFolder:
     """One experiment file and its recordings."""
@@ -75,6 +102,28 @@ class RecordedFolder:
     folder: Path
     config: ExperimentFile
     raw: Mapping
+
+    def recording(self) -> Recording:
+        """Read the files; of images only the headers.
+
+        Raises
+        ------
+        InputError
+            The first file that is missing, damaged or contradicts the others.
+        """
+        frames, name = self.frames(), self.config.experiment.mesh.file
+        rigs = calibrations(self.config, self.folder, self.file)
+        mesh = None if name is None else self.meshed(name)
+        solver = external_solver(self.config, self.folder, self.file)
+        log = self.log(frames)
+        return Recording(self.folder, frames, camera_frames(self.config, self.folder, self.file), log,
+                         self.frame_times(frames) if log is None else log.times, mesh, rigs,
+                         infrared_stacks(self.config, self.folder, self.file), solver, tuple(self.small_files()),
+                         self.identity(frames))
+
+    def meshed(self, name: str) -> RawMesh:
+        """The mesh with the cells, sets and lengths of the file."""
+        return read_mesh_file(existing_file(self.folder, name, file=self.file, key="experiment.mesh"))
 
     def frames(self) -> Frames:
         """Open the images; InputError if there are none, too few, or if the keys for frames contradict each other."""
@@ -322,10 +371,10 @@ def fingerprint(raw: Mapping, files: Iterable[Path], images: Iterable[Path], law
     tables["experiment"] = {key: value for key, value in dict(raw.get("experiment", {})).items() if key != "title"}
     digest = hashlib.sha256(b"idic.experiment/1\n" + json.dumps(tables, sort_keys=True, default=str).encode())
     for path in files:
-        digest.update(f"\nfile {path.name} ".encode() + read_once(_small_file, path))
+        digest.update(f"\nfile {path.name} ".encode() + _small_file(path))
     for path in images:
         facts = image_facts(path)
-        size, ends = read_once(ends_of, path) if facts is None else (facts.size, facts.ends_sha256)
+        size, ends = ends_of(path) if facts is None else (facts.size, facts.ends_sha256)
         digest.update(f"\nimage {path.name} {size} ".encode() + bytes.fromhex(ends))
     for text in laws:
         digest.update(f"\nlaw {text}".encode())

@@ -13,21 +13,22 @@ from .forward import ForwardModel, build_forward, solve, tried_increments
 from .free_course import KNOTS, TEMPERATURE, hats, jump_frame, jump_name, knot_frames, knot_name, without_knot
 from .gauges import Gauge, KINDS
 from .heterogeneity import nodes_of, strayed
-from .load_train import way_of
-from .loads import load_parameters, load_stem
+from .loads import load_parameters
 from .mode_words import in_words, is_mode, motions
 from .motion_error import MotionError
 from .readings import Readings
 from .temperature import nodal_temperature
+from .terms.channel_term import ChannelTerm
+from .terms.channel_terms import CHANNEL_TERMS, channel_term, shown_value
 
 __all__ = [
-    "COMPONENTS", "KINDS", "KNOTS", "TEMPERATURE", "Channel", "Column", "Constant", "Controlled", "Correction",
-    "CorrelatedNoise", "Depth", "Drive", "DriveTable", "Experiment", "FieldPoints", "ForwardModel", "FurtherCamera",
-    "Gauge", "Heterogeneity", "Load", "Material", "Measured", "MotionError", "Noise", "Options", "Parametrised",
-    "Prescribed", "Readings", "Stage", "Temperature", "TemperatureField", "along_the_motion", "boundary_parameters",
-    "build_drives", "build_forward", "corrections_of", "end_sign", "hats", "in_words", "is_mode", "is_stereo",
-    "jump_frame", "jump_name", "knot_frames", "knot_name", "leading_frames", "load_parameters", "load_stem",
-    "mode_names", "mode_shapes", "motions", "nodal_temperature", "nodes_of", "pixel_size", "rates_since_reference",
-    "reach", "selected_frames", "set_nodes", "slip_course", "solve", "strayed", "tried_increments", "way_of",
-    "without_knot",
+    "CHANNEL_TERMS", "COMPONENTS", "KINDS", "KNOTS", "TEMPERATURE", "Channel", "ChannelTerm", "Column", "Constant",
+    "Controlled", "Correction", "CorrelatedNoise", "Depth", "Drive", "DriveTable", "Experiment", "FieldPoints",
+    "ForwardModel", "FurtherCamera", "Gauge", "Heterogeneity", "Load", "Material", "Measured", "MotionError", "Noise",
+    "Options", "Parametrised", "Prescribed", "Readings", "Stage", "Temperature", "TemperatureField",
+    "along_the_motion", "boundary_parameters", "build_drives", "build_forward", "channel_term", "corrections_of",
+    "end_sign", "hats", "in_words", "is_mode", "is_stereo", "jump_frame", "jump_name", "knot_frames", "knot_name",
+    "leading_frames", "load_parameters", "mode_names", "mode_shapes", "motions", "nodal_temperature", "nodes_of",
+    "pixel_size", "rates_since_reference", "reach", "selected_frames", "set_nodes", "shown_value", "slip_course",
+    "solve", "strayed", "tried_increments", "without_knot",
 ]

@@ -149,6 +149,12 @@ class Load:
     identify_scale: bool = False  # its scale is a degree of freedom: a gauge that is not calibrated
     share: float = 1.0
 
+    @property
+    def stem(self) -> str:
+        """``boundary.EDGES.pressure``, ``boundary.EDGES.force.x``: the prefix of its degrees of freedom."""
+        along = "" if self.component is None else f".{self.component}"
+        return f"boundary.{self.edges}.{self.kind}{along}"
+
 
 @dataclass(frozen=True)
 class TemperatureField:
@@ -238,6 +244,10 @@ class Channel:
     def __post_init__(self):
         if not self.shown_unit:
             object.__setattr__(self, "shown_unit", self.unit)
+
+    def dof(self, name: str) -> str:
+        """Full name of its degree of freedom with this last word."""
+        return f"channel.{self.column}.{name}"
 
     @property
     def is_load(self) -> bool:

@@ -79,14 +79,8 @@ def build_loads(experiment: Experiment) -> LoadHistories:
             local.append(i)
             stds.append(load.drive.noise_std)
     follower = np.array([is_follower(load) for load in experiment.loads], dtype=bool)
-    return LoadHistories(tuple(load_stem(load) for load in experiment.loads), columns, rates, follower, tuple(local),
+    return LoadHistories(tuple(load.stem for load in experiment.loads), columns, rates, follower, tuple(local),
                          np.diag(np.array(stds, dtype=float) ** -2.0))
-
-
-def load_stem(load: Load) -> str:
-    """``boundary.EDGES.pressure``, ``boundary.EDGES.force.x``: the prefix of its degrees of freedom."""
-    along = "" if load.component is None else f".{load.component}"
-    return f"boundary.{load.edges}.{load.kind}{along}"
 
 
 def is_follower(load: Load) -> bool:
@@ -97,7 +91,7 @@ def load_parameters(loads: tuple[Load, ...]) -> tuple[Parameter, ...]:
     """Scale and offset of every load; free where the load asks for it."""
     made = {}
     for load in loads:
-        stem, logged = load_stem(load), isinstance(load.drive, Column)
+        stem, logged = load.stem, isinstance(load.drive, Column)
         size = float(np.abs(load.drive.values).max()) if logged else abs(_constant(load))
         made[f"{stem}.scale"] = Parameter(f"{stem}.scale", 1.0, "", load.identify_scale, (0.0, np.inf), transform="log")
         made[f"{stem}.offset"] = Parameter(f"{stem}.offset", 0.0, UNITS[load.kind],

@@ -11,7 +11,6 @@ import tifffile
 from PIL import Image
 
 from idic.errors import InputError
-from idic.read_once import read_once
 from idic.remote_files import fetch, image_facts
 from idic.readers.orientation import TAG, UPRIGHT, orientation_note, orientation_of, upright, upright_shape
 from idic.readers.video import SUFFIXES as VIDEO_SUFFIXES
@@ -119,7 +118,7 @@ def image_entries(path: Path) -> list[ImageEntry]:
     """The frames of a file, by its header, or as the driver has read them."""
     facts = image_facts(path)
     if facts is None:
-        return list(read_once(_headers, path))
+        return _headers(path)
     return [ImageEntry(path, page, tuple(shape), dtype, label, turn)
             for page, shape, dtype, label, turn in facts.entries]
 

@@ -8,7 +8,7 @@ from .diagnosis.diagnose import diagnose, diagnose_run, write_all
 from .diagnosis.files import diagnosis_content, free_parameters
 from .diagnosis.plain import diagnose_plainly
 from .diagnosis.refits import run_refits
-from .diagnosis.source import EditedFolder, open_source
+from .diagnosis.source import open_source
 from .diagnosis.spotless import without_spots
 from .joint_run import folders_of, is_joint
 from .judgement.accepted_point import channels_of, refuse_passed_point
@@ -52,7 +52,7 @@ from .workers.workplace import Workplace
 
 __all__ = [
     "BASE", "ERROR", "FROM_PYTHON", "PAGE_FILE", "PASSWORD", "RESULT_FILE", "STATE_FILE", "Batch", "BatchJob",
-    "BatchOutcome", "CalibrationRun", "Console", "CorrelationJob", "EditedFolder", "FrameArrays", "JobKillsWorkers",
+    "BatchOutcome", "CalibrationRun", "Console", "CorrelationJob", "FrameArrays", "JobKillsWorkers",
     "OpenRun", "PrefectServer", "Prepared", "Progress", "RunContext", "RunStore", "SecondProcess", "SerialRunner",
     "SimulationJob", "TaskRunner", "Timing", "Workplace", "ZarrStack", "accepted_residual", "assessed_experiments",
     "channels_of", "check_pause", "check_scheduler", "checked_memory_limit", "chosen_tables", "chunk_frames",

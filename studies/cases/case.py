@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.measure import boundary_start, dic_stack, with_boundary_start
-from idic.experiment_file import load_rendered
+from idic.experiment_file import load_experiment
 from idic.identification import (
     Identification, coarse_fit, identify, measured_start, search, starts_from_dic, wants_search, with_measured_noise,
 )
@@ -79,7 +79,7 @@ def run_case(job: CaseJob) -> str:
 def case_experiment(store: StudyStore, rendering: Rendering, case: Case) -> Experiment:
     """The experiment of a case with all its frames; noise and rounding of the case act when an image is read."""
     folder = experiment_folder(store.run, rendering.name)
-    experiment = load_rendered(folder, store.images(rendering.name), case.overrides)
+    experiment = load_experiment(folder, case.overrides, stack=store.images(rendering.name))
     experiment = realisation(experiment, case.noise, case.disturbance, case.seed)
     return quantised(experiment, case.bits) if case.bits else experiment
 

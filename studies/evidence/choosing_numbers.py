@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.correlation import build_experiment_reference
-from idic.experiment_file import load_rendered
+from idic.experiment_file import load_experiment
 from idic.identification import identify
 from idic.images import dense_speckle
 from idic.measure import seen_by
@@ -69,7 +69,7 @@ def experiment_of(folder: Path, division, cell: str, overrides):
     """The test with noise-free images in memory."""
     test, overrides = test_of(division, cell, overrides)
     folder.mkdir(parents=True, exist_ok=True)
-    return load_rendered(folder, write_virtual_model(folder, test, floor_gv=NOISE_GV), overrides)
+    return load_experiment(folder, overrides, stack=write_virtual_model(folder, test, floor_gv=NOISE_GV))
 
 
 def from_files(folder: Path, division, cell: str, overrides) -> dict:

@@ -17,7 +17,7 @@ import numpy as np
 
 from idic.correlation import build_experiment_reference, nodal_equations, residual_map, solve_brightness
 from idic.errors import NotConverged
-from idic.experiment_file import load_rendered
+from idic.experiment_file import load_experiment
 from idic.identification import covariance, identify, scaled_system, spectrum
 from idic.images import ArrayStack, RoundedStack, prefilter
 from idic_studies.cases.polycarbonate import SPLINE_FLOOR, scaled
@@ -88,7 +88,7 @@ def misfit(size: Size) -> None:
 def _misfits(test, stack, overrides: Mapping[str, object]) -> dict[str, list[float]]:
     with TemporaryDirectory() as folder:
         write_virtual_model(Path(folder), test, floor_gv=SPLINE_FLOOR)
-        experiment = load_rendered(folder, stack, {"options.element_order": "as_given", **overrides})
+        experiment = load_experiment(folder, {"options.element_order": "as_given", **overrides}, stack=stack)
     nodes, project = experiment.mesh.nodes, experiment.camera.project
     own = build_experiment_reference(experiment, experiment.camera)
     found: dict[str, list[float]] = {"blur matched": [], "blur as it is": []}
@@ -120,7 +120,7 @@ def _print_step(label: str, shown, n_bits: int, overrides: Mapping[str, object])
     test, stack = shown
     with TemporaryDirectory() as folder:
         write_virtual_model(Path(folder), test, floor_gv=SPLINE_FLOOR)
-        experiment = load_rendered(folder, stack, {**scaled(1.0), "options.max_iterations": 1, **overrides})
+        experiment = load_experiment(folder, {**scaled(1.0), "options.max_iterations": 1, **overrides}, stack=stack)
     if n_bits:
         rounded = RoundedStack(stack, n_bits)
         std = float(np.hypot(SPLINE_FLOOR, rounded.step / np.sqrt(12.0)))

@@ -23,7 +23,7 @@ from scipy.interpolate import LinearNDInterpolator
 from scipy.ndimage import map_coordinates
 
 from idic.diagnose import Columns, ResidualEvidence, null_model, residual_evidence, score
-from idic.experiment_file import load_rendered
+from idic.experiment_file import load_experiment
 from idic.identification import identify, measured_noise
 from idic.images import Camera
 from idic_studies.trial.scenes.effects import Effect
@@ -69,7 +69,7 @@ class Bench:
     def of(cls, plain: Scene, folder: Path, paint: Paint, solver: Solver = solve) -> Bench:
         motion = solver(plain)
         stack = write_public(folder, plain, motion, paint)
-        stated = load_rendered(folder, stack)
+        stated = load_experiment(folder, stack=stack)
         found = identify(replace(stated, noise=measured_noise(stated)))
         return cls(plain, motion, paint, residual_evidence(found))
 

@@ -16,60 +16,51 @@ from typing import Any
 import numpy as np
 
 from idic.diagnose import Candidate, Diagnosis, Notes, diagnose, silent
-from idic.experiment_file import Frames, locate, read_toml, validated, with_overrides
+from idic.experiment_file import ExperimentTables, read_experiment, with_overrides
 from idic.identification import Identification, identify, measured_noise
 from idic.images import ArrayStack, Stack
-from idic.model import Experiment, MotionError, Noise
-from idic.run import EditedFolder, SerialRunner, diagnosis_content, free_parameters, run_refits, without_spots
+from idic.model import Experiment, MotionError
+from idic.run import SerialRunner, diagnosis_content, free_parameters, run_refits, without_spots
 from idic_studies.trial.ablations import ablations, omnibus
 from idic_studies.trial.scenes.recording import IMAGES
-
-READ_FOLDERS: dict[str, dict] = {}  # frames and meshes of a folder that this process has read
 
 
 @dataclass(frozen=True)
 class FolderSource:
     """A folder of a trial with edits: the counterpart of `idic.run.diagnosis.source.Source` for a RUN.
 
-    noise : of the images, in the place of the stated one; None: the stated one
+    tables : of the folder, with its images in memory; original : its experiment
     """
 
-    folder: str
-    stack: Stack = field(repr=False)
+    tables: ExperimentTables = field(repr=False)
+    original: Experiment = field(repr=False)
     edits: Mapping[str, Any] = field(default_factory=dict)
-    noise: Noise | None = None
     motion_error: MotionError | None = field(default=None, repr=False)
+
+    @classmethod
+    def of(cls, folder: str | Path, stack: Stack) -> FolderSource:
+        """Read a folder."""
+        tables = read_experiment(folder, stack=stack)
+        return cls(tables, tables.experiment())
 
     def document(self) -> dict:
         """Tables of experiment.toml with the present edits."""
-        return with_overrides(read_toml(locate(self.folder)), self.edits)
+        return with_overrides(self.tables.raw, self.edits)
 
     def load(self, edits: Mapping[str, Any] | None = None) -> Experiment:
         """The experiment with further edits."""
-        file = locate(self.folder)
-        raw = with_overrides(read_toml(file), {**self.edits, **(edits or {})})
-        kept = READ_FOLDERS.setdefault(self.folder, {})
-        stated = _Folder(file, file.parent.resolve(), validated(raw, file), raw, kept, self.stack).experiment()
-        return replace(stated, noise=self.noise or stated.noise, motion_error=self.motion_error)
+        edited = self.tables.edited({**self.edits, **(edits or {})}, self.original).experiment()
+        return replace(edited, motion_error=self.motion_error)
 
     def with_measured_noise(self) -> FolderSource:
         """With the noise that a RUN of this folder would count (`idic.identification.noise.input_noise`)."""
-        return replace(self, noise=measured_noise(self.load()))
+        return replace(self, original=replace(self.original, noise=measured_noise(self.original)))
 
     def with_edits(self, edits: Mapping[str, Any]) -> FolderSource:
         return replace(self, edits={**self.edits, **edits})
 
     def with_motion_error(self, error: MotionError) -> FolderSource:
         return replace(self, motion_error=error)
-
-
-@dataclass(frozen=True)
-class _Folder(EditedFolder):
-    stack: Stack
-
-    def frames(self) -> Frames:
-        labels = tuple(f"frame {k}" for k in range(self.stack.n_frames))
-        return Frames(self.stack, labels, None, 0, (), (), None, self.mask(self.stack), ())
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +78,7 @@ class ToolRun:
 def run_tool(folder: Path, library: Sequence[Candidate] | None = None, with_ablations: bool = False) -> ToolRun:
     """Identify and diagnose a folder; with_ablations : ablations and decoys of the first screening, too."""
     began = time.process_time()
-    source = FolderSource(str(folder), ArrayStack(np.load(folder / IMAGES, allow_pickle=False))).with_measured_noise()
+    source = FolderSource.of(folder, ArrayStack(np.load(folder / IMAGES, allow_pickle=False))).with_measured_noise()
     found = identify(source.load())
     identified = time.process_time() - began
     ablated: list[dict] = []
@@ -101,7 +92,6 @@ def run_tool(folder: Path, library: Sequence[Candidate] | None = None, with_abla
                                           otherwise=as_found)
     diagnosis = diagnose(there, without, partial(run_refits, SerialRunner(), None), library=library, watch=watch)
     diagnosis = replace(diagnosis, spots=spots, notes=(*notes.told, *diagnosis.notes))
-    READ_FOLDERS.pop(str(folder), None)
     before = free_parameters(found.result)
     content = diagnosis_content(diagnosis, before, time.process_time() - began)
     content["cost"] = {name: round(seconds, 2) for name, seconds in content["cost"].items()}

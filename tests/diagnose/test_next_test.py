@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from side_twins import TOML, Side, write_folder
 
-from idic.correlation.channels import knots
 from idic.diagnose import Margin, candidate_library, cautions, identification_at, residual_evidence
 from idic.diagnose.next_test import (
     MIN_SEPARATING_CHI2,
@@ -28,8 +27,9 @@ from idic.diagnose.screen.situation import situation
 from idic.experiment_file import load_experiment, read_toml
 from idic.identification import identify
 from idic.model import (
-    Controlled, Load, Temperature, TemperatureField, build_forward, knot_name, nodal_temperature, way_of,
+    Controlled, Load, Temperature, TemperatureField, build_forward, knot_name, nodal_temperature, shown_value,
 )
+from idic.model.load_train import way_of
 from idic_studies.trial.tool_run import FolderSource
 from idic_studies.trial.scenes.recording import Paint, write_public
 from idic_studies.trial.scenes.scene import NULLS, Geometry, plain_scene
@@ -45,7 +45,7 @@ def models(tmp_path_factory):
     """A machine that yields by so much at the largest force, a grip that slips by as much, on a test at even speed."""
     folder = tmp_path_factory.mktemp("ramp")
     scene = plain_scene("ramp", Geometry(), NULLS["ramp"].truth)
-    source = FolderSource(str(folder), write_public(folder, scene, solve(scene), Paint(3, 4)))
+    source = FolderSource.of(folder, write_public(folder, scene, solve(scene), Paint(3, 4)))
     found = identify(source.load())
     here = situation(found, residual_evidence(found), read_toml(folder / "experiment.toml"))
     known = {c.name: c for c in candidate_library()}
@@ -126,7 +126,8 @@ def test_courses_that_the_data_give_stay_as_they_are_in_the_last_frame(models):
     after = continued(before, Continuation("back", (0.5, 0.0), (0.1, 0.2)))
     way = way_of(after.prescribed)
     for frame in range(n, n + more):
-        assert knots(after, after.channels[0], frame) == {knot_name("channel.force_N.friction", n - 1): way[frame]}
+        shown = shown_value(after, after.channels[0], after.parameters, frame, 0.0)
+        assert shown.by_name[knot_name("channel.force_N.friction", n - 1)] == way[frame]
     warmth = nodal_temperature(after)
     np.testing.assert_array_equal(warmth.values[n:], np.ones((more, recorded.mesh.n_nodes)))
     (knot,) = warmth.knots.values()

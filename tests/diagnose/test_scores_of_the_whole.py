@@ -33,7 +33,7 @@ TRUE = NULLS["elastic"].truth
 def recorded(folder, scene):
     """Recording of a scene, and its identification."""
     write_public(folder, scene, solve(scene), Paint(5, 6))
-    source = FolderSource(str(folder), ArrayStack(np.load(folder / IMAGES, allow_pickle=False)))
+    source = FolderSource.of(folder, ArrayStack(np.load(folder / IMAGES, allow_pickle=False)))
     return source, identify(source.load())
 
 

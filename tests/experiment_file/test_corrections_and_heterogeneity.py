@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from experiment_file.small_experiment import TOML, write_experiment
 
-from idic.correlation import channel_values, drifting
+from idic.correlation import channel_values
 from idic.errors import InputError
 from idic.experiment_file import load_experiment, locate, read_toml, validated
 from idic.experiment_file.tables.heterogeneities import heterogeneities
@@ -16,6 +16,7 @@ from idic.fe import Variation
 from idic.model import boundary_parameters, build_drives, build_forward, strayed
 from idic.model.heterogeneity import variations_at
 from idic.model.load_train import directions
+from idic.model.terms.force_drift import drifting
 
 GRIP = 'uy = { column = "grip_um", noise_std = 0.2 }'
 

@@ -16,7 +16,7 @@ from twin_runs import ELASTIC, FORCE, GRIPS, NOISE, SHAPE, THICKNESS, Twin, clea
 
 import idic  # noqa: E402
 from idic.correlation import build_experiment_reference  # noqa: E402
-from idic.experiment_file import load_rendered  # noqa: E402
+from idic.experiment_file import load_experiment  # noqa: E402
 from idic.measure import free_motion, in_mm, readings, seen_by  # noqa: E402
 from idic.images import ArrayStack  # noqa: E402
 from idic.model import Gauge  # noqa: E402
@@ -78,7 +78,7 @@ def test_the_noise_floor_is_the_scatter_of_repeated_recordings(run, series, clea
     found = []
     for _ in range(N_REPEATS):
         stack = ArrayStack(np.array([recorded(clean[0][k], sensor, rng) for k in (0, 4)] * 3)[:6])
-        experiment = load_rendered(path, stack)
+        experiment = load_experiment(path, stack=stack)
         seen = seen_by(experiment, build_experiment_reference(experiment, experiment.camera))
         start = (experiment.camera.project(experiment.mesh.nodes + _simulated(series, experiment, 4))
                  - experiment.camera.project(experiment.mesh.nodes))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import idic
-from idic.experiment_file import load_rendered
+from idic.experiment_file import load_experiment
 from idic.identification import Analysis, Component, DiscrepancySystem, identify, joined, reason_against
 from idic.identification.discrepancy.variances import estimate
 from idic.virtual_tests import write_images
@@ -20,7 +20,7 @@ def recorded(folder, world, seed):
     """A draw of a world as the laboratory records it, and its truth in the user's units."""
     drawn = draw(world, seed)
     test = virtual_test(drawn)
-    experiment = load_rendered(folder, write_clean(folder, test), drawn.overrides)
+    experiment = load_experiment(folder, drawn.overrides, stack=write_clean(folder, test))
     return realisation(experiment, NOISE_GV[drawn.elastic], DISTURBANCE, 7 + seed), test.truth, drawn
 
 
@@ -87,13 +87,14 @@ def test_a_run_states_the_same_standard_deviations_as_memory(tmp_path):
     test = virtual_test(drawn)
     (tmp_path / "experiment" / "images").mkdir(parents=True)
     stack = write_clean(tmp_path / "experiment", test)
-    experiment = realisation(load_rendered(tmp_path / "experiment", stack, drawn.overrides), 2.0, DISTURBANCE, 1)
+    clean = load_experiment(tmp_path / "experiment", drawn.overrides, stack=stack)
+    experiment = realisation(clean, 2.0, DISTURBANCE, 1)
     images = [np.clip(np.rint(experiment.stack.frame(k)), 0, 255).astype(np.uint8) for k in range(stack.n_frames)]
     write_images(tmp_path / "experiment", images)
     overrides = drawn.overrides | {"camera.noise_std_gv": 2.02}
     result = idic.identify_experiment(tmp_path / "experiment", tmp_path / "run", overrides=overrides)
-    memory = identify(load_rendered(tmp_path / "experiment", type(stack)(np.array(images, dtype=np.float32)),
-                                    overrides)).result
+    written = type(stack)(np.array(images, dtype=np.float32))
+    memory = identify(load_experiment(tmp_path / "experiment", overrides, stack=written)).result
     assert result["discrepancy"]["significant"]
     for name, entry in result["parameters"].items():
         assert entry["std_model"] > entry["std_noise"] > 0.0

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.experiment_file import load_rendered
+from idic.experiment_file import load_experiment
 from idic.identification import identify, joined, with_finite_strains
 from idic.run.store.discrepancy_store import load_discrepancy, save_discrepancy
 from idic.run import RunStore
@@ -25,7 +25,7 @@ def stretched(tmp_path_factory):
     folder = tmp_path_factory.mktemp("stretched")
     scene = world_scene(WORLD, "elastic", 1.0, NULLS["elastic"].truth)
     motion = solve(replace(scene, kinematics="finite"))
-    return identify(load_rendered(folder, write_public(folder, scene, motion, Paint(1, 2))))
+    return identify(load_experiment(folder, stack=write_public(folder, scene, motion, Paint(1, 2))))
 
 
 def notes(result):

@@ -22,7 +22,7 @@ MOST = {
     "idic.calibrate": 30, "idic.correlation": 221, "idic.diagnose": 969, "idic.draw": 1,
     "idic.errors": 4, "idic.experiment_file": 342, "idic.expressions": 1, "idic.fe": 376, "idic.identification": 389,
     "idic.images": 115, "idic.laws": 185, "idic.measure": 140, "idic.model": 56, "idic.notebook": 12,
-    "idic.parameters": 6, "idic.path_names": 4, "idic.read_once": 2, "idic.readers": 239, "idic.remote_files": 2,
+    "idic.parameters": 6, "idic.path_names": 4, "idic.readers": 239, "idic.remote_files": 2,
     "idic.report": 126, "idic.run": 372, "idic_flows": 50, "idic_studies": 296,
 }
 

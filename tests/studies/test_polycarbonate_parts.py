@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idic.experiment_file import load_rendered
+from idic.experiment_file import load_experiment
 from idic.identification import identify, resolve_stages
 from idic.images import ArrayStack, RoundedStack
 from idic_studies.pages.case_record import CaseRecord
@@ -27,7 +27,7 @@ def rendered(tmp_path_factory):
     folder = tmp_path_factory.mktemp("strip")
     clean = write_virtual_model(folder, necking_strip(SKETCH), floor_gv=0.033)
     stack = ArrayStack(np.stack([clean.frame(k) for k in range(2)] * 6)[: clean.n_frames])
-    return lambda overrides=None: load_rendered(folder, stack, overrides)
+    return lambda overrides=None: load_experiment(folder, overrides, stack=stack)
 
 
 def case(key):
@@ -183,7 +183,7 @@ def stretched(tmp_path_factory):
 
     def left(overrides):
         once = {"options.max_iterations": 1, "options.estimator": "ordinary"}
-        experiment = load_rendered(folder, stack, scaled(1.0) | once | overrides)
+        experiment = load_experiment(folder, scaled(1.0) | once | overrides, stack=stack)
         frames = identify(quantised(experiment, 8)).point.system.frames
         return float(np.sqrt(sum(f.rr for f in frames) / sum(f.n_pixels for f in frames)))
 

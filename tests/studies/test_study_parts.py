@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.experiment_file import load_rendered
+from idic.experiment_file import load_experiment
 from idic.identification import identify
 from idic.images import ArrayStack, LeadingFrames, NoisyStack
 from idic.model import build_forward, leading_frames
@@ -22,7 +22,7 @@ def rendered(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bulge")
     clean = write_bulge_model(folder, SKETCH_SIZE)
     stack = ArrayStack(np.stack([clean.frame(k) for k in range(clean.n_frames)]))
-    return lambda overrides=None: load_rendered(folder, stack, overrides)
+    return lambda overrides=None: load_experiment(folder, overrides, stack=stack)
 
 
 def test_a_window_is_the_test_with_its_later_frames_left_out(rendered):

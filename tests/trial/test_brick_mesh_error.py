@@ -11,7 +11,7 @@ from idic.diagnose.discretisation.known_error import MAX_FURTHER_SHARE, error_be
 from idic.diagnose.discretisation.mesh_error import (REACTION_LEFT, as_elastic, brick_mesh_error, compared_frames,
                                                        motion_error, without_reactions)
 from idic.diagnose import identification_at, residual_evidence
-from idic.experiment_file import load_rendered
+from idic.experiment_file import load_experiment
 from idic.identification import refined, thick
 from idic.model import MotionError, build_forward, solve
 from idic_studies.trial.scenes.recording import Paint, write_public
@@ -33,7 +33,7 @@ def known(folder, null, motion=None, **changes):
                                  np.zeros((experiment.n_frames, 1)), None)
 
     def recorded(seen):
-        return at(load_rendered(folder, write_public(folder, scene, seen, Paint(1, 2, noise_gv=0.5))))
+        return at(load_experiment(folder, stack=write_public(folder, scene, seen, Paint(1, 2, noise_gv=0.5))))
 
     mesh = refined(recorded(at_rest(scene)).experiment).experiment.mesh
     return recorded(Motion(mesh, *motion(recorded(at_rest(scene))))) if motion else recorded(at_rest(scene))

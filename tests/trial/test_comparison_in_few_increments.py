@@ -7,7 +7,7 @@ import pytest
 
 from idic.diagnose.discretisation import bricks, increments, mesh_error
 from idic.diagnose import identification_at
-from idic.experiment_file import load_rendered
+from idic.experiment_file import load_experiment
 from idic_studies.trial.scenes.recording import Paint, write_public
 from idic_studies.trial.scenes.scene import NULLS
 from idic_studies.trial.scenes.solve import Motion, true_mesh
@@ -30,7 +30,7 @@ def yields(tmp_path_factory):
     scene = replace(scene, times=np.arange(4) * 1.0, grip=np.array(YIELDS))
     mesh = true_mesh(scene)
     stack = write_public(folder, scene, Motion(mesh, np.zeros((4, mesh.n_nodes, 2)), np.zeros(4)), Paint(1, 2))
-    experiment = load_rendered(folder, stack)
+    experiment = load_experiment(folder, stack=stack)
     values = {f"BODY.{name}": value for name, value in NULLS["plastic"].truth.items()}
     return identification_at(experiment, values, np.zeros((4, 1)), with_increments(16))
 

@@ -30,7 +30,7 @@ def told(folder, world, effects, library):
 def test_images_in_focus_show_no_blur_by_the_noise_of_their_reference(tmp_path):
     """Every residual holds that noise, and the sum of all frames once for each: 698 of chi-square in 17 frames."""
     scene = world_scene(WORLD, "elastic", 1.0, NULLS["elastic"].truth)
-    source = FolderSource(str(tmp_path), write_public(tmp_path, scene, solve(scene), Paint(5, 6)))
+    source = FolderSource.of(tmp_path, write_public(tmp_path, scene, solve(scene), Paint(5, 6)))
     found = identify(source.load())
     unknown = source.load({"options.defocus": "frame"})
     there = identification_at(unknown, found.parameters.as_values(), found.local, found.steps)

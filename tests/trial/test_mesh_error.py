@@ -9,7 +9,7 @@ from idic.diagnose.discretisation.known_error import with_error
 from idic.diagnose.discretisation.mesh_error import motion_error
 from idic.diagnose import identification_at, residual_evidence
 from idic.diagnose.residual.heldout import fit, grid_of
-from idic.experiment_file import load_rendered
+from idic.experiment_file import load_experiment
 from idic.identification import identify, projection, refined
 from idic.model import build_forward, solve
 from idic_studies.trial.scenes.recording import Paint, write_public
@@ -34,7 +34,8 @@ class _Edited:
 def recorded(folder, null, frames, noise_gv):
     """A clean recording, rendered from a finer mesh of other elements."""
     scene = world_scene(SHEAR | {"frames": frames}, null, 1.0, NULLS[null].truth)
-    return load_rendered(folder, write_public(folder, scene, solve_scene(scene), Paint(1, 2, noise_gv=noise_gv)))
+    stack = write_public(folder, scene, solve_scene(scene), Paint(1, 2, noise_gv=noise_gv))
+    return load_experiment(folder, stack=stack)
 
 
 def test_the_error_of_a_mesh_is_that_against_elements_of_a_quarter_of_its_size(tmp_path):

@@ -18,7 +18,7 @@ from idic.diagnose.discretisation.thickness_std import as_recorded, error_change
 from idic.diagnose.discretisation.turns import TURNED_STD, begun_at, in_turns, sheet_at, turned
 from idic.diagnose.discretisation.weight import MIN_ERROR_CHI2, change_matters, counts, error_column, weighed
 from idic.diagnose.residual.heldout import grid_of
-from idic.experiment_file import load_rendered
+from idic.experiment_file import load_experiment
 from idic.fe import boundary_faces, check_elements, halve, make_mesh, quadrature_rule, shape_gradients
 from idic.identification import extruded, identify
 from idic.identification.finer_models.real_thickness import MIDDLE, in_front
@@ -41,7 +41,7 @@ def scene_of_world(grip=None, **changes):
 
 
 def at_truth(folder, scene, motion, **other):
-    experiment = load_rendered(folder, write_public(folder, scene, motion, Paint(1, 2)))
+    experiment = load_experiment(folder, stack=write_public(folder, scene, motion, Paint(1, 2)))
     values = {f"BODY.{name}": value for name, value in (NULLS["elastic"].truth | other).items()}
     return identification_at(experiment, values, np.zeros((experiment.n_frames, 1)), None)
 
@@ -54,7 +54,7 @@ def edited(folder, old, new, **other):
     file = folder / "experiment.toml"
     text = file.read_text().replace(old, new)
     file.write_text(text.replace("nu =", "alpha = { value = 1e-3, unit = \"1/K\" }\nnu =") if other else text)
-    experiment = load_rendered(folder, stack)
+    experiment = load_experiment(folder, stack=stack)
     values = experiment.parameters.as_values() | {f"BODY.{k}": v for k, v in (NULLS["elastic"].truth | other).items()}
     return identification_at(experiment, values, np.zeros((experiment.n_frames, 1)), None)
 
@@ -147,7 +147,7 @@ def test_a_hole_of_another_size_goes_through_the_bricks(tmp_path):
     stack = write_public(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)), Paint(1, 2))
     file = tmp_path / "experiment.toml"
     file.write_text(f'{file.read_text()}\n[[dof]]\nname = "geometry.hole_radius"\nidentify = true\n')
-    experiment = load_rendered(tmp_path, stack)
+    experiment = load_experiment(tmp_path, stack=stack)
     parameters = experiment.parameters.as_values()
     larger = parameters | {"geometry.hole_radius": 1.05 * parameters["geometry.hole_radius"]}
     local = np.zeros((experiment.n_frames, 1))
@@ -345,7 +345,7 @@ def test_triangles_have_solid_elements_that_move_as_the_bricks_of_quadrilaterals
 def test_turns_learn_how_the_error_follows_the_parameters(tmp_path, monkeypatch):
     """A sheared plate of bricks, whose E is 7 standard deviations off: whole turns swing about the answer."""
     scene = scene_of_world(specimen="shear")
-    found = identify(load_rendered(tmp_path, write_public(
+    found = identify(load_experiment(tmp_path, stack=write_public(
         tmp_path, scene, solve_with_calculix(as_solid(BENDING | {"specimen": "shear"}, scene)), Paint(1, 2))))
     grid, simulated = grid_of(residual_evidence(found, light=False)), []
 
@@ -435,7 +435,7 @@ def test_the_error_of_plane_stress_is_that_against_bricks_of_another_program(tmp
 def test_what_the_parameters_take_up_is_computed_though_no_residual_shows_it(tmp_path):
     """A strip with a hole, bricks and finite strains by CalculiX; E comes out high by many standard deviations."""
     scene = scene_of_world(specimen="hole", columns=132, frames=3, thickness=1.5)
-    found = identify(load_rendered(tmp_path, write_public(
+    found = identify(load_experiment(tmp_path, stack=write_public(
         tmp_path, scene, solve_with_calculix(as_solid(BENDING, scene)), Paint(1, 2))))
     residual = residual_evidence(found, light=False)
     entry, true = found.result["parameters"]["BODY.E"], NULLS["elastic"].truth["E"]

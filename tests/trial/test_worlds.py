@@ -9,7 +9,7 @@ import pytest
 from idic.diagnose.residual.heldout import fit, grid_of
 from idic.diagnose import residual_evidence
 from idic.errors import InputError
-from idic.experiment_file import load_rendered
+from idic.experiment_file import load_experiment
 from idic.identification import identify
 from idic_studies.trial.evaluation import TrialRecord, _implied, generated_values, told_as_cut
 from idic_studies.trial.kinds import BEYOND, LIBRARY, is_unseen
@@ -128,7 +128,7 @@ def test_a_world_that_shows_nothing_of_its_effect_is_drawn_again():
 def test_a_specimen_that_leaves_the_image_leaves_no_excess(tmp_path):
     scene = world_scene(WORLD | {"columns": 140, "frames": 40}, "rubber", 1.0, NULLS["rubber"].truth)
     scene = replace(scene, view=view_of(scene.geometry, 140))  # shows the end until it has moved by half a millimetre
-    found = identify(load_rendered(tmp_path, write_public(tmp_path, scene, solve(scene), Paint(1, 2))))
+    found = identify(load_experiment(tmp_path, stack=write_public(tmp_path, scene, solve(scene), Paint(1, 2))))
     residual = residual_evidence(found)
     pixels = {one.n_pixels for one in found.point.system.frames}
     assert min(pixels) < 0.95 * max(pixels) and residual.evidence.n_pixels % len(residual.evidence.frames) == 0
@@ -178,7 +178,7 @@ def test_the_tool_counts_the_noise_that_the_images_show(noise, ratio, tmp_path):
     scene = world_scene(WORLD | {"frames": 4, "noise": noise}, "elastic", 1.0, NULLS["elastic"].truth)
     mesh = true_mesh(scene)
     still = Motion(mesh, np.zeros((4, mesh.n_nodes, 2)), np.linspace(0.0, 9.0, 4))
-    source = FolderSource(str(tmp_path), write_public(tmp_path, scene, still, Paint(1, 2)))
+    source = FolderSource.of(tmp_path, write_public(tmp_path, scene, still, Paint(1, 2)))
     stated, found = source.load().noise, source.with_measured_noise().with_edits({"camera.k1": 1e-7}).load().noise
     assert (found == stated) if noise == "white" else found.std_gv == pytest.approx(ratio * stated.std_gv, rel=0.05)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from idic.correlation import build_experiment_reference, nodal_equations, residual_map, solve_brightness
-from idic.experiment_file import load_experiment, load_rendered
+from idic.experiment_file import load_experiment
 from idic.fe import Reaction, constrain, dofs_of, increments_to_try, make_mesh, march
 from idic.images import ArrayStack, RoundedStack, prefilter
 from idic.virtual_tests import Sensor, clean_image, write_example, write_virtual_model
@@ -127,7 +127,7 @@ def test_with_the_default_options_the_true_motion_leaves_rounding_up_to_a_stretc
     test = necking_strip(Size(0.1862, (97, 210), 5, 10, Divisions(40, 4), 2.2))
     clean = write_virtual_model(tmp_path, test, floor_gv=0.033)
     stack = RoundedStack(ArrayStack(np.stack([clean.frame(k) for k in range(clean.n_frames)])), 8)
-    experiment = load_rendered(tmp_path, stack, {"options.element_order": "as_given"})  # nodes of the truth
+    experiment = load_experiment(tmp_path, {"options.element_order": "as_given"}, stack=stack)  # nodes of the truth
     options, nodes = experiment.options, experiment.mesh.nodes
     assert options.lowpass_px == 0.6 and options.border_px == 4 and options.edge_margin_px == 3
     reference = build_experiment_reference(experiment, experiment.camera)

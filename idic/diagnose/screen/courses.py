@@ -11,11 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.correlation import FRICTION, drifting
 from idic.images import PlacedCamera
 from idic.laws import EXPANSION
 from idic.model import (
-    Channel, Experiment, TEMPERATURE, TemperatureField, corrections_of, jump_frame, knot_name, without_knot,
+    Experiment, TEMPERATURE, TemperatureField, channel_term, corrections_of, jump_frame, knot_name, without_knot,
 )
 
 TIMED = ("slip", "rotation", "misalignment")  # corrections that may have a course of their own
@@ -61,8 +60,9 @@ def course_of(experiment: Experiment, name: str) -> np.ndarray | None:
         if stem == f"boundary.{entry.nodes}.{entry.component}":
             return next((c.course for c in corrections_of(entry.drive) if c.name == last and c.kind in TIMED), None)
     for channel in experiment.channels:
-        if stem == f"channel.{channel.column}" and without_knot(last) in ("drift", *FRICTION):
-            return _of_channel(experiment, channel, last)
+        term = channel_term(without_knot(last))
+        if stem == f"channel.{channel.column}" and term is not None and term.course is not None:
+            return term.course.amplitude(experiment, channel, last)
     motion = experiment.camera.motion
     if motion is not None and not isinstance(experiment.camera, PlacedCamera) and stem == experiment.camera_name \
             and last in motion.names and last.startswith("magnification"):
@@ -81,21 +81,6 @@ def _of_warmth(experiment: Experiment, name: str) -> np.ndarray | None:
             values = entry.drive.values[:, 0]
             return (values - values[experiment.reference]) / SUPPOSED_EXPANSION_PER_K
     return None
-
-
-def _of_channel(experiment: Experiment, channel: Channel, last: str) -> np.ndarray | None:
-    """Drift of a reading, or size of the friction in it, per unit of a degree of freedom (its last word); None of
-    one that the channel does not have."""
-    if last == "drift":
-        return np.array([drifting(experiment, channel, k) for k in range(experiment.n_frames)])
-    if last == "friction":
-        return (np.arange(experiment.n_frames) > experiment.reference).astype(float)
-    if last == "friction_share":
-        return np.abs(channel.values)
-    own = {"drift": (channel.drift_knots, channel.drift_hats),
-           "friction": (channel.friction_knots, channel.friction_hats)}[without_knot(last)]
-    return dict(zip([knot_name(without_knot(last), knot) for knot in own[0]], () if own[1] is None else own[1],
-                    strict=False)).get(last)
 
 
 def courses_of(cause: str, experiment: Experiment, null: Experiment, names: Iterable[str],

@@ -16,14 +16,13 @@ from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
-from idic.correlation import FRICTION
 from idic.diagnose.physics.candidate import Candidate, Variant
 from idic.diagnose.residual.score import Scores
 from idic.diagnose.residual.thinning import drop_on_copy
 from idic.diagnose.screen.courses import SUPPOSED_EXPANSION_PER_K, TIMED
 from idic.errors import InputError
 from idic.laws import EXPANSION
-from idic.model import Experiment, KNOTS, TEMPERATURE, without_knot
+from idic.model import Experiment, KNOTS, TEMPERATURE, channel_term, without_knot
 
 MIN_KNOT_CHI2 = 9.0  # drop of chi-square that a knot must bring
 KNOTTED = {"course": "free", "knots": KNOTS}
@@ -89,18 +88,14 @@ def free_edits(document: Mapping[str, Any], edits: Mapping[str, Any], variant: V
                 if named and isinstance(table.get(f"u{component}"), Mapping):
                     _free(table[f"u{component}"]["corrections"], last, course)
         return made | {"boundary": tables}
-    if name.startswith("channel.") and last == "drift":
+    term = channel_term(last) if name.startswith("channel.") else None
+    if term is not None and term.course is not None:
         tables = copy.deepcopy(list(made.get("channel", document["channel"])))
         for table in tables:
             if stem == f"channel.{table['column']}":
-                table.pop("drift_from_s", None)
-                table["drift_knots"] = KNOTS
-        return _without(made, name) | {"channel": tables}
-    if name.startswith("channel.") and last in FRICTION:
-        tables = copy.deepcopy(list(made.get("channel", document["channel"])))
-        for table in tables:
-            if stem == f"channel.{table['column']}":
-                table["friction_knots"] = KNOTS
+                for key in term.course.replaced:
+                    table.pop(key, None)
+                table[term.course.knots] = KNOTS
         return _without(made, name) | {"channel": tables}
     if last == EXPANSION.name and (made.get("boundary") or [{}])[-1].get("temperature", {}).get("course"):
         supposed = {"value": SUPPOSED_EXPANSION_PER_K, "unit": EXPANSION.unit}
@@ -119,7 +114,8 @@ def course_stem(variant: Variant) -> str:
     stem, _, last = name.rpartition(".")
     if last == EXPANSION.name:
         return TEMPERATURE
-    kind = "magnification" if last in MAGNIFICATIONS else FRICTION[0] if last in FRICTION else last
+    term = channel_term(last) if name.startswith("channel.") else None
+    kind = "magnification" if last in MAGNIFICATIONS else last if term is None else term.names[0]
     return f"{stem}.{kind}" if stem else name
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -58,8 +58,31 @@ def calibration_files(config: ExperimentFile, folder: Path) -> list[Path]:
     return [folder / name for name in dict.fromkeys(t.calibration for t in camera_tables(config) if t.calibration)]
 
 
-def lenses(config: ExperimentFile, folder: Path, file) -> Lenses:
-    """Read the calibrations and place the mesh.
+def calibrations(config: ExperimentFile, folder: Path, file) -> dict[str, CameraRig]:
+    """The calibration files of the pinhole cameras by their names in the tables.
+
+    Raises
+    ------
+    InputError
+        A pinhole camera of images that are not grey, or a file that is no calibration.
+    """
+    if has_lens(config) and config.experiment.quantity != "grey":
+        raise InputError("a pinhole camera of images that are not grey", file=file, key="camera.model",
+                         expected='quantity = "grey"', found=config.experiment.quantity,
+                         remedy='use model = "telecentric"')
+    tables, rigs = camera_tables(config), {}
+    for i, table in enumerate(tables):
+        if table.model == PINHOLE and table.calibration is not None and table.calibration not in rigs:
+            path = existing_file(folder, table.calibration, file=file, key=_key(tables, i, "calibration"))
+            rigs[table.calibration] = read_calibration(path,
+                                                       Conventions(**table.calibration_conventions.model_dump()))
+    return rigs
+
+
+def lenses(config: ExperimentFile, rigs: Mapping[str, CameraRig], file) -> Lenses:
+    """The lenses of the tables, and the place of the mesh before them.
+
+    rigs : the calibration files by their names
 
     Raises
     ------
@@ -68,20 +91,21 @@ def lenses(config: ExperimentFile, folder: Path, file) -> Lenses:
     """
     if not has_lens(config):
         return Lenses(tuple(None for _ in camera_tables(config)), tuple(None for _ in camera_tables(config)))
-    if config.experiment.quantity != "grey":
-        raise InputError("a pinhole camera of images that are not grey", file=file, key="camera.model",
-                         expected='quantity = "grey"', found=config.experiment.quantity,
-                         remedy='use model = "telecentric"')
-    return _Reader(config, folder, file).lenses()
+    return _LensTables(config, rigs, file).lenses()
 
 
-class _Reader:
+def _key(tables: Sequence[CameraTable], i: int, name: str = "") -> str:
+    stem = "camera" if len(tables) == 1 else f"camera[{i}]"
+    return f"{stem}.{name}" if name else stem
+
+
+class _LensTables:
     """The tables of one experiment file."""
 
-    def __init__(self, config: ExperimentFile, folder: Path, file):
-        self.config, self.folder, self.file = config, folder, file
+    def __init__(self, config: ExperimentFile, rigs: Mapping[str, CameraRig], file):
+        self.config, self.file = config, file
         self.tables = camera_tables(config)
-        self.rigs: dict[str, CameraRig] = {}
+        self.rigs = {name: rig.in_frame_of(0) for name, rig in rigs.items()} if self._is_placed() else dict(rigs)
 
     def lenses(self) -> Lenses:
         placed = self._is_placed()
@@ -113,8 +137,7 @@ class _Reader:
         return any(table.rotation is not None or table.alignment is not None for table in self.tables)
 
     def key(self, i: int, name: str = "") -> str:
-        stem = "camera" if len(self.tables) == 1 else f"camera[{i}]"
-        return f"{stem}.{name}" if name else stem
+        return _key(self.tables, i, name)
 
     def _number(self, i: int) -> int | None:
         """Which camera of its calibration file a table is."""
@@ -131,12 +154,7 @@ class _Reader:
         return number
 
     def _rig(self, i: int) -> CameraRig:
-        table = self.tables[i]
-        if table.calibration not in self.rigs:
-            path = existing_file(self.folder, table.calibration, file=self.file, key=self.key(i, "calibration"))
-            rig = read_calibration(path, Conventions(**table.calibration_conventions.model_dump()))
-            self.rigs[table.calibration] = rig.in_frame_of(0) if self._is_placed() else rig
-        return self.rigs[table.calibration]
+        return self.rigs[self.tables[i].calibration]
 
     def _lens(self, i: int, placed: bool) -> PinholeCamera | None:
         """The lens with the pose of its calibration, values of the table in the place of the file's."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -13,14 +13,13 @@ from idic.experiment_file.pinhole.measured_alignment import Eye, placed_by_image
 from idic.experiment_file.schema.experiment_file import ExperimentFile
 from idic.fe import Mesh
 from idic.images import Stack
-from idic.readers import matching_files, open_stack
 
 
-def placed_lenses(lens: Lenses, config: ExperimentFile, mesh: Mesh, stack: Stack, reference: int, folder: Path,
+def placed_lenses(lens: Lenses, config: ExperimentFile, mesh: Mesh, stacks: Sequence[Stack], reference: int,
                   file) -> Lenses:
     """The same lenses, placed where an alignment by holes, edges or the measured surface is asked for.
 
-    stack : images of the main camera; reference : number of the reference image
+    stacks : images of every camera, the main one first; reference : number of the reference image
 
     Raises
     ------
@@ -43,18 +42,14 @@ def placed_lenses(lens: Lenses, config: ExperimentFile, mesh: Mesh, stack: Stack
     for i, (table, camera) in enumerate(zip(tables, lens.cameras, strict=True)):
         if camera is None:
             continue
-        own, name = stack, "camera" if len(tables) == 1 else f"camera[{i}]"
-        if i:
-            patterns = config.further_cameras[i - 1].images
-            own = open_stack(matching_files(folder, patterns, file=file, key=f"{name}.images"), file=file,
-                             key=f"{name}.images")
-            if own.n_frames <= reference:
-                raise InputError("the cameras have different numbers of images", file=file, key=f"{name}.images",
-                                 expected=f"{reference + 1} or more", found=str(own.n_frames),
-                                 remedy="name the same frames in both patterns")
-        check_image(camera, lens.sizes[i], own.shape, name, file)
+        name = "camera" if len(tables) == 1 else f"camera[{i}]"
+        if stacks[i].n_frames <= reference:
+            raise InputError("the cameras have different numbers of images", file=file, key=f"{name}.images",
+                             expected=f"{reference + 1} or more", found=str(stacks[i].n_frames),
+                             remedy="name the same frames in both patterns")
+        check_image(camera, lens.sizes[i], stacks[i].shape, name, file)
         surface = (getattr(table, "surface", None) or config.experiment.surface) if solid else None
-        eyes.append(Eye(name, camera, np.asarray(own.frame(reference)), table.alignment, surface))
+        eyes.append(Eye(name, camera, np.asarray(stacks[i].frame(reference)), table.alignment, surface))
     placed = placed_by_images(mesh, eyes, file)
     cameras = tuple(camera and replace(camera, rotation=placed.rotation, translation_mm=placed.translation_mm)
                     for camera in lens.cameras)

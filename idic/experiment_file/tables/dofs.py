@@ -19,8 +19,7 @@ from idic.fe import EXTERNAL
 from idic.images import AnyCamera, CAMERA_PARAMETERS, PlacedCamera
 from idic.laws import EXPANSION, KELVIN, LawParameter, LawSpec, law_for
 from idic.model import (
-    Channel, Column, FurtherCamera, Load, Material, Prescribed, boundary_parameters, knot_name, load_parameters,
-    way_of,
+    CHANNEL_TERMS, Channel, Column, FurtherCamera, Load, Material, Prescribed, boundary_parameters, load_parameters,
 )
 from idic.parameters import Parameter
 from idic.readers import factor_between
@@ -203,8 +202,8 @@ def further(config: ExperimentFile, camera: AnyCamera, channels: tuple[Channel, 
         known |= (lens_dofs(name, by, shape) if isinstance(by, PlacedCamera)
                   else _camera_dofs(name, by, length_unit, shape))
     known |= of_placement
-    of_channels = _channel_dofs(channels, times, way_of(prescribed) is not None)
-    _require_way(channels, prescribed, file)
+    of_channels = _channel_dofs(channels, times, prescribed)
+    _require_way(channels, of_channels, prescribed, file)
     known |= of_channels
     known_by_drive = (*known_by_drive, *(p.name for p in of_channels.values() if p.free))
     known |= {p.name: p for p in knots}
@@ -274,31 +273,17 @@ def _camera_dofs(camera_name: str, camera: AnyCamera, length_unit: str, image_sh
     return made
 
 
-def _channel_dofs(channels: tuple[Channel, ...], times: np.ndarray | None, moves: bool) -> dict[str, Parameter]:
-    made = {}
-    for channel in channels:
-        size = float(np.abs(channel.values).max()) or 1.0
-        stem = f"channel.{channel.column}"
-        made[f"{stem}.scale"] = Parameter(f"{stem}.scale", 1.0, "", scale=0.1)
-        made[f"{stem}.offset"] = Parameter(f"{stem}.offset", 0.0, channel.unit, scale=0.1 * size)
-        if times is not None and len(times) > 1:
-            duration = float(times[-1] - (times[0] if channel.drift_from is None else channel.drift_from))
-            made[f"{stem}.drift"] = Parameter(f"{stem}.drift", 0.0, f"{channel.unit}/s",
-                                              scale=0.1 * size / duration)
-        made |= {name: Parameter(name, 0.0, channel.unit, True, scale=0.1 * size)
-                 for name in (knot_name(f"{stem}.drift", frame) for frame in channel.drift_knots)}
-        made[f"{stem}.curvature"] = Parameter(f"{stem}.curvature", 0.0, "", scale=0.1)
-        if moves and channel.kind == "reaction":
-            made[f"{stem}.friction"] = Parameter(f"{stem}.friction", 0.0, channel.unit, scale=0.1 * size)
-            made |= {name: Parameter(name, 0.0, channel.unit, True, scale=0.1 * size)
-                     for name in (knot_name(f"{stem}.friction", frame) for frame in channel.friction_knots)}
-            made[f"{stem}.friction_share"] = Parameter(f"{stem}.friction_share", 0.0, "", scale=0.1)
-    return made
+def _channel_dofs(channels: tuple[Channel, ...], times: np.ndarray | None,
+                  prescribed: tuple[Prescribed, ...]) -> dict[str, Parameter]:
+    return {parameter.name: parameter for channel in channels for term in CHANNEL_TERMS
+            for parameter in term.parameters(channel, times, prescribed)}
 
 
-def _require_way(channels: tuple[Channel, ...], prescribed: tuple[Prescribed, ...], file) -> None:
-    knotted = [number for number, channel in enumerate(channels) if channel.friction_knots]
-    if knotted and way_of(prescribed) is None:
+def _require_way(channels: tuple[Channel, ...], known: Mapping[str, Parameter], prescribed: tuple[Prescribed, ...],
+                 file) -> None:
+    knotted = [number for number, channel in enumerate(channels)
+               if channel.friction_knots and channel.dof("friction") not in known]
+    if knotted:
         logged = [entry.drive.column for entry in prescribed if isinstance(entry.drive, Column)]
         raise InputError("friction without a logged motion", file=file, key=f"channel[{knotted[0]}].friction_knots",
                          expected="a boundary that a column of the log moves: friction opposes its direction",

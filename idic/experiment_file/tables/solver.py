@@ -29,17 +29,21 @@ def external_solver(config: ExperimentFile, folder: Path, file: Path) -> Externa
     Raises
     ------
     InputError
-        As `solver_setup`; or a material has an external law without an external solver.
+        As `solver_setup`.
     """
+    return None if config.solver is None else solver_setup(config.solver, folder, file, config.experiment.kind)
+
+
+def check_external_laws(config: ExperimentFile, file: Path) -> None:
+    """InputError where a material has an external law without an external solver."""
     if config.solver is not None:
-        return solver_setup(config.solver, folder, file, config.experiment.kind)
+        return
     for name, material in config.material.items():
         if material.law == EXTERNAL:
             raise InputError("an external law without an external solver", file=file, key=f"material.{name}.law",
                              expected="a table [solver], or a law that idic has", found=f'"{EXTERNAL}"',
                              remedy="choose a built-in law (idic laws lists them), or add [solver]: "
                              "docs/external-solver.md")
-    return None
 
 
 def solver_setup(table: SolverTable, folder: Path, file: Path, kind: str) -> ExternalSetup:

@@ -28,7 +28,7 @@ from idic.laws import EXPANSION, KELVIN, REFERENCE
 from idic.experiment_file.tables.corrections import free_course
 from idic.model import Column, Constant, KNOTS, Prescribed, TEMPERATURE, Temperature, TemperatureField, knot_name
 from idic.parameters import Parameter
-from idic.readers import factor_between, matching_files, open_stack
+from idic.readers import FileStack, factor_between, matching_files, open_stack
 
 WARMTH_K = 100.0  # unit of a knot in the search, which leaves a direction that is worse determined than that
 WHOLE = "ALL"  # the whole mesh, unless it has a set of this name
@@ -47,9 +47,19 @@ class Body:
     times: np.ndarray
 
 
-def temperatures(config: ExperimentFile, body: Body, context: Context, folder: Path,
+def infrared_stacks(config: ExperimentFile, folder: Path, file) -> dict[int, FileStack]:
+    """The infrared images by the number of their [[boundary]]."""
+    return {number: open_stack(_paths(boundary.temperature, folder, file, f"boundary[{number}].temperature"), file=file,
+                               key=f"boundary[{number}].temperature.images", with_gaps=True)
+            for number, boundary in enumerate(config.boundary)
+            if boundary.temperature is not None and boundary.temperature.images is not None}
+
+
+def temperatures(config: ExperimentFile, body: Body, context: Context, infrared: Mapping[int, FileStack],
                  parameters: list[Parameter]) -> tuple[tuple[Temperature, ...], list[str]]:
     """All temperatures of an experiment and notes on them.
+
+    infrared : images by the number of their [[boundary]]
 
     Raises
     ------
@@ -65,7 +75,7 @@ def temperatures(config: ExperimentFile, body: Body, context: Context, folder: P
         nodes = table.nodes or boundary.nodes
         nodes = None if nodes == WHOLE and WHOLE not in body.mesh.node_sets else nodes
         read = _column if table.column is not None else _course if table.course is not None else _field
-        drive, note = read(table, body, context, folder, key)
+        drive, note = read(table, body, context, infrared.get(number), key)
         knots, hats = free_course(table.knots or KNOTS, context) if table.course == "free" else ((), None)
         made.append(Temperature(nodes, drive, KELVIN if _unit(table, context) == "K" else 0.0, knots, hats))
         notes.append(f"{key}: {note}")
@@ -153,7 +163,8 @@ def _check_expansion(parameters: list[Parameter], warmed: bool, file) -> None:
                              "images", found="none", remedy="give the temperature, or leave alpha out")
 
 
-def _column(table: TemperatureTable, body: Body, context: Context, folder: Path, key: str) -> tuple[Column, str]:
+def _column(table: TemperatureTable, body: Body, context: Context, stack: FileStack | None,
+            key: str) -> tuple[Column, str]:
     values, _, rates = logged(table.column, "K", table.unit, context, f"{key}.column")
     change = values - values[context.reference]
     return (Column(table.column, values, rates=rates),
@@ -161,7 +172,7 @@ def _column(table: TemperatureTable, body: Body, context: Context, folder: Path,
             f"change since the reference {change.min():+.3g} to {change.max():+.3g} K")
 
 
-def _course(table: TemperatureTable, body: Body, context: Context, folder: Path,
+def _course(table: TemperatureTable, body: Body, context: Context, stack: FileStack | None,
             key: str) -> tuple[TemperatureField, str]:
     if table.course == "free":
         return (TemperatureField(np.zeros((len(body.times), body.mesh.n_nodes)), f"{key}.course"),
@@ -190,10 +201,10 @@ def _paths(table: TemperatureTable, folder: Path, file, key: str) -> list[Path]:
     return matching_files(folder, table.images, file=file, key=f"{key}.images")
 
 
-def _field(table: TemperatureTable, body: Body, context: Context, folder: Path,
+def _field(table: TemperatureTable, body: Body, context: Context, stack: FileStack | None,
            key: str) -> tuple[TemperatureField, str]:
     factor = factor_between(table.unit, "K", file=context.file, key=f"{key}.unit") if table.unit else 1.0
-    stack = open_stack(_paths(table, folder, context.file, key), file=context.file, key=f"{key}.images", with_gaps=True)
+    assert stack is not None  # a table with images
     if stack.n_frames != context.n_frames:
         raise InputError("the number of infrared images differs from the number of images", file=context.file,
                          key=f"{key}.images", expected=f"{context.n_frames}, one per frame in the same order",

@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 
 from idic.diagnose import Candidate, Diagnosis, Margin, Notes, SEED, Stage, diagnose as diagnose_identification, silent
-from idic.read_once import files_read_once
 from idic.run.diagnosis.far import judged_by_images, on_measured_motion
 from idic.run.diagnosis.enriched import write_enriched
 from idic.run.diagnosis.files import diagnosis_content, identified_parameters, titles_of, write_diagnosis
@@ -44,19 +43,18 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: i
     NotConverged
         If the identified model finds no equilibrium on a copy of the recording.
     """
-    with files_read_once():
-        source, found = open_source(run)
-        accepted = found.state.accepted
-        floor = measured_floor(PointJob(str(run), accepted.number, accepted.values), runner)  # type: ignore[union-attr]
-        far = on_measured_motion(source, found, runner, stage)
-        source, found, register = far or (source, found, None)
-        notes, as_found = Notes(), (source, found, None)
-        source, found, spots = as_found if far else notes.attempt(
-            "the search for spots in the images", without_spots, source, found, stage, otherwise=as_found)
-        made = diagnose_identification(source, found, partial(run_refits, runner, RefitStore(run, resume)), stage,
-                                       seed, library, margin=Margin(floor), quick=quick)
-        made = replace(made, spots=spots, notes=(*notes.told, *made.notes))
-        return made if register is None else replace(made, register=judged_by_images(made, register, stage))
+    source, found = open_source(run)
+    accepted = found.state.accepted
+    floor = measured_floor(PointJob(str(run), accepted.number, accepted.values), runner)  # type: ignore[union-attr]
+    far = on_measured_motion(source, found, runner, stage)
+    source, found, register = far or (source, found, None)
+    notes, as_found = Notes(), (source, found, None)
+    source, found, spots = as_found if far else notes.attempt(
+        "the search for spots in the images", without_spots, source, found, stage, otherwise=as_found)
+    made = diagnose_identification(source, found, partial(run_refits, runner, RefitStore(run, resume)), stage,
+                                   seed, library, margin=Margin(floor), quick=quick)
+    made = replace(made, spots=spots, notes=(*notes.told, *made.notes))
+    return made if register is None else replace(made, register=judged_by_images(made, register, stage))
 
 
 def diagnose_run(run: str | Path, workers: int = 0, stage: Stage = silent,

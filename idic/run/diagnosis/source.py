@@ -7,24 +7,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file import ExperimentFolder, Frames, Lengths, locate, read_toml, validated, with_overrides
-from idic.fe import Mesh
+from idic.experiment_file import with_overrides
 from idic.identification import Identification
 from idic.measure import BoundaryStart, with_boundary_start
-from idic.model import Experiment, MotionError, Parametrised, Prescribed
-from idic.readers import MatchedLog
+from idic.model import Experiment, MotionError, Parametrised
 from idic.run.prepared.context import RunContext, open_run, stored_start
 from idic.run.prepared.session import open_session
 from idic.run.prepared.warm_start import first_order_prediction
 from idic.run.store.arrays import Damaged, read_array
-from idic.run.store.camera_groups import with_stored_noise
 from idic.run.store.layout import BASE, DESCRIPTION, group_name
 from idic.run.store.result_file import RESULT_FILE, read_result
 from idic.run.store.state_file import load_state
@@ -50,28 +47,15 @@ class Source:
 
     def document(self) -> dict:
         """Tables of experiment.toml with the run's overrides and the present edits."""
-        settings = self.context.settings
-        raw = with_overrides(read_toml(locate(settings["experiment"])), settings["overrides"])
-        return with_overrides(raw, self.edits)
+        return with_overrides(self.context.tables.raw, self.edits)
 
     def load(self, edits: Mapping[str, Any] | None = None) -> Experiment:
         """The experiment with further edits and the run's images, noise and excluded frames."""
         context = self.context
-        settings, identified = context.settings, context.experiment
-        file = locate(settings["experiment"])
-        kept = known(self.run, settings["identity"], file.read_bytes())
-        if "toml" not in kept:
-            kept["toml"] = read_toml(file)
-        raw = with_overrides(kept["toml"], {**settings["overrides"], **self.edits, **(edits or {})})
-        experiment = EditedFolder(file, file.parent.resolve(), validated(raw, file), raw, kept).experiment()
-        if len(experiment.cameras) != len(identified.cameras):
-            raise InputError("an edit that adds or removes a camera", key="camera", expected=len(identified.cameras),
-                             found=len(experiment.cameras), remedy="identify an experiment with these cameras again")
-        cameras = tuple(replace(camera, stack=stored.stack) for camera, stored
-                        in zip(experiment.cameras, identified.cameras, strict=True))
-        experiment = with_stored_noise(replace(experiment, stack=identified.stack, cameras=cameras), settings)
-        experiment = with_boundary_start(experiment, _of_edges(experiment, stored_start(context.store, settings)))
-        return replace(experiment, excluded=tuple(settings["excluded"]), motion_error=self.motion_error)
+        experiment = context.tables.edited({**self.edits, **(edits or {})}, context.experiment).experiment()
+        experiment = with_boundary_start(experiment, _of_edges(experiment, stored_start(context.store,
+                                                                                        context.settings)))
+        return replace(experiment, motion_error=self.motion_error)
 
     def with_edits(self, edits: Mapping[str, Any]) -> Source:
         return replace(self, edits={**self.edits, **edits})
@@ -86,53 +70,6 @@ def _of_edges(experiment: Experiment, start: BoundaryStart) -> BoundaryStart:
                if isinstance(entry.drive, Parametrised) and entry.drive.kind == "dic"}
     return BoundaryStart({name: value for name, value in start.values.items() if name in experiment.parameters},
                          {name: modes for name, modes in start.modes.items() if name in virtual})
-
-
-@dataclass(frozen=True)
-class EditedFolder(ExperimentFolder):
-    """An experiment file with edits that leave images and mesh alone: what was read of them is used again.
-
-    kept : frames by their table, meshes by what they are made of
-    """
-
-    kept: dict
-
-    def frames(self) -> Frames:
-        """See `ExperimentFolder.frames`."""
-        return self._once(("frames", repr(self.config.experiment)), super().frames)
-
-    def mesh(self, scale: Lengths, frames: Frames) -> tuple[Mesh, list[str]]:
-        """See `ExperimentFolder.mesh`."""
-        made_of = repr((self.config.experiment, self.config.sets, self.config.camera))
-        mesh, notes = self._once(("mesh", made_of), lambda: super(EditedFolder, self).mesh(scale, frames))
-        return mesh, list(notes)
-
-    def check_held(self, mesh: Mesh, prescribed: list[Prescribed]) -> None:
-        """See `ExperimentFolder.check_held`: once for every way to hold the body."""
-        held = repr([(entry.nodes, entry.component) for entry in prescribed])
-        self._once(("held", id(mesh.nodes), held), lambda: super(EditedFolder, self).check_held(mesh, prescribed))
-
-    def log(self, frames: Frames) -> MatchedLog | None:
-        """See `ExperimentFolder.log`."""
-        return self._once(("log", repr(self.config.experiment)), lambda: super(EditedFolder, self).log(frames))
-
-    def identity(self, frames: Frames) -> str:
-        """None: an edited experiment is not stored under a separate name."""
-        return ""
-
-    def _once(self, key, make):
-        if key not in self.kept:
-            self.kept[key] = make()
-        return self.kept[key]
-
-
-@lru_cache(maxsize=2)
-def known(run: str, identity: str, text: bytes) -> dict:
-    """What was read for the experiments of a RUN in this process; a folder may be identified again.
-
-    identity : of the experiment, with the contents of its files; text : experiment.toml, as [setup] is not in it
-    """
-    return {}
 
 
 def open_source(run: str | Path) -> tuple[Source, Identification]:

@@ -14,7 +14,7 @@ from idic.correlation import (
     CorrelationContext, Reference, Weights, build_experiment_reference, camera_at, with_all_cameras,
 )
 from idic.errors import InputError
-from idic.experiment_file import load_experiment
+from idic.experiment_file import ExperimentTables, read_experiment
 from idic.identification import is_two_step, measured_reference, seen_in
 from idic.images import Camera
 from idic.measure import BoundaryStart, with_boundary_start
@@ -33,9 +33,13 @@ from idic.run.workers.probe import ExperimentToSee
 
 @dataclass(frozen=True)
 class RunContext:
-    """A RUN as a worker sees it: the experiment with its ingested images, ready to simulate."""
+    """A RUN as a worker sees it: the experiment with its ingested images, ready to simulate.
+
+    tables : of the experiment as it was read, which an edited model is made from
+    """
 
     store: RunStore
+    tables: ExperimentTables
     experiment: Experiment
     forward: ForwardModel
     settings: Mapping
@@ -90,7 +94,8 @@ def _open_run(run: str, content: bytes) -> RunContext:
     store.refuse_other_version()
     settings = load_checkpoint(Path(run) / DESCRIPTION, DESCRIPTION_SCHEMA)
     settings = settings | {"experiment": _experiment_of(run, settings)}
-    experiment = load_experiment(settings["experiment"], settings["overrides"])
+    tables = read_experiment(settings["experiment"], settings["overrides"])
+    experiment = tables.experiment()
     if experiment.identity != settings["identity"]:
         raise InputError("the experiment has changed since this run began", file=settings["experiment"],
                          expected=f"identity {settings['identity'][:16]}", found=f"identity {experiment.identity[:16]}",
@@ -98,7 +103,7 @@ def _open_run(run: str, content: bytes) -> RunContext:
     experiment = with_stored_noise(with_stored_images(store, experiment), settings)
     experiment = replace(experiment, excluded=tuple(settings["excluded"]))
     experiment = with_boundary_start(experiment, stored_start(store, settings))
-    return RunContext(store, experiment, build_forward(experiment), settings)
+    return RunContext(store, tables, experiment, build_forward(experiment), settings)
 
 
 def experiments_of(run: str | Path) -> tuple[ExperimentToSee, ...]:

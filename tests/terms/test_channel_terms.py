@@ -1,0 +1,109 @@
+"""What every term of the measuring chain has to keep: absent at its null, exact derivatives, a candidate of its own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from identify.twin_bodies import experiment
+
+from idic.diagnose import candidate_library
+from idic.model import CHANNEL_TERMS, Column, Load, channel_term, knot_name, shown_value
+from idic.model.terms.channel_term import Reading
+from idic.parameters import ParameterSet
+
+FORCE, FRAME = 7.0, 3
+DIFFERENCE = 1e-6  # relative; terms are at most quadratic, so that central differences leave rounding alone
+
+
+def plate():
+    """A plate whose channel has courses of friction and drift that the data give."""
+    body = experiment()
+    n = body.n_frames
+    hat = np.linspace(0.0, 1.0, n)[None]
+    channel = replace(body.channels[0], drift_knots=(n - 1,), drift_hats=hat,
+                      friction_knots=(n - 1,), friction_hats=hat)
+    return replace(body, channels=(channel,))
+
+
+def with_terms(body, shares):
+    """The parameters of all terms, away from their nulls by shares of their scales."""
+    unknowns = [parameter for term in CHANNEL_TERMS
+                for parameter in term.parameters(body.channels[0], body.times, body.prescribed)]
+    values = [replace(p, value=p.value + share * p.scale) for p, share in zip(unknowns, shares, strict=False)]
+    return ParameterSet(values)
+
+
+def shown(body, parameters, force=FORCE):
+    return shown_value(body, body.channels[0], parameters, FRAME, force)
+
+
+@pytest.mark.parametrize("term", CHANNEL_TERMS, ids=lambda term: term.name)
+def test_a_term_is_absent_at_its_null(term):
+    body = plate()
+    step = term.step(FORCE, Reading(body, body.channels[0], with_terms(body, np.zeros(20)), FRAME, FORCE))
+    assert (step.value, step.by_reading, step.by_simulated) == (FORCE, 1.0, 0.0)
+
+
+@pytest.mark.parametrize("term", CHANNEL_TERMS, ids=lambda term: term.name)
+def test_a_term_has_exact_derivatives(term):
+    body = plate()
+    parameters, channel = with_terms(body, np.linspace(0.3, 0.9, 20)), body.channels[0]
+
+    def value(reading=FORCE + 1.0, force=FORCE, parameters=parameters):
+        return term.step(reading, Reading(body, channel, parameters, FRAME, force)).value
+
+    step = term.step(FORCE + 1.0, Reading(body, channel, parameters, FRAME, FORCE))
+    h = DIFFERENCE * FORCE
+    assert step.by_reading == pytest.approx((value(FORCE + 1.0 + h) - value(FORCE + 1.0 - h)) / (2 * h), rel=1e-7)
+    assert step.by_simulated == pytest.approx((value(force=FORCE + h) - value(force=FORCE - h)) / (2 * h), abs=1e-7)
+    unknowns = term.parameters(channel, body.times, body.prescribed)
+    assert {channel.dof(name) for name in step.by_parameter} == {parameter.name for parameter in unknowns}
+    for name, by in step.by_parameter.items():
+        known = parameters[channel.dof(name)]
+        above, below = (parameters.with_values({known.name: known.value + sign * DIFFERENCE * known.scale})
+                        for sign in (1.0, -1.0))
+        quotient = (value(parameters=above) - value(parameters=below)) / (2 * DIFFERENCE * known.scale)
+        assert by == pytest.approx(quotient, rel=1e-6, abs=1e-9)
+
+
+def test_the_chain_has_the_derivatives_of_its_terms():
+    body = plate()
+    parameters = with_terms(body, np.linspace(0.3, 0.9, 20))
+    chain, h = shown(body, parameters), DIFFERENCE * FORCE
+    quotient = (shown(body, parameters, FORCE + h).value - shown(body, parameters, FORCE - h).value) / (2 * h)
+    assert chain.slope == pytest.approx(quotient, rel=1e-7)
+    for name, by in chain.by_name.items():
+        known = parameters[name]
+        above, below = (shown(body, parameters.with_values({name: known.value + sign * DIFFERENCE * known.scale})).value
+                        for sign in (1.0, -1.0))
+        assert by == pytest.approx((above - below) / (2 * DIFFERENCE * known.scale), rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize("term", CHANNEL_TERMS, ids=lambda term: term.name)
+def test_a_term_is_a_candidate_with_words_and_probes(term):
+    body = plate()
+    candidates = {candidate.name: candidate for candidate in candidate_library()}
+    candidate = candidates[term.name]
+    assert candidate.side == "force" and candidate.title == term.title and candidate.separating_tests
+    assert set(term.rivals) <= set(candidates)
+    unknowns = {parameter.name for parameter in term.parameters(body.channels[0], body.times, body.prescribed)}
+    for probe in term.probes(body, body.channels[0]):
+        assert body.channels[0].dof(probe.name) in unknowns and probe.value != probe.null
+    assert all(channel_term(name) is term for name in term.names)
+
+
+@pytest.mark.parametrize("term", [term for term in CHANNEL_TERMS if term.course], ids=lambda term: term.name)
+def test_a_course_is_given_for_every_degree_of_freedom_of_its_term(term):
+    body = plate()
+    knot = knot_name(term.names[0], body.n_frames - 1)
+    for name in (*term.names, knot):
+        assert term.course.amplitude(body, body.channels[0], name).shape == (body.n_frames,)
+    assert term.course.amplitude(body, body.channels[0], knot_name(term.names[0], 1)) is None
+
+
+def test_scale_and_offset_are_probed_on_applied_loads_too():
+    load = Load("TOP", "pressure", Column("p", np.array([0.0, 2.0])))
+    assert {term.name: term.load_probe(load) for term in CHANNEL_TERMS if term.load_probe(load)} == {
+        "force_scale": (1.0, 1.02), "force_offset": (0.0, 0.04)}
