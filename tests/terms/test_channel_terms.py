@@ -10,7 +10,6 @@ from identify.twin_bodies import experiment
 
 from idic.diagnose import candidate_library
 from idic.model import CHANNEL_TERMS, Column, Load, channel_term, knot_name, shown_value
-from idic.model.terms.channel_term import Reading
 from idic.parameters import ParameterSet
 
 FORCE, FRAME = 7.0, 3
@@ -27,9 +26,9 @@ def plate():
     return replace(body, channels=(channel,))
 
 
-def with_terms(body, shares):
-    """The parameters of all terms, away from their nulls by shares of their scales."""
-    unknowns = [parameter for term in CHANNEL_TERMS
+def with_terms(body, shares, terms):
+    """The parameters of terms, away from their nulls by shares of their scales."""
+    unknowns = [parameter for term in terms
                 for parameter in term.parameters(body.channels[0], body.times, body.prescribed)]
     values = [replace(p, value=p.value + share * p.scale) for p, share in zip(unknowns, shares, strict=False)]
     return ParameterSet(values)
@@ -42,43 +41,24 @@ def shown(body, parameters, force=FORCE):
 @pytest.mark.parametrize("term", CHANNEL_TERMS, ids=lambda term: term.name)
 def test_a_term_is_absent_at_its_null(term):
     body = plate()
-    step = term.step(FORCE, Reading(body, body.channels[0], with_terms(body, np.zeros(20)), FRAME, FORCE))
-    assert (step.value, step.by_reading, step.by_simulated) == (FORCE, 1.0, 0.0)
+    chain = shown(body, with_terms(body, np.zeros(20), (term,)))
+    assert (chain.value, chain.slope) == (FORCE, 1.0)
 
 
-@pytest.mark.parametrize("term", CHANNEL_TERMS, ids=lambda term: term.name)
-def test_a_term_has_exact_derivatives(term):
+@pytest.mark.parametrize("terms", [*((term,) for term in CHANNEL_TERMS), CHANNEL_TERMS],
+                         ids=lambda terms: terms[0].name if len(terms) == 1 else "chain")
+def test_terms_have_exact_derivatives_alone_and_in_their_chain(terms):
     body = plate()
-    parameters, channel = with_terms(body, np.linspace(0.3, 0.9, 20)), body.channels[0]
-
-    def value(reading=FORCE + 1.0, force=FORCE, parameters=parameters):
-        return term.step(reading, Reading(body, channel, parameters, FRAME, force)).value
-
-    step = term.step(FORCE + 1.0, Reading(body, channel, parameters, FRAME, FORCE))
-    h = DIFFERENCE * FORCE
-    assert step.by_reading == pytest.approx((value(FORCE + 1.0 + h) - value(FORCE + 1.0 - h)) / (2 * h), rel=1e-7)
-    assert step.by_simulated == pytest.approx((value(force=FORCE + h) - value(force=FORCE - h)) / (2 * h), abs=1e-7)
-    unknowns = term.parameters(channel, body.times, body.prescribed)
-    assert {channel.dof(name) for name in step.by_parameter} == {parameter.name for parameter in unknowns}
-    for name, by in step.by_parameter.items():
-        known = parameters[channel.dof(name)]
-        above, below = (parameters.with_values({known.name: known.value + sign * DIFFERENCE * known.scale})
-                        for sign in (1.0, -1.0))
-        quotient = (value(parameters=above) - value(parameters=below)) / (2 * DIFFERENCE * known.scale)
-        assert by == pytest.approx(quotient, rel=1e-6, abs=1e-9)
-
-
-def test_the_chain_has_the_derivatives_of_its_terms():
-    body = plate()
-    parameters = with_terms(body, np.linspace(0.3, 0.9, 20))
+    parameters = with_terms(body, np.linspace(0.3, 0.9, 20), terms)
     chain, h = shown(body, parameters), DIFFERENCE * FORCE
+    assert set(parameters) <= set(chain.by_name)
     quotient = (shown(body, parameters, FORCE + h).value - shown(body, parameters, FORCE - h).value) / (2 * h)
     assert chain.slope == pytest.approx(quotient, rel=1e-7)
-    for name, by in chain.by_name.items():
-        known = parameters[name]
+    for name, known in parameters.items():
         above, below = (shown(body, parameters.with_values({name: known.value + sign * DIFFERENCE * known.scale})).value
                         for sign in (1.0, -1.0))
-        assert by == pytest.approx((above - below) / (2 * DIFFERENCE * known.scale), rel=1e-6, abs=1e-9)
+        quotient = (above - below) / (2 * DIFFERENCE * known.scale)
+        assert chain.by_name[name] == pytest.approx(quotient, rel=1e-6, abs=1e-9)
 
 
 @pytest.mark.parametrize("term", CHANNEL_TERMS, ids=lambda term: term.name)
