@@ -70,17 +70,17 @@ class Sensitivity(StrEnum):
 def _allow(programs: list[str] | None) -> list[str] | None:
     """Let this process and its workers, which inherit the environment, start these programs."""
     if programs:
-        given = [name for name in os.environ.get(PERMISSION, "").split(os.pathsep) if name]
-        os.environ[PERMISSION] = os.pathsep.join(dict.fromkeys([*given, *programs]))
+        permitted_programs = [name for name in os.environ.get(PERMISSION, "").split(os.pathsep) if name]
+        os.environ[PERMISSION] = os.pathsep.join(dict.fromkeys([*permitted_programs, *programs]))
     return programs
 
 
 def _name_laws(files: list[str] | None) -> list[str] | None:
     """Let this process and its workers import the laws of these files."""
     if files:
-        given = [name for name in os.environ.get(LAW_FILES, "").split(os.pathsep) if name]
-        named = [str(Path(file).resolve()) for file in files]
-        os.environ[LAW_FILES] = os.pathsep.join(dict.fromkeys([*given, *named]))
+        earlier_files = [name for name in os.environ.get(LAW_FILES, "").split(os.pathsep) if name]
+        new_files = [str(Path(file).resolve()) for file in files]
+        os.environ[LAW_FILES] = os.pathsep.join(dict.fromkeys([*earlier_files, *new_files]))
     return files
 
 
@@ -115,8 +115,8 @@ LawFiles = Annotated[list[str] | None, typer.Option(
     help="Python file with your own constitutive laws (docs/add-a-law.md). May be repeated.")]
 
 
-def _show_version(wanted: bool) -> None:
-    if wanted:
+def _show_version(is_asked: bool) -> None:
+    if is_asked:
         import idic
 
         typer.echo(f"idic {idic.__version__}")

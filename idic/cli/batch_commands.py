@@ -89,9 +89,9 @@ def batch_rows(content: Mapping) -> Table:
     from idic.report import batch_parameters, short_names, with_std
 
     names = batch_parameters(content)
-    shown = short_names(names)
+    titles = short_names(names)
     table = Table(box=None, header_style="bold")
-    for title in ("run", "status", *(shown[name] for name in names), "chi2", "s", "reason"):
+    for title in ("run", "status", *(titles[name] for name in names), "chi2", "s", "reason"):
         table.add_column(title, justify="left" if title in ("run", "status", "reason") else "right")
     for row in content["runs"]:
         entries = [row["parameters"].get(name) for name in names]

@@ -31,8 +31,8 @@ def calibrate(
     grid: Annotated[str | None, typer.Option(
         metavar="NxM", help="Inner corners of the chessboard, or dots; a dot grid with markers needs none.")] = None,
     target: Annotated[str, typer.Option(help="auto | chessboard | dots")] = "auto",
-    free: Annotated[str, typer.Option(
-        help="Intrinsic values to identify, of fx,fy,skew,cx,cy,k1,k2,k3,p1,p2; without fy: square "
+    intrinsics: Annotated[str, typer.Option(
+        "--free", help="Intrinsic values to identify, of fx,fy,skew,cx,cy,k1,k2,k3,p1,p2; without fy: square "
              "pixels.")] = "fx,fy,cx,cy,k1,k2",
     target_std: Annotated[float, typer.Option(
         min=0, metavar="MM",
@@ -51,8 +51,8 @@ def calibrate(
         from idic.cli.progress import progress_view
 
         with progress_view(terminal(stderr=True), out.parent, STAGES) as view:
-            run = run_calibration(images, out, spacing, target, _grid(grid), Lens(_names(free)), target_std, view.stage,
-                                  view.tasks)
+            run = run_calibration(images, out, spacing, target, _grid(grid), Lens(_names(intrinsics)), target_std,
+                                  view.stage, view.tasks)
         console = wide_console()
         console.print(calibration_table(run))
         for line in closing_lines(run):
@@ -79,8 +79,8 @@ def calibration_table(run: CalibrationRun) -> Table:
             continue
         cells = []
         for c, camera in enumerate(rig.cameras):
-            shown = _shown(camera)[name] if f"{c}.{name}" in rig.names else None
-            cells += ["-", "-"] if shown is None else [*number_with_std(shown, stds[c].of(name))]
+            value = _shown(camera)[name] if f"{c}.{name}" in rig.names else None
+            cells += ["-", "-"] if value is None else [*number_with_std(value, stds[c].of(name))]
         table.add_row(name, *cells, unit)
     return table
 
@@ -88,7 +88,7 @@ def calibration_table(run: CalibrationRun) -> Table:
 def closing_lines(run: CalibrationRun) -> list[str]:
     """Reprojection error, images without a target, and the notes."""
     result = run.result
-    n_points = sum(seen.n for row in result.views for seen in row if seen is not None)
+    n_points = sum(view.n for row in result.views for view in row if view is not None)
     n_images = sum(pose is not None for pose in result.poses)
     lines = [f"reprojection {result.rms_px:.4f} px rms over {n_points} points of {n_images} "
              f"{'pairs' if len(run.labels) == 2 else 'images'}; {result.noise_px:.4f} px std per coordinate"]

@@ -22,11 +22,11 @@ class Command(TyperCommand):
         """Run the command."""
         with in_empty_folder() as began:
             ctx.params = {name: _absolute(value, began) for name, value in ctx.params.items()}
-            known = _user_folder.set(began)
+            token = _user_folder.set(began)
             try:
                 return super().invoke(ctx)
             finally:
-                _user_folder.reset(known)
+                _user_folder.reset(token)
 
 
 class Program(typer.Typer):
@@ -46,5 +46,5 @@ def _absolute(value: Any, folder: Path) -> Any:
     if isinstance(value, Path):
         return Path(os.path.normpath(folder / value))
     if isinstance(value, list | tuple):
-        return type(value)(_absolute(one, folder) for one in value)
+        return type(value)(_absolute(entry, folder) for entry in value)
     return value

@@ -58,8 +58,8 @@ def physics(
         from idic.diagnose import candidate_library
         from idic.errors import InputError
 
-        known = {candidate.name: candidate for candidate in candidate_library()}
-        if name is not None and name not in known:
-            raise InputError("no such candidate", key="idic physics NAME", expected=", ".join(known), found=repr(name),
-                             remedy="choose one of these")
-        wide_console().print(physics_table([known[name]] if name else list(known.values())))
+        library = {candidate.name: candidate for candidate in candidate_library()}
+        if name is not None and name not in library:
+            raise InputError("no such candidate", key="idic physics NAME", expected=", ".join(library),
+                             found=repr(name), remedy="choose one of these")
+        wide_console().print(physics_table([library[name]] if name else list(library.values())))

@@ -15,7 +15,7 @@ def candidates_table(content: Mapping) -> Table:
     from idic.diagnose import candidate_library
     from idic.report import STANDINGS, heldout_drop, standing_of, strongest
 
-    titles = {one.name: one.title for one in candidate_library()}
+    titles = {candidate.name: candidate.title for candidate in candidate_library()}
     table = Table(box=None, header_style="bold")
     for column in ("candidate", "score", "p", "effect px", "visible", "predicted", "achieved", "held out", ""):
         table.add_column(column, justify="left" if column in ("candidate", "") else "right")
@@ -41,14 +41,15 @@ def told(content: Mapping) -> list[str]:
 def physics_table(candidates: Sequence) -> Table:
     """The library: name, family, physics, null value, rivals, tests that separate it from them."""
     table = Table(header_style="bold", show_lines=True)
-    longest = max(len(name) + 1 for one in candidates for name in (one.name, *one.rivals))  # a name is not broken
+    names = (name for candidate in candidates for name in (candidate.name, *candidate.rivals))
+    longest = max(len(name) + 1 for name in names)  # a name is not broken
     for column in ("name", "family and side", "physics", "absent at", "rivals", "separating tests"):
         table.add_column(column, overflow="fold", no_wrap=column == "name",
                          min_width=longest if column == "rivals" else None)
-    for one in candidates:
-        rivals = "\n".join(f"{name}: {why}" for name, why in one.rivals.items())
-        table.add_row(one.name, f"{one.family}\n({one.side})", described(one), one.null, rivals,
-                      "\n".join(f"· {test}" for test in one.separating_tests))
+    for candidate in candidates:
+        rivals = "\n".join(f"{name}: {reason}" for name, reason in candidate.rivals.items())
+        table.add_row(candidate.name, f"{candidate.family}\n({candidate.side})", described(candidate), candidate.null,
+                      rivals, "\n".join(f"· {test}" for test in candidate.separating_tests))
     return table
 
 

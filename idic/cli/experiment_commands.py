@@ -56,8 +56,8 @@ def check(
         from idic.report import check as check_experiment
 
         loaded = load_experiment(experiment, read_overrides(overrides))
-        found = check_experiment(loaded, draw=picture)
-        for line in found.lines():
+        inspection = check_experiment(loaded, draw=picture)
+        for line in inspection.lines():
             typer.echo(line)
         if not picture:
             return
@@ -70,8 +70,8 @@ def check(
             typer.echo(f"picture      not written ({user_path(main.parent)}: {problem.strerror}); --out FILE: another "
                        f"place")
             return
-        for camera in (found, *found.cameras):
-            path = main if camera is found else main.with_name(f"{main.stem}_{camera.name}{main.suffix}")
+        for camera in (inspection, *inspection.cameras):
+            path = main if camera is inspection else main.with_name(f"{main.stem}_{camera.name}{main.suffix}")
             path.write_bytes(camera.overlay.png)
             typer.echo(f"picture      {user_path(path)}")
 
@@ -99,7 +99,7 @@ def design(
         with progress_view(terminal(stderr=True), out, stages) as view:
             content = write_design(experiments, out, read_overrides(overrides), noise_gv, confusable, workers,
                                    view.stage,
-                                   lambda done, total: view.tasks("plans", done, total))
+                                   lambda count, total: view.tasks("plans", count, total))
         show_design(wide_console(), content)
         typer.echo(f"page     {user_path(out / PAGE_FILE)}")
 
@@ -169,7 +169,7 @@ def laws(
             for written in export_laws(export, out or export / "laws"):
                 typer.echo("\n".join(f"{user_path(file)} written" for file in written.files))
                 for program, missing in written.missing.items():
-                    typer.echo("".join(f"{program}: NOT IN THE CARD: {what}\n" for what in missing), nl=False, err=True)
+                    typer.echo("".join(f"{program}: NOT IN THE CARD: {term}\n" for term in missing), nl=False, err=True)
             return
         if plot is not None:
             if law is None:
@@ -180,6 +180,6 @@ def laws(
             plot_law(law, plot)
             typer.echo(f"{user_path(plot)} written")
             return
-        shown = [get_law(name) for name in ([law] if law else all_laws())]
-        wide_console().print(laws_table(shown))
-        typer.echo(f"law      {shown[0].reference}" if law else "`idic laws LAW` gives the equation and its source")
+        specs = [get_law(name) for name in ([law] if law else all_laws())]
+        wide_console().print(laws_table(specs))
+        typer.echo(f"law      {specs[0].reference}" if law else "`idic laws LAW` gives the equation and its source")

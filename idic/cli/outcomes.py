@@ -89,10 +89,10 @@ def _taken_down_on_request() -> Iterator[None]:
 
 def _behind(problem: BaseException) -> Iterator[BaseException]:
     """The chain of exceptions behind `problem`, latest first."""
-    seen, link = set(), problem.__cause__ or problem.__context__
-    while link is not None and id(link) not in seen:
+    identities, link = set(), problem.__cause__ or problem.__context__
+    while link is not None and id(link) not in identities:
         yield link
-        seen.add(id(link))
+        identities.add(id(link))
         link = link.__cause__ or link.__context__
 
 
@@ -155,6 +155,6 @@ def _versions() -> str:
 
 def _say(text: str) -> None:
     """A message on stderr; escape sequences in file names do not reach the terminal."""
-    shown = "".join(mark if mark.isprintable() or mark in "\n\t" else repr(mark)[1:-1] for mark in text)
-    sys.stderr.write(f"idic: {shown}\n")
+    printable = "".join(mark if mark.isprintable() or mark in "\n\t" else repr(mark)[1:-1] for mark in text)
+    sys.stderr.write(f"idic: {printable}\n")
     sys.stderr.flush()

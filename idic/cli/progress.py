@@ -47,36 +47,38 @@ class ProgressView:
         if numbers:
             comes_again, self._number = numbers[0] < self._number, max(numbers[0], self._number)
             self._heading = "" if comes_again else f"stage {numbers[0]} of {len(self._stages)}: "
-        shown = f"{self._heading}{text}"
-        self._progress.update(self._stage, description=shown)
+        description = f"{self._heading}{text}"
+        self._progress.update(self._stage, description=description)
         self._evaluating = time.monotonic()
-        self._say(shown, quiet=self._console.is_terminal)
+        self._say(description, quiet=self._console.is_terminal)
 
-    def tasks(self, what: str, done: int, total: int) -> None:
-        label = LABELS.get(what, what)
-        if what not in self._bars:
-            self._bars[what] = self._progress.add_task(f"  {label}", total=total)
-            self._paces[what] = Pace(time.monotonic(), done)
-        left = self._paces[what].left(time.monotonic(), done, total)
-        text = f"  {label}" + (f", {duration(left)} left" if left else "")
-        self._progress.update(self._bars[what], completed=done, total=total, visible=done < total, description=text)
-        if self._paces[what].due(time.monotonic(), LINE_EVERY_S) and done < total and left is not None:
-            self._say(f"{label}: {done} of {total}, {duration(left)} left", quiet=self._console.is_terminal)
+    def tasks(self, kind: str, count: int, total: int) -> None:
+        label = LABELS.get(kind, kind)
+        if kind not in self._bars:
+            self._bars[kind] = self._progress.add_task(f"  {label}", total=total)
+            self._paces[kind] = Pace(time.monotonic(), count)
+        remaining_s = self._paces[kind].left(time.monotonic(), count, total)
+        text = f"  {label}" + (f", {duration(remaining_s)} left" if remaining_s else "")
+        self._progress.update(self._bars[kind], completed=count, total=total, visible=count < total, description=text)
+        if self._paces[kind].due(time.monotonic(), LINE_EVERY_S) and count < total and remaining_s is not None:
+            self._say(f"{label}: {count} of {total}, {duration(remaining_s)} left", quiet=self._console.is_terminal)
 
     def iteration(self, state) -> None:
         """Print the evaluations since the last call; `state` is an `idic.identification.loop.LoopState`."""
         from idic.identification import describe_evaluation  # here: `idic --help` does not load it
 
-        now, new = time.monotonic(), len(state.history) - self._shown
-        left = evaluations_left(state.history) if state.running and new else None
-        expected = "" if left is None else f"about {duration(left * (now - self._evaluating) / new)} left"
+        clock_s, n_new = time.monotonic(), len(state.history) - self._shown
+        n_left = evaluations_left(state.history) if state.running and n_new else None
+        expected = "" if n_left is None else f"about {duration(n_left * (clock_s - self._evaluating) / n_new)} left"
         for k, entry in enumerate(state.history[self._shown :], start=1):
-            told = f"  {expected}" if expected and k == new else ""
-            self._say(describe_evaluation(entry) + told)
-        self._shown, self._evaluating = len(state.history), now
+            suffix = f"  {expected}" if expected and k == n_new else ""
+            self._say(describe_evaluation(entry) + suffix)
+        self._shown, self._evaluating = len(state.history), clock_s
         self._hide_bars()
-        what = f"iteration {state.iteration + 1}, evaluation {state.evaluations}"
-        self._progress.update(self._stage, description=f"{self._heading}{what}" + (f", {expected}" if expected else ""))
+        description = f"iteration {state.iteration + 1}, evaluation {state.evaluations}"
+        if expected:
+            description += f", {expected}"
+        self._progress.update(self._stage, description=f"{self._heading}{description}")
 
     def said(self, line: str) -> None:
         """A line for the screen and the log."""
@@ -120,21 +122,21 @@ def progress_view(console: Console, run: Path, stages: Sequence[str] = (),
 class Pace:
     """How fast the tasks of a fan-out come back; began : `time.monotonic` when `done` of them were there."""
 
-    def __init__(self, began: float, done: int):
-        self._began, self._done, self._told = began, done, began
+    def __init__(self, began: float, count: int):
+        self._began, self._done, self._told = began, count, began
 
-    def left(self, now: float, done: int, total: int) -> float | None:
-        """Seconds for the rest; None before enough is done, and at the end."""
-        new = done - self._done
-        if new < max(1, MIN_DONE_SHARE * total) or done >= total or now <= self._began:
+    def left(self, clock_s: float, count: int, total: int) -> float | None:
+        """Seconds for the remaining tasks; None before enough of them are finished, and at the end."""
+        n_new = count - self._done
+        if n_new < max(1, MIN_DONE_SHARE * total) or count >= total or clock_s <= self._began:
             return None
-        return (now - self._began) / new * (total - done)
+        return (clock_s - self._began) / n_new * (total - count)
 
-    def due(self, now: float, every_s: float) -> bool:
+    def due(self, clock_s: float, every_s: float) -> bool:
         """Whether a line is due; asks begin a new interval."""
-        if now - self._told < every_s:
+        if clock_s - self._told < every_s:
             return False
-        self._told = now
+        self._told = clock_s
         return True
 
 
@@ -149,7 +151,7 @@ def evaluations_left(history: Sequence[Mapping]) -> int | None:
     history : entries of `idic.identification.step.state.LoopState`
     """
     values = [entry["phi"] for entry in history if entry["accepted"] and entry["phi"] is not None]
-    gains = [before - after for before, after in pairwise(values)]
+    gains = [earlier - later for earlier, later in pairwise(values)]
     if len(gains) < 2 or gains[-2] <= 0.0:
         return None
     if gains[-1] <= SETTLED_GAIN:

@@ -82,12 +82,12 @@ def compare(
         for line in headlines(content):
             console.print(line, highlight=False)
         for table in comparison_tables(content):
-            shown = Table(box=None, header_style="bold", title=table.title, title_justify="left")
+            screen_table = Table(box=None, header_style="bold", title=table.title, title_justify="left")
             for k, name in enumerate(table.header):
-                shown.add_column(name, justify="right" if k else "left")
+                screen_table.add_column(name, justify="right" if k else "left")
             for row in table.rows:
-                shown.add_row(*(Text(cell.text, style="bold" if cell.far else "") for cell in row))
-            console.print(shown)
+                screen_table.add_row(*(Text(cell.text, style="bold" if cell.is_bold else "") for cell in row))
+            console.print(screen_table)
         if out is not None:
             typer.echo(f"page     {user_path(write_comparison(content, out))}")
 

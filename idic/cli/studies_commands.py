@@ -53,7 +53,8 @@ def trial(
     sketch: Annotated[bool, typer.Option("--sketch", help="One trial of each kind, at one strength.")] = False,
     worlds: Annotated[bool, typer.Option("--worlds", help="Drawn specimens, images, programmes and noise; all kinds of "
                                          "effects, from a committed tool only.")] = False,
-    known: Annotated[bool, typer.Option("--known", help="With --worlds: only kinds that development may see.")] = False,
+    known_kinds: Annotated[bool, typer.Option(
+        "--known", help="With --worlds: only kinds that development may see.")] = False,
     photographs: Annotated[Path | None, typer.Option(
         metavar="FOLDER", help="30 trials on real surfaces with real noise, from the recordings in FOLDER.")] = None,
     seed: Seed = 1,
@@ -69,12 +70,12 @@ def trial(
         from idic.run import refuse_store
 
         refuse_store(store, "trial")
-        if photographs and (worlds or known or sketch):
+        if photographs and (worlds or known_kinds or sketch):
             raise InputError("two kinds of trials", key="--photographs", expected="--photographs alone",
                              found="it beside --worlds, --known or --sketch", remedy="leave one of them out")
         flow, pool = (studies_module(name, "idic trial") for name in ("flows.blind_trial", "trial.pool"))
         with _study_console(flow, out, ("sealing truths", "trials", "evaluating answers")) as console:
-            size = ("pictures" if photographs else ("worlds-known" if known else "worlds") if worlds
+            size = ("pictures" if photographs else ("worlds-known" if known_kinds else "worlds") if worlds
                     else "sketch" if sketch else "full")
             page = flow.run_blind_trial(out, size, seed, only, workers, scheduler, resume, console, photographs)
         typer.echo(pool.target_table(pool.records_of([out])))

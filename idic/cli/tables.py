@@ -20,32 +20,32 @@ def result_table(result: Mapping, truth: Mapping | None = None) -> Table:
     from idic.model import is_mode
     from idic.report import in_ratios, parts_of_std, two_digits, virtual_boundaries
 
-    known = (truth or {}).get("parameters", {})
-    result = result if known else in_ratios(result)  # of an example the truth is known in MPa
-    free = {name: entry for name, entry in result.get("parameters", {}).items() if entry.get("free")
+    true_values = (truth or {}).get("parameters", {})
+    result = result if true_values else in_ratios(result)  # of an example the truth is known in MPa
+    identified = {name: entry for name, entry in result.get("parameters", {}).items() if entry.get("free")
             and not is_mode(name)}
     derived = result.get("derived", {})
-    in_parts = any(_is_wider(entry) for entry in (*free.values(), *derived.values()))
+    in_parts = any(_is_wider(entry) for entry in (*identified.values(), *derived.values()))
     table = Table(box=None, header_style="bold")
     for column in ("parameter", "value", "± std", *(["noise, model"] if in_parts else []), "unit", "start",
-                   *(["truth", "error / std"] if known else [])):
+                   *(["truth", "error / std"] if true_values else [])):
         table.add_column(column, justify="left" if column in ("parameter", "unit") else "right")
 
     def errors(entry: Mapping) -> list[str]:
         std = entry.get("std")
-        shown = ["-" if std is None else two_digits(std), "-" if std is None else parts_of_std(entry)]
-        return shown if in_parts else shown[:1]
+        cells = ["-" if std is None else two_digits(std), "-" if std is None else parts_of_std(entry)]
+        return cells if in_parts else cells[:1]
 
-    for name, entry in free.items():
-        value, std, target = entry["value"], entry.get("std"), known.get(name)
-        shown = [_number(value, std), *errors(entry)]
+    for name, entry in identified.items():
+        value, std, target = entry["value"], entry.get("std"), true_values.get(name)
+        cells = [_number(value, std), *errors(entry)]
         if std is None:
-            shown[:2] = ["-", "not determined"]
-        row = [name, *shown, entry.get("unit", ""), _number(entry.get("start"))]
-        if known:
+            cells[:2] = ["-", "not determined"]
+        row = [name, *cells, entry.get("unit", ""), _number(entry.get("start"))]
+        if true_values:
             row += [_number(target), f"{(value - target) / std:+.1f}" if target is not None and std else "-"]
         table.add_row(*row)
-    ends = ["-", "-"] if known else []
+    ends = ["-", "-"] if true_values else []
     for entry in virtual_boundaries(result):
         table.add_row(entry["name"], entry["text"], entry["std"], *(["-"] if in_parts else []), entry["unit"], "-",
                       *ends)
@@ -79,9 +79,9 @@ def summary_line(result: Mapping) -> str:
     if chi2 is not None:
         from idic.report import against_free, in_words_of
 
-        free = against_free(result)
-        reference = ("" if free is None else "; the free FE-DIC failed" if free.failed
-                     else f"; free FE-DIC: {free.free:.2f}")
+        free_motion = against_free(result)
+        reference = ("" if free_motion is None else "; the free FE-DIC failed" if free_motion.failed
+                     else f"; free FE-DIC: {free_motion.free_chi2:.2f}")
         parts.append(f"chi2 per pixel {chi2:.2f} (1: only noise is left{reference})")
         parts[-1] = in_words_of(result, parts[-1])
     return ", ".join(parts)
@@ -108,11 +108,11 @@ def treatments_table(result: Mapping) -> Table | str:
     """Identified values under every treatment of boundary and camera."""
     from idic.report import treatment_table
 
-    found = treatment_table(result)
-    if found is None:
+    treatments = treatment_table(result)
+    if treatments is None:
         return "no other treatment of boundary and camera to compare with"
-    table = Table("boundary", "camera", "status", *found.quantities, box=None, header_style="bold")
-    for row in found.rows:
+    table = Table("boundary", "camera", "status", *treatments.quantities, box=None, header_style="bold")
+    for row in treatments.rows:
         table.add_row(*row)
     return table
 
@@ -148,14 +148,14 @@ def _add_terms(table: Table) -> None:
     from idic.laws import LISTS, TEMPERATURE_TERMS, TERMS
 
     for term in (*TERMS.values(), *TEMPERATURE_TERMS.values()):
-        shown = [f"  + {term.kind}", term.group]
+        head = [f"  + {term.kind}", term.group]
         stem = f"{term.group}_n" if term.group in LISTS else term.group
         for parameter in term.parameters:
-            table.add_row(*shown, f"{stem}_{parameter.name}", parameter.unit, _number(parameter.null),
+            table.add_row(*head, f"{stem}_{parameter.name}", parameter.unit, _number(parameter.null),
                           _number(parameter.default), parameter.description)  # fmt: skip
-            shown = ["", ""]
+            head = ["", ""]
         if not term.parameters:
-            table.add_row(*shown, "", "", "", "", f"{term.equation} (default)")
+            table.add_row(*head, "", "", "", "", f"{term.equation} (default)")
 
 
 def number_with_std(value: float, std: float) -> tuple[str, str]:

@@ -95,10 +95,10 @@ class Desk:
 
     def area(self, images: str) -> dict:
         """The speckled area as a first drawing; noise and size of the speckle."""
-        found = self.recording(images)
-        return {"sketch": first_sketch(found.outline, found.holes, found.pictures.stack.shape),
-                "found": bool(found.outline),
-                "noise_gv": found.noise_gv, "speckle_px": found.speckle_px}
+        recording = self.recording(images)
+        return {"sketch": first_sketch(recording.outline, recording.holes, recording.pictures.stack.shape),
+                "found": bool(recording.outline),
+                "noise_gv": recording.noise_gv, "speckle_px": recording.speckle_px}
 
     def log(self, name: str, images: str) -> dict:
         """The columns of a log."""
@@ -117,9 +117,9 @@ class Desk:
                           sketch.edge_names,
                           sketch.mesher)
         mesh = drawing.mesh()
-        found = self.recording(images)
+        recording = self.recording(images)
         corners = [mesh.nodes[cell] for block in mesh.blocks for cell in block.connectivity]
-        floor = noise_floor(found.texture, corners, found.noise_gv)
+        floor = noise_floor(recording.texture, corners, recording.noise_gv)
         finite = floor[np.isfinite(floor)]
         return {"nodes": np.round(mesh.nodes, 2).tolist(),
                 "elements": [cell.tolist() for block in mesh.blocks for cell in block.connectivity],
@@ -179,7 +179,7 @@ def _window(image: np.ndarray, outline: list, holes: list) -> tuple[np.ndarray, 
     ny, nx = image.shape
     low, high = segments_of(outline).box() if outline else np.array([[0, 0], [nx - 1, ny - 1]], dtype=float)
     half = np.minimum(high - low, 2 * NOISE_WINDOW_PX) / 4
-    found = []
+    parts = []
     for share in ((0.5, 0.5), (0.28, 0.28), (0.72, 0.28), (0.28, 0.72), (0.72, 0.72)):
         centre = low + (high - low) * share
         (x0, y0), (x1, y1) = (centre - half).astype(int), (centre + half).astype(int) + 1
@@ -188,8 +188,8 @@ def _window(image: np.ndarray, outline: list, holes: list) -> tuple[np.ndarray, 
         inside = np.ones(window.shape, dtype=bool)
         for x, y, radius in (hole for hole in holes if is_circle(hole)):
             inside &= (columns - x) ** 2 + (rows - y) ** 2 > (1.1 * radius) ** 2
-        found.append((window, inside))
-    return max(found, key=lambda part: int(part[1].sum()))
+        parts.append((window, inside))
+    return max(parts, key=lambda part: int(part[1].sum()))
 
 
 def _laws() -> list[dict]:

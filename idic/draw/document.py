@@ -101,9 +101,9 @@ def _material(plan: Plan) -> list[str]:
 def _boundaries(plan: Plan) -> list[str]:
     lines = []
     for name, motion in plan.motions.items():
-        known = [*plan.sketch.edge_names, "OUTER", *(f"HOLE{k + 1}" for k in range(len(plan.sketch.holes)))]
-        if name not in known:
-            raise InputError("no edge has this name", key="boundary", expected=", ".join(known),
+        edges = [*plan.sketch.edge_names, "OUTER", *(f"HOLE{k + 1}" for k in range(len(plan.sketch.holes)))]
+        if name not in edges:
+            raise InputError("no edge has this name", key="boundary", expected=", ".join(edges),
                              found=name, remedy="name an edge of the drawing")
         lines += ["", "[[boundary]]"]
         if motion.kind == "pressure":
@@ -115,8 +115,8 @@ def _boundaries(plan: Plan) -> list[str]:
         elif motion.kind == "fixed":
             lines += ["ux = 0.0", "uy = 0.0"]
         else:
-            other = {"x": "y", "y": "x"}[motion.component]
-            lines += [f"u{motion.component} = {{ column = {_text(motion.column)} }}", f"u{other} = 0.0"]
+            transverse = {"x": "y", "y": "x"}[motion.component]
+            lines += [f"u{motion.component} = {{ column = {_text(motion.column)} }}", f"u{transverse} = 0.0"]
     if all(motion.kind == "pressure" for motion in plan.motions.values()):
         raise InputError("nothing holds or moves the specimen", key="boundary", expected="a motion of one edge or more",
                          found="pressure only" if lines else "none",
@@ -164,14 +164,14 @@ def loaded(folder: Path, plan: Plan) -> Experiment:
     return ExperimentFolder(file, folder.resolve(), validated(tables, file), tables).experiment()
 
 
-def write(folder: Path, plan: Plan, replace: bool, own: str = "") -> str:
+def write(folder: Path, plan: Plan, replace: bool, drawn_text: str = "") -> str:
     """Write experiment.toml after everything in it was read and checked; returns its content.
 
     Parameters
     ----------
     replace : bool
         An existing experiment.toml is kept as experiment.toml.before; False: it is an error.
-    own : str
+    drawn_text : str
         What the page wrote last: a file with this content is not kept.
 
     Raises
@@ -180,18 +180,18 @@ def write(folder: Path, plan: Plan, replace: bool, own: str = "") -> str:
         The plan does not work, or there is an experiment.toml already; nothing is written then.
     """
     target, text = folder / EXPERIMENT_FILE, text_of(plan)
-    there = target.read_text(encoding="utf-8", errors="replace") if target.exists() else None
-    if not replace and (there is not None or target.is_symlink()):
+    present_text = target.read_text(encoding="utf-8", errors="replace") if target.exists() else None
+    if not replace and (present_text is not None or target.is_symlink()):
         raise InputError("the folder has an experiment already", file=target, key="replace",
                          expected="no experiment.toml",
                          found="an experiment.toml", remedy=f"replace it (the old one is kept as {KEPT})")
-    if there == text:
+    if present_text == text:
         return text
     loaded(folder, plan)
     fresh = folder / f".{EXPERIMENT_FILE}.new"
     with open(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644), "w", encoding="utf-8") as stream:
         stream.write(text)
-    if target.is_symlink() or there not in (None, own):
+    if target.is_symlink() or present_text not in (None, drawn_text):
         replace_file(target, _free(folder))
     replace_file(fresh, target)
     return text
@@ -211,8 +211,8 @@ def drawn_before(folder: Path) -> dict | None:
         return None
     if not isinstance(table, dict) or "outline_px" not in table:
         return None
-    known = {"outline_px": "outline", "holes_px": "holes"}
+    field_of_key = {"outline_px": "outline", "holes_px": "holes"}
     try:
-        return Sketch.model_validate({known.get(key, key): value for key, value in table.items()}).model_dump()
+        return Sketch.model_validate({field_of_key.get(key, key): value for key, value in table.items()}).model_dump()
     except ValueError:
         return None

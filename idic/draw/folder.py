@@ -46,8 +46,8 @@ class Listing:
         """Patterns of groups that may be those of several cameras at one test: as many images each; () for one
         camera."""
         first = next(iter(self.images.values()))
-        same = tuple(name for name, paths in self.images.items() if len(paths) == len(first) > 1)
-        return same if len(same) > 1 else ()
+        groups = tuple(name for name, paths in self.images.items() if len(paths) == len(first) > 1)
+        return groups if len(groups) > 1 else ()
 
     def stack(self, pattern: str) -> FileStack:
         """The images of a group.
@@ -140,9 +140,9 @@ def log_table(log: Log, n_frames: int) -> dict:
         except InputError as error:
             columns.append({"name": name, "unit": log.unit(name), "problem": error.what, "values": []})
             continue
-        shown = values[np.linspace(0, len(values) - 1, min(len(values), 400)).astype(int)] if len(values) else values
+        samples = values[np.linspace(0, len(values) - 1, min(len(values), 400)).astype(int)] if len(values) else values
         columns.append({"name": name, "unit": log.unit(name), "kind": _kind(name, log.unit(name)),
-                        "values": [float(v) if np.isfinite(v) else None for v in shown.tolist()]})
+                        "values": [float(v) if np.isfinite(v) else None for v in samples.tolist()]})
     return {"rows": len(log.rows), "frames": n_frames, "matches": len(log.rows) == n_frames, "time": log.time_column,
             "columns": columns}
 

@@ -119,7 +119,7 @@ def end_names(points: np.ndarray) -> dict[str, list[int]]:
     following = np.roll(points, -1, axis=0)
     names = {}
     for name, at in zip((("LEFT", "RIGHT"), ("TOP", "BOTTOM"))[axis], (low, high), strict=True):
-        near = (np.abs(points[:, axis] - at) < reach) & (np.abs(following[:, axis] - at) < reach)
-        if near.any():
-            names[name] = (np.flatnonzero(near) + 1).tolist()
+        on_end = (np.abs(points[:, axis] - at) < reach) & (np.abs(following[:, axis] - at) < reach)
+        if on_end.any():
+            names[name] = (np.flatnonzero(on_end) + 1).tolist()
     return names

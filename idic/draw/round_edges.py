@@ -90,12 +90,12 @@ def lines_and_arcs(contour: np.ndarray, tolerance: float, image: np.ndarray, out
         return np.round(cv2.approxPolyDP(contour, tolerance, True)[:, 0]).tolist()
     turns = outwards * np.sign(_area(points))
     pieces = [_placed(piece, points, image, turns, tolerance) for piece in pieces]
-    corners = [_corner(before, piece, points, tolerance) for before, piece in zip(pieces[-1:] + pieces, pieces,
-                                                                                strict=False)]
+    corners = [_corner(previous, piece, points, tolerance)
+               for previous, piece in zip(pieces[-1:] + pieces, pieces, strict=False)]
     entries = []
     for k, corner in enumerate(corners):
-        before = pieces[k - 1]
-        middle = before.foot(points[(before.first + before.last) // 2 % len(points)]) if before.radius else ()
+        previous = pieces[k - 1]
+        middle = previous.foot(points[(previous.first + previous.last) // 2 % len(points)]) if previous.radius else ()
         entries.append(np.round([*middle, *corner], 1).tolist())
     return entries
 
@@ -103,8 +103,8 @@ def lines_and_arcs(contour: np.ndarray, tolerance: float, image: np.ndarray, out
 def _from_a_corner(contour: np.ndarray, tolerance: float) -> np.ndarray:
     """At most `MAX_POINTS` points of the contour, the first one at its sharpest corner  # (n, 2)"""
     corners = cv2.approxPolyDP(contour, tolerance, True)[:, 0].astype(float)
-    after, before = np.roll(corners, -1, axis=0) - corners, corners - np.roll(corners, 1, axis=0)
-    turn = np.arctan2(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], (before * after).sum(axis=1))
+    leaving, arriving = np.roll(corners, -1, axis=0) - corners, corners - np.roll(corners, 1, axis=0)
+    turn = np.arctan2(arriving[:, 0] * leaving[:, 1] - arriving[:, 1] * leaving[:, 0], (arriving * leaving).sum(axis=1))
     sharpest = corners[int(np.argmax(np.abs(turn)))]
     start = int(np.argmin(np.hypot(*(contour - sharpest).T)))
     return np.roll(contour, -start, axis=0)[:: max(len(contour) // MAX_POINTS, 1)].astype(float)
@@ -135,21 +135,21 @@ def _cuts(points: np.ndarray, std: float) -> list[tuple[int, int, bool]]:
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
     best, origin, round_ = np.full(n, np.inf), np.zeros(n, dtype=int), np.zeros(n, dtype=bool)
     best[0] = 0.0
-    for last in range(1, n):
-        first = np.arange(last)
-        own = sums[last + 1] - sums[first]
-        line = best[first] + _line_squares(own) / std**2 + LINE_PRICE
-        centre, radius, squares = _circles(own)
+    for end in range(1, n):
+        first = np.arange(end)
+        piece_sums = sums[end + 1] - sums[first]
+        line = best[first] + _line_squares(piece_sums) / std**2 + LINE_PRICE
+        centre, radius, squares = _circles(piece_sums)
         arc = best[first] + squares / std**2 + ARC_PRICE
-        swept = (length[last] - length[first]) / np.maximum(radius, 1e-9)
-        arc[(own[:, 0] < MIN_POINTS) | (swept < MIN_SWEEP) | (swept > MAX_SWEEP)] = np.inf
-        both = np.minimum(line, arc)
-        origin[last] = int(np.argmin(both))
-        best[last], round_[last] = both[origin[last]], arc[origin[last]] < line[origin[last]]
-    cuts, last = [], n - 1
-    while last > 0:
-        cuts.append((int(origin[last]), last, bool(round_[last])))
-        last = int(origin[last])
+        swept = (length[end] - length[first]) / np.maximum(radius, 1e-9)
+        arc[(piece_sums[:, 0] < MIN_POINTS) | (swept < MIN_SWEEP) | (swept > MAX_SWEEP)] = np.inf
+        cheaper = np.minimum(line, arc)
+        origin[end] = int(np.argmin(cheaper))
+        best[end], round_[end] = cheaper[origin[end]], arc[origin[end]] < line[origin[end]]
+    cuts, end = [], n - 1
+    while end > 0:
+        cuts.append((int(origin[end]), end, bool(round_[end])))
+        end = int(origin[end])
     return cuts[::-1]
 
 
@@ -175,14 +175,14 @@ def _circles(sums: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.stack([p, q], -1), radius, np.maximum(algebraic, 0.0) / (4 * radius**2)
 
 
-def _fitted(points: np.ndarray, first: int, last: int, is_arc: bool) -> Piece:
-    own = np.take(points, range(first, last + 1), axis=0, mode="wrap")
-    middle = own.mean(axis=0)
+def _fitted(points: np.ndarray, first: int, end: int, is_arc: bool) -> Piece:
+    run = np.take(points, range(first, end + 1), axis=0, mode="wrap")
+    middle = run.mean(axis=0)
     if is_arc:
-        centre, radius, _ = _circles(_sums(own - middle)[-1:])
-        return Piece(first, last, centre[0] + middle, np.zeros(2), float(radius[0]))
-    _, _, axes = np.linalg.svd(own - middle, full_matrices=False) if len(own) > 1 else (0, 0, np.eye(2))
-    return Piece(first, last, middle, np.array([-axes[0][1], axes[0][0]]), 0.0)
+        centre, radius, _ = _circles(_sums(run - middle)[-1:])
+        return Piece(first, end, centre[0] + middle, np.zeros(2), float(radius[0]))
+    _, _, axes = np.linalg.svd(run - middle, full_matrices=False) if len(run) > 1 else (0, 0, np.eye(2))
+    return Piece(first, end, middle, np.array([-axes[0][1], axes[0][0]]), 0.0)
 
 
 def _area(points: np.ndarray) -> float:
@@ -192,14 +192,14 @@ def _area(points: np.ndarray) -> float:
 
 def _placed(piece: Piece, points: np.ndarray, image: np.ndarray, turns: float, tolerance: float) -> Piece:
     """The piece where the pattern ends, within two tolerances; as it is where it is too short to tell."""
-    own = np.take(points, range(piece.first, piece.last + 1), axis=0, mode="wrap")
-    margin = int(np.ceil(ENDS_LEFT_OUT * len(own)))
-    inner = np.array([piece.foot(point) for point in own[margin : len(own) - margin]])
-    along = own[-1] - own[0]
+    run = np.take(points, range(piece.first, piece.last + 1), axis=0, mode="wrap")
+    margin = int(np.ceil(ENDS_LEFT_OUT * len(run)))
+    inner = np.array([piece.foot(point) for point in run[margin : len(run) - margin]])
+    along = run[-1] - run[0]
     outside = turns * np.array([along[1], -along[0]])  # of the chord
     if piece.radius:
         rays = (inner - piece.at) / piece.radius if len(inner) else inner
-        bulges = 1.0 if (own[len(own) // 2] - piece.at) @ _outside_at(own, turns) >= 0 else -1.0
+        bulges = 1.0 if (run[len(run) // 2] - piece.at) @ _outside_at(run, turns) >= 0 else -1.0
         normals = bulges * rays
     else:
         bulges = 0.0
@@ -211,15 +211,16 @@ def _placed(piece: Piece, points: np.ndarray, image: np.ndarray, turns: float, t
     reach = 2 * tolerance
     offsets = np.arange(-3 * reach, reach + STEP_PX, STEP_PX)
     profile = _energy(image, inner[None] + offsets[:, None, None] * normals[None]).mean(axis=1)
-    near = np.flatnonzero((offsets >= -reach) & (profile >= EDGE_SHARE * float(np.median(profile[offsets < -reach]))))
-    end = float(offsets[near[-1]]) - INSET_PX if len(near) else 0.0
+    level = EDGE_SHARE * float(np.median(profile[offsets < -reach]))
+    textured = np.flatnonzero((offsets >= -reach) & (profile >= level))
+    end = float(offsets[textured[-1]]) - INSET_PX if len(textured) else 0.0
     return piece.moved(end, bulges) if abs(end) < reach - STEP_PX else piece
 
 
-def _outside_at(own: np.ndarray, turns: float) -> np.ndarray:
+def _outside_at(run: np.ndarray, turns: float) -> np.ndarray:
     """Outwards at the middle of a run of points."""
-    k = len(own) // 2
-    along = own[min(k + 1, len(own) - 1)] - own[max(k - 1, 0)]
+    k = len(run) // 2
+    along = run[min(k + 1, len(run) - 1)] - run[max(k - 1, 0)]
     return turns * np.array([along[1], -along[0]])
 
 
@@ -234,33 +235,33 @@ def _energy(image: np.ndarray, places: np.ndarray) -> np.ndarray:
     return (fx * fx + fy * fy) / 4
 
 
-def _corner(before: Piece, after: Piece, points: np.ndarray, tolerance: float) -> np.ndarray:
+def _corner(incoming: Piece, outgoing: Piece, points: np.ndarray, tolerance: float) -> np.ndarray:
     """Where two pieces meet: their intersection near the cut; where they touch, the middle between both."""
-    cut = points[after.first % len(points)]
-    found = [point for point in _intersections(before, after) if np.hypot(*(point - cut)) < NEAR * tolerance]
-    if found:
-        return min(found, key=lambda point: float(np.hypot(*(point - cut))))
-    return (before.foot(cut) + after.foot(cut)) / 2
+    cut = points[outgoing.first % len(points)]
+    crossings = [point for point in _intersections(incoming, outgoing) if np.hypot(*(point - cut)) < NEAR * tolerance]
+    if crossings:
+        return min(crossings, key=lambda point: float(np.hypot(*(point - cut))))
+    return (incoming.foot(cut) + outgoing.foot(cut)) / 2
 
 
-def _intersections(one: Piece, other: Piece) -> list[np.ndarray]:
-    if not one.radius and not other.radius:
-        matrix = np.array([one.normal, other.normal])
+def _intersections(piece: Piece, neighbour: Piece) -> list[np.ndarray]:
+    if not piece.radius and not neighbour.radius:
+        matrix = np.array([piece.normal, neighbour.normal])
         if abs(np.linalg.det(matrix)) < 0.05:
             return []
-        return [np.linalg.solve(matrix, [one.normal @ one.at, other.normal @ other.at])]
-    if one.radius and other.radius:
-        between = other.at - one.at
+        return [np.linalg.solve(matrix, [piece.normal @ piece.at, neighbour.normal @ neighbour.at])]
+    if piece.radius and neighbour.radius:
+        between = neighbour.at - piece.at
         distance = float(np.hypot(*between))
         if distance < 1e-9:
             return []
-        share = (distance**2 + one.radius**2 - other.radius**2) / (2 * distance)
-        foot, direction = one.at + share * between / distance, np.array([-between[1], between[0]]) / distance
-        rest = one.radius**2 - share**2
+        share = (distance**2 + piece.radius**2 - neighbour.radius**2) / (2 * distance)
+        foot, direction = piece.at + share * between / distance, np.array([-between[1], between[0]]) / distance
+        half_chord_squared = piece.radius**2 - share**2
     else:
-        line, circle = (other, one) if one.radius else (one, other)
+        line, circle = (neighbour, piece) if piece.radius else (piece, neighbour)
         foot, direction = line.foot(circle.at), np.array([-line.normal[1], line.normal[0]])
-        rest = circle.radius**2 - float((foot - circle.at) @ (foot - circle.at))
-    if rest < 0:
+        half_chord_squared = circle.radius**2 - float((foot - circle.at) @ (foot - circle.at))
+    if half_chord_squared < 0:
         return []
-    return [foot + np.sqrt(rest) * direction, foot - np.sqrt(rest) * direction]
+    return [foot + np.sqrt(half_chord_squared) * direction, foot - np.sqrt(half_chord_squared) * direction]

@@ -63,10 +63,10 @@ def _smoothed_pattern(image: np.ndarray, texture: Texture) -> tuple[int, np.ndar
     wide = SMOOTHED
     while True:
         mask = _pattern(texture, wide)
-        wanted = 2 * int(SPECKLES * _speckle(image, mask, texture) / texture.block) + 1
-        if wanted <= wide:
+        needed_blocks = 2 * int(SPECKLES * _speckle(image, mask, texture) / texture.block) + 1
+        if needed_blocks <= wide:
             return wide, mask
-        wide = wanted
+        wide = needed_blocks
 
 
 def _speckle(image: np.ndarray, mask: np.ndarray, texture: Texture) -> float:
@@ -77,9 +77,9 @@ def _speckle(image: np.ndarray, mask: np.ndarray, texture: Texture) -> float:
     centre = ((np.array([np.median(rows), np.median(columns)]) + 0.5) * texture.block).astype(int)
     low = np.maximum(centre - SPECKLE_WINDOW_PX // 2, 0)
     part = image[low[0] : low[0] + SPECKLE_WINDOW_PX, low[1] : low[1] + SPECKLE_WINDOW_PX]
-    known = [np.minimum(np.arange(first, first + n) // texture.block, blocks - 1)
+    block_of = [np.minimum(np.arange(first, first + n) // texture.block, blocks - 1)
              for first, n, blocks in zip(low, part.shape, mask.shape, strict=True)]
-    return speckle_size(part, mask[np.ix_(*known)] > 0) or 0.0
+    return speckle_size(part, mask[np.ix_(*block_of)] > 0) or 0.0
 
 
 def _pattern(texture: Texture, wide: int) -> np.ndarray:
@@ -92,8 +92,8 @@ def _pattern(texture: Texture, wide: int) -> np.ndarray:
     log = np.log10(np.clip(cv2.blur(energy, (wide, wide)) / top, 1e-3, 1.0))
     grey = np.round((log + 3.0) * 85.0).astype(np.uint8)
     _, mask = cv2.threshold(grey, 0, 1, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
-    seen = mask > 0
-    if not seen.all() and log[seen].mean() - log[~seen].mean() < MIN_DECADES:
+    patterned = mask > 0
+    if not patterned.all() and log[patterned].mean() - log[~patterned].mean() < MIN_DECADES:
         mask[:] = 1  # the pattern fills the image
     rows, columns = (int(np.ceil(BORDER_SHARE * n)) for n in mask.shape)
     mask[:rows] = mask[-rows:] = mask[:, :columns] = mask[:, -columns:] = 0
@@ -128,13 +128,14 @@ def _outline(loop: np.ndarray, image: np.ndarray, texture: Texture, coarse: floa
     return lines_and_arcs(px, TOLERANCE * coarse * texture.block, image)
 
 
-def _side(image: np.ndarray, row: float, first: float, last: float, texture: Texture, outwards: int) -> float:
+def _side(image: np.ndarray, row: float, first_column: float, last_column: float, texture: Texture,
+          outwards: int) -> float:
     """The row near `row` where the pattern ends, seen between two columns; `outwards`: 1 where it ends at the larger
     rows."""
     reach = SEARCHED * texture.block
-    margin = 0.1 * (last - first)
+    margin = 0.1 * (last_column - first_column)
     low, high = max(int(row) - 2 * reach, 0), min(int(row) + 2 * reach + 1, image.shape[0])
-    part = image[low:high, int(first + margin) : int(last - margin) + 1].astype(np.float32)
+    part = image[low:high, int(first_column + margin) : int(last_column - margin) + 1].astype(np.float32)
     profile = _energy(part).mean(axis=1)[::outwards]  # from inside to outside
     rows = np.arange(low, high)[::outwards]
     level = EDGE_SHARE * float(np.median(profile[: max(reach, 1)]))
@@ -168,10 +169,10 @@ def _radius(image: np.ndarray, x: float, y: float, radius: float, block: int, ou
     ring = np.hypot(columns - x, rows - y).astype(int)
     counts = np.maximum(np.bincount(ring.ravel()), 1)
     profile = np.bincount(ring.ravel(), _energy(part).ravel()) / counts
-    near = np.arange(max(int(radius) - reach, 0), min(int(radius) + reach, len(profile)))
+    radii = np.arange(max(int(radius) - reach, 0), min(int(radius) + reach, len(profile)))
     inside = slice(max(int(radius) - 3 * reach, 0), max(int(radius) - block, 1)) if outwards \
         else slice(int(radius) + block, int(radius) + 3 * reach)
-    found = near[profile[near] >= EDGE_SHARE * float(np.median(profile[inside]))]
-    if not len(found):
+    textured = radii[profile[radii] >= EDGE_SHARE * float(np.median(profile[inside]))]
+    if not len(textured):
         return radius
-    return float(found[-1]) + 1.0 - INSET_PX if outwards else float(found[0]) + INSET_PX
+    return float(textured[-1]) + 1.0 - INSET_PX if outwards else float(textured[0]) + INSET_PX

@@ -35,15 +35,15 @@ def texture_of(image: np.ndarray) -> Texture:
     products = np.zeros((rows, columns, 3), dtype=np.float32)
     strip = max(1, 1_000_000 // (nx * block)) * block
     for first in range(0, rows * block, strip):
-        last = min(first + strip, rows * block)
-        part = np.nan_to_num(image[max(first - 1, 0) : last + 1].astype(np.float32))
+        end = min(first + strip, rows * block)
+        part = np.nan_to_num(image[max(first - 1, 0) : end + 1].astype(np.float32))
         fy, fx = np.zeros_like(part), np.zeros_like(part)
         fy[1:-1] = 0.5 * (part[2:] - part[:-2])
         fx[:, 1:-1] = 0.5 * (part[:, 2:] - part[:, :-2])
-        own = slice(first - max(first - 1, 0), first - max(first - 1, 0) + last - first)
+        strip_rows = slice(first - max(first - 1, 0), first - max(first - 1, 0) + end - first)
         for k, product in enumerate((fx * fx, fy * fy, fx * fy)):
-            cells = product[own, : columns * block].reshape(-1, block, columns, block)
-            products[first // block : last // block, :, k] = cells.mean(axis=(1, 3))
+            cells = product[strip_rows, : columns * block].reshape(-1, block, columns, block)
+            products[first // block : end // block, :, k] = cells.mean(axis=(1, 3))
     return Texture(block, products, (ny, nx))
 
 
@@ -75,11 +75,11 @@ def _means(texture: Texture, corners: list[np.ndarray]) -> np.ndarray:
     owner = np.full((rows, columns), -1, dtype=np.int32)
     for k, cell in enumerate(corners):
         # block centres, 8 bits below
-        fixed = np.round((cell + 0.5 - 0.5 * texture.block) / texture.block * 256).astype(np.int32)
-        cv2.fillConvexPoly(owner, fixed, k, shift=8)
-    seen = owner >= 0
-    counts = np.bincount(owner[seen], minlength=len(corners))
-    sums = np.column_stack([np.bincount(owner[seen], texture.products[..., k][seen], len(corners)) for k in range(3)])
+        corners_8bit = np.round((cell + 0.5 - 0.5 * texture.block) / texture.block * 256).astype(np.int32)
+        cv2.fillConvexPoly(owner, corners_8bit, k, shift=8)
+    owned = owner >= 0
+    counts = np.bincount(owner[owned], minlength=len(corners))
+    sums = np.column_stack([np.bincount(owner[owned], texture.products[..., k][owned], len(corners)) for k in range(3)])
     centres = np.array([cell.mean(axis=0) for cell in corners])
     at = np.clip((centres / texture.block).astype(int), 0, [columns - 1, rows - 1])
     return np.where(counts[:, None] > 0, sums / np.maximum(counts, 1)[:, None], texture.products[at[:, 1], at[:, 0]])

@@ -30,16 +30,16 @@ def start(folder: Path, name: str) -> subprocess.Popen:
     run.parent.mkdir(exist_ok=True)
     resume = ["--resume"] if (run / "run.zarr").exists() else []
     command = [sys.executable, "-m", "idic", "identify", str(folder), "--out", str(run), *resume]
-    apart = ({"creationflags": getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)} if os.name == "nt"
+    detachment = ({"creationflags": getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)} if os.name == "nt"
              else {"start_new_session": True})
     with open(run.parent / f"{name}{CONSOLE}", "wb") as console:
         return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=console, stderr=subprocess.STDOUT,
-                                cwd=empty_folder(), **apart)
+                                cwd=empty_folder(), **detachment)
 
 
-def next_name(taken: tuple[str, ...]) -> str:
+def next_name(used_names: tuple[str, ...]) -> str:
     """``run-1``, or the first number that is free."""
-    return next(name for k in range(1, 10_000) if (name := f"run-{k}") not in taken)
+    return next(name for k in range(1, 10_000) if (name := f"run-{k}") not in used_names)
 
 
 def state_of(folder: Path, name: str) -> dict:

@@ -25,12 +25,12 @@ def dataset(content: Mapping, fields: Fields, frames: Sequence[int] | None, resi
     """See `idic.notebook.result.Result.to_xarray`."""
     xarray = optional("xarray")
     experiment = fields.experiment
-    wanted = range(experiment.reference, experiment.n_frames) if frames is None else frames
-    if isinstance(wanted, str) or not hasattr(wanted, "__len__") or not len(wanted):
+    requested = range(experiment.reference, experiment.n_frames) if frames is None else frames
+    if isinstance(requested, str) or not hasattr(requested, "__len__") or not len(requested):
         raise InputError("no frames to give", key="frames", expected="a list of numbers, as [0, -1]",
                          found=repr(frames), remedy="write a list, or leave frames out for all of them")
-    shown = [checked_frame(experiment, frame) for frame in wanted]
-    u = np.array([fields.u(frame)[:, :experiment.n_dim] for frame in shown])
+    numbers = [checked_frame(experiment, frame) for frame in requested]
+    u = np.array([fields.u(frame)[:, :experiment.n_dim] for frame in numbers])
     pairs = PAIRS[experiment.n_dim]
     factors = np.array([channel.shown_factor for channel in experiment.channels])  # (n_channels,) of their columns
     variables: dict[str, Any] = {
@@ -38,19 +38,20 @@ def dataset(content: Mapping, fields: Fields, frames: Sequence[int] | None, resi
               {"long_name": "simulated displacement", "units": experiment.length_unit}),
         "strain": (("frame", "node", "strain_component"), strains(experiment.mesh, u),
                    {"long_name": "Green-Lagrange strain of the simulation at the nodes", "units": "1"}),
-        "simulated": (("frame", "channel"), fields.simulated[shown] / factors, {"long_name": "simulated channels"}),
-        "measured": (("frame", "channel"), fields.measured[shown] / factors, {"long_name": "measured channels"}),
+        "simulated": (("frame", "channel"), fields.simulated[numbers] / factors, {"long_name": "simulated channels"}),
+        "measured": (("frame", "channel"), fields.measured[numbers] / factors, {"long_name": "measured channels"}),
     }
     if measured:
-        variables |= _measured(fields, shown)
+        variables |= _measured(fields, numbers)
     if residual:
-        variables["residual"] = (("frame", "row", "column"), _residuals(fields, shown),
+        variables["residual"] = (("frame", "row", "column"), _residuals(fields, numbers),
                                  {"long_name": "f(x) - g(x + u) in the reference image" if experiment.points is None
                                   else "displacement measured minus simulated, rms of the components of a point",
                                   "units": experiment.value_unit})
     coordinates: dict[str, Any] = {
-        "frame": shown, "label": ("frame", [experiment.labels[frame] for frame in shown]),
-        "time": ("frame", experiment.times[shown], {"units": "s" if experiment.extras.get("has_times", True) else "1"}),
+        "frame": numbers, "label": ("frame", [experiment.labels[frame] for frame in numbers]),
+        "time": ("frame", experiment.times[numbers],
+                 {"units": "s" if experiment.extras.get("has_times", True) else "1"}),
         "node": ("node", np.asarray(experiment.mesh.node_labels), {"long_name": "number of the node in the mesh"}),
         "component": list("xyz"[:experiment.n_dim]),
         "strain_component": ["xyz"[i] + "xyz"[j] for i, j in pairs],
@@ -84,10 +85,10 @@ def strain_tensor(fields: Fields, frame: int, measure: str, angle_deg: float, so
         raise InputError("no such field", key="source", expected="simulated, measured", found=source,
                          remedy="write one of these names")
     surface = surface_of(mesh, fields.experiment.surface)
-    found = np.full((mesh.n_nodes, 2, 2), np.nan)
-    found[surface.index] = rotated(strain(surface.deformation(fields.u_measured(frame)[surface.index]), measure),
+    tensor = np.full((mesh.n_nodes, 2, 2), np.nan)
+    tensor[surface.index] = rotated(strain(surface.deformation(fields.u_measured(frame)[surface.index]), measure),
                                    angle_deg)
-    return found
+    return tensor
 
 
 def _measured(fields: Fields, frames: Sequence[int]) -> dict[str, Any]:

@@ -69,11 +69,12 @@ class Estimates(Mapping[str, Estimate]):
 
 def covariance(content: Mapping) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
     """Names (n), values (n,) and covariance (n, n) of what a result determines, in the units of the experiment."""
-    known = content["correlation"]
-    names, entries = tuple(known["names"]), content["parameters"]
+    correlation = content["correlation"]
+    names, entries = tuple(correlation["names"]), content["parameters"]
     values = np.array([entries[name]["value"] for name in names], dtype=float)
     stds = np.array([entries[name]["std"] for name in names], dtype=float)
-    return names, values, np.array(known["matrix"], dtype=float).reshape(len(names), len(names)) * np.outer(stds, stds)
+    coefficients = np.array(correlation["matrix"], dtype=float).reshape(len(names), len(names))
+    return names, values, coefficients * np.outer(stds, stds)
 
 
 def estimates_html(estimates) -> str:

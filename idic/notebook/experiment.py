@@ -91,8 +91,8 @@ class Experiment:
                  lines: Sequence[Mapping] = (), circles: Sequence[Mapping] = (),
                  folder: str | os.PathLike = ".", **settings: Any):
         settings = {"title": "Experiment"} | settings
-        given = {"images": images, "mesh": mesh, "loads": loads, "mask": mask}
-        named: dict[str, Any] = {key: name for key, name in _KEYS.items() if given[key] is not None}
+        objects_by_key = {"images": images, "mesh": mesh, "loads": loads, "mask": mask}
+        named: dict[str, Any] = {key: name for key, name in _KEYS.items() if objects_by_key[key] is not None}
         if isinstance(mesh, Mapping):
             named["mesh"] = mesh
         elif isinstance(mesh, (str, os.PathLike)):
@@ -123,9 +123,9 @@ class Experiment:
 
     @classmethod
     def _from(cls, source: _Objects | _File) -> Experiment:
-        made = cls.__new__(cls)
-        made._source, made.record = source, source.record()
-        return made
+        experiment = cls.__new__(cls)
+        experiment._source, experiment.record = source, source.record()
+        return experiment
 
     def changed(self, values: Mapping[str, Any]) -> Experiment:
         """The experiment with other values, as ``--set key=value`` makes them.
@@ -184,9 +184,9 @@ class Experiment:
 
     def __repr__(self) -> str:
         record = self.record
-        free = ", ".join(record.parameters.free) or "nothing"
+        identified = ", ".join(record.parameters.free) or "nothing"
         return (f"Experiment({record.title!r}, {record.recorded}, {record.mesh.n_elements} elements, "
-                f"identifies {free})")
+                f"identifies {identified})")
 
     def _repr_html_(self) -> str:
         from idic.notebook.html import experiment_html
@@ -210,10 +210,10 @@ class _Objects:
 
     def save(self, folder: Path, record: Record, link: bool = False) -> Path:
         objects = self.objects
-        others = [path.relative_to(self.folder.resolve())
+        further_paths = [path.relative_to(self.folder.resolve())
                   for path in further_files(self.tables, objects, self.folder.resolve())]
         folder = empty_folder(folder)
-        for path in dict.fromkeys(others):
+        for path in dict.fromkeys(further_paths):
             (folder / path).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(self.folder / path, folder / path)
         pattern, labels = _save_images(folder, objects.images, link)
@@ -282,8 +282,8 @@ def _save_mesh(folder: Path, name: Any, mesh: RawMesh | None, record: Record) ->
     if mesh.file != MESH_OBJECT:
         shutil.copyfile(mesh.file, folder / name)
         return
-    own, _ = to_mesh(mesh, record.n_dim, 1.0)
-    (folder / name).write_text(inp_text(own, record.title), encoding="utf-8")
+    internal_mesh, _ = to_mesh(mesh, record.n_dim, 1.0)
+    (folder / name).write_text(inp_text(internal_mesh, record.title), encoding="utf-8")
 
 
 def _save_log(file: Path, log: Log) -> None:
@@ -300,10 +300,10 @@ def _save_log(file: Path, log: Log) -> None:
 
 def _named_frames(tables: Mapping, record: Record, labels: Sequence[str]) -> dict:
     """The keys that name frames, by the labels of the images as they are written."""
-    found = {"reference": list(record.averaged) or [record.reference], "exclude_frames": list(record.excluded),
+    frames_by_key = {"reference": list(record.averaged) or [record.reference], "exclude_frames": list(record.excluded),
              "still_frames": list(record.extras["still_frames"])}
     named = tables["experiment"]
-    return {key: [labels[k] for k in numbers] for key, numbers in found.items() if key in named
+    return {key: [labels[k] for k in numbers] for key, numbers in frames_by_key.items() if key in named
             and not (key == "still_frames" and isinstance(named[key], str))}
 
 

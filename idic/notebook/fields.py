@@ -152,8 +152,8 @@ class FieldsOfRun:
 
     @cached_property
     def experiment(self) -> Experiment:
-        whole = self.context.experiment
-        return whole.at_geometry(whole.parameters.with_values(self._accepted["values"]))
+        experiment = self.context.experiment
+        return experiment.at_geometry(experiment.parameters.with_values(self._accepted["values"]))
 
     @property
     def camera(self) -> AnyCamera:
@@ -192,16 +192,21 @@ class FieldsOfRun:
 def _freely_measured(context: CorrelationContext, frame: int, simulated: Callable[[int], np.ndarray]) -> np.ndarray:
     """See `Fields.u_measured`; simulated : frame -> (n_nodes, dim) mm, from which the measurement starts."""
     experiment, camera = context.experiment, context.camera
-    seen = seen_by(experiment, context.reference.image)
-    if seen is None or not isinstance(camera, Camera):
+    inputs = seen_by(experiment, context.reference.image)
+    if inputs is None or not isinstance(camera, Camera):
         raise InputError("no free FE-DIC of these images", key="source",
                          expected="grey images of a surface by a telecentric camera, or measured fields",
-                         found=f"{experiment.quantity} images" if seen is None else "a camera with a lens, which sees "
+                         found=f"{experiment.quantity} images" if inputs is None
+                         else "a camera with a lens, which sees "
                          "motion towards it as motion in the plane",
-                         remedy="use the simulated fields" if seen is None else
+                         remedy="use the simulated fields" if inputs is None else
                          "use the simulated fields, or idic.measure.dic.stereo.surface_motion with two cameras")
     nodes, view = experiment.mesh.nodes, view_of(experiment, camera)
-    motion = free_motion(seen, (frame,), lambda k: view.at(k).motion(nodes, experiment.turned(simulated(k)))[:, :2])[0]
+
+    def start_px(k: int) -> np.ndarray:
+        return view.at(k).motion(nodes, experiment.turned(simulated(k)))[:, :2]
+
+    motion = free_motion(inputs, (frame,), start_px)[0]
     return in_mm(motion, nodes, camera, camera.at(frame))
 
 
@@ -222,10 +227,10 @@ def checked_frame(experiment: Experiment, frame: int, later: bool = False) -> in
     """
     first, n = experiment.reference + later, experiment.n_frames
     try:
-        whole = int(frame) == frame  # a time of 2.7 s is no frame
+        is_whole = int(frame) == frame  # a time of 2.7 s is no frame
     except (TypeError, ValueError):
-        whole = False
-    number = int(frame) + (n if frame < 0 else 0) if whole else -1
+        is_whole = False
+    number = int(frame) + (n if frame < 0 else 0) if is_whole else -1
     if not first <= number < n:
         raise InputError("no such frame", key="frame", expected=f"{first} to {n - 1}, or -1 for the last",
                          found=repr(frame), remedy="correct the number: frames count from 0")

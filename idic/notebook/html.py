@@ -36,10 +36,10 @@ def experiment_html(experiment: Experiment) -> str:
 
 def result_html(content: Mapping, estimates: Estimates, failure: str | None = None) -> str:
     """What was found, in sentences and as a table; locked parameters are left out. failure : of the last simulation"""
-    first, *others = [*result_headline(content), *([failure] if failure else [])]
-    free = [estimate for estimate in estimates.values() if estimate.free]
-    return (f"<div><b>{escape(content.get('title') or 'Result')}</b><p>{escape(first)}</p>{estimates_html(free)}"
-            f"{''.join(f'<p>{escape(sentence)}</p>' for sentence in others)}</div>")
+    first, *sentences = [*result_headline(content), *([failure] if failure else [])]
+    identified = [estimate for estimate in estimates.values() if estimate.free]
+    return (f"<div><b>{escape(content.get('title') or 'Result')}</b><p>{escape(first)}</p>{estimates_html(identified)}"
+            f"{''.join(f'<p>{escape(sentence)}</p>' for sentence in sentences)}</div>")
 
 
 def _start_values(experiment: Experiment) -> str:

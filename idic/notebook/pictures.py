@@ -54,15 +54,15 @@ class Plots:
         noise = _noise_level(entry)
         values = self._fields.residual(number) / (noise or 1.0)
         reach = RESIDUAL_RANGE if noise else float(np.nanpercentile(np.abs(values), 99)) or 1.0
-        left, right, top, bottom = residual_window(values[None])
-        aspect = (bottom - top) / (right - left)
+        column_from, column_to, row_from, row_to = residual_window(values[None])
+        aspect = (row_to - row_from) / (column_to - column_from)
         with look():
             figure = _figure(min(MAP_INCH, MAP_INCH / aspect) + 1.0, min(MAP_INCH * aspect, MAP_INCH) + 0.5)
             axis = figure.subplots()
-            shown = axis.imshow(values, cmap=DIVERGING, vmin=-reach, vmax=reach, interpolation="nearest")
-            bare(axis, (left, right, top, bottom))
+            image = axis.imshow(values, cmap=DIVERGING, vmin=-reach, vmax=reach, interpolation="nearest")
+            bare(axis, (column_from, column_to, row_from, row_to))
             axis.set_title(_words(number, entry, unit))
-            figure.colorbar(shown, ax=axis, shrink=0.85, aspect=22, pad=0.02, extend="both",
+            figure.colorbar(image, ax=axis, shrink=0.85, aspect=22, pad=0.02, extend="both",
                             label="residual / σ [–]" if noise else f"residual [{unit}]")
         return figure
 
@@ -103,7 +103,7 @@ class Plots:
         parameters : which of ``result.determined``, in this order; default: all of them
         """
         posterior = posterior_of(self._content, None if parameters is None else tuple(parameters))
-        shown = short_names(self._content["parameters"])
+        short = short_names(self._content["parameters"])
         n = len(posterior.names)
         with look():
             figure = _figure(CORNER_INCH * n + 0.8, CORNER_INCH * n + 0.6)
@@ -115,10 +115,10 @@ class Plots:
                         axis.set_visible(False)
                     elif column == row:
                         _density(axis, posterior, row)
-                        axis.set_title(f"{shown[posterior.names[row]]}\n{_value(posterior, row)}", loc="center")
+                        axis.set_title(f"{short[posterior.names[row]]}\n{_value(posterior, row)}", loc="center")
                     else:
                         _ellipses(axis, posterior, column, row)
-                    _label(axis, posterior, shown, row, column)
+                    _label(axis, posterior, short, row, column)
             if n > 1:
                 lines = [Line2D([], [], color=BLUE, ls=style, lw=1.1, label=f"{share} % of a pair")
                          for _, style, share in ELLIPSES]
@@ -172,12 +172,12 @@ def _ellipses(axis: Axes, posterior: Posterior, i: int, j: int) -> None:
     axis.set_title(f"correlation {rho:+.2f}".replace("-", "−"), loc="center", color=GREY)
 
 
-def _label(axis: Axes, posterior: Posterior, shown: Mapping[str, str], row: int, column: int) -> None:
-    names = [f"{shown[name]} [{unit}]" if unit and unit != "-" else shown[name]
+def _label(axis: Axes, posterior: Posterior, short: Mapping[str, str], row: int, column: int) -> None:
+    names = [f"{short[name]} [{unit}]" if unit and unit != "-" else short[name]
              for name, unit in zip(posterior.names, posterior.units, strict=True)]
     axis.xaxis.set_major_locator(MaxNLocator(3, min_n_ticks=2))
     if row != column:
         axis.yaxis.set_major_locator(MaxNLocator(3, min_n_ticks=2))
-    last = row == len(names) - 1
-    axis.tick_params(labelbottom=last, labelleft=column == 0 and row > 0)
-    axis.set(xlabel=names[column] if last else "", ylabel=names[row] if column == 0 and row > 0 else "")
+    is_last = row == len(names) - 1
+    axis.tick_params(labelbottom=is_last, labelleft=column == 0 and row > 0)
+    axis.set(xlabel=names[column] if is_last else "", ylabel=names[row] if column == 0 and row > 0 else "")

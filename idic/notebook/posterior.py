@@ -57,16 +57,16 @@ def posterior_of(content: Mapping, names: tuple[str, ...] | None = None) -> Post
     InputError
         A parameter that the test does not determine, or none at all.
     """
-    known, mean, matrix = covariance(content)
-    wanted = known if names is None else names
-    unknown = [name for name in wanted if name not in known]
-    if unknown or not wanted:
+    determined, mean, matrix = covariance(content)
+    selected = determined if names is None else names
+    unknown = [name for name in selected if name not in determined]
+    if unknown or not selected:
         raise InputError("a parameter that the test does not determine", key="parameters",
-                         expected=f"one of {', '.join(known) or '(none is determined)'}",
+                         expected=f"one of {', '.join(determined) or '(none is determined)'}",
                          found=unknown[0] if unknown else "none", remedy="look at result.parameters, and at the status")
-    at = [known.index(name) for name in wanted]
-    return Posterior(tuple(wanted), mean[at], matrix[np.ix_(at, at)],
-                     tuple(content["parameters"][name]["unit"] for name in wanted))
+    at = [determined.index(name) for name in selected]
+    return Posterior(tuple(selected), mean[at], matrix[np.ix_(at, at)],
+                     tuple(content["parameters"][name]["unit"] for name in selected))
 
 
 def inference_data(content: Mapping, draws: int, chains: int, seed: int | None) -> arviz.InferenceData:

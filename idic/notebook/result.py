@@ -157,9 +157,9 @@ class Result:
         n = self.content["iterations"]
         chi2 = self.content["residual"].get("image_chi2_dof")
         fit = "" if chi2 is None else f", chi2 per pixel {chi2:.2f}"
-        free = "".join(f"\n  {e}" for e in self.parameters.values() if e.free)
+        lines = "".join(f"\n  {e}" for e in self.parameters.values() if e.free)
         failed = "" if self.failure is None else f"\n  {self.failure}"
-        return f"Result: {self.status}, {n} iteration{'' if n == 1 else 's'}{fit}{free}{failed}"
+        return f"Result: {self.status}, {n} iteration{'' if n == 1 else 's'}{fit}{lines}{failed}"
 
     def _repr_html_(self) -> str:
         from idic.notebook.html import result_html

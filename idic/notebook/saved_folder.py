@@ -33,10 +33,10 @@ def saved_in_run(save: Callable[[Path], Path], folder: Path) -> Path:
         if not (changed := _differences(fresh, folder)):
             return folder
         if any((folder.parent / name).exists() for name in BEGUN):
-            shown = ", ".join(changed[:MAX_NAMED]) + (" …" if len(changed) > MAX_NAMED else "")
+            changes = ", ".join(changed[:MAX_NAMED]) + (" …" if len(changed) > MAX_NAMED else "")
             raise InputError("the RUN holds another experiment", file=folder.parent, key="out",
                              expected=f"the experiment that was saved in {folder.name}",
-                             found=f"other content of {shown}",
+                             found=f"other content of {changes}",
                              remedy="give another out, or delete the RUN; its values belong to the saved experiment")
         shutil.rmtree(folder)
         os.replace(fresh, folder)
@@ -51,8 +51,8 @@ def _differences(fresh: Path, saved: Path) -> list[str]:
                                                 if not _alike(fresh / name, saved / name))
 
 
-def _alike(one: Path, other: Path) -> bool:
+def _alike(file: Path, counterpart: Path) -> bool:
     try:
-        return os.path.samefile(one, other) or filecmp.cmp(one, other, shallow=False)
+        return os.path.samefile(file, counterpart) or filecmp.cmp(file, counterpart, shallow=False)
     except OSError:  # a link to a file that is gone
         return False

@@ -95,17 +95,18 @@ def drawn_sections(plan: Sequence[PlannedSection],
     """The sections of a plan; draw_all : as for `draw_sections`"""
     drawn = iter(draw_all(parts(plan)))
     sections = []
-    for one in plan:
-        pictures = tuple(next(drawn) for _ in one.pictures)
+    for planned in plan:
+        pictures = tuple(next(drawn) for _ in planned.pictures)
         sections.append(Section(
-            one.anchor, one.title, one.text, tuple(picture for picture in pictures if picture is not None),
-            next(drawn) if one.slides else (), one.sliding, next(drawn) if one.viewer else ""))
+            planned.anchor, planned.title, planned.text, tuple(picture for picture in pictures if picture is not None),
+            next(drawn) if planned.slides else (), planned.sliding, next(drawn) if planned.viewer else ""))
     return tuple(s for s in sections if s.pictures or s.slides or s.viewer or (s.anchor == "law" and s.text))
 
 
 def parts(plan: Sequence[PlannedSection]) -> list[Callable[[], Any]]:
     """All functions of a plan, in the order of the page."""
-    return [draw for one in plan for draw in (*one.pictures, one.slides, one.viewer) if draw is not None]
+    return [draw for section in plan for draw in (*section.pictures, section.slides, section.viewer)
+            if draw is not None]
 
 
 def plan_sections(record: RunRecord) -> tuple[PlannedSection, ...]:
@@ -117,8 +118,8 @@ def plan_sections(record: RunRecord) -> tuple[PlannedSection, ...]:
             *(partial(rubber_energy, record, curve) for curve in record.rubber),
             *(partial(relaxation_curve, record, curve) for curve in record.relaxation),
             *(partial(yield_surface, record, surface) for surface in record.surfaces),
-            *(partial(temperature_dependence, tuple(own))
-              for _, own in groupby(record.temperature_factors, lambda one: one.name)))
+            *(partial(temperature_dependence, tuple(factors))
+              for _, factors in groupby(record.temperature_factors, lambda factor: factor.name)))
     return (
         PlannedSection(
             "explained", "Does the model explain the test?",
@@ -136,7 +137,7 @@ def plan_sections(record: RunRecord) -> tuple[PlannedSection, ...]:
         ),
         PlannedSection("moved", "How did the specimen move?", "",
                        (*_of(record, maps.displacements), *extra, *_of(record, charts.temperature, identified_mesh))),
-        *(_camera_plan(name, seen) for name, seen in record.cameras),
+        *(_camera_plan(name, camera_record) for name, camera_record in record.cameras),
         PlannedSection("converged", "How did the search converge?", "", _of(record, charts.convergence)),
     )
 
@@ -165,7 +166,7 @@ def _frame_by_frame(record: RunRecord) -> PlannedSection:
 def all_pictures(sections: tuple[Section, ...]) -> list[Picture]:
     """Every picture of the page, those of the slider too."""
     return [picture for section in sections
-            for picture in (*section.pictures, *(own for slide in section.slides for own in slide.pictures))]
+            for picture in (*section.pictures, *(picture for slide in section.slides for picture in slide.pictures))]
 
 
 def _camera_plan(name: str, record: RunRecord) -> PlannedSection:
@@ -203,9 +204,9 @@ def render_page(record: RunRecord, sections: tuple[Section, ...] | None = None) 
         Finished figures, from :func:`draw_sections`; drawn here if not given.
     """
     sections = draw_sections(record) if sections is None else sections
-    first, *rest = result_headline(record.result)
+    first, *sentences = result_headline(record.result)
     level, verdict = result_verdict(record.result)
-    shown = replace(record, result=in_ratios(record.result))
+    in_shown_units = replace(record, result=in_ratios(record.result))
     return in_words_of(record.result, filled_in(
         "page.html.j2",
         title=record.title,
@@ -213,12 +214,12 @@ def render_page(record: RunRecord, sections: tuple[Section, ...] | None = None) 
         verdict=verdict,
         first=first,
         many=first.count(" = ") > MAX_LARGE_TEXT_VALUES,
-        rest=rest,
-        cautions=result_cautions(shown.result),
+        rest=sentences,
+        cautions=result_cautions(in_shown_units.result),
         practice=practice_table(record),
         facts=_facts(record),
         value_unit=record.value_unit,
-        parameters=_parameter_rows(shown),
+        parameters=_parameter_rows(in_shown_units),
         remedies=_remedy_rows(record),
         discrepancy=discrepancy_text(record.result),
         sections=sections,
@@ -242,9 +243,11 @@ def _facts(record: RunRecord) -> list[tuple[str, str, bool | None]]:
     if chi2 is not None:
         low, high = noise_chi2(result)
         facts.append(("χ² per pixel", f"{chi2:.3f}", low <= chi2 <= high))
-        if (free := against_free(result)) is not None:
-            facts.append(("χ² of a free FE-DIC", f"{free.free:.3g}, failed" if free.failed else f"{free.free:.3f}",
-                          not free.failed and (low <= free.free or free.floor > 0.0) and free.free <= high))
+        if (free_fit := against_free(result)) is not None:
+            facts.append(("χ² of a free FE-DIC", f"{free_fit.free_chi2:.3g}, failed" if free_fit.failed
+                          else f"{free_fit.free_chi2:.3f}",
+                          not free_fit.failed and free_fit.free_chi2 <= high
+                          and (low <= free_fit.free_chi2 or free_fit.floor > 0.0)))
         local = result["residual"].get("local")
         if local:
             facts.append(("largest local χ²", f"{local['chi2']:.2f} ({local['typical_chi2']:.2f} in the median)",
@@ -271,9 +274,10 @@ def _facts(record: RunRecord) -> list[tuple[str, str, bool | None]]:
                       not wrong and used >= len(statuses) - statuses.count("excluded")))
     lost = result.get("residual", {}).get("lost_pixels")
     if lost:
-        what = "pixels that left the image" if record.value_unit == "grey values" else "pixels off the image or in gaps"
+        label = ("pixels that left the image" if record.value_unit == "grey values"
+                 else "pixels off the image or in gaps")
         share = lost / _all_pixels(result, lost)
-        facts.append((what, f"{100.0 * share:.2g} %", None if share <= MAX_LOST_SHARE else False))
+        facts.append((label, f"{100.0 * share:.2g} %", None if share <= MAX_LOST_SHARE else False))
     return facts
 
 
@@ -288,7 +292,7 @@ def _is_used(frame) -> bool:
 
 
 def _parameter_rows(record: RunRecord) -> list[dict]:
-    shown, hardly = short_names(record.result["parameters"]), hardly_determined(record.result)
+    short, hardly = short_names(record.result["parameters"]), hardly_determined(record.result)
     rows = []
     for name, p in record.result["parameters"].items():
         if is_mode(name):
@@ -297,7 +301,7 @@ def _parameter_rows(record: RunRecord) -> list[dict]:
         ci, status = p.get("ci95"), HARDLY if name in hardly else parameter_status(record, name)
         rows.append(
             {
-                "name": shown[name],
+                "name": short[name],
                 "full": name,
                 "unit": p.get("unit") or "–",
                 "start": number_text(p.get("start")),
@@ -329,12 +333,12 @@ def _virtual_rows(record: RunRecord) -> list[dict]:
 
 def _derived_rows(record: RunRecord) -> list[dict]:
     """What follows from the parameters, in rows of the same table."""
-    shown, open_, rows = derived_names(record.result), left_open(record.result), []
+    names, open_, rows = derived_names(record.result), left_open(record.result), []
     for name, d in record.result.get("derived", {}).items():
         lost = name in open_
         std, ci = (None, None) if lost else (d.get("std"), d.get("ci95"))
         row = {
-            "name": shown[name],
+            "name": names[name],
             "full": name,
             "unit": d.get("unit") or "–",
             "value": "–" if lost else number_text(d["value"], std),
@@ -351,8 +355,8 @@ def _derived_rows(record: RunRecord) -> list[dict]:
 
 def _remedy_rows(record: RunRecord) -> list[tuple[str, str, str]]:
     """What each remedy for light and aliasing does to χ² at the same motion: (setting, before, after)."""
-    return [(one["setting"], f"{one['chi2_before']:.3f}", f"{one['chi2_after']:.3f}")
-            for one in record.result.get("remedies") or ()]
+    return [(remedy["setting"], f"{remedy['chi2_before']:.3f}", f"{remedy['chi2_after']:.3f}")
+            for remedy in record.result.get("remedies") or ()]
 
 
 def _frame_rows(record: RunRecord) -> list[dict]:

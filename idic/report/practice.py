@@ -101,8 +101,8 @@ def _correlation(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bo
     side = (f"{facts.element_px * px:.3g} mm" if field and px is not None else
             f"{facts.element_px:.3g} px" + ("" if px is None else f" = {facts.element_px * px:.3g} mm"))
     smallest = f"{facts.smallest_px * px:.3g} mm" if field and px is not None else f"{facts.smallest_px:.3g} px"
-    smoothing = ("no element is compared with a free FE-DIC" if record.free is None
-                 else f"of the free FE-DIC: waves below {_wave(record, record.free.length_px)} are smoothed")
+    smoothing = ("no element is compared with a free FE-DIC" if record.free_fields is None
+                 else f"of the free FE-DIC: waves below {_wave(record, record.free_fields.length_px)} are smoothed")
     interpolant = ORDERS.get(facts.interpolation, facts.interpolation)
     lowpass = f"Gaussian, standard deviation {facts.lowpass_px:g} px" if facts.lowpass_px else "none"
     return (
@@ -128,8 +128,8 @@ def _floors(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bool], 
     floor, px = facts.floor, record.pixel_size_mm
     source = NOISE_SOURCE.get(record.result["noise"].get("source", ""), "")
     grey = None if record.noise_gv is None else f"{record.noise_gv:.3g} {record.value_unit}{source and ', ' + source}"
-    free = None if floor.free_strain is None else _strain(floor.free_strain)
-    model = None if floor.model_strain is None else _strain(floor.model_strain)
+    free_strain = None if floor.free_strain is None else _strain(floor.free_strain)
+    model_strain = None if floor.model_strain is None else _strain(floor.model_strain)
     frame = "" if floor.model_frame is None else f" (frame {floor.model_frame})"
     rows = [
         _row("grey value" if record.value_unit == "grey values" else
@@ -141,8 +141,8 @@ def _floors(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bool], 
         _row("displacement, camera", _camera_floor(record), "not known: no frame is at rest"),
         *([] if floor.free_rise is None else [
             _row("height, free FE-DIC", f"{floor.free_rise:.2g} {record.value_unit}, from such a still image")]),
-        _row("strain, identified model", model and model + frame, "not known"),
-        _row("strain, free FE-DIC", free and free + ", middle of an element", "not measured"),
+        _row("strain, identified model", model_strain and model_strain + frame, "not known"),
+        _row("strain, free FE-DIC", free_strain and free_strain + ", middle of an element", "not measured"),
     ]
     for name, unit, std, origin in facts.channel_noise:
         rows.append(_row(name, f"{std:.3g} {unit}, {_origin(origin)}"))
@@ -153,35 +153,35 @@ def _floors(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bool], 
 
 def _camera_floor(record: RunRecord) -> str | None:
     """What frames at rest show after rigid motion and image noise are taken off, and how far they have moved."""
-    found = record.result.get("camera_floor") or {}
-    if found.get("px") is None:
+    camera = record.result.get("camera_floor") or {}
+    if camera.get("px") is None:
         return None
-    where = f", in images at rest ({', '.join(found['labels'])})"
-    if (drift := max(found["drift_px"], default=0.0)) > MIN_TOLD_SHIFT_PX:
-        furthest = found["labels"][found["drift_px"].index(drift)]
-        where += f"; {furthest} has moved by {drift:.2g} px against the reference"
-    if not found["px"]:
-        bound, field = found["bound_px"], _is_field(record) and record.pixel_size_mm is not None
-        return (f"below {1e3 * bound * record.pixel_size_mm:.2g} µm{where}" if field  # type: ignore[operator]
-                else f"below {bound:.2g} px{where}")
-    return _length(found["px"], record.pixel_size_mm, where, _is_field(record))
+    frames_text = f", in images at rest ({', '.join(camera['labels'])})"
+    if (drift := max(camera["drift_px"], default=0.0)) > MIN_TOLD_SHIFT_PX:
+        furthest = camera["labels"][camera["drift_px"].index(drift)]
+        frames_text += f"; {furthest} has moved by {drift:.2g} px against the reference"
+    if not camera["px"]:
+        bound, field = camera["bound_px"], _is_field(record) and record.pixel_size_mm is not None
+        return (f"below {1e3 * bound * record.pixel_size_mm:.2g} µm{frames_text}" if field  # type: ignore[operator]
+                else f"below {bound:.2g} px{frames_text}")
+    return _length(camera["px"], record.pixel_size_mm, frames_text, _is_field(record))
 
 
 def _wave(record: RunRecord, length_px: float) -> str:
     """A length in px, of points in mm."""
-    known = _is_field(record) and record.pixel_size_mm is not None
-    return f"{length_px * record.pixel_size_mm:.2g} mm" if known else f"{length_px:.0f} px"  # type: ignore[operator]
+    in_mm = _is_field(record) and record.pixel_size_mm is not None
+    return f"{length_px * record.pixel_size_mm:.2g} mm" if in_mm else f"{length_px:.0f} px"  # type: ignore[operator]
 
 
 def _origin(source: str) -> str:
     return "as given in the experiment file" if source == "given" else f"from its {source}"
 
 
-def _length(value: float | None, pixel_size_mm: float | None, tail: str, alone: bool = False) -> str | None:
-    """A motion in px and µm; alone : in µm only"""
+def _length(value: float | None, pixel_size_mm: float | None, tail: str, only_mm: bool = False) -> str | None:
+    """A motion in px and µm; only_mm : in µm only"""
     if value is None:
         return None
-    if alone and pixel_size_mm is not None:
+    if only_mm and pixel_size_mm is not None:
         return f"{1e3 * value * pixel_size_mm:.2g} µm{tail}"
     scaled = "" if pixel_size_mm is None else f" = {1e3 * value * pixel_size_mm:.2g} µm"
     return f"{value:.2g} px{scaled}{tail}"

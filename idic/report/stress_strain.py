@@ -34,11 +34,12 @@ def stress_strain(record: RunRecord, curve: LawCurve) -> Picture | None:
                    xlim=(min(0.0, strain[-1]), max(0.0, strain[-1])),
                    ylim=(0.0, 1.15 * max(float(np.nanmax(half)), 1e-12)))
         figure.align_ylabels([top, bottom])
-        last = f"{stress[-1]:.4g} ± {two_digits(half[-1])} {unit}"
+        end_stress = f"{stress[-1]:.4g} ± {two_digits(half[-1])} {unit}"
         caption = (
             f"The law {curve.law} in uniaxial {'tension' if strain[-1] > 0 else 'compression'} along {curve.axis}, the "
             f"main direction of the test, in {curve.seconds:.4g} {record.time_label_unit}, up to "
-            f"the 99th percentile of the specimen's strain ({strain[-1]:.3g} %): {last} there. The band (half-width "
+            f"the 99th percentile of the specimen's strain ({strain[-1]:.3g} %): {end_stress} there. The band "
+            "(half-width "
             "below) follows from the standard deviations and correlations of the parameters; a wrong law is not in it."
             f"{' It is drawn at the reference temperature.' if PRODUCT_SIGN in curve.law else ''}"
         )

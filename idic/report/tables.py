@@ -70,13 +70,13 @@ def frames(record: RunRecord) -> str:
         header += [f"{channel.name}_measured", f"{channel.name}_simulated"]
     rows = []
     for k, f in enumerate(record.result.get("frames", ())):
-        before = None if record.rms_before is None else record.rms_before[k]
+        start_rms = None if record.rms_before is None else record.rms_before[k]
         row = [
             f.get("frame", k),
             *([f"{record.abscissa[k]:.15g}"] if timed else []),  # milliseconds of 1.7e9 s since 1970, too
             f.get("label"),
             f.get("status"),
-            before,
+            start_rms,
             f.get("rms_gv"),
             f.get("chi2_dof"),
         ]

@@ -29,34 +29,34 @@ def treatment_table(result: Mapping) -> TreatmentTable | None:
     treatments = result.get("treatments")
     if not treatments:
         return None
-    own = _own(result)
-    shown = short_names(result["parameters"]) | derived_names(result)
-    rows = [(THE_RUN, THE_RUN, result["status"], *(number_text(value, std) for value, std in own.values()))]
+    of_run = _own(result)
+    short = short_names(result["parameters"]) | derived_names(result)
+    rows = [(THE_RUN, THE_RUN, result["status"], *(number_text(value, std) for value, std in of_run.values()))]
     for treatment in treatments:
         values = treatment["values"] | ratios_of(result, treatment["values"])
-        absent = "–" if treatment["status"] == "failed" else NOT_DETERMINED
+        blank = "–" if treatment["status"] == "failed" else NOT_DETERMINED
         rows.append((*_with_added(treatment), treatment["status"],
-                     *(number_text(values[name], std) if name in values else absent
-                       for name, (_, std) in own.items())))
-    return TreatmentTable(tuple(shown[name] for name in own), tuple(rows))
+                     *(number_text(values[name], std) if name in values else blank
+                       for name, (_, std) in of_run.items())))
+    return TreatmentTable(tuple(short[name] for name in of_run), tuple(rows))
 
 
 def _with_added(treatment: Mapping) -> tuple[str, ...]:
     """Boundary and camera of a treatment, with the values of their degrees of freedom."""
-    said: dict[bool, list[str]] = {True: [], False: []}
+    texts: dict[bool, list[str]] = {True: [], False: []}
     for name, entry in treatment.get("added", {}).items():
         value = f"{number_text(entry['value'], entry['std'])} {entry['unit']}" if entry["std"] else NOT_DETERMINED
-        said[name.startswith("boundary.")].append(f"{name.rpartition('.')[2]} {value}".rstrip())
-    return tuple(": ".join((treatment[key], *([", ".join(said[key == "boundary"])] if said[key == "boundary"] else [])))
-                 for key in ("boundary", "camera"))
+        texts[name.startswith("boundary.")].append(f"{name.rpartition('.')[2]} {value}".rstrip())
+    joined = {key: ", ".join(texts[key == "boundary"]) for key in ("boundary", "camera")}
+    return tuple(": ".join((treatment[key], *([text] if text else []))) for key, text in joined.items())
 
 
 def _own(result: Mapping) -> dict[str, tuple[float, float]]:
     """Value and standard deviation of the run; of parameters found not identifiable afterwards, the former ones."""
     judged = {entry["name"]: entry for entry in result["not_identifiable"] if entry.get("std") is not None}
-    own = {}
+    values = {}
     for name, entry in (result["parameters"] | result["derived"]).items():
         entry = judged.get(name, entry)
         if entry.get("std") is not None and entry.get("free", True) and not is_mode(name):
-            own[name] = (entry["value"], entry["std"])
-    return own
+            values[name] = (entry["value"], entry["std"])
+    return values

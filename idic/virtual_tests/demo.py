@@ -145,10 +145,10 @@ def _grip_motion(elastic: int, yielding: int, plastic: int) -> np.ndarray:
 
 def _solve(mesh: Mesh, grip: np.ndarray, times: np.ndarray, substeps: int) -> tuple[Course, Course]:
     """True displacements (n_frames, n_nodes, 2) mm and force (n_frames,) N, computed as they are read."""
-    left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
-    dofs = np.concatenate([2 * right, 2 * right + 1, 2 * left, 2 * left + 1])
+    left_end, right_end = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
+    dofs = np.concatenate([2 * right_end, 2 * right_end + 1, 2 * left_end, 2 * left_end + 1])
     basis = np.zeros((len(dofs), 1))
-    basis[: len(right)] = 1.0
+    basis[: len(right_end)] = 1.0
     law = compile_law("j2_linear", "finite")
     model = Model(
         mesh=mesh,
@@ -156,15 +156,15 @@ def _solve(mesh: Mesh, grip: np.ndarray, times: np.ndarray, substeps: int) -> tu
         sections=(Section("sheet", law, mesh.element_sets["sheet"]),),
         thickness=THICKNESS,
         constraints=Constraints(dofs, basis, grip[:, None]),
-        channels=(Reaction(2 * right),),
+        channels=(Reaction(2 * right_end),),
     )
     values = np.array([DEMO_TRUTH[f"sheet.{name}"] for name in law.spec.parameter_names])
-    states, known = march(model, {"sheet": values}, times, substeps=substeps), []
+    states, solved = march(model, {"sheet": values}, times, substeps=substeps), []
 
     def state(k: int) -> tuple[np.ndarray, float]:
-        while len(known) <= k:
+        while len(solved) <= k:
             frame = next(states)
-            known.append((frame.u.copy(), frame.channels[0]))
-        return known[k]
+            solved.append((frame.u.copy(), frame.channels[0]))
+        return solved[k]
 
     return Course(len(times), lambda k: state(k)[0]), Course(len(times), lambda k: state(k)[1])

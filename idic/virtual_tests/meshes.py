@@ -48,7 +48,7 @@ def strip_with_hole(
     cell: str = "quad4",
     around: int = 6,
     radial: int = 7,
-    beside: int = 4,
+    along: int = 4,
     grading: float = 1.6,
     name: str = "sheet",
 ) -> Mesh:
@@ -58,7 +58,7 @@ def strip_with_hole(
     ----------
     length, width, radius : float, mm
     around : int
-        Elements per eighth of the hole; `radial`: from the hole to the square around it; `beside`: from that square
+        Elements per eighth of the hole; `radial`: from the hole to the square around it; `along`: from that square
         (of the strip's width) to each end.
     grading : float
         Exponent of the radial spacing; 1: even.
@@ -82,7 +82,7 @@ def strip_with_hole(
         return Patch(
             lambda s, t: (sign * (half + t * (length / 2 - half)), half * np.tan(np.pi / 4 * (2 * s - 1))),
             2 * around,
-            beside,
+            along,
         )
 
     nodes, conn = mesh_patches([ring(q) for q in range(4)] + [side(1.0), side(-1.0)], cell)
@@ -113,10 +113,10 @@ def _merge(points: np.ndarray, conn: np.ndarray) -> tuple[np.ndarray, np.ndarray
     """One node per place, only those in use, ordered by x then y."""
     keys = np.round(points / MERGE_DISTANCE).astype(np.int64)
     used = np.unique(conn)
-    _, where, inverse = np.unique(keys[used], axis=0, return_index=True, return_inverse=True)
+    _, first_row, inverse = np.unique(keys[used], axis=0, return_index=True, return_inverse=True)
     number = np.full(len(points), -1)
     number[used] = inverse.ravel()
-    return points[used[where]], number[conn]
+    return points[used[first_row]], number[conn]
 
 
 def _counter_clockwise(nodes: np.ndarray, conn: np.ndarray) -> np.ndarray:

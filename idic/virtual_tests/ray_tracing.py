@@ -51,15 +51,15 @@ def traced_image(scene: Scene, u: np.ndarray, camera: PinholeCamera, texture: Ca
     n, image = sensor.supersampling, np.empty(sensor.shape)
     rows = max(1, STRIP_SAMPLES // (nx * n * n))
     for first in range(0, ny, rows):
-        last = min(ny, first + rows)
-        samples = sample_grid(first, last, nx, n)
+        end = min(ny, first + rows)
+        samples = sample_grid(first, end, nx, n)
         origin, directions = camera.rays(samples)
         nearest = np.full(len(samples), np.inf)
         value = np.full(len(samples), sensor.background)
         for bare, blocks in ((False, scene.faces), (True, scene.bare)):
             for block in blocks:
                 conn = np.ascontiguousarray(block.connectivity, dtype=np.int64)
-                boxes = _boxes(moved_px[conn], first, last, nx, n)
+                boxes = _boxes(moved_px[conn], first, end, nx, n)
                 face, xi = np.full(len(samples), -1, dtype=np.int64), np.zeros((len(samples), 2))
                 _trace(CODES[block.cell], moved, conn, boxes, origin, directions, nx * n, scene.closed, nearest, face,
                        xi)
@@ -68,15 +68,15 @@ def traced_image(scene: Scene, u: np.ndarray, camera: PinholeCamera, texture: Ca
                     value[hit] = DARK_SHARE * sensor.background
                 else:
                     value[hit] = texture(carry(block.cell, nodes, conn, face[hit], xi[hit]))
-        image[first:last] = value.reshape(last - first, n, nx, n).mean(axis=(1, 3))
+        image[first:end] = value.reshape(end - first, n, nx, n).mean(axis=(1, 3))
     return image
 
 
-def _boxes(corners_px: np.ndarray, first: int, last: int, nx: int, n: int) -> np.ndarray:
+def _boxes(corners_px: np.ndarray, first: int, end: int, nx: int, n: int) -> np.ndarray:
     """Ranges of the fine grid that a face may cover: (column from, to, row from, to), `to` exclusive."""
     low, high = corners_px.min(axis=1), corners_px.max(axis=1)
     margin = BOX_MARGIN * (high - low) + 1.0
-    origin, limit = np.array([0.0, float(first)]), np.array([nx * n, (last - first) * n])
+    origin, limit = np.array([0.0, float(first)]), np.array([nx * n, (end - first) * n])
     low = np.clip(np.floor((low - margin - origin + 0.5) * n), 0, limit).astype(np.int64)
     high = np.clip(np.ceil((high + margin - origin + 0.5) * n), 0, limit).astype(np.int64)
     return np.ascontiguousarray(np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1))
@@ -93,14 +93,14 @@ def _trace(code, moved, conn, boxes, origin, directions, width, closed, nearest,
     for e in range(conn.shape[0]):
         if boxes[e, 0] >= boxes[e, 1] or boxes[e, 2] >= boxes[e, 3]:
             continue
-        far = 0.0
+        start_length = 0.0
         for k in range(nn):
             for c in range(3):
                 x[k, c] = moved[conn[e, k], c]
-                far += (x[k, c] - origin[c]) ** 2 / nn
-        far = np.sqrt(far)
+                start_length += (x[k, c] - origin[c]) ** 2 / nn
+        start_length = np.sqrt(start_length)
         for row in range(boxes[e, 2], boxes[e, 3]):
-            a, b, s = middle, middle, far
+            a, b, s = middle, middle, start_length
             for column in range(boxes[e, 0], boxes[e, 1]):
                 t = row * width + column
                 d = directions[t]
@@ -108,9 +108,9 @@ def _trace(code, moved, conn, boxes, origin, directions, width, closed, nearest,
                     continue
                 a, b, s, ok = _meet(code, nn, x, origin, d, a, b, s, N, Na, Nb, m)
                 if not ok:
-                    a, b, s, ok = _meet(code, nn, x, origin, d, middle, middle, far, N, Na, Nb, m)
+                    a, b, s, ok = _meet(code, nn, x, origin, d, middle, middle, start_length, N, Na, Nb, m)
                 if not ok:
-                    a, b, s = middle, middle, far
+                    a, b, s = middle, middle, start_length
                     continue
                 if code < 2:
                     inside = a >= -EDGE_TOLERANCE and b >= -EDGE_TOLERANCE and a + b <= 1.0 + EDGE_TOLERANCE

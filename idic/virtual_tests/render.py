@@ -148,14 +148,14 @@ def clean_image(
     n = sensor.supersampling
     rows = max(1, STRIP_SAMPLES // (nx * n * n))
     for first in range(0, ny, rows):
-        last = min(ny, first + rows)
-        samples = sample_grid(first, last, nx, n)  # ((last-first)*n * nx*n, 2) px
-        material, inside = _material_points(samples, (first, last, nx, n), plane, moved_px, carried, cells, camera)
+        end = min(ny, first + rows)
+        samples = sample_grid(first, end, nx, n)  # ((last-first)*n * nx*n, 2) px
+        material, inside = _material_points(samples, (first, end, nx, n), plane, moved_px, carried, cells, camera)
         value = np.full(len(samples), sensor.background if rise is None else np.nan)
         value[inside] = texture(material[:, : nodes.shape[1]])
         if rise is not None:
             value[inside] += material[:, -1]
-        image[first:last] = value.reshape(last - first, n, nx, n).mean(axis=(1, 3))
+        image[first:end] = value.reshape(end - first, n, nx, n).mean(axis=(1, 3))
     return image
 
 
@@ -174,28 +174,28 @@ def noisy_channel(values: np.ndarray, noise_std: float, rng: np.random.Generator
     return values + noise_std * rng.standard_normal(values.shape)
 
 
-def sample_grid(first: int, last: int, nx: int, n: int) -> np.ndarray:
+def sample_grid(first: int, end: int, nx: int, n: int) -> np.ndarray:
     """Mid-points of the n x n sub-pixels, (column, row), row-major over the fine grid."""
     offset = (np.arange(n) + 0.5) / n - 0.5
-    rows = (np.arange(first, last)[:, None] + offset).ravel()
+    rows = (np.arange(first, end)[:, None] + offset).ravel()
     columns = (np.arange(nx)[:, None] + offset).ravel()
     return np.stack(np.broadcast_arrays(columns[None, :], rows[:, None]), axis=-1).reshape(-1, 2)
 
 
 def _material_points(samples, grid, plane, moved_px, carried, cells, camera):
     """Carried nodal fields at the samples that see the specimen: (n_inside, m), and which samples those are."""
-    first, last, nx, n = grid
+    first, end, nx, n = grid
     targets = _plane_of(samples, camera)  # (n_samples, 2) mm
     inside = np.zeros(len(samples), dtype=bool)
     out = np.empty((len(samples), carried.shape[1]))
     for block in cells:
         conn = np.ascontiguousarray(block.connectivity, dtype=np.int64)
-        boxes = _boxes(moved_px[conn], first, last, nx, n)  # (nel, 4) fine-grid index ranges
+        boxes = _boxes(moved_px[conn], first, end, nx, n)  # (nel, 4) fine-grid index ranges
         on_grid = (moved_px[conn] - np.array([0.0, float(first)]) + 0.5) * n - 0.5  # (nel, nn, 2)
         element, xi = locate(block.cell, plane, conn, boxes, on_grid, targets, nx * n, inside)
-        found = np.flatnonzero(element >= 0)
-        out[found] = carry(block.cell, carried, conn, element[found], xi[found])
-        inside[found] = True
+        hit = np.flatnonzero(element >= 0)
+        out[hit] = carry(block.cell, carried, conn, element[hit], xi[hit])
+        inside[hit] = True
     return out[inside], inside
 
 
@@ -207,13 +207,13 @@ def _plane_of(samples: np.ndarray, camera: Camera) -> np.ndarray:
     return samples @ np.linalg.inv(camera.matrix).T + origin
 
 
-def _boxes(corners_px: np.ndarray, first: int, last: int, nx: int, n: int) -> np.ndarray:
+def _boxes(corners_px: np.ndarray, first: int, end: int, nx: int, n: int) -> np.ndarray:
     """Ranges of the fine grid that an element may cover: (column from, to, row from, to), `to` exclusive."""
     low, high = corners_px.min(axis=1), corners_px.max(axis=1)
     margin = BOX_MARGIN * (high - low) + 1.0
     origin = np.array([0.0, float(first)])
     low = np.floor((low - margin - origin + 0.5) * n).astype(np.int64)
     high = np.ceil((high + margin - origin + 0.5) * n).astype(np.int64)
-    limit = np.array([nx * n, (last - first) * n])
+    limit = np.array([nx * n, (end - first) * n])
     low, high = np.clip(low, 0, limit), np.clip(high, 0, limit)
     return np.ascontiguousarray(np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1))

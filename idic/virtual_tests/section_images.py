@@ -74,16 +74,16 @@ def seen_section(mesh: Mesh, surface: str, u: np.ndarray, scale: float, rise: fl
     return Section(scale * mesh.nodes[conn, 0], scale * u[conn, 0], rise * u[conn, 1], mirrored)
 
 
-def material_places(section: Section, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The material places X seen at `seen` = X + u(X), and the heights h(X) they have risen, NaN beside the section
+def material_places(section: Section, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The material places X seen at `places` = X + u(X), and the heights h(X) they have risen, NaN beside the section
 
     # (n,) each
     """
-    target = np.abs(seen) if section.mirrored else np.asarray(seen, float)
+    target = np.abs(places) if section.mirrored else np.asarray(places, float)
     moved = section.x + section.u  # (n_edges, 3)
     edge = np.clip(np.searchsorted(moved[:, 1], target), 0, len(moved) - 1)
     a, b, c = moved[edge].T
-    xi = np.zeros(len(seen))
+    xi = np.zeros(len(places))
     for _ in range(NEWTON_STEPS):
         error = 0.5 * xi * (xi - 1) * a + 0.5 * xi * (xi + 1) * b + (1 - xi**2) * c - target
         xi -= error / ((xi - 0.5) * a + (xi + 0.5) * b - 2.0 * xi * c)
@@ -92,11 +92,11 @@ def material_places(section: Section, seen: np.ndarray) -> tuple[np.ndarray, np.
     shape = np.stack([0.5 * xi * (xi - 1), 0.5 * xi * (xi + 1), 1 - xi**2], axis=1)  # (n, 3)
     place, rise = ((shape * field[edge]).sum(axis=1) for field in (section.x, section.h))
     if section.mirrored:
-        beside = target > moved[-1, 1]
-        place = np.where(seen < 0, -place, place)
+        outside = target > moved[-1, 1]
+        place = np.where(places < 0, -place, place)
     else:
-        beside = (target > moved[-1, 1]) | (target < moved[0, 0])
-    return np.where(beside, np.nan, place), np.where(beside, np.nan, rise)
+        outside = (target > moved[-1, 1]) | (target < moved[0, 0])
+    return np.where(outside, np.nan, place), np.where(outside, np.nan, rise)
 
 
 def height_image(section: Section, pattern: Roughness, column: np.ndarray, row: np.ndarray) -> np.ndarray:

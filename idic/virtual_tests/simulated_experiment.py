@@ -91,16 +91,17 @@ def simulate(
     speckle = common_speckle([view.camera for view in experiment.views], speckle_rng, 2.0**bits, planned)
     write_images(folder, _images(experiment, camera, [*still, *solution.u], sensor, bits, speckle_rng, camera_rng,
                                  speckle, planned))
-    for view, own in zip(experiment.views[1:], sensors[1:], strict=True):
+    for view, sensor_of_view in zip(experiment.views[1:], sensors[1:], strict=True):
         (folder / view.camera_name).mkdir()
         motion = [view.turned(u) for u in (*still, *solution.u)]
-        write_images(folder, _images(view, camera_at(view, experiment.parameters), motion, own, bits, speckle_rng,
-                                     camera_rng, speckle, planned), view.camera_name)
+        write_images(folder, _images(view, camera_at(view, experiment.parameters), motion, sensor_of_view, bits,
+                                     speckle_rng, camera_rng, speckle, planned), view.camera_name)
     columns = _columns(experiment, forward, solution.channels, channel_rng)
     in_log = experiment.extras.get("units", {})
-    stated = in_log | _stated_units(with_overrides(read_toml(locate(path)), overrides))
-    write_loads(folder, experiment.times, {name: values / _factor(name, stated) for name, values in columns.items()},
-                {name: stated[name] for name in columns if name in in_log and unit_in_name(name) is None})
+    column_units = in_log | _stated_units(with_overrides(read_toml(locate(path)), overrides))
+    write_loads(folder, experiment.times,
+                {name: values / _factor(name, column_units) for name, values in columns.items()},
+                {name: column_units[name] for name in columns if name in in_log and unit_in_name(name) is None})
     _write_toml(locate(path), overrides, experiment, sensors, folder)
     truth = {p.name: 0.0 if p.name == TIME_OFFSET else p.shown for p in experiment.parameters.values() if p.free}
     write_truth(folder, truth, sensor.total_noise_std, added_noise_std_gv=sensor.noise_std, seed=seed, bits=bits)
@@ -178,10 +179,10 @@ def _sensor(experiment: Experiment, bits: int, noise_std_gv: float | None, plann
         std = HEIGHT_NOISE_SHARE * _roughness(experiment) if std is None else std
         return Sensor(experiment.stack.shape, bits=0, noise_std=std, supersampling=1)
     if noise_std_gv is None:
-        stated = experiment.noise.std_gv
+        noise_of_file = experiment.noise.std_gv
         image = np.asarray(recorded(experiment.stack).frame(experiment.reference))
         factor = 1.0 if planned else levels / sensor_levels(image)
-        noise_std_gv = factor * stated if stated else DEFAULT_NOISE_GV * levels / 256.0
+        noise_std_gv = factor * noise_of_file if noise_of_file else DEFAULT_NOISE_GV * levels / 256.0
     return Sensor(experiment.stack.shape, bits=bits, noise_std=noise_std_gv, background=BACKGROUND_SHARE * levels)
 
 
@@ -230,17 +231,17 @@ def _on_time(experiment: Experiment, values: np.ndarray, rates: np.ndarray | Non
 
 def _stated_units(tables: object) -> dict[str, str]:
     """Units that the experiment file gives to columns of the log, ``{ column = "grip", unit = "um" }``."""
-    found: dict[str, str] = {}
+    units: dict[str, str] = {}
     for below in tables.values() if isinstance(tables, dict) else tables if isinstance(tables, list) else ():
-        found |= _stated_units(below)
+        units |= _stated_units(below)
     if isinstance(tables, dict) and isinstance(tables.get("column"), str) and isinstance(tables.get("unit"), str):
-        found[tables["column"]] = tables["unit"]
-    return found
+        units[tables["column"]] = tables["unit"]
+    return units
 
 
-def _factor(column: str, stated: Mapping[str, str]) -> float:
+def _factor(column: str, column_units: Mapping[str, str]) -> float:
     """Internal units per unit of a column of the log, as stated, or by the end of its name."""
-    unit = parse_unit(stated.get(column) or unit_in_name(column) or "")
+    unit = parse_unit(column_units.get(column) or unit_in_name(column) or "")
     return 1.0 if unit is None else unit.factor
 
 
@@ -283,15 +284,15 @@ def _with_solver_files(table: Mapping, source: Path, folder: Path) -> dict:
 def _camera_tables(raw: Mapping, experiment: Experiment, sensors: Sequence[Sensor], source: Path,
                    folder: Path) -> dict | list[dict]:
     """[camera], or all of [[camera]], with the noise that was added and the new places of images and masks."""
-    given = raw.get("camera", {})
-    tables = [dict(table) for table in (given if isinstance(given, list) else [given])]
+    raw_cameras = raw.get("camera", {})
+    tables = [dict(table) for table in (raw_cameras if isinstance(raw_cameras, list) else [raw_cameras])]
     copied: dict[Path, str] = {}  # calibration files by their old places
     for number, (table, view, sensor) in enumerate(zip(tables, experiment.views, sensors, strict=True)):
         if "calibration" in table:
             calibration = source.parent / table["calibration"]
             if calibration not in copied:
-                taken = calibration.name in copied.values()
-                copied[calibration] = f"{view.camera_name}_{calibration.name}" if taken else calibration.name
+                is_used = calibration.name in copied.values()
+                copied[calibration] = f"{view.camera_name}_{calibration.name}" if is_used else calibration.name
                 shutil.copy(calibration, folder / copied[calibration])
             table["calibration"] = copied[calibration]
         std = sensor.total_noise_std or MIN_NOISE * _roughness(view)
@@ -304,4 +305,4 @@ def _camera_tables(raw: Mapping, experiment: Experiment, sensors: Sequence[Senso
                 mask = Path(table["mask"])
                 table["mask"] = f"{view.camera_name}_{mask.name}"
                 shutil.copy(source.parent / mask, folder / table["mask"])
-    return tables if isinstance(given, list) else tables[0]
+    return tables if isinstance(raw_cameras, list) else tables[0]

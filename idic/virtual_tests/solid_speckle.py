@@ -55,11 +55,11 @@ def _evaluate(points, balls, cell, gain, out):
         for i in range(i0 - 1, i0 + 2):
             for j in range(j0 - 1, j0 + 2):
                 for k in range(k0 - 1, k0 + 2):
-                    own = balls[i % n, j % n, k % n]
+                    cell_balls = balls[i % n, j % n, k % n]
                     for m in range(n_balls):
-                        dx, dy, dz = x - i - own[m, 0], y - j - own[m, 1], z - k - own[m, 2]
+                        dx, dy, dz = x - i - cell_balls[m, 0], y - j - cell_balls[m, 1], z - k - cell_balls[m, 2]
                         q = 1.0 - dx * dx - dy * dy - dz * dz
                         if q > 0.0:
                             q = q * q
-                            total += own[m, 3] * q * q
+                            total += cell_balls[m, 3] * q * q
         out[p] = 0.5 * (1.0 + np.tanh(gain * total))

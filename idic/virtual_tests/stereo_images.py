@@ -26,8 +26,8 @@ def scene_of(mesh: Mesh, surface: str | None) -> Scene:
         nodes = np.column_stack([mesh.nodes, np.zeros(mesh.n_nodes)])
         return Scene(nodes, surface_cells(mesh), closed=False)
     painted = {tuple(face) for face in np.asarray(mesh.edge_sets[surface]).tolist()}
-    others = [face for face in boundary_faces(mesh).tolist() if tuple(face) not in painted]
-    bare = face_cells(mesh, np.array(others, dtype=np.int64)) if others else []
+    unpainted = [face for face in boundary_faces(mesh).tolist() if tuple(face) not in painted]
+    bare = face_cells(mesh, np.array(unpainted, dtype=np.int64)) if unpainted else []
     return Scene(mesh.nodes, surface_cells(mesh, surface), bare)
 
 
@@ -54,5 +54,5 @@ def traced_images(mesh: Mesh, surface: str | None, camera: PlacedCamera, motion:
     scene = scene_of(mesh, surface)
     for frame, u in enumerate(motion):
         u = u if u.shape[1] == 3 else np.column_stack([u, np.zeros(len(u))])
-        seen = traced_image(scene, u, camera.at(frame).effective, speckle.value, sensor)
-        yield record(seen, sensor, camera_rng)
+        exposure = traced_image(scene, u, camera.at(frame).effective, speckle.value, sensor)
+        yield record(exposure, sensor, camera_rng)

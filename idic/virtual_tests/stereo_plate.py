@@ -119,25 +119,25 @@ def plate_test(size: Size, increments: int = INCREMENTS) -> PlateTest:
                      rig(size.shape, size.pixel, size.distance, size.angles), plate(*size.user), size)
 
 
-def plate(around: int, radial: int, beside: int, layers: int) -> Mesh:
+def plate(around: int, radial: int, along: int, layers: int) -> Mesh:
     """The plate of hex20, its front at z = 0, the hole round; sets LEFT, RIGHT, BODY, faces FRONT, REST."""
-    flat = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", around, radial, beside)
+    flat = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", around, radial, along)
     n, quads = len(flat.nodes), flat.blocks[0].connectivity
     corners = np.unique(quads[:, :4])
     planes = np.linspace(-THICKNESS, 0.0, 2 * layers + 1)
     # a brick has no node in the middle of a face
-    kept = [np.arange(n) if k % 2 == 0 else corners for k in range(len(planes))]
-    first = np.cumsum([0, *(len(nodes) for nodes in kept)])
+    plane_nodes = [np.arange(n) if k % 2 == 0 else corners for k in range(len(planes))]
+    first = np.cumsum([0, *(len(nodes) for nodes in plane_nodes)])
     number = np.full((len(planes), n), -1)
-    for k, own in enumerate(kept):
-        number[k, own] = first[k] + np.arange(len(own))
-    nodes = np.concatenate([np.column_stack([flat.nodes[own], np.full(len(own), z)])
-                            for own, z in zip(kept, planes, strict=True)])
+    for k, indices in enumerate(plane_nodes):
+        number[k, indices] = first[k] + np.arange(len(indices))
+    nodes = np.concatenate([np.column_stack([flat.nodes[indices], np.full(len(indices), z)])
+                            for indices, z in zip(plane_nodes, planes, strict=True)])
     bricks = np.concatenate([np.hstack([number[2 * k][quads[:, :4]], number[2 * k + 2][quads[:, :4]],
                                         number[2 * k][quads[:, 4:]],
                                         number[2 * k + 2][quads[:, 4:]], number[2 * k + 1][quads[:, :4]]])
                                         for k in range(layers)])
-    sets = {name: np.setdiff1d(number[:, own], [-1]) for name, own in flat.node_sets.items()}
+    sets = {name: np.setdiff1d(number[:, members], [-1]) for name, members in flat.node_sets.items()}
     mesh = make_mesh(nodes, [("hex20", bricks)], node_sets=sets, element_sets={"BODY": np.arange(len(bricks))})
     faces = boundary_faces(mesh)
     on_front = np.array([np.abs(mesh.nodes[mesh.face_nodes(face), 2]).max() < 1e-9 for face in faces])
@@ -166,15 +166,15 @@ def write_plate(folder: Path, test: PlateTest, noise: float | None = None, seed:
         (folder / place).mkdir(exist_ok=True)
         write_images(folder, (record(traced_image(test.scene, u, camera, texture.value, sensor), sensor, camera_rng)
                               for u in test.displacements), place)
-    known = test.rig if believed is None else believed
-    write_calibration(known.cameras, known.shape, folder / CALIBRATION, deviations)
+    stated_rig = test.rig if believed is None else believed
+    write_calibration(stated_rig.cameras, stated_rig.shape, folder / CALIBRATION, deviations)
     columns = {"force_N": (test.force, FORCE_NOISE_N), "grip_displacement_mm": (test.grip, GRIP_NOISE_MM)}
     write_loads(folder, np.arange(len(test.grip), dtype=float),
                 {name: noisy_channel(values, noise_std if std else 0.0, channel_rng)
                  for name, (values, noise_std) in columns.items()})
     write_inp(test.mesh, folder / "mesh.inp", "Open-hole plate, stereo")
     text = Template(TOML).substitute(noise_std_gv=f"{sensor.total_noise_std:.4g}",
-                                     alignment=pose_lines(known.cameras[0]))
+                                     alignment=pose_lines(stated_rig.cameras[0]))
     (folder / "experiment.toml").write_text(text, encoding="utf-8")
     write_truth(folder, TRUTH, sensor.total_noise_std, added_noise_std_gv=std, seed=seed)
     return folder / "experiment.toml"
@@ -202,13 +202,13 @@ def _solve(mesh: Mesh, grip: np.ndarray, increments: int) -> tuple[np.ndarray, n
     """True displacements (n_frames, n_nodes, 3) mm and force (n_frames,) N."""
     times = np.linspace(0.0, len(grip) - 1.0, increments * (len(grip) - 1) + 1)
     fine = np.interp(times, np.arange(len(grip)), grip)
-    left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
-    dofs = np.concatenate([3 * right, *(3 * right + k for k in (1, 2)), *(3 * left + k for k in (0, 1, 2))])
+    left_end, right_end = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
+    dofs = np.concatenate([3 * right_end, *(3 * right_end + k for k in (1, 2)), *(3 * left_end + k for k in (0, 1, 2))])
     basis = np.zeros((len(dofs), 1))
-    basis[:len(right)] = 1.0
+    basis[:len(right_end)] = 1.0
     law = compile_law("j2_linear", "finite")
     model = Model(mesh=mesh, kind="solid", sections=(Section("BODY", law, mesh.element_sets["BODY"]),),
-                  constraints=Constraints(dofs, basis, fine[:, None]), channels=(Reaction(3 * right),))
+                  constraints=Constraints(dofs, basis, fine[:, None]), channels=(Reaction(3 * right_end),))
     values = np.array([TRUTH[f"BODY.{name}"] for name in law.spec.parameter_names])
     frames = range(0, len(fine), increments)
     states = [(state.u.copy(), state.channels[0]) for k, state in enumerate(march(model, {"BODY": values}, times))

@@ -50,9 +50,9 @@ def write_calibration(cameras: Sequence[PinholeCamera], shape: tuple[int, int], 
         entries[f"K{number}"] = camera.matrix.tolist()
         entries[f"D{number}"] = [camera.k1, camera.k2, camera.p1, camera.p2, camera.k3]
     if len(cameras) > 1:
-        one, two = cameras[:2]
-        turn = two.rotation @ one.rotation.T
-        entries |= {"R": turn.tolist(), "T": (two.translation_mm - turn @ one.translation_mm).tolist()}
+        first, second = cameras[:2]
+        turn = second.rotation @ first.rotation.T
+        entries |= {"R": turn.tolist(), "T": (second.translation_mm - turn @ first.translation_mm).tolist()}
     if deviations:
         entries["covariance"] = {"names": list(deviations),
                                  "matrix": np.diag(np.square([*deviations.values()])).tolist()}

@@ -20,7 +20,7 @@ RADIUS = 3.0
 
 
 def plate(cell: str) -> Mesh:
-    mesh = strip_with_hole(24.0, 16.0, RADIUS, "quad4", around=3, radial=4, beside=2)
+    mesh = strip_with_hole(24.0, 16.0, RADIUS, "quad4", around=3, radial=4, along=2)
     quads = mesh.blocks[0].connectivity
     if cell == "tri3":
         return make_mesh(mesh.nodes, [("tri3", np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]))])

@@ -22,7 +22,7 @@ RADIUS = 3.0
 
 
 def strip(cell="quad8"):
-    mesh = strip_with_hole(24.0, 16.0, RADIUS, "quad8" if cell == "quad8" else "quad4", around=3, radial=4, beside=2)
+    mesh = strip_with_hole(24.0, 16.0, RADIUS, "quad8" if cell == "quad8" else "quad4", around=3, radial=4, along=2)
     if cell in ("quad4", "quad8"):
         return mesh
     if cell == "raised":

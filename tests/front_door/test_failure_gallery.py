@@ -26,7 +26,7 @@ def test_every_case_is_on_the_page_once():
 
 
 @pytest.mark.slow  # each makes its own test: 10 s of processor time
-@pytest.mark.parametrize("name", ["torn-image", "missing-image", "no-value", "wrong-column", "wrong-key", "wrong-set"])
+@pytest.mark.parametrize("name", ["no-value", "wrong-key"])
 def test_the_texts_on_bad_input_are_those_of_today(tmp_path, name):
     module = gallery()
     case = next(case for case in module.CASES if case.name == name)

@@ -53,12 +53,13 @@ def test_every_page_of_the_docs_is_on_the_map():
         assert name == "README.md" or f"]({name})" in text or f"`{name}`" in text, name
 
 
-def test_what_a_user_reads_stays_within_40_000_words():
-    """The map, failures.md (written by docs/failures.py) and the evidence beside it do not count."""
-    pages = [*(ROOT / "docs").glob("*.md"), *(ROOT / "docs" / "how-to").glob("*.md")]
-    words = {page.name: len(page.read_text(encoding="utf-8").split()) for page in pages}
-    assert sum(words.values()) - words["README.md"] - words["failures.md"] <= 40_000
-    assert words["tutorial.md"] <= 1500
+def test_the_pages_stay_within_45_000_words():
+    """As wc counts them; the tutorial and the page of what was measured have bounds of their own."""
+    docs = ROOT / "docs"
+    pages = [*docs.rglob("*.md"), ROOT / "CHANGELOG.md"]
+    words = {page: len(page.read_text(encoding="utf-8").split()) for page in pages}
+    assert sum(words.values()) <= 45_000
+    assert words[docs / "tutorial.md"] <= 1500 and words[docs / "evidence" / "measurements.md"] <= 3000
 
 
 def test_every_page_of_the_evidence_names_the_page_that_it_supports_or_is_named_by_one():
@@ -71,8 +72,9 @@ def test_the_first_page_stays_short():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 220
 
 
-def test_the_five_recipes_end_in_a_command():
+def test_the_six_recipes_end_in_a_command():
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     recipes = re.findall(r"^## Add (.*?)\n(.*?)(?=^## )", text, re.DOTALL | re.MULTILINE)
-    assert [name for name, _ in recipes] == ["a law", "a candidate physics", "a reader", "a figure", "a study"]
+    assert [name for name, _ in recipes] == ["a law", "a candidate physics", "a physics of the measuring chain",
+                                             "a reader", "a figure", "a study"]
     assert all("```sh\n" in recipe for _, recipe in recipes)

@@ -45,7 +45,7 @@ class Recorded:
 
 def users_mesh():
     """quad4, nowhere the nodes of the truth."""
-    return strip_with_hole(LENGTH, WIDTH, RADIUS, "quad4", around=4, radial=6, beside=3)
+    return strip_with_hole(LENGTH, WIDTH, RADIUS, "quad4", around=4, radial=6, along=3)
 
 
 def as_meshio(mesh) -> meshio.Mesh:
@@ -59,7 +59,7 @@ def as_meshio(mesh) -> meshio.Mesh:
 @cache
 def recorded() -> Recorded:
     """The test, rendered once."""
-    mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", around=5, radial=7, beside=3, grading=1.5)
+    mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", around=5, radial=7, along=3, grading=1.5)
     left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
     dofs = np.concatenate([2 * right, 2 * right + 1, 2 * left, 2 * left + 1])
     basis = np.zeros((len(dofs), 1))

@@ -147,7 +147,7 @@ def make_record(**changes) -> RunRecord:
         pixel_size_mm=0.05,
         views=tuple(FrameView(k, 120 + 40 * rng.standard_normal(SHAPE), nodes + u[i], after[i])
                     for i, k in enumerate(frames)),
-        free=FreeFields(frames, 0.01 * rng.standard_normal((3, len(nodes), 2)),
+        free_fields=FreeFields(frames, 0.01 * rng.standard_normal((3, len(nodes), 2)),
                         np.where(inside, 3.3 * rng.standard_normal((3, *SHAPE)), np.nan),
                         np.array([1.0, 1.01, 0.99]), 24.0),
         curves=(make_curve(),),

@@ -126,7 +126,7 @@ def test_simulations_of_large_solids_take_what_was_expected():
                               text=True, check=True)
         _, seconds, memory, _, _ = map(float, done.stdout.split())
         expected = simulation_cost(brick(n, n, n), 3, 3, 4)
-        assert 1 / 1.5 < (0.35e9 + expected.factor + expected.held) / (1e6 * memory) < 1.5
+        assert 1 / 1.5 < (0.35e9 + expected.factor + expected.kept_bytes) / (1e6 * memory) < 1.5
         ratios.append(expected.time_s / seconds)
     assert 1 / 1.5 < ratios[1] / ratios[0] < 1.5
     assert 0.25 < min(ratios) and max(ratios) < 4.0

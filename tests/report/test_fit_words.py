@@ -39,7 +39,7 @@ def test_chi2_of_fields_is_some_percent_below_one_where_their_noise_is_correlate
 
 def test_the_free_measurement_of_the_shown_frames_counts_where_there_is_no_other():
     few = judged(1.02, shown=(1.2, 1.0))
-    assert against_free(few).model == 1.2 and result_verdict(few)[0] == "look"
+    assert against_free(few).model_chi2 == 1.2 and result_verdict(few)[0] == "look"
     assert "in the frames shown" in explained(few)
     assert result_verdict(judged(1.02, shown=(1.01, 1.0)))[0] == "good"
 

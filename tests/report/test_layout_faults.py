@@ -60,8 +60,8 @@ def test_every_marker_of_left_out_frames_is_in_the_legend(drawn):
 
 def test_the_scale_of_the_local_chi2_ends_at_its_maximum_in_each_row(drawn):
     record = make_record()
-    before = np.where(np.isfinite(record.residuals.before), 40.0 * record.residuals.before, np.nan)
-    maps.local_chi2(replace(record, residuals=replace(record.residuals, before=before)))
+    before = np.where(np.isfinite(record.residuals.start), 40.0 * record.residuals.start, np.nan)
+    maps.local_chi2(replace(record, residuals=replace(record.residuals, start=before)))
     shown = [axis.images[0] for axis in drawn[0].axes if axis.images]
     shown = [image for image in shown if np.ndim(image.get_array()) == 2 and image.get_array().shape == (200, 300)]
     start, identified = shown[:3], shown[3:]
@@ -76,8 +76,8 @@ def test_numbers_of_a_low_colour_bar_do_not_overprint(drawn):
     """Maps of a wide specimen are low, and a row of starting values reaches far."""
     record = make_record()
     data = record.residuals
-    before, after = (np.asarray(stack)[:, 60:140] for stack in (data.before, data.after))
-    maps.local_chi2(replace(record, residuals=replace(data, before=100.0 * before, after=after)))
+    before, after = (np.asarray(stack)[:, 60:140] for stack in (data.start, data.identified))
+    maps.local_chi2(replace(record, residuals=replace(data, start=100.0 * before, identified=after)))
     bars = [axis for axis in drawn[0].axes if axis.get_ylabel().startswith("local")]
     assert len(bars) == 2
     for bar in bars:
@@ -101,7 +101,7 @@ def test_more_curves_than_colours_are_told_apart():
 
 def test_rows_of_the_local_chi2_that_differ_little_have_one_scale(drawn):
     record = make_record()
-    maps.local_chi2(replace(record, residuals=replace(record.residuals, before=1.3 * record.residuals.after)))
+    maps.local_chi2(replace(record, residuals=replace(record.residuals, start=1.3 * record.residuals.identified)))
     shown = [axis.images[0] for axis in drawn[0].axes if axis.images]
     shown = [image for image in shown if np.ndim(image.get_array()) == 2 and image.get_array().shape == (200, 300)]
     assert len({image.norm.vmax for image in shown}) == 1 and len(shown) == 6
@@ -205,7 +205,7 @@ def test_a_law_is_pulled_along_the_axis_that_is_asked_for():
 def test_maps_of_the_start_whose_rms_is_not_that_of_the_curve_say_why(ratio, told):
     record = make_record()
     curve = np.full(record.n_frames, np.nan)
-    curve[list(record.residuals.frames)] = ratio * np.sqrt(np.nanmean(record.residuals.before**2, axis=(1, 2)))
+    curve[list(record.residuals.frames)] = ratio * np.sqrt(np.nanmean(record.residuals.start**2, axis=(1, 2)))
     for figure in (maps.residuals, maps.local_chi2):
         caption = figure(replace(record, rms_before=curve)).caption
         assert ("for the curve of the start values the edges are fitted" in caption) == told

@@ -20,8 +20,8 @@ from idic.report.page import _derived_rows
 from idic.report.result.words import relative_std
 
 BARE = dict(history=(), M=None, reference=None, nodes_px=None, cells=(), times=None, rms_before=None, rms_after=None,
-            channels=(), fields=None, sensitivities=None, residuals=None, notes=(), views=(), free=None, curves=(),
-            practice=None)
+            channels=(), fields=None, sensitivities=None, residuals=None, notes=(), views=(), free_fields=None,
+            curves=(), practice=None)
 
 
 @pytest.fixture
@@ -163,7 +163,7 @@ def test_the_curve_of_a_law_with_an_open_parameter_is_not_drawn():
 def test_every_optional_part_may_be_missing():
     page = render_page(make_record(**BARE))
     assert "E = 70.012" in page
-    images_only = make_record(channels=(), rms_before=None, reference=None, views=(), free=None, curves=())
+    images_only = make_record(channels=(), rms_before=None, reference=None, views=(), free_fields=None, curves=())
     assert len(render_page(images_only)) > 100_000  # still with maps in it
 
 

@@ -11,7 +11,7 @@ from idic.run.reporting.second_process import HANDS_OUT
 from idic.run import drawing_beside
 
 FEW = dict(reference=None, nodes_px=None, cells=(), residuals=None, fields=None, sensitivities=None, channels=(),
-           views=(), free=None)  # what a figure needs little time for
+           views=(), free_fields=None)  # what a figure needs little time for
 
 
 def test_the_second_process_draws_the_same_pictures_to_the_last_byte():

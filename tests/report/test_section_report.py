@@ -43,7 +43,7 @@ def test_the_residual_of_the_profile_is_noise(record):
 
 
 def test_the_free_measurement_leaves_as_much_as_a_right_model_and_is_as_near_as_noise_lets_it_be(record):
-    free, floor = record.free, record.practice.floor
+    free, floor = record.free_fields, record.practice.floor
     identified = {entry["frame"]: entry["chi2_dof"] for entry in record.result["frames"]}
     for k, chi2 in zip(free.frames, free.chi2_dof, strict=True):
         assert chi2 == pytest.approx(identified[k], abs=0.02)

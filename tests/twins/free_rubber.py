@@ -97,7 +97,7 @@ class Truth:
 
 def truth_of(form: str) -> Truth:
     """What really happens."""
-    mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", around=4, radial=6, beside=3)
+    mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", around=4, radial=6, along=3)
     u, force, last = marched(pulled(mesh, "sheet", true_law(), GRIP, THICKNESS),
                              {"sheet": np.array([KAPPA, *FORMS[form]])}, np.arange(len(GRIP), dtype=float), STEPS)
     F = np.concatenate([group.F for group in last.points])
@@ -127,6 +127,6 @@ def write_folder(folder, truth: Truth, seed: int, material: str):
     rng = np.random.default_rng(50 + seed)
     noise = write_recording(folder, truth.mesh, truth.u, CAMERA, SHAPE, NOISE, rng, texture_px=400.0)
     force = truth.force + FORCE_NOISE * rng.standard_normal(len(truth.u))
-    user = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", around=3, radial=4, beside=2)
+    user = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", around=3, radial=4, along=2)
     return write_rest(folder, user, TOML.replace("NOISE", f"{noise:.4f}", 1) + material,
                       np.arange(len(truth.u), dtype=float), {"force_N": force, "grip_mm": GRIP})

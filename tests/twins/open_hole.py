@@ -41,7 +41,7 @@ class OpenHole:
 
 def true_mesh(twin: OpenHole):
     """quad8, nowhere the user's nodes; the hole is moved by a map that ends on the circle inscribed in the strip."""
-    mesh = strip_with_hole(LENGTH, WIDTH, twin.radius, "quad8", around=7, radial=10, beside=4, grading=1.5)
+    mesh = strip_with_hole(LENGTH, WIDTH, twin.radius, "quad8", around=7, radial=10, along=4, grading=1.5)
     distance = np.hypot(*mesh.nodes.T)
     share = np.clip((0.5 * WIDTH - distance) / (0.5 * WIDTH - twin.radius), 0.0, 1.0)
     return replace(mesh, nodes=mesh.nodes + share[:, None] * np.array(twin.centre))
@@ -62,7 +62,7 @@ def write_folder(folder, twin: OpenHole, more: str = "", cell: str = "quad4"):
     rng = np.random.default_rng(50 + twin.seed)
     noise = write_recording(folder, mesh, u, twin.camera, SHAPE, NOISE, rng, texture_px=420.0)
     force = force + FORCE_NOISE * rng.standard_normal(len(force))
-    user = strip_with_hole(LENGTH, WIDTH, RADIUS, cell, around=4, radial=6, beside=2)
+    user = strip_with_hole(LENGTH, WIDTH, RADIUS, cell, around=4, radial=6, along=2)
     return write_rest(folder, user, TOML.replace("NOISE", f"{noise:.4f}", 1) + more, np.arange(len(u), dtype=float),
                       {"force_N": force, "grip_mm": np.array(twin.grip)})
 

@@ -44,7 +44,7 @@ def expected(content: Mapping) -> Picture:
         series = [(in_words(content["plans"][0], "images and channels"), series[0][1]),
                   (in_words(content["plans"][0], "images only"), _images_only(series[0][1]))]
     names = list(dict.fromkeys(name for _, parameters in series for name in parameters))
-    shown = short_names(names)
+    short = short_names(names)
     with look():
         figure = new_figure(8.0, 0.34 * len(names) + (1.3 if len(series) > 1 else 1.0))
         axis = figure.subplots()
@@ -53,18 +53,18 @@ def expected(content: Mapping) -> Picture:
         for k, ((plan, parameters), shift) in enumerate(zip(series, spread, strict=True)):
             style = {"color": CYCLE[k % len(CYCLE)], "marker": MARKERS[k % len(MARKERS)], "ls": "none", "ms": 6}
             rows = [(i, parameters[name]["relative_std"]) for i, name in enumerate(names) if name in parameters]
-            known = [(i, std) for i, std in rows if std is not None]
-            axis.plot([std for _, std in known], [i + shift for i, _ in known], label=plan, **style)
-            unknown = [i + shift for i, std in rows if std is None]
-            axis.plot([UNDETERMINED_STD] * len(unknown), unknown, **(style | {"mfc": "none"}))
-            anything_open = anything_open or bool(unknown)
+            determined = [(i, std) for i, std in rows if std is not None]
+            axis.plot([std for _, std in determined], [i + shift for i, _ in determined], label=plan, **style)
+            open_places = [i + shift for i, std in rows if std is None]
+            axis.plot([UNDETERMINED_STD] * len(open_places), open_places, **(style | {"mfc": "none"}))
+            anything_open = anything_open or bool(open_places)
         axis.axvline(MAX_STD_WELL, color=GREY, lw=0.8, ls=":")
         axis.axvline(MAX_STD_FAIR, color=GREY, lw=0.8, ls=":")
         if anything_open:
             axis.axvspan(1.0, 2.0 * UNDETERMINED_STD, color=FAINT, alpha=0.5, lw=0)  # and farther: all marks are seen
         axis.set(xscale="log", xlabel="expected standard deviation / value [–]", yticks=range(len(names)),
                  ylim=(len(names) - 0.5, -0.5))
-        axis.set_yticks(range(len(names)), [shown[name] for name in names])
+        axis.set_yticks(range(len(names)), [short[name] for name in names])
         axis.set_xlim(right=max(2.0 * (UNDETERMINED_STD if anything_open else MAX_STD_FAIR), axis.get_xlim()[1]))
         if len(series) > 1:
             figure.legend(loc="outside upper left", ncols=4)
@@ -75,12 +75,12 @@ def expected(content: Mapping) -> Picture:
 
 def _images_only(parameters: Mapping) -> dict:
     """The same entries with the standard deviations that the images alone give."""
-    made = {}
+    entries = {}
     for name, entry in parameters.items():
         std = entry["std_images_only"]
         unit = abs(entry["value"]) or (entry["std"] or 1.0) / (entry["relative_std"] or 1.0)
-        made[name] = {"relative_std": None if std is None else std / unit}
-    return made
+        entries[name] = {"relative_std": None if std is None else std / unit}
+    return entries
 
 
 def growth(plan: Mapping) -> Picture | None:
@@ -89,7 +89,7 @@ def growth(plan: Mapping) -> Picture | None:
     if len(frames) < 2:
         return None
     parameters = named(plan["parameters"])
-    shown = short_names(parameters)
+    short = short_names(parameters)
     with look():
         figure = new_figure(8.0, 3.2)
         axis = figure.subplots()
@@ -99,7 +99,7 @@ def growth(plan: Mapping) -> Picture | None:
             relative = np.array([np.nan if std is None else std for std in stds], dtype=float) / unit
             if np.isfinite(relative).any():
                 axis.semilogy(frames, relative, color=CYCLE[k % len(CYCLE)], ls=("-", "--", ":")[k // len(CYCLE) % 3],
-                              marker=MARKERS[k % len(MARKERS)], ms=3, label=shown[name])
+                              marker=MARKERS[k % len(MARKERS)], ms=3, label=short[name])
         if not axis.lines:
             return None
         axis.axhline(MAX_STD_WELL, color=GREY, lw=0.8, ls=":")
@@ -124,9 +124,9 @@ def spectrum(plan: Mapping) -> Picture | None:
 
 def correlation(plan: Mapping) -> Picture | None:
     table = plan["correlation"]
-    kept = [i for i, name in enumerate(table["names"]) if not MODE.fullmatch(name)]
-    table = {"names": [table["names"][i] for i in kept],
-             "matrix": np.array(table["matrix"], dtype=float).reshape(2 * (len(table["names"]),))[np.ix_(kept, kept)]}
+    positions = [i for i, name in enumerate(table["names"]) if not MODE.fullmatch(name)]
+    matrix = np.array(table["matrix"], dtype=float).reshape(2 * (len(table["names"]),))
+    table = {"names": [table["names"][i] for i in positions], "matrix": matrix[np.ix_(positions, positions)]}
     picture = matrices.correlation(_record(plan | {"correlation": table}))
     return picture and replace(picture, name=f"correlation_{_file(plan['name'])}",
                                title="Correlation of the values to be identified")
@@ -175,5 +175,5 @@ def _file(name: str) -> str:
 
 def plan_pictures(plan: Mapping, pictures: PlanPictures) -> Sequence[Picture]:
     """All figures of one plan, in the order of a reader's questions."""
-    found = (*sensitivities(plan, pictures), growth(plan), correlation(plan), spectrum(plan))
-    return tuple(picture for picture in found if picture is not None)
+    pictures_or_none = (*sensitivities(plan, pictures), growth(plan), correlation(plan), spectrum(plan))
+    return tuple(picture for picture in pictures_or_none if picture is not None)

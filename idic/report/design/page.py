@@ -89,11 +89,11 @@ def _has_test(plan: Mapping) -> bool:
 def parameter_rows(plan: Mapping) -> list[dict]:
     """The table of one plan as text: – where something is not determined, no row for the modes of boundaries."""
     parameters = say.named(plan["parameters"])
-    shown, rows, scale = short_names(parameters), [], say.motion_unit(plan)[0]
+    short_name, rows, scale = short_names(parameters), [], say.motion_unit(plan)[0]
     for name, entry in parameters.items():
         std = entry["std"]
         rows.append({
-            "full": name, "name": shown[name], "unit": entry["unit"] or "–",
+            "full": name, "name": short_name[name], "unit": entry["unit"] or "–",
             "value": number_text(entry["value"]), "std": short(std),
             "relative": "–" if entry["relative_std"] is None else say.percent(entry["relative_std"]),
             "image": short(entry["std_images_only"]), "known": short(entry["std_test_known"]),
@@ -121,8 +121,8 @@ def _direction_rows(plan: Mapping) -> list[dict]:
 
 
 def _comparison_rows(comparison: Mapping) -> dict:
-    shown = short_names(comparison["parameters"])
-    rows = [{"name": shown[name], "full": name, "unit": entry["unit"] or "–",
+    short_name = short_names(comparison["parameters"])
+    rows = [{"name": short_name[name], "full": name, "unit": entry["unit"] or "–",
              "cells": [{"text": short(entry["std"][plan]) if plan in entry["std"] else "",
                         "best": plan == entry["best"]} for plan in comparison["plans"]],
              "joint": short(entry["joint"])} for name, entry in comparison["parameters"].items()]

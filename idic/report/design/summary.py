@@ -59,38 +59,39 @@ def points_of(design: Design) -> dict | None:
 
 def parameters_of(analysis: Analysis) -> dict:
     """Value and expected standard deviation of every free parameter, in the user's units."""
-    made = {}
+    entries = {}
     for i, name in enumerate(analysis.names):
         p, std = analysis.parameters[name], analysis.std(name)
         relative = None if std is None else std / abs(analysis.scaled.slopes[i])  # of the value, or of the scale
-        made[name] = {"value": p.shown, "unit": p.unit, "std": None if std is None else abs(std / p.factor),
+        entries[name] = {"value": p.shown, "unit": p.unit, "std": None if std is None else abs(std / p.factor),
                       "relative_std": None if std is None else std / abs(p.value) if p.value else relative,
                       "grade": grade(relative)}
-    return made
+    return entries
 
 
 def _spectrum(analysis: Analysis, confusable: float) -> dict:
-    told, found = analysis.summary(), analysis.found
+    analysis_summary, spectrum = analysis.summary(), analysis.found
     scales = [None if (p := analysis.parameters[name]).transform == "log" else abs(p.scale / p.factor)
               for name in analysis.names]
     labels = [name.rpartition(".")[2] if _one_set(analysis.names) else name for name in analysis.names]
-    told["condition"] = float(found.values[0] / max(found.values[-1], 1e-300)) if found.values[-1] > 0 else None
-    told["directions"] = [
+    largest, smallest = spectrum.values[0], spectrum.values[-1]
+    analysis_summary["condition"] = float(largest / max(smallest, 1e-300)) if smallest > 0 else None
+    analysis_summary["directions"] = [
         {"text": direction(vector, labels, scales), "std": float(std) if np.isfinite(std) else None,
-         "determined": bool(known), "fixed": fixed_product(vector, labels, scales)}
-        for vector, std, known in zip(found.vectors.T, found.stds, found.determined, strict=True)]
-    told["confusable"] = confusable_pairs(told, confusable)
-    return told
+         "determined": bool(is_determined), "fixed": fixed_product(vector, labels, scales)}
+        for vector, std, is_determined in zip(spectrum.vectors.T, spectrum.stds, spectrum.determined, strict=True)]
+    analysis_summary["confusable"] = confusable_pairs(analysis_summary, confusable)
+    return analysis_summary
 
 
-def confusable_pairs(told: Mapping, limit: float) -> list[dict]:
+def confusable_pairs(analysis_summary: Mapping, limit: float) -> list[dict]:
     """Pairs that the test does not separate: correlated above the limit, or only their combination is determined."""
-    names, matrix = told["correlation"]["names"], np.array(told["correlation"]["matrix"])
+    names, matrix = analysis_summary["correlation"]["names"], np.array(analysis_summary["correlation"]["matrix"])
     pairs = [{"names": [names[i], names[j]], "correlation": float(matrix[i, j])}
              for i, j in zip(*np.triu_indices(len(names), 1), strict=True) if abs(matrix[i, j]) > limit]
-    for entry in told["not_identifiable"]:
-        for other in entry["together_with"]:
-            names = sorted((entry["name"], other))
+    for entry in analysis_summary["not_identifiable"]:
+        for partner in entry["together_with"]:
+            names = sorted((entry["name"], partner))
             if not any(sorted(pair["names"]) == names for pair in pairs):  # type: ignore[call-overload]
                 pairs.append({"names": names, "correlation": None})
     return pairs
@@ -110,14 +111,16 @@ def compare(content: Mapping) -> dict:
     plans = {plan["name"]: plan["parameters"] for plan in content["plans"]}
     joint, rows = content["joint"]["parameters"], {}
     for name, entry in joint.items():
-        given = {plan: own[name] | {"to": factor_to(entry["unit"], own[name]["unit"])} for plan, own in plans.items()
-                 if name in own}
-        stds = {plan: None if own["std"] is None else own["to"] * own["std"] for plan, own in given.items()
-                if own["to"] is not None}  # another dimension is no other size
+        entries = {plan: parameters[name] | {"to": factor_to(entry["unit"], parameters[name]["unit"])}
+                   for plan, parameters in plans.items()
+                 if name in parameters}
+        stds = {plan: None if entry_of["std"] is None else entry_of["to"] * entry_of["std"]
+                for plan, entry_of in entries.items()
+                if entry_of["to"] is not None}  # another dimension is no other size
         if not stds:
             continue
-        known = {plan: std for plan, std in stds.items() if std is not None}
-        best = min(known, key=known.get) if known and len(stds) > 1 else None
+        determined = {plan: std for plan, std in stds.items() if std is not None}
+        best = min(determined, key=determined.get) if determined and len(stds) > 1 else None
         rows[name] = {"unit": entry["unit"], "value": entry["value"], "std": stds, "joint": entry["std"], "best": best}
     conditions = {plan["name"]: plan["condition"] for plan in content["plans"]}
     conditions["joint"] = content["joint"]["condition"]

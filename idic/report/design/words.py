@@ -39,8 +39,8 @@ def mode_groups(parameters: Mapping) -> list[str]:
     """One sentence per virtual boundary: how many modes, how well they are determined."""
     groups: dict[str, list[Mapping]] = {}
     for name, entry in parameters.items():
-        if found := MODE.fullmatch(name):
-            groups.setdefault(found[1], []).append(entry)
+        if mode := MODE.fullmatch(name):
+            groups.setdefault(mode[1], []).append(entry)
     sentences = []
     for stem, entries in groups.items():
         stds = [entry["std"] for entry in entries if entry["std"] is not None]
@@ -72,10 +72,10 @@ def _largest_first(vector: np.ndarray) -> list[int]:
 
 def fixed_product(vector: np.ndarray, names: Sequence[str], scales: Sequence[float | None]) -> str | None:
     """The product of powers ``E·t`` that is determined although a direction of two positive parameters is not."""
-    held = _largest_first(vector)
-    if len(held) != 2 or any(scales[i] is not None for i in held):
+    components = _largest_first(vector)
+    if len(components) != 2 or any(scales[i] is not None for i in components):
         return None
-    first, second = held  # where ln(first) changes by v1 and ln(second) by v2, v2 ln(first) - v1 ln(second) stays
+    first, second = components  # where ln(first) changes by v1 and ln(second) by v2, v2 ln(first) - v1 ln(second) stays
     power = -vector[first] / vector[second]
     if abs(power) > 1.0 / MIN_SHOWN_COMPONENT:
         return None
@@ -85,10 +85,10 @@ def fixed_product(vector: np.ndarray, names: Sequence[str], scales: Sequence[flo
 
 def headline(plan: Mapping) -> str:
     """The parameters of one plan by grade, in one sentence."""
-    shown = short_names(named(plan["parameters"]))
+    short = short_names(named(plan["parameters"]))
     groups: dict[str, list[str]] = {}
     for name, entry in named(plan["parameters"]).items():
-        text = shown[name] if entry["relative_std"] is None else f"{shown[name]} to {percent(entry['relative_std'])}"
+        text = short[name] if entry["relative_std"] is None else f"{short[name]} to {percent(entry['relative_std'])}"
         groups.setdefault(entry["grade"], []).append(text)
     parts = [f"{GRADES[key]}: {', '.join(groups[key])}" for key in GRADES if key in groups]
     text = "; ".join(parts)
@@ -120,28 +120,28 @@ def percent(relative: float) -> str:
 
 def open_parameters(plan: Mapping) -> list[str]:
     """Sentences on undetermined parameters with their reasons, and on those that need the channels."""
-    shown = short_names(named(plan["parameters"]))
+    short = short_names(named(plan["parameters"]))
     sentences = [f"{names} cannot be determined: {reason}."
-                 for reason, names in _by_reason(plan["not_identifiable"], shown).items()]
-    known = {name for name, entry in plan["parameters"].items() if entry["std"] is not None}
-    lost = [item for item in plan["without_channels"] if item["name"] in known]
+                 for reason, names in _by_reason(plan["not_identifiable"], short).items()]
+    determined = {name for name, entry in plan["parameters"].items() if entry["std"] is not None}
+    lost = [item for item in plan["without_channels"] if item["name"] in determined]
     channels = ", ".join(plan["channels"])
     return sentences + [f"{names} cannot be determined without {channels} ({reason.replace('no force', 'without it')})."
-                        for reason, names in _by_reason(lost, shown).items()]
+                        for reason, names in _by_reason(lost, short).items()]
 
 
-def _by_reason(items: Sequence[Mapping], shown: Mapping[str, str]) -> dict[str, str]:
+def _by_reason(items: Sequence[Mapping], short: Mapping[str, str]) -> dict[str, str]:
     """Names of parameters, joined, per reason why they are open."""
     reasons: dict[str, list[str]] = {}
     for item in items:
-        reasons.setdefault(item["reason"], []).append(shown.get(item["name"], item["name"]))
+        reasons.setdefault(item["reason"], []).append(short.get(item["name"], item["name"]))
     return {reason: ", ".join(names) for reason, names in reasons.items()}
 
 
 def confusions(plan: Mapping) -> list[str]:
     """Pairs of parameters that the test hardly separates, the strongest first, without pairs of boundary modes."""
-    shown = short_names(named(plan["parameters"]))
-    pair_text = lambda pair: " and ".join(shown.get(name, name) for name in pair["names"])  # noqa: E731
+    short = short_names(named(plan["parameters"]))
+    pair_text = lambda pair: " and ".join(short.get(name, name) for name in pair["names"])  # noqa: E731
     sentences = []
     pairs = _strongest(plan["confusable"], "correlation")
     lost = [pair_text(pair) for pair in pairs if pair["correlation"] is None]
@@ -159,8 +159,8 @@ def confusions(plan: Mapping) -> list[str]:
 
 
 def _strongest(pairs: Sequence[Mapping], key: str) -> list[Mapping]:
-    kept = [pair for pair in pairs if not all(MODE.fullmatch(name) for name in pair["names"])]
-    return sorted(kept, key=lambda pair: -2.0 if pair[key] is None else -abs(pair[key]))[:MAX_PAIRS]
+    of_parameters = [pair for pair in pairs if not all(MODE.fullmatch(name) for name in pair["names"])]
+    return sorted(of_parameters, key=lambda pair: -2.0 if pair[key] is None else -abs(pair[key]))[:MAX_PAIRS]
 
 
 def weakest(plan: Mapping) -> str:
@@ -169,8 +169,8 @@ def weakest(plan: Mapping) -> str:
     std = "not determined"
     if entry["std"] is not None:
         std = f"standard deviation {number_text(entry['std'], entry['std'])}"
-    fixed = f"; the test determines {entry['fixed']}" if entry["fixed"] and not entry["determined"] else ""
-    return f"Weakest combination: {entry['text']} ({std}){fixed}."
+    product = f"; the test determines {entry['fixed']}" if entry["fixed"] and not entry["determined"] else ""
+    return f"Weakest combination: {entry['text']} ({std}){product}."
 
 
 def best_plan(comparison: Mapping) -> str:
@@ -181,9 +181,9 @@ def best_plan(comparison: Mapping) -> str:
             wins.setdefault(entry["best"], []).append(name)
     if not wins:
         return "The plans determine no common parameter."
-    shown = short_names(comparison["parameters"])
+    short = short_names(comparison["parameters"])
     if len(wins) == 1 and len(comparison["parameters"]) == len(names := next(iter(wins.values()))):
-        return f"{next(iter(wins))} is the best plan for every parameter ({', '.join(shown[n] for n in names)})."
-    parts = [f"{plan} is better for {', '.join(shown[n] for n in names)}"
+        return f"{next(iter(wins))} is the best plan for every parameter ({', '.join(short[n] for n in names)})."
+    parts = [f"{plan} is better for {', '.join(short[n] for n in names)}"
              for plan, names in sorted(wins.items(), key=lambda item: -len(item[1]))]
     return f"{'; '.join(parts)}."

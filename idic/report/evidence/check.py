@@ -52,7 +52,7 @@ class CheckReport:
     px_per_element: float  # mean area of a visible element
     smallest_element_px: float
     length_unit: str
-    free: tuple[str, ...]
+    free_parameters: tuple[str, ...]
     channels: tuple[str, ...]
     noise: Noise
     contrast_gv: float  # standard deviation of the pattern in the ROI
@@ -64,7 +64,7 @@ class CheckReport:
     value_unit: str = "grey values"  # of noise and pattern
     cost: Cost | None = None  # of the identification; None for a further camera
     points: str = ""  # of measured fields, in words
-    starts: tuple[str, ...] = ()  # of `free`: with their start values
+    starts: tuple[str, ...] = ()  # of `free_parameters`: with their start values
 
     def lines(self) -> list[str]:
         """The report as text, one fact per line."""
@@ -109,8 +109,9 @@ class CheckReport:
 
     def _to_identify(self) -> str:
         """The free parameters with their start values; modes counted."""
-        start = dict(zip(self.free, self.starts, strict=True)) if self.starts else {}
-        return ", ".join(f"{name}{start.get(name, '')}" for name in in_words(self.free, self.free)) or "nothing"
+        start = dict(zip(self.free_parameters, self.starts, strict=True)) if self.starts else {}
+        names = in_words(self.free_parameters, self.free_parameters)
+        return ", ".join(f"{name}{start.get(name, '')}" for name in names) or "nothing"
 
     def short_lines(self) -> list[str]:
         """The facts that differ between the cameras of one experiment."""
@@ -142,13 +143,13 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None, draw: bo
     InputError
         An image that cannot be decoded.
     """
-    there = experiment.at_geometry(experiment.parameters)
-    main, *others = [_check_camera(view, draw) for view in there.views]
+    placed = experiment.at_geometry(experiment.parameters)
+    main, *further_cameras = [_check_camera(view, draw) for view in placed.views]
     if overlay_to is not None and main.overlay is not None:
         Path(overlay_to).write_bytes(main.overlay.png)
     cost = expected_cost(experiment)
-    return replace(main, cameras=tuple(others), cost=cost,
-                   warnings=(*main.warnings, *_model_warnings(experiment), *rig_warnings(there, cost.time_s),
+    return replace(main, cameras=tuple(further_cameras), cost=cost,
+                   warnings=(*main.warnings, *_model_warnings(experiment), *rig_warnings(placed, cost.time_s),
                              *cost.warnings()))
 
 
@@ -235,13 +236,13 @@ def _image_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarr
     if gaps > _MAX_GAP_SHARE:
         yield (f"{100 * gaps:.0f} % of the reference image in the ROI has no value, and interpolation also loses the "
                "neighbours of each gap: fill the gaps, or mask them")
-    mean, before, last = float(reference[roi].mean()), -1, np.zeros(0)
+    mean, previous, previous_values = float(reference[roi].mean()), -1, np.zeros(0)
     for k in range(experiment.stack.n_frames):
         values = experiment.stack.frame(k)[roi]  # decodes every image: damaged ones are found here
         if k not in experiment.excluded:
-            if before >= 0 and np.array_equal(values, last, equal_nan=values.dtype.kind == "f"):
-                yield from repeated_image(experiment, before, k)
-            before, last = k, values
+            if previous >= 0 and np.array_equal(values, previous_values, equal_nan=values.dtype.kind == "f"):
+                yield from repeated_image(experiment, previous, k)
+            previous, previous_values = k, values
         jump = abs(float(values.mean()) - mean) > _MAX_BRIGHTNESS_CHANGE * abs(mean)
         if jump and k not in experiment.excluded and experiment.quantity == "grey":
             yield (f"{experiment.labels[k]}: the mean grey value differs by more than {100 * _MAX_BRIGHTNESS_CHANGE:g} "
@@ -258,7 +259,7 @@ def _warnings_of_images(experiment: Experiment, reference: np.ndarray, corners: 
 
 def _scale_warnings(experiment: Experiment, corners: list[np.ndarray], visible: np.ndarray) -> Iterator[str]:
     every = np.vstack(corners)
-    part = any(isinstance(one.drive, Measured) for one in experiment.prescribed)
+    part = any(isinstance(condition.drive, Measured) for condition in experiment.prescribed)
     return implausible_scale(np.ptp(every, axis=0), experiment.image_shape, float(visible.mean()), part)
 
 
@@ -273,7 +274,7 @@ def _field_warnings(experiment: Experiment, corners: list[np.ndarray], visible: 
     """Warnings of measured fields; every stage is read."""
     points = experiment.points
     assert points is not None and experiment.stack is not None
-    sizes = np.array([_area(cell) for cell, seen in zip(corners, visible, strict=True) if seen])
+    sizes = np.array([_area(cell) for cell, is_visible in zip(corners, visible, strict=True) if is_visible])
     if sizes.mean() < MIN_POINTS_PER_ELEMENT:
         yield (f"only {sizes.mean():.1f} points per element: larger elements would make the motion of the free fit "
                f"less "
@@ -296,10 +297,10 @@ def dropped_loads(experiment: Experiment) -> Iterator[tuple[str, str]]:
     for channel in experiment.channels:
         values = np.abs(channel.values[counted])
         low = np.flatnonzero(values < MAX_BROKEN_SHARE * values.max(initial=0.0))
-        after = low[low > int(np.argmax(values))]
-        broken = len(after) and len(after) == len(values) - after[0] and values[after[0] - 1] > 0.5 * values.max()
+        drop = low[low > int(np.argmax(values))]
+        broken = len(drop) and len(drop) == len(values) - drop[0] and values[drop[0] - 1] > 0.5 * values.max()
         if channel.kind == "reaction" and broken:
-            yield channel.column, experiment.labels[counted[after[0]]]
+            yield channel.column, experiment.labels[counted[drop[0]]]
 
 
 def _model_warnings(experiment: Experiment):

@@ -75,25 +75,26 @@ class Cost:
 
     def line(self) -> str:
         """One line for people."""
-        here = "" if self.available is None else f"; this machine has {_bytes(self.available)}"
+        memory_text = "" if self.available is None else f"; this machine has {_bytes(self.available)}"
         return (f"about {_bytes(self.memory)} of memory, {_duration(self.time_s)} on one core, {_bytes(self.disk)} of "
-                f"disk (each within a factor of 2){here}")
+                f"disk (each within a factor of 2){memory_text}")
 
     def warnings(self) -> list[str]:
         """Warnings if memory is short or the run takes longer than a day."""
-        found = []
+        warnings = []
         if self.available is not None and self.memory > _TIGHT_SHARE * self.available:
             verb = "needs" if self.memory > _FITS_SHARE * self.available else "may need"
-            found.append(f"the identification {verb} more memory than this machine has: about {_bytes(self.memory)} of "
+            warnings.append(f"the identification {verb} more memory than this machine has: about "
+                            f"{_bytes(self.memory)} of "
                          f"{_bytes(self.available)}; the factorised stiffness of {self.equations} equations takes "
                          f"{_bytes(self.factor)}. Use larger elements, element_order = \"as_given\", half of a "
                          f"symmetric "
                          "specimen, or a machine with more memory")
         if self.time_s > _LONG_S:
-            found.append(f"the identification takes about {_duration(self.time_s)} on one core: larger elements or "
+            warnings.append(f"the identification takes about {_duration(self.time_s)} on one core: larger elements or "
                          f"fewer "
                          "frames shorten it; --workers spreads images and perturbed simulations over cores")
-        return found
+        return warnings
 
 
 def expected_cost(experiment: Experiment) -> Cost:
@@ -115,18 +116,18 @@ def expected_cost(experiment: Experiment) -> Cost:
     time_s = _START + _PER_PIXEL_ONCE_S * pixels + evaluations * (body.time_s + image_pass)
     if experiment.noise.std_gv is None or _measured_unknowns(experiment):
         time_s += _FREE_DIC_PASSES * image_pass
-    memory = (_PROCESS + body.factor + body.held + _PER_PIXEL * pixels / max(len(experiment.views), 1) + max(nodal, 8e6)
-              + _generalised(experiment, n_frames))
+    memory = (_PROCESS + body.factor + body.kept_bytes + _PER_PIXEL * pixels / max(len(experiment.views), 1)
+              + max(nodal, 8e6) + _generalised(experiment, n_frames))
     return Cost(memory, body.factor, images + 3.0 * nodal * n_frames + _REPORT, time_s, mesh.n_nodes * mesh.n_dim,
                 memory_here())
 
 
 @dataclass(frozen=True)
 class SimulationCost:
-    """factor : bytes of the factorised stiffness; held : of stiffness and points; time_s : of a simulation, s"""
+    """factor : bytes of the factorised stiffness; kept_bytes : of stiffness and points; time_s : of a simulation, s"""
 
     factor: float
-    held: float
+    kept_bytes: float
     time_s: float
 
 
@@ -137,7 +138,7 @@ def simulation_cost(mesh: Mesh, frames: int, increments: float, n_free: int) -> 
     """
     points = sum(block.n_elements * len(quadrature_rule(block.cell)[1]) for block in mesh.blocks)
     entries = sum(block.n_elements * (mesh.n_dim * block.connectivity.shape[1]) ** 2 for block in mesh.blocks)
-    held = _PER_ELEMENT_ENTRY * entries + 8.0 * points * _POINT_VALUES * (1 + 0.1 * n_free)
+    kept_bytes = _PER_ELEMENT_ENTRY * entries + 8.0 * points * _POINT_VALUES * (1 + 0.1 * n_free)
     evaluation = _PER_POINT_S[mesh.n_dim] * points
     n, width = mesh.n_nodes * mesh.n_dim, _half_bandwidth(mesh)
     if width <= MAX_HALF_BANDWIDTH_OF_BAND_LU[mesh.n_dim]:
@@ -148,12 +149,12 @@ def simulation_cost(mesh: Mesh, frames: int, increments: float, n_free: int) -> 
         if fill.operations > MIN_OPERATIONS_PER_ENTRY * fill.entries:
             evaluation += _PER_ELEMENT_ENTRY_S * entries
             time_s = _by_kept_factors(fill, frames, increments, n_free, evaluation)
-            return SimulationCost(_PER_ENTRY_KEPT * fill.entries, held, time_s)
+            return SimulationCost(_PER_ENTRY_KEPT * fill.entries, kept_bytes, time_s)
         factor, solution = _PER_ENTRY * fill.entries, _SOLVE_S * fill.entries
         factorisation = _PER_ENTRY_S * fill.entries + _PER_OPERATION_S * fill.operations
     steps = max(1.0, increments * _NEWTON_ITERATIONS)
     time_s = steps * (factorisation + solution + evaluation) + frames * solution
-    return SimulationCost(factor, held, time_s * (1.0 + _DIRECT_SHARE * n_free))
+    return SimulationCost(factor, kept_bytes, time_s * (1.0 + _DIRECT_SHARE * n_free))
 
 
 def _by_kept_factors(fill: Fill, frames: int, increments: float, n_free: int, evaluation: float) -> float:
@@ -217,15 +218,15 @@ def _bytes_per_pixel(experiment: Experiment) -> int:
 def memory_here() -> float | None:
     """Bytes of memory that this process may use: of the machine, or of its control group; None if unknown."""
     try:
-        found = [float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")]
+        limits = [float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")]
     except (AttributeError, ValueError, OSError):
         return None
     for file in ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"):
         try:
-            found.append(float(Path(file).read_text(encoding="utf-8")))
+            limits.append(float(Path(file).read_text(encoding="utf-8")))
         except (OSError, ValueError):  # no such control group, or "max"
             continue
-    return min(found)
+    return min(limits)
 
 
 def _bytes(value: float) -> str:

@@ -33,74 +33,74 @@ class FreeMotions:
     length_px: float
 
 
-def free_motions(seen: Seen, frames: Sequence[int], motion: Callable[[int], np.ndarray]) -> FreeMotions | None:
+def free_motions(inputs: Seen, frames: Sequence[int], motion: Callable[[int], np.ndarray]) -> FreeMotions | None:
     """Free displacement of some frames, started from the simulated one.
 
     motion : frame -> simulated displacement of the nodes in the image  # (n_nodes, 2) px
     """
-    brightness, variance = seen.experiment.options.brightness, seen.experiment.noise.std_gv**2
+    brightness, variance = inputs.experiment.options.brightness, inputs.experiment.noise.std_gv**2
     differences, full, coefficients, chi2 = [], [], [], []
     for frame in frames:
         u = motion(frame)
-        if isinstance(seen.reference, FieldReference):
-            found = field_frame(seen.reference, seen.reference.measured(seen.experiment, frame), seen.smoother)
-            if found is None:
+        if isinstance(inputs.reference, FieldReference):
+            fit = field_frame(inputs.reference, inputs.reference.measured(inputs.experiment, frame), inputs.smoother)
+            if fit is None:
                 return None
-            chi2.append(field_variance(found, seen.reference, fitted_dof(found)) / variance)
+            chi2.append(field_variance(fit, inputs.reference, fitted_dof(fit)) / variance)
         else:
-            spline = frame_spline(seen.experiment, frame)
-            found = dic_frame(seen.reference, spline, u, seen.smoother, brightness)
-            if found.factorisation is None or not found.n_pixels:
+            spline = frame_spline(inputs.experiment, frame)
+            fit = dic_frame(inputs.reference, spline, u, inputs.smoother, brightness)
+            if fit.factorisation is None or not fit.n_pixels:
                 return None
-            chi2.append(residual_noise(seen.reference, spline, found, brightness, fitted_dof(found)).variance
+            chi2.append(residual_noise(inputs.reference, spline, fit, brightness, fitted_dof(fit)).variance
                         / variance)
-        differences.append(found.u_px - u)
-        full.append(found.u_full_px)
-        coefficients.append(found.brightness)
+        differences.append(fit.u_px - u)
+        full.append(fit.u_full_px)
+        coefficients.append(fit.brightness)
     if not frames:
         return None
     return FreeMotions(tuple(frames), np.array(differences), np.array(full), np.array(coefficients), np.array(chi2),
-                       seen.smoother.length_px)
+                       inputs.smoother.length_px)
 
 
-def with_residuals(seen: Seen, found: FreeMotions) -> FreeFields:
+def with_residuals(inputs: Seen, motions: FreeMotions) -> FreeFields:
     """The motions with the residual that each of them leaves."""
-    residuals = [_residual(seen, frame, u, coefficients)
-                 for frame, u, coefficients in zip(found.frames, found.u_full_px, found.brightness, strict=True)]
-    return FreeFields(found.frames, found.difference_px, np.array(residuals, dtype=np.float32), found.chi2_dof,
-                      found.length_px)
+    residuals = [_residual(inputs, frame, u, coefficients)
+                 for frame, u, coefficients in zip(motions.frames, motions.u_full_px, motions.brightness, strict=True)]
+    return FreeFields(motions.frames, motions.difference_px, np.array(residuals, dtype=np.float32), motions.chi2_dof,
+                      motions.length_px)
 
 
-def _residual(seen: Seen, frame: int, u_px: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+def _residual(inputs: Seen, frame: int, u_px: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
     """Residual in the reference image, NaN where there is no valid pixel  # (ny, nx)"""
-    if isinstance(seen.reference, FieldReference):
-        left = seen.reference.compare_pixels(seen.experiment, frame, u_px, coefficients)
+    if isinstance(inputs.reference, FieldReference):
+        residual = inputs.reference.compare_pixels(inputs.experiment, frame, u_px, coefficients)
     else:
-        left = residual_map(seen.reference, frame_spline(seen.experiment, frame), u_px,
-                            seen.experiment.options.brightness,
+        residual = residual_map(inputs.reference, frame_spline(inputs.experiment, frame), u_px,
+                            inputs.experiment.options.brightness,
                             coefficients)
-    return seen.reference.pixel_map.to_image(np.where(left.valid, left.r, np.nan))
+    return inputs.reference.pixel_map.to_image(np.where(residual.valid, residual.r, np.nan))
 
 
-def noise_floor(seen: Seen | None, phi: Sensitivities | None, result: Mapping, reference) -> NoiseFloor:
+def noise_floor(inputs: Seen | None, phi: Sensitivities | None, result: Mapping, reference) -> NoiseFloor:
     """Root mean square over the nodes of the noise of displacement, over the elements of that of strain.
 
     The free FE-DIC is given a still image: the reference image with the noise that the difference of two images has.
     The model's floor follows from the covariance of its parameters, std(u)^2 = phi^T Cov phi.
     """
-    free = (None, None) if seen is None else _of_still_image(seen)
-    model = (None, None) if phi is None else _of_model(phi, result, reference)
-    return NoiseFloor(*free, *model, None if phi is None else phi.frame)
+    free_stds = (None, None) if inputs is None else _of_still_image(inputs)
+    model_stds = (None, None) if phi is None else _of_model(phi, result, reference)
+    return NoiseFloor(*free_stds, *model_stds, None if phi is None else phi.frame)
 
 
-def _of_still_image(seen: Seen) -> tuple[float | None, float | None]:
-    noise = seen.experiment.noise
-    sigma = noise.in_sums_gv if isinstance(seen.reference, FieldReference) else noise.std_gv
-    found = still_frame(seen, np.random.default_rng(SEED), sigma) if sigma else None
-    u = np.zeros((0, 2)) if found is None else found.u_px[np.isfinite(found.u_px).all(axis=1)]
-    if found is None or not len(u):
+def _of_still_image(inputs: Seen) -> tuple[float | None, float | None]:
+    noise = inputs.experiment.noise
+    sigma = noise.in_sums_gv if isinstance(inputs.reference, FieldReference) else noise.std_gv
+    fit = still_frame(inputs, np.random.default_rng(SEED), sigma) if sigma else None
+    u = np.zeros((0, 2)) if fit is None else fit.u_px[np.isfinite(fit.u_px).all(axis=1)]
+    if fit is None or not len(u):
         return None, None
-    return _rms(u), _rms(_strains(seen.reference.pixel_map, found.u_full_px))
+    return _rms(u), _rms(_strains(inputs.reference.pixel_map, fit.u_full_px))
 
 
 def _of_model(phi: Sensitivities, result: Mapping, reference) -> tuple[float | None, float | None]:

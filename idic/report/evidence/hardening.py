@@ -39,23 +39,24 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
         if n == 0:
             continue
         names = level_names(material.law, material.element_set)
-        last = parameters[f"{material.element_set}.hardening_1_range"].value
-        reached = last if state is None else float(np.nanpercentile(state, REACHED_PERCENTILE, axis=1).max())
+        largest_strain = parameters[f"{material.element_set}.hardening_1_range"].value
+        reached = largest_strain if state is None else float(np.nanpercentile(state, REACHED_PERCENTILE, axis=1).max())
         entries = [result["parameters"].get(name, {}) for name in names]
-        known = [i for i, entry in enumerate(entries) if entry.get("std")
+        determined = [i for i, entry in enumerate(entries) if entry.get("std")
                  and names[i] in result["correlation"]["names"]]
-        if reached < MIN_REACHED or not known:
+        if reached < MIN_REACHED or not determined:
             continue
-        at = knots(last, n)
+        at = knots(largest_strain, n)
         compared = np.append(at[at < reached], reached)
         p = np.unique(np.concatenate([np.linspace(a, b, POINTS_BETWEEN + 1)
                                       for a, b in pairwise(compared)]))
-        J = basis(p, last, n)
-        own = np.zeros((n, n))
-        own[np.ix_(known, known)] = covariance_of(result, parameters, [names[i] for i in known])
+        J = basis(p, largest_strain, n)
+        level_covariance = np.zeros((n, n))
+        level_covariance[np.ix_(determined, determined)] = covariance_of(result, parameters,
+                                                                         [names[i] for i in determined])
         levels = np.maximum.accumulate([parameters[name].value for name in names])
         stress = J @ levels
-        covariance = J @ own @ J.T + between_knots(p, last, levels, own)
+        covariance = J @ level_covariance @ J.T + between_knots(p, largest_strain, levels, level_covariance)
         fits = classical_fits(p, stress, covariance, np.searchsorted(p, compared))
         std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         yield HardeningCurve(material.element_set, p, stress, std, at, reached, fits,

@@ -63,18 +63,18 @@ def _curve(experiment, material: Material, names, parameters: ParameterSet, resu
     seconds = float(experiment.times[-1] - experiment.times[experiment.reference])
     path, times = np.linspace(0.0, strain, CURVE_STEPS), np.linspace(0.0, seconds, CURVE_STEPS)
     try:
-        found, started = (uniaxial(law, [values[name].value for name in names], path, times=times, axis=axis)
+        identified, started = (uniaxial(law, [values[name].value for name in names], path, times=times, axis=axis)
                           for values in (parameters, experiment.parameters))
     except NotConverged:
         return None
     table = result["correlation"]
-    known = [i for i, name in enumerate(names) if name in table["names"]]
-    at = [table["names"].index(names[i]) for i in known]
-    stds = np.array([result["parameters"][names[i]]["std"] * abs(parameters[names[i]].factor) for i in known])
+    determined = [i for i, name in enumerate(names) if name in table["names"]]
+    at = [table["names"].index(names[i]) for i in determined]
+    stds = np.array([result["parameters"][names[i]]["std"] * abs(parameters[names[i]].factor) for i in determined])
     covariance = np.asarray(table["matrix"], dtype=float)[np.ix_(at, at)] * np.outer(stds, stds)
-    slopes = found.dP[:, known, axis, axis]  # (m, n) MPa per unit
+    slopes = identified.dP[:, determined, axis, axis]  # (m, n) MPa per unit
     variance = np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
-    return LawCurve(material.element_set, material.law, path, found.P[:, axis, axis],
+    return LawCurve(material.element_set, material.law, path, identified.P[:, axis, axis],
                     np.sqrt(np.maximum(variance, 0.0)),
                     started.P[:, axis, axis], seconds, axis="xyz"[axis])
 
@@ -82,7 +82,7 @@ def _curve(experiment, material: Material, names, parameters: ParameterSet, resu
 def _direction(experiment: Experiment, material: Material, motions: np.ndarray) -> tuple[int, int]:
     """Axis of the mesh nearest to the largest mean strain of the set, and whether it is stretched (1) or pressed
     (-1)."""
-    mesh, largest, found = experiment.mesh, 0.0, (0, 1)
+    mesh, largest, direction = experiment.mesh, 0.0, (0, 1)
     nodes = nodes_of(mesh, mesh.element_sets[material.element_set])
     for u in motions:
         F = nodal_deformation(mesh, u[:, :mesh.n_dim])[nodes]
@@ -90,8 +90,8 @@ def _direction(experiment: Experiment, material: Material, motions: np.ndarray) 
         values, vectors = np.linalg.eigh(mean)
         k = int(np.argmax(np.abs(values)))
         if abs(values[k]) > largest:
-            largest, found = abs(values[k]), (int(np.argmax(np.abs(vectors[:, k]))), 1 if values[k] > 0 else -1)
-    return found
+            largest, direction = abs(values[k]), (int(np.argmax(np.abs(vectors[:, k]))), 1 if values[k] > 0 else -1)
+    return direction
 
 
 def _largest_strain(experiment: Experiment, material: Material, motions: np.ndarray) -> float:
@@ -107,6 +107,8 @@ def _largest_strain(experiment: Experiment, material: Material, motions: np.ndar
 
 def nodes_of(mesh, elements: np.ndarray) -> np.ndarray:
     """The nodes of some elements, each once."""
-    found = [block.connectivity[elements[(elements >= block.first) & (elements < block.first + len(block.connectivity))]
-                                - block.first].ravel() for block in mesh.blocks]
-    return np.unique(np.concatenate(found))
+    nodes_of_blocks = []
+    for block in mesh.blocks:
+        inside = (elements >= block.first) & (elements < block.first + len(block.connectivity))
+        nodes_of_blocks.append(block.connectivity[elements[inside] - block.first].ravel())
+    return np.unique(np.concatenate(nodes_of_blocks))

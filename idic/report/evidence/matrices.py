@@ -19,14 +19,14 @@ def without_modes(M: Mapping) -> tuple[tuple[str, ...], np.ndarray | None]:
     names = list(M.get("names", ()))
     if not names:
         return (), None
-    whole = np.array(M["matrix"])
-    kept = [i for i, name in enumerate(names) if not is_mode(name)]
+    matrix = np.array(M["matrix"])
+    others_at = [i for i, name in enumerate(names) if not is_mode(name)]
     modes = [i for i, name in enumerate(names) if is_mode(name)]
     if modes:
-        cross = whole[np.ix_(kept, modes)]
-        inner = np.linalg.pinv(whole[np.ix_(modes, modes)], rcond=_MIN_INVERTED_EIGENVALUE, hermitian=True)
-        whole = whole[np.ix_(kept, kept)] - cross @ inner @ cross.T
-    return tuple(names[i] for i in kept), whole
+        cross = matrix[np.ix_(others_at, modes)]
+        inner = np.linalg.pinv(matrix[np.ix_(modes, modes)], rcond=_MIN_INVERTED_EIGENVALUE, hermitian=True)
+        matrix = matrix[np.ix_(others_at, others_at)] - cross @ inner @ cross.T
+    return tuple(names[i] for i in others_at), matrix
 
 
 def shown_step(parameter: Parameter) -> tuple[float, str]:

@@ -55,15 +55,15 @@ def mirrored_axes(experiment: Experiment, reference: np.ndarray, roi: np.ndarray
     camera, noise = experiment.camera, experiment.noise.std_gv
     if not isinstance(camera, Camera) or is_section(experiment) or experiment.quantity != "grey":
         return
-    here = float(without_pattern(reference, roi, noise).mean())
-    if here <= MAX_PLAIN_SHARE:
+    plain_share = float(without_pattern(reference, roi, noise).mean())
+    if plain_share <= MAX_PLAIN_SHARE:
         return
     for name, flip in (("columns", np.diag([-1.0, 1.0])), ("rows", np.diag([1.0, -1.0]))):
         region = _region(replace(experiment, camera=replace(camera, matrix=flip @ camera.matrix)))
         share = 1.0 if region is None else float(without_pattern(reference, region, noise).mean())
-        if share < MAX_SHARE_OF_MIRRORED * here:
+        if share < MAX_SHARE_OF_MIRRORED * plain_share:
             yield (f"mirrored along the {name} of the image, {share:.0%} of the ROI would be without pattern; now it "
-                   f"is {here:.0%}. A sign in axes may be wrong: look at the picture")
+                   f"is {plain_share:.0%}. A sign in axes may be wrong: look at the picture")
 
 
 def ends_that_move_otherwise(experiment: Experiment, reference: np.ndarray) -> Iterator[str]:
@@ -77,17 +77,17 @@ def ends_that_move_otherwise(experiment: Experiment, reference: np.ndarray) -> I
     if experiment.quantity != "grey" or experiment.points is not None or is_section(experiment) or (
             isinstance(moving, CameraMotion) and any("_at[" in name for name in moving.names)):
         return
-    driven = [one for one in experiment.prescribed if isinstance(one.drive, Column)]
+    driven = [condition for condition in experiment.prescribed if isinstance(condition.drive, Column)]
     counted = [k for k in range(experiment.n_frames) if k not in experiment.excluded]
     points, _ = seen_nodes(experiment.mesh, experiment.kind, experiment.surface)
-    for one in driven if len(driven) == 1 and len(counted) > 1 else ():
-        held = next((other for other in experiment.prescribed if other.component == one.component
-                     and isinstance(other.drive, Constant) and other.drive.value == 0.0), None)
-        if held is None or one.component == "z":
+    for condition in driven if len(driven) == 1 and len(counted) > 1 else ():
+        fixed_end = next((candidate for candidate in experiment.prescribed if candidate.component == condition.component
+                     and isinstance(candidate.drive, Constant) and candidate.drive.value == 0.0), None)
+        if fixed_end is None or condition.component == "z":
             return
-        ends = [points[experiment.mesh.node_sets[nodes]] for nodes in (one.nodes, held.nodes)]
+        ends = [points[experiment.mesh.node_sets[nodes]] for nodes in (condition.nodes, fixed_end.nodes)]
         steps = np.zeros((experiment.n_frames, points.shape[1]))
-        steps[:, "xyz".index(one.component)] = one.drive.values
+        steps[:, "xyz".index(condition.component)] = condition.drive.values
         moved = np.array([(camera.project(ends[0] + step) - camera.project(ends[0])).mean(axis=0) for step in steps])
         sizes = np.hypot(*moved.T)
         frame = next((k for k in counted if sizes[k] >= CLEAR_PX), max(counted, key=lambda k: sizes[k]))
@@ -95,26 +95,28 @@ def ends_that_move_otherwise(experiment: Experiment, reference: np.ndarray) -> I
         if not size >= MIN_LOGGED_PX:  # no number, too
             return
         at = [camera.project(end).mean(axis=0) for end in ends]
-        found = coarse_motion(reference, experiment.picture(frame), camera.project(points), np.array(at))
-        if found is not None:
-            yield from _otherwise(found @ logged / size**2, size, one, held.nodes, experiment.labels[frame])
+        image_motion = coarse_motion(reference, experiment.picture(frame), camera.project(points), np.array(at))
+        if image_motion is not None:
+            yield from _otherwise(image_motion @ logged / size**2, size, condition, fixed_end.nodes,
+                                  experiment.labels[frame])
 
 
-def _otherwise(seen: np.ndarray, size: float, one, held: str, label: str) -> Iterator[str]:
-    """seen : (2,) motion of the driven and of the held end along the logged motion, over its size"""
-    told = (f"{one.drive.column} moves {one.nodes} by {size:.1f} px until {label} and {held} stays; in the image "
-            f"{one.nodes} moves by {seen[0] * size:.1f} px along this direction, {held} by {seen[1] * size:.1f} px")
-    for ends, meaning in (((-1.0, 0.0), f"the sign of {one.drive.column} or of an entry of axes is wrong"),
+def _otherwise(shares: np.ndarray, size: float, condition, fixed_set: str, label: str) -> Iterator[str]:
+    """shares : (2,) motion of the driven and of the fixed end along the logged motion, over its size"""
+    comparison = (f"{condition.drive.column} moves {condition.nodes} by {size:.1f} px until {label} and {fixed_set} "
+                  f"stays; in the image {condition.nodes} moves by {shares[0] * size:.1f} px along this direction, "
+                  f"{fixed_set} by {shares[1] * size:.1f} px")
+    for ends, meaning in (((-1.0, 0.0), f"the sign of {condition.drive.column} or of an entry of axes is wrong"),
                           ((0.0, -1.0), "the ends are exchanged, or an axis is mirrored: look at the sets in the "
                                         "picture and at axes"),
                           ((0.0, 1.0), "the ends are exchanged: the grip that moved is not the one in the model")):
-        if np.abs(seen - ends).max() < MAX_OTHERWISE:
-            yield f"{told}: {meaning}"
+        if np.abs(shares - ends).max() < MAX_OTHERWISE:
+            yield f"{comparison}: {meaning}"
             return
-    stretch = float(seen[0] - seen[1])
+    stretch = float(shares[0] - shares[1])
     if not MIN_STRETCH < stretch < MAX_STRETCH:
-        yield (f"{told}: {stretch:.2g} of the logged motion between them. pixel_size_mm, mesh_unit or the unit of "
-               f"{one.drive.column} may be wrong, or the grip slips")
+        yield (f"{comparison}: {stretch:.2g} of the logged motion between them. pixel_size_mm, mesh_unit or the unit "
+               f"of {condition.drive.column} may be wrong, or the grip slips")
 
 
 def _region(experiment: Experiment) -> np.ndarray | None:

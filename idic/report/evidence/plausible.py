@@ -34,11 +34,11 @@ NO_PATTERN = np.zeros(1, dtype=bool)
 
 def start_values(experiment: Experiment) -> tuple[str, ...]:
     """Of every free parameter ``" from 70 GPa"``: its start value in the user's unit."""
-    found = []
+    texts = []
     for name in experiment.parameters.free:
         parameter = experiment.parameters[name]
-        found.append(f" from {parameter.value / parameter.factor:.6g} {parameter.unit}".rstrip())
-    return tuple(found)
+        texts.append(f" from {parameter.value / parameter.factor:.6g} {parameter.unit}".rstrip())
+    return tuple(texts)
 
 
 def implausible_values(experiment: Experiment) -> Iterator[str]:
@@ -47,15 +47,16 @@ def implausible_values(experiment: Experiment) -> Iterator[str]:
     The laws of an external solver are its own: nothing is known of them.
     """
     for material in experiment.materials if experiment.solver is None else ():
-        own = {name.removeprefix(f"{material.element_set}."): p for name, p in experiment.parameters.items()
+        parameters = {name.removeprefix(f"{material.element_set}."): p for name, p in experiment.parameters.items()
                if name.startswith(f"{material.element_set}.")}
-        for known in law_for(material.law, own).parameters:
-            parameter = own.get(known.name)
-            if parameter is None or known.unit != "MPa" or not known.default or not parameter.value > 0.0:
+        for declared in law_for(material.law, parameters).parameters:
+            parameter = parameters.get(declared.name)
+            if parameter is None or declared.unit != "MPa" or not declared.default or not parameter.value > 0.0:
                 continue
-            ratio = parameter.value / known.default
+            ratio = parameter.value / declared.default
             if not 1.0 / MAX_FROM_TYPICAL < ratio < MAX_FROM_TYPICAL:
-                typical = f"{known.default:,.0f}".replace(",", " ") if known.default >= 1.0 else f"{known.default:g}"
+                large = declared.default >= 1.0
+                typical = f"{declared.default:,.0f}".replace(",", " ") if large else f"{declared.default:g}"
                 yield (f"{parameter.name} = {parameter.value:.6g} MPa; typical of {material.law}: {typical} MPa. "
                        "Check its unit; if the value is intended, do nothing")
 
@@ -64,10 +65,10 @@ def opposed_forces(experiment: Experiment) -> Iterator[str]:
     """Forces with the wrong sign: a reaction is the force on a node set, with the motion at the moving set and against
     it at the held one; no material opposes this over a whole test.
     """
-    moved = [(one, one.drive) for one in experiment.prescribed if isinstance(one.drive, Column)]
+    moved = [(condition, condition.drive) for condition in experiment.prescribed if isinstance(condition.drive, Column)]
     counted = [k for k in range(experiment.n_frames) if k not in experiment.excluded]
     for channel in experiment.channels if len(counted) > 2 else ():
-        along = [(one.nodes, drive) for one, drive in moved if one.component == channel.component]
+        along = [(condition.nodes, drive) for condition, drive in moved if condition.component == channel.component]
         if channel.kind != "reaction" or len(along) != 1:
             continue
         (nodes, drive), = along
@@ -80,14 +81,14 @@ def opposed_forces(experiment: Experiment) -> Iterator[str]:
                    "reverses the sign of the force")
 
 
-def repeated_image(experiment: Experiment, before: int, k: int) -> Iterator[str]:
+def repeated_image(experiment: Experiment, previous: int, k: int) -> Iterator[str]:
     """Two frames with the same grey values, unless the log shows that nothing happens between them."""
     columns = [channel.values for channel in experiment.channels]
-    columns += [one.drive.values for one in experiment.prescribed if isinstance(one.drive, Column)]
-    columns += [one.drive.values for one in experiment.loads if isinstance(one.drive, Column)]
-    if columns and all(abs(own[k] - own[before]) <= MIN_STEP_SHARE * np.ptp(own) for own in columns):
+    columns += [condition.drive.values for condition in experiment.prescribed if isinstance(condition.drive, Column)]
+    columns += [load.drive.values for load in experiment.loads if isinstance(load.drive, Column)]
+    if columns and all(abs(column[k] - column[previous]) <= MIN_STEP_SHARE * np.ptp(column) for column in columns):
         return
-    yield (f"{experiment.labels[k]} repeats {experiment.labels[before]} to the last grey value: an image that the "
+    yield (f"{experiment.labels[k]} repeats {experiment.labels[previous]} to the last grey value: an image that the "
            "recording lost, and replaced by the one before. Its motion is that of another moment: list it in "
            "exclude_frames, and check that log and images still belong together after it")
 
@@ -98,7 +99,8 @@ def sums_of_all_reactions(experiment: Experiment) -> Iterator[str]:
         return
     sets = experiment.mesh.node_sets
     for channel in experiment.channels:
-        driven = [sets[one.nodes] for one in experiment.prescribed if one.component == channel.component]
+        driven = [sets[condition.nodes] for condition in experiment.prescribed
+                  if condition.component == channel.component]
         if channel.kind == "reaction" and driven and np.isin(np.concatenate(driven), sets[channel.nodes]).all():
             yield (f"{channel.column}: {channel.nodes} holds every node that is moved or held along "
                    f"{channel.component}, and all reactions together are zero: name the set at one end, as reaction = "
@@ -111,8 +113,8 @@ def loaded_reference(experiment: Experiment) -> Iterator[str]:
         counted = [k for k in range(experiment.n_frames) if k not in experiment.excluded]
         force, start = channel.values[counted], float(channel.values[experiment.reference])
         offset = f"channel.{channel.column}.offset"
-        known = experiment.parameters.get(offset)
-        corrected = known is not None and (known.free or known.value != 0.0)
+        offset_parameter = experiment.parameters.get(offset)
+        corrected = offset_parameter is not None and (offset_parameter.free or offset_parameter.value != 0.0)
         least = max(MAX_FIRST_FORCE * float(np.ptp(force)), 5.0 * (channel.noise_std or 0.0))
         if channel.kind == "reaction" and not corrected and abs(start) > least:
             factor = channel.shown_factor
@@ -132,10 +134,10 @@ def separate_pieces(mesh: Mesh, unit: str) -> Iterator[str]:
     order = np.lexsort((piece, place.ravel()))
     double = np.flatnonzero((np.diff(place.ravel()[order]) == 0) & (np.diff(piece[order]) != 0))
     if len(double):
-        where = ", ".join(f"{axis} {x:.4g}" for axis, x in zip("xyz", mesh.nodes[order[double[0]]], strict=False))
+        coordinates = ", ".join(f"{axis} {x:.4g}" for axis, x in zip("xyz", mesh.nodes[order[double[0]]], strict=False))
         yield (f"the mesh has {n_pieces} pieces that share no node, with {len(double)} pairs of nodes at the same "
-               f"place (the first at {where} {unit}): no force passes between them. Merge these nodes in the mesh "
-               "generator")
+               f"place (the first at {coordinates} {unit}): no force passes between them. Merge these nodes in the "
+               "mesh generator")
 
 
 def implausible_scale(extent_px: np.ndarray, shape: tuple[int, int], visible: float,
@@ -211,9 +213,9 @@ def covered_holes(roi: np.ndarray, plain: np.ndarray) -> Iterator[str]:
     roi : (ny, nx) bool
     plain : (n_roi,) bool, its pixels without pattern
     """
-    where = np.zeros(roi.shape, dtype=bool)
-    where[roi] = plain
-    places, _ = label(where)
+    plain_pixels = np.zeros(roi.shape, dtype=bool)
+    plain_pixels[roi] = plain
+    places, _ = label(plain_pixels)
     for number, box in enumerate(find_objects(places), start=1):
         inside = places[box] == number
         rows, columns = box

@@ -36,12 +36,12 @@ def point_maps_of(experiment: Experiment, camera: Camera, reference: FieldRefere
 
     measured, residual = [], []
     for frame in frames:
-        seen = reference.measured(experiment, frame)
+        displacements = reference.measured(experiment, frame)
         at_nodes = motion(frame)
         nodal = reference.compare(experiment, frame, at_nodes)
-        own = np.linalg.pinv(nodal.bb, hermitian=True) @ nodal.rb
-        left = reference.compare_pixels(experiment, frame, at_nodes, own)
-        measured.append(along_mesh(seen))
-        residual.append(along_mesh(np.where(left.valid, left.r, np.nan)))
+        frame_motion = np.linalg.pinv(nodal.bb, hermitian=True) @ nodal.rb
+        rows_left = reference.compare_pixels(experiment, frame, at_nodes, frame_motion)
+        measured.append(along_mesh(displacements))
+        residual.append(along_mesh(np.where(rows_left.valid, rows_left.r, np.nan)))
     return PointMaps(tuple(frames), camera.inverse(pm.positions[at]), np.array(measured), np.array(residual),
                      experiment.points.pitch_mm, 0.0 if reference.depth is None else reference.depth.std_um)

@@ -23,8 +23,8 @@ def practice_of(experiment: Experiment, reference, result: Mapping, floor: Noise
     reference : of the main camera; sources : where the noise of each channel comes from
     """
     image = np.asarray(experiment.picture(experiment.reference))
-    seen, n_pixels = _correlated(experiment, reference, image.shape)
-    values = image[seen & np.isfinite(image)].astype(float)
+    correlated, n_pixels = _correlated(experiment, reference, image.shape)
+    values = image[correlated & np.isfinite(image)].astype(float)
     sides, cell = _elements(experiment, reference)
     options, stds = experiment.options, result["residual"].get("channel_noise_std", {})
     units = {channel.column: channel.shown_unit for channel in experiment.channels}
@@ -33,11 +33,11 @@ def practice_of(experiment: Experiment, reference, result: Mapping, floor: Noise
         version=_version(), setup=dict(experiment.extras.get("setup", {})), columns=image.shape[1], rows=image.shape[0],
         depth=str(image.dtype), frame_s=_between_frames(experiment),
         reference=experiment.labels[experiment.reference], n_references=experiment.n_references, n_pixels=n_pixels,
-        speckle_px=speckle_size(image, seen, sigma),
+        speckle_px=speckle_size(image, correlated, sigma),
         contrast=float(values.std()) if len(values) else 0.0,
         grey_range=(float(values.min()), float(values.max())) if len(values) else (0.0, 0.0),
         saturated=saturated_share(image if experiment.points is not None
-                                  else recorded(experiment.stack).frame(experiment.reference), seen),
+                                  else recorded(experiment.stack).frame(experiment.reference), correlated),
         lowpass_px=options.lowpass_px, interpolation=options.interpolation, brightness=options.brightness,
         edge_margin_px=options.edge_margin_px, n_elements=len(sides), cell=cell,
         element_px=float(sides.mean()) if len(sides) else 0.0, smallest_px=float(sides.min()) if len(sides) else 0.0,
@@ -76,7 +76,7 @@ def _elements(experiment: Experiment, reference) -> tuple[np.ndarray, str]:
     if reference.is_section:
         points, cells = seen_nodes(experiment.mesh, experiment.kind, experiment.surface)
         corners = corners_px(points, cells, experiment.kind, experiment.surface, experiment.camera)
-        return np.array([_side(own) for own in corners]), "edge"
+        return np.array([_side(polygon) for polygon in corners]), "edge"
     pixel_map, sides = reference.pixel_map, []
     for kind, conn in zip(pixel_map.kind, pixel_map.conn, strict=True):
         corners = 3 if CELLS[kind].startswith("tri") else 4

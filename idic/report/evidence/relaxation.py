@@ -36,9 +36,9 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping) -
         names = [f"{stem}.E", f"{stem}.nu", *(f"{stem}.{name}" for name in weight_names(n))]
         E, nu, *weights = (parameters[name].value for name in names)
         entries = [result["parameters"].get(name) or {} for name in names]
-        known = [i for i, entry in enumerate(entries)
+        determined = [i for i, entry in enumerate(entries)
                  if entry.get("std") and names[i] in result["correlation"]["names"]]
-        if not any(i > 1 for i in known):
+        if not any(i > 1 for i in determined):
             continue
         taus = grid(parameters[f"{stem}.shortest"].value, parameters[f"{stem}.longest"].value, n)
         compared = np.geomspace(np.diff(times).min(), times[-1] - times[0], n + 2)
@@ -46,11 +46,11 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping) -
         t = np.exp(np.interp(np.arange(at[-1] + 1), at, np.log(compared)))
         G, loss = E / (2.0 * (1.0 + nu)), relaxing(t, taus)
         modulus = G * (1.0 - loss @ weights)
-        J = np.column_stack([modulus / E, -modulus / (1.0 + nu), -G * loss])[:, known]
-        own = covariance_of(result, parameters, [names[i] for i in known])
-        covariance = J @ own @ J.T + G**2 * grid_covariance(t, taus, np.array(weights))
+        J = np.column_stack([modulus / E, -modulus / (1.0 + nu), -G * loss])[:, determined]
+        parameter_covariance = covariance_of(result, parameters, [names[i] for i in determined])
+        covariance = J @ parameter_covariance @ J.T + G**2 * grid_covariance(t, taus, np.array(weights))
         std = np.full(len(names), np.nan)
-        std[known] = np.sqrt(np.diag(own))
+        std[determined] = np.sqrt(np.diag(parameter_covariance))
         yield RelaxationCurve(stem, t, modulus, np.sqrt(np.maximum(np.diag(covariance), 0.0)), taus, np.array(weights),
                               std[2:], classical_fits(t, modulus, covariance, at, FORMS),
                               smoothness_of(experiment, names[2]).strength)

@@ -28,30 +28,30 @@ def rig_warnings(experiment: Experiment, time_s: float) -> Iterator[str]:
     that the identification would leave out in the end.
     """
     yield from _held_thickness(experiment)
-    compared = [other for other in experiment.cameras if other.texture is not None]
+    compared = [camera for camera in experiment.cameras if camera.texture is not None]
     if compared and not determined_by_texture(experiment, experiment.parameters.free):
-        names = ", ".join(other.name for other in compared)
+        names = ", ".join(camera.name for camera in compared)
         yield (f"texture of {names} changes nothing: no lens, pose, placement or shape is free; set "
                "identify_calibration, or give [[dof]] such as placement.t_z")
     stems = {PLACEMENT_STEM, *(view.camera_name for view in experiment.views if isinstance(view.camera, PlacedCamera))}
-    free = [name for name in experiment.parameters.free if name.partition(".")[0] in stems]
-    if len(stems) == 1 or not free:
+    rig_parameters = [name for name in experiment.parameters.free if name.partition(".")[0] in stems]
+    if len(stems) == 1 or not rig_parameters:
         return
     if time_s > LONGEST_S:
-        yield (f"whether {', '.join(free)} can be separated is not checked here, because it takes minutes: "
+        yield (f"whether {', '.join(rig_parameters)} can be separated is not checked here, because it takes minutes: "
                "idic design reports it")
         return
     try:
-        told = design_test("check", _thinned(experiment)).full.summary()
+        summary = design_test("check", _thinned(experiment)).full.summary()
     except (InputError, NotConverged) as problem:
-        yield f"whether {', '.join(free)} can be separated is not known before the run: {problem}"
+        yield f"whether {', '.join(rig_parameters)} can be separated is not known before the run: {problem}"
         return
-    for entry in told["not_identifiable"]:
+    for entry in summary["not_identifiable"]:
         yield f"{entry['name']} will not be identified: it {_sentence(entry['reason'])}; hold it, or give it a prior"
-    names, matrix = told["correlation"]["names"], np.array(told["correlation"]["matrix"])
+    names, matrix = summary["correlation"]["names"], np.array(summary["correlation"]["matrix"])
     for i, first in enumerate(names):
         for j, second in enumerate(names[:i]):
-            if (first in free or second in free) and abs(matrix[i, j]) > MIN_CORRELATION:
+            if (first in rig_parameters or second in rig_parameters) and abs(matrix[i, j]) > MIN_CORRELATION:
                 yield (f"{second} and {first} are hardly separated (correlation {matrix[i, j]:.3f}): error bars will "
                        "be large")
 
@@ -63,13 +63,13 @@ def _sentence(reason: str) -> str:
 def _thinned(experiment: Experiment) -> Experiment:
     """The experiment with few frames to compare, and a noise where none is known."""
     counted = [k for k in range(experiment.reference + 1, experiment.n_frames) if k not in experiment.excluded]
-    kept = {counted[i] for i in np.linspace(0, len(counted) - 1, min(N_FRAMES, len(counted))).astype(int)}
+    frames = {counted[i] for i in np.linspace(0, len(counted) - 1, min(N_FRAMES, len(counted))).astype(int)}
     noise = Noise(ASSUMED_NOISE_GV, "assumed")
     return replace(
-        experiment, excluded=tuple(k for k in range(experiment.reference + 1, experiment.n_frames) if k not in kept),
+        experiment, excluded=tuple(k for k in range(experiment.reference + 1, experiment.n_frames) if k not in frames),
         noise=noise if experiment.noise.std_gv is None else experiment.noise,
-        cameras=tuple(replace(other, noise=noise) if other.noise.std_gv is None else other
-                      for other in experiment.cameras))
+        cameras=tuple(replace(camera, noise=noise) if camera.noise.std_gv is None else camera
+                      for camera in experiment.cameras))
 
 
 def _held_thickness(experiment: Experiment) -> Iterator[str]:

@@ -44,38 +44,38 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
         counts = tuple(n for n in knots_of_rubber(material.law) if n)
         if not counts:
             continue
-        own = INVARIANTS[:len(counts)]
-        names = [f"{material.element_set}.{name}" for invariant, n in zip(own, counts, strict=True)
+        law_invariants = INVARIANTS[:len(counts)]
+        names = [f"{material.element_set}.{name}" for invariant, n in zip(law_invariants, counts, strict=True)
                  for name in rubber_level_names(invariant, n)]
-        known = [i for i, name in enumerate(names)
+        determined = [i for i, name in enumerate(names)
                  if (result["parameters"].get(name) or {}).get("std") and name in result["correlation"]["names"]]
-        if not known:
+        if not determined:
             continue
-        last = tuple(parameters[f"{material.element_set}.{invariant}_range"].value for invariant in own)
+        ranges = tuple(parameters[f"{material.element_set}.{invariant}_range"].value for invariant in law_invariants)
         levels = np.array([parameters[name].value for name in names])
         covariance = np.zeros((len(names), len(names)))
-        covariance[np.ix_(known, known)] = covariance_of(result, parameters, [names[i] for i in known])
+        covariance[np.ix_(determined, determined)] = covariance_of(result, parameters, [names[i] for i in determined])
         reached = _reached(experiment, material, motions)
-        modes, rows, where = [], [], []
+        modes, rows, points = [], [], []
         for mode in RUBBER_TESTS:
             end = _largest_stretch(mode, reached[:len(counts)])
             stretch = np.linspace(SMALLEST_STRETCH, end, POINTS)
-            J = stress_matrix(mode, stretch, last, counts)
+            J = stress_matrix(mode, stretch, ranges, counts)
             modes.append((mode, stretch, J @ levels, _std(J, covariance)))
-            some = np.linspace(SMALLEST_STRETCH, end, COMPARED + 1)[1:]
-            rows.append(stress_matrix(mode, some, last, counts))
-            where += [(mode, value) for value in some]
-        J, places = np.vstack(rows), np.arange(len(where), dtype=float)
-        forms = classical_forms(np.array([mode for mode, _ in where]), np.array([value for _, value in where]))
-        fits = classical_fits(places, J @ levels, J @ covariance @ J.T, range(len(where)), forms)
+            samples = np.linspace(SMALLEST_STRETCH, end, COMPARED + 1)[1:]
+            rows.append(stress_matrix(mode, samples, ranges, counts))
+            points += [(mode, value) for value in samples]
+        J, places = np.vstack(rows), np.arange(len(points), dtype=float)
+        forms = classical_forms(np.array([mode for mode, _ in points]), np.array([value for _, value in points]))
+        fits = classical_fits(places, J @ levels, J @ covariance @ J.T, range(len(points)), forms)
         cut = np.cumsum([0, *counts])
         slopes = []
-        for k, (invariant, n, end) in enumerate(zip(own, counts, last, strict=True)):
+        for k, (invariant, n, end) in enumerate(zip(law_invariants, counts, ranges, strict=True)):
             x = np.linspace(0.0, min(reached[k], end), POINTS)
             B, part = basis(x, end, n), slice(cut[k], cut[k + 1])
             slopes.append(RubberSlope(invariant, x, B @ levels[part], _std(B, covariance[part, part]), knots(end, n)))
-        yield RubberCurve(material.element_set, tuple(RubberMode(*one) for one in modes), tuple(slopes), reached, fits,
-                          tuple(smoothness_of(experiment, names[place]).strength for place in cut[:-1]))
+        yield RubberCurve(material.element_set, tuple(RubberMode(*mode) for mode in modes), tuple(slopes), reached,
+                          fits, tuple(smoothness_of(experiment, names[place]).strength for place in cut[:-1]))
 
 
 def _std(J: np.ndarray, covariance: np.ndarray) -> np.ndarray:
@@ -85,14 +85,14 @@ def _std(J: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 def _reached(experiment: Experiment, material: Material, motions: np.ndarray) -> tuple[float, float]:
     """I1 - 3 and I2 - 3 that nearly all nodes of the set stay within; a plane body keeps its volume."""
     mesh, nodes = experiment.mesh, nodes_of(experiment.mesh, experiment.mesh.element_sets[material.element_set])
-    found = [0.0, 0.0]
+    largest = [0.0, 0.0]
     for u in motions:
         F = nodal_deformation(mesh, u[:, :mesh.n_dim])[nodes]
         s = np.linalg.svd(F[np.isfinite(F).all(axis=(1, 2))], compute_uv=False)[:, :2]
         squares = np.column_stack([s**2, 1.0 / np.prod(s, axis=1) ** 2])
         for k, values in enumerate((squares.sum(axis=1) - 3.0, (1.0 / squares).sum(axis=1) - 3.0)):
-            found[k] = max(found[k], float(np.percentile(values, REACHED_PERCENTILE)))
-    return found[0], found[1]
+            largest[k] = max(largest[k], float(np.percentile(values, REACHED_PERCENTILE)))
+    return largest[0], largest[1]
 
 
 def _largest_stretch(mode: str, reached: tuple[float, ...]) -> float:

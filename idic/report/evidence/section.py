@@ -25,16 +25,16 @@ def section_fields(experiment: Experiment, reference: SectionReference, columns_
     differences, rises, residuals, chi2 = [], [], [], []
     for frame in frames:
         start = motion(frame)
-        found = section_field(reference, experiment.stack.frame(frame), start, columns_px)
-        if not found.residual.valid.any():
+        fit = section_field(reference, experiment.stack.frame(frame), start, columns_px)
+        if not fit.residual.valid.any():
             return None
         away = np.full_like(start, np.nan)
-        away[found.nodes] = (found.motion - start)[found.nodes]
+        away[fit.nodes] = (fit.motion - start)[fit.nodes]
         differences.append(away[:, :2])
         rises.append(away[:, 2])
-        left = np.where(found.residual.valid, found.residual.r, np.nan)
-        residuals.append(reference.pixel_map.to_image(left))
-        chi2.append(found.chi2_dof(experiment.noise.std_gv))
+        residual = np.where(fit.residual.valid, fit.residual.r, np.nan)
+        residuals.append(reference.pixel_map.to_image(residual))
+        chi2.append(fit.chi2_dof(experiment.noise.std_gv))
     if not frames:
         return None
     return FreeFields(tuple(frames), np.array(differences), np.array(residuals, dtype=np.float32), np.array(chi2),
@@ -44,14 +44,14 @@ def section_fields(experiment: Experiment, reference: SectionReference, columns_
 def with_section_floor(floor: NoiseFloor, experiment: Experiment, reference: SectionReference,
                        columns_px: np.ndarray) -> NoiseFloor:
     """The floor with the free measurement of a still image: the reference with the noise of a difference."""
-    sigma, taken = experiment.noise.std_gv, experiment.averaged or (experiment.reference,)
+    sigma, averaged = experiment.noise.std_gv, experiment.averaged or (experiment.reference,)
     if not sigma:
         return floor
-    still = np.mean([np.asarray(experiment.stack.frame(k), dtype=float) for k in taken], axis=0)
+    still = np.mean([np.asarray(experiment.stack.frame(k), dtype=float) for k in averaged], axis=0)
     noise = np.random.default_rng(SEED).standard_normal(still.shape)
-    still = still + sigma * np.sqrt(1.0 + 1.0 / len(taken)) * noise
-    found = section_field(reference, still, np.zeros((len(columns_px), 3)), columns_px)
-    moved = section_motion(reference.pixel_map, found.motion)
+    still = still + sigma * np.sqrt(1.0 + 1.0 / len(averaged)) * noise
+    fit = section_field(reference, still, np.zeros((len(columns_px), 3)), columns_px)
+    moved = section_motion(reference.pixel_map, fit.motion)
     px, strain, rise = (float(np.sqrt(np.mean(np.square(v)))) for v in (moved.u, moved.du, moved.h))
     return replace(floor, free_px=px, free_strain=strain, free_rise=rise)
 
@@ -68,16 +68,16 @@ def _profile(view: FrameView, reference: SectionReference, motion: np.ndarray) -
     order = np.argsort(pm.column)
     at = (pm.column + section_motion(pm, motion).u)[order]
     misfit = np.asarray(view.residual, dtype=float)[:, pm.column[order]]
-    seen = np.isfinite(misfit)
+    compared = np.isfinite(misfit)
     heights = _at_columns(np.asarray(view.image, dtype=float), at)
-    count = seen.sum(axis=0)
-    means = [np.where(count > 0, np.where(seen, values, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
+    count = compared.sum(axis=0)
+    means = [np.where(count > 0, np.where(compared, values, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
              for values in (heights, misfit)]
     return SectionProfile(at, means[0], means[1], count)
 
 
 def _at_columns(image: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Every row between its columns, straight lines  # (ny, nx) -> (ny, m)"""
-    left = np.clip(np.floor(at).astype(int), 0, image.shape[1] - 2)
-    part = np.clip(at - left, 0.0, 1.0)
-    return (1.0 - part) * image[:, left] + part * image[:, left + 1]
+    floor_column = np.clip(np.floor(at).astype(int), 0, image.shape[1] - 2)
+    part = np.clip(at - floor_column, 0.0, 1.0)
+    return (1.0 - part) * image[:, floor_column] + part * image[:, floor_column + 1]

@@ -21,8 +21,8 @@ def temperature_factors(experiment: Experiment, parameters: ParameterSet,
     field = nodal_temperature(experiment)
     if field is None:
         return ()
-    seen = field.start + field.values[experiment.reference:]
-    return tuple(_factors(experiment, parameters, result, np.linspace(seen.min(), seen.max(), POINTS)))
+    temperatures = field.start + field.values[experiment.reference:]
+    return tuple(_factors(experiment, parameters, result, np.linspace(temperatures.min(), temperatures.max(), POINTS)))
 
 
 def _factors(experiment: Experiment, parameters: ParameterSet, result: Mapping,
@@ -35,17 +35,18 @@ def _factors(experiment: Experiment, parameters: ParameterSet, result: Mapping,
         values = {name: parameters[f"{material.element_set}.{name}"].value for name in names}
         written = [term for term in terms_of(material.law, values) or () if term.term.group == "temperature"]
         reference = values["reference_temperature"]
-        for one, term in zip(dependence.factors, written, strict=True):
-            own = np.array(list(term.values.values()))
+        for dependent, term in zip(dependence.factors, written, strict=True):
+            constants = np.array(list(term.values.values()))
             full = [f"{material.element_set}.{name}" for name in term.names.values()]
-            known = [i for i, name in enumerate(full)
+            determined = [i for i, name in enumerate(full)
                      if (result["parameters"].get(name) or {}).get("std") and name in result["correlation"]["names"]]
-            slopes = np.array([factor(one.kind, own + 1j * STEP * np.eye(len(own))[i], reference, T + 0j).imag / STEP
-                               for i in known])
+            steps = 1j * STEP * np.eye(len(constants))
+            slopes = np.array([factor(dependent.kind, constants + steps[i], reference, T + 0j).imag / STEP
+                               for i in determined])
             variance = np.zeros(len(T))
-            if known:
-                covariance = covariance_of(result, parameters, [full[i] for i in known])
+            if determined:
+                covariance = covariance_of(result, parameters, [full[i] for i in determined])
                 variance = np.einsum("it,ij,jt->t", slopes, covariance, slopes)
             kind, *targets = term.kind.split(PRODUCT_SIGN)
             yield TemperatureFactor(material.element_set, kind, tuple(targets), dict(term.values), reference, T,
-                                    factor(one.kind, own, reference, T), np.sqrt(np.maximum(variance, 0.0)))
+                                    factor(dependent.kind, constants, reference, T), np.sqrt(np.maximum(variance, 0.0)))

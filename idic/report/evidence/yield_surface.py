@@ -42,30 +42,30 @@ def _surfaces(experiment: Experiment, parameters: ParameterSet, result: Mapping,
             continue
         names = [f"{stem}.yield_stress", *(f"{stem}.{name}" for name in surface_weights(n))]
         entries = [result["parameters"].get(name) or {} for name in names]
-        known = [i for i, entry in enumerate(entries)
+        determined = [i for i, entry in enumerate(entries)
                  if entry.get("std") and names[i] in result["correlation"]["names"]]
-        if not any(i > 0 for i in known):
+        if not any(i > 0 for i in determined):
             continue
         start, *weights = (parameters[name].value for name in names)
-        covariance = covariance_of(result, parameters, [names[i] for i in known])
+        covariance = covariance_of(result, parameters, [names[i] for i in determined])
 
-        def radius(stress: np.ndarray, start=start, weights=weights, known=known,
+        def radius(stress: np.ndarray, start=start, weights=weights, determined=determined,
                    covariance=covariance) -> tuple[np.ndarray, np.ndarray]:
             """(radius, its covariance) along directions, MPa."""
             q, dq = equivalent(np.array(weights), stress)
-            J = np.column_stack([1.0 / q, -start / (q * q)[:, None] * dq])[:, known]
+            J = np.column_stack([1.0 / q, -start / (q * q)[:, None] * dq])[:, determined]
             return start / q, J @ covariance @ J.T
 
         turn = np.linspace(0.0, 2.0 * np.pi, SECTION_POINTS)
         section = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(SECTION_POINTS)])
         visited = visited_directions(series, float(parameters[f"{stem}.yield_surface_angle"].value))
         r, C = radius(section)
-        fits, own, stds = (), np.zeros(0), np.zeros(0)
+        fits, along, stds = (), np.zeros(0), np.zeros(0)
         if len(visited):
-            own, own_C = radius(visited)
-            stds = std_of(own, own_C)
-            fits = surface_fits(visited, own, own_C)
-        yield YieldSurface(stem, section, r, std_of(r, C), visited, own, stds, fits,
+            along, along_C = radius(visited)
+            stds = std_of(along, along_C)
+            fits = surface_fits(visited, along, along_C)
+        yield YieldSurface(stem, section, r, std_of(r, C), visited, along, stds, fits,
                            NEIGHBOURS * smoothness_of(experiment, names[1]).strength)
 
 
@@ -108,9 +108,9 @@ def visited_directions(series: FieldSeries | None, angle: float) -> np.ndarray:
     unit = np.where((unit[:, 0] + unit[:, 1] < 0.0)[:, None], -1.0, 1.0) * unit
     cells = np.floor(np.degrees(np.column_stack([np.arctan2(unit[:, 1], unit[:, 0]),
                                                  np.arcsin(np.clip(unit[:, 2], -1.0, 1.0))])) / CELL).astype(int)
-    found, inverse, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    cell_numbers, inverse, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     inverse = inverse.ravel()
-    kept = np.argsort(-counts)[:MOST_DIRECTIONS]
-    means = np.array([unit[inverse == i].mean(axis=0) for i in kept]).reshape(len(kept), 3)
+    fullest = np.argsort(-counts)[:MOST_DIRECTIONS]
+    means = np.array([unit[inverse == i].mean(axis=0) for i in fullest]).reshape(len(fullest), 3)
     means /= np.linalg.norm(means, axis=1)[:, None]
     return means[np.lexsort((means[:, 2], np.arctan2(means[:, 1], means[:, 0])))]

@@ -18,14 +18,15 @@ def gauge_tables(record: RunRecord) -> dict[str, tuple[list[str], list[list]]]:
     """File name -> (header, rows): ``gauges.csv``, one row per frame, and a file per line cut."""
     if record.series is None or not record.gauges:
         return {}
-    found = {}
+    tables = {}
     plain = [gauge for gauge in record.gauges if gauge.kind != "line"]
     if plain:
-        found["gauges.csv"] = _over_frames(record, [own for gauge in plain for own in readings(record.series, gauge)])
+        tables["gauges.csv"] = _over_frames(
+            record, [reading for gauge in plain for reading in readings(record.series, gauge)])
     for gauge in record.gauges:
         if gauge.kind == "line":
-            found[f"line_{path_name(gauge.name)}.csv"] = _line(record, gauge)
-    return found
+            tables[f"line_{path_name(gauge.name)}.csv"] = _line(record, gauge)
+    return tables
 
 
 def gauge_rows(record: RunRecord) -> list[dict]:
@@ -36,28 +37,32 @@ def gauge_rows(record: RunRecord) -> list[dict]:
     for gauge in record.gauges:
         if gauge.kind == "line":
             continue
-        for own in readings(record.series, gauge):
-            if own.quantity in SHOWN[gauge.kind]:
-                rows.append(_row(gauge, own))
+        for reading in readings(record.series, gauge):
+            if reading.quantity in SHOWN[gauge.kind]:
+                rows.append(_row(gauge, reading))
     return rows
 
 
-def _row(gauge: Gauge, own: Reading) -> dict:
-    std = None if own.std is None or not np.isfinite(own.std[-1]) else float(own.std[-1])
-    measured = None if own.measured is None or not np.isfinite(own.measured[-1]) else float(own.measured[-1])
-    simulated = float(own.simulated[-1]) if np.isfinite(own.simulated[-1]) else None
-    both = None if measured is None or simulated is None else measured - simulated
-    return {"name": gauge.name, "kind": gauge.kind, "quantity": own.quantity.replace("_", " "),
-            "unit": "" if own.unit == "-" else own.unit, "measured": number_text(measured, std),
+def _row(gauge: Gauge, reading: Reading) -> dict:
+    std = _last_finite(reading.std)
+    measured, simulated = _last_finite(reading.measured), _last_finite(reading.simulated)
+    difference = None if measured is None or simulated is None else measured - simulated
+    return {"name": gauge.name, "kind": gauge.kind, "quantity": reading.quantity.replace("_", " "),
+            "unit": "" if reading.unit == "-" else reading.unit, "measured": number_text(measured, std),
             "std": number_text(std, std),
-            "simulated": number_text(simulated, std), "difference": number_text(both, std)}
+            "simulated": number_text(simulated, std), "difference": number_text(difference, std)}
 
 
-def _over_frames(record: RunRecord, found: list[Reading]) -> tuple[list[str], list[list]]:
+def _last_finite(values: np.ndarray | None) -> float | None:
+    return None if values is None or not np.isfinite(values[-1]) else float(values[-1])
+
+
+def _over_frames(record: RunRecord, gauge_readings: list[Reading]) -> tuple[list[str], list[list]]:
     header, columns = _frame_columns(record)
-    for own in found:
-        stem = f"{own.gauge.name}.{_with_unit(own)}"
-        for part, values in (("simulated", own.simulated), ("measured", own.measured), ("measured_std", own.std)):
+    for reading in gauge_readings:
+        stem = f"{reading.gauge.name}.{_with_unit(reading)}"
+        for part, values in (("simulated", reading.simulated), ("measured", reading.measured),
+                             ("measured_std", reading.std)):
             if values is not None:
                 header.append(f"{stem}_{part}")
                 columns.append(list(values))
@@ -67,14 +72,15 @@ def _over_frames(record: RunRecord, found: list[Reading]) -> tuple[list[str], li
 def _line(record: RunRecord, gauge: Gauge) -> tuple[list[str], list[list]]:
     """One row per frame and sample; samples beside the specimen are left out."""
     series, unit = record.series, record.series.unit
-    found, places = readings(series, gauge), gauge.places
+    gauge_readings, places = readings(series, gauge), gauge.places
     along = np.hypot(*(places - places[0]).T)
     header, columns = _frame_columns(record)
     header += [f"s_{unit}", f"x_{unit}", f"y_{unit}"]
-    parts = [(f"{_with_unit(own)}_{part}", values) for own in found
-             for part, values in (("simulated", own.simulated), ("measured", own.measured), ("measured_std", own.std))
+    parts = [(f"{_with_unit(reading)}_{part}", values) for reading in gauge_readings
+             for part, values in (("simulated", reading.simulated), ("measured", reading.measured),
+                                  ("measured_std", reading.std))
              if values is not None]
-    inside = np.flatnonzero(np.isfinite(found[0].simulated[0]))
+    inside = np.flatnonzero(np.isfinite(gauge_readings[0].simulated[0]))
     rows = [[*(column[k] for column in columns), along[i], *places[i], *(values[k, i] for _, values in parts)]
             for k in range(len(series.frames)) for i in inside]
     return header + [name for name, _ in parts], rows
@@ -87,5 +93,5 @@ def _frame_columns(record: RunRecord) -> tuple[list[str], list[list]]:
     return ["frame"], [frames]
 
 
-def _with_unit(own: Reading) -> str:
-    return own.quantity if own.unit == "-" else f"{own.quantity}_{own.unit}"
+def _with_unit(reading: Reading) -> str:
+    return reading.quantity if reading.unit == "-" else f"{reading.quantity}_{reading.unit}"

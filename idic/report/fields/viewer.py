@@ -37,24 +37,25 @@ def viewer_data(record: RunRecord) -> str:
     series = record.series
     if series is None or record.nodes_px is None or len(series.frames) < 2:
         return ""
-    kept = _kept_frames(series)
-    if kept is None:
+    selected = _kept_frames(series)
+    if selected is None:
         return ""
     corners = series.surface.corners
     nodes, places = series.surface.plane.nodes[corners], record.nodes_px[series.surface.index][corners]
     content = {
         "unit": series.unit, "stress_unit": series.stress_unit, "kind": series.kind, "time_label": record.time_label,
-        "frames": [series.frames[k] for k in kept], "times": [_short(record.abscissa[series.frames[k]]) for k in kept],
-        "labels": [_label(record, series.frames[k]) for k in kept],
+        "frames": [series.frames[k] for k in selected],
+        "times": [_short(record.abscissa[series.frames[k]]) for k in selected],
+        "labels": [_label(record, series.frames[k]) for k in selected],
         "nodes": _list(nodes), "nodes_px": _list(places, 5), "affine": _list(_affine(nodes, places), 8),
         "triangles": _triangles(series, corners).ravel().tolist(),
-        "arrays": {name: _packed(values) for name, values in _arrays(series, kept, corners).items()},
+        "arrays": {name: _packed(values) for name, values in _arrays(series, selected, corners).items()},
         "states": [[name, name.replace("_", " ")] for name in series.states],
         "smoothed": None if series.smoothed is None else _short(series.smoothed),
         "failed": _failed(record),
         "floor": {name: _short(value) for name, value in series.floor.items()},
         "image": _image(record.reference) if record.value_unit == "grey values" else None,
-        "gauges": _gauges(record, kept),
+        "gauges": _gauges(record, selected),
         "sequential": _colours(SEQUENTIAL), "diverging": _colours(DIVERGING),
     }
     return json.dumps(content, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
@@ -62,9 +63,10 @@ def viewer_data(record: RunRecord) -> str:
 
 def _failed(record: RunRecord) -> str:
     """That the free FE-DIC is no measurement; "" where it is one."""
-    free = against_free(record.result)
-    return "" if free is None or not free.failed else in_words_of(
-        record.result, f"a free FE-DIC did not find the motion (χ² = {free.free:.3g}, model {free.model:.3g}): its "
+    free_fit = against_free(record.result)
+    return "" if free_fit is None or not free_fit.failed else in_words_of(
+        record.result,
+        f"a free FE-DIC did not find the motion (χ² = {free_fit.free_chi2:.3g}, model {free_fit.model_chi2:.3g}): its "
                        "field is no measurement")
 
 
@@ -79,32 +81,32 @@ def _kept_frames(series: FieldSeries) -> Sequence[int] | None:
     return [int(k) for k in np.unique(np.linspace(0, n - 1, min(room, n)).round().astype(int))]
 
 
-def _arrays(series: FieldSeries, kept: Sequence[int], corners: np.ndarray) -> dict[str, np.ndarray]:
+def _arrays(series: FieldSeries, selected: Sequence[int], corners: np.ndarray) -> dict[str, np.ndarray]:
     """Name -> (frames, corner nodes, components)"""
     def at(values: np.ndarray) -> np.ndarray:
-        return values[kept][:, corners].reshape(len(kept), len(corners), -1)
+        return values[selected][:, corners].reshape(len(selected), len(corners), -1)
 
-    found = {"u": at(series.simulated), "F": at(series.F)}
+    arrays = {"u": at(series.simulated), "F": at(series.F)}
     if series.measured is not None and series.F_measured is not None:
-        found |= {"u_measured": at(series.measured), "F_measured": at(series.F_measured)}
+        arrays |= {"u_measured": at(series.measured), "F_measured": at(series.F_measured)}
         if series.noise is not None and series.F_noise is not None:
-            found |= {"u_noise": series.noise[:, corners],
+            arrays |= {"u_noise": series.noise[:, corners],
                       "F_noise": series.F_noise[:, corners].reshape(len(series.noise), len(corners), 4)}
     if series.stress is not None:
-        found["stress"] = at(series.stress[:, :, [0, 1, 0], [0, 1, 1]])
-    return found | {f"state.{name}": at(values) for name, values in series.states.items()}
+        arrays["stress"] = at(series.stress[:, :, [0, 1, 0], [0, 1, 1]])
+    return arrays | {f"state.{name}": at(values) for name, values in series.states.items()}
 
 
 def _packed(values: np.ndarray) -> dict:
     """Each component over its own range in 16 bits, little-endian, base64."""
-    known = np.isfinite(values)
-    flat = np.where(known, values, 0.0)
-    low = np.where(known, values, np.inf).min(axis=(0, 1))
-    high = np.where(known, values, -np.inf).max(axis=(0, 1))
+    is_finite = np.isfinite(values)
+    flat = np.where(is_finite, values, 0.0)
+    low = np.where(is_finite, values, np.inf).min(axis=(0, 1))
+    high = np.where(is_finite, values, -np.inf).max(axis=(0, 1))
     low, high = np.where(np.isfinite(low), low, 0.0), np.where(np.isfinite(high), high, 0.0)
     middle, step = (low + high) / 2.0, np.maximum((high - low) / 2.0 / _LARGEST, 1e-300)
-    whole = np.where(known, np.rint((flat - middle) / step), _UNKNOWN).astype("<i2")
-    return {"data": base64.b64encode(whole.tobytes()).decode("ascii"), "shape": list(values.shape),
+    integers = np.where(is_finite, np.rint((flat - middle) / step), _UNKNOWN).astype("<i2")
+    return {"data": base64.b64encode(integers.tobytes()).decode("ascii"), "shape": list(values.shape),
             "middle": [float(f"{m:.12g}") for m in middle], "step": [float(f"{s:.12g}") for s in step]}
 
 
@@ -139,18 +141,18 @@ def _image(image: np.ndarray | None) -> dict | None:
     return {"uri": "data:image/jpeg;base64," + base64.b64encode(buffer.getvalue()).decode("ascii"), "times": times}
 
 
-def _gauges(record: RunRecord, kept: Sequence[int]) -> list[dict]:
+def _gauges(record: RunRecord, selected: Sequence[int]) -> list[dict]:
     """The declared gauges; all but lines with what they read, as in the tables."""
-    found = []
+    gauges = []
     for gauge in record.gauges:
         reads = {}
         if gauge.kind != "line":
             for reading in readings(record.series, gauge):
                 parts = (reading.simulated, reading.measured, reading.std)
-                reads[reading.quantity] = [None if part is None else _list(part[kept]) for part in parts]
-        found.append({"name": gauge.name, "kind": gauge.kind, "points": [list(point) for point in gauge.points_mm],
+                reads[reading.quantity] = [None if part is None else _list(part[selected]) for part in parts]
+        gauges.append({"name": gauge.name, "kind": gauge.kind, "points": [list(point) for point in gauge.points_mm],
                       "radius": gauge.radius_mm, "samples": gauge.samples, "reads": reads})
-    return found
+    return gauges
 
 
 def _label(record: RunRecord, frame: int) -> str:

@@ -14,15 +14,15 @@ def camera_floor(record: RunRecord) -> Picture | None:
     values = record.camera_floor_px
     if values is None or not values.any():
         return None
-    found, (scale, unit) = record.result["camera_floor"], record.motion_unit
+    floor, (scale, unit) = record.result["camera_floor"], record.motion_unit
     values = scale * values
     with look():
         figure, axes = grid(1, 1, specimen_window(record))
         drawn = draw(axes[0, 0], record, values, Normalize(0.0, float(values.max())))
-        axes[0, 0].set_title(f"rms {scale * found['px']:.2g} {unit}", fontsize=8.5)
+        axes[0, 0].set_title(f"rms {scale * floor['px']:.2g} {unit}", fontsize=8.5)
         figure.colorbar(drawn, ax=axes, label=f"floor at rest [{unit}]", shrink=0.85, aspect=15, pad=0.01)
         caption = (
-            f"Free motion (rms per component) in images at rest: {', '.join(found['labels'])}. Rigid motion, image "
+            f"Free motion (rms per component) in images at rest: {', '.join(floor['labels'])}. Rigid motion, image "
             "noise and the leading motions of the loaded specimen are removed. Its causes are light, air, focus or "
             "aliasing, in loaded frames too. A motion of this size is not attributed to a law."
         )

@@ -26,35 +26,35 @@ def convergence(record: RunRecord) -> Picture | None:
         return None
     with look():
         figure = new_figure(10.0, 3.1)
-        left, middle, right = figure.subplots(1, 3)
-        left.semilogy(
+        functional, ratios, distances = figure.subplots(1, 3)
+        functional.semilogy(
             [h["evaluation"] for h in accepted], [h["phi"] for h in accepted], "-o", color=BLUE, label="accepted"
         )
         if rejected:
-            left.semilogy(
+            functional.semilogy(
                 [h["evaluation"] for h in rejected], [h["phi"] for h in rejected], "x", color=RED, label="rejected"
             )
-            left.legend()
+            functional.legend()
         phi = [h["phi"] for h in (*accepted, *rejected)]
         if max(phi) < MIN_LOG_AXIS_RATIO * min(phi):
-            left.set_yscale("linear")
-        left.set(title="Functional", ylabel="Φ [–]")
+            functional.set_yscale("linear")
+        functional.set(title="Functional", ylabel="Φ [–]")
         names = [n for n in record.names if n in accepted[-1]["values"]]
-        shown = short_names(record.result["parameters"])
+        short = short_names(record.result["parameters"])
         for i, name in enumerate(names):
-            _trace(middle, right, record, accepted, name, shown.get(name, name), i)
-        middle.axhline(1.0, color=GREY, lw=0.7)
-        middle.set(title="Value / identified value", ylabel="ratio [–]")
-        limits = right.get_ylim()
-        right.axhspan(1e-30, 1.0, color=FAINT, alpha=0.5, lw=0)
-        right.set(ylim=limits, title="Distance from the identified value", ylabel="standard deviations [–]")
-        for axis in (left, middle, right):
+            _trace(ratios, distances, record, accepted, name, short.get(name, name), i)
+        ratios.axhline(1.0, color=GREY, lw=0.7)
+        ratios.set(title="Value / identified value", ylabel="ratio [–]")
+        limits = distances.get_ylim()
+        distances.axhspan(1e-30, 1.0, color=FAINT, alpha=0.5, lw=0)
+        distances.set(ylim=limits, title="Distance from the identified value", ylabel="standard deviations [–]")
+        for axis in (functional, ratios, distances):
             axis.set_xlabel("evaluation")
             axis.xaxis.set_major_locator(MaxNLocator(integer=True))
             axis.set_xlim(-0.4, max(h["evaluation"] for h in record.history) + 0.4)
             _mark_stages(axis, accepted)
         if names:
-            handles, labels = middle.get_legend_handles_labels()
+            handles, labels = ratios.get_legend_handles_labels()
             figure.legend(handles, labels, loc="outside lower center", ncols=min(6, len(labels)))
         caption = "Shaded: one standard deviation. Changes inside the band are insignificant."
         if len({h["stage"] for h in accepted}) > 1:
@@ -72,19 +72,19 @@ def residual_level(record: RunRecord) -> Picture | None:
         x = record.abscissa
         expected, used = record.noise_level, _used(record)
         excluded = _excluded(record)
-        after = np.where(used & ~excluded, record.rms_after, np.nan)
+        identified = np.where(used & ~excluded, record.rms_after, np.nan)
         if expected is not None and len(expected) == len(x):
             axis.plot(x, expected, color=FAINT, lw=5.0, solid_capstyle="butt",
                       label=in_words_of(record.result, "camera noise alone"))
         if record.rms_before is not None:
             axis.plot(x, record.rms_before, "--", color=ORANGE, marker="s", ms=3, label="starting values")
-        axis.plot(x, after, "-o", color=BLUE, ms=3.5, label="identified values")
+        axis.plot(x, identified, "-o", color=BLUE, ms=3.5, label="identified values")
         axis.set(ylabel=f"rms residual [{record.value_unit}]")
         _frame_axis(axis, record)
-        before = np.where(used & ~excluded, np.nan if record.rms_before is None else record.rms_before, np.nan)
-        shown = np.concatenate([v[np.isfinite(v)] for v in (after, before)])
+        start = np.where(used & ~excluded, np.nan if record.rms_before is None else record.rms_before, np.nan)
+        finite = np.concatenate([v[np.isfinite(v)] for v in (identified, start)])
         used = used | excluded  # those of the user are no discovery: they get no ring
-        top = 1.15 * (shown.max() if len(shown) else np.nanmax(record.rms_after))
+        top = 1.15 * (finite.max() if len(finite) else np.nanmax(record.rms_after))
         axis.set_ylim(0.0, top)
         _mark_left_out(axis, record, used, top)
         if expected is not None:
@@ -112,8 +112,8 @@ def _frame_axis(axis, record: RunRecord) -> None:
     x = record.abscissa
     margin = 0.03 * float(np.ptp(x)) or 0.5
     axis.set(xlabel=record.time_label, xlim=(float(np.min(x)) - margin, float(np.max(x)) + margin))
-    whole = record.time_label_unit != "s"
-    axis.xaxis.set_major_locator(MaxNLocator(integer=whole, steps=[1, 2, 5, 10]))
+    by_number = record.time_label_unit != "s"
+    axis.xaxis.set_major_locator(MaxNLocator(integer=by_number, steps=[1, 2, 5, 10]))
 
 
 def _excluded(record: RunRecord) -> np.ndarray:
@@ -220,6 +220,6 @@ def _trace(middle, right, record, accepted, name, label, i):
 
 def _mark_stages(axis, accepted):
     stages = [h["stage"] for h in accepted]
-    for before, after, h in zip(stages[:-1], stages[1:], accepted[1:], strict=True):
-        if before != after:
+    for previous, stage, h in zip(stages[:-1], stages[1:], accepted[1:], strict=True):
+        if previous != stage:
             axis.axvline(h["evaluation"] - 0.5, color=GREY, lw=0.8, ls=":")

@@ -36,7 +36,7 @@ class _Sheet:
     """A figure that is laid out once; from frame to frame only its image and its lines change."""
 
     figure: Figure
-    shown: AxesImage
+    artist: AxesImage
     lines: LineCollection | None = None
 
 
@@ -92,43 +92,43 @@ def _image(record: RunRecord, view: FrameView, sheets: Sheets) -> Picture:
     if key not in sheets:
         sheets[key] = _image_sheet(view.image)
     sheet = sheets[key]
-    sheet.shown.set(data=view.image, clim=(low, max(high, low + 1e-12)))
-    sheet.lines.set_segments([np.concatenate([own, own[:1]]) for own in corners])
+    sheet.artist.set(data=view.image, clim=(low, max(high, low + 1e-12)))
+    sheet.lines.set_segments([np.concatenate([polygon, polygon[:1]]) for polygon in corners])
     return _jpeg(sheet.figure, f"frame_{view.frame:04d}", "image, simulated mesh")
 
 
 def _image_sheet(image: np.ndarray) -> _Sheet:
     rows, columns = image.shape
     figure, axis = _axis(columns / rows)
-    shown = axis.imshow(image, cmap="gray", interpolation="nearest")
+    artist = axis.imshow(image, cmap="gray", interpolation="nearest")
     lines = axis.add_collection(LineCollection([], colors=ORANGE, linewidths=OUTLINE_WIDTH_PT))
     axis.set(xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
-    return _Sheet(figure, shown, lines)
+    return _Sheet(figure, artist, lines)
 
 
 def _residual(record: RunRecord, view: FrameView, sheets: Sheets) -> Picture:
     levels = record.noise_level
     sigma = np.nan if levels is None else levels[view.frame]
     sigma = sigma if np.isfinite(sigma) else (np.nan if levels is None else np.nanmedian(levels))
-    known = bool(np.isfinite(sigma))
-    reach = RESIDUAL_RANGE if known else float(np.nanpercentile(np.abs(view.residual), 99)) or 1.0
-    window, scaled = residual_window(view.residual[None]), view.residual / (sigma if known else 1.0)
-    key = (*window, known, reach)
+    is_scaled = bool(np.isfinite(sigma))
+    reach = RESIDUAL_RANGE if is_scaled else float(np.nanpercentile(np.abs(view.residual), 99)) or 1.0
+    window, scaled = residual_window(view.residual[None]), view.residual / (sigma if is_scaled else 1.0)
+    key = (*window, is_scaled, reach)
     if key not in sheets:
-        unit = "residual / σ [–]" if known else f"residual [{record.value_unit}]"
+        unit = "residual / σ [–]" if is_scaled else f"residual [{record.value_unit}]"
         sheets[key] = _residual_sheet(scaled, window, reach, unit)
     sheet = sheets[key]
-    sheet.shown.set_data(scaled)
+    sheet.artist.set_data(scaled)
     return _jpeg(sheet.figure, f"left_{view.frame:04d}", "residual in the reference image")
 
 
 def _residual_sheet(scaled: np.ndarray, window: tuple[float, ...], reach: float, label: str) -> _Sheet:
-    left, right, top, bottom = window
-    figure, axis = _axis((right - left) / (bottom - top))
-    shown = axis.imshow(scaled, cmap=DIVERGING, vmin=-reach, vmax=reach, interpolation="nearest")
-    axis.set(xlim=(left, right), ylim=(bottom, top))
-    figure.colorbar(shown, ax=axis, location="bottom", shrink=0.7, aspect=30, pad=0.02, extend="both", label=label)
-    return _Sheet(figure, shown)
+    column_from, column_to, row_from, row_to = window
+    figure, axis = _axis((column_to - column_from) / (row_to - row_from))
+    artist = axis.imshow(scaled, cmap=DIVERGING, vmin=-reach, vmax=reach, interpolation="nearest")
+    axis.set(xlim=(column_from, column_to), ylim=(row_to, row_from))
+    figure.colorbar(artist, ax=axis, location="bottom", shrink=0.7, aspect=30, pad=0.02, extend="both", label=label)
+    return _Sheet(figure, artist)
 
 
 def _axis(aspect: float):

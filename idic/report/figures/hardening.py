@@ -78,43 +78,45 @@ def yield_surface(record: RunRecord, surface: YieldSurface) -> Picture:
     unit, size = stress_unit(record.result, surface.name)
     with look():
         figure = new_figure(7.2, 3.9)
-        left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.35))
+        section_axis, visited_axis = figure.subplots(1, 2, width_ratios=(1.0, 1.35))
         d, r, half = surface.section, surface.radius / size, WIDTH_95 * surface.std / size
-        left.fill(np.append(d[:, 0] * (r + half), (d[:, 0] * (r - half))[::-1]),
+        section_axis.fill(np.append(d[:, 0] * (r + half), (d[:, 0] * (r - half))[::-1]),
                   np.append(d[:, 1] * (r + half), (d[:, 1] * (r - half))[::-1]), color=BLUE, alpha=0.3, lw=0,
                   label="95 %")
-        left.plot(d[:, 0] * r, d[:, 1] * r, color=BLUE, label="free surface")
-        near = np.abs(surface.visited[:, 2]) < NEAR_PLANE
+        section_axis.plot(d[:, 0] * r, d[:, 1] * r, color=BLUE, label="free surface")
+        in_plane = np.abs(surface.visited[:, 2]) < NEAR_PLANE
         for sign in (1.0, -1.0):
-            seen = sign * surface.visited[near] * surface.visited_radius[near, None] / size
-            left.plot(seen[:, 0], seen[:, 1], "o", color=GREY, ms=3, label="visited" if sign > 0 else None)
-        left.set(xlabel=f"stress along axis 1 [{unit}]", ylabel=f"stress along axis 2 [{unit}]", aspect="equal")
-        left.legend(fontsize=8)
+            stresses = sign * surface.visited[in_plane] * surface.visited_radius[in_plane, None] / size
+            section_axis.plot(stresses[:, 0], stresses[:, 1], "o", color=GREY, ms=3,
+                              label="visited" if sign > 0 else None)
+        section_axis.set(xlabel=f"stress along axis 1 [{unit}]", ylabel=f"stress along axis 2 [{unit}]", aspect="equal")
+        section_axis.legend(fontsize=8)
         at, band = np.arange(len(surface.visited)), 100.0 * WIDTH_95 * surface.visited_std / surface.visited_radius
-        right.fill_between(at, -band, band, color=BLUE, alpha=0.3, lw=0, label="95 %", step="mid")
+        visited_axis.fill_between(at, -band, band, color=BLUE, alpha=0.3, lw=0, label="95 %", step="mid")
         for i, fit in enumerate(surface.fits):
-            right.plot(at, 100.0 * (fit.stress / surface.visited_radius - 1.0), "-o" if fit.inside else ":.",
+            visited_axis.plot(at, 100.0 * (fit.stress / surface.visited_radius - 1.0), "-o" if fit.inside else ":.",
                        color=CYCLE[i % len(CYCLE)], lw=1.2, ms=3,
                        label=fit.form + (" (as near as noise)" if fit.inside else ""))
-        right.set(xlabel="visited stress, by biaxial angle", ylabel="form - free surface [%]", xticks=[])
+        visited_axis.set(xlabel="visited stress, by biaxial angle", ylabel="form - free surface [%]", xticks=[])
         if len(at):
             largest = 3.0 * float(np.max(band))
-            right.set(ylim=(-largest, largest), xlim=(0, max(len(at) - 1, 1)))
-            right.legend(fontsize=8)
+            visited_axis.set(ylim=(-largest, largest), xlim=(0, max(len(at) - 1, 1)))
+            visited_axis.legend(fontsize=8)
         return to_picture(figure, f"yield_surface_{surface.name}", f"Free yield surface: {surface.name}",
                           _surface_caption(surface, unit, size))
 
 
 def _surface_caption(surface: YieldSurface, unit: str, size: float) -> str:
     forms = "; ".join(_surface_form(fit, unit, size) for fit in surface.fits)
-    shown = (f"Right: along the {len(surface.visited)} directions of stress in which the test has flowed (tension and "
+    visited_text = (f"Right: along the {len(surface.visited)} directions of stress in which the test has flowed "
+                    "(tension and "
              "compression as one; cells of 15 degrees), the band and classical forms minus the surface, fitted in "
              f"its covariance and the {FAMILY_ERROR:.1%} by which the weights miss such forms, solid where their loss "
              "in chi2 is no more than noise explains (about the number in "
              f"brackets). {forms}. " if len(surface.visited) else "No stresses are known that the test has visited. ")
     return ("Left: initial yield without shear in material axes; dots are visited directions with little shear, the "
-            f"rest of the section follows the prior. {shown}The band counts the covariance of the parameters and the "
-            f"{FAMILY_ERROR:.1%} by which the weights miss a surface of Hill. The prior (weights 1 with std "
+            f"rest of the section follows the prior. {visited_text}The band counts the covariance of the parameters "
+            f"and the {FAMILY_ERROR:.1%} by which the weights miss a surface of Hill. The prior (weights 1 with std "
             f"{SPREAD:g}, neighbours differ by 0 with std {surface.smoothness:g}) is part of it.")
 
 

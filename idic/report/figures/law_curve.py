@@ -38,8 +38,8 @@ def plot_law(name: str, path: Path | str, largest_strain: float | None = None) -
     spec, path = get_law(name), Path(path)
     formats = Figure().canvas.get_supported_filetypes()
     if path.suffix[1:].lower() not in formats:
-        found = path.suffix or "no suffix"
-        raise InputError("no such picture format", file=path, expected=".png, .pdf, .svg", found=found,
+        suffix = path.suffix or "no suffix"
+        raise InputError("no such picture format", file=path, expected=".png, .pdf, .svg", found=suffix,
                          remedy="change the ending of the file name")
     if not path.parent.is_dir():
         raise InputError("no such folder", file=path.parent, expected="an existing folder", found="nothing there",

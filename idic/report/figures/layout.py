@@ -16,29 +16,29 @@ class MeasuredOnce(ConstrainedLayoutEngine):
     def execute(self, fig: Figure) -> None:
         """Lay out the figure."""
         axes = list(fig.axes)
-        for one in axes:
-            one.get_tightbbox = _remembered(one)  # type: ignore[method-assign]
+        for axis in axes:
+            axis.get_tightbbox = _remembered(axis)  # type: ignore[method-assign]
         try:
             super().execute(fig)
         finally:
-            for one in axes:
-                del one.get_tightbbox
+            for axis in axes:
+                del axis.get_tightbbox
 
 
 def _remembered(axes: Axes) -> Callable:
     """`axes.get_tightbbox` that knows its margins while the labels of the ticks are the same."""
-    measure, known = axes.get_tightbbox, {}
+    measure, extents = axes.get_tightbbox, {}
 
     def tightbbox(renderer, **options) -> Bbox | None:
         locator = axes.get_axes_locator()
         axes.apply_aspect(locator(axes, renderer) if locator else None)
         labels = _tick_labels(axes)
-        if labels not in known:
+        if labels not in extents:
             box = measure(renderer, **options)
             if box is None:
                 return None
-            known[labels] = box.extents - axes.bbox.extents
-        return Bbox.from_extents(axes.bbox.extents + known[labels])
+            extents[labels] = box.extents - axes.bbox.extents
+        return Bbox.from_extents(axes.bbox.extents + extents[labels])
 
     return tightbbox
 

@@ -42,10 +42,10 @@ def residuals(record: RunRecord) -> Picture | None:
     if data is None or not len(data.frames):
         return None
     units = noise_units(record)
-    limit = float(np.nanpercentile(np.abs(data.before), 99)) if units is None else RESIDUAL_RANGE
+    limit = float(np.nanpercentile(np.abs(data.start), 99)) if units is None else RESIDUAL_RANGE
     name = record.value_unit if units is None else "σ"
     scale = np.ones(len(data.frames)) if units is None else units
-    stacks = [stack / scale[:, None, None] for stack in (data.before, data.after)]
+    stacks = [stack / scale[:, None, None] for stack in (data.start, data.identified)]
     label = f"residual [{record.value_unit}]" if units is None else "residual / σ [–]"
     caption = (
         f"{'f − g(x + u)' if record.value_unit == 'grey values' else 'f + h − g(x + u)'} in the reference image; "
@@ -63,10 +63,10 @@ def local_chi2(record: RunRecord) -> Picture | None:
     data, units = record.residuals, noise_units(record)
     if data is None or not len(data.frames) or units is None:
         return None
-    window = residual_window(data.after)
+    window = residual_window(data.identified)
     size = 2 * (int(min(window[1] - window[0], window[3] - window[2]) / MIN_CHI2_WINDOWS) // 2) + 1
     size = max(size, 9)
-    stacks = [_window_mean((stack / units[:, None, None]) ** 2, size) for stack in (data.before, data.after)]
+    stacks = [_window_mean((stack / units[:, None, None]) ** 2, size) for stack in (data.start, data.identified)]
     caption = (
         f"Residual² / noise², averaged over {size} × {size} px. 1 (white) is noise; red is motion or brightness "
         "(height) that the simulation lacks. "
@@ -89,9 +89,9 @@ def _start_note(record: RunRecord) -> str:
     data, curve = record.residuals, record.rms_before
     if curve is None:
         return ""
-    shown = np.sqrt(np.nanmean(np.asarray(data.before, dtype=float) ** 2, axis=(1, 2)))
+    map_rms = np.sqrt(np.nanmean(np.asarray(data.start, dtype=float) ** 2, axis=(1, 2)))
     at = curve[list(data.frames)]
-    if not (np.abs(shown - at) > OTHER_THAN_CURVE * at).any():
+    if not (np.abs(map_rms - at) > OTHER_THAN_CURVE * at).any():
         return ""
     return (" Upper row: edges as logged or as measured by a free FE-DIC; for the curve of the start values the edges "
             "are fitted to images and channels.")
@@ -103,7 +103,7 @@ def _before_and_after(record: RunRecord, stacks, norms: Sequence[Normalize], lab
     norms : one for both rows, or one each
     """
     data = record.residuals
-    window = residual_window(data.after)
+    window = residual_window(data.identified)
     with look():
         figure, axes = grid(2, len(data.frames), window)
         for column, frame in enumerate(data.frames):
@@ -116,8 +116,8 @@ def _before_and_after(record: RunRecord, stacks, norms: Sequence[Normalize], lab
         for row, name in enumerate(("start", "identified")):
             axes[row, 0].set_ylabel(name)
         for row, norm in enumerate(norms):
-            own = axes if len(norms) == 1 else axes[row, :]
-            bar = figure.colorbar(axes[row, 0].images[0], ax=own, label=label, shrink=BAR_SHARE,
+            row_axes = axes if len(norms) == 1 else axes[row, :]
+            bar = figure.colorbar(axes[row, 0].images[0], ax=row_axes, label=label, shrink=BAR_SHARE,
                                   aspect=30 if len(norms) == 1 else 15,
                                   pad=0.01, extend="neither" if isinstance(norm, LogNorm) else "both")
             if isinstance(norm, LogNorm):
@@ -149,8 +149,8 @@ def noise_units(record: RunRecord) -> np.ndarray | None:
     levels, data = record.noise_level, record.residuals
     if levels is None or data is None:
         return None
-    found = levels[list(data.frames)]
-    return np.where(np.isfinite(found), found, np.nanmedian(levels))
+    noise = levels[list(data.frames)]
+    return np.where(np.isfinite(noise), noise, np.nanmedian(levels))
 
 
 def residual_window(stack: np.ndarray) -> tuple[float, float, float, float]:
@@ -164,9 +164,9 @@ def residual_window(stack: np.ndarray) -> tuple[float, float, float, float]:
 def _window_mean(stack: np.ndarray, size: int) -> np.ndarray:
     """Mean over size x size windows of the finite values; NaN stays NaN, and so does a window with less than half of
     them."""
-    seen = np.isfinite(stack)
-    total, count = (_window_sum(np.where(seen, part, 0.0), size) for part in (stack, 1.0))
-    well_filled = seen & (count >= 0.5 * size**2)
+    is_finite = np.isfinite(stack)
+    total, count = (_window_sum(np.where(is_finite, part, 0.0), size) for part in (stack, 1.0))
+    well_filled = is_finite & (count >= 0.5 * size**2)
     return np.where(well_filled, total / np.maximum(count, 1.0), np.nan)
 
 
@@ -224,11 +224,11 @@ def sensitivities(record: RunRecord) -> Picture | None:
     data = record.sensitivities
     if data is None or not len(data.names) or record.nodes_px is None:
         return None
-    shown, (scale, name_of_unit) = short_names(record.result["parameters"]), record.motion_unit
+    short, (scale, name_of_unit) = short_names(record.result["parameters"]), record.motion_unit
     with look():
         components = ("columns", "rows (down)", "height")[:data.phi_px.shape[2]]
-        left, right, top, bottom = window = specimen_window(record)
-        tall = abs(bottom - top) > abs(right - left)  # no room for many numbers side by side
+        column_from, column_to, row_from, row_to = window = specimen_window(record)
+        tall = abs(row_to - row_from) > abs(column_to - column_from)  # no room for many numbers side by side
         figure, axes = grid(len(components), len(data.names), window, bottom=0.75)
         for column, (name, step) in enumerate(zip(data.names, data.steps, strict=True)):
             phi = scale * data.phi_px[column]
@@ -239,7 +239,7 @@ def sensitivities(record: RunRecord) -> Picture | None:
             norm = Normalize(-largest / unit or -1.0, largest / unit or 1.0)
             for row in range(len(components)):
                 drawn = draw(axes[row, column], record, phi[:, row] / unit, norm, DIVERGING)
-            parts = shown.get(name, name).split(".")
+            parts = short.get(name, name).split(".")
             entitle(axes[0, column], *(f"{part}." for part in parts[:-1]), parts[-1], below=f"per {step}")
             figure.colorbar(drawn, ax=axes[:, column], location="bottom", shrink=0.9, aspect=18, pad=0.02,
                             label=f"{text}{name_of_unit}" if largest else "no motion",
@@ -273,9 +273,9 @@ def draw(axis: Axes, record: RunRecord, values, norm, cmap: str | None = None):
     if record.reference is not None:
         grey = record.value_unit == "grey values"
         axis.imshow(record.reference, cmap="gray", interpolation="bilinear", vmin=0.0 if grey else None)
-    left, right, top, bottom = window = specimen_window(record)
-    step = max(right - left, bottom - top) / N_RASTER_SAMPLES
-    columns, rows = np.meshgrid(np.arange(left, right, step), np.arange(top, bottom, step))
+    column_from, column_to, row_from, row_to = window = specimen_window(record)
+    step = max(column_to - column_from, row_to - row_from) / N_RASTER_SAMPLES
+    columns, rows = np.meshgrid(np.arange(column_from, column_to, step), np.arange(row_from, row_to, step))
     field = LinearTriInterpolator(triangulate(record), values)(columns, rows)
     cmap = cmap or (DIVERGING if norm.vmin < 0 < norm.vmax else SEQUENTIAL)
     drawn = axis.imshow(
@@ -284,7 +284,7 @@ def draw(axis: Axes, record: RunRecord, values, norm, cmap: str | None = None):
         norm=norm,
         alpha=0.8,
         interpolation="nearest",
-        extent=(left - step / 2, columns[0, -1] + step / 2, rows[-1, 0] + step / 2, top - step / 2),
+        extent=(column_from - step / 2, columns[0, -1] + step / 2, rows[-1, 0] + step / 2, row_from - step / 2),
     )
     bare(axis, window)
     return drawn
@@ -319,8 +319,8 @@ def entitle(axis: Axes, *parts: str, below: str = "") -> None:
     """
     columns = axis.get_subplotspec().get_gridspec().ncols
     room = axis.figure.get_size_inches()[0] / (columns + 0.5) / LETTER_WIDTH_INCH  # letters
-    whole = "".join(parts)
-    lines = [whole] if len(whole) <= room else [part.rstrip(", ") for part in parts]
+    title = "".join(parts)
+    lines = [title] if len(title) <= room else [part.rstrip(", ") for part in parts]
     axis.set_title("\n".join([*lines, below] if below else lines), fontsize=8.5)
 
 

@@ -27,22 +27,22 @@ def spectrum(record: RunRecord) -> Picture | None:
     with look():
         size = min(0.42 * n + 1.9, 6.0)
         figure = new_figure(10.0, max(2.9, 0.75 * size))
-        left, middle, right = figure.subplots(1, 3, width_ratios=(1.15, 0.9, 1.0))
+        M_axis, D_axis, Q_axis = figure.subplots(1, 3, width_ratios=(1.15, 0.9, 1.0))
         with np.errstate(divide="ignore"):
             magnitude = np.log10(np.abs(M))
         finite = magnitude[np.isfinite(magnitude)]
         low, high = (finite.min(), finite.max()) if len(finite) else (0.0, 1.0)
-        drawn = left.imshow(magnitude, cmap=SEQUENTIAL, vmin=max(low, high - 8.0), vmax=max(high, low + 1e-9))
-        figure.colorbar(drawn, ax=left, label="log$_{10}$ |M|", shrink=0.8, aspect=15)
-        _numbers(left, magnitude, "{:.1f}", dark_above=None)
-        _names(left, names, names)
-        left.set_title("M")
-        _eigenvalues(middle, values)
-        largest = right.imshow(_signed(vectors), cmap=DIVERGING, vmin=-1.0, vmax=1.0)
-        figure.colorbar(largest, ax=right, label="component [–]", shrink=0.8, aspect=15)
-        _numbers(right, _signed(vectors), "{:.2f}", dark_above=0.6)
-        _names(right, [str(i + 1) for i in range(n)], names)
-        right.set(title="Q", xlabel="eigenvector")
+        drawn = M_axis.imshow(magnitude, cmap=SEQUENTIAL, vmin=max(low, high - 8.0), vmax=max(high, low + 1e-9))
+        figure.colorbar(drawn, ax=M_axis, label="log$_{10}$ |M|", shrink=0.8, aspect=15)
+        _numbers(M_axis, magnitude, "{:.1f}", dark_above=None)
+        _names(M_axis, names, names)
+        M_axis.set_title("M")
+        _eigenvalues(D_axis, values)
+        largest = Q_axis.imshow(_signed(vectors), cmap=DIVERGING, vmin=-1.0, vmax=1.0)
+        figure.colorbar(largest, ax=Q_axis, label="component [–]", shrink=0.8, aspect=15)
+        _numbers(Q_axis, _signed(vectors), "{:.2f}", dark_above=0.6)
+        _names(Q_axis, [str(i + 1) for i in range(n)], names)
+        Q_axis.set(title="Q", xlabel="eigenvector")
         caption = (
             "M counts information per unit change of ln(value) (positive parameters) or of value/scale. "
             "1/√D is the standard deviation along an eigenvector: 0.01 stands for 1 %. The last columns of Q are the "
@@ -54,11 +54,11 @@ def spectrum(record: RunRecord) -> Picture | None:
 def correlation(record: RunRecord) -> Picture | None:
     """Correlation coefficients between the identified parameters."""
     table = record.result.get("correlation", {})
-    kept = [i for i, name in enumerate(table.get("names", ())) if not is_mode(name)]
-    names = [table["names"][i] for i in kept]
+    positions = [i for i, name in enumerate(table.get("names", ())) if not is_mode(name)]
+    names = [table["names"][i] for i in positions]
     if len(names) < 2:
         return None
-    matrix = np.array(table["matrix"], dtype=float)[np.ix_(kept, kept)]
+    matrix = np.array(table["matrix"], dtype=float)[np.ix_(positions, positions)]
     short = short_names(record.result["parameters"])
     labels = [short.get(n, n) for n in names]
     with look():

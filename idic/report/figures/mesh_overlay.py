@@ -54,9 +54,11 @@ def mesh_overlay(
             axis.imshow(shade, interpolation="nearest")
             axis.plot([], [], "s", color=CYCLE[0], alpha=0.5, ms=8, label="masked")
         _outlines(
-            axis, [cell for cell, seen in zip(cells_px, visible, strict=True) if not seen], FAINT, "outside the image"
+            axis, [cell for cell, is_visible in zip(cells_px, visible, strict=True) if not is_visible], FAINT,
+            "outside the image"
         )
-        _outlines(axis, [cell for cell, seen in zip(cells_px, visible, strict=True) if seen], CYCLE[1], "mesh")
+        _outlines(axis, [cell for cell, is_visible in zip(cells_px, visible, strict=True) if is_visible], CYCLE[1],
+                  "mesh")
         for number, (name, points) in enumerate(sets_px.items()):
             axis.plot(points[:, 0], points[:, 1], "o", ms=2.5, color=CYCLE[(number + 2) % len(CYCLE)], label=name)
         margin = _MARGIN_SHARE * span
@@ -104,9 +106,9 @@ def mesh_on_points(points: np.ndarray, cells: Sequence[np.ndarray], sets: Mappin
 
 def identified_mesh(record: RunRecord) -> Picture | None:
     """The mesh where the identified geometry and camera put it on the reference image; None where neither was free."""
-    free = [name for name, entry in record.result["parameters"].items() if entry["free"]]
+    identified = [name for name, entry in record.result["parameters"].items() if entry["free"]]
     of_camera = {*CAMERA_PARAMETERS, *LENS_PARAMETERS, *PLACED_TURNS}
-    if not any(name.startswith("geometry.hole_") or name.rpartition(".")[2] in of_camera for name in free):
+    if not any(name.startswith("geometry.hole_") or name.rpartition(".")[2] in of_camera for name in identified):
         return None
     corners = [record.nodes_px[cell[:3 if kind.startswith("tri") else 4]]
                for kind, cells in record.cells for cell in cells if kind in ("tri3", "tri6", "quad4", "quad8")]

@@ -25,15 +25,15 @@ def point_maps(record: RunRecord) -> Picture | None:
         figure, axes = grid(2 * n, len(data.frames), (low[0], high[0], low[1], high[1]))
         size = _marker_points(axes[0, 0], data, high - low)
         for component, name in enumerate(names):
-            own = sigma if component < 2 else data.depth_noise_um
+            noise = sigma if component < 2 else data.depth_noise_um
             moved = data.measured[:, :, component] - np.nanmean(data.measured[:, :, component], axis=1)[:, None]
             drawn = _row(axes[component], data, moved, _norm(moved), size,
                          lambda m: (f"{_short(np.nanmax(m) - np.nanmin(m))} µm",))
             figure.colorbar(drawn, ax=axes[component], label=f"u{name} − mean [µm]", shrink=0.85, aspect=15, pad=0.01)
-            left = data.residual[:, :, component]
-            norm = Normalize(-RESIDUAL_RANGE * own, RESIDUAL_RANGE * own)
-            drawn = _row(axes[n + component], data, left, norm, size,
-                         lambda m, own=own: (f"{_short(rms(m))} µm, ", f"{_short(rms(m) / own)} σ"))
+            residual = data.residual[:, :, component]
+            norm = Normalize(-RESIDUAL_RANGE * noise, RESIDUAL_RANGE * noise)
+            drawn = _row(axes[n + component], data, residual, norm, size,
+                         lambda m, noise=noise: (f"{_short(rms(m))} µm, ", f"{_short(rms(m) / noise)} σ"))
             figure.colorbar(drawn, ax=axes[n + component], label=f"residual {name} [µm]", shrink=0.85,
                             aspect=15, pad=0.01, extend="both")
         for row, name in enumerate((*(f"u{c}" for c in names), *(f"residual {c}" for c in names))):

@@ -45,17 +45,17 @@ def sensitivities(record: RunRecord) -> Picture | None:
     if data is None or not len(data.names) or record.nodes_px is None:
         return None
     nodes, column = places(record)
-    seen = [k for k in range(data.phi_px.shape[2]) if np.abs(data.phi_px[:, nodes, k]).max() > 0.0]
-    shown = short_names(record.result["parameters"])
+    moving = [k for k in range(data.phi_px.shape[2]) if np.abs(data.phi_px[:, nodes, k]).max() > 0.0]
+    short = short_names(record.result["parameters"])
     with look():
         figure = new_figure(10.0, 3.4)
-        axes = np.atleast_1d(figure.subplots(1, len(seen), sharey=True))
-        for axis, k in zip(axes, seen, strict=True):
+        axes = np.atleast_1d(figure.subplots(1, len(moving), sharey=True))
+        for axis, k in zip(axes, moving, strict=True):
             for i, name in enumerate(data.names):
                 phi = data.phi_px[i, nodes, k]
                 largest = float(np.abs(phi).max())
                 axis.plot(column, phi / (largest or 1.0), color=CYCLE[i % len(CYCLE)],
-                          label=f"{shown.get(name, name)} per {data.steps[i]}: {largest:.2g} px")
+                          label=f"{short.get(name, name)} per {data.steps[i]}: {largest:.2g} px")
             axis.set(xlabel="column [px]", title=COMPONENTS[k])
             axis.legend(fontsize=7.0)
             _mark_image(axis, record)

@@ -18,11 +18,13 @@ def temperature_dependence(factors: Sequence[TemperatureFactor]) -> Picture:
     with look():
         figure = new_figure(7.2, 3.4)
         axis = figure.subplots()
-        for i, one in enumerate(factors):
+        for i, dependence in enumerate(factors):
             color = CYCLE[i % len(CYCLE)]
-            half = WIDTH_95 * one.std
-            axis.fill_between(one.temperature, one.factor - half, one.factor + half, color=color, alpha=0.3, lw=0)
-            axis.plot(one.temperature, one.factor, color=color, label=f"{', '.join(one.targets)} ({one.kind})")
+            half = WIDTH_95 * dependence.std
+            axis.fill_between(dependence.temperature, dependence.factor - half,
+                              dependence.factor + half, color=color, alpha=0.3, lw=0)
+            axis.plot(dependence.temperature, dependence.factor, color=color,
+                      label=f"{', '.join(dependence.targets)} ({dependence.kind})")
         axis.plot(reference, 1.0, "o", color=GREY, ms=4, label="reference temperature")
         axis.set(xlabel="temperature [°C]", ylabel="factor [-]")
         axis.legend()
@@ -31,7 +33,7 @@ def temperature_dependence(factors: Sequence[TemperatureFactor]) -> Picture:
 
 
 def _caption(factors: Sequence[TemperatureFactor]) -> str:
-    terms = "; ".join(f"{', '.join(one.targets)}: {one.kind}, " + ", ".join(
-        f"{name} = {value:.4g}{UNITS[name]}" for name, value in one.values.items()) for one in factors)
+    terms = "; ".join(f"{', '.join(dependence.targets)}: {dependence.kind}, " + ", ".join(
+        f"{name} = {value:.4g}{UNITS[name]}" for name, value in dependence.values.items()) for dependence in factors)
     return (f"Factors on the parameters over the temperatures of the test, 1 at {factors[0].reference:g} °C; shaded: "
             f"95 %, from the covariance of the parameters. {terms}.")

@@ -81,28 +81,28 @@ class AgainstFree:
     """χ² per pixel of the model and of a free FE-DIC on the same frames and mesh; failed : the latter did not match;
     floor : below, a motion without a law follows noise (of fields, whose noise is correlated)."""
 
-    model: float
-    free: float
+    model_chi2: float
+    free_chi2: float
     failed: bool
     floor: float = 0.0
 
     @property
     def follows(self) -> bool:
         """Whether a free motion would explain next to nothing more than the model."""
-        saved = self.model - max(self.free, self.floor)
-        return not self.failed and saved <= max(MAX_CHI2_OVER_FREE, MAX_SHARE_OVER_FREE * (self.model - 1.0))
+        saved = self.model_chi2 - max(self.free_chi2, self.floor)
+        return not self.failed and saved <= max(MAX_CHI2_OVER_FREE, MAX_SHARE_OVER_FREE * (self.model_chi2 - 1.0))
 
 
 def against_free(result: Mapping) -> AgainstFree | None:
     """The comparison over all frames, where a free FE-DIC of all was made, else over the shown ones; None: neither."""
     residual = result.get("residual", {})
-    model, free = residual.get("image_chi2_dof"), residual.get("free_dic_chi2_dof")
-    if free is None and (shown := residual.get("free_dic_shown")) is not None:
-        model, free = shown["model_chi2_dof"], shown["chi2_dof"]
-    if model is None or free is None:
+    model_chi2, free_chi2 = residual.get("image_chi2_dof"), residual.get("free_dic_chi2_dof")
+    if free_chi2 is None and (selected_frames := residual.get("free_dic_shown")) is not None:
+        model_chi2, free_chi2 = selected_frames["model_chi2_dof"], selected_frames["chi2_dof"]
+    if model_chi2 is None or free_chi2 is None:
         return None
-    floor = min(model, 1.0) if result.get("quantity") == "displacement" else 0.0
-    return AgainstFree(model, free, free > MAX_FREE_DIC_CHI2 * max(model, 1.0), floor)
+    floor = min(model_chi2, 1.0) if result.get("quantity") == "displacement" else 0.0
+    return AgainstFree(model_chi2, free_chi2, free_chi2 > MAX_FREE_DIC_CHI2 * max(model_chi2, 1.0), floor)
 
 
 def cluster(result: Mapping) -> str:
@@ -121,30 +121,31 @@ def images(result: Mapping) -> tuple[str, str, str]:
     chi2 = result.get("residual", {}).get("image_chi2_dof")
     if chi2 is None:
         return "look", "Look closer: the noise of the images is not known", ""
-    free, where, numbers = against_free(result), cluster(result), _numbers(result, chi2)
-    local = f" The residual is raised {where}." if where else ""
+    free_fit, place, numbers = against_free(result), cluster(result), _numbers(result, chi2)
+    local = f" The residual is raised {place}." if place else ""
     if chi2 < noise_chi2(result)[0]:
         return ("look", "Look closer: the stated noise is larger than the image residual",
                 f"The image residual is smaller than the stated camera noise ({numbers}). "
                 f"The noise is overstated, and so are the error bars.{local}")
-    if free is not None and not free.failed and not free.follows:
+    if free_fit is not None and not free_fit.failed and not free_fit.follows:
         return ("look",
-                f"Look closer: a free motion explains the images better (χ² = {free.free:.3g}, model {free.model:.3g})",
+                f"Look closer: a free motion explains the images better (χ² = {free_fit.free_chi2:.3g}, model "
+                f"{free_fit.model_chi2:.3g})",
                 f"The image residual is {'larger than' if chi2 > NOISE_CHI2[1] else 'close to'} camera noise "
                 f"({numbers}), and "
-                f"a motion without a law explains {_share(free)} of what is above noise. The model lacks an effect. "
-                f"The residual maps show where.{local}")
+                f"a motion without a law explains {_share(free_fit)} of what is above noise. The model lacks an "
+                f"effect. The residual maps show where.{local}")
     if chi2 > NOISE_CHI2[1]:
-        if free is not None and free.follows:
+        if free_fit is not None and free_fit.follows:
             return ("look", "Look closer: the model fits as well as any motion can; light or aliasing is left",
                     f"The image residual is larger than camera noise ({numbers}), for a free motion too: no law "
                     f"explains it. {remedies(result)}{local}".rstrip())
         return ("look", f"Look closer: the image residual has {chi2:.3g} times the variance of the noise",
                 f"The image residual is larger than camera noise ({numbers}). The model lacks an effect, or light or "
                 f"aliasing is left. The residual maps show where.{local}")
-    if where:
+    if place:
         return ("look", "Look closer: the residual is noise on the whole, not everywhere",
-                f"The mean image residual is camera noise ({numbers}), but it is raised {where}. "
+                f"The mean image residual is camera noise ({numbers}), but it is raised {place}. "
                 f"{in_error_bars(result)} {remedies(result)}".rstrip())
     return "good", "Good fit: the residual is noise", f"The image residual is camera noise ({numbers})."
 
@@ -161,27 +162,29 @@ def remedies(result: Mapping) -> str:
     tried = result.get("remedies") or ()
     if not tried:
         return ""
-    best = min(tried, key=lambda one: one["chi2_after"])
-    before, after = best["chi2_before"], best["chi2_after"]
-    if before - after > MIN_REMEDY_SHARE * max(before - 1.0, 0.0) and before - after > MAX_CHI2_OVER_FREE:
-        return (f"With {best['setting']} it falls from χ² = {before:.3g} to {after:.3g} at the same motion: identify "
-                f"again "
+    best = min(tried, key=lambda remedy: remedy["chi2_after"])
+    chi2_before, chi2_after = best["chi2_before"], best["chi2_after"]
+    drop = chi2_before - chi2_after
+    if drop > max(MIN_REMEDY_SHARE * max(chi2_before - 1.0, 0.0), MAX_CHI2_OVER_FREE):
+        return (f"With {best['setting']} it falls from χ² = {chi2_before:.3g} to {chi2_after:.3g} at the same motion: "
+                f"identify again "
                 "with it under [options].")
-    names = "; ".join(one["setting"] for one in tried)
+    names = "; ".join(remedy["setting"] for remedy in tried)
     return f"None of the remedies tried at the same motion removes it ({names}): look at the light and at the pattern."
 
 
 def _numbers(result: Mapping, chi2: float) -> str:
     rms, unit = result["residual"].get("image_rms_gv"), result.get("noise", {}).get("unit") or "grey values"
     text = f"χ² = {chi2:.3g} per pixel" + ("" if rms is None else f", rms {rms:.3g} {unit}")
-    free = against_free(result)
-    if free is None:
+    free_fit = against_free(result)
+    if free_fit is None:
         return text
-    said = "failed" if free.failed else f"has χ² = {free.free:.3g}"
+    outcome = "failed" if free_fit.failed else f"has χ² = {free_fit.free_chi2:.3g}"
     frames = "" if "free_dic_chi2_dof" in result["residual"] else " in the frames shown"
-    return f"{text}; a free FE-DIC on the same mesh {said}{frames}"
+    return f"{text}; a free FE-DIC on the same mesh {outcome}{frames}"
 
 
-def _share(free: AgainstFree) -> str:
-    share = (free.model - free.free) / max(free.model - 1.0, free.model - free.free)
+def _share(free_fit: AgainstFree) -> str:
+    drop = free_fit.model_chi2 - free_fit.free_chi2
+    share = drop / max(free_fit.model_chi2 - 1.0, drop)
     return f"{100.0 * min(share, 1.0):.0f} %"

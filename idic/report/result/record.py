@@ -82,12 +82,12 @@ class ResidualMaps:
     Attributes
     ----------
     frames : tuple of int
-    before, after : (n_selected, ny, nx) float, grey values, NaN outside
+    start, identified : (n_selected, ny, nx) float, grey values, NaN outside
     """
 
     frames: tuple[int, ...]
-    before: np.ndarray
-    after: np.ndarray
+    start: np.ndarray
+    identified: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -485,7 +485,7 @@ class RunRecord:
     cameras: tuple[tuple[str, RunRecord], ...] = ()
     temperature: np.ndarray | None = None
     views: tuple[FrameView, ...] = ()
-    free: FreeFields | None = None
+    free_fields: FreeFields | None = None
     curves: tuple[LawCurve, ...] = ()
     hardening: tuple[HardeningCurve, ...] = ()
     temperature_factors: tuple[TemperatureFactor, ...] = ()

@@ -13,36 +13,36 @@ def in_ratios(result: Mapping) -> Mapping:
 
     ``sheet.yield_stress`` becomes ``sheet.yield_stress/E``, without a unit; everything else stays.
     """
-    held = _held(result)
-    if not held:
+    base_of_set = _held(result)
+    if not base_of_set:
         return result
     renamed: dict[str, str] = {}
     changed, bounds = dict(result), dict(result.get("at_bound", {}))
     for kind in ("parameters", "derived"):
-        shown = {}
+        entries = {}
         for name, entry in result.get(kind, {}).items():
-            base = _base(name, entry, held)
+            base = _base(name, entry, base_of_set)
             if base is not None:
                 renamed[name] = f"{name}/{_short(base, name)}"
                 if name in bounds:
                     bounds[renamed[name]] = bounds.pop(name) * _ratio(entry, result["parameters"][base])
                 entry = _scaled(entry, result["parameters"][base])
-            shown[renamed.get(name, name)] = entry
-        changed[kind] = shown
+            entries[renamed.get(name, name)] = entry
+        changed[kind] = entries
     if bounds:
         changed["at_bound"] = bounds
     if specimens := result.get("specimens"):
-        changed["specimens"] = {renamed.get(name, name): _specimen(entry, _factor(result, name, held))
+        changed["specimens"] = {renamed.get(name, name): _specimen(entry, _factor(result, name, base_of_set))
                                 for name, entry in specimens.items()}
     if table := result.get("correlation"):
         changed["correlation"] = dict(table) | {"names": [renamed.get(name, name) for name in table.get("names", ())]}
     return changed
 
 
-def _factor(result: Mapping, name: str, held: Mapping[str, str]) -> float | None:
+def _factor(result: Mapping, name: str, base_of_set: Mapping[str, str]) -> float | None:
     """What a parameter is multiplied by to be shown as a ratio, None for one that is not."""
     entry = result["parameters"][name]
-    base = _base(name, entry, held)
+    base = _base(name, entry, base_of_set)
     return None if base is None else _ratio(entry, result["parameters"][base])
 
 
@@ -52,14 +52,15 @@ def _specimen(entry: Mapping, factor: float | None) -> Mapping:
         return entry
     sizes = {key: None if entry[key] is None else factor * entry[key] for key in ("between_std", "mean", "mean_std")}
     interval = entry["between_ci95"] and [factor * bound for bound in entry["between_ci95"]]
-    values = {name: {key: factor * size for key, size in own.items()} for name, own in entry["values"].items()}
+    values = {name: {key: factor * size for key, size in estimate.items()}
+              for name, estimate in entry["values"].items()}
     return {**entry, **sizes, "between_ci95": interval, "unit": "", "values": values}
 
 
 def stress_unit(result: Mapping, element_set: str) -> tuple[str, float]:
     """Unit of the stresses of an element set as they are shown, and its size in MPa: MPa itself, or a held stress."""
-    held = _held(result)
-    base = held.get(element_set, held.get(""))
+    base_of_set = _held(result)
+    base = base_of_set.get(element_set, base_of_set.get(""))
     if base is None:
         return "MPa", 1.0
     entry = result["parameters"][base]
@@ -68,9 +69,9 @@ def stress_unit(result: Mapping, element_set: str) -> tuple[str, float]:
 
 def held_stresses(result: Mapping) -> str:
     """The held stresses that shown ratios rest on, in a sentence; empty where a force was recorded, or none does."""
-    held = _held(result)
+    base_of_set = _held(result)
     bases = dict.fromkeys(base for kind in ("parameters", "derived") for name, entry in result.get(kind, {}).items()
-                          if (base := _base(name, entry, held)) is not None)
+                          if (base := _base(name, entry, base_of_set)) is not None)
     if not bases:
         return ""
     listed = ", ".join(f"{name.rpartition('.')[2]} = {result['parameters'][name]['value']:g} "
@@ -80,21 +81,21 @@ def held_stresses(result: Mapping) -> str:
 
 def _held(result: Mapping) -> dict[str, str]:
     """Element set -> its first locked stress that is not zero, "" -> the first of all; empty where a force is known."""
-    found: dict[str, str] = {}
+    names_by_set: dict[str, str] = {}
     if result.get("has_force", True):
-        return found
+        return names_by_set
     for name, entry in result["parameters"].items():
         if not entry.get("free") and entry.get("unit") in STRESS_FACTORS and entry.get("value"):
-            found.setdefault(name.rpartition(".")[0], name)
-            found.setdefault("", name)
-    return found
+            names_by_set.setdefault(name.rpartition(".")[0], name)
+            names_by_set.setdefault("", name)
+    return names_by_set
 
 
-def _base(name: str, entry: Mapping, held: Mapping[str, str]) -> str | None:
+def _base(name: str, entry: Mapping, base_of_set: Mapping[str, str]) -> str | None:
     """The held stress that a determined stress is shown over, None for everything else."""
     if not entry.get("free", True) or entry.get("std") is None or entry.get("unit") not in STRESS_FACTORS:
         return None
-    return held.get(name.rpartition(".")[0], held.get(""))
+    return base_of_set.get(name.rpartition(".")[0], base_of_set.get(""))
 
 
 def _short(base: str, name: str) -> str:

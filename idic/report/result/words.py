@@ -125,10 +125,10 @@ def short_names(names) -> dict[str, str]:
 def values_text(result: Mapping) -> str:
     """``E = 70.012 ± 0.055 GPa, nu = 0.3001 ± 0.0004`` of the free parameters that were determined."""
     hardly = hardly_determined(result)
-    free = {n: p for n, p in result["parameters"].items()
+    determined = {n: p for n, p in result["parameters"].items()
             if p.get("free") and p.get("std") is not None and not is_mode(n) and n not in hardly}
     names = short_names(result["parameters"])
-    return ", ".join(f"{names[n]} = {with_std(p['value'], p['std'], p.get('unit', ''))}" for n, p in free.items())
+    return ", ".join(f"{names[n]} = {with_std(p['value'], p['std'], p.get('unit', ''))}" for n, p in determined.items())
 
 
 def ratios(result: Mapping) -> str:
@@ -146,7 +146,7 @@ def left_open(result: Mapping) -> set[str]:
 def derived_names(result: Mapping) -> dict[str, str]:
     """Derived quantities as they are shown: ``PLY.E1/E2`` is ``E1/E2`` where PLY is the only set."""
     short = short_names(result["parameters"])
-    single = any(name != shown for name, shown in short.items())
+    single = any(name != short_name for name, short_name in short.items())
     return {n: n.partition(".")[2] if single and "." in n.partition("/")[0] else n for n in result.get("derived", {})}
 
 
@@ -158,8 +158,8 @@ def convergence(result: Mapping) -> str:
     units = {name: result["parameters"][name]["unit"] for name in bounds}
     bounded = ", ".join(f"{names.get(name, name)} ({bounds[name]:g} {units[name]})".replace(" )", ")")
                         for name in bounds)
-    said = text.format(n=f"{n} iteration{'' if n == 1 else 's'}", which=bounded or "a parameter")
-    return f"{said} {ending(result)}".rstrip()
+    sentence = text.format(n=f"{n} iteration{'' if n == 1 else 's'}", which=bounded or "a parameter")
+    return f"{sentence} {ending(result)}".rstrip()
 
 
 def ending(result: Mapping) -> str:
@@ -205,7 +205,7 @@ def _together(listed: Sequence[Mapping]) -> dict[str, tuple[str, frozenset]]:
     values_text = {}
     for item in listed:
         name, reason, alike = item["name"], item["reason"], item.get("correlation")
-        if alike is not None and all(groups.get(other) == groups[name] for other in groups[name]):
+        if alike is not None and all(groups.get(member) == groups[name] for member in groups[name]):
             reason = f"cannot be told apart from each other: correlation {alike:.3f}"
         values_text[name] = (reason, groups[name] if alike is not None else frozenset())
     return values_text
@@ -225,11 +225,11 @@ def virtual_boundaries(result: Mapping) -> list[dict]:
     for motion, names in motions(result["parameters"]).items():
         entries = [result["parameters"][n] for n in names]
         stds = sorted(p["std"] for p in entries if p.get("std") is not None)
-        free = sum(bool(p.get("free")) for p in entries)
-        text = f"{len(names)} modes" + ("" if free == len(names) else f", {free} free")
-        values_text.append({"name": motion, "free": free, "determined": len(stds), "unit": entries[0].get("unit", ""),
+        n_free = sum(bool(p.get("free")) for p in entries)
+        text = f"{len(names)} modes" + ("" if n_free == len(names) else f", {n_free} free")
+        values_text.append({"name": motion, "free": n_free, "determined": len(stds), "unit": entries[0].get("unit", ""),
                       "std": f"{two_digits(stds[0])} … {two_digits(stds[-1])}" if stds else "–",
-                      "text": text + ("" if len(stds) == free else f", {len(stds)} determined")})
+                      "text": text + ("" if len(stds) == n_free else f", {len(stds)} determined")})
     return values_text
 
 
@@ -257,20 +257,20 @@ def not_explained(result: Mapping) -> str:
 
 
 def _listed(frames: Sequence[Mapping]) -> str:
-    shown = ", ".join(f"{f['frame']} ({f.get('label') or '?'})" for f in frames[:MAX_LISTED])
+    frames_text = ", ".join(f"{f['frame']} ({f.get('label') or '?'})" for f in frames[:MAX_LISTED])
     more = f" and {len(frames) - MAX_LISTED} more" if len(frames) > MAX_LISTED else ""
-    return f"frame{'' if len(frames) == 1 else 's'} {shown}{more}"
+    return f"frame{'' if len(frames) == 1 else 's'} {frames_text}{more}"
 
 
 def result_headline(result: Mapping) -> list[str]:
     """The sentences a user wants first, in order: values, convergence, residual, undetermined parameters."""
-    held, result = held_stresses(result), in_ratios(result)
+    scale_sentence, result = held_stresses(result), in_ratios(result)
     values = ", ".join(text for text in (values_text(result), ratios(result)) if text)
     first = f"{values}." if values else "No parameter could be determined from this test."
     if values and result["status"] != "converged":
         first = f"Not converged: {first}"
-    sentences = (first, held, convergence(result), explained(result), undetermined(result), not_explained(result),
-                 left_out(result))
+    sentences = (first, scale_sentence, convergence(result), explained(result), undetermined(result),
+                 not_explained(result), left_out(result))
     return [s for s in sentences if s]
 
 
@@ -293,10 +293,10 @@ def advice(result: Mapping) -> list[str]:
     sentences = [] if level == "good" else [f"{text}."]
     if result["status"] != "converged" or ending(result):
         sentences.append(convergence(result))
-    free = against_free(result)
-    only_light = free is not None and free.follows and chi2 is not None and chi2 > NOISE_CHI2[1]
-    if result["status"] == "converged" and images(result)[0] == "look" and (where := cluster(result)):
-        sentences.append(f"The residual is raised {where}.")
+    free_fit = against_free(result)
+    only_light = free_fit is not None and free_fit.follows and chi2 is not None and chi2 > NOISE_CHI2[1]
+    if result["status"] == "converged" and images(result)[0] == "look" and (place := cluster(result)):
+        sentences.append(f"The residual is raised {place}.")
     if only_light and not channels_missed(result):
         sentences.append(remedies(result)
                          or "Try brightness = \"patch\", smaller patches or a stronger low-pass under [options].")
@@ -318,9 +318,9 @@ def result_cautions(result: Mapping) -> list[str]:
     """Strong correlations, and biases larger than the error bars, in sentences."""
     names, table = short_names(result["parameters"]) | derived_names(result), result.get("correlation", {})
     open_, sentences = left_open(result), []
-    kept = [(i, name) for i, name in enumerate(table.get("names", ())) if not is_mode(name)]
-    pairs = sorted(((abs(table["matrix"][i][j]), first, second) for k, (i, first) in enumerate(kept)
-                    for j, second in kept[k + 1:]), reverse=True)
+    of_parameters = [(i, name) for i, name in enumerate(table.get("names", ())) if not is_mode(name)]
+    pairs = sorted(((abs(table["matrix"][i][j]), first, second) for k, (i, first) in enumerate(of_parameters)
+                    for j, second in of_parameters[k + 1:]), reverse=True)
     high = [f"{names.get(a, a)} with {names.get(b, b)} ({c:.3f})" for c, a, b in pairs if c > MIN_STRONG_CORRELATION]
     if high:
         more = f" and {len(high) - MAX_LISTED} more pairs" if len(high) > MAX_LISTED else ""
@@ -329,11 +329,11 @@ def result_cautions(result: Mapping) -> list[str]:
     beyond = {"discretisation_bias": "a finer mesh changes the value by more than a standard deviation",
               "systematic_std": "other treatments of boundary and camera change the value by more than a standard "
                                 "deviation"}
-    for key, what in beyond.items():
+    for key, meaning in beyond.items():
         moved = [names[n] for n, p in (result["parameters"] | result.get("derived", {})).items()
                  if n not in open_ and p.get(key) is not None and p.get("std") and abs(p[key]) > p["std"]]
         if moved:
-            sentences.append(f"{', '.join(moved)}: {what}.")
+            sentences.append(f"{', '.join(moved)}: {meaning}.")
     return sentences
 
 

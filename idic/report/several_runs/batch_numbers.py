@@ -16,28 +16,28 @@ def scatter(rows: Sequence[Mapping]) -> list[dict]:
 
     Runs of all experiments together come first, under the experiment None, where there are several experiments.
     """
-    done = [row for row in rows if row["status"] == "converged"]
-    experiments = list(dict.fromkeys(row["experiment"] for row in done))
+    converged = [row for row in rows if row["status"] == "converged"]
+    experiments = list(dict.fromkeys(row["experiment"] for row in converged))
     chosen = [None, *experiments] if len(experiments) > 1 else experiments
     groups = []
     for experiment in chosen:
-        members = [row for row in done if experiment in (None, row["experiment"])]
+        members = [row for row in converged if experiment in (None, row["experiment"])]
         if len(members) > 1:
             groups.append({"experiment": experiment, "runs": len(members), "parameters": _spreads(members)})
     return groups
 
 
 def _spreads(rows: Sequence[Mapping]) -> dict[str, dict]:
-    found = {}
+    spreads = {}
     for name in dict.fromkeys(name for row in rows for name in row["parameters"]):
         entries = [entry for entry in in_one_unit(rows, name) if entry is not None and entry["std"] is not None]
         if len(entries) < 2:
             continue
         values = np.array([entry["value"] for entry in entries])
-        found[name] = {"n": len(values), "mean": float(values.mean()), "std": float(values.std(ddof=1)),
+        spreads[name] = {"n": len(values), "mean": float(values.mean()), "std": float(values.std(ddof=1)),
                        "min": float(values.min()), "max": float(values.max()),
                        "formal_std": float(np.mean([entry["std"] for entry in entries])), "unit": entries[0]["unit"]}
-    return found
+    return spreads
 
 
 def in_one_unit(rows: Sequence[Mapping], name: str) -> list[Mapping | None]:

@@ -20,13 +20,13 @@ MAX_LABELLED_RUNS = 12  # runs whose names fit below a panel
 def batch_headline(content: Mapping) -> str:
     """How many runs converged, and the status of the others, in one sentence."""
     rows = content["runs"]
-    others: dict[str, int] = {}
+    counts: dict[str, int] = {}
     for row in rows:
         if row["status"] != "converged":
-            others[row["status"]] = others.get(row["status"], 0) + 1
+            counts[row["status"]] = counts.get(row["status"], 0) + 1
     text = f"{content['converged']} of {len(rows)} runs converged"
-    if others:
-        text += "; " + ", ".join(f"{n} {status.replace('_', ' ')}" for status, n in others.items())
+    if counts:
+        text += "; " + ", ".join(f"{n} {status.replace('_', ' ')}" for status, n in counts.items())
     return text + "."
 
 
@@ -66,9 +66,9 @@ def _points(rows: Sequence[Mapping], name: str) -> list[tuple[int, Mapping, Mapp
 def _panel(axis, rows: Sequence[Mapping], name: str, experiments: Sequence[str]) -> None:
     points = _points(rows, name)
     for i, row, entry in points:
-        colour, done = CYCLE[experiments.index(row["experiment"]) % len(CYCLE)], row["status"] == "converged"
-        axis.errorbar(i, entry["value"], entry["std"], color=colour, marker="o", mfc=colour if done else "white",
-                      capsize=2, linewidth=0.9, markersize=3.5)
+        colour, is_converged = CYCLE[experiments.index(row["experiment"]) % len(CYCLE)], row["status"] == "converged"
+        axis.errorbar(i, entry["value"], entry["std"], color=colour, marker="o",
+                      mfc=colour if is_converged else "white", capsize=2, linewidth=0.9, markersize=3.5)
     converged = [entry["value"] for _, row, entry in points if row["status"] == "converged"]
     if converged:
         axis.axhline(float(np.mean(converged)), color=GREY, linestyle="--", linewidth=0.8, zorder=0)
@@ -88,10 +88,10 @@ def _panel(axis, rows: Sequence[Mapping], name: str, experiments: Sequence[str])
 def _limits(points) -> tuple[float, float] | None:
     """Limits of the axis from the converged runs and their bars, so that a run that ended far off does not hide their
     scatter."""
-    done = [entry for _, row, entry in points if row["status"] == "converged"]
-    if not done:
+    converged = [entry for _, row, entry in points if row["status"] == "converged"]
+    if not converged:
         return None
-    low, high = (f(e["value"] + s * e["std"] for e in done) for f, s in ((min, -1.0), (max, 1.0)))
+    low, high = (f(e["value"] + s * e["std"] for e in converged) for f, s in ((min, -1.0), (max, 1.0)))
     room = 0.15 * (high - low) or 0.01 * abs(high) or 1.0
     return low - room, high + room
 
@@ -99,11 +99,12 @@ def _limits(points) -> tuple[float, float] | None:
 def render_batch(content: Mapping, picture: Picture | None) -> str:
     """The HTML text; the reports of the runs are linked, everything else is in the page."""
     names = batch_parameters(content)
-    shown = short_names(names)
+    short_name = short_names(names)
     return filled_in(
         "batch.html.j2", first=batch_headline(content), finished=content["status"] == "finished",
-        names=[shown[n] for n in names],
-        rows=[_row(row, names) for row in content["runs"]], groups=[_group(g, names, shown) for g in content["groups"]],
+        names=[short_name[n] for n in names],
+        rows=[_row(row, names) for row in content["runs"]],
+        groups=[_group(g, names, short_name) for g in content["groups"]],
         picture=picture)
 
 
@@ -120,13 +121,13 @@ def _row(row: Mapping, names: Sequence[str]) -> dict:
                       else with_std(e["value"], e["std"], e.get("unit") or "") for e in entries]}
 
 
-def _group(group: Mapping, names: Sequence[str], shown: Mapping[str, str]) -> dict:
+def _group(group: Mapping, names: Sequence[str], short_name: Mapping[str, str]) -> dict:
     rows = []
     for name in names:
         if name in group["parameters"]:
             entry = group["parameters"][name]
             ratio = entry["std"] / entry["formal_std"] if entry["formal_std"] else float("inf")
-            rows.append({"name": shown[name], "unit": entry["unit"] or "–", "n": entry["n"],
+            rows.append({"name": short_name[name], "unit": entry["unit"] or "–", "n": entry["n"],
                          "mean": number_text(entry["mean"], entry["std"]), "std": short(entry["std"]),
                          "formal": short(entry["formal_std"]), "ratio": f"{ratio:.2g}",
                          "range": f"{number_text(entry['min'], entry['std'])} … "

@@ -27,7 +27,7 @@ class Cell:
 
     text: str
     link: str = ""
-    far: bool = False
+    is_bold: bool = False
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,9 @@ def comparison_tables(content: Mapping) -> list[Table]:
     header = ("parameter", *(run["name"] for run in runs), *(f"{run['name']} − {runs[0]['name']}" for run in runs[1:]))
     rows = []
     for entry in content["parameters"]:
-        values = [Cell(NONE if own is None else _value(own, own["unit"])) for own in entry["values"]]
-        steps = [Cell(NONE) if d is None else Cell(f"{d:+.1f} std", far=abs(d) > MIN_BOLD_DIFFERENCE_STD)
+        values = [Cell(NONE if estimate is None else _value(estimate, estimate["unit"]))
+                  for estimate in entry["values"]]
+        steps = [Cell(NONE) if d is None else Cell(f"{d:+.1f} std", is_bold=abs(d) > MIN_BOLD_DIFFERENCE_STD)
                  for d in entry["differences"][1:]]
         rows.append((Cell(entry["name"]), *values, *steps))
     lead = ("Differences in standard deviations of the difference, taken as independent: runs on the same "
@@ -70,8 +71,9 @@ def comparison_tables(content: Mapping) -> list[Table]:
 def comparison_picture(content: Mapping) -> Picture | None:
     """Value and standard deviation of every parameter in every run, in one unit."""
     rows = [run | {"experiment": run["name"],
-                   "parameters": {entry["name"]: own for entry in content["parameters"]
-                                  if (own := entry["values"][k]) and own["free"] and own["unit"] == entry["unit"]}}
+                   "parameters": {entry["name"]: estimate for entry in content["parameters"]
+                                  if (estimate := entry["values"][k]) and estimate["free"]
+                                  and estimate["unit"] == entry["unit"]}}
             for k, run in enumerate(content["runs"])]
     return draw_batch({"runs": rows})
 
@@ -125,11 +127,11 @@ def _plain(value: float | None, unit: str = "") -> str:
 # experiments identified together --------------------------------------------------------------------------------
 def joint_page(result: Mapping) -> str:
     """The page of a result of several experiments, with links to the report of each."""
-    shown = in_ratios(result)
+    in_shown_units = in_ratios(result)
     parameters = tuple(
         (Cell(name), Cell(_value(entry, "") if entry["std"] is not None else "not determined"),
          Cell(entry["unit"] or NONE), Cell(f"{entry['start']:.6g}"))
-        for name, entry in shown["parameters"].items() if entry["free"] and not is_mode(_own(name, result)))
+        for name, entry in in_shown_units["parameters"].items() if entry["free"] and not is_mode(_own(name, result)))
     rows = []
     for name, part in result["experiments"].items():
         frames = [frame for frame in result["frames"] if frame["experiment"] == name]
@@ -145,9 +147,9 @@ def joint_page(result: Mapping) -> str:
         Table("Experiments", ("experiment", "title", "frames explained", "χ² per pixel", "χ² of the channels",
                               "image noise"), tuple(rows), "The report of each shows its images, fields and channels."),
     ]
-    tables[1:1] = specimen_tables(shown)
-    first = [*result_headline(result), *between_specimens(shown), *result_cautions(shown)]
-    picture = correlation(RunRecord(result["title"], shown))
+    tables[1:1] = specimen_tables(in_shown_units)
+    first = [*result_headline(result), *between_specimens(in_shown_units), *result_cautions(in_shown_units)]
+    picture = correlation(RunRecord(result["title"], in_shown_units))
     page = render_tables(result["title"], [line for line in first if line], tables, [picture] if picture else [],
                          verdict=result_verdict(result))
     fields = all(part["noise"]["unit"] == result["noise"]["unit"] for part in result["experiments"].values())
@@ -160,16 +162,17 @@ def specimen_tables(result: Mapping) -> list[Table]:
     names = list(result["experiments"])
     rows = []
     for name, entry in content.items():
-        own = [Cell(with_std(entry["values"][other]["value"], entry["values"][other]["std"]) if other in
-                    entry["values"] else "not determined") for other in names]
-        known = entry["between_std"] is not None
+        values = entry["values"]
+        cells = [Cell(with_std(values[experiment]["value"], values[experiment]["std"])
+                      if experiment in values else "not determined") for experiment in names]
+        has_scatter = entry["between_std"] is not None
         low, high = entry["between_ci95"] or (None, None)
-        rows.append((Cell(name), Cell(entry["unit"] or NONE), *own,
-                     Cell(two_digits(entry["between_std"]) if known else NONE),
-                     Cell(f"{two_digits(low)} … {two_digits(high)}" if known else NONE),
-                     Cell(with_std(entry["mean"], entry["mean_std"]) if known else NONE),
-                     Cell(f"{entry['p_value']:.2g}" if known else NONE,
-                          far=known and entry["p_value"] < MAX_P_OF_EQUAL_SPECIMENS)))
+        rows.append((Cell(name), Cell(entry["unit"] or NONE), *cells,
+                     Cell(two_digits(entry["between_std"]) if has_scatter else NONE),
+                     Cell(f"{two_digits(low)} … {two_digits(high)}" if has_scatter else NONE),
+                     Cell(with_std(entry["mean"], entry["mean_std"]) if has_scatter else NONE),
+                     Cell(f"{entry['p_value']:.2g}" if has_scatter else NONE,
+                          is_bold=has_scatter and entry["p_value"] < MAX_P_OF_EQUAL_SPECIMENS)))
     if not rows:
         return []
     lead = ("The values of each specimen alone, to first order from the joint ones, with its own alignment and "
@@ -184,5 +187,5 @@ def specimen_tables(result: Mapping) -> list[Table]:
 
 def _own(name: str, result: Mapping) -> str:
     """A parameter's name without that of its experiment."""
-    head, _, rest = name.partition(".")
-    return rest if head in result["experiments"] else name
+    head, _, local_name = name.partition(".")
+    return local_name if head in result["experiments"] else name

@@ -63,7 +63,7 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
         points = point_maps_of(experiment, shared.camera, reference, shown, motion)
     return dict(
         points=points,
-        free=free,
+        free_fields=free,
         curves=law_curves(experiment, parameters, result, motions),
         rubber=rubber_curves(experiment, parameters, result, motions),
         relaxation=relaxation_curves(experiment, parameters, result),

@@ -140,7 +140,7 @@ def load_record(run: Path | str) -> RunRecord:
                        camera_floor_px=None if floor is None else floor.nodes_px,
                        **evidence(context, result, accepted[-1], parameters, main["sensitivities"]))
     names = [camera.name for camera in there.cameras]
-    further = (replace(record, **seen, channels=(), views=(), free=None, camera_floor_px=None,
+    further = (replace(record, **seen, channels=(), views=(), free_fields=None, camera_floor_px=None,
                        result=_of_camera(result, name))
                for name, seen in zip(names, others, strict=True))
     return replace(record, cameras=tuple(zip(names, further, strict=True)))
