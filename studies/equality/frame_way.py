@@ -158,7 +158,7 @@ def lines(frame_way: FrameWay) -> Iterator[str]:
     records = {file for file, _ in frame_way.calls} - frame_way.files
     yield f"{len(records)} files more for a property of a record: {', '.join(sorted(records))}"
     yield "times per frame:"
-    yield from (f"    {frame_way.times(function)}  {what} ({function})" for what, function in ONCE.items())
+    yield from (f"    {frame_way.times(function)}  {piece} ({function})" for piece, function in ONCE.items())
 
 
 if __name__ == "__main__":
