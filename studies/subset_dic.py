@@ -38,13 +38,13 @@ def subset_displacements(images: Sequence[np.ndarray], centres: np.ndarray, half
     y, x = (part.ravel().astype(float) for part in np.mgrid[-half:half + 1, -half:half + 1])
     reference = np.asarray(images[0], float)
     f, jacobian, hessian = _template(reference, centres, x, y, order)
-    found = np.zeros((len(images), len(centres), 2))
+    displacements = np.zeros((len(images), len(centres), 2))
     p = np.zeros((len(centres), 6))  # u, u_x, u_y, v, v_x, v_y
     for k, image in enumerate(images[1:], 1):
         spline = spline_filter(np.asarray(image, float), order)
         p, correlation = _match(spline, centres, x, y, f, jacobian, hessian, p, order)
-        found[k] = np.where((correlation > MIN_CORRELATION)[:, None], p[:, [0, 3]], np.nan)
-    return found
+        displacements[k] = np.where((correlation > MIN_CORRELATION)[:, None], p[:, [0, 3]], np.nan)
+    return displacements
 
 
 def _template(reference: np.ndarray, centres: np.ndarray, x: np.ndarray, y: np.ndarray, order: int):
@@ -88,10 +88,10 @@ def _match(spline, centres, x, y, f, jacobian, hessian, start, order):
 def _composed(p: np.ndarray, step: np.ndarray) -> np.ndarray:
     """The warp p after the inverse of the warp `step`  # (n, 6)"""
     def matrix(q: np.ndarray) -> np.ndarray:
-        whole = np.tile(np.eye(3), (len(q), 1, 1))
-        whole[:, 0] += q[:, [1, 2, 0]]
-        whole[:, 1] += q[:, [4, 5, 3]]
-        return whole
+        homogeneous = np.tile(np.eye(3), (len(q), 1, 1))
+        homogeneous[:, 0] += q[:, [1, 2, 0]]
+        homogeneous[:, 1] += q[:, [4, 5, 3]]
+        return homogeneous
 
-    new = matrix(p) @ np.linalg.inv(matrix(step)) - np.eye(3)
-    return np.column_stack([new[:, 0, 2], new[:, 0, 0], new[:, 0, 1], new[:, 1, 2], new[:, 1, 0], new[:, 1, 1]])
+    warp = matrix(p) @ np.linalg.inv(matrix(step)) - np.eye(3)
+    return np.column_stack([warp[:, 0, 2], warp[:, 0, 0], warp[:, 0, 1], warp[:, 1, 2], warp[:, 1, 0], warp[:, 1, 1]])

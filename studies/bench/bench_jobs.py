@@ -16,11 +16,11 @@ def best_of(functions, repeats):
     """Minimum time (s) of each function, run in turn: a load on the machine meets all of them."""
     times = [[] for _ in functions]
     for _ in range(repeats):
-        for function, mine in zip(functions, times, strict=True):
+        for function, seconds in zip(functions, times, strict=True):
             start = time.perf_counter()
             function()
-            mine.append(time.perf_counter() - start)
-    return [min(mine) for mine in times]
+            seconds.append(time.perf_counter() - start)
+    return [min(seconds) for seconds in times]
 
 
 def brick(nx: int, ny: int, nz: int) -> Mesh:
@@ -39,15 +39,15 @@ def brick(nx: int, ny: int, nz: int) -> Mesh:
 def stretched(mesh: Mesh, kind: str, length: float, n_frames: int) -> tuple[Model, dict, np.ndarray]:
     """A body clamped at LEFT and pulled by 1.2 % at RIGHT, half of the frames beyond yielding: model, values, times."""
     dim = mesh.nodes.shape[1]
-    left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
-    dofs = np.concatenate([dim * right + c for c in range(dim)] + [dim * left + c for c in range(dim)])
+    left_end, right_end = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
+    dofs = np.concatenate([dim * right_end + c for c in range(dim)] + [dim * left_end + c for c in range(dim)])
     basis = np.zeros((len(dofs), 1))
-    basis[: len(right)] = 1.0
+    basis[: len(right_end)] = 1.0
     grip = 0.012 * length * np.linspace(0.0, 1.0, n_frames)[:, None]
     law = compile_law("j2_linear", "finite")
     name = next(iter(mesh.element_sets))
     model = Model(mesh=mesh, kind=kind, sections=(Section(name, law, mesh.element_sets[name]),), thickness=2.0,
-                  constraints=Constraints(dofs, basis, grip), channels=(Reaction(dim * right),))  # fmt: skip
+                  constraints=Constraints(dofs, basis, grip), channels=(Reaction(dim * right_end),))  # fmt: skip
     return model, {name: np.array([PLASTIC[p] for p in law.spec.parameter_names])}, np.arange(n_frames, dtype=float)
 
 

@@ -53,11 +53,11 @@ def write_draw(folder: Path, model: str, world: str, seed: int) -> None:
     twins.write_inp(twins.strip_with_hole(twins.LENGTH, twins.WIDTH, twins.RADIUS, "quad8", 3, 4, 3, name="BODY"),
                     folder / "mesh.inp", "draw")
     toml = twins.TOML % (null.table, f"{std:.6g}")
-    stated = f"noise_std_gv = {np.hypot(NOISE, 12**-0.5):.4f}"
-    assert stated in toml
-    told = f"noise_std_gv = {0.8 * np.hypot(NOISE, 12**-0.5):.4f}" if world == "understated" else (
-        stated if world == "white" else "")
-    (folder / "experiment.toml").write_text(toml.replace(stated, told))
+    noise_line = f"noise_std_gv = {np.hypot(NOISE, 12**-0.5):.4f}"
+    assert noise_line in toml
+    written_line = f"noise_std_gv = {0.8 * np.hypot(NOISE, 12**-0.5):.4f}" if world == "understated" else (
+        noise_line if world == "white" else "")
+    (folder / "experiment.toml").write_text(toml.replace(noise_line, written_line))
 
 
 def draw(seed: int, model: str, world: str) -> tuple[str, ...]:
@@ -81,16 +81,16 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=40)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--processes", type=int, default=1)
-    given = parser.parse_args()
-    alarms = done = 0
-    with ProcessPoolExecutor(given.processes) as pool:
-        jobs = {pool.submit(partial(draw, model=given.model, world=given.world), seed): seed
-                for seed in range(given.first, given.first + given.draws)}
+    options = parser.parse_args()
+    alarms = n_finished = 0
+    with ProcessPoolExecutor(options.processes) as pool:
+        jobs = {pool.submit(partial(draw, model=options.model, world=options.world), seed): seed
+                for seed in range(options.first, options.first + options.draws)}
         for job in as_completed(jobs):
             verdict, named, off, seconds = job.result()
-            done, alarms = done + 1, alarms + (verdict != "none")
-            print(f"{given.world} {given.model} {jobs[job]}: {verdict} {named}, off by {off} std, {seconds} CPU s; "
-                  f"alarms {alarms} of {done}", flush=True)
+            n_finished, alarms = n_finished + 1, alarms + (verdict != "none")
+            print(f"{options.world} {options.model} {jobs[job]}: {verdict} {named}, off by {off} std, {seconds} CPU s; "
+                  f"alarms {alarms} of {n_finished}", flush=True)
 
 
 if __name__ == "__main__":

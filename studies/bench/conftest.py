@@ -24,10 +24,10 @@ ROWS: list[tuple[str, str, str]] = []
 def measured(capsys):
     """``measured(what, figure, against)`` prints a line and keeps it for the table."""
 
-    def note(what: str, figure: str, against: str) -> None:
-        ROWS.append((what, figure, against))
+    def note(subject: str, figure: str, against: str) -> None:
+        ROWS.append((subject, figure, against))
         with capsys.disabled():
-            print(f"\n{what}: {figure}; {against}")
+            print(f"\n{subject}: {figure}; {against}")
 
     return note
 

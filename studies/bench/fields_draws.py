@@ -65,8 +65,9 @@ def specimen(camera: Camera) -> np.ndarray:
     ny, nx = SIZE.shape
     column, row = np.meshgrid(np.arange(nx), np.arange(ny))
     x, y = camera.inverse(np.column_stack([column.ravel(), row.ravel()]).astype(float)).T
-    far = MARGIN_PX * SIZE.pixel
-    inside = (np.abs(x) < 0.5 * LENGTH - far) & (np.abs(y) < 0.5 * WIDTH - far) & (np.hypot(x, y) > RADIUS + far)
+    margin = MARGIN_PX * SIZE.pixel
+    inside = (np.abs(x) < 0.5 * LENGTH - margin) & (np.abs(y) < 0.5 * WIDTH - margin) & (np.hypot(x, y) > RADIUS
+                                                                                         + margin)
     return inside.reshape(ny, nx)
 
 
@@ -84,10 +85,10 @@ def write_export(folder: Path, images: np.ndarray, force: np.ndarray, camera: Ca
                                                  np.where(np.isfinite(place[:, 0]), 0.01, -1.0), strict=True)]
         (folder / "stages" / f"stage_{k:03d}.csv").write_text("\n".join(['"X", "Y", "U", "V", "sigma"', *rows]))
     (folder / "loads.csv").write_text("\n".join(["frame,force_N", *(f"{k},{f:.4f}" for k, f in enumerate(force))]))
-    left, right = at[:, 0].min(), at[:, 0].max()
+    x_left, x_right = at[:, 0].min(), at[:, 0].max()
     start = "\n".join(f"{name} = {{ value = {value}, identify = true }}" for name, value in START.items())
     (folder / "experiment.toml").write_text(FIELDS.format(
-        subset=(2 * HALF + 1) * SIZE.pixel, left=left, right=right, low=-0.5 * WIDTH, high=0.5 * WIDTH,
+        subset=(2 * HALF + 1) * SIZE.pixel, left=x_left, right=x_right, low=-0.5 * WIDTH, high=0.5 * WIDTH,
         radius=RADIUS, element=element_mm, thickness=THICKNESS, start=start))
 
 
@@ -102,13 +103,13 @@ def draw(clean: str, camera: Camera, element_mm: float, noise_gv: float, order: 
     noisy = np.clip(np.rint(images + rng.normal(0.0, noise_gv, images.shape)), 0, 255)
     read = force + rng.normal(0.0, FORCE_NOISE_N, len(force))
     began = time.process_time()
-    with tempfile.TemporaryDirectory() as there:
-        write_export(Path(there) / "fields", noisy, read, camera, element_mm, order)
-        found = _identified(Path(there) / "fields", Path(there) / "run", "")
+    with tempfile.TemporaryDirectory() as scratch:
+        write_export(Path(scratch) / "fields", noisy, read, camera, element_mm, order)
+        entries = _identified(Path(scratch) / "fields", Path(scratch) / "run", "")
         if of_images:
-            write_images(Path(there) / "images", noisy, read, camera, element_mm)
-            found |= _identified(Path(there) / "images", Path(there) / "run_images", "image_")
-    return {"seed": seed, "cpu_s": round(time.process_time() - began, 1), **found}
+            write_images(Path(scratch) / "images", noisy, read, camera, element_mm)
+            entries |= _identified(Path(scratch) / "images", Path(scratch) / "run_images", "image_")
+    return {"seed": seed, "cpu_s": round(time.process_time() - began, 1), **entries}
 
 
 def write_images(folder: Path, images: np.ndarray, force: np.ndarray, camera: Camera, element_mm: float) -> None:
@@ -129,13 +130,13 @@ def write_images(folder: Path, images: np.ndarray, force: np.ndarray, camera: Ca
 
 def _identified(folder: Path, out: Path, prefix: str) -> dict:
     result = identify_run(folder, out)
-    found = {f"{prefix}status": result["status"], f"{prefix}chi2": result["residual"].get("image_chi2_dof")}
+    identified = {f"{prefix}status": result["status"], f"{prefix}chi2": result["residual"].get("image_chi2_dof")}
     entries = result["parameters"]
     for name in NAMES:
         entry = entries[f"ALL.{name}"]
-        found |= {f"{prefix}{name}": entry["value"], f"{prefix}{name}_std": entry["std"],
+        identified |= {f"{prefix}{name}": entry["value"], f"{prefix}{name}_std": entry["std"],
                   f"{prefix}{name}_noise": entry["std_noise"]}
-    return found
+    return identified
 
 
 def told(rows: list[dict]) -> str:
@@ -144,23 +145,25 @@ def told(rows: list[dict]) -> str:
              f"mean chi2 {np.mean([row['chi2'] for row in rows]):.3f}, {np.mean([row['cpu_s'] for row in rows]):.0f} "
              "CPU s a draw"]
     for prefix in ("", "image_"):
-        some = [row for row in rows if f"{prefix}E" in row]
-        if not some:
+        draws = [row for row in rows if f"{prefix}E" in row]
+        if not draws:
             continue
-        lines.append(f"by images, {len(some)} draws:" if prefix else "by fields:")
+        lines.append(f"by images, {len(draws)} draws:" if prefix else "by fields:")
         for name in NAMES:
-            value, std, noise = (np.array([row[f"{prefix}{name}{end}"] for row in some], float)
+            value, std, noise = (np.array([row[f"{prefix}{name}{end}"] for row in draws], float)
                                  for end in ("", "_std", "_noise"))
             error = value - POLYMER[f"sheet.{name}"]
-            held, by_noise = (100.0 * np.mean(np.abs(error) < QUANTILE_95 * one) for one in (std, noise))
-            lines.append(f"  {name:18} held {held:5.1f} % (by std_noise {by_noise:5.1f} %), std {std.mean():.4g} of "
+            coverage, by_noise = (100.0 * np.mean(np.abs(error) < QUANTILE_95 * deviation)
+                                  for deviation in (std, noise))
+            lines.append(f"  {name:18} held {coverage:5.1f} % (by std_noise {by_noise:5.1f} %), std {std.mean():.4g} "
+                         "of "
                          f"noise {noise.mean():.4g}, scatter {value.std(ddof=1):.4g}, mean error {error.mean():+.4g}")
-    both = [row for row in rows if "image_E" in row]
-    if both:
+    pairs = [row for row in rows if "image_E" in row]
+    if pairs:
         lines.append("fields less images, over the root of the sum of both variances:")
         for name in NAMES:
             difference = np.array([(row[name] - row[f"image_{name}"])
-                                   / np.hypot(row[f"{name}_std"], row[f"image_{name}_std"]) for row in both])
+                                   / np.hypot(row[f"{name}_std"], row[f"image_{name}_std"]) for row in pairs])
             lines.append(f"  {name:18} within 2: {100.0 * np.mean(np.abs(difference) < 2.0):5.1f} %, mean "
                          f"{difference.mean():+.2f}, rms {np.sqrt(np.mean(difference**2)):.2f}")
     return "\n".join(lines)
@@ -184,10 +187,10 @@ def main() -> None:
         rendered = write_clean(Path(folder), test)
         np.savez(clean, images=np.array([rendered.frame(k) for k in range(rendered.n_frames)]),
                  force=np.asarray(test.columns[0].values))
-        one = partial(_in_time, began + 60.0 * chosen.minutes, str(clean), test.camera, chosen.element,
+        job = partial(_in_time, began + 60.0 * chosen.minutes, str(clean), test.camera, chosen.element,
                       chosen.noise, chosen.order)
         with ProcessPoolExecutor(chosen.processes) as pool:
-            for task in as_completed([pool.submit(one, k < chosen.images, chosen.first + k)
+            for task in as_completed([pool.submit(job, k < chosen.images, chosen.first + k)
                                       for k in range(chosen.draws)]):
                 if (row := task.result()) is None:
                     continue

@@ -54,15 +54,15 @@ def write(folder: Path, n_frames: int, times: int = ENLARGED, processes: int = 1
     size = Size(0.125, SHAPE, (*stages, n_frames - sum(stages)), (3, 5, 3, 1), (3, 5, 3, 1))
     test = plate_test(size, INCREMENTS if n_frames <= MANY_FRAMES else 1)
     file = write_plate(folder, replace(test, displacements=test.displacements[:1]), 0.0)  # its images are replaced
-    large = replace(test.rig, cameras=tuple(enlarged(one, times) for one in test.rig.cameras),
+    large = replace(test.rig, cameras=tuple(enlarged(camera_of_test, times) for camera_of_test in test.rig.cameras),
                     shape=(times * SHAPE[0], times * SHAPE[1]))
     with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
         written = [pool.submit(write_image, folder / name / f"frame_{k:03d}.tif", test.scene, u, camera, size, times,
                                (number, k))
                    for number, (name, camera) in enumerate(zip(("images", "right"), test.rig.cameras, strict=True))
                    for k, u in enumerate(test.displacements)]
-        for one in written:
-            one.result()
+        for task in written:
+            task.result()
     _describe(file, large, sensor(times).total_noise_std, times)
 
 

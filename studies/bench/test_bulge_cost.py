@@ -26,17 +26,17 @@ def test_a_warm_start_saves_iterations(measured):
     before."""
     test = bulge_test()
     model, names = bulge_model(test), tuple(TRUTH)
-    before = list(march(model, law_values(FIXED | TRUTH, model), test.times, directions(model, names)))
+    states = list(march(model, law_values(FIXED | TRUTH, model), test.times, directions(model, names)))
     change = 1e-3 * np.array([TRUTH[name] for name in names])
     values = law_values(FIXED | {name: 1.001 * TRUTH[name] for name in names}, model)
-    near = [state.u + state.du @ change for state in before]
+    predicted = [state.u + state.du @ change for state in states]
     iterations = {}
 
     def run(kind, start):
-        frames = march(model, values, test.times, steps=before[-1].steps, warm_start=start)
+        frames = march(model, values, test.times, steps=states[-1].steps, warm_start=start)
         iterations[kind] = sum(state.n_newton for state in frames)
 
-    led, alone = best_of([lambda: run("led", near), lambda: run("alone", None)], 1)
-    measured("bulge, a run that begins with the increments of the last one", f"{led:.2f} s",
-             f"by extrapolation {alone:.2f} s; iterations {iterations['led']} and {iterations['alone']}")  # fmt: skip
+    warm_s, cold_s = best_of([lambda: run("led", predicted), lambda: run("alone", None)], 1)
+    measured("bulge, a run that begins with the increments of the last one", f"{warm_s:.2f} s",
+             f"by extrapolation {cold_s:.2f} s; iterations {iterations['led']} and {iterations['alone']}")  # fmt: skip
     assert iterations["led"] < 0.8 * iterations["alone"]

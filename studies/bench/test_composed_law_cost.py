@@ -26,7 +26,7 @@ def cost(law, mode, path, params):
 
 def ratios_of(measured, laws, values):
     """CPU time of the last of two laws over that of the first, in 3D and in plane stress."""
-    old, new = laws
+    reference_law, law = laws
     ratios = {}
     for mode, label in ((0, "3D"), (2, "plane stress")):
         d = 3 if mode == 0 else 2
@@ -34,11 +34,11 @@ def ratios_of(measured, laws, values):
         way = rng.standard_normal((N, d, d))
         path = np.array([np.eye(d) + 0.004 * (k + 1) * way / np.linalg.norm(way, axis=(1, 2))[:, None, None]
                          for k in range(4)])
-        times = np.array([[cost(old, mode, path, values[0]), cost(new, mode, path, values[1])]
+        times = np.array([[cost(reference_law, mode, path, values[0]), cost(law, mode, path, values[1])]
                           for _ in range(REPEATS)]).min(axis=0)
         ratios[label] = times[1] / times[0]
-        measured(f"{new.spec.name}, {label}", f"{1e6 * times[1] / N / len(path):.2f} us per point and step",
-                 f"{old.spec.name} {1e6 * times[0] / N / len(path):.2f} us: ratio {ratios[label]:.2f}")
+        measured(f"{law.spec.name}, {label}", f"{1e6 * times[1] / N / len(path):.2f} us per point and step",
+                 f"{reference_law.spec.name} {1e6 * times[0] / N / len(path):.2f} us: ratio {ratios[label]:.2f}")
     return ratios
 
 
@@ -47,5 +47,6 @@ def ratios_of(measured, laws, values):
     "drucker_prager+linear", "linear+prager", "linear+armstrong_frederick", "linear+lemaitre", "hill48+linear",
     "linear+linear*flow_stress", "orthotropic+linear"])
 def test_the_cost_of_a_term_over_linear_j2_plasticity(measured, terms):
-    old, new = compile("j2_linear"), compile(f"elastoplastic({terms})")
-    assert min(ratios_of(measured, (old, new), (old.spec.defaults(), new.spec.defaults())).values()) > 0.5
+    reference_law, law = compile("j2_linear"), compile(f"elastoplastic({terms})")
+    assert min(ratios_of(measured, (reference_law, law),
+                         (reference_law.spec.defaults(), law.spec.defaults())).values()) > 0.5

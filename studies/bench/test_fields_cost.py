@@ -96,14 +96,14 @@ def solution(folder) -> tuple[np.ndarray, float]:
         more='loads = "loads.csv"\nfields_noise_um = 0.5', margin=30.5, hole=list(HOLE), size=1.3,
         parameters=parameters,
         boundary=GRIPS, force="force_N") + "noise_std = 1.0\n")
-    there = load_experiment(folder)
-    found = solve(build_forward(there), there.parameters)
-    pm = build_point_map(there.mesh.nodes, surface_cells(there.mesh, None), there.camera, there.points.positions_px,
-                         there.points.shape)
+    experiment = load_experiment(folder)
+    solved = solve(build_forward(experiment), experiment.parameters)
+    pm = build_point_map(experiment.mesh.nodes, surface_cells(experiment.mesh, None), experiment.camera,
+                         experiment.points.positions_px, experiment.points.shape)
     u = np.full((len(at), 2), np.nan)
-    u[pm.point] = pm.interpolate(found.u[-1])
+    u[pm.point] = pm.interpolate(solved.u[-1])
     assert np.isfinite(u).all()
-    return u, float(found.channels[-1, 0])
+    return u, float(solved.channels[-1, 0])
 
 
 def write(folder, n: int, u: np.ndarray, force: float) -> None:
@@ -126,18 +126,18 @@ def run(folder, out, workers: int = 0) -> tuple[float, float, float]:
                                 str(workers), "--no-prefect"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)
     assert os.waitstatus_to_exitcode(status) == 0
-    found = usage.ru_utime + usage.ru_stime, time.perf_counter() - began, usage.ru_maxrss / 1024.0
-    print(f"{folder.name} stages, {workers} workers: {found[0]:.0f} CPU s, {found[1]:.0f} s, {found[2]:.0f} MB",
+    cost = usage.ru_utime + usage.ru_stime, time.perf_counter() - began, usage.ru_maxrss / 1024.0
+    print(f"{folder.name} stages, {workers} workers: {cost[0]:.0f} CPU s, {cost[1]:.0f} s, {cost[2]:.0f} MB",
           flush=True)
-    return found
+    return cost
 
 
 def test_nine_hundred_stages_and_three_hundred(tmp_path, measured):
     """Errors are told in standard deviations: the straight edges of the coarser mesh at the hole are in them."""
-    found, (u, force) = {}, solution(tmp_path / "truth")
+    costs, (u, force) = {}, solution(tmp_path / "truth")
     for n in (FIRST, FEW, MANY):
         write(tmp_path / str(n), n, u, force)
-        found[n] = run(tmp_path / str(n), tmp_path / f"run_{n}")
+        costs[n] = run(tmp_path / str(n), tmp_path / f"run_{n}")
     by_workers = run(tmp_path / str(MANY), tmp_path / "run_by_workers", 2)
     result = json.loads((tmp_path / f"run_{MANY}" / "result.json").read_text())
     entries = {name: result["parameters"][f"PLY.{name}"] for name in TRUE}
@@ -145,10 +145,10 @@ def test_nine_hundred_stages_and_three_hundred(tmp_path, measured):
                        for name, true in TRUE.items())
     measured(f"measured fields, {MANY} stages of {len(points())} points, orthotropic, 4 parameters, "
              f"{result['iterations']} iterations",
-             f"{found[MANY][0]:.0f} CPU s, {found[MANY][1]:.0f} s, {found[MANY][2]:.0f} MB; error / std {errors}",
-             f"{FEW} stages: {found[FEW][0]:.0f} CPU s, {found[FEW][1]:.0f} s, {found[FEW][2]:.0f} MB")
+             f"{costs[MANY][0]:.0f} CPU s, {costs[MANY][1]:.0f} s, {costs[MANY][2]:.0f} MB; error / std {errors}",
+             f"{FEW} stages: {costs[FEW][0]:.0f} CPU s, {costs[FEW][1]:.0f} s, {costs[FEW][2]:.0f} MB")
     assert result["status"] == "converged"
     assert all(entries[name]["std"] < 0.1 * true for name, true in TRUE.items())
-    assert found[MANY][2] < MAX_MEMORY_RATIO * found[FEW][2]
-    assert found[MANY][0] < MAX_COST_RATIO * found[FEW][0]
-    assert min(found[MANY][1], by_workers[1]) < MAX_WALL_S  # on two quiet cores
+    assert costs[MANY][2] < MAX_MEMORY_RATIO * costs[FEW][2]
+    assert costs[MANY][0] < MAX_COST_RATIO * costs[FEW][0]
+    assert min(costs[MANY][1], by_workers[1]) < MAX_WALL_S  # on two quiet cores

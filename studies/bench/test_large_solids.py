@@ -24,22 +24,22 @@ ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "CCX_NPROC_EQ
 
 def evaluate(solver: str, n: int, n_frames: int, n_threads: int = 1) -> tuple[int, float, float, float, float]:
     """Equations, CPU seconds, peak memory (MB), force (N) and seconds of one evaluation in a process of its own."""
-    done = subprocess.run([sys.executable, "solid_job.py", solver, *map(str, (n, n_frames, n_threads))],
+    process = subprocess.run([sys.executable, "solid_job.py", solver, *map(str, (n, n_frames, n_threads))],
                           cwd=Path(__file__).parent, env=os.environ | ONE_THREAD, capture_output=True, text=True,
                           check=True)
-    equations, *others = done.stdout.split()
-    return int(equations), *map(float, others)
+    equations, *figures = process.stdout.split()
+    return int(equations), *map(float, figures)
 
 
 @pytest.mark.parametrize("n, gain", [(14, 1.5), (20, 3.0)])
 def test_fronts_are_faster_than_superlu_and_take_less_memory(n, gain, measured):
     equations, seconds, memory, force, _ = evaluate("fronts", n, 4)
-    _, before, memory_before, force_before, _ = evaluate("superlu", n, 4)
+    _, superlu_s, superlu_mb, superlu_force, _ = evaluate("superlu", n, 4)
     measured(f"{equations} equations, hex8, elastoplastic, 3 frames, 4 sensitivities",
              f"{seconds:.1f} CPU s, {memory:.0f} MB",
-             f"SuperLU, minimum degree {before:.1f} CPU s, {memory_before:.0f} MB: {before / seconds:.1f} x")
-    assert force == pytest.approx(force_before, rel=1e-8)  # Newton's tolerance is 1e-9
-    assert before > gain * seconds and memory < memory_before
+             f"SuperLU, minimum degree {superlu_s:.1f} CPU s, {superlu_mb:.0f} MB: {superlu_s / seconds:.1f} x")
+    assert force == pytest.approx(superlu_force, rel=1e-8)  # Newton's tolerance is 1e-9
+    assert superlu_s > gain * seconds and memory < superlu_mb
 
 
 def test_a_hundred_thousand_equations_take_thirty_frames_within_six_gigabytes(measured):
@@ -85,19 +85,20 @@ def test_calculix_agrees_on_the_same_mesh_and_is_slower(n, tmp_path, monkeypatch
     monkeypatch.syspath_prepend(Path(__file__).parents[2] / "tests" / "twins")
     importlib.import_module("cauchy_yield")
     mesh = brick(n, n, n)
-    own, model, seconds = last_state(mesh, "j2_linear", n)
-    same, _, _ = last_state(mesh, "j2_calculix", n)
+    state, model, seconds = last_state(mesh, "j2_linear", n)
+    state_by_its_law, _, _ = last_state(mesh, "j2_calculix", n)
     (tmp_path / "job.inp").write_text(deck(mesh, model.constraints.histories[1:, 0], PLASTIC["yield_stress"]))
     between = os.times().children_user
     subprocess.run(["ccx", "-i", "job"], cwd=tmp_path, env=os.environ | ONE_THREAD, check=True, capture_output=True)
-    theirs = os.times().children_user - between
+    calculix_s = os.times().children_user - between
     text = (tmp_path / "job.dat").read_text().split("total force")[-1].splitlines()
     force = float(text[2].split()[0])
     u = np.array([line.split()[1:] for line in text[3:] if len(line.split()) == 4], dtype=float)
-    off, difference = (same.channels[0] / force - 1.0, np.abs(same.u - u).max() / np.abs(u).max())
+    off, difference = (state_by_its_law.channels[0] / force
+                       - 1.0, np.abs(state_by_its_law.u - u).max() / np.abs(u).max())
     measured(f"{model.n_dof} dofs, hex8, elastoplastic, 3 frames", f"{seconds:.1f} CPU s",
-             f"CalculiX {theirs:.1f} CPU s: {theirs / seconds:.1f} x; with its law the force differs by {off:.1e}, "
-             f"motion by {difference:.1e} of the largest; j2_linear: {own.channels[0] / force - 1.0:.1e}, "
-             f"{np.abs(own.u - u).max() / np.abs(u).max():.1e}")
+             f"CalculiX {calculix_s:.1f} CPU s: {calculix_s / seconds:.1f} x; with its law the force differs by "
+             f"{off:.1e}, motion by {difference:.1e} of the largest; j2_linear: {state.channels[0] / force - 1.0:.1e}, "
+             f"{np.abs(state.u - u).max() / np.abs(u).max():.1e}")
     assert abs(off) < 1e-4 and difference < 1e-4
-    assert theirs > 2.0 * seconds
+    assert calculix_s > 2.0 * seconds

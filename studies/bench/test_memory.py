@@ -51,7 +51,7 @@ def experiments(tmp_path_factory):
 def peak(command) -> tuple[float, float]:
     """Largest resident memory (MB) of the process, and of it with all that it started, while it runs."""
     process = psutil.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-    alone, together = 0, 0
+    largest, together = 0, 0
     while process.poll() is None:
         family = []
         for member in (process, *_children(process)):
@@ -59,10 +59,10 @@ def peak(command) -> tuple[float, float]:
                 family.append(member.memory_info().rss)
             except psutil.Error:
                 continue
-        alone, together = max(alone, family[0] if family else 0), max(together, sum(family))
+        largest, together = max(largest, family[0] if family else 0), max(together, sum(family))
         time.sleep(0.1)
     assert process.returncode in (0, 3), process.stderr.read().decode()  # 3: stopped after two iterations
-    return alone / 1e6, together / 1e6
+    return largest / 1e6, together / 1e6
 
 
 def _children(process):
@@ -74,14 +74,14 @@ def _children(process):
 
 @pytest.mark.parametrize("workers", [0, 2])
 def test_memory_does_not_grow_with_the_number_of_frames(experiments, workers, tmp_path, measured):
-    found = {}
+    peaks = {}
     for n, folder in experiments.items():
         command = [sys.executable, "-m", "idic", "identify", str(folder), "--out", str(tmp_path / str(n)), "--workers",
                    str(workers), "--set", "options.max_iterations=2"]  # fmt: skip
-        alone, together = peak(command)
-        found[n] = together if workers else alone
-    short, long = found[FEW], found[FEW * HOLD]
-    who = f"all processes, {workers} workers" if workers else "its one process"
-    measured(f"peak memory of idic identify, 800 frames of 300 x 200 px ({who})", f"{long:.0f} MB",
+        of_command, together = peak(command)
+        peaks[n] = together if workers else of_command
+    short, long = peaks[FEW], peaks[FEW * HOLD]
+    processes = f"all processes, {workers} workers" if workers else "its one process"
+    measured(f"peak memory of idic identify, 800 frames of 300 x 200 px ({processes})", f"{long:.0f} MB",
              f"50 frames {short:.0f} MB: {100 * (long / short - 1):+.0f} %")  # fmt: skip
     assert long / short < GROWTH

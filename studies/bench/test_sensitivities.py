@@ -10,9 +10,9 @@ from idic.model import build_forward
 pytestmark = [pytest.mark.bench, pytest.mark.slow]
 
 
-def report(measured, what, plain, direct, n):
+def report(measured, body, plain, direct, n):
     runs = direct / plain
-    measured(f"{n} exact sensitivities, {what}", f"{direct:.2f} s",
+    measured(f"{n} exact sensitivities, {body}", f"{direct:.2f} s",
              f"one forward run {plain:.2f} s: {runs:.2f} runs, {(runs - 1) / n:.2f} more per parameter "
              "(perturbed runs: 1.00)")  # fmt: skip
 
@@ -36,6 +36,6 @@ def test_sensitivities_of_the_open_case_cost_a_fraction_of_a_run(measured, share
 
     plain, direct = best_of([run(()), run(names)], 2)
     mesh = forward.model.mesh
-    what = f"open case 1, {sum(b.n_elements for b in mesh.blocks)} {mesh.blocks[0].cell}, {len(forward.frames)} frames"
-    report(measured, what, plain, direct, len(names))
+    body = f"open case 1, {sum(b.n_elements for b in mesh.blocks)} {mesh.blocks[0].cell}, {len(forward.frames)} frames"
+    report(measured, body, plain, direct, len(names))
     assert (direct / plain - 1) / len(names) < 0.5

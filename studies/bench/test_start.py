@@ -15,13 +15,13 @@ pytestmark = [pytest.mark.bench, pytest.mark.slow]
 
 def seconds(command, repeats=1, **environment) -> float:
     """Shortest wall time of a command."""
-    found = []
+    times = []
     for _ in range(repeats):
         began = time.perf_counter()
-        done = subprocess.run([sys.executable, *command], capture_output=True, env=os.environ | environment)
-        found.append(time.perf_counter() - began)
-        assert done.returncode == 0, done.stderr.decode()
-    return min(found)
+        process = subprocess.run([sys.executable, *command], capture_output=True, env=os.environ | environment)
+        times.append(time.perf_counter() - began)
+        assert process.returncode == 0, process.stderr.decode()
+    return min(times)
 
 
 def test_help_and_import_answer_at_once(measured):
@@ -44,15 +44,15 @@ def test_a_small_run_pays_for_prefect_but_not_for_workers(tmp_path, measured):
     test = write_small_strip(tmp_path / "test")
 
     def cpu_seconds(*options) -> float:
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        usage_at_start = resource.getrusage(resource.RUSAGE_CHILDREN)
         seconds(["-m", "idic", "identify", str(test), "--no-report", "--out", str(tmp_path / "run"), *options])
         rmtree(tmp_path / "run")
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        usage_at_end = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return usage_at_end.ru_utime + usage_at_end.ru_stime - usage_at_start.ru_utime - usage_at_start.ru_stime
 
     cpu_seconds("--no-prefect")  # compiles
-    shown, alone, spread = cpu_seconds("--prefect"), cpu_seconds("--no-prefect"), cpu_seconds("--workers", "2")
-    measured("identification of 11 small frames, Prefect's view", f"{shown:.0f} CPU s",
-             f"--no-prefect {alone:.0f} CPU s; with two workers {spread:.0f} CPU s")
-    assert shown < 0.8 * spread
-    assert shown < 4 * alone
+    prefect_s, plain_s, workers_s = cpu_seconds("--prefect"), cpu_seconds("--no-prefect"), cpu_seconds("--workers", "2")
+    measured("identification of 11 small frames, Prefect's view", f"{prefect_s:.0f} CPU s",
+             f"--no-prefect {plain_s:.0f} CPU s; with two workers {workers_s:.0f} CPU s")
+    assert prefect_s < 0.8 * workers_s
+    assert prefect_s < 4 * plain_s

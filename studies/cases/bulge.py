@@ -63,8 +63,8 @@ def bulge_study(size: str) -> Study:
         *_draws("draws", DRAW_NOISES, plan.draws, many),
         *(_draws("draws-full", (0.03,), FULL_SIZE_DRAWS, "main") if several else ()),
     ]
-    shown = f"{plan.main.shape[1]} × {plan.main.shape[0]} px, {plan.main.frames} frames"
-    return Study("bulge", f"Bulge test, five parameters of two materials ({shown})", size, tuple(renderings),
+    size_text = f"{plan.main.shape[1]} × {plan.main.shape[0]} px, {plan.main.frames} frames"
+    return Study("bulge", f"Bulge test, five parameters of two materials ({size_text})", size, tuple(renderings),
                  tuple(cases), draw_bulge)
 
 
@@ -103,8 +103,8 @@ def elastic_strip(factor: float = 1.3) -> dict[str, Any]:
 def _windows(n_frames: int) -> Iterable[Case]:
     """The elastic strip on the first 1/8, 2/8 ... of the frames."""
     for k in range(1, N_WINDOWS + 1):
-        last = round(k * n_frames / N_WINDOWS)
-        yield Case(f"window/{round(200 * k / N_WINDOWS):03d}", "main", elastic_strip(), n_frames=last + 1,
+        end = round(k * n_frames / N_WINDOWS)
+        yield Case(f"window/{round(200 * k / N_WINDOWS):03d}", "main", elastic_strip(), n_frames=end + 1,
                    keep=("levels",))
 
 

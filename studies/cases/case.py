@@ -53,25 +53,26 @@ def run_case(job: CaseJob) -> str:
     study, store = make_study(job.study, job.size), StudyStore(job.out)
     case = next(case for case in study.cases if case.key == job.key)
     rendering = study.rendering(case.images)
-    whole = case_experiment(store, rendering, case)
-    truth = whole.parameters.with_values(_known(whole.parameters, true_values(job.out, rendering.name) | case.truth))
+    experiment = case_experiment(store, rendering, case)
+    truth = experiment.parameters.with_values(_known(experiment.parameters, true_values(job.out, rendering.name)
+                                                     | case.truth))
     began, cpu = time.perf_counter(), time.process_time()
     if case.identify:
-        seen = whole if case.n_frames is None else leading_frames(whole, case.n_frames)
-        seen = with_measured_noise(seen)
-        seen, local = with_measured_start(seen) if case.measure_start else (seen, None)
-        seen, searched = with_searched_start(seen)
-        found = identify(seen, local, searched=searched)
+        used_part = experiment if case.n_frames is None else leading_frames(experiment, case.n_frames)
+        used_part = with_measured_noise(used_part)
+        used_part, local = with_measured_start(used_part) if case.measure_start else (used_part, None)
+        used_part, searched = with_searched_start(used_part)
+        identification = identify(used_part, local, searched=searched)
         cost = _cost(began, cpu)
-        facts, arrays = outcome_of(found, truth)
-        arrays["start"] = np.array([whole.parameters[name].shown for name in facts["names"]])  # before the search
-        end = found.parameters
+        facts, arrays = outcome_of(identification, truth)
+        arrays["start"] = np.array([experiment.parameters[name].shown for name in facts["names"]])  # before the search
+        end = identification.parameters
     else:
-        facts, arrays, cost, end = {"names": list(whole.parameters.free), "status": "simulated"}, {}, {}, truth
-    arrays |= stored_fields(case.keep, whole, end, truth)
-    arrays["times"] = whole.times
-    facts |= {"case": asdict(case), "noise": whole.noise.std_gv, "value_unit": whole.value_unit,
-              "pixel_mm": whole.camera.pixel_size, **cost}
+        facts, arrays, cost, end = {"names": list(experiment.parameters.free), "status": "simulated"}, {}, {}, truth
+    arrays |= stored_fields(case.keep, experiment, end, truth)
+    arrays["times"] = experiment.times
+    facts |= {"case": asdict(case), "noise": experiment.noise.std_gv, "value_unit": experiment.value_unit,
+              "pixel_mm": experiment.camera.pixel_size, **cost}
     store.write_case(case.key, case.ident(rendering), facts, arrays)
     return case.key
 
@@ -95,14 +96,14 @@ def true_values(out: Path | str, rendering: str) -> dict[str, float]:
     return dict(content["parameters"])
 
 
-def outcome_of(found: Identification, truth: ParameterSet) -> tuple[dict, dict[str, np.ndarray]]:
+def outcome_of(identification: Identification, truth: ParameterSet) -> tuple[dict, dict[str, np.ndarray]]:
     """Facts and arrays of an identification, as `CaseRecord` names them."""
-    result, state, experiment = found.result, found.state, found.experiment
+    result, state, experiment = identification.result, identification.state, identification.experiment
     names = experiment.parameters.free
     entries = [result["parameters"][name] for name in names]
     arrays = {
         "start": np.array([entry["start"] for entry in entries]),
-        "value": np.array([found.parameters[name].shown for name in names]),
+        "value": np.array([identification.parameters[name].shown for name in names]),
         "std": _known_stds(entries, "std"),
         "std_noise": _known_stds(entries, "std_noise"),
         "truth": np.array([truth[name].shown for name in names]),
@@ -117,13 +118,14 @@ def outcome_of(found: Identification, truth: ParameterSet) -> tuple[dict, dict[s
              "failed_runs": sum(h["phi"] is None for h in state.history), "correlation": result["correlation"],
              "derived": result["derived"], "discrepancy": result.get("discrepancy"),
              "not_identifiable": [entry["name"] for entry in result["not_identifiable"]]}
-    if found.point is not None:
-        for record in found.point.system.frames:
+    if identification.point is not None:
+        for record in identification.point.system.frames:
             arrays["frame_rms"][record.frame] = np.sqrt(record.rr / max(record.n_pixels, 1))
         arrays["M"] = np.array(result["M"]["matrix"])
-        pixels = sum(record.n_pixels for record in found.point.system.frames)
-        facts["image_rms"] = float(np.sqrt(sum(record.rr for record in found.point.system.frames) / max(pixels, 1)))
-        facts["noise_units"] = facts["image_rms"] / (np.sqrt(2.0) * found.weights.image_noise)
+        pixels = sum(record.n_pixels for record in identification.point.system.frames)
+        facts["image_rms"] = float(np.sqrt(sum(record.rr
+                                               for record in identification.point.system.frames) / max(pixels, 1)))
+        facts["noise_units"] = facts["image_rms"] / (np.sqrt(2.0) * identification.weights.image_noise)
     return facts, arrays
 
 
@@ -138,9 +140,9 @@ def with_searched_start(experiment: Experiment) -> tuple[Experiment, bool]:
         return experiment, False
     u_px = dic_stack(experiment).u_px if experiment.quantity != "height" else None
     bare = replace(experiment, stack=None)
-    found = search(experiment, lambda trials: [coarse_fit(bare, u_px, t.values, t.evaluations, t.simplified)
+    outcome = search(experiment, lambda trials: [coarse_fit(bare, u_px, t.values, t.evaluations, t.simplified)
                                              for t in trials])
-    return replace(experiment, parameters=experiment.parameters.with_values(found.values)), found.moved
+    return replace(experiment, parameters=experiment.parameters.with_values(outcome.values)), outcome.moved
 
 
 def with_measured_start(experiment: Experiment) -> tuple[Experiment, np.ndarray | None]:

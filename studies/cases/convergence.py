@@ -45,19 +45,20 @@ class VirtualTest:
 
 def convergence_study(size: str) -> Study:
     """The study; "full": 20 starts per distance and schedule, "reduced": 6 (half as many of the costly strip)."""
-    own = virtual_tests()
-    cases = [case for name, test in own.items() for case in _cases(name, test, max(1, round(test.part * DRAWS[size])))]
-    renderings = tuple(replace(test.rendering, name=name) for name, test in own.items())
+    tests = virtual_tests()
+    cases = [case for name, test in tests.items()
+             for case in _cases(name, test, max(1, round(test.part * DRAWS[size])))]
+    renderings = tuple(replace(test.rendering, name=name) for name, test in tests.items())
     return Study("convergence", "Success of an identification over the distance of its start", size, renderings,
                  tuple(cases), draw_convergence)
 
 
 def virtual_tests() -> dict[str, VirtualTest]:
     """The three tests, in their smallest size."""
-    far = (1.5, 3.0, 6.0)
+    distances = (1.5, 3.0, 6.0)
     return {
-        "metal": VirtualTest(coverage_study("sketch").rendering("metal"), METAL_TRUTH, NOISE_GV, far, 9.0),
-        "bulge": VirtualTest(bulge_study("sketch").rendering("main"), BULGE_TRUTH, 0.003 * RMS_UM, far, 1.0),
+        "metal": VirtualTest(coverage_study("sketch").rendering("metal"), METAL_TRUTH, NOISE_GV, distances, 9.0),
+        "bulge": VirtualTest(bulge_study("sketch").rendering("main"), BULGE_TRUTH, 0.003 * RMS_UM, distances, 1.0),
         "polycarbonate": VirtualTest(polycarbonate_study("sketch").rendering("main"), POLYCARBONATE_TRUTH, 0.0,
                                      (1.1, 1.3, 2.0), 200.0, 0.5),
     }

@@ -20,19 +20,19 @@ STORED_FIELDS: dict[str, Callable[..., dict[str, np.ndarray]]] = {}
 SHOWN_TIME_SHARES = (0.3, 0.6, 0.9)  # of the duration: the frames of residual maps
 
 
-def stored_fields(names: tuple[str, ...], experiment: Experiment, found: ParameterSet,
+def stored_fields(names: tuple[str, ...], experiment: Experiment, identified: ParameterSet,
                   truth: ParameterSet) -> dict[str, np.ndarray]:
     """The arrays of `names`.
 
     Parameters
     ----------
     experiment : all frames, start values
-    found : identified parameters (start values for a simulation)
+    identified : identified parameters (start values for a simulation)
     truth : true parameters; start values where the truth has none
     """
     arrays: dict[str, np.ndarray] = {}
     for name in names:
-        arrays |= STORED_FIELDS[name](experiment, found, truth)
+        arrays |= STORED_FIELDS[name](experiment, identified, truth)
     return arrays
 
 
@@ -41,21 +41,21 @@ def surface_nodes(experiment: Experiment) -> np.ndarray:
     mesh, camera = experiment.mesh, experiment.camera
     _, cells = seen_nodes(mesh, experiment.kind, experiment.surface)
     inside = visible_cells(mesh, experiment.kind, experiment.surface, camera, experiment.image_shape)
-    nodes = np.unique(np.concatenate([cell for cell, seen in zip(cells, inside, strict=True) if seen]))
+    nodes = np.unique(np.concatenate([cell for cell, is_visible in zip(cells, inside, strict=True) if is_visible]))
     return nodes[np.argsort(mesh.nodes[nodes, 0], kind="stable")]
 
 
-def _displacements(experiment: Experiment, found: ParameterSet, truth: ParameterSet) -> dict[str, np.ndarray]:
+def _displacements(experiment: Experiment, identified: ParameterSet, truth: ParameterSet) -> dict[str, np.ndarray]:
     """``x`` (n, dim) mm; ``u_true``, ``u_error`` (n_frames, n, dim) mm: identified less true."""
     nodes = surface_nodes(experiment)
     true = np.array([state.u[nodes] for state in _march(experiment, truth)])
     arrays = {"x": experiment.mesh.nodes[nodes], "u_true": true}
-    if found is not truth:
-        arrays["u_error"] = np.array([state.u[nodes] for state in _march(experiment, found)]) - true
+    if identified is not truth:
+        arrays["u_error"] = np.array([state.u[nodes] for state in _march(experiment, identified)]) - true
     return arrays
 
 
-def _sensitivities(experiment: Experiment, found: ParameterSet, truth: ParameterSet) -> dict[str, np.ndarray]:
+def _sensitivities(experiment: Experiment, identified: ParameterSet, truth: ParameterSet) -> dict[str, np.ndarray]:
     """``phi`` (n_frames, n, dim, m) mm: lambda du/dlambda of the free parameters at the true ones; ``x`` (n, dim).
 
     With channels also ``channels`` (n_frames, c) and ``rho`` (n_frames, c, m), lambda dF/dlambda.
@@ -71,25 +71,25 @@ def _sensitivities(experiment: Experiment, found: ParameterSet, truth: Parameter
     return arrays if not experiment.channels else arrays | {"channels": np.array(channels), "rho": np.array(rho)}
 
 
-def _residuals(experiment: Experiment, found: ParameterSet, truth: ParameterSet) -> dict[str, np.ndarray]:
+def _residuals(experiment: Experiment, identified: ParameterSet, truth: ParameterSet) -> dict[str, np.ndarray]:
     """``residual_start``, ``residual_end`` (n_shown, ny, nx), NaN off the specimen; ``residual_frames`` (n_shown,)."""
-    last = experiment.n_frames - 1
-    frames = [round(part * last) for part in SHOWN_TIME_SHARES]
+    last_frame = experiment.n_frames - 1
+    frames = [round(part * last_frame) for part in SHOWN_TIME_SHARES]
     arrays: dict[str, np.ndarray] = {"residual_frames": np.array(frames)}
-    for name, parameters in (("residual_start", experiment.parameters), ("residual_end", found)):
+    for name, parameters in (("residual_start", experiment.parameters), ("residual_end", identified)):
         maps = {frame: image for frame, image, _ in _residual_maps(experiment, parameters, frames)}
         arrays[name] = np.array([maps[frame] for frame in frames], dtype=np.float32)
     return arrays
 
 
-def _levels(experiment: Experiment, found: ParameterSet, truth: ParameterSet) -> dict[str, np.ndarray]:
+def _levels(experiment: Experiment, identified: ParameterSet, truth: ParameterSet) -> dict[str, np.ndarray]:
     """``level_mean``, ``level_abs`` (n_frames,): mean of r and of |r| over each frame; NaN without valid pixels.
 
     Every frame has a level, also those that took no part in the identification.
     """
     frames = correlated_frames(experiment, range(experiment.n_frames))
     mean, size = np.full(experiment.n_frames, np.nan), np.full(experiment.n_frames, np.nan)
-    for frame, _, r in _residual_maps(experiment, found, frames):
+    for frame, _, r in _residual_maps(experiment, identified, frames):
         mean[frame], size[frame] = r.mean(), np.abs(r).mean()
     return {"level_mean": mean, "level_abs": size}
 
@@ -112,6 +112,6 @@ def _residual_maps(experiment: Experiment, parameters: ParameterSet,
         if frame not in frames:
             continue
         motion = view.at(frame).motion(experiment.mesh.nodes, state.u)
-        found = reference.compare_pixels(experiment, frame, motion, np.zeros(0))
-        image = reference.pixel_map.to_image(np.where(found.valid, found.r, np.nan)).astype(np.float32)
-        yield frame, image, found.r[found.valid].astype(float)
+        residual = reference.compare_pixels(experiment, frame, motion, np.zeros(0))
+        image = reference.pixel_map.to_image(np.where(residual.valid, residual.r, np.nan)).astype(np.float32)
+        yield frame, image, residual.r[residual.valid].astype(float)

@@ -56,17 +56,17 @@ def make_gallery(out: Path | str, only: Sequence[str] | None = None, resume: boo
 
 
 def _chosen(only: Sequence[str] | None, library: Sequence[GalleryExample]) -> list[GalleryExample]:
-    known = {example.name: example for example in library}
+    example_by_name = {example.name: example for example in library}
     for name in only or ():
-        if name not in known:
-            raise InputError("the gallery has no such experiment", key="--only", expected=", ".join(known), found=name,
-                             remedy="correct the name, or leave --only out to make all of them")
+        if name not in example_by_name:
+            raise InputError("the gallery has no such experiment", key="--only", expected=", ".join(example_by_name),
+                             found=name, remedy="correct the name, or leave --only out to make all of them")
     return [example for example in library if not only or example.name in only]
 
 
 def _make(folder: Path, example: GalleryExample, say: Callable[[str], None]) -> dict:
     """One example, from its experiment to its entry; finished parts of an interrupted attempt are used."""
-    before = cpu_seconds()
+    cpu_at_start = cpu_seconds()
     paths = _tests(folder, example, say)
     say(f"{example.name}: identifying")
     began = time.perf_counter()
@@ -87,19 +87,19 @@ def _make(folder: Path, example: GalleryExample, say: Callable[[str], None]) -> 
             "level": level, "verdict": verdict, "parameters": key_numbers(result, _truth(paths)),
             "diagnosis": diagnosis, "open": undetermined(result), "pages": pages,
             "thumbnail": thumbnail(run, folder.parent),
-            "frames": len(result["frames"]), "cpu_s": cpu_seconds() - before}
+            "frames": len(result["frames"]), "cpu_s": cpu_seconds() - cpu_at_start}
 
 
 def _tests(folder: Path, example: GalleryExample, say: Callable[[str], None]) -> list[Path]:
     """The experiment folders; half-written ones of an interrupted attempt are written again."""
-    done = folder / TESTS / "made.json"
-    if done.exists():
-        return [folder / TESTS / name for name in json.loads(done.read_text(encoding="utf-8"))]
+    record = folder / TESTS / "made.json"
+    if record.exists():
+        return [folder / TESTS / name for name in json.loads(record.read_text(encoding="utf-8"))]
     say(f"{example.name}: making the virtual test")
     shutil.rmtree(folder / TESTS, ignore_errors=True)
     (folder / TESTS).mkdir(parents=True)
     paths = example.write(folder / TESTS)
-    done.write_text(json.dumps([path.name for path in paths]), encoding="utf-8")
+    record.write_text(json.dumps([path.name for path in paths]), encoding="utf-8")
     return paths
 
 

@@ -32,8 +32,8 @@ def misfit_study(size: str) -> Study:
                  tuple(_rendering(drawn, k) for k, drawn in _numbered(truths, TRUTHS[size])), tuple(cases), draw_misfit)
 
 
-def _numbered(truths: list[Draw], each: int) -> list[tuple[int, Draw]]:
-    return [(number % each, drawn) for number, drawn in enumerate(truths)]
+def _numbered(truths: list[Draw], per_world: int) -> list[tuple[int, Draw]]:
+    return [(number % per_world, drawn) for number, drawn in enumerate(truths)]
 
 
 def _rendering(drawn: Draw, k: int) -> Rendering:

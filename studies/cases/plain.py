@@ -48,9 +48,9 @@ if __name__ == "__main__":
     parser.add_argument("--size", choices=SIZES, default="full")
     parser.add_argument("--only", action="append")
     parser.add_argument("--processes", type=int, default=1)
-    given = parser.parse_args()
+    options = parser.parse_args()
     try:
-        run_plainly(given.name, given.out, given.size, given.only, given.processes)
+        run_plainly(options.name, options.out, options.size, options.only, options.processes)
     except InputError as problem:
         sys.stderr.write(f"{problem}\n")
         sys.exit(2)

@@ -93,10 +93,10 @@ def polycarbonate_study(size: str) -> Study:
         *_draws("draws-ten", MAIN_NOISE, plan.draws, many, scaled(1.0)),
         *_draws("draws-full", MAIN_NOISE, plan.main_draws, "main", scaled(1.0)),
     ]
-    shown = f"{plan.main.shape[1]} × {plan.main.shape[0]} px, {plan.main.frames} frames"
+    size_text = f"{plan.main.shape[1]} × {plan.main.shape[0]} px, {plan.main.frames} frames"
     return Study(
         "polycarbonate",
-        f"Necking polycarbonate strip, ten parameters ({shown})",
+        f"Necking polycarbonate strip, ten parameters ({size_text})",
         size,
         tuple(renderings),
         tuple(cases),
@@ -117,9 +117,9 @@ def random_factors() -> np.ndarray:
     return np.random.default_rng(SEED).uniform(1.0 - SPREAD, 1.0 + SPREAD, (STARTS, len(TRUTH)))
 
 
-def staged(rejuvenation: float, others: float) -> dict[str, Any]:
+def staged(rejuvenation: float, remaining: float) -> dict[str, Any]:
     """Start values and stages: the four parameters of rejuvenation, then all ten."""
-    factors = [rejuvenation if name in REJUVENATION else others for name in TRUTH]
+    factors = [rejuvenation if name in REJUVENATION else remaining for name in TRUTH]
     return scaled(factors) | {"stage": [{"free": list(REJUVENATION)}, {"free": "all"}]}
 
 
@@ -140,8 +140,8 @@ def _bounds(images: str) -> Iterable[Case]:
     """Cramér-Rao bounds of eight parameters: generalised least squares on images without noise."""
     for level in DRAW_NOISES:
         total = float(np.hypot(level * PATTERN_RMS, 1.0 / np.sqrt(12.0)))
-        stated = {"options.estimator": "generalised", "camera.noise_std_gv": total}
-        yield Case(f"bound/{_per_mille(level)}", images, _eight(1.0) | FROM_TRUTH | stated)
+        noise_options = {"options.estimator": "generalised", "camera.noise_std_gv": total}
+        yield Case(f"bound/{_per_mille(level)}", images, _eight(1.0) | FROM_TRUTH | noise_options)
 
 
 def _draws(group: str, level: float, number: int, images: str, start: dict[str, Any],

@@ -72,8 +72,8 @@ def as_measured_fields(experiment: Experiment, half: int, step: int) -> Experime
     Subsets are 2 half + 1 px wide and `step` px apart. Their noise is estimated from the displacements.
     """
     stack, pm = experiment.stack, build_experiment_reference(experiment, experiment.camera).pixel_map
-    whole = pm.to_image(np.ones(pm.n_pixels), 0.0) > 0.0  # type: ignore[union-attr]
-    centres = subset_grid(whole, half, step)
+    specimen = pm.to_image(np.ones(pm.n_pixels), 0.0) > 0.0  # type: ignore[union-attr]
+    centres = subset_grid(specimen, half, step)
     frames = range(experiment.reference, experiment.n_frames)
     moved = np.zeros((experiment.n_frames, len(centres), 2))
     moved[frames.start:] = subset_displacements([stack.frame(k) for k in frames], centres,
@@ -81,10 +81,11 @@ def as_measured_fields(experiment: Experiment, half: int, step: int) -> Experime
     size = experiment.camera.pixel_size
     points = FieldPoints(centres.astype(float), stack.shape, size, 2.0 * half + 1.0)  # type: ignore[union-attr]
     fields = ArrayStack((points.um_per_px * moved).astype(np.float32))
-    found = field_noise(fields, points.positions_px / step, frames, experiment.reference)
-    assert found is not None
-    rows = tuple(tuple(row) for row in found.correlation.tolist())
-    noise = Noise(found.std, "stage_differences", correlated=CorrelatedNoise(found.std, found.sum_std, rows, found.std))
+    estimate = field_noise(fields, points.positions_px / step, frames, experiment.reference)
+    assert estimate is not None
+    rows = tuple(tuple(row) for row in estimate.correlation.tolist())
+    noise = Noise(estimate.std, "stage_differences",
+                  correlated=CorrelatedNoise(estimate.std, estimate.sum_std, rows, estimate.std))
     options = replace(experiment.options, brightness="none", lowpass_px=0.0, edge_margin_px=0, border_px=0,
                       estimator="auto")
     return replace(experiment, stack=fields, points=points, quantity="displacement", noise=noise, options=options)

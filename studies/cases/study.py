@@ -81,12 +81,12 @@ class Case:
 
     def ident(self, rendering: Rendering) -> dict:
         """JSON values that identify the record: a case with another ident is run again."""
-        asked = asdict(self)
+        content = asdict(self)
         if not self.bits:
-            del asked["bits"]  # records without this key stay valid
+            del content["bits"]  # records without this key stay valid
         if self.disturbance == Disturbance() and not self.measure_start:
-            del asked["disturbance"], asked["measure_start"]
-        return {"case": asked, "images": rendering.source}
+            del content["disturbance"], content["measure_start"]
+        return {"case": content, "images": rendering.source}
 
 
 @dataclass(frozen=True)
@@ -132,5 +132,5 @@ class Study:
 
 
 def _fits(case: Case, pattern: str) -> bool:
-    return any(fnmatch.fnmatchcase(name, wanted) for name, wanted in
+    return any(fnmatch.fnmatchcase(name, glob) for name, glob in
                ((case.group, pattern), (case.key, pattern), (case.group, f"{pattern}_*")))

@@ -67,10 +67,10 @@ def comparison_lines(comparison: Comparison, limit: int | None) -> list[str]:
     way = "" if comparison.exact else " (other fingerprint: numbers within tolerances, texts without numbers, no sums)"
     if comparison.equal:
         return [f"{comparison.case:24} equal{way}"]
-    shown = comparison.differences[:limit]
-    rest = len(comparison.differences) - len(shown)
-    return [f"{comparison.case:24} different{way}", *(f"    {difference}" for difference in shown),
-            *([f"    and {rest} more (--all)"] if rest else [])]
+    listed = comparison.differences[:limit]
+    n_more = len(comparison.differences) - len(listed)
+    return [f"{comparison.case:24} different{way}", *(f"    {difference}" for difference in listed),
+            *([f"    and {n_more} more (--all)"] if n_more else [])]
 
 
 def _kept_arrays(file: Path) -> Mapping[str, np.ndarray] | None:

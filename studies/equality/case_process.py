@@ -54,8 +54,8 @@ def record_cases(names: Sequence[str], out: Path, arrays: bool = False,
 
 def _environment() -> dict[str, str]:
     programs = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
-    kept = {key: value for key, value in os.environ.items() if key not in OF_THE_USER}
-    return kept | dict.fromkeys(THREADS, "1") | SETTINGS | {"PATH": programs}
+    inherited = {key: value for key, value in os.environ.items() if key not in OF_THE_USER}
+    return inherited | dict.fromkeys(THREADS, "1") | SETTINGS | {"PATH": programs}
 
 
 def run_case(case: Case, counter: Counter, folder: Path, arrays_file: Path | None = None) -> dict[str, Any]:

@@ -96,8 +96,9 @@ def field(workshop: Workshop) -> None:
 
 
 def design(workshop: Workshop) -> None:
-    further = replace(PLASTIC_STRIP, title="the same, pulled further", program=((0.0, 0.0), (5.0, 0.25), (6.0, 0.2)))
-    for name, strip in (("pulled", PLASTIC_STRIP), ("further", further)):
+    longer_test = replace(PLASTIC_STRIP, title="the same, pulled further",
+                          program=((0.0, 0.0), (5.0, 0.25), (6.0, 0.2)))
+    for name, strip in (("pulled", PLASTIC_STRIP), ("further", longer_test)):
         workshop.write(f"{name}/experiment.toml", strip.plan(strip.start))
         workshop.write(f"{name}/mesh.inp", strip_mesh(strip.mesh))
         workshop.inputs.append(name)

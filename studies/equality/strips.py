@@ -123,8 +123,8 @@ def write_recorded(workshop: Workshop, name: str, strip: Strip, seed: int = 0) -
 def material_table(values: Mapping[str, str | float]) -> str:
     """[material.BODY] of known values; one is marked as free, as a plan identifies something."""
     lines = [f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {value}" for key, value in values.items()]
-    free = next(key for key, value in values.items() if not isinstance(value, str))
-    lines = [f"{free} = {{ value = {values[free]}, identify = true }}" if line.startswith(f"{free} =") else line
+    marked = next(key for key, value in values.items() if not isinstance(value, str))
+    lines = [f"{marked} = {{ value = {values[marked]}, identify = true }}" if line.startswith(f"{marked} =") else line
              for line in lines]
     return "\n".join(["[material.BODY]", *lines, ""])
 

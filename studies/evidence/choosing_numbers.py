@@ -103,16 +103,16 @@ def free_displacement(folder: Path) -> None:
     sys.stdout.write("\n**free FE-DIC**\n\n| elements | displacement [px] | strain [µm/m] |\n| --- | --- | --- |\n")
     for number, (label, division, cell, overrides) in enumerate(groups()["elements"]):
         experiment = experiment_of(folder / f"free-{number}", division, cell, overrides)
-        seen = seen_by(experiment, build_experiment_reference(experiment, experiment.camera))
-        floor = noise_floor(seen, None, {}, seen.reference)
+        inputs = seen_by(experiment, build_experiment_reference(experiment, experiment.camera))
+        floor = noise_floor(inputs, None, {}, inputs.reference)
         sys.stdout.write(f"| {label} | {floor.free_px:.3f} | {1e6 * floor.free_strain:.0f} |\n")
 
 
-def main(folder: str, wanted: list[str]) -> None:
-    if not wanted or "free" in wanted:
+def main(folder: str, selected_groups: list[str]) -> None:
+    if not selected_groups or "free" in selected_groups:
         free_displacement(Path(folder))
     for group, rows in groups().items():
-        if wanted and group not in wanted:
+        if selected_groups and group not in selected_groups:
             continue
         sys.stdout.write(f"\n**{group}**\n\n| | " + " | ".join(f"{n} [%]" for n in NAMES.values()) + " | CPU [s] |\n")
         sys.stdout.write("| --- " * (len(NAMES) + 2) + "|\n")

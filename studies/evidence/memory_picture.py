@@ -36,7 +36,7 @@ def write_strip(folder: Path) -> Path:
     write_example("strip", folder)
     file = folder / "experiment.toml"
     text = file.read_text()
-    material, rest = text.index("[material.sheet]"), text.index("[[boundary]]")
+    material, boundary = text.index("[material.sheet]"), text.index("[[boundary]]")
     edges = [-100.0, *(-14.0 + 28.0 * k / SLICES for k in range(1, SLICES)), 100.0]  # mm
     bounds = [
         f"x >= {low:.4f} and x < {high:.4f} and y {side} 0"
@@ -47,18 +47,18 @@ def write_strip(folder: Path) -> Path:
         f'[material.P{k:02d}]\nlaw = "elastic"\nE = {{ value = 60e3, unit = "MPa", identify = FREE{k} }}\nnu = 0.3\n'
         for k in range(PIECES)
     ]
-    sets = ["[sets]"] + [f'P{k:02d} = {{ where = "{where}" }}' for k, where in enumerate(bounds)]
-    file.write_text(text[:material] + "\n".join(pieces + sets) + "\n\n" + text[rest:])
+    sets = ["[sets]"] + [f'P{k:02d} = {{ where = "{condition}" }}' for k, condition in enumerate(bounds)]
+    file.write_text(text[:material] + "\n".join(pieces + sets) + "\n\n" + text[boundary:])
     return folder
 
 
-def stretched(short: Path, long: Path, n_frames: int, free: int) -> Path:
+def stretched(short: Path, long: Path, n_frames: int, n_free: int) -> Path:
     """The same test with every state held, and so many moduli free."""
     (long / "images").mkdir(parents=True)
     shutil.copy(short / "mesh.inp", long / "mesh.inp")
     text = (short / "experiment.toml").read_text()
     for k in range(PIECES):
-        text = text.replace(f"FREE{k} ", f"{str(k * free % PIECES < free).lower()} ")
+        text = text.replace(f"FREE{k} ", f"{str(k * n_free % PIECES < n_free).lower()} ")
     (long / "experiment.toml").write_text(text)
     with open(short / "loads.csv", newline="") as file:
         header, *rows = csv.reader(file)
@@ -141,51 +141,51 @@ def _stored(run: Path) -> int:
     return total
 
 
-def draw(found: dict, to: Path) -> None:
+def draw(entries: dict, to: Path) -> None:
     import matplotlib
 
     matplotlib.use("agg")
     import matplotlib.pyplot as plt
 
-    figure, left = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
-    for free, mark in ((2, "o"), (PIECES, "s")):
-        rows = sorted((row for row in found.values() if row["parameters"] == free), key=lambda row: row["frames"])
+    figure, axis = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
+    for n_free, mark in ((2, "o"), (PIECES, "s")):
+        rows = sorted((row for row in entries.values() if row["parameters"] == n_free), key=lambda row: row["frames"])
         frames = [row["frames"] for row in rows]
-        left.plot(frames, [row["worker_mb"] for row in rows], f"{mark}-", label=f"worker process, {free} parameters")
-        left.plot(
+        axis.plot(frames, [row["worker_mb"] for row in rows], f"{mark}-", label=f"worker process, {n_free} parameters")
+        axis.plot(
             frames,
             [row["stored_mb"] for row in rows],
             f"{mark}:",
             color="0.6",
-            label=f"images and sensitivities, {free} parameters",
+            label=f"images and sensitivities, {n_free} parameters",
         )
-    left.axhline(500, color="crimson", lw=1)
-    left.annotate("--memory-limit 500MB", (frames[0], 520), color="crimson", fontsize=8)
-    left.set(xlabel="frames", ylabel="MB", xscale="log", yscale="log")
-    left.legend(fontsize=8)
+    axis.axhline(500, color="crimson", lw=1)
+    axis.annotate("--memory-limit 500MB", (frames[0], 520), color="crimson", fontsize=8)
+    axis.set(xlabel="frames", ylabel="MB", xscale="log", yscale="log")
+    axis.legend(fontsize=8)
     figure.savefig(to, dpi=110)
 
 
 def main(scratch: Path, lengths: list[int]) -> None:
     scratch.mkdir(parents=True, exist_ok=True)
     store = scratch / "found.json"
-    found = json.loads(store.read_text()) if store.exists() else {}
+    entries = json.loads(store.read_text()) if store.exists() else {}
     short = scratch / "strip"
     if not short.exists():
         write_strip(short)
     for n_frames in lengths:
-        for free in (2, PIECES):
-            name = f"{n_frames}-{free}"
-            if name in found:
+        for n_free in (2, PIECES):
+            name = f"{n_frames}-{n_free}"
+            if name in entries:
                 continue
-            folder = stretched(short, scratch / name, n_frames, free)
-            found[name] = {"frames": n_frames, "parameters": free} | watched(folder, scratch / f"run-{name}")
-            sys.stdout.write(f"{found[name]}\n")
+            folder = stretched(short, scratch / name, n_frames, n_free)
+            entries[name] = {"frames": n_frames, "parameters": n_free} | watched(folder, scratch / f"run-{name}")
+            sys.stdout.write(f"{entries[name]}\n")
             sys.stdout.flush()
-            store.write_text(json.dumps(found, indent=1))
+            store.write_text(json.dumps(entries, indent=1))
             shutil.rmtree(folder)
             shutil.rmtree(scratch / f"run-{name}")
-    draw(found, Path(__file__).parents[2] / "docs" / "evidence" / "memory.png")
+    draw(entries, Path(__file__).parents[2] / "docs" / "evidence" / "memory.png")
 
 
 if __name__ == "__main__":

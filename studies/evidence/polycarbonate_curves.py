@@ -29,22 +29,23 @@ def stress(law: str, values: np.ndarray, rate: float) -> np.ndarray:
 
 
 def main() -> None:
-    one, several = ("egp", compile("egp").spec.defaults()), spectrum()
+    single_mode, several = ("egp", compile("egp").spec.defaults()), spectrum()
     with look():
         figure = new_figure(8.0, 3.6)
-        left, right = figure.subplots(1, 2)
+        stress_axis, yield_axis = figure.subplots(1, 2)
         for rate, colour in zip(RATES, CYCLE, strict=False):
-            curve = stress(*one, rate)
-            left.plot(100 * STRAIN, curve, color=colour, label=f"{rate:g} 1/s")
+            curve = stress(*single_mode, rate)
+            stress_axis.plot(100 * STRAIN, curve, color=colour, label=f"{rate:g} 1/s")
             inset = STRAIN <= 0.08
-            right.plot(100 * STRAIN[inset], curve[inset], color=colour)
-            right.plot(100 * STRAIN[inset], stress(*several, rate)[inset], "--", color=colour)
+            yield_axis.plot(100 * STRAIN[inset], curve[inset], color=colour)
+            yield_axis.plot(100 * STRAIN[inset], stress(*several, rate)[inset], "--", color=colour)
         network = compile("egp").spec.defaults()[0] * ((1 + STRAIN) ** 2 - 1 / (1 + STRAIN))  # nearly incompressible
-        left.plot(100 * STRAIN, network, color=FAINT, label="network alone (Gr)")
-        left.annotate("softening (Sa, r0, r1, r2)", (8, 53), (20, 44), arrowprops={"arrowstyle": "->"}, color=BLACK)
-        left.set(xlabel="strain [%]", ylabel="true stress [MPa]", title="one mode", ylim=(0, 90))
-        left.legend()
-        right.set(xlabel="strain [%]", title="yield: one mode (-), seventeen (--)", ylim=(0, 70))
+        stress_axis.plot(100 * STRAIN, network, color=FAINT, label="network alone (Gr)")
+        stress_axis.annotate("softening (Sa, r0, r1, r2)", (8, 53), (20, 44), arrowprops={"arrowstyle": "->"},
+                             color=BLACK)
+        stress_axis.set(xlabel="strain [%]", ylabel="true stress [MPa]", title="one mode", ylim=(0, 90))
+        stress_axis.legend()
+        yield_axis.set(xlabel="strain [%]", title="yield: one mode (-), seventeen (--)", ylim=(0, 70))
         figure.savefig(Path(__file__).parents[2] / "docs" / "evidence" / "polycarbonate.png", dpi=110)
 
 

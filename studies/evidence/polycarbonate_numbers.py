@@ -61,14 +61,14 @@ def starts(mesh, n_sets: int = 20, spread: float = 0.5) -> None:
 
 def causes(size: Size) -> None:
     """First-order result without rounding, with one property of a real camera or of the defaults at a time."""
-    blurred, near = {"options.lowpass_px": 0.6}, {"options.border_px": 0, "options.edge_margin_px": 3}
-    shown = {n: _images(size, n) for n in (1, 5)}
+    blurred, close_border = {"options.lowpass_px": 0.6}, {"options.border_px": 0, "options.edge_margin_px": 3}
+    images_by_samples = {n: _images(size, n) for n in (1, 5)}
     for label, samples, overrides in (("as the study", 1, {}),
                                       ("low-pass of 0.6 px", 1, blurred | {"options.camera_blur_px": 0.0}),
-                                      ("up to the border, 3 px from edges", 1, near),
+                                      ("up to the border, 3 px from edges", 1, close_border),
                                       ("pixels that integrate over their area", 5, {}),
-                                      ("all three", 5, blurred | near)):
-        _print_step(label, shown[samples], 0, overrides)
+                                      ("all three", 5, blurred | close_border)):
+        _print_step(label, images_by_samples[samples], 0, overrides)
 
 
 def misfit(size: Size) -> None:
@@ -80,8 +80,8 @@ def misfit(size: Size) -> None:
                            (1, {"camera_blur_px = 0": matched, "no low-pass": border})):
         test, stack = _images(size, samples)
         for label, overrides in kinds.items():
-            for name, found in _misfits(test, RoundedStack(stack, 8), overrides).items():
-                print(f"| {samples} x {samples} | {label}, {name} | {np.mean(found):.2f} | {found[-1]:.2f} |",
+            for name, chi2 in _misfits(test, RoundedStack(stack, 8), overrides).items():
+                print(f"| {samples} x {samples} | {label}, {name} | {np.mean(chi2):.2f} | {chi2[-1]:.2f} |",
                       flush=True)
 
 
@@ -90,22 +90,22 @@ def _misfits(test, stack, overrides: Mapping[str, object]) -> dict[str, list[flo
         write_virtual_model(Path(folder), test, floor_gv=SPLINE_FLOOR)
         experiment = load_experiment(folder, {"options.element_order": "as_given", **overrides}, stack=stack)
     nodes, project = experiment.mesh.nodes, experiment.camera.project
-    own = build_experiment_reference(experiment, experiment.camera)
-    found: dict[str, list[float]] = {"blur matched": [], "blur as it is": []}
+    matched_reference = build_experiment_reference(experiment, experiment.camera)
+    chi2: dict[str, list[float]] = {"blur matched": [], "blur as it is": []}
     for frame in range(7, stack.n_frames, 7):
         u = project(nodes + np.pad(test.displacements[frame][:len(nodes)], ((0, 0), (0, 1)))) - project(nodes)
-        for name, reference in zip(found, (own, replace(own, image_gv=None)), strict=True):
+        for name, reference in zip(chi2, (matched_reference, replace(matched_reference, image_gv=None)), strict=True):
             spline = prefilter(stack.frame(frame), reference.degree, reference.lowpass_px)
             light = solve_brightness(nodal_equations(reference, spline, u)).coefficients
-            found[name].append(residual_map(reference, spline, u, "frame", light).chi2_dof(12**-0.5))
-    return found
+            chi2[name].append(residual_map(reference, spline, u, "frame", light).chi2_dof(12**-0.5))
+    return chi2
 
 
 def bits(size: Size) -> None:
     """First-order result of images rounded to 8, 12 and 16 bits."""
-    shown = _images(size, 1)
+    images = _images(size, 1)
     for number in (8, 12, 16):
-        _print_step(f"{number} bit", shown, number, {})
+        _print_step(f"{number} bit", images, number, {})
 
 
 def _images(size: Size, supersampling: int):
@@ -115,9 +115,9 @@ def _images(size: Size, supersampling: int):
         return test, ArrayStack(np.stack([stack.frame(k) for k in range(stack.n_frames)]))
 
 
-def _print_step(label: str, shown, n_bits: int, overrides: Mapping[str, object]) -> None:
+def _print_step(label: str, images, n_bits: int, overrides: Mapping[str, object]) -> None:
     """One Gauss-Newton step from the truth: to first order, the end of every identification."""
-    test, stack = shown
+    test, stack = images
     with TemporaryDirectory() as folder:
         write_virtual_model(Path(folder), test, floor_gv=SPLINE_FLOOR)
         experiment = load_experiment(folder, {**scaled(1.0), "options.max_iterations": 1, **overrides}, stack=stack)
@@ -125,10 +125,10 @@ def _print_step(label: str, shown, n_bits: int, overrides: Mapping[str, object])
         rounded = RoundedStack(stack, n_bits)
         std = float(np.hypot(SPLINE_FLOOR, rounded.step / np.sqrt(12.0)))
         experiment = replace(experiment, stack=rounded, noise=replace(experiment.noise, std_gv=std))
-    found = identify(experiment)
-    system = found.point.system
-    parameters, noise = found.experiment.parameters, found.weights.image_noise
-    scaled_up = scaled_system(system, parameters, found.point.reference_gram, noise)
+    identification = identify(experiment)
+    system = identification.point.system
+    parameters, noise = identification.experiment.parameters, identification.weights.image_noise
+    scaled_up = scaled_system(system, parameters, identification.point.reference_gram, noise)
     directions = spectrum(scaled_up)
     step, stds = directions.inverse @ scaled_up.b, np.sqrt(np.diagonal(covariance(scaled_up, directions)))
     relative = scaled_up.slopes / np.array([parameters[name].value for name in parameters.free])

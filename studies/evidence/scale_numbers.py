@@ -22,10 +22,10 @@ TASK_S = 0.003  # s of the scheduler per task
 
 def schedule(tasks: list[float], workers: int) -> float:
     """Length of list scheduling: every task to the worker that is free first, the scheduler handing out one by one."""
-    free, end = [0.0] * workers, 0.0
+    ready_at, end = [0.0] * workers, 0.0
     for number, seconds in enumerate(tasks):
-        start = max(heapq.heappop(free), number * TASK_S)
-        heapq.heappush(free, start + seconds)
+        start = max(heapq.heappop(ready_at), number * TASK_S)
+        heapq.heappush(ready_at, start + seconds)
         end = max(end, start + seconds)
     return end
 
@@ -55,9 +55,9 @@ def main(
         "| --- | --- | --- | --- | --- |\n"
     )
     for workers in (1, 10, 100, 1000):
-        found = parts(frames, megapixels * 1e6, nodes, parameters, workers)
-        total = found["ingestion"] + evaluations * (found["simulation"] + found["correlation"])
-        row = (found["ingestion"], found["simulation"], found["correlation"], total)
+        durations = parts(frames, megapixels * 1e6, nodes, parameters, workers)
+        total = durations["ingestion"] + evaluations * (durations["simulation"] + durations["correlation"])
+        row = (durations["ingestion"], durations["simulation"], durations["correlation"], total)
         out(f"| {workers} | " + " | ".join(f"{seconds / 3600:.2f} h" for seconds in row) + " |\n")
 
 

@@ -40,39 +40,39 @@ CASES = {  # law, parameters that differ from their defaults, identified ones, c
 }
 
 
-def problem(law, given, free, grip):
+def problem(law, stated_values, identified, grip):
     """Model, its parameters, directions of the identified ones and their values."""
     mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad4", 2, 3, 2, name="B")
-    left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
-    dofs = np.concatenate([2 * right, 2 * right + 1, 2 * left, 2 * left + 1])
+    left_end, right_end = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
+    dofs = np.concatenate([2 * right_end, 2 * right_end + 1, 2 * left_end, 2 * left_end + 1])
     basis = np.zeros((len(dofs), 1))
-    basis[:len(right)] = 1.0
+    basis[:len(right_end)] = 1.0
     compiled = compile_law(law, "finite")
     model = Model(mesh=mesh, kind="plane_stress", sections=(Section("B", compiled, mesh.element_sets["B"]),),
                   thickness=1.0, constraints=Constraints(dofs, basis, LENGTH * grip[:, None]),
-                  channels=(Reaction(2 * right),))
+                  channels=(Reaction(2 * right_end),))
     names = compiled.spec.parameter_names
-    values = np.array([given.get(p.name, p.default or 0.0) for p in compiled.spec.parameters], float)
-    directions = tuple(Direction(name, material=(0, names.index(name))) for name in free)
-    return model, {"B": values}, directions, np.array([values[names.index(name)] for name in free])
+    values = np.array([stated_values.get(p.name, p.default or 0.0) for p in compiled.spec.parameters], float)
+    directions = tuple(Direction(name, material=(0, names.index(name))) for name in identified)
+    return model, {"B": values}, directions, np.array([values[names.index(name)] for name in identified])
 
 
 def table(name):
-    law, given, free, grip = CASES[name]
-    model, values, directions, free_values = problem(law, given, free, grip)
+    law, stated_values, identified, grip = CASES[name]
+    model, values, directions, free_values = problem(law, stated_values, identified, grip)
     exact, _ = _outcome(march_extrapolated(model, values, TIMES, increments=TRUE_INCREMENTS))
     force = np.abs(exact[-len(TIMES):]).max() * FORCE_STD_SHARE
     scale = np.concatenate([np.full(len(exact) - len(TIMES), MOTION_STD_MM), np.full(len(TIMES), force)])
     states = list(march(model, values, TIMES, directions, substeps=4))
-    slopes = np.concatenate([np.array([s.du for s in states]).reshape(-1, len(free)),
-                             np.array([s.dchannels for s in states]).reshape(-1, len(free))])
+    slopes = np.concatenate([np.array([s.du for s in states]).reshape(-1, len(identified)),
+                             np.array([s.dchannels for s in states]).reshape(-1, len(identified))])
     slopes *= free_values / scale[:, None]
     covariance = np.linalg.inv(slopes.T @ slopes)
 
     def error(outcome):
         return np.abs(covariance @ (slopes.T @ ((outcome - exact) / scale)) / np.sqrt(np.diag(covariance))).max()
 
-    print(f"{name}: {', '.join(free)}")
+    print(f"{name}: {', '.join(identified)}")
     for n in (1, 2, 4, 8, 16, 32, 64):
         plain, plain_cost = _outcome(march(model, values, TIMES, substeps=n))
         line = f"  {n:3d} per frame: {error(plain):8.3f} std, {plain_cost:5d} Newton iterations"
@@ -84,8 +84,8 @@ def table(name):
 
 def _outcome(states):
     """Nodal motions and forces of all frames in one vector, and the Newton iterations they cost."""
-    found = [(s.u.ravel(), s.channels, s.n_newton) for s in states]
-    return (np.concatenate([*(u for u, _, _ in found), *(f for _, f, _ in found)]), sum(n for _, _, n in found))
+    frames = [(s.u.ravel(), s.channels, s.n_newton) for s in states]
+    return (np.concatenate([*(u for u, _, _ in frames), *(f for _, f, _ in frames)]), sum(n for _, _, n in frames))
 
 
 if __name__ == "__main__":

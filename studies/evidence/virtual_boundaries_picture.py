@@ -64,11 +64,11 @@ def _draw_domain(axis) -> None:
     image = clean_image(np.zeros_like(mesh.nodes), mesh.nodes, mesh.blocks, CAMERA, texture,
                         Sensor(SHAPE, background=25.0, supersampling=1))
     axis.imshow(image, cmap="gray", vmax=330)
-    for whole, colour in ((True, ORANGE), (False, BLUE)):
-        mesh = user_mesh("plate", whole)
+    for is_whole, colour in ((True, ORANGE), (False, BLUE)):
+        mesh = user_mesh("plate", is_whole)
         outline = mesh.blocks[0].connectivity[:, [0, 4, 1, 5, 2, 6, 3, 7, 0]]
         for cell in CAMERA.project(mesh.nodes)[outline]:
-            axis.plot(*cell.T, color=colour, lw=1.0 if whole else 1.2)
+            axis.plot(*cell.T, color=colour, lw=1.0 if is_whole else 1.2)
     for side in (-HALF, HALF):
         ends = CAMERA.project(np.array([[side, -WIDTH / 2], [side, WIDTH / 2]]))
         axis.plot(*ends.T, color=BLUE, lw=4, solid_capstyle="butt")

@@ -149,7 +149,8 @@ def _truth(user: BulgeTest, thickness_um: float, foreign: bool) -> tuple[Mesh, n
     if not foreign:
         return user.mesh, true_displacements(user)
     fine = np.linspace(0.0, 1.0, FOREIGN_STEPS * (len(user.times) - 1) + 1)
-    other = replace(user, mesh=bulge_mesh(1e-3 * thickness_um, FOREIGN, FOREIGN_LAYERS), times=fine * user.times[-1],
+    fine_test = replace(user, mesh=bulge_mesh(1e-3 * thickness_um, FOREIGN, FOREIGN_LAYERS), times=fine
+                        * user.times[-1],
                     pressures=fine * user.pressures[-1])
-    return other.mesh, true_displacements(other)[::FOREIGN_STEPS]
+    return fine_test.mesh, true_displacements(fine_test)[::FOREIGN_STEPS]
 

@@ -61,9 +61,9 @@ def bulge_mesh(thickness: float, columns: Columns = FULL, layers: int = 2) -> Me
     ])  # fmt: skip
     y = np.append(np.linspace(0.0, thickness, layers + 1), thickness + STRIP_THICKNESS)
     column, layer = (a.ravel() for a in np.meshgrid(np.arange(len(x) - 1), np.arange(layers + 1), indexing="ij"))
-    present = (layer < layers) | (column < columns.strip)  # the strip is one more layer, on its own columns
-    column, layer = column[present], layer[present]
-    nodes, connectivity = _quad8(x, y, present)
+    filled = (layer < layers) | (column < columns.strip)  # the strip is one more layer, on its own columns
+    column, layer = column[filled], layer[filled]
+    nodes, connectivity = _quad8(x, y, filled)
     elements = np.arange(len(column))
     top = elements[layer == np.where(column < columns.strip, layers, layers - 1)]
     return make_mesh(
@@ -86,10 +86,10 @@ def _graded(start: float, end: float, n: int, ratio: float) -> np.ndarray:
     return places
 
 
-def _quad8(x: np.ndarray, y: np.ndarray, present: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _quad8(x: np.ndarray, y: np.ndarray, filled: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Nodes (n, 2) mm, numbered by x then y, and connectivity (n_elements, 8) of the present cells of a grid."""
     fine_x, fine_y = (np.insert(a, np.arange(1, len(a)), 0.5 * (a[1:] + a[:-1])) for a in (x, y))
-    cells = grid_cells(len(x) - 1, len(y) - 1, 2)[present]
+    cells = grid_cells(len(x) - 1, len(y) - 1, 2)[filled]
     used, connectivity = np.unique(cells, return_inverse=True)
     nodes = np.stack([fine_x[used // len(fine_y)], fine_y[used % len(fine_y)]], axis=1)
     return np.round(nodes, 9) + 0.0, connectivity.reshape(-1, 8)  # 1e-9 mm: as a mesh file holds them

@@ -86,7 +86,7 @@ def bulge_model(test: BulgeTest) -> Model:
     mesh = test.mesh
     none = np.zeros((len(test.times), 0))
     clamp, axis = mesh.node_sets["CLAMP"], mesh.node_sets["AXIS"]
-    held = [dofs_of(axis, "x", 2), dofs_of(clamp, "x", 2), dofs_of(clamp, "y", 2)]
+    fixed_dofs = [dofs_of(axis, "x", 2), dofs_of(clamp, "x", 2), dofs_of(clamp, "y", 2)]
     return Model(
         mesh=mesh,
         kind="plane_strain",
@@ -94,7 +94,7 @@ def bulge_model(test: BulgeTest) -> Model:
             Section("elastomer", compile_law("neo_hookean", "finite"), mesh.element_sets["elastomer"]),
             Section("strip", compile_law("j2_power", "finite"), mesh.element_sets["strip"]),
         ),
-        constraints=constrain([(dofs, np.zeros((len(dofs), 0)), none) for dofs in held], len(test.times)),
+        constraints=constrain([(dofs, np.zeros((len(dofs), 0)), none) for dofs in fixed_dofs], len(test.times)),
         loads=Loads(
             pressure_faces=(mesh.edge_sets["WETTED"],),
             pressure_histories=test.pressures[:, None],
@@ -110,12 +110,13 @@ def law_values(values: dict[str, float], model: Model) -> dict[str, np.ndarray]:
 def directions(model: Model, names: tuple[str, ...]) -> tuple[Direction, ...]:
     """Directions of differentiation by parameters ``SECTION.name``."""
     sections = [s.name for s in model.sections]
-    found = []
+    of_names = []
     for name in names:
         section, _, parameter = name.partition(".")
         index = sections.index(section)
-        found.append(Direction(name, material=(index, model.sections[index].law.spec.parameter_names.index(parameter))))
-    return tuple(found)
+        of_names.append(Direction(name, material=(index,
+                                                  model.sections[index].law.spec.parameter_names.index(parameter))))
+    return tuple(of_names)
 
 
 def true_displacements(test: BulgeTest) -> np.ndarray:

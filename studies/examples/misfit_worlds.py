@@ -75,10 +75,10 @@ class Draw:
     def overrides(self) -> dict[str, Any]:
         """Of experiment.toml."""
         table = COMPOSITE_TABLE if self.world == "off_axis" else POLYMER_TABLE
-        found: dict[str, Any] = {"material": {"sheet": table}} if self.elastic else dict(DEMO_TRUTH)
+        tables: dict[str, Any] = {"material": {"sheet": table}} if self.elastic else dict(DEMO_TRUTH)
         if self.world == "coarse":
-            found["options.element_order"] = "as_given"
-        return found | ({"experiment.thickness_mm": self.thickness_mm} if self.world == "solid" else {})
+            tables["options.element_order"] = "as_given"
+        return tables | ({"experiment.thickness_mm": self.thickness_mm} if self.world == "solid" else {})
 
 
 def draw(world: str, seed: int) -> Draw:
@@ -101,12 +101,12 @@ def virtual_test(drawn: Draw) -> VirtualTest:
     """The test of a draw: its truth, and the files of a user who does not know it."""
     pixels = POLYMER_SIZE if drawn.elastic else METAL_SIZE
     bare = strip(replace(pixels, true=(2, 2, 1)))  # its files, times and camera; the motion is replaced
-    grip, known, camera, mesh = bare.columns[1].values, dict(DEMO_TRUTH), bare.camera, bare.mesh
+    grip, user_truth, camera, mesh = bare.columns[1].values, dict(DEMO_TRUTH), bare.camera, bare.mesh
     if drawn.elastic:
         grip = HIDDEN_GRIP_MM * bare.times / bare.times[-1]
-        known = dict(COMPOSITE if drawn.world == "off_axis" else POLYMER)
+        user_truth = dict(COMPOSITE if drawn.world == "off_axis" else POLYMER)
     if drawn.world == "hardening":
-        known = {key: known[key] for key in ("sheet.E", "sheet.nu")}
+        user_truth = {key: user_truth[key] for key in ("sheet.E", "sheet.nu")}
     if drawn.world == "coarse":
         mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad4", *drawn.coarse)
     if drawn.world == "lens":
@@ -116,7 +116,7 @@ def virtual_test(drawn: Draw) -> VirtualTest:
     u, force = _solved(truth, grip, bare.times, drawn.thickness_mm)
     noises = [column.noise_std for column in bare.columns]
     return replace(bare, nodes=nodes, cells=cells, displacements=u[:, -len(nodes):, :2], camera=camera, mesh=mesh,
-                   truth=known, texture=medium_speckle(camera, pixels.shape),
+                   truth=user_truth, texture=medium_speckle(camera, pixels.shape),
                    columns=(LoggedColumn("force_N", force, noises[0]),
                             LoggedColumn("grip_displacement_mm", grip, noises[1])))
 
@@ -173,19 +173,19 @@ def _truth_of(drawn: Draw) -> _Truth:
 def _solved(truth: _Truth, grip: np.ndarray, times: np.ndarray, thickness: float) -> tuple[np.ndarray, np.ndarray]:
     """True displacements (n_frames, n_nodes, d) mm and force (n_frames,) N of a strip that its right grip pulls."""
     mesh, d = truth.mesh, truth.mesh.n_dim
-    left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
-    held = [d * right, d * right + 1, *(d * left + axis for axis in range(d))]
+    left_end, right_end = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
+    driven = [d * right_end, d * right_end + 1, *(d * left_end + axis for axis in range(d))]
     if d == 3:
-        gripped = np.concatenate([3 * left + 2, 3 * right + 2])
-        held += [3 * right + 2, np.setdiff1d(3 * mesh.node_sets["MIDDLE"] + 2, gripped)]
-    dofs, n = np.concatenate(held), len(right)
-    x, y = mesh.nodes[right, 0], mesh.nodes[right, 1]
+        gripped = np.concatenate([3 * left_end + 2, 3 * right_end + 2])
+        driven += [3 * right_end + 2, np.setdiff1d(3 * mesh.node_sets["MIDDLE"] + 2, gripped)]
+    dofs, n = np.concatenate(driven), len(right_end)
+    x, y = mesh.nodes[right_end, 0], mesh.nodes[right_end, 1]
     basis = np.zeros((len(dofs), 2))
     basis[:n, 0], basis[:n, 1], basis[n:2 * n, 1] = 1.0, -y, x - x.mean()
     law = compile_law(truth.law, "finite")
     sections, values = _sections(truth, law)
     model = Model(mesh=mesh, kind=truth.kind, sections=sections,
-                  thickness=thickness, channels=(Reaction(d * right, 2.0 if d == 3 else 1.0),),
+                  thickness=thickness, channels=(Reaction(d * right_end, 2.0 if d == 3 else 1.0),),
                   constraints=Constraints(dofs, basis, np.column_stack([grip, truth.rotation * grip / grip[-1]])))
     states = [(state.u.copy(), state.channels[0]) for state in march(model, values, times)]
     return np.array([u for u, _ in states]), np.array([force for _, force in states])
@@ -193,14 +193,14 @@ def _solved(truth: _Truth, grip: np.ndarray, times: np.ndarray, thickness: float
 
 def _sections(truth: _Truth, law: CompiledLaw) -> tuple[tuple[Section, ...], dict[str, np.ndarray]]:
     """The strip, and the spot that differs; with the values of both."""
-    whole = truth.mesh.element_sets["sheet"]
+    sheet = truth.mesh.element_sets["sheet"]
     values = np.array([truth.values[name] for name in law.spec.parameter_names])
     if truth.spot is None:
-        return (Section("sheet", law, whole),), {"sheet": values}
+        return (Section("sheet", law, sheet),), {"sheet": values}
     centres = np.concatenate([truth.mesh.nodes[block.connectivity].mean(axis=1) for block in truth.mesh.blocks])
-    near = np.hypot(*(centres[whole] - truth.spot.centre).T) < truth.spot.radius
+    in_spot = np.hypot(*(centres[sheet] - truth.spot.centre).T) < truth.spot.radius
     changed = np.isin(law.spec.parameter_names, truth.spot.parameters)
-    return ((Section("sheet", law, whole[~near]), Section("spot", law, whole[near])),
+    return ((Section("sheet", law, sheet[~in_spot]), Section("spot", law, sheet[in_spot])),
             {"sheet": values, "spot": np.where(changed, (1.0 + truth.spot.change) * values, values)})
 
 
@@ -211,7 +211,8 @@ def _solid(thickness: float) -> Mesh:
     n, cells = len(plane.nodes), plane.blocks[0].connectivity
     nodes = np.concatenate([np.column_stack([plane.nodes, np.full(n, z)]) for z in levels])
     bricks = np.concatenate([np.hstack([cells + k * n, cells + (k + 1) * n]) for k in range(LAYERS)])
-    ends = {name: np.concatenate([own + k * n for k in range(LAYERS + 1)]) for name, own in plane.node_sets.items()}
+    ends = {name: np.concatenate([members + k * n for k in range(LAYERS + 1)])
+            for name, members in plane.node_sets.items()}
     return make_mesh(nodes, [("hex8", bricks)], node_sets=ends | {"MIDDLE": np.arange(n)},
                      element_sets={"sheet": np.arange(len(bricks))})
 

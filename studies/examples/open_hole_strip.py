@@ -34,14 +34,14 @@ def polymer(size: DemoSize, grip_mm: float = HIDDEN_GRIP_MM) -> VirtualTest:
     times = bare.times
     grip = grip_mm * times / times[-1]
     mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *size.true)
-    left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
-    dofs = np.concatenate([2 * right, 2 * right + 1, 2 * left, 2 * left + 1])
+    left_end, right_end = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
+    dofs = np.concatenate([2 * right_end, 2 * right_end + 1, 2 * left_end, 2 * left_end + 1])
     basis = np.zeros((len(dofs), 1))
-    basis[:len(right)] = 1.0
+    basis[:len(right_end)] = 1.0
     law = compile_law("elastic", "finite")
     model = Model(mesh=mesh, kind="plane_stress", sections=(Section("sheet", law, mesh.element_sets["sheet"]),),
                   thickness=THICKNESS, constraints=Constraints(dofs, basis, grip[:, None]),
-                  channels=(Reaction(2 * right),))
+                  channels=(Reaction(2 * right_end),))
     values = np.array([POLYMER[f"sheet.{name}"] for name in law.spec.parameter_names])
     states = [(state.u.copy(), state.channels[0]) for state in march(model, {"sheet": values}, times)]
     force, logged = (column.noise_std for column in bare.columns)

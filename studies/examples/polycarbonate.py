@@ -129,7 +129,7 @@ def _both_halves(mesh: Mesh, u: np.ndarray) -> tuple[np.ndarray, tuple[Block, ..
     mirror = np.array([-1.0, 1.0])
     nodes = np.vstack([mesh.nodes[:, :2], mirror * mesh.nodes[:, :2]])
     (block,) = surface_cells(mesh, "FRONT")
-    other = block.connectivity[:, ::-1] + mesh.n_nodes  # mirrored cells run the other way round
-    connectivity = np.vstack([block.connectivity, other])
+    mirrored_cells = block.connectivity[:, ::-1] + mesh.n_nodes  # mirrored cells run the other way round
+    connectivity = np.vstack([block.connectivity, mirrored_cells])
     return (nodes, (Block(block.cell, np.ascontiguousarray(connectivity), 0),),
             np.concatenate([u[..., :2], mirror * u[..., :2]], axis=1))

@@ -111,9 +111,9 @@ def strip_model(mesh: Mesh, times: np.ndarray, law: str = "egp") -> Model:
     """The finite-element model of the test at these frame times (n_frames,) s."""
     sets = mesh.node_sets
     none = np.zeros((len(times), 0))
-    held = [dofs_of(sets["MIDDLE"], "x", 3), dofs_of(sets["MIDPLANE"], "z", 3), dofs_of(sets["GRIP"], "y", 3)]
+    fixed_dofs = [dofs_of(sets["MIDDLE"], "x", 3), dofs_of(sets["MIDPLANE"], "z", 3), dofs_of(sets["GRIP"], "y", 3)]
     pulled = dofs_of(sets["GRIP"], "x", 3)
-    rows = [(dofs, np.zeros((len(dofs), 0)), none) for dofs in held]
+    rows = [(dofs, np.zeros((len(dofs), 0)), none) for dofs in fixed_dofs]
     rows.append((pulled, np.ones((len(pulled), 1)), GRIP_SPEED_MM_PER_S * times[:, None]))
     return Model(mesh, "solid", (Section("strip", compile_law(law, "finite"), mesh.element_sets["strip"]),),
                  constrain(rows, len(times)), channels=(Reaction(pulled, 2.0),))

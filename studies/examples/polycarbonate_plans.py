@@ -76,11 +76,11 @@ def write_polycarbonate_plans(out: Path | str, reduced: bool, noise: float | Non
     size = REDUCED if reduced else FULL
     noise_gv = NOISE_GV if noise is None else 60.0 * noise
     for plan in PLANS:
-        own = folder / plan.name
-        own.mkdir()
+        plan_folder = folder / plan.name
+        plan_folder.mkdir()
         mesh = strip_mesh(size.divisions)
-        write_inp(notched(mesh) if plan.notched else mesh, own / "mesh.inp", plan.name)
-        (own / "experiment.toml").write_text(plan_toml(plan, size, noise_gv), encoding="utf-8")
+        write_inp(notched(mesh) if plan.notched else mesh, plan_folder / "mesh.inp", plan.name)
+        (plan_folder / "experiment.toml").write_text(plan_toml(plan, size, noise_gv), encoding="utf-8")
     return folder
 
 
@@ -100,11 +100,11 @@ def notched(mesh: Mesh) -> Mesh:
 def plan_toml(plan: PlannedStrip, size: Size, noise_gv: float) -> str:
     """experiment.toml of a plan: the model at the expected values, and the planned recording."""
     rows, columns = size.shape
-    what = Template(WHAT).substitute(what=plan.what)
+    comment = Template(WHAT).substitute(what=plan.what)
     _, _, body = TOML.partition("\n\n")
     table = Template(PLAN).substitute(columns=columns, rows=rows, frames=size.frames + 1,
                                       course=[list(point) for point in plan.course])
-    return Template(what + "\n\n" + body + table).substitute(
+    return Template(comment + "\n\n" + body + table).substitute(
         pixel_size=size.pixel, column=float(round(VISIBLE_LEFT_OF_MIDDLE_MM / size.pixel)), row=(rows - 1) / 2,
         model=model_toml(FORCE_NOISE_N, factor=1.0), substeps=size.substeps, noise_std_gv=f"{noise_gv:.4g}")
 

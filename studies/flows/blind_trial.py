@@ -83,7 +83,7 @@ def _fan_out(run: _Run, numbers: Sequence[str]) -> None:
     run.console.tasks("trials", 0, len(numbers))
     jobs = [TrialJob(str(run.folder.out), number) for number in numbers]
     for _ in run.runner.stream(run_trial, jobs, [f"trial-{number}" for number in numbers],
-                               progress=lambda done, total: run.console.tasks("trials", done, total)):
+                               progress=lambda count, total: run.console.tasks("trials", count, total)):
         pass
 
 

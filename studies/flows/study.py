@@ -108,21 +108,21 @@ def _study_in_prefect(work: _Run) -> Path:
                work.runner.workers)
 
 
-def _fan_out(work: _Run, what: str, function: Callable, keys: Sequence[str]) -> None:
+def _fan_out(work: _Run, kind: str, function: Callable, keys: Sequence[str]) -> None:
     """Run `keys` on the workers; the first few give an estimate of the remaining time."""
     began = time.perf_counter()
 
-    def progress(done: int, total: int) -> None:
-        work.console.tasks(what, done, total)
+    def progress(count: int, total: int) -> None:
+        work.console.tasks(kind, count, total)
         spent = time.perf_counter() - began
-        if done == min(total, 2 * work.runner.workers) and done < total:
-            left = spent / done * (total - done)
-            work.console.said(f"{what}: {done} of {total} in {spent:.0f} s, about {left:.0f} s left")
-        if done == total:
-            work.console.said(f"{what}: {total} in {spent:.0f} s")
+        if count == min(total, 2 * work.runner.workers) and count < total:
+            remaining_s = spent / count * (total - count)
+            work.console.said(f"{kind}: {count} of {total} in {spent:.0f} s, about {remaining_s:.0f} s left")
+        if count == total:
+            work.console.said(f"{kind}: {total} in {spent:.0f} s")
 
-    work.console.tasks(what, 0, len(keys))
-    for _ in work.runner.stream(function, work.jobs(keys), [f"{what}-{key.replace('/', '-')}" for key in keys],
+    work.console.tasks(kind, 0, len(keys))
+    for _ in work.runner.stream(function, work.jobs(keys), [f"{kind}-{key.replace('/', '-')}" for key in keys],
                                 progress=progress):
         pass
 

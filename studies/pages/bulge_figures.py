@@ -73,12 +73,12 @@ def residual_maps(record: CaseRecord) -> Picture:
         for row, (maps, unit) in enumerate(((start, "µm"), (end, "nm"))):
             limit = float(np.nanmax(np.abs(maps))) if row == 0 else float(np.nanpercentile(np.abs(maps), 99.5))
             for axis, image, time in zip(axes[row], maps, times, strict=True):
-                shown = axis.imshow(image, extent=extent, cmap=DIVERGING, norm=Normalize(-limit, limit),
+                artist = axis.imshow(image, extent=extent, cmap=DIVERGING, norm=Normalize(-limit, limit),
                                     interpolation="nearest", aspect="equal")
                 rms = float(np.sqrt(np.nanmean(np.square(image))))
                 axis.set_title(f"t = {time:.2g} s, rms {rms:.2g} {unit}")
                 axis.grid(False)
-            figure.colorbar(shown, ax=axes[row], label=f"r, {('start', 'end')[row]} [{unit}]", shrink=0.85)
+            figure.colorbar(artist, ax=axes[row], label=f"r, {('start', 'end')[row]} [{unit}]", shrink=0.85)
         for axis in axes[1]:
             axis.set_xlabel("x [µm]")
         for axis in axes[:, 0]:
@@ -111,12 +111,12 @@ def model_error(records: list[CaseRecord], windows: np.ndarray) -> Picture:
               for name in ("strip.E", "elastomer.C10"))
     with look():
         figure = new_figure(8.4, 3.0)
-        left, right = figure.subplots(1, 2)
-        left.plot(windows, 1.0 + e, "-s", color="#E69F00")
-        left.set(xlabel="frames used (of 200)", ylabel="identified E / true E [–]", ylim=(0.0, 1.1))
-        right.plot(windows, 100.0 * c10, "-o", color="#0072B2")
-        right.set(xlabel="frames used (of 200)", ylabel="error of C10 [%]", ylim=(-0.2, 0.2))
-        for axis in (left, right):
+        E_axis, C10_axis = figure.subplots(1, 2)
+        E_axis.plot(windows, 1.0 + e, "-s", color="#E69F00")
+        E_axis.set(xlabel="frames used (of 200)", ylabel="identified E / true E [–]", ylim=(0.0, 1.1))
+        C10_axis.plot(windows, 100.0 * c10, "-o", color="#0072B2")
+        C10_axis.set(xlabel="frames used (of 200)", ylabel="error of C10 [%]", ylim=(-0.2, 0.2))
+        for axis in (E_axis, C10_axis):
             axis.set_xticks(windows)
             axis.tick_params(axis="x", labelsize=7.0)
         return to_picture(figure, "table2_model_error", "Moduli of an elastic strip (paper: table II, fig. 18c, d)",

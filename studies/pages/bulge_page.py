@@ -22,9 +22,9 @@ TRIAL_WINDOWS = {25: (-0.2, 3e-4), 50: (-0.7, -5e-4), 75: (-3.2, -3e-3), 100: (-
 
 def draw_bulge(records: Records) -> StudyPage:
     """The page of the finished cases."""
-    made = [make(records) for make in (_reference, _from130, _guesses, _starts, _draws, _windows, _twin, _forms)]
-    sections = tuple(section for section, _ in filter(None, made))
-    goals = tuple(goal for _, found in filter(None, made) for goal in found)
+    drawn = [make(records) for make in (_reference, _from130, _guesses, _starts, _draws, _windows, _twin, _forms)]
+    sections = tuple(section for section, _ in filter(None, drawn))
+    goals = tuple(goal for _, section_goals in filter(None, drawn) for goal in section_goals)
     met = sum(goal.met for goal in goals)
     first = f"{met} of {len(goals)} targets are met. Paper: section 4 of the published method." if goals else ""
     return StudyPage("Bulge test of a metal strip on rubber: five parameters of two materials", first, goals, sections)
@@ -34,9 +34,9 @@ def _reference(records: Records):
     if "reference/simulation" not in records:
         return None
     record = records["reference/simulation"]
-    found = figures.scaling_constants(record)
+    constants = figures.scaling_constants(record)
     rows = tuple((PLAIN[name], f"{value:.2f}", f"{PAPER_SCALES[name]:.2f}", f"{TRIAL_SCALES[name]:g}",
-                  f"{value / PAPER_SCALES[name]:.2f}") for name, value in found.items())
+                  f"{value / PAPER_SCALES[name]:.2f}") for name, value in constants.items())
     table = Table("Scaling constants: largest |λ ∂u/∂λ| in the field of view", ("parameter", "here [px]", "paper",
                   "prototype", "here / paper"), rows,
                   "u is proportional to C10^(-1/3): the constant of C10 is a third of the rise (90 µm = 271 px).")
@@ -86,8 +86,8 @@ def _guesses(records: Records):
         panels.append(("Initial guess (no noise)", "start value / true value [%]",
                        np.array([float(r.name) for r in guesses]), guesses))
     if noises:
-        shown = [0.1 * max(float(r.name), 0.5) for r in noises]  # no noise: at the left end of a logarithmic axis
-        panels.append(("Noise (from 130 %)", "noise / rms of the roughness [%]", np.array(shown), noises))
+        levels = [0.1 * max(float(r.name), 0.5) for r in noises]  # no noise: at the left end of a logarithmic axis
+        panels.append(("Noise (from 130 %)", "noise / rms of the roughness [%]", np.array(levels), noises))
     if not panels:
         return None
     caption = ("Dotted: reported standard deviation. Paper: all starts up to 170 % converge to the same values, at the "
@@ -124,19 +124,19 @@ def ended_right(record: CaseRecord) -> bool:
 
 
 def _starts(records: Records):
-    found = [r for r in records.values() if r.group == "starts"]
-    if not found:
+    cases = [r for r in records.values() if r.group == "starts"]
+    if not cases:
         return None
-    right = [r.explained and ended_right(r) for r in found]
-    false = [r.name for r in found if r.explained and not ended_right(r)]
+    right = [r.explained and ended_right(r) for r in cases]
+    false = [r.name for r in cases if r.explained and not ended_right(r)]
     rows = tuple((r.name, *(f"{s / t:.2f}" for s, t in zip(r.arrays["start"], r.arrays["truth"], strict=True)),
                   r.outcome, str(r.facts["iterations"]), str(r.facts["evaluations"]),
-                  f"{100 * np.abs(r.relative_error).max():.2g} %") for r in found)
-    table = Table("", ("start", *(PLAIN[n] for n in found[0].names), "status", "iterations", "evaluations",
+                  f"{100 * np.abs(r.relative_error).max():.2g} %") for r in cases)
+    table = Table("", ("start", *(PLAIN[n] for n in cases[0].names), "status", "iterations", "evaluations",
                        "largest error"), rows, "Start values over true values, log-uniform from 0.5 to 3, seed 2014.")
-    picture = charts.starts(found, right, SYMBOLS, "starts", "Random starts",
+    picture = charts.starts(cases, right, SYMBOLS, "starts", "Random starts",
                             "Shaded: not at the truth; right: the status of the identification.")
-    goals = [Goal(f"random starts (50 to 300 % per parameter) that reach the truth, of {len(found)}",
+    goals = [Goal(f"random starts (50 to 300 % per parameter) that reach the truth, of {len(cases)}",
                   f"at least {MIN_SUCCESSFUL_STARTS}", str(sum(right)), sum(right) >= MIN_SUCCESSFUL_STARTS),
              Goal("random starts that converge elsewhere without a residual beyond the noise", "none",
                   ", ".join(false) if false else "none", not false)]
@@ -172,21 +172,22 @@ def _draws(records: Records):
 
 
 def _windows(records: Records):
-    found = [r for r in records.values() if r.group == "window"]
-    if not found:
+    cases = [r for r in records.values() if r.group == "window"]
+    if not cases:
         return None
-    ends = np.array([int(r.name) for r in found])
-    times = found[0].arrays["times"]
+    ends = np.array([int(r.name) for r in cases])
+    times = cases[0].arrays["times"]
     lines = [(f"frames 1 … {end}", 1e3 * r.arrays["level_abs"], times[-1] * end / 200) for end, r in
-             zip(ends, found, strict=True)]
+             zip(ends, cases, strict=True)]
     if "from130/all" in records:
         lines.append(("right law", 1e3 * records["from130/all"].arrays["level_abs"], None))
-    rows = tuple(_window_row(r, int(end), times) for end, r in zip(ends, found, strict=True))
-    shown = (25, 50, 75, 100, 125, 150, 200)
+    rows = tuple(_window_row(r, int(end), times) for end, r in zip(ends, cases, strict=True))
+    frame_numbers = (25, 50, 75, 100, 125, 150, 200)
     table = Table("Elastic strip: errors, and mean |r| [nm] of some frames (* used)",
-                  ("frames used", "E", "E, prototype", "C10", "C10, prototype", *(f"frame {k}" for k in shown)), rows)
-    c10 = np.array([abs(r.relative_error[r.names.index("elastomer.C10")]) for r in found])
-    e = np.array([r.relative_error[r.names.index("strip.E")] for r in found])
+                  ("frames used", "E", "E, prototype", "C10", "C10, prototype", *(f"frame {k}" for k in frame_numbers)),
+                  rows)
+    c10 = np.array([abs(r.relative_error[r.names.index("elastomer.C10")]) for r in cases])
+    e = np.array([r.relative_error[r.names.index("strip.E")] for r in cases])
     goals = [Goal("model error: C10 of an elastic strip", "within 0.1 % in every window", f"{100 * c10.max():.2g} %",
                   bool(c10.max() <= 1e-3)),
              Goal("model error: E falls with plastic frames", "monotonously",
@@ -195,15 +196,15 @@ def _windows(records: Records):
                                     "Residual of a wrong law, by the frames used (paper: fig. 18b)",
                                     "Elastic strip; bold: frames used, dashed: other frames. As in the paper the "
                                     "residual rises with the first plastic frames and has a dip at about 3/4 of the "
-                                    "window, where it changes sign."), figures.model_error(found, ends))
+                                    "window, where it changes sign."), figures.model_error(cases, ends))
     return StudySection("model-error", "Model error: an elastic strip", "", (table,), pictures), goals
 
 
 def _window_row(record: CaseRecord, end: int, times: np.ndarray) -> tuple[str, ...]:
     e, c10 = (100 * record.relative_error[record.names.index(name)] for name in ("strip.E", "elastomer.C10"))
     trial = TRIAL_WINDOWS[end]
-    levels, last = record.arrays["level_abs"], len(times) - 1
-    cells = [f"{1e3 * levels[round(k / 200 * last)]:.3g}{'*' if k <= end else ''}" for k in
+    levels, last_frame = record.arrays["level_abs"], len(times) - 1
+    cells = [f"{1e3 * levels[round(k / 200 * last_frame)]:.3g}{'*' if k <= end else ''}" for k in
              (25, 50, 75, 100, 125, 150, 200)]
     return (f"1 … {end}", f"{e:+.2g} %", f"{trial[0]:+.2g} %", f"{c10:+.1g} %", f"{trial[1]:+.1g} %", *cells)
 
@@ -212,9 +213,9 @@ def _twin(records: Records):
     if "twin/foreign" not in records:
         return None
     record = records["twin/foreign"]
-    own = records.get("from130/all")
+    same_mesh = records.get("from130/all")
     rows = tuple((PLAIN[n], f"{v:.6g}", f"{t:g}", f"{100 * e:+.2g} %", f"{100 * s:.1g} %",
-                  "–" if own is None else f"{100 * own.relative_error[i]:+.1g} %") for i, (n, v, t, e, s) in
+                  "–" if same_mesh is None else f"{100 * same_mesh.relative_error[i]:+.1g} %") for i, (n, v, t, e, s) in
                  enumerate(zip(record.names, record.arrays["value"], record.arrays["truth"], record.relative_error,
                                record.relative_std, strict=True)))
     level = float(1e3 * np.nanmean(record.arrays["level_abs"]))

@@ -30,8 +30,8 @@ def success(records: Sequence[CaseRecord]) -> dict[tuple[str, str, float], tuple
     for record in records:
         test, _, schedule = record.group.partition("-")
         counted.setdefault((test, schedule, int(record.name.partition("-")[0]) / 100), []).append(record)
-    return {key: (sum(map(reached_truth, own)), len(own), float(np.mean([r.facts["cpu_s"] for r in own])),
-                  float(np.mean([r.facts["rounds"] for r in own]))) for key, own in counted.items()}
+    return {key: (sum(map(reached_truth, members)), len(members), float(np.mean([r.facts["cpu_s"] for r in members])),
+                  float(np.mean([r.facts["rounds"] for r in members]))) for key, members in counted.items()}
 
 
 def draw_convergence(records: Mapping[str, CaseRecord]) -> StudyPage:
@@ -39,22 +39,22 @@ def draw_convergence(records: Mapping[str, CaseRecord]) -> StudyPage:
     counts = success(list(records.values()))
     sections = []
     for test in dict.fromkeys(key[0] for key in counts):
-        own = {key[1:]: value for key, value in counts.items() if key[0] == test}
+        of_test = {key[1:]: value for key, value in counts.items() if key[0] == test}
         sections.append(StudySection(test, IN_WORDS.get(test, test), "All schedules have the same starts.",
-                                     (_table(own),), (_picture(test, own),)))
+                                     (_table(of_test),), (_picture(test, of_test),)))
     total = {name: [sum(v[i] for k, v in counts.items() if k[1] == name) for i in (0, 1)] for name in SCHEDULES}
     shares = ", ".join(f"{SCHEDULES[name]} {n} of {of}" for name, (n, of) in total.items() if of)
     return StudyPage("Success over the distance of the start", f"At the truth: {shares}.", (), tuple(sections))
 
 
-def _table(own: Mapping[tuple[str, float], tuple[int, int, float, float]]) -> Table:
-    distances = sorted({distance for _, distance in own})
+def _table(of_test: Mapping[tuple[str, float], tuple[int, int, float, float]]) -> Table:
+    distances = sorted({distance for _, distance in of_test})
     rows = []
     for name, words in SCHEDULES.items():
-        cells = [own.get((name, distance)) for distance in distances]
+        cells = [of_test.get((name, distance)) for distance in distances]
         if any(cells):
-            known = [cell for cell in cells if cell]
-            means = [sum(c[k] * c[1] for c in known) / sum(c[1] for c in known) for k in (2, 3)]
+            counts = [cell for cell in cells if cell]
+            means = [sum(c[k] * c[1] for c in counts) / sum(c[1] for c in counts) for k in (2, 3)]
             rows.append((words, *("–" if cell is None else f"{cell[0]} of {cell[1]}" for cell in cells),
                          *(f"{mean:.1f}" for mean in means)))
     headings = ("schedule", *(f"distance {d:g}" for d in distances), "CPU s per run", "rounds per run")
@@ -64,17 +64,19 @@ def _table(own: Mapping[tuple[str, float], tuple[int, int, float, float]]) -> Ta
     return Table("Starts that converge to the truth", headings, tuple(rows), note)
 
 
-def _picture(test: str, own: Mapping[tuple[str, float], tuple[int, int, float, float]]) -> Picture:
+def _picture(test: str, of_test: Mapping[tuple[str, float], tuple[int, int, float, float]]) -> Picture:
     with look():
         figure = new_figure(6.5, 3.2)
         axis = figure.subplots()
-        ticks = sorted({distance for _, distance in own})
-        apart = min(0.02, 0.06 * np.diff(np.log(ticks)).min(initial=np.inf))  # of the schedules at one distance
+        ticks = sorted({distance for _, distance in of_test})
+        spacing = min(0.02, 0.06 * np.diff(np.log(ticks)).min(initial=np.inf))  # of the schedules at one distance
         for k, (name, words) in enumerate(SCHEDULES.items()):
-            points = sorted((distance, n / of) for (schedule, distance), (n, of, *_) in own.items() if schedule == name)
+            points = sorted((distance, n / of) for (schedule, distance), (n, of, *_) in of_test.items()
+                            if schedule == name)
             if points:
                 at = np.array(points)
-                axis.plot(at[:, 0] * np.exp(apart * (k - 2)), at[:, 1], "o-", color=CYCLE[k], label=words, markersize=4)
+                axis.plot(at[:, 0] * np.exp(spacing * (k - 2)), at[:, 1], "o-", color=CYCLE[k], label=words,
+                          markersize=4)
         axis.set(xlabel="distance of the start [–]", ylabel="share at the truth [–]", ylim=(-0.05, 1.05),
                  xscale="log")
         axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks])

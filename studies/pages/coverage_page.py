@@ -59,8 +59,8 @@ class Coverage:
     @property
     def band(self) -> np.ndarray:
         """Coverage that is compatible with the draws, 95 % (Wilson 1927, doi:10.2307/2276774)  # (2, n)"""
-        n, held = self.draws, self.covered
-        middle, spread = held + Z95**2 / (2 * n), Z95 * np.sqrt(held * (1 - held) / n + Z95**2 / (4 * n**2))
+        n, share = self.draws, self.covered
+        middle, spread = share + Z95**2 / (2 * n), Z95 * np.sqrt(share * (1 - share) / n + Z95**2 / (4 * n**2))
         return np.array([middle - spread, middle + spread]) / (1 + Z95**2 / n)
 
     @property
@@ -69,25 +69,25 @@ class Coverage:
 
     @property
     def in_words(self) -> str:
-        world, found, route = self.route.rpartition("_")
-        if found and world in WORLD_IN_WORDS:
+        world, separator, route = self.route.rpartition("_")
+        if separator and world in WORLD_IN_WORDS:
             return f"{WORLD_IN_WORDS[world]}: {IN_WORDS[route]}, {self.name.partition('-')[2]} least squares"
         return f"{IN_WORDS[self.route]}, {self.name.partition('-')[2]} least squares"
 
 
 def coverage_of(name: str, records: Sequence[CaseRecord], bound: CaseRecord | None) -> Coverage:
     """Statistics of the converged draws of a group."""
-    done = [record for record in records if record.converged]
-    names = tuple(key for key in PLAIN if key in done[0].names)
-    pick = [done[0].names.index(key) for key in names]
-    value, std, truth = (np.array([r.arrays[key][pick] for r in done]) for key in ("value", "std", "truth"))
+    converged = [record for record in records if record.converged]
+    names = tuple(key for key in PLAIN if key in converged[0].names)
+    pick = [converged[0].names.index(key) for key in names]
+    value, std, truth = (np.array([r.arrays[key][pick] for r in converged]) for key in ("value", "std", "truth"))
     z = (value - truth) / std
-    stated, scatter = std.mean(axis=0), value.std(axis=0, ddof=1)
+    mean_std, scatter = std.mean(axis=0), value.std(axis=0, ddof=1)
     least = np.full(len(pick), np.nan)
     if bound is not None:
         least = np.array([bound.arrays["std"][bound.names.index(key)] for key in names])
-    return Coverage(name, len(records), names, z, stated / truth[0], (np.abs(z) < Z95).mean(axis=0), z.mean(axis=0),
-                    scatter / stated, scatter / least)
+    return Coverage(name, len(records), names, z, mean_std / truth[0], (np.abs(z) < Z95).mean(axis=0), z.mean(axis=0),
+                    scatter / mean_std, scatter / least)
 
 
 def draw_coverage(records: Mapping[str, CaseRecord]) -> StudyPage:
@@ -96,19 +96,19 @@ def draw_coverage(records: Mapping[str, CaseRecord]) -> StudyPage:
     for record in records.values():
         if record.group != "bound":
             members.setdefault(record.group, []).append(record)
-    found = []
+    coverages = []
     for name, group in members.items():
         route = name.partition("-")[0]
         bound = records.get(f"bound/{BOUND_OF.get(route, route)}")
         if sum(record.converged for record in group) > 1:
-            found.append(coverage_of(name, group, bound))
-    goals = [goal for group in found if group.draws >= MIN_DRAWS_OF_A_TARGET for goal in _goals(group)]
+            coverages.append(coverage_of(name, group, bound))
+    goals = [goal for group in coverages if group.draws >= MIN_DRAWS_OF_A_TARGET for goal in _goals(group)]
     first = f"{sum(goal.met for goal in goals)} of {len(goals)} targets are met." if goals else ""
     text = ("Every draw has its own noise on all images, the reference included, on the force and on the logged grip, "
             "and its own gain and offset of every frame. The truth is computed on the user's mesh unless stated "
             "otherwise. Bound: standard deviation of generalised least squares on records without noise.")
-    sections = (StudySection("coverage", "Coverage of the 95 % intervals", text, (_table(found),), (
-        _picture(found), _intervals(found))),) if found else ()
+    sections = (StudySection("coverage", "Coverage of the 95 % intervals", text, (_table(coverages),), (
+        _picture(coverages), _intervals(coverages))),) if coverages else ()
     return StudyPage("Coverage of the error bars", first, tuple(goals), sections)
 
 
@@ -125,9 +125,9 @@ def _goals(group: Coverage) -> list[Goal]:
     return goals
 
 
-def _table(found: Sequence[Coverage]) -> Table:
+def _table(coverages: Sequence[Coverage]) -> Table:
     rows = []
-    for group in found:
+    for group in coverages:
         for i, name in enumerate(group.names):
             low, high = 100 * group.band[:, i]
             rows.append((group.in_words, PLAIN[name], f"{100 * group.covered[i]:.1f} %", f"{low:.1f} to {high:.1f} %",
@@ -140,34 +140,34 @@ def _table(found: Sequence[Coverage]) -> Table:
                  "1000 draws know a coverage of 95 % to ± 1.4 % (95 % of chance), a scatter to 2.2 %.")
 
 
-def _picture(found: Sequence[Coverage]) -> Picture:
+def _picture(coverages: Sequence[Coverage]) -> Picture:
     with look():
-        figure = new_figure(8.0, 1.2 + 0.36 * len(found))
+        figure = new_figure(8.0, 1.2 + 0.36 * len(coverages))
         axis = figure.subplots()
         axis.axvspan(100 * COVERAGE_RANGE[0], 100 * COVERAGE_RANGE[1], color=FAINT, lw=0)
         axis.axvline(95.0, color=GREY, lw=0.8)
-        most = int(np.argmax([len(group.names) for group in found]))
-        for row, group in enumerate(found):
+        most = int(np.argmax([len(group.names) for group in coverages]))
+        for row, group in enumerate(coverages):
             colour = BLUE if group.name.endswith("generalised") else ORANGE
             for i, name in enumerate(group.names):
                 y = -row + 0.12 * (1.5 - i)
                 axis.plot(100 * group.band[:, i], [y, y], color=colour, lw=0.8, alpha=0.5)
                 axis.plot(100 * group.covered[i], y, charts.SIGNS[i], color=colour, ms=4,
                           label=SYMBOLS[name] if row == most else None)
-        axis.set_yticks(-np.arange(len(found)), [group.name.replace("-", ", ") for group in found])
+        axis.set_yticks(-np.arange(len(coverages)), [group.name.replace("-", ", ") for group in coverages])
         axis.set(xlabel="95 % intervals that hold the truth [%]")
         figure.legend(loc="outside right upper")
         return to_picture(figure, "coverage", "Coverage", "Grey: 93 to 97 %. Blue: generalised, orange: ordinary least "
                       "squares. Lines: what is compatible with the number of draws (95 %).")
 
 
-def _intervals(found: Sequence[Coverage]) -> Picture:
+def _intervals(coverages: Sequence[Coverage]) -> Picture:
     """Every error over its stated standard deviation: inside the band the interval holds the truth."""
     with look():
-        figure = new_figure(8.0, 1.0 + 0.2 * sum(len(group.names) for group in found))
+        figure = new_figure(8.0, 1.0 + 0.2 * sum(len(group.names) for group in coverages))
         axis, labels = figure.subplots(), []
         axis.axvspan(-Z95, Z95, color=FAINT, lw=0)
-        for group in found:
+        for group in coverages:
             for i, name in enumerate(group.names):
                 z = np.clip(group.z[:, i], -MAX_SHOWN_ERROR, MAX_SHOWN_ERROR)
                 for part, colour in ((np.abs(z) < Z95, BLUE), (np.abs(z) >= Z95, ORANGE)):

@@ -29,10 +29,10 @@ def render_gallery(entries: Sequence[Mapping], pictures: Mapping[str, bytes]) ->
 
 def key_numbers(result: Mapping, truth: Mapping[str, float]) -> list[dict]:
     """Identified values with their true values; ratios where the test determines nothing else."""
-    shown, rows = short_names(result["parameters"]), []
+    short, rows = short_names(result["parameters"]), []
     for name, entry in result["parameters"].items():
         if entry["free"] and entry["std"] is not None:
-            rows.append(_row(shown[name], entry["value"], entry["std"], entry["unit"], truth.get(name)))
+            rows.append(_row(short[name], entry["value"], entry["std"], entry["unit"], truth.get(name)))
     names = derived_names(result)
     for name, entry in result["derived"].items():
         first, _, second = name.partition("/")
@@ -53,9 +53,9 @@ def thumbnail(run: Path, top: Path) -> str | None:
     """The picture that represents a run on the page, as a path below the gallery `top`."""
     folders = list(folders_of(run).values()) if is_joint(run) else [run]
     for pattern in THUMBNAILS:
-        found = sorted((folders[0] / "figures").glob(pattern))
-        if found:
-            return found[-1].relative_to(top).as_posix()
+        pictures = sorted((folders[0] / "figures").glob(pattern))
+        if pictures:
+            return pictures[-1].relative_to(top).as_posix()
     return None
 
 

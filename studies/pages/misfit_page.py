@@ -54,8 +54,8 @@ class Outcome:
     @property
     def noise_coverage(self) -> float:
         """The same of noise alone."""
-        known = np.isfinite(self.noise)
-        return float((np.abs(self.noise[known]) < Z95).mean())
+        is_finite = np.isfinite(self.noise)
+        return float((np.abs(self.noise[is_finite]) < Z95).mean())
 
     @property
     def width_ratio(self) -> np.ndarray:
@@ -65,18 +65,20 @@ class Outcome:
 
 def outcome_of(world: str, records: Sequence[CaseRecord]) -> Outcome:
     """The outcome of a world; a parameter without a counterpart in its truth does not count."""
-    done = [record for record in records if record.converged]
-    names = tuple(name for name in PLAIN if name in done[0].names and name not in WITHOUT_COUNTERPART.get(world, ()))
-    pick = [done[0].names.index(name) for name in names]
-    value, std, noise, truth = (np.array([r.arrays[key][pick] for r in done])
+    converged = [record for record in records if record.converged]
+    names = tuple(name for name in PLAIN if name in converged[0].names
+                  and name not in WITHOUT_COUNTERPART.get(world, ()))
+    pick = [converged[0].names.index(name) for name in names]
+    value, std, noise, truth = (np.array([r.arrays[key][pick] for r in converged])
                                 for key in ("value", "std", "std_noise", "truth"))
-    found = [bool((record.facts["discrepancy"] or {}).get("significant")) for record in done]
-    z_noise, z_both, shown = (value - truth) / noise, (value - truth) / std, tuple(PLAIN[name] for name in names)
+    significances = [bool((record.facts["discrepancy"] or {}).get("significant")) for record in converged]
+    z_noise, z_both, labels = (value - truth) / noise, (value - truth) / std, tuple(PLAIN[name] for name in names)
     if world == "hardening":
-        z_noise = np.column_stack([z_noise, np.full(len(done), np.nan)])  # their correlation by noise is not recorded
-        z_both, shown = np.column_stack([z_both,
-                                         [_flow_stress_error(record) for record in done]]), (*shown, FLOW_STRESS)
-    return Outcome(world, len(records), shown, z_noise, z_both, float(np.mean(found)))
+        z_noise = np.column_stack([z_noise,
+                                   np.full(len(converged), np.nan)])  # their correlation by noise is not recorded
+        z_both, labels = np.column_stack([z_both,
+                                         [_flow_stress_error(record) for record in converged]]), (*labels, FLOW_STRESS)
+    return Outcome(world, len(records), labels, z_noise, z_both, float(np.mean(significances)))
 
 
 def _flow_stress_error(record: CaseRecord) -> float:
@@ -93,61 +95,62 @@ def _flow_stress_error(record: CaseRecord) -> float:
 
 def draw_misfit(records: Mapping[str, CaseRecord]) -> StudyPage:
     """The page of the finished cases."""
-    found = []
+    outcomes = []
     for world in (*RIGHT, *WRONG):
         members = [record for record in records.values() if record.group == world]
         if any(record.converged for record in members):
-            found.append(outcome_of(world, members))
-    goals = tuple(_goal(own) for own in found if len(own.both) >= MIN_DRAWS_OF_A_TARGET)
+            outcomes.append(outcome_of(world, members))
+    goals = tuple(_goal(outcome) for outcome in outcomes if len(outcome.both) >= MIN_DRAWS_OF_A_TARGET)
     first = f"{sum(bool(goal.met) for goal in goals)} of {len(goals)} targets are met." if goals else ""
     text = ("Strips with a hole, 10 frames; size and sign of the error, and all noise, are drawn anew for every "
             "recording. std counts noise and the discrepancy of the model (docs/method.md, section 14).")
-    sections = (StudySection("misfit", "Error bars where the model is a little wrong", text, (_table(found),),
-                             (_picture(found),)),) if found else ()
+    sections = (StudySection("misfit", "Error bars where the model is a little wrong", text, (_table(outcomes),),
+                             (_picture(outcomes),)),) if outcomes else ()
     return StudyPage("Error bars where the model is a little wrong", first, goals, sections)
 
 
-def _goal(own: Outcome) -> Goal:
-    if own.world in RIGHT:
-        widest = float(own.width_ratio.max())
-        return Goal(f"width over that of noise alone, {IN_WORDS[own.world]}", f"at most {MAX_WIDTH_RATIO}",
+def _goal(outcome: Outcome) -> Goal:
+    if outcome.world in RIGHT:
+        widest = float(outcome.width_ratio.max())
+        return Goal(f"width over that of noise alone, {IN_WORDS[outcome.world]}", f"at most {MAX_WIDTH_RATIO}",
                     f"{widest:.2f}", widest <= MAX_WIDTH_RATIO)
-    return Goal(f"coverage, {IN_WORDS[own.world]}", f"at least {100 * MIN_COVERAGE:.0f} %",
-                f"{100 * own.coverage:.0f} % (noise alone: {100 * own.noise_coverage:.0f} %)",
-                own.coverage >= MIN_COVERAGE)
+    return Goal(f"coverage, {IN_WORDS[outcome.world]}", f"at least {100 * MIN_COVERAGE:.0f} %",
+                f"{100 * outcome.coverage:.0f} % (noise alone: {100 * outcome.noise_coverage:.0f} %)",
+                outcome.coverage >= MIN_COVERAGE)
 
 
-def _table(found: Sequence[Outcome]) -> Table:
+def _table(outcomes: Sequence[Outcome]) -> Table:
     rows = []
-    for own in found:
-        for i, name in enumerate(own.names):
-            held, alone = ((np.abs(z[:, i]) < Z95).mean() for z in (own.both, own.noise))
-            known = bool(np.isfinite(own.noise[0, i]))
-            rows.append((IN_WORDS[own.world], name, f"{100 * alone:.0f} %" if known else "–", f"{100 * held:.0f} %",
-                         f"{np.sqrt(np.mean(own.noise[:, i]**2)):.1f}" if known else "–",
-                         f"{np.sqrt(np.mean(own.both[:, i]**2)):.2f}", f"{own.width_ratio[i]:.2f}" if known else "–",
-                         f"{100 * own.significant:.0f} %",
-                         f"{len(own.both)} of {own.asked}"))
+    for outcome in outcomes:
+        for i, name in enumerate(outcome.names):
+            coverage, noise_coverage = ((np.abs(z[:, i]) < Z95).mean() for z in (outcome.both, outcome.noise))
+            has_noise = bool(np.isfinite(outcome.noise[0, i]))
+            rows.append((IN_WORDS[outcome.world], name, f"{100 * noise_coverage:.0f} %" if has_noise
+                         else "–", f"{100 * coverage:.0f} %",
+                         f"{np.sqrt(np.mean(outcome.noise[:, i]**2)):.1f}" if has_noise else "–",
+                         f"{np.sqrt(np.mean(outcome.both[:, i]**2)):.2f}", f"{outcome.width_ratio[i]:.2f}" if has_noise
+                         else "–", f"{100 * outcome.significant:.0f} %",
+                         f"{len(outcome.both)} of {outcome.asked}"))
     return Table("Coverage of the 95 % intervals", (
         "world", "parameter", "noise alone", "noise and model", "rms error / std, noise alone",
         "rms error / std, noise and model", "mean width / noise alone", "discrepancy significant", "converged"),
         tuple(rows), "40 draws know a coverage of 90 % to ± 9 % (95 % of chance).")
 
 
-def _picture(found: Sequence[Outcome]) -> Picture:
+def _picture(outcomes: Sequence[Outcome]) -> Picture:
     """Every error over both standard deviations: inside the band the interval holds the truth."""
     with look():
-        figure = new_figure(9.0, 1.0 + 0.55 * sum(len(own.names) for own in found) / 2)
+        figure = new_figure(9.0, 1.0 + 0.55 * sum(len(entry.names) for entry in outcomes) / 2)
         axis, labels, row = figure.subplots(), [], 0
         axis.axvspan(-Z95, Z95, color=FAINT, lw=0)
-        for own in found:
-            for i, name in enumerate(own.names):
-                for z, shift, colour, label in ((own.noise, 0.18, ORANGE, "noise alone"),
-                                                (own.both, -0.18, BLUE, "noise and model")):
-                    shown = np.clip(z[:, i], -MAX_SHOWN_ERROR, MAX_SHOWN_ERROR)
-                    axis.plot(shown, np.full(len(shown), -row + shift), "|", color=colour, ms=6,
+        for outcome in outcomes:
+            for i, name in enumerate(outcome.names):
+                for z, shift, colour, label in ((outcome.noise, 0.18, ORANGE, "noise alone"),
+                                                (outcome.both, -0.18, BLUE, "noise and model")):
+                    errors = np.clip(z[:, i], -MAX_SHOWN_ERROR, MAX_SHOWN_ERROR)
+                    axis.plot(errors, np.full(len(errors), -row + shift), "|", color=colour, ms=6,
                               label=label if row == 0 else None)
-                labels.append(f"{IN_WORDS[own.world]}, {name}")
+                labels.append(f"{IN_WORDS[outcome.world]}, {name}")
                 row += 1
             axis.axhline(-row + 0.5, color=GREY, lw=0.5)
         axis.set_yticks(-np.arange(len(labels)), labels)

@@ -45,8 +45,8 @@ class Lattice:
     def __init__(self, places: np.ndarray):
         columns = [np.flatnonzero(np.isclose(places[:, 0], x)) for x in np.unique(places[:, 0].round(9))]
         longest = max(map(len, columns))
-        whole = [column[np.argsort(places[column, 1])] for column in columns if len(column) == longest]
-        self.nodes = np.array(whole)
+        full_columns = [column[np.argsort(places[column, 1])] for column in columns if len(column) == longest]
+        self.nodes = np.array(full_columns)
         self.x, self.y = places[self.nodes, 0], places[self.nodes, 1]
 
     def on_line(self, field: np.ndarray) -> np.ndarray:
@@ -179,7 +179,7 @@ def residual_maps(record: CaseRecord) -> Picture:
         for row, maps in enumerate((start, end)):
             limit = float(np.nanpercentile(np.abs(maps), 99.5))
             for axis, image, time in zip(axes[row], maps, times, strict=True):
-                shown = axis.imshow(
+                artist = axis.imshow(
                     image,
                     extent=extent,
                     cmap=DIVERGING,
@@ -189,7 +189,7 @@ def residual_maps(record: CaseRecord) -> Picture:
                 )
                 axis.set_title(f"t = {time:.0f} s, rms {np.sqrt(np.nanmean(np.square(image))):.2g} GV")
                 axis.grid(False)
-            figure.colorbar(shown, ax=axes[row], label=f"r, {('start', 'end')[row]} [GV]", shrink=0.85)
+            figure.colorbar(artist, ax=axes[row], label=f"r, {('start', 'end')[row]} [GV]", shrink=0.85)
         for axis in axes[1]:
             axis.set_xlabel("column [mm]")
         for axis in axes[:, 0]:
@@ -211,25 +211,25 @@ def spectrum(record: CaseRecord) -> Picture:
     vectors = vectors * np.sign(vectors[np.abs(vectors).argmax(axis=0), np.arange(len(values))])
     with look():
         figure = new_figure(10.4, 3.5)
-        left, middle, right = figure.subplots(1, 3, width_ratios=(1.1, 0.9, 1.1))
+        M_axis, D_axis, Q_axis = figure.subplots(1, 3, width_ratios=(1.1, 0.9, 1.1))
         size = np.abs(M)
-        image = left.imshow(
+        image = M_axis.imshow(
             size, cmap=SEQUENTIAL, norm=LogNorm(max(size[size > 0].min(), 1e-8 * size.max()), size.max())
         )
-        figure.colorbar(image, ax=left, label="|M| [–]", shrink=0.85)
+        figure.colorbar(image, ax=M_axis, label="|M| [–]", shrink=0.85)
         at = np.arange(1, len(values) + 1)
-        middle.semilogy(at, values, "o", color=BLUE)
-        middle.vlines(at, values.min() / 3, values, color=BLUE)
-        middle.set(title="D", xlabel="eigenvector", ylabel="eigenvalue [–]", xticks=at, ylim=(values.min() / 3, None))
-        image = right.imshow(vectors, cmap=DIVERGING, norm=Normalize(-1, 1))
-        figure.colorbar(image, ax=right, label="component [–]", shrink=0.85)
-        left.set_xticks(np.arange(len(names)), names)
-        right.set_xticks(np.arange(len(names)), [str(k) for k in at])
-        for axis, title in ((left, "M"), (right, "Q")):
+        D_axis.semilogy(at, values, "o", color=BLUE)
+        D_axis.vlines(at, values.min() / 3, values, color=BLUE)
+        D_axis.set(title="D", xlabel="eigenvector", ylabel="eigenvalue [–]", xticks=at, ylim=(values.min() / 3, None))
+        image = Q_axis.imshow(vectors, cmap=DIVERGING, norm=Normalize(-1, 1))
+        figure.colorbar(image, ax=Q_axis, label="component [–]", shrink=0.85)
+        M_axis.set_xticks(np.arange(len(names)), names)
+        Q_axis.set_xticks(np.arange(len(names)), [str(k) for k in at])
+        for axis, title in ((M_axis, "M"), (Q_axis, "Q")):
             axis.set_yticks(np.arange(len(names)), names)
             axis.set_title(title)
             axis.grid(False)
-        right.set_xlabel("eigenvector")
+        Q_axis.set_xlabel("eigenvector")
         return to_picture(
             figure,
             "fig09_spectrum",

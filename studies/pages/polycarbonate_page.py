@@ -37,9 +37,9 @@ def draw_polycarbonate(records: Records) -> StudyPage:
     """The page of the finished cases."""
     makers = (_reference, _from110, outcomes.guesses, outcomes.rejuvenation, outcomes.noise, outcomes.starts,
               draws, outcomes.others)
-    made = [make(records) for make in makers]
-    sections = tuple(section for section, _ in filter(None, made))
-    goals = tuple(goal for _, found in filter(None, made) for goal in found)
+    drawn = [make(records) for make in makers]
+    sections = tuple(section for section, _ in filter(None, drawn))
+    goals = tuple(goal for _, section_goals in filter(None, drawn) for goal in section_goals)
     met = sum(goal.met for goal in goals)
     first = f"{met} of {len(goals)} targets are met. Paper: section 3 of the published method." if goals else ""
     return StudyPage("Necking polycarbonate strip: ten parameters of a glassy polymer", first, goals, sections)
@@ -72,14 +72,14 @@ def _reference(records: Records):
 
 
 def _from110(records: Records):
-    found = [r for r in records.values() if r.group == "from110"]
-    if not found:
+    cases = [r for r in records.values() if r.group == "from110"]
+    if not cases:
         return None
-    names, goals = found[0].names, []
+    names, goals = cases[0].names, []
     rows = [
         ("published, 8 bit", *(f"{PAPER[n]:+.3g}" for n in names), f"{rms_of_errors(PAPER.values()):.2g}", "30", "")
     ]
-    for record in found:
+    for record in cases:
         error, std = 100 * record.relative_error, 100 * record.relative_std
         bits = int(record.name)
         rows.append(
@@ -110,19 +110,19 @@ def _from110(records: Records):
                 f"{r.facts['wall_s']:.0f}",
                 f"{r.facts['peak_rss_mb']:.0f}",
             )
-            for r in found
+            for r in cases
         ),
         "One process on one core. Paper: 17 h on 33 and 8 cores, 9 GB.",
     )
     pictures = [
         charts.convergence(
-            found[0],
+            cases[0],
             SYMBOLS,
             "fig07_convergence",
-            f"{found[0].facts['iterations']} iterations (paper: 30, fig. 7b); from 110 % of all ten.",
+            f"{cases[0].facts['iterations']} iterations (paper: 30, fig. 7b); from 110 % of all ten.",
         )
     ]
-    for record in found:
+    for record in cases:
         if "residual_end" in record.arrays:
             level = charts.frame_levels(
                 record.arrays["times"],
@@ -133,7 +133,7 @@ def _from110(records: Records):
                 "Mean |r| at the identified parameters.",
             )
             pictures += [figures.residual_maps(record), level, figures.displacement_errors(record)]
-        pictures += [figures.spectrum(record)] if record is found[0] else []
+        pictures += [figures.spectrum(record)] if record is cases[0] else []
     return StudySection("from110", "From 110 % of all ten parameters", "", (table, costs), tuple(pictures)), goals
 
 

@@ -50,23 +50,23 @@ def errors_over(panels: Sequence[tuple[str, str, np.ndarray, Sequence[CaseRecord
         figure = new_figure(10.0, 3.9)
         axes = np.atleast_1d(figure.subplots(1, len(panels), sharey=True))
         # a parameter looks the same in every panel, whichever others are identified there
-        looks = list(dict.fromkeys(own for *_, records in panels for own in records[0].names))
+        looks = list(dict.fromkeys(parameter for *_, records in panels for parameter in records[0].names))
         lines = {}
         for axis, (heading, label, at, records), wide in zip(axes, panels, logarithmic, strict=True):
             order = np.argsort(at)
             at, records = np.asarray(at)[order], [records[k] for k in order]
             good = np.array([record.explained for record in records])
-            for i, (own, text) in enumerate(zip(records[0].names, short(records[0].names, symbols), strict=True)):
-                colour, sign = COLOURS[looks.index(own)], SIGNS[looks.index(own)]
+            for i, (parameter, text) in enumerate(zip(records[0].names, short(records[0].names, symbols), strict=True)):
+                colour, sign = COLOURS[looks.index(parameter)], SIGNS[looks.index(parameter)]
                 error = np.maximum(np.abs([record.relative_error[i] for record in records]), MIN_SHOWN_ERROR)
-                lines[own], = axis.semilogy(at, error, color=colour, marker=sign, label=text)
+                lines[parameter], = axis.semilogy(at, error, color=colour, marker=sign, label=text)
                 axis.semilogy(at[~good], error[~good], sign, mfc="white", mec=colour, ls="none", zorder=5)
                 axis.semilogy(at, [record.relative_std[i] for record in records], ":", color=colour, lw=1.0)
             axis.set(title=heading, xlabel=label, xscale="log" if wide else "linear")
             if wide:
                 axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes[0].set_ylabel("|value / true value − 1| [–]")
-        figure.legend(handles=[lines[own] for own in looks], loc="outside right upper")
+        figure.legend(handles=[lines[parameter] for parameter in looks], loc="outside right upper")
         return to_picture(figure, name, title, caption)
 
 
@@ -75,26 +75,26 @@ def starts(records: Sequence[CaseRecord], right: Sequence[bool], symbols: Mappin
     """Random starts: start values (left) and errors at the end (right), one row per start."""
     with look():
         figure = new_figure(10.0, 0.9 + 0.21 * len(records))
-        left, right_axis = figure.subplots(1, 2, sharey=True, width_ratios=(1.0, 1.0))
+        start_axis, end_axis = figure.subplots(1, 2, sharey=True, width_ratios=(1.0, 1.0))
         rows = np.arange(len(records))
         for i, text in enumerate(short(records[0].names, symbols)):
             start = [record.arrays["start"][i] / record.arrays["truth"][i] for record in records]
             end = [max(abs(record.relative_error[i]), MIN_SHOWN_ERROR) for record in records]
-            left.semilogx(start, rows, SIGNS[i], color=COLOURS[i], label=text)
-            right_axis.semilogx(end, rows, SIGNS[i], color=COLOURS[i])
+            start_axis.semilogx(start, rows, SIGNS[i], color=COLOURS[i], label=text)
+            end_axis.semilogx(end, rows, SIGNS[i], color=COLOURS[i])
         for row, (record, fine) in enumerate(zip(records, right, strict=True)):
             if not fine:
-                for axis in (left, right_axis):
+                for axis in (start_axis, end_axis):
                     axis.axhspan(row - 0.5, row + 0.5, color="#fdebdd", lw=0, zorder=0)
-                right_axis.text(1.01, row, record.outcome.replace(", ", ",\n"), color=RED, fontsize=7.0, ha="left",
-                                va="center", transform=right_axis.get_yaxis_transform())
-        left.axvline(1.0, color=GREY, lw=0.7)
-        left.xaxis.set_minor_formatter(NullFormatter())
-        left.set_xticks([0.5, 1.0, 2.0, 3.0], ["0.5", "1", "2", "3"])
-        left.set(title="Start", xlabel="start value / true value [–]", ylabel="start number",
+                end_axis.text(1.01, row, record.outcome.replace(", ", ",\n"), color=RED, fontsize=7.0, ha="left",
+                                va="center", transform=end_axis.get_yaxis_transform())
+        start_axis.axvline(1.0, color=GREY, lw=0.7)
+        start_axis.xaxis.set_minor_formatter(NullFormatter())
+        start_axis.set_xticks([0.5, 1.0, 2.0, 3.0], ["0.5", "1", "2", "3"])
+        start_axis.set(title="Start", xlabel="start value / true value [–]", ylabel="start number",
                  ylim=(len(records) - 0.5, -0.5))
-        left.set_yticks(rows, [record.name for record in records])
-        right_axis.set(title="End", xlabel="|value / true value − 1| [–]")
+        start_axis.set_yticks(rows, [record.name for record in records])
+        end_axis.set(title="End", xlabel="|value / true value − 1| [–]")
         figure.legend(loc="outside upper right", ncols=len(records[0].names))
         return to_picture(figure, name, title, caption)
 
@@ -143,14 +143,14 @@ def frame_levels(times: np.ndarray, lines: Sequence[tuple[str, np.ndarray, float
         axis = figure.subplots()
         shades = np.linspace(0.0, 1.0, max(len(lines), 2))
         for k, (label, levels, end) in enumerate(lines):
-            whole = end is None
-            colour = ORANGE if whole else _blue(shades[k])
-            inside = np.ones(len(times), bool) if whole else times <= end
+            is_complete = end is None
+            colour = ORANGE if is_complete else _blue(shades[k])
+            inside = np.ones(len(times), bool) if is_complete else times <= end
             axis.plot(times, levels, "--", color=colour, lw=0.9)
             axis.plot(times[inside], levels[inside], color=colour, lw=2.2, label=label)
-            if not whole:
-                last = np.flatnonzero(inside)[-1]
-                axis.plot(times[last], levels[last], MARKERS[k % len(MARKERS)], color=colour)
+            if not is_complete:
+                end_frame = np.flatnonzero(inside)[-1]
+                axis.plot(times[end_frame], levels[end_frame], MARKERS[k % len(MARKERS)], color=colour)
         every = np.concatenate([levels[np.isfinite(levels) & (levels > 0)] for _, levels, _ in lines])
         if every.max(initial=0.0) > 10.0 * every.min(initial=np.inf):
             axis.set_yscale("log")

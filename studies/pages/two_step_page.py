@@ -35,13 +35,13 @@ class Spread:
 
 def spread_of(records: Sequence[CaseRecord]) -> Spread | None:
     """Statistics of the converged draws of a method; None with fewer than two."""
-    done = [record for record in records if record.converged]
-    if len(done) < 2:
+    converged = [record for record in records if record.converged]
+    if len(converged) < 2:
         return None
-    pick = [done[0].names.index(name) for name in PLAIN]
-    value, std, truth = (np.array([r.arrays[key][pick] for r in done]) for key in ("value", "std", "truth"))
+    pick = [converged[0].names.index(name) for name in PLAIN]
+    value, std, truth = (np.array([r.arrays[key][pick] for r in converged]) for key in ("value", "std", "truth"))
     scatter = value.std(axis=0, ddof=1)
-    return Spread(value.mean(axis=0) / truth[0] - 1.0, scatter / truth[0], std.mean(axis=0) / truth[0], len(done),
+    return Spread(value.mean(axis=0) / truth[0] - 1.0, scatter / truth[0], std.mean(axis=0) / truth[0], len(converged),
                   len(records), float(np.mean([record.facts["cpu_s"] for record in records])))
 
 
@@ -53,40 +53,40 @@ def draw_two_step(records: Mapping[str, CaseRecord]) -> StudyPage:
         cells.setdefault((mesh, noise), {}).setdefault(method, []).append(record)
     sections = []
     for (mesh, noise), members in cells.items():
-        found = {method: spread_of(members[method]) for method in METHODS if method in members}
+        spreads = {method: spread_of(members[method]) for method in METHODS if method in members}
         level = next(iter(members.values()))[0].facts["case"]["noise"]
         title = f"{mesh.capitalize()} mesh, noise {level:g} grey values"
-        sections.append(StudySection(f"{mesh}-{noise}", title, "", (_table(title, found, members),),
-                                     (_picture(f"{mesh}_{noise}", title, found),)))
+        sections.append(StudySection(f"{mesh}-{noise}", title, "", (_table(title, spreads, members),),
+                                     (_picture(f"{mesh}_{noise}", title, spreads),)))
     return StudyPage("The integrated method and two steps", "Scatter and bias over draws of the same noise.", (),
                      tuple(sections))
 
 
-def _table(title: str, found: Mapping[str, Spread | None], members: Mapping[str, Sequence[CaseRecord]]) -> Table:
+def _table(title: str, spreads: Mapping[str, Spread | None], members: Mapping[str, Sequence[CaseRecord]]) -> Table:
     header = ("method", *(f"{symbol}: bias ± scatter (stated std) [%]" for symbol in PLAIN.values()), "converged",
               "CPU s")
     rows = []
-    for method, spread in found.items():
+    for method, spread in spreads.items():
         if spread is None:
             rows.append((METHODS[method], *("–",) * len(PLAIN), f"0 or 1 of {len(members[method])}", "–"))
             continue
-        values = [f"{100 * b:+.2g} ± {100 * s:.2g} ({100 * own:.2g})"
-                  for b, s, own in zip(spread.bias, spread.scatter, spread.stated, strict=True)]
+        values = [f"{100 * b:+.2g} ± {100 * s:.2g} ({100 * mean_std:.2g})"
+                  for b, s, mean_std in zip(spread.bias, spread.scatter, spread.stated, strict=True)]
         rows.append((METHODS[method], *values, f"{spread.converged} of {spread.asked}", f"{spread.cpu_s:.1f}"))
-    draws = max((spread.converged for spread in found.values() if spread is not None), default=0)
+    draws = max((spread.converged for spread in spreads.values() if spread is not None), default=0)
     note = (f"Bias and scatter: mean and standard deviation of the relative error. A scatter is known to "
             f"{100 / np.sqrt(2 * max(draws - 1, 1)):.0f} % of itself, a bias to {100 / np.sqrt(max(draws, 1)):.0f} % "
             "of the scatter.")
     return Table(title, header, tuple(rows), note)
 
 
-def _picture(name: str, title: str, found: Mapping[str, Spread | None]) -> Picture:
+def _picture(name: str, title: str, spreads: Mapping[str, Spread | None]) -> Picture:
     with look():
         figure = new_figure(6.5, 3.0)
         axis = figure.subplots()
-        known = [(method, spread) for method, spread in found.items() if spread is not None]
-        for k, (method, spread) in enumerate(known):
-            at = np.arange(len(PLAIN)) + 0.12 * (k - (len(known) - 1) / 2)
+        determined = [(method, spread) for method, spread in spreads.items() if spread is not None]
+        for k, (method, spread) in enumerate(determined):
+            at = np.arange(len(PLAIN)) + 0.12 * (k - (len(determined) - 1) / 2)
             axis.errorbar(at, 100 * spread.bias, 100 * spread.scatter, fmt="o", color=CYCLE[k % len(CYCLE)],
                           markersize=4, capsize=2, label=METHODS[method])
         axis.axhline(0.0, color="0.6", linewidth=0.8)

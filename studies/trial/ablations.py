@@ -54,14 +54,14 @@ def uncorrected(evidence: Evidence) -> Uncorrected:
 def ablations(residual: ResidualEvidence, trials: Sequence[ScoreColumn], columns: Columns) -> dict[str, dict]:
     """First candidate and significance of the complete screening and of every ablation; scores of the decoys."""
     evidence, parameters = residual.evidence, residual.null
-    found = {"whole": _first(evidence, parameters, trials, columns),
+    outcomes = {"whole": _first(evidence, parameters, trials, columns),
              "no_reference": _first(uncorrected(evidence), parameters, trials, columns),
              "no_projection": _first(evidence, parameters.pick([]), trials, columns)}
     drawn = decoy_scores(evidence, null_model(evidence, parameters), columns)
-    found["decoys"] = {"n": len(drawn.z), "mean": float(drawn.z.mean()) if len(drawn.z) else 0.0,
+    outcomes["decoys"] = {"n": len(drawn.z), "mean": float(drawn.z.mean()) if len(drawn.z) else 0.0,
                        "std": float(drawn.z.std()) if len(drawn.z) else 1.0, "largest": drawn.largest,
                        "p_normal": drawn.p_normal}
-    return found
+    return outcomes
 
 
 def _first(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn], columns: Columns) -> dict:

@@ -95,19 +95,19 @@ def evaluated(folder: Folder, number: str, truth: Truth, answer: Mapping) -> Tri
     sets = answer.get("indistinguishable", ())
     reported = tuple(dict.fromkeys([*named, *(name for group in sets for name in group)]))
     families = {c["name"]: c["family"] for c in answer.get("candidates", ())}
-    known = answer.get("identified", {}).get("parameters", {})
+    identified = answer.get("identified", {}).get("parameters", {})
     mismatch = answer.get("mismatch", {})
     silent = not effects or answer["verdict"] in ("failed", NOT_GENERATED, *NO_ALARM)
     onset, elements = (None, None) if silent else true_onset_and_place(folder, number, truth)
-    bias = _bias(truth, known, answer.get("model", {}).get("parameters_after", {}))
+    bias = _bias(truth, identified, answer.get("model", {}).get("parameters_after", {}))
     first = named[0] if named else None
     as_cut = told_as_cut(scene_of(truth), answer)
     true = {effect.name for effect in effects} | _implied(truth) | ({"heterogeneity"} if as_cut else set())
     bulk = [name for name in named if name in families and FAMILIES[families[name]].side == "bulk"]  # no spots
-    told = answer["verdict"] not in NOT_NAMED
+    is_named = answer["verdict"] not in NOT_NAMED
     return TrialRecord(
         truth.key, number, truth.names, truth.effects[0][1] if truth.effects else "", truth.solver, answer["verdict"],
-        named, reported, answer["verdict"] not in NO_ALARM and not (told and set(named) <= _implied(truth)),
+        named, reported, answer["verdict"] not in NO_ALARM and not (is_named and set(named) <= _implied(truth)),
         first is not None and families.get(first) in [effect.family for effect in effects],
         bool(effects) and all(effect.name in reported or (effect.name == "slit" and as_cut) for effect in effects),
         any({*truth.names, truth.counterpart} <= set(group) for group in sets),
@@ -116,8 +116,8 @@ def evaluated(folder: Folder, number: str, truth: Truth, answer: Mapping) -> Tri
         _ratio(answer.get("fit", {})), _drop(answer, first), *bias, _blocks(answer),
         float(answer.get("cost", {}).get("cpu_s", 0.0)),
         int(answer.get("attempt", 1)), answer.get("ablations"), answer.get("sentence", answer.get("problem", "")),
-        truth.world, any(is_unseen(name) for name in truth.names), told and bool(set(bulk) - true),
-        answer.get("probability"), _intervals(truth, known | _last(answer.get("model", {}))))
+        truth.world, any(is_unseen(name) for name in truth.names), is_named and bool(set(bulk) - true),
+        answer.get("probability"), _intervals(truth, identified | _last(answer.get("model", {}))))
 
 
 def told_as_cut(scene: Scene, answer: Mapping) -> bool:
@@ -174,15 +174,15 @@ def generated_values(truth: Truth, scene: Scene) -> dict[str, float]:
     return values | slopes | {"yield_stress": values["yield_stress"] * (1.0 + dilation)}
 
 
-def _intervals(truth: Truth, found: Mapping) -> tuple[int, int]:
+def _intervals(truth: Truth, entries: Mapping) -> tuple[int, int]:
     """How many parameters of the null have a 95 % interval that holds the truth, and how many have one."""
-    generated, held, n = generated_values(truth, scene_of(truth)), 0, 0
+    generated, n_held, n = generated_values(truth, scene_of(truth)), 0, 0
     for name in truth.parameters:
-        entry = found.get(f"BODY.{name}", {})
+        entry = entries.get(f"BODY.{name}", {})
         if name in generated and entry.get("std"):
             n += 1
-            held += abs(entry["value"] - generated[name]) <= 1.96 * entry["std"]
-    return int(held), n
+            n_held += abs(entry["value"] - generated[name]) <= 1.96 * entry["std"]
+    return int(n_held), n
 
 
 def true_onset_and_place(folder: Folder, number: str, truth: Truth) -> tuple[int | None, frozenset[int] | None]:
@@ -204,8 +204,8 @@ def _onset(scene: Scene, plain: Scene) -> int:
     """
     motion = solve(scene)
     plain = as_logged(scene, plain, motion)
-    before = solve(plain)
-    size = np.array([np.sqrt(np.mean((apparent(scene, motion, k) - apparent(plain, before, k)) ** 2))
+    plain_motion = solve(plain)
+    size = np.array([np.sqrt(np.mean((apparent(scene, motion, k) - apparent(plain, plain_motion, k)) ** 2))
                      for k in range(len(scene.times))])
     return int(np.argmax(size > ONSET_MOTION_SHARE * size.max()))
 
@@ -242,20 +242,21 @@ def yielded(scene: Scene, motion: Motion, points: np.ndarray) -> np.ndarray:
     return beyond[nearest]
 
 
-def _difference(found, true) -> float | None:
-    return None if found is None or true is None else float(found - true)
+def _difference(estimate, true) -> float | None:
+    return None if estimate is None or true is None else float(estimate - true)
 
 
-def _overlap(found, true: frozenset[int] | None) -> float | None:
+def _overlap(estimate, true: frozenset[int] | None) -> float | None:
     if true is None or not true:
         return None
-    found = set(found or ())
-    return len(found & true) / len(found | true)
+    estimate = set(estimate or ())
+    return len(estimate & true) / len(estimate | true)
 
 
 def _ratio(fit: Mapping) -> float | None:
-    before, after = fit.get("heldout_excess_before"), fit.get("heldout_excess_after")
-    return None if not before or before <= 0.0 or after is None else max(after, 0.0) / before
+    excess_before, excess_after = fit.get("heldout_excess_before"), fit.get("heldout_excess_after")
+    return None if not excess_before or excess_before <= 0.0 or excess_after is None else max(excess_after,
+                                                                                              0.0) / excess_before
 
 
 def _blocks(answer: Mapping) -> float | None:
@@ -270,14 +271,14 @@ def _drop(answer: Mapping, first: str | None) -> float | None:
     return None
 
 
-def _bias(truth: Truth, before: Mapping, after: Mapping) -> tuple[float | None, float | None]:
+def _bias(truth: Truth, identified: Mapping, refitted: Mapping) -> tuple[float | None, float | None]:
     """Largest distance from the truth before, in standard deviations; median of after over before."""
     sizes, ratios, generated = [], [], scene_of(truth).values
     for name in truth.parameters:
         full, true = f"BODY.{name}", generated.get(name)  # an effect may change the true value of the null's parameter
-        if true is None or full not in before or not before[full]["std"]:
+        if true is None or full not in identified or not identified[full]["std"]:
             continue
-        sizes.append(abs(before[full]["value"] - true) / before[full]["std"])
-        if sizes[-1] > BIASED_FROM_STD and full in after:
-            ratios.append(abs(after[full]["value"] - true) / abs(before[full]["value"] - true))
+        sizes.append(abs(identified[full]["value"] - true) / identified[full]["std"])
+        if sizes[-1] > BIASED_FROM_STD and full in refitted:
+            ratios.append(abs(refitted[full]["value"] - true) / abs(identified[full]["value"] - true))
     return (max(sizes) if sizes else None), (float(np.median(ratios)) if ratios else None)

@@ -43,9 +43,9 @@ def run_many(folder: Folder, numbers: Sequence[str], processes: int, until: floa
             while waiting and len(running) < processes and time.monotonic() - began <= until:
                 running.append(pool.apply_async(run_trial, (waiting.popleft(),)))
             running[0].wait(POLL_INTERVAL_S)
-            for done in [trial for trial in running if trial.ready()]:
-                running.remove(done)
-                yield done.get()
+            for finished in [trial for trial in running if trial.ready()]:
+                running.remove(finished)
+                yield finished.get()
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -59,17 +59,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, help="so many trials of the campaign, from its beginning")
     parser.add_argument("--until", type=float, default=float("inf"), help="seconds after which no trial starts")
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     use_one_thread()
-    folder = Folder(given.out)
+    folder = Folder(options.out)
     try:
-        campaign = Campaign(given.size, given.seed, photographs=given.photographs)
-        numbers = seal(folder, campaign, campaign.select(given.only)[:given.first], tool_state())
+        campaign = Campaign(options.size, options.seed, photographs=options.photographs)
+        numbers = seal(folder, campaign, campaign.select(options.only)[:options.first], tool_state())
         check_solvers(folder, folder.unanswered(numbers.values()))
     except InputError as problem:
         sys.stderr.write(f"{problem}\n")
         sys.exit(2)
-    for number in run_many(folder, folder.unanswered(numbers.values()), given.processes, given.until):
+    for number in run_many(folder, folder.unanswered(numbers.values()), options.processes, options.until):
         answer = json.loads(folder.answer(number).read_text(encoding="utf-8"))
         line = {"id": number, "verdict": answer["verdict"], "cpu_s": answer.get("cost", {}).get("cpu_s")}
         sys.stdout.write(json.dumps(line) + "\n")

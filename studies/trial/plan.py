@@ -154,12 +154,12 @@ class Campaign:
         if not only:
             return self.trials
         keys, chosen = {trial.key for trial in self.trials}, []
-        for asked in only:
-            group, slash, name = asked.partition("/")
+        for selection in only:
+            group, slash, name = selection.partition("/")
             word = GROUP_NAMES.get(group, group) + slash + name
             fits = {word} & keys or {key for key in keys if key.startswith(word)}
             if not fits:
-                raise InputError("there is no such trial", key="--only", found=asked,
+                raise InputError("there is no such trial", key="--only", found=selection,
                                  expected=f"{', '.join(GROUPS)}, or the beginning of {self.trials[0].key}",
                                  remedy="correct the word, or leave --only out to run all trials")
             chosen.append(fits)
@@ -168,19 +168,19 @@ class Campaign:
 
 def _trials(size: str, singles: Sequence[str]) -> tuple[Trial, ...]:
     n = NUMBER[size]
-    wanted = STRENGTHS if size == "full" else (CONCEALED,)
-    found = [Trial(f"singles/{name}-{strength}-{k}", EFFECTS[name].null, ((name, strength),))
-             for k in range(n["singles"]) for strength in wanted for name in singles]
-    found += [Trial(f"clean/{k}", CLEAN_NULLS[k % len(CLEAN_NULLS)]) for k in range(n["clean"])]
-    found += [Trial(f"outside/{name}-{k}", effect.null, ((name, CLEAR),))
+    strengths_of_size = STRENGTHS if size == "full" else (CONCEALED,)
+    trials = [Trial(f"singles/{name}-{strength}-{k}", EFFECTS[name].null, ((name, strength),))
+             for k in range(n["singles"]) for strength in strengths_of_size for name in singles]
+    trials += [Trial(f"clean/{k}", CLEAN_NULLS[k % len(CLEAN_NULLS)]) for k in range(n["clean"])]
+    trials += [Trial(f"outside/{name}-{k}", effect.null, ((name, CLEAR),))
               for k in range(n["outside"]) for name, effect in OUTSIDE.items()]
-    found += [Trial(f"pairs/{one}+{other}-{k}", "elastic", ((one, PAIR_STRENGTH), (other, PAIR_STRENGTH)))
-              for k in range(n["pairs"]) for one, other in PAIRS]
+    trials += [Trial(f"pairs/{first}+{second}-{k}", "elastic", ((first, PAIR_STRENGTH), (second, PAIR_STRENGTH)))
+              for k in range(n["pairs"]) for first, second in PAIRS]
     for k in range(n["twins"]):
-        for one, other, null in INDISTINGUISHABLE_PAIRS:
-            name, counterpart = (one, other) if k % 2 == 0 else (other, one)
-            found.append(Trial(f"twins/{one}~{other}-{k}", null, ((name, CLEAR),), counterpart))
-    return tuple(found)
+        for first, second, null in INDISTINGUISHABLE_PAIRS:
+            name, counterpart = (first, second) if k % 2 == 0 else (second, first)
+            trials.append(Trial(f"twins/{first}~{second}-{k}", null, ((name, CLEAR),), counterpart))
+    return tuple(trials)
 
 
 def _in_worlds(seed: int, known_alone: bool) -> tuple[Trial, ...]:
@@ -189,31 +189,31 @@ def _in_worlds(seed: int, known_alone: bool) -> tuple[Trial, ...]:
     known_alone : no kind that is kept from development
     """
     n, library, beyond = WORLD_NUMBER, sorted(LIBRARY), sorted(BEYOND)
-    found = [Trial(f"singles/{name}-{strength}-{k}", LIBRARY[name].null, ((name, strength),), in_world=True)
+    trials = [Trial(f"singles/{name}-{strength}-{k}", LIBRARY[name].null, ((name, strength),), in_world=True)
              for k in range(n["singles"]) for strength in STRENGTHS for name in library]
-    found += [Trial(f"clean/{k}", ("elastic", "elastic", "plastic", "rubber")[k % 4], in_world=True)
+    trials += [Trial(f"clean/{k}", ("elastic", "elastic", "plastic", "rubber")[k % 4], in_world=True)
               for k in range(n["clean"])]
-    found += [Trial(f"outside/{name}-{k}", BEYOND[name].null, ((name, CLEAR),), in_world=True)
+    trials += [Trial(f"outside/{name}-{k}", BEYOND[name].null, ((name, CLEAR),), in_world=True)
               for k in range(n["outside"]) for name in beyond]
-    found += [Trial(f"pairs/{one}+{other}-{k}", "elastic", ((one, PAIR_STRENGTH), (other, PAIR_STRENGTH)),
-                    in_world=True) for k in range(n["pairs"]) for one, other in PAIRS]
+    trials += [Trial(f"pairs/{first}+{second}-{k}", "elastic", ((first, PAIR_STRENGTH), (second, PAIR_STRENGTH)),
+                    in_world=True) for k in range(n["pairs"]) for first, second in PAIRS]
     if known_alone:
-        found = [trial for trial in found if not any(is_unseen(name) for name, _ in trial.effects)]
-    return _shuffled(found, seed)
+        trials = [trial for trial in trials if not any(is_unseen(name) for name, _ in trial.effects)]
+    return _shuffled(trials, seed)
 
 
 def _on_photographs(seed: int, folder: str) -> tuple[Trial, ...]:
     """Concealed effects on real surfaces: known kinds whose motion CalculiX computes, pairs, clean recordings."""
     kinds = [name for name in sorted(LIBRARY) if not is_unseen(name) and name not in NOT_BY_CALCULIX]
-    found = [Trial(f"singles/{name}-{CONCEALED}-0", LIBRARY[name].null, ((name, CONCEALED),)) for name in kinds]
-    found += [Trial(f"outside/{name}-0", BEYOND[name].null, ((name, CLEAR),))
+    trials = [Trial(f"singles/{name}-{CONCEALED}-0", LIBRARY[name].null, ((name, CONCEALED),)) for name in kinds]
+    trials += [Trial(f"outside/{name}-0", BEYOND[name].null, ((name, CLEAR),))
               for name in sorted(BEYOND) if not is_unseen(name)]
     pairs = [pair for pair in PAIRS if not any(is_unseen(name) or name in NOT_BY_CALCULIX for name in pair)]
     chosen = np.random.default_rng([seed, 3]).permutation(len(pairs))[:PICTURES_NUMBER["pairs"]]
-    found += [Trial(f"pairs/{one}+{other}-0", "elastic", ((one, PAIR_STRENGTH), (other, PAIR_STRENGTH)))
-              for one, other in (pairs[i] for i in sorted(chosen))]
-    found += [Trial(f"clean/{k}", ("elastic", "elastic", "plastic")[k % 3]) for k in range(PICTURES_NUMBER["clean"])]
-    return _shuffled([replace(trial, in_world=True, photographs=folder) for trial in found], seed)
+    trials += [Trial(f"pairs/{first}+{second}-0", "elastic", ((first, PAIR_STRENGTH), (second, PAIR_STRENGTH)))
+              for first, second in (pairs[i] for i in sorted(chosen))]
+    trials += [Trial(f"clean/{k}", ("elastic", "elastic", "plastic")[k % 3]) for k in range(PICTURES_NUMBER["clean"])]
+    return _shuffled([replace(trial, in_world=True, photographs=folder) for trial in trials], seed)
 
 
 def _shuffled(trials: Sequence[Trial], seed: int) -> tuple[Trial, ...]:
@@ -245,15 +245,15 @@ def draw(trial: Trial, seed: int) -> Truth:
         stiff, geometry = rng.uniform(0.95, 1.05), {"radius": float(rng.uniform(0.85, 1.15))}
         scaled = {name: float(value * (stiff if name not in ("nu", "kappa") else 1.0))
                   for name, value in null.truth.items()}
-        amplitudes, shown = [], True
+        amplitudes, is_visible = [], True
         for effect, (name, strength) in zip(effects, trial.effects, strict=True):
             sign = rng.choice([-1.0, 1.0]) if effect.signed else 1.0
             measured = STRENGTH_OF.get(name, name) if trial.group == "twins" else name
             size, is_shown = (amplitude_in(world, trial.null, scaled, effect, strength, photograph_of(world)) if world
                               else (strengths()[measured][strength]["amplitude"], True))
             amplitudes.append(float(sign * size))
-            shown &= is_shown
-        if shown:
+            is_visible &= is_shown
+        if is_visible:
             break
     scaled_known = scaled | ({"E": null.truth["E"]} if trial.null == "known" else {})
     paint = {"texture": int(rng.integers(2**31)), "noise": int(rng.integers(2**31)),

@@ -29,8 +29,8 @@ def target_table(records: Sequence[TrialRecord]) -> str:
         return _lines([("score", "target", "measured")] + [(g.what, g.wanted, g.got) for g in goals(records)])
     parts = [(name, {g.what: g for g in world_goals([r for r in in_worlds if chosen(r)])}) for name, chosen in PARTS]
     rows = [("score", "target", *(name for name, _ in parts))]
-    rows += [(what, goal.wanted or "–", *(part[what].got if what in part else "–" for _, part in parts))
-             for what, goal in parts[0][1].items()]
+    rows += [(score, goal.wanted or "–", *(part[score].got if score in part else "–" for _, part in parts))
+             for score, goal in parts[0][1].items()]
     return _lines(rows)
 
 
@@ -44,8 +44,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table of some campaigns together."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("out", type=Path, nargs="+")
-    given = parser.parse_args(arguments)
-    sys.stdout.write(target_table(records_of(given.out)))
+    options = parser.parse_args(arguments)
+    sys.stdout.write(target_table(records_of(options.out)))
 
 
 if __name__ == "__main__":

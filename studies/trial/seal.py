@@ -95,21 +95,21 @@ def _sealed(folder: Folder, campaign: Campaign, chosen: Sequence[Trial], tool: M
         raise InputError("the folder holds another trial", file=folder.out / REGISTER,
                          expected="the same size and seed", found=f"{register['size']}, seed {register['seed']}",
                          remedy="choose another --out")
-    known = {opened(folder, number).key: number for number in register["truths"]}
+    number_of_key = {opened(folder, number).key: number for number in register["truths"]}
     for trial in chosen:
-        if trial.key not in known:
+        if trial.key not in number_of_key:
             number = secrets.token_hex(4)
             text = json.dumps(draw(trial, campaign.seed).content | {"salt": secrets.token_hex(16)}, indent=1)
             folder.sealed(number).parent.mkdir(parents=True, exist_ok=True)
             folder.sealed(number).write_bytes(text.encode())
             register["truths"][number] = hashlib.sha256(text.encode()).hexdigest()
-            known[trial.key] = number
+            number_of_key[trial.key] = number
     register["runs"].append({"began": time.strftime("%Y-%m-%d %H:%M:%S"), "trials": len(chosen),
-                             "already_answered": sum(folder.answer(known[t.key]).exists() for t in chosen),
+                             "already_answered": sum(folder.answer(number_of_key[t.key]).exists() for t in chosen),
                              "tool": dict(tool)})
     register["truths"] = dict(sorted(register["truths"].items()))  # sorted: the order of the campaign would reveal them
     folder.write_register(register)
-    return {trial.key: known[trial.key] for trial in chosen}
+    return {trial.key: number_of_key[trial.key] for trial in chosen}
 
 
 def opened(folder: Folder, number: str) -> Truth:
@@ -143,23 +143,25 @@ def tool_state() -> dict[str, Any]:
     not known); ``thresholds``: numeric constants of the diagnosis by module and name.
     """
     root = _git("rev-parse", "--show-toplevel")
-    own = root is not None and Path(root) == Path(idic.__file__).resolve().parents[1]  # not another project around it
-    differs = _git("status", "--porcelain", "--", "idic", "flows", "studies") if own else None
-    return {"version": idic.__version__, "commit": (_git("rev-parse", "HEAD") if own else None) or "",
+    # not another project around it
+    is_ours = root is not None and Path(root) == Path(idic.__file__).resolve().parents[1]
+    differs = _git("status", "--porcelain", "--", "idic", "flows", "studies") if is_ours else None
+    return {"version": idic.__version__, "commit": (_git("rev-parse", "HEAD") if is_ours else None) or "",
             "changed": None if differs is None else bool(differs), "thresholds": _thresholds()}
 
 
 def _thresholds() -> dict[str, float]:
-    found = walk_packages(import_module(DIAGNOSIS).__path__, f"{DIAGNOSIS}.")
-    modules = [import_module(module.name) for module in found if not module.name.startswith(CATALOGUE)]
+    packages = walk_packages(import_module(DIAGNOSIS).__path__, f"{DIAGNOSIS}.")
+    modules = [import_module(module.name) for module in packages if not module.name.startswith(CATALOGUE)]
     return {f"{module.__name__}.{name}": value for module in modules for name, value in vars(module).items()
             if name.isupper() and isinstance(value, int | float) and not isinstance(value, bool)}
 
 
 def _git(*arguments: str) -> str | None:
     try:
-        done = subprocess.run(["git", *arguments], cwd=Path(idic.__file__).parents[1], capture_output=True, text=True,
+        process = subprocess.run(["git", *arguments], cwd=Path(idic.__file__).parents[1], capture_output=True,
+                                 text=True,
                               timeout=20, check=False)
     except (OSError, subprocess.TimeoutExpired):
         return None
-    return done.stdout.strip() if done.returncode == 0 else None
+    return process.stdout.strip() if process.returncode == 0 else None

@@ -69,9 +69,9 @@ class Bench:
     def of(cls, plain: Scene, folder: Path, paint: Paint, solver: Solver = solve) -> Bench:
         motion = solver(plain)
         stack = write_public(folder, plain, motion, paint)
-        stated = load_experiment(folder, stack=stack)
-        found = identify(replace(stated, noise=measured_noise(stated)))
-        return cls(plain, motion, paint, residual_evidence(found))
+        experiment = load_experiment(folder, stack=stack)
+        identification = identify(replace(experiment, noise=measured_noise(experiment)))
+        return cls(plain, motion, paint, residual_evidence(identification))
 
     def measure(self, scene: Scene, solver: Solver = solve) -> Seen:
         """Strength of the effects of a scene that equals the plain one otherwise."""
@@ -79,8 +79,8 @@ class Bench:
             return self._grey(scene)
         motion = solver(scene)
         plain = as_logged(scene, self.plain, motion)
-        before = self.motion if np.array_equal(plain.grip, self.plain.grip) else solver(plain)
-        return self._scored(self._column(scene, motion, plain, before))
+        plain_motion = self.motion if np.array_equal(plain.grip, self.plain.grip) else solver(plain)
+        return self._scored(self._column(scene, motion, plain, plain_motion))
 
     def measure_effect(self, effect: Effect, amplitude: float) -> Seen:
         """Strength of an effect. A law that strains finitely, where the user's does not, is compared with itself.
@@ -95,25 +95,25 @@ class Bench:
             self.kept[effect.name] = solve(nothing)
         return replace(self, plain=nothing, motion=self.kept[effect.name]).measure(scene)
 
-    def _column(self, scene: Scene, motion: Motion, plain: Scene, before: Motion) -> Columns:
+    def _column(self, scene: Scene, motion: Motion, plain: Scene, plain_motion: Motion) -> Columns:
         evidence, context = self.residual.evidence, self.residual.context
-        nodes, n = context.experiment.mesh.nodes, before.mesh.n_nodes  # nodes of the second face of a cut follow
+        nodes, n = context.experiment.mesh.nodes, plain_motion.mesh.n_nodes  # nodes of the second face of a cut follow
         fields = []
         for k in evidence.frames:
-            moved = apparent(scene, motion, int(k))[:n] - apparent(plain, before, int(k))[:n]
-            fields.append(at_nodes(before.mesh.nodes[:n], moved, nodes).reshape(-1, 1)[evidence.seen])
-        rows = (logged(scene, motion)[0] - logged(plain, before)[0])[evidence.frames]
+            moved = apparent(scene, motion, int(k))[:n] - apparent(plain, plain_motion, int(k))[:n]
+            fields.append(at_nodes(plain_motion.mesh.nodes[:n], moved, nodes).reshape(-1, 1)[evidence.seen])
+        rows = (logged(scene, motion)[0] - logged(plain, plain_motion)[0])[evidence.frames]
         return Columns(("effect",), np.array(fields), rows[:, None, None])
 
     def _scored(self, column: Columns) -> Seen:
         evidence = self.residual.evidence
         null = null_model(evidence, self.residual.null)
-        found = score(evidence, null, column)
+        scores = score(evidence, null, column)
         images = Columns(("images",), column.fields, np.zeros_like(column.channels))
-        alone = score(evidence, null, images)
-        shift = np.abs(found.moves[:, 0]) / np.sqrt(np.maximum(np.diagonal(null.covariance), 1e-300))
-        return Seen(float(np.sqrt(found.own[0])), float(1.0 - found.visibility[0]), float(shift.max(initial=0.0)),
-                    float(np.sqrt(1.0 + alone.own[0] / evidence.chi2) - 1.0))
+        image_scores = score(evidence, null, images)
+        shift = np.abs(scores.moves[:, 0]) / np.sqrt(np.maximum(np.diagonal(null.covariance), 1e-300))
+        return Seen(float(np.sqrt(scores.own[0])), float(1.0 - scores.visibility[0]), float(shift.max(initial=0.0)),
+                    float(np.sqrt(1.0 + image_scores.own[0] / evidence.chi2) - 1.0))
 
     def _grey(self, scene: Scene) -> Seen:
         """Effects on grey values: change of the images without gain and offset of a frame, over residual noise.
@@ -131,7 +131,8 @@ class Bench:
         for k, (changed, image) in enumerate(pairs):
             moved = at_nodes(self.motion.mesh.nodes[:n], apparent(self.plain, self.motion, k)[:n], nodes)
             place = (points + shapes @ moved)[:, ::-1].T
-            value, d = (map_coordinates(one, place, order=3, mode="nearest") for one in (image, changed - image))
+            value, d = (map_coordinates(field_image, place, order=3, mode="nearest")
+                        for field_image in (image, changed - image))
             base = np.column_stack([np.ones(value.size), value])
             d = d - base @ np.linalg.lstsq(base, d, rcond=None)[0]
             total += float(d @ d) / (RESIDUAL_VARIANCE_RATIO * sensor_gv**2)
@@ -141,23 +142,23 @@ class Bench:
 
 def apparent(scene: Scene, motion: Motion, k: int) -> np.ndarray:
     """Image motion of the nodes between the reference and frame k  # (n, 2) px"""
-    nodes, known = motion.mesh.nodes, camera(scene.view)
+    nodes, nominal = motion.mesh.nodes, camera(scene.view)
 
     def seen(frame: int, u: np.ndarray) -> np.ndarray:
-        view: Camera = known if scene.camera is None else scene.camera(known, frame)
+        view: Camera = nominal if scene.camera is None else scene.camera(nominal, frame)
         points = view.project(nodes + u)
         return points if scene.warp is None else scene.warp(points, frame)
 
-    return seen(k, motion.u[k]) - (seen(0, motion.u[0]) - known.project(nodes)) - known.project(nodes)
+    return seen(k, motion.u[k]) - (seen(0, motion.u[0]) - nominal.project(nodes)) - nominal.project(nodes)
 
 
 def at_nodes(points: np.ndarray, values: np.ndarray, nodes: np.ndarray) -> np.ndarray:
     """Values at points, linearly between them, at other nodes (the nearest point's value on a curved edge)."""
-    found = LinearNDInterpolator(points, values)(nodes)
-    lost = np.isnan(found).any(axis=1)
+    interpolated = LinearNDInterpolator(points, values)(nodes)
+    lost = np.isnan(interpolated).any(axis=1)
     nearest = np.argmin(((nodes[lost, None] - points[None]) ** 2).sum(axis=2), axis=1)
-    found[lost] = values[nearest]
-    return found
+    interpolated[lost] = values[nearest]
+    return interpolated
 
 
 def calibrated(measure: Callable[[float], Seen], strength: str, most: float, start: float,
@@ -166,21 +167,21 @@ def calibrated(measure: Callable[[float], Seen], strength: str, most: float, sta
 
     Secant steps of the logarithms; an effect that cannot reach the strength stays at its largest amplitude.
     """
-    a, slope, before, best = min(start, most), 1.0, None, None
+    a, slope, previous, best = min(start, most), 1.0, None, None
     for _ in range(limit):
-        seen = measure(a)
-        size = max(seen.reaches(strength), 1e-6)
+        figures = measure(a)
+        size = max(figures.reaches(strength), 1e-6)
         if best is None or abs(np.log(size)) < best[0]:
-            best = (abs(np.log(size)), a, seen)
+            best = (abs(np.log(size)), a, figures)
         if abs(size - 1.0) < STRENGTH_TOLERANCE or (a >= most and size < 1.0):
             break
-        if before is not None and abs(np.log(a / before[0])) > 1e-3:
-            slope = float(np.clip(np.log(size / before[1]) / np.log(a / before[0]), 0.3, 6.0))
-        before = (a, size)
+        if previous is not None and abs(np.log(a / previous[0])) > 1e-3:
+            slope = float(np.clip(np.log(size / previous[1]) / np.log(a / previous[0]), 0.3, 6.0))
+        previous = (a, size)
         a = min(most, a * float(np.clip(size ** (-1.0 / slope), 0.3, 5.0)))
     return best[1:]
 
 
-def as_table(amplitude: float, seen: Seen) -> dict[str, float]:
+def as_table(amplitude: float, figures: Seen) -> dict[str, float]:
     """Entry of the table of strengths."""
-    return {"amplitude": float(f"{amplitude:.4g}")} | {k: float(f"{v:.3g}") for k, v in asdict(seen).items()}
+    return {"amplitude": float(f"{amplitude:.4g}")} | {k: float(f"{v:.3g}") for k, v in asdict(figures).items()}

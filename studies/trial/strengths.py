@@ -32,7 +32,7 @@ def strengths() -> Mapping[str, Mapping[str, Mapping[str, float]]]:
     return json.loads(resources.files("idic_studies.trial").joinpath(TABLE).read_text(encoding="utf-8"))
 
 
-def measured(bench: Bench, effect: Effect, wanted: Sequence[str] = STRENGTHS) -> dict[str, dict[str, float]]:
+def measured(bench: Bench, effect: Effect, selected: Sequence[str] = STRENGTHS) -> dict[str, dict[str, float]]:
     """The entries of one effect."""
     def measure(a: float) -> Seen:
         try:
@@ -40,11 +40,11 @@ def measured(bench: Bench, effect: Effect, wanted: Sequence[str] = STRENGTHS) ->
         except NotConverged:
             return NOT_CONVERGED
 
-    found, start = {}, FIRST_AMPLITUDE
-    for strength in wanted:
-        start, seen = calibrated(measure, strength, effect.most, start)
-        found[strength] = as_table(start, seen)
-    return found
+    entries, start = {}, FIRST_AMPLITUDE
+    for strength in selected:
+        start, figures = calibrated(measure, strength, effect.most, start)
+        entries[strength] = as_table(start, figures)
+    return entries
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

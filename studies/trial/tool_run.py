@@ -79,25 +79,26 @@ def run_tool(folder: Path, library: Sequence[Candidate] | None = None, with_abla
     """Identify and diagnose a folder; with_ablations : ablations and decoys of the first screening, too."""
     began = time.process_time()
     source = FolderSource.of(folder, ArrayStack(np.load(folder / IMAGES, allow_pickle=False))).with_measured_noise()
-    found = identify(source.load())
+    identification = identify(source.load())
     identified = time.process_time() - began
     ablated: list[dict] = []
 
-    def watch(*seen) -> None:
+    def watch(*screening) -> None:
         if with_ablations and not ablated:
-            ablated.append(ablations(*seen))
+            ablated.append(ablations(*screening))
 
-    notes, as_found = Notes(), (source, found, None)
-    there, without, spots = notes.attempt("the search for spots in the images", without_spots, source, found, silent,
-                                          otherwise=as_found)
-    diagnosis = diagnose(there, without, partial(run_refits, SerialRunner(), None), library=library, watch=watch)
+    notes, as_found = Notes(), (source, identification, None)
+    cleaned_source, cleaned_fit, spots = notes.attempt(
+        "the search for spots in the images", without_spots, source, identification, silent, otherwise=as_found)
+    diagnosis = diagnose(cleaned_source, cleaned_fit, partial(run_refits, SerialRunner(), None), library=library,
+                         watch=watch)
     diagnosis = replace(diagnosis, spots=spots, notes=(*notes.told, *diagnosis.notes))
-    before = free_parameters(found.result)
-    content = diagnosis_content(diagnosis, before, time.process_time() - began)
+    parameters_before = free_parameters(identification.result)
+    content = diagnosis_content(diagnosis, parameters_before, time.process_time() - began)
     content["cost"] = {name: round(seconds, 2) for name, seconds in content["cost"].items()}
     content["cost"] |= {"identify_cpu_s": round(identified, 2), "cpu_s": round(time.process_time() - began, 2)}
     if ablated:
         content["ablations"] = ablated[0] | {"size": omnibus(content["mismatch"].get("tests", ()))}
-    content["identified"] = {"status": found.state.status, "parameters": {
-        name: {"value": entry["value"], "std": entry["std"]} for name, entry in before.items()}}
-    return ToolRun(content, found, diagnosis)
+    content["identified"] = {"status": identification.state.status, "parameters": {
+        name: {"value": entry["value"], "std": entry["std"]} for name, entry in parameters_before.items()}}
+    return ToolRun(content, identification, diagnosis)

@@ -74,9 +74,9 @@ def _attempts(folder: Folder, number: str) -> int:
     counter = folder.out / "attempts" / number
     counter.parent.mkdir(parents=True, exist_ok=True)
     with counter.open("ab") as file:
-        before = os.fstat(file.fileno()).st_size
+        n_answers = os.fstat(file.fileno()).st_size
         file.write(b".")
-    return before
+    return n_answers
 
 
 def motion_of(folder: Folder, number: str, truth: Truth, scene: Scene | None = None) -> Motion:

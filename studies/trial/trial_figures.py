@@ -51,13 +51,13 @@ def place_and_onset(records: Sequence[TrialRecord]) -> Picture | None:
         return None
     with look():
         figure = new_figure(7.5, 2.6)
-        left, right = figure.subplots(1, 2)
-        left.hist(onset, bins=np.arange(-16.5, 17.5), color=BLUE)
-        left.axvspan(-2.5, 2.5, color=GREY, alpha=0.15, lw=0)
-        left.set(xlabel="found − true onset [frames]", ylabel="trials")
-        right.hist(overlap, bins=np.linspace(0.0, 1.0, 11), color=BLUE)
-        right.axvline(0.5, color=RED, lw=1.0)
-        right.set(xlabel="overlap of place (intersection / union)", ylabel="trials")
+        onset_axis, overlap_axis = figure.subplots(1, 2)
+        onset_axis.hist(onset, bins=np.arange(-16.5, 17.5), color=BLUE)
+        onset_axis.axvspan(-2.5, 2.5, color=GREY, alpha=0.15, lw=0)
+        onset_axis.set(xlabel="found − true onset [frames]", ylabel="trials")
+        overlap_axis.hist(overlap, bins=np.linspace(0.0, 1.0, 11), color=BLUE)
+        overlap_axis.axvline(0.5, color=RED, lw=1.0)
+        overlap_axis.set(xlabel="overlap of place (intersection / union)", ylabel="trials")
         return to_picture(figure, "onset-place", "Onset and place",
                           "Shaded: within two frames. Line: the target's median.")
 

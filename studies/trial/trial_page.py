@@ -42,11 +42,11 @@ def _place(record: TrialRecord) -> tuple:
 def trial_page(folder: Folder, records: Sequence[TrialRecord]) -> StudyPage:
     register = folder.register
     tool = register["tool"]
-    again = sum(record.attempt - 1 for record in records)
+    n_repeated = sum(record.attempt - 1 for record in records)
     first = (f"{len(records)} of {len(register['truths'])} sealed trials are answered; size {register['size']}, seed "
              f"{register['seed']}, tool {tool['commit'][:12] or tool['version']}"
              f"{' with local changes' if tool['changed'] else ''}; {_number_of(len(register['runs']), 'run')}, "
-             f"{_number_of(again, 'repeated answer')}.")
+             f"{_number_of(n_repeated, 'repeated answer')}.")
     pictures = tuple(p for p in (confusion_picture(records), place_and_onset(records), decoy_picture(records)) if p)
     scored = world_goals(records) if any(record.world for record in records) else goals(records)
     return StudyPage("Blind trial of the diagnosis", first, scored, (
@@ -58,33 +58,33 @@ def trial_page(folder: Folder, records: Sequence[TrialRecord]) -> StudyPage:
         StudySection("tool", "The frozen tool", "", (_runs(register), _thresholds(tool["thresholds"])))))
 
 
-def _number_of(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"
+def _number_of(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def _by_strength(records: Sequence[TrialRecord]) -> Table:
     rows = []
     for name in dict.fromkeys(r.truth[0] for r in records if r.group == "singles"):
-        own = [r for r in records if r.group == "singles" and r.truth[0] == name]
+        of_effect = [r for r in records if r.group == "singles" and r.truth[0] == name]
         cells = []
         for strength in STRENGTHS:
-            of = [r for r in own if r.strength == strength]
+            of = [r for r in of_effect if r.strength == strength]
             cells.append(f"{sum(r.family_first for r in of)} / {sum(r.inside for r in of)} of {len(of)}" if of else "–")
-        rows.append((name, own[0].solver, *cells))
+        rows.append((name, of_effect[0].solver, *cells))
     return Table("Right family first / truth inside the reported set", ("effect", "solver", *STRENGTHS), tuple(rows))
 
 
 def _ablations(records: Sequence[TrialRecord]) -> Table:
-    known = [r for r in records if r.ablations]
+    ablated = [r for r in records if r.ablations]
     rows = []
     for name, title in (("whole", "complete"), ("no_reference", "without the noise of the reference image"),
                         ("no_projection", "without projection"), ("size", "size of the residual only")):
-        clean = [r for r in known if r.group == "clean"]
-        single = [r for r in known if r.group == "singles"]
+        clean = [r for r in ablated if r.group == "clean"]
+        single = [r for r in ablated if r.group == "singles"]
         alarms = sum(bool(r.ablations[name]["alarm"]) for r in clean)
-        seen = sum(bool(r.ablations[name]["alarm"]) for r in single)
+        n_alarms = sum(bool(r.ablations[name]["alarm"]) for r in single)
         right = sum(r.ablations[name].get("name") in r.truth for r in single)
-        rows.append((title, f"{alarms} of {len(clean)}", f"{seen} of {len(single)}",
+        rows.append((title, f"{alarms} of {len(clean)}", f"{n_alarms} of {len(single)}",
                      "–" if name == "size" else f"{right} of {len(single)}"))
     return Table("Alarms at a family-wise 1 %, and the true effect first", ("screening", "alarms on clean",
                                                                        "alarms on single effects", "true effect first"),

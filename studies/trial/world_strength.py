@@ -34,8 +34,8 @@ def amplitude_in(world: Mapping[str, Any], null: str, values: Mapping[str, float
     shows the effect at all. A rolling shutter shows nothing of an even motion, however slow it is.
     """
     bench = _bench(dumps(dict(world), sort_keys=True), null, dumps(dict(values), sort_keys=True), photograph)
-    known = strengths().get(effect.name, {}).get(strength)
-    start = FIRST_AMPLITUDE if known is None else known["amplitude"] * IMAGE_SHAPE_PX[1] / world["columns"]
+    tabulated = strengths().get(effect.name, {}).get(strength)
+    start = FIRST_AMPLITUDE if tabulated is None else tabulated["amplitude"] * IMAGE_SHAPE_PX[1] / world["columns"]
 
     def measure(a: float) -> Seen:
         try:
@@ -43,8 +43,8 @@ def amplitude_in(world: Mapping[str, Any], null: str, values: Mapping[str, float
         except NotConverged:
             return NOT_CONVERGED
 
-    amplitude, seen = calibrated(measure, strength, effect.most, start, MAX_MEASUREMENTS)
-    return amplitude, bool(seen.reaches(FAINT) >= MIN_REACHED)
+    amplitude, figures = calibrated(measure, strength, effect.most, start, MAX_MEASUREMENTS)
+    return amplitude, bool(figures.reaches(FAINT) >= MIN_REACHED)
 
 
 @lru_cache(maxsize=1)

@@ -27,21 +27,21 @@ def residuals(point: Evaluation, n_frames: int) -> np.ndarray:
     return rms
 
 
-def judged(experiment: Experiment, held: tuple[int, ...]) -> tuple[np.ndarray, list[dict]]:
-    """Residuals (n_frames, 3) of free FE-DIC, fit to all, fit without `held`; and the two fits' results."""
-    free = dic_stack(experiment)
-    excluded = [k for k, status in enumerate(free.status) if status != "ok"]
+def judged(experiment: Experiment, withheld: tuple[int, ...]) -> tuple[np.ndarray, list[dict]]:
+    """Residuals (n_frames, 3) of free FE-DIC, fit to all, fit without `withheld`; and the two fits' results."""
+    free_dic = dic_stack(experiment)
+    excluded = [k for k, status in enumerate(free_dic.status) if status != "ok"]
     if experiment.noise.std_gv is None:
-        experiment = replace(experiment, noise=Noise(free.noise_gv, "residual_of_free_dic"))
-    local = measured_start(experiment, free.u_px, excluded)
+        experiment = replace(experiment, noise=Noise(free_dic.noise_gv, "residual_of_free_dic"))
+    local = measured_start(experiment, free_dic.u_px, excluded)
     experiment = replace(experiment, excluded=tuple(excluded))
-    whole = identify(experiment, local)
-    part = identify(replace(experiment, excluded=(*excluded, *held),
-                            parameters=experiment.parameters.with_values(whole.state.accepted.values)), local)
-    seen, _ = evaluate_at(experiment, part.state.accepted.values, whole.local)
+    full_fit = identify(experiment, local)
+    partial_fit = identify(replace(experiment, excluded=(*excluded, *withheld),
+                            parameters=experiment.parameters.with_values(full_fit.state.accepted.values)), local)
+    evaluated, _ = evaluate_at(experiment, partial_fit.state.accepted.values, full_fit.local)
     n = experiment.n_frames
-    return (np.stack([free.rms_gv, residuals(whole.point, n), residuals(seen, n)], axis=1),
-            [whole.result, part.result])
+    return (np.stack([free_dic.rms_gv, residuals(full_fit.point, n), residuals(evaluated, n)], axis=1),
+            [full_fit.result, partial_fit.result])
 
 
 def main() -> None:
@@ -51,18 +51,18 @@ def main() -> None:
         key, _, value = arguments[at + 1].partition("=")
         settings[key] = value
         del arguments[at:at + 2]
-    experiment, held = load_experiment(arguments[0], settings), tuple(int(k) for k in arguments[1:])
-    found, results = judged(experiment, held)
+    experiment, withheld = load_experiment(arguments[0], settings), tuple(int(k) for k in arguments[1:])
+    residual_rows, results = judged(experiment, withheld)
     lines = ["| image | free FE-DIC | fit to all | fit without |", "| --- " * 4 + "|"]
-    for k, row in enumerate(found):
+    for k, row in enumerate(residual_rows):
         if np.isfinite(row[1]):
-            star = " (held out)" if k in held else ""
+            star = " (held out)" if k in withheld else ""
             lines.append(f"| {experiment.labels[k]}{star} | " + " | ".join(f"{value:.3f}" for value in row) + " |")
-    for what, result in zip(("all frames", "without"), results, strict=True):
+    for title, result in zip(("all frames", "without"), results, strict=True):
         values = {name: (entry["value"], entry["std"]) for name, entry in result["parameters"].items()
                   if entry["free"] and entry["std"] is not None}
         values |= {name: (entry["value"], entry["std"]) for name, entry in result["derived"].items()}
-        lines.append(f"{what}: " + ", ".join(f"{name} {v:.4g} ± {std:.2g}" for name, (v, std) in values.items()))
+        lines.append(f"{title}: " + ", ".join(f"{name} {v:.4g} ± {std:.2g}" for name, (v, std) in values.items()))
     sys.stdout.write("\n".join(lines) + "\n")
 
 

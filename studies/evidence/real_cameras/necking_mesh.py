@@ -25,8 +25,8 @@ def gauge(element_px: float):
     """A mesh of 4-node elements; idic raises them to 8 nodes."""
     def shape(s, t):
         row = TOP + (BOTTOM - TOP) * t
-        left, right = edges(row)
-        return left + (right - left) * s, row
+        left_edge, right_edge = edges(row)
+        return left_edge + (right_edge - left_edge) * s, row
 
     columns, rows = round(240.0 / element_px), round((BOTTOM - TOP) / element_px)
     nodes, cells = mesh_patches([Patch(shape, columns, rows)], "quad4")

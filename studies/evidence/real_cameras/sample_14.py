@@ -59,14 +59,15 @@ def gains(places: np.ndarray, mean: np.ndarray, exact: np.ndarray) -> list[tuple
     """(local period in px, amplitude kept) along the wave, between its zeros."""
     column = np.arange(len(exact), dtype=float)
     zeros = column[1:][exact[1:] * exact[:-1] < 0]
-    seen = np.interp(column, places, mean)
-    found = []
-    for first, last in pairwise(zeros):
-        period, middle = 2.0 * (last - first), 0.5 * (first + last)
-        near = (np.abs(column - middle) < WINDOW * period) & (column > places[0]) & (column < places[-1])
-        if near.sum() > WINDOW * period:  # the last waves lie beyond the last column of coarse meshes
-            found.append((period, float(seen[near] @ exact[near] / (exact[near] @ exact[near]))))
-    return found
+    at_columns = np.interp(column, places, mean)
+    kept_amplitudes = []
+    for first, end in pairwise(zeros):
+        period, middle = 2.0 * (end - first), 0.5 * (first + end)
+        in_window = (np.abs(column - middle) < WINDOW * period) & (column > places[0]) & (column < places[-1])
+        if in_window.sum() > WINDOW * period:  # the last waves lie beyond the last column of coarse meshes
+            share = at_columns[in_window] @ exact[in_window] / (exact[in_window] @ exact[in_window])
+            kept_amplitudes.append((period, float(share)))
+    return kept_amplitudes
 
 
 def resolution(points: list[tuple[float, float]]) -> float:
@@ -87,23 +88,23 @@ def measure(data: Path, element: float, order: str, regularisation) -> dict:
         experiment = load_experiment(folder)
         kind, length = (("mechanical", regularisation) if isinstance(regularisation, float) else (regularisation, None))
         began = time.process_time()
-        found = dic_stack(experiment, Regularisation(kind, length))
+        motion = dic_stack(experiment, Regularisation(kind, length))
         cpu = time.process_time() - began
     exact = np.loadtxt(data / "exact.csv", delimiter=",", skiprows=1)
     x, y = experiment.camera.project(experiment.mesh.nodes).T
     inner = (x > x.min()) & (x < x.max()) & (y > y.min()) & (y < y.max())
     scatter, error, points = [], [], []
     for k, level in enumerate(LEVELS, 1):
-        used = inner & np.isfinite(found.u_px[k, :, 0])
-        places, mean, variance = columns_of(x[used], found.u_px[k, used, 0])
+        used = inner & np.isfinite(motion.u_px[k, :, 0])
+        places, mean, variance = columns_of(x[used], motion.u_px[k, used, 0])
         scatter.append(np.mean(variance))
         error.append(np.mean((mean - np.interp(places, exact[:, 0], exact[:, level])) ** 2))
         points += gains(places, mean, exact[:, level])
     shortest = sorted(points)[:6]
-    return {"element": element, "order": order, "regularisation": kind, "length": found.length_px,
+    return {"element": element, "order": order, "regularisation": kind, "length": motion.length_px,
             "noise": float(np.sqrt(np.mean(scatter))), "error": float(np.sqrt(np.mean(error))),
             "kept": float(np.mean([gain for _, gain in shortest])), "period": float(np.mean([p for p, _ in shortest])),
-            "resolution": resolution(points), "converged": int(found.converged[1:].sum()), "cpu_s": cpu}
+            "resolution": resolution(points), "converged": int(motion.converged[1:].sum()), "cpu_s": cpu}
 
 
 def picture(rows: list[dict], path: Path) -> None:
@@ -117,10 +118,10 @@ def picture(rows: list[dict], path: Path) -> None:
     lines = {("as_given", "none"): "4-node elements", ("quadratic", "none"): "8-node elements",
              ("as_given", "mechanical"): "4-node, regularised"}
     for (order, kind), label in lines.items():
-        own = sorted((r["resolution"], r["noise"], r["element"]) for r in rows
+        points = sorted((r["resolution"], r["noise"], r["element"]) for r in rows
                      if (r["order"], r["regularisation"]) == (order, kind) and r["resolution"] > FINEST)
-        axis.loglog([r for r, _, _ in own], [n for _, n, _ in own], "o-", label=label, markersize=4)
-        for r, n, element in own:
+        axis.loglog([r for r, _, _ in points], [n for _, n, _ in points], "o-", label=label, markersize=4)
+        for r, n, element in points:
             axis.annotate(f"{element:g}", (r, n), textcoords="offset points", xytext=(4, 3), fontsize=7)
     axis.set(xlabel="period that keeps nine tenths of its amplitude [px]", ylabel="noise [px]")
     for side, ticks in ((axis.xaxis, (60, 100, 200, 400)), (axis.yaxis, (0.005, 0.01, 0.02, 0.04))):

@@ -41,11 +41,11 @@ def calculix() -> str:
     InputError
         If it is not installed.
     """
-    found = shutil.which("ccx")
-    if found is None:
+    program = shutil.which("ccx")
+    if program is None:
         raise InputError("CalculiX is not installed", key="ccx", expected="the program ccx", found="none",
                          remedy="install it (Debian: calculix-ccx), or leave those trials out (--only)")
-    return found
+    return program
 
 
 def solve_with_calculix(scene: Scene, mesh: Mesh | None = None) -> Motion:
@@ -70,17 +70,17 @@ def _solved(program: str, scene: Scene, mesh: Mesh, share: float) -> Motion:
     with tempfile.TemporaryDirectory(prefix="scene-") as folder:
         path = Path(folder)
         (path / f"{JOB}.inp").write_text(deck(scene, mesh, share), encoding="ascii")
-        done = subprocess.run([program, "-i", JOB], cwd=path, capture_output=True, text=True, check=False,
+        process = subprocess.run([program, "-i", JOB], cwd=path, capture_output=True, text=True, check=False,
                               preexec_fn=None if resource is None else _limited)
-        if done.returncode != 0:
-            raise NotConverged(f"CalculiX ended with exit code {done.returncode} (it has {MAX_CPU_S} s of processor "
-                               f"time): {done.stdout[-400:]}")
+        if process.returncode != 0:
+            raise NotConverged(f"CalculiX ended with exit code {process.returncode} (it has {MAX_CPU_S} s of processor "
+                               f"time): {process.stdout[-400:]}")
         start = scene.times[0]
         force = f"RIGHT.{scene.along}"
-        wanted = ExpectedOutput(mesh.node_labels, 2, scene.times[1:] - start, (force,), mesh.node_sets,
+        request = ExpectedOutput(mesh.node_labels, 2, scene.times[1:] - start, (force,), mesh.node_sets,
                                 scene.geometry.length)
-        found = gathered("calculix_dat", path, JOB, wanted)
-    return Motion(mesh, found.u, (2.0 if scene.solid else THICKNESS_DIVISOR) * found.forces[force])
+        outputs = gathered("calculix_dat", path, JOB, request)
+    return Motion(mesh, outputs.u, (2.0 if scene.solid else THICKNESS_DIVISOR) * outputs.forces[force])
 
 
 def _limited() -> None:
@@ -110,15 +110,15 @@ def deck(scene: Scene, mesh: Mesh, share: float = MAX_INCREMENT_SHARE) -> str:
         course = scene.warmth(np.zeros((1, 2)))[:, 0]
         lines += ["*INITIAL CONDITIONS, TYPE=TEMPERATURE", "ALL, 0.", "*AMPLITUDE, NAME=WARM, TIME=TOTAL TIME",
                   *(f"{t:.9g}, {w:.12g}" for t, w in zip(times, course, strict=True))]
-    held = ["*BOUNDARY", "MIDDLE, 3, 3", "LEFT, 3, 3", "RIGHT, 3, 3"] if scene.solid else []
+    boundary_lines = ["*BOUNDARY", "MIDDLE, 3, 3", "LEFT, 3, 3", "RIGHT, 3, 3"] if scene.solid else []
     through = partners_of(mesh) if scene.solid else [np.arange(mesh.n_nodes)]
     for j in range(histories.shape[1]):
-        held += [f"*BOUNDARY, AMPLITUDE=A{j}"]
-        held += [f"{body.node_labels[plane[dof // 2]]}, {dof % 2 + 1}, {dof % 2 + 1}, 1."
+        boundary_lines += [f"*BOUNDARY, AMPLITUDE=A{j}"]
+        boundary_lines += [f"{body.node_labels[plane[dof // 2]]}, {dof % 2 + 1}, {dof % 2 + 1}, 1."
                  for dof in dofs[place.ravel() == j] for plane in through if plane[dof // 2] >= 0]
     if scene.warmth is not None:
-        held += ["*TEMPERATURE, AMPLITUDE=WARM", "ALL, 1."]
-    lines += _linear_steps(times, held) if _linear(scene) else _one_step(scene, times, held, share)
+        boundary_lines += ["*TEMPERATURE, AMPLITUDE=WARM", "ALL, 1."]
+    lines += _linear_steps(times, boundary_lines) if _linear(scene) else _one_step(scene, times, boundary_lines, share)
     return "\n".join(lines) + "\n"
 
 
@@ -126,21 +126,21 @@ def _linear(scene: Scene) -> bool:
     return scene.law in ("elastic", "orthotropic") and scene.kinematics != "finite" and not scene.solid
 
 
-def _linear_steps(times: np.ndarray, held: list[str]) -> list[str]:
+def _linear_steps(times: np.ndarray, boundary_lines: list[str]) -> list[str]:
     lines = []
     for span in np.diff(times):
-        lines += ["*STEP", "*STATIC", f"{span:.9g}, {span:.9g}", *held, "*NODE PRINT, NSET=ALL", "U",
+        lines += ["*STEP", "*STATIC", f"{span:.9g}, {span:.9g}", *boundary_lines, "*NODE PRINT, NSET=ALL", "U",
                   "*NODE PRINT, NSET=RIGHT, TOTALS=ONLY", "RF", "*END STEP"]
-        held = []
+        boundary_lines = []
     return lines
 
 
-def _one_step(scene: Scene, times: np.ndarray, held: list[str], share: float) -> list[str]:
+def _one_step(scene: Scene, times: np.ndarray, boundary_lines: list[str], share: float) -> list[str]:
     step = share * np.diff(times).min()
     return ["*TIME POINTS, NAME=FRAMES", *(f"{t:.9g}," for t in times[1:]),
             "*STEP, INC=10000" + (", NLGEOM" if scene.has_finite_strains else ""),
             "*VISCO, CETOL=1e-4" if scene.law == "creep" else "*STATIC",
-            f"{0.5 * step:.9g}, {times[-1]:.9g}, 1e-8, {step:.9g}", *held,
+            f"{0.5 * step:.9g}, {times[-1]:.9g}, 1e-8, {step:.9g}", *boundary_lines,
             "*NODE PRINT, NSET=ALL, TIME POINTS=FRAMES", "U",
             "*NODE PRINT, NSET=RIGHT, TOTALS=ONLY, TIME POINTS=FRAMES", "RF", "*END STEP"]
 

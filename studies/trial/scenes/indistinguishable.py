@@ -45,9 +45,9 @@ def kinematic_hardening(scene, a, rng):
 
 def indistinguishable_form(effect: Effect) -> Effect:
     """The effect as trials of indistinguishable pairs generate it."""
-    own = {change.__name__: change for change in (grip_slip, creep, viscoelasticity, kinematic_hardening)}
-    if effect.name not in own:
+    change_by_name = {change.__name__: change for change in (grip_slip, creep, viscoelasticity, kinematic_hardening)}
+    if effect.name not in change_by_name:
         return effect
     solved = effect.calculix and effect.name != "kinematic_hardening"  # CalculiX has no saturating back stress
     begins = effect.begins and effect.name != "grip_slip"
-    return replace(effect, change=own[effect.name], calculix=solved, begins=begins)
+    return replace(effect, change=change_by_name[effect.name], calculix=solved, begins=begins)

@@ -82,8 +82,8 @@ class Photograph:
 
     def noise(self, shape: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
         """Noise of one image: a window of the residual between two photographs, at a random place  # (ny, nx)"""
-        left = _left_over(self.folder, self.surface)
-        field = left[rng.integers(len(left))] * rng.choice([-1.0, 1.0])
+        residuals = _left_over(self.folder, self.surface)
+        field = residuals[rng.integers(len(residuals))] * rng.choice([-1.0, 1.0])
         first = [int(rng.integers(n)) for n in field.shape]
         return field[np.ix_(*((k + np.arange(n)) % size for k, n, size in zip(first, shape, field.shape, strict=True)))]
 
@@ -98,40 +98,41 @@ def drawn_photograph(rng: np.random.Generator, folder: str, columns: int) -> Pho
 
 def check_photographs(folder: str | Path) -> None:
     """`InputError` where the folder does not hold all surfaces."""
-    wanted = dict.fromkeys(name for s in SURFACES.values() for name in (s.photograph, *s.repeated))
-    missing = [name for name in wanted if not (Path(folder) / name).is_file()]
+    required = dict.fromkeys(name for s in SURFACES.values() for name in (s.photograph, *s.repeated))
+    missing = [name for name in required if not (Path(folder) / name).is_file()]
     if missing:
         raise InputError("photographs are missing", key="--photographs", file=Path(folder), found=f"no {missing[0]}",
-                         expected=", ".join(sorted({name.partition("/")[0] for name in wanted})),
+                         expected=", ".join(sorted({name.partition("/")[0] for name in required})),
                          remedy="name the folder that holds these recordings")
 
 
 @lru_cache(maxsize=8)
 def _spline(folder: str, surface: str) -> np.ndarray:
-    one = SURFACES[surface]
-    seen = _grey(folder, one.photograph)[one.window]
-    return spline_filter(seen if seen.shape[0] < seen.shape[1] else seen.T, order=DEGREE, mode="mirror")  # lying
+    photographed = SURFACES[surface]
+    image = _grey(folder, photographed.photograph)[photographed.window]
+    return spline_filter(image if image.shape[0] < image.shape[1] else image.T, order=DEGREE, mode="mirror")  # lying
 
 
 @lru_cache(maxsize=8)
 def _left_over(folder: str, surface: str) -> np.ndarray:
     """Noise of single photographs  # (n - 1, ny, nx) grey values, from n repeated ones"""
-    one = SURFACES[surface]
-    first, *others = (_grey(folder, name)[one.repeated_window] for name in one.repeated)
-    return np.array([_beyond_light_and_shift(first, other) for other in others]) / np.sqrt(2.0)
+    photographed = SURFACES[surface]
+    first, *repeats = (_grey(folder, name)[photographed.repeated_window] for name in photographed.repeated)
+    return np.array([_beyond_light_and_shift(first, repeat) for repeat in repeats]) / np.sqrt(2.0)
 
 
-def _beyond_light_and_shift(first: np.ndarray, other: np.ndarray) -> np.ndarray:
+def _beyond_light_and_shift(first: np.ndarray, repeat: np.ndarray) -> np.ndarray:
     """What no offset, gain and shift of a tile explains  # (ny, nx)"""
     slopes = np.gradient(gaussian_filter(first, 0.5))
-    left = np.empty_like(first)
+    residual = np.empty_like(first)
     for i in range(0, first.shape[0], TILE_PX):
         for j in range(0, first.shape[1], TILE_PX):
             tile = np.s_[i:i + TILE_PX, j:j + TILE_PX]
             base = np.column_stack([np.ones(first[tile].size), *(a[tile].ravel() for a in (first, *slopes))])
-            seen = other[tile].ravel()
-            left[tile] = (seen - base @ np.linalg.lstsq(base, seen, rcond=None)[0]).reshape(left[tile].shape)
-    return left
+            values = repeat[tile].ravel()
+            residual[tile] = (values - base @ np.linalg.lstsq(base, values,
+                                                              rcond=None)[0]).reshape(residual[tile].shape)
+    return residual
 
 
 def _grey(folder: str, name: str) -> np.ndarray:

@@ -89,22 +89,22 @@ def model_mesh(geometry: Geometry, view: View) -> Mesh:
 
 def logged(scene: Scene, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     """Force and grip motion of the log, without noise  # (T,) N, (T,) mm"""
-    shown = motion.force if scene.force is None else scene.force(motion.force)
+    cell_force = motion.force if scene.force is None else scene.force(motion.force)
     late = [np.interp(scene.times - scene.late, scene.times, values)
-            for values in (shown, scene.grip + scene.compliance * motion.force)]
+            for values in (cell_force, scene.grip + scene.compliance * motion.force)]
     return late[0], late[1]
 
 
 def clean_images(scene: Scene, motion: Motion, paint: Paint) -> Iterator[np.ndarray]:
     """Images without noise, one per frame  # (ny, nx) float"""
-    known = camera(scene.view)
-    first = known if scene.camera is None else scene.camera(known, 0)
+    nominal = camera(scene.view)
+    first = nominal if scene.camera is None else scene.camera(nominal, 0)
     sensor, texture = Sensor(scene.view.shape, background=BACKGROUND_GREY), _texture(paint, first, scene.view)
     for k, u in enumerate(motion.u):
-        seen = known if scene.camera is None else scene.camera(known, k)
+        view = nominal if scene.camera is None else scene.camera(nominal, k)
         if scene.warp is not None:
-            seen = _Bent(seen, scene.warp, k)
-        image = clean_image(u, motion.mesh.nodes, motion.mesh.blocks, seen, texture, sensor)
+            view = _Bent(view, scene.warp, k)
+        image = clean_image(u, motion.mesh.nodes, motion.mesh.blocks, view, texture, sensor)
         yield image if scene.image is None else scene.image(image, k)
 
 

@@ -163,20 +163,20 @@ class Scene:
 
     def moved(self, nodes: str, component: str, *terms: np.ndarray) -> Scene:
         """The scene with further motion of an end: courses (T,) mm of 1, y, y^3."""
-        own = np.zeros((len(self.times), 3))
+        added = np.zeros((len(self.times), 3))
         for k, term in enumerate(terms):
-            own[:, k] = term
-        before = self.motion.get((nodes, component), 0.0)
-        return replace(self, motion={**self.motion, (nodes, component): before + own})
+            added[:, k] = term
+        present_motion = self.motion.get((nodes, component), 0.0)
+        return replace(self, motion={**self.motion, (nodes, component): present_motion + added})
 
     def end_motion(self, nodes: str, component: str, y: np.ndarray) -> np.ndarray:
         """Displacement of points of an end at heights y (mm)  # (T, n) mm"""
         eta = y / (0.5 * self.geometry.width)
-        found = np.zeros((len(self.times), len(y)))
+        displacement = np.zeros((len(self.times), len(y)))
         if (nodes, component) == ("RIGHT", self.along):
-            found += self.grip[:, None]
+            displacement += self.grip[:, None]
         terms = self.motion.get((nodes, component))
-        return found if terms is None else found + terms @ np.array([np.ones_like(eta), eta, eta**3])
+        return displacement if terms is None else displacement + terms @ np.array([np.ones_like(eta), eta, eta**3])
 
 
 def plain_scene(null: str, geometry: Geometry, values: Mapping[str, float], grip: float = 1.0) -> Scene:

@@ -15,11 +15,11 @@ from idic_studies.trial.scenes.scene import Scene, elapsed, loading
 
 def direction(scene: Scene) -> np.ndarray:
     """Of the grip, the last one while it rests  # (T,)"""
-    found, last = np.zeros(len(scene.times)), 0.0
-    for k in range(1, len(found)):
-        last = float(np.sign(scene.grip[k] - scene.grip[k - 1])) or last
-        found[k] = last
-    return found
+    signs, sign = np.zeros(len(scene.times)), 0.0
+    for k in range(1, len(signs)):
+        sign = float(np.sign(scene.grip[k] - scene.grip[k - 1])) or sign
+        signs[k] = sign
+    return signs
 
 
 def late(scene: Scene) -> np.ndarray:

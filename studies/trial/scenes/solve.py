@@ -118,8 +118,8 @@ def solve(scene: Scene, mesh: Mesh | None = None) -> Motion:
     for factor in np.unique(factors):
         name = f"{BODY}{factor:g}"
         sections.append(Section(name, law, np.flatnonzero(factors == factor), expansion=0.0 if warmth is None else 1.0))
-        given = {**scene.values, **_scaled(scene, factor)} | ({} if warmth is None else {"alpha": 1.0})
-        values[name] = np.array([given.get(p.name, p.null) for p in law.spec.parameters], dtype=float)
+        parameters = {**scene.values, **_scaled(scene, factor)} | ({} if warmth is None else {"alpha": 1.0})
+        values[name] = np.array([parameters.get(p.name, p.null) for p in law.spec.parameters], dtype=float)
     dofs, courses = end_dofs(scene, mesh)
     histories, place = np.unique(courses, axis=1, return_inverse=True)
     basis = np.zeros((len(dofs), histories.shape[1]))

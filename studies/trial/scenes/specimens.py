@@ -64,13 +64,13 @@ def specimen_mesh(geometry, divisions: Sequence[int], name: str) -> Mesh:
     divisions : around an eighth of a hole, outwards from it, beside it
     """
     length, width, radius = geometry.length, geometry.width, geometry.radius
-    around, outwards, beside = divisions
+    around, outwards, along = divisions
     if geometry.kind == "hole":
-        return strip_with_hole(length, width, radius, "quad8", around, outwards, beside, name=name)
+        return strip_with_hole(length, width, radius, "quad8", around, outwards, along, name=name)
     if geometry.kind == "two_holes":
-        one = strip_with_hole(0.5 * length, width, radius, "quad8", around, outwards, beside, name=name)
-        nodes = np.concatenate([one.nodes + [side * 0.25 * length, 0.0] for side in (-1.0, 1.0)])
-        cells = np.concatenate([one.blocks[0].connectivity + k * one.n_nodes for k in range(2)])
+        half = strip_with_hole(0.5 * length, width, radius, "quad8", around, outwards, along, name=name)
+        nodes = np.concatenate([half.nodes + [side * 0.25 * length, 0.0] for side in (-1.0, 1.0)])
+        cells = np.concatenate([half.blocks[0].connectivity + k * half.n_nodes for k in range(2)])
         _, first, number = np.unique(np.round(nodes / MERGE_DISTANCE).astype(np.int64), axis=0, return_index=True,
                                      return_inverse=True)
         return _with_ends(nodes[first], number.ravel()[cells], length, name)
@@ -80,7 +80,7 @@ def specimen_mesh(geometry, divisions: Sequence[int], name: str) -> Mesh:
         x = length * (s - 0.5)
         return x, (1.0 - t) * bottom(x) + t * top(x)
 
-    return _with_ends(*mesh_patches([Patch(shape, 4 * (around + beside), 2 * outwards)], "quad8"), length, name)
+    return _with_ends(*mesh_patches([Patch(shape, 4 * (around + along), 2 * outwards)], "quad8"), length, name)
 
 
 def _edges(geometry) -> tuple[Edge, Edge]:
@@ -119,8 +119,8 @@ def bricks(flat: Mesh, depth: float) -> Mesh:
     front, half, back = through
     cells = np.hstack([back[quads[:, :4]], front[quads[:, :4]], back[quads[:, 4:]], front[quads[:, 4:]],
                        half[quads[:, :4]]])
-    sets = {name: np.concatenate([plane[own][plane[own] >= 0] for plane in through])
-            for name, own in flat.node_sets.items()}
+    sets = {name: np.concatenate([plane[members][plane[members] >= 0] for plane in through])
+            for name, members in flat.node_sets.items()}
     return make_mesh(nodes, [("hex20", cells)], node_sets=sets | {"MIDDLE": back},
                      element_sets={name: np.arange(len(cells)) for name in flat.element_sets})
 

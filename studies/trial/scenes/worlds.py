@@ -67,27 +67,27 @@ def photograph_of(world: Mapping[str, Any]) -> Photograph | None:
 
 def world_geometry(world: Mapping[str, Any], radius: float) -> Geometry:
     """Its specimen; radius : of its hole or notch, over the usual one."""
-    one = SPECIMENS[world["specimen"]]
-    return Geometry(one.length, one.width, radius, world["specimen"], one.concentration)
+    specimen = SPECIMENS[world["specimen"]]
+    return Geometry(specimen.length, specimen.width, radius, world["specimen"], specimen.concentration)
 
 
 def world_scene(world: Mapping[str, Any], null: str, radius: float, values: Mapping[str, float]) -> Scene:
     """The test without effects."""
-    one, geometry = SPECIMENS[world["specimen"]], world_geometry(world, radius)
+    specimen, geometry = SPECIMENS[world["specimen"]], world_geometry(world, radius)
     scene = plain_scene(null, geometry, values)
     times = np.linspace(0.0, DURATION_S, world["frames"])
-    grip = one.grip * NULLS[null].grip * np.interp(times / DURATION_S, *PROGRAMMES[world["programme"]])
+    grip = specimen.grip * NULLS[null].grip * np.interp(times / DURATION_S, *PROGRAMMES[world["programme"]])
     moved = float(np.abs(grip).max())
-    return replace(scene, times=times, grip=grip, view=view_of(geometry, world["columns"], moved), along=one.along,
+    return replace(scene, times=times, grip=grip, view=view_of(geometry, world["columns"], moved), along=specimen.along,
                    thickness=world["thickness"], noise=world["noise"], finite=world["finite"] and null == "elastic")
 
 
 def view_of(geometry: Geometry, columns: int, moved: float = 0.0) -> View:
     """The whole specimen with a margin, as the strip has it, and all of it at the end of a motion of `moved` (mm)."""
-    beside = 2.0 * max(moved - MARGIN_MM, 0.0)
-    reach = PIXEL_MM * IMAGE_SHAPE_PX[1] / 10.0 * geometry.length + beside
+    room = 2.0 * max(moved - MARGIN_MM, 0.0)
+    reach = PIXEL_MM * IMAGE_SHAPE_PX[1] / 10.0 * geometry.length + room
     pixel = reach / columns
-    return View((int(np.ceil((geometry.width + 1.05 + beside) / pixel)), columns), pixel)
+    return View((int(np.ceil((geometry.width + 1.05 + room) / pixel)), columns), pixel)
 
 
 def as_solid(world: Mapping[str, Any], scene: Scene) -> Scene:
