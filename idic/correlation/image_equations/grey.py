@@ -39,21 +39,23 @@ class GreyReference(NodalBasis, ReferenceImage):
 
     def compare(self, experiment: Experiment, frame: int, motion: np.ndarray) -> NodalEquations:
         """Nodal equations of one frame, with the blur where its focus is unknown; motion : (n_nodes, 2) px."""
-        return self._compared(experiment, frame_spline(experiment, frame), motion)
+        spline = frame_spline(experiment, frame)
+        return self._with_blur(experiment, spline,
+                               nodal_equations(self, spline, motion, experiment.options.brightness))
 
     def compare_with_residual(self, experiment: Experiment, frame: int,
                               motion: np.ndarray) -> tuple[NodalEquations, PixelResidual]:
         """`compare`, and the residual of every pixel with the brightness in it, from one reading of the frame."""
         spline = frame_spline(experiment, frame)
-        equations = self._compared(experiment, spline, motion)
+        equations = self._with_blur(experiment, spline,
+                                    nodal_equations(self, spline, motion, experiment.options.brightness))
         return equations, pixel_residual(self, spline, equations.motion)
 
-    def _compared(self, experiment: Experiment, spline: Spline, motion: np.ndarray) -> NodalEquations:
-        brightness = experiment.options.brightness
-        equations = nodal_equations(self, spline, motion, brightness)
+    def _with_blur(self, experiment: Experiment, spline: Spline, equations: NodalEquations) -> NodalEquations:
+        """With the blur of the frame as an unknown, where its focus is one."""
         if experiment.options.defocus == "none":
             return equations
-        return with_blur(self, equations, spline, brightness, experiment.noise)
+        return with_blur(self, equations, spline, experiment.options.brightness, experiment.noise)
 
     def compare_pixels(self, experiment: Experiment, frame: int, motion: np.ndarray,
                        coefficients: np.ndarray) -> ResidualMap:
