@@ -201,6 +201,16 @@ def test_a_door_names_what_others_use_and_nothing_else(name):
     assert not set(listed) - used_from_outside(name)
 
 
+def test_a_module_that_a_door_names_can_be_the_first_thing_imported():
+    named = [(name, alias.name) for name, file in ROOMS.items()
+             for node in ast.parse(file.with_suffix(".pyi").read_text(encoding="utf-8")).body
+             if isinstance(node, ast.ImportFrom) for alias in node.names
+             if f"{name}.{node.module}.{alias.name}" in MODULES]
+    assert ("idic.laws", "point") in named
+    for room_name, module in named:
+        subprocess.run([sys.executable, "-c", f"from {room_name} import {module}"], check=True)
+
+
 def used_from_outside(name):
     """The names of a room that others import, and those that `idic` itself hands on."""
     files = [file for folder in ("idic", "flows", "studies", "tests", "docs") for file in (ROOT / folder).rglob("*.py")
