@@ -67,8 +67,16 @@ def strip(folder: Path) -> None:
     idic.identify(folder / "test", folder / "run")
 
 
-def plate(folder: Path) -> None:
+def twin(folder: Path) -> None:
     """The standard twin: E and nu of an elastic plate, with a force, six frames."""
+    from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
+
+    write_folder(folder / "test", Twin(), ELASTIC + GRIPS + FORCE)
+    idic.identify(folder / "test", folder / "run")
+
+
+def plate(folder: Path) -> None:
+    """The same with other noise, and a camera in words for the report."""
     from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
 
     write_folder(folder / "test", Twin(seed=1), ELASTIC + GRIPS + FORCE + '\n[setup]\ncamera = "a virtual camera"\n')
@@ -92,7 +100,7 @@ def section(folder: Path) -> None:
     idic.identify(folder / "test", folder / "run")
 
 
-KINDS: dict[str, Callable[[Path], None]] = {make.__name__: make for make in (strip, plate, step, section)}
+KINDS: dict[str, Callable[[Path], None]] = {make.__name__: make for make in (strip, twin, plate, step, section)}
 
 
 # opening one ---------------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 
 REPORT_STAGES = ("tables and ParaView files", "figures", "page")
-SYSTEMATIC_STAGES = ("discretisation, boundary and camera", "report")
+SYSTEMATIC_STAGES = ("discretisation, boundary and camera", "report")  # as they are announced
 
 
 @app.command()
@@ -113,7 +113,6 @@ def systematic(
         from idic.run import Console, Workplace, systematic as assess, write_report
 
         with progress_view(terminal(stderr=True), run, SYSTEMATIC_STAGES) as view:
-            view.stage(SYSTEMATIC_STAGES[0])
             result = assess(run, bias, spread, workplace=Workplace(workers, scheduler, memory_limit, store),
                             console=Console(view.stage, view.tasks))
             view.stage("report")

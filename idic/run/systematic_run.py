@@ -69,6 +69,7 @@ def systematic(run: str | Path, bias: bool = True, spread: bool = True, *, workp
     console = console or Console()
     _finished(run)  # before the lock, which makes a file
     workplace.check(run, say=console.stage)
+    console.stage("discretisation, boundary and camera")
 
     def work(hooks: Hooks) -> dict:
         return hooks.stage("assess", _assessed, run, hooks.runner, bias, spread, partial(console.tasks, "comparisons"))

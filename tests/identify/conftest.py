@@ -14,5 +14,5 @@ def clean():
 @pytest.fixture(scope="module")
 def plain(gallery):
     """The standard twin's experiment.toml and its identification  # path, state, result"""
-    plate = gallery("plate")
-    return plate.experiment / "experiment.toml", plate.state, plate.result
+    twin = gallery("twin")
+    return twin.experiment / "experiment.toml", twin.state, twin.result

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from idic.errors import InputError
-from idic.readers import column_factor, factor_between, frame_indices, frame_numbers, parse_unit, where
+from idic.readers import column_factor, factor_between, frame_indices, frame_numbers, parse_unit, points_where
 from idic.readers.delimited.units import suffix_unit
 
 POINTS = np.array([[0.0, -10.0], [3.0, 0.0], [-2.0, 4.0]])
@@ -21,7 +21,7 @@ POINTS = np.array([[0.0, -10.0], [3.0, 0.0], [-2.0, 4.0]])
     ("(x < 1) and (y/2 > -6)", [1, 0, 1]), ("-y > 9", [1, 0, 0]),
 ])
 def test_positions_are_compared_as_written(expression, expected):
-    np.testing.assert_array_equal(where(expression, POINTS), np.array(expected, bool))
+    np.testing.assert_array_equal(points_where(expression, POINTS), np.array(expected, bool))
 
 
 @pytest.mark.parametrize("expression", [
@@ -33,7 +33,7 @@ def test_positions_are_compared_as_written(expression, expected):
 ])
 def test_anything_else_is_refused(expression):
     with pytest.raises(InputError) as caught:
-        where(expression, POINTS)
+        points_where(expression, POINTS)
     assert caught.value.expected and caught.value.remedy
 
 
@@ -41,7 +41,7 @@ def test_anything_else_is_refused(expression):
 @given(st.text(alphabet="xyz0123456789<>=+-*/() .andort_'\"[]{}:,", max_size=40))
 def test_no_text_does_more_than_give_a_mask_or_a_refusal(expression):
     try:
-        assert where(expression, POINTS).shape == (3,)
+        assert points_where(expression, POINTS).shape == (3,)
     except InputError:
         pass
 

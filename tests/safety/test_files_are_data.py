@@ -29,6 +29,7 @@ STARTS_PROGRAMS = {  # each knows what it starts; the external solver: only with
     "idic/draw/watch.py",  # idic itself, on a folder that the user has opened
     "deploy/slurm_cluster.py", "studies/trial/scenes/calculix.py",  # ccx on decks of our own
     "studies/equality/case_process.py",  # idic itself
+    "studies/mutants/mutants.py",  # the tests of a copy of idic
     "studies/trial/seal.py"}  # git, for the commit that the tool is sealed at
 OWN_PIPES = {"idic/run/reporting/second_process.py"}  # pickles between this process and its own child
 FORBIDDEN = {"cloudpickle", "dill", "marshal", "shelve", "joblib", "pty", "code"}

@@ -31,7 +31,6 @@ def test_a_limit_that_cannot_hold_is_refused(limit, workers, scheduler, found):
 
 
 
-
 @pytest.mark.parametrize("command", ["identify TEST --out OUT", "batch TEST --out OUT", "study coverage --out OUT",
                                      "diagnose RUN", "systematic RUN"])
 def test_every_command_with_workers_takes_a_limit_and_refuses_nonsense(command, gallery, tmp_path, capsys):

@@ -288,14 +288,14 @@ def test_paths_of_a_job_are_moved_wherever_they_stand(tmp_path):
 def test_images_that_the_run_holds_are_described_and_not_sent(tmp_path):
     found = inputs_of(write_experiment(tmp_path / "test"), {})
     assert [path.name for path in found.images] == ["frame_001.tif", "frame_002.tif", "frame_003.tif"]
-    assert [path.name for path in found.whole] == ["experiment.toml", "loads.csv", "mesh.inp", "frame_000.tif"]
+    assert [path.name for path in found.read_files] == ["experiment.toml", "loads.csv", "mesh.inp", "frame_000.tif"]
     entry = {"a": Entry(7, image=next(iter(found.images.values())))}
     assert decoded(encoded(entry))["a"].image.ends_sha256 == entry["a"].image.ends_sha256
 
 
 def test_python_files_of_an_external_solver_are_sent(tmp_path):
     found = inputs_of(write_strip(tmp_path / "strip"), {})
-    names = {path.name for path in found.whole}
+    names = {path.name for path in found.read_files}
     assert {"strip.deck.template", "nodes.txt", "strange_solver.py"} < names
 
 
