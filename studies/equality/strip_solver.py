@@ -21,15 +21,15 @@ def main(deck):
         nodes = [line.split() for line in lines]
     with open("displacements.csv", "w") as file:
         file.write("time,node,ux,uy\n")
-        for time, motion in grip[1:]:
+        for now, motion in grip[1:]:
             strain = motion / LENGTH
             for label, x, y in nodes:
                 ux, uy = strain * (float(x) + 0.5 * LENGTH), -words["nu"] * strain * float(y)
-                file.write(f"{time!r},{label},{ux!r},{uy!r}\n")
+                file.write(f"{now!r},{label},{ux!r},{uy!r}\n")
     with open("forces.csv", "w") as file:
         file.write("time,RIGHT.x\n")
-        for time, motion in grip[1:]:
-            file.write(f"{time!r},{words['E'] * motion / LENGTH * WIDTH * THICKNESS!r}\n")
+        for now, motion in grip[1:]:
+            file.write(f"{now!r},{words['E'] * motion / LENGTH * WIDTH * THICKNESS!r}\n")
 
 
 if __name__ == "__main__":
