@@ -111,7 +111,7 @@ def session_folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def gallery(session_folder):
-    """A function: the finished RUN of a kind of `gallery.KINDS`, to be looked at; what is to be changed is a copy."""
+    """A function: kind of `gallery.KINDS` -> its finished RUN, read only; `FinishedRun.copied` gives one to change."""
     from gallery import opened
 
     with opened(session_folder / "gallery", _held) as finished:

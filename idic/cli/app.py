@@ -146,7 +146,7 @@ def read_overrides(pairs: list[str] | None) -> dict[str, str]:
 
 
 def orchestrator_of(prefect: bool) -> Orchestrator:
-    """Who conducts a command: a Prefect flow, or with ``--no-prefect`` nobody else."""
+    """The orchestrator of a command: a Prefect flow; with ``--no-prefect`` this process alone."""
     if prefect:
         from idic_flows.orchestrator import PrefectFlow
 

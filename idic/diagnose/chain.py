@@ -3,7 +3,7 @@
     1  the identified model: its residual, its known error; side, onset and place of the mismatch
     2  its fit to one of two thinned copies of the recording, which every candidate is compared with
     3  the selection: one loop over a table of moves (`idic.diagnose.selection.moves.table`)
-    4  the last model fitted to the recording itself, and what it leaves; verdict; what may follow from it
+    4  the last model fitted to the recording itself; its residual; verdict; the next test
 
 Every refit is a job (`RefitJob`) for the callable that the caller supplies.
 """

@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 
 def _ignore(*_: object) -> None:
-    """A call that nobody waits for."""
+    """The callback of a console that shows nothing."""
 
 
 def _called(_: str, function: Callable, *arguments: object) -> Any:

@@ -20,8 +20,8 @@ class FittedModel:
     """One model of a diagnosis.
 
     source : its experiment with every edit and the known error; fit : values, standard deviations, frame-local
-    unknowns, increments, and what is left on both copies; residual : on the recording itself, None where it was not
-    simulated or finds no equilibrium from rest
+    unknowns, increments, chi-square on both copies; residual : on the recording itself, None where it was not simulated
+    or finds no equilibrium from rest
     """
 
     source: ExperimentSource

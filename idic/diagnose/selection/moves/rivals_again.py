@@ -1,10 +1,10 @@
 """Rivals of a selected cause compared again, once bricks, finite strains or an error of the mesh have joined it.
 
 A cause is selected while the model still lacks the thickness of the body and its strains, if the cause hid them. Of two
-candidates with nearly the same chi-square the one that imitates a part of these errors is selected then: plasticity of
-a beam of bricks was told as creep with an exponent of ten, whose held-out chi-square was lower by 19 of 2400; bricks
-lowered it by another 32. So the nearest rivals get the same errors, computed with their own motion, and all are judged
-anew.
+candidates with nearly the same chi-square, the selected candidate may then be the one that imitates a part of these
+errors: creep with an exponent of ten in place of the plasticity of a beam of bricks, with a held-out chi-square lower
+by 19 of 2400; bricks lower it by another 32. So the nearest rivals get the same errors, computed with their own motion,
+and all are judged anew.
 
 A rival is fitted again only where this can matter. With its own error at the end of its last fit, its parameters follow
 by one step, and chi-square falls by b^T G^-1 b (`idic.diagnose.discretisation.following`). One that is behind the
