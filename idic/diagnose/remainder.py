@@ -20,8 +20,8 @@ class Remainder:
     """Tests of the last model against the recording.
 
     channels : residual of every channel
-    of_recording : residual motion on the recording, None where no cause joined the identified model, or the enriched one
-        finds no equilibrium from rest
+    of_recording : residual motion on the recording, None where no cause joined the identified model, or the enriched
+        one finds no equilibrium from rest
     local : local residual tests at new inclusions, and the time-course test
     of_copy : residual motion on the copy that had no part in the fit
     blocks : both models on blocks of the recording, after one step from the finished fit to the others
