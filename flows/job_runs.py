@@ -117,7 +117,7 @@ class JobRuns:
             for job, run in self._waiting.items():
                 if run is None and self._budget.take(now):
                     self._waiting[job] = uuid.uuid4()
-                    shown.append(JobRun(self._waiting[job], self._titles[job], PENDING, now))  # type: ignore[arg-type]
+                    shown.append(JobRun(self._waiting[job], self._titles[job], PENDING, now))
         if self._together and now - self._together[0].began >= TOGETHER_SECONDS and self._budget.take(now):
             shown += self._all_together()
         return shown

@@ -128,7 +128,7 @@ class _Sender:
         # the time of a new state is Prefect's own; durations come from a monotonic clock
         self._zero = State(type=StateType.RUNNING).timestamp - timedelta(seconds=time.monotonic())
         flow, stage = FlowRunContext.get(), TaskRunContext.get()
-        self._kind, self._flow = kind, flow.flow_run.id  # type: ignore[union-attr]
+        self._kind, self._flow = kind, flow.flow_run.id
         self._inputs = {} if stage is None else {"__parents__": [TaskRunResult(id=stage.task_run.id)]}
         self._before: dict[Any, Any] = {}
 

@@ -48,7 +48,7 @@ def publish_schedule(experiment: Experiment) -> None:
     from prefect.artifacts import create_table_artifact
 
     create_table_artifact(key=SCHEDULE, description=f"Schedule of {experiment.title}",
-                          table=schedule_table(experiment))  # type: ignore[unused-coroutine]
+                          table=schedule_table(experiment))
 
 
 def publish_evaluations(experiment: Experiment, state: LoopState) -> None:
@@ -56,7 +56,7 @@ def publish_evaluations(experiment: Experiment, state: LoopState) -> None:
     from prefect.artifacts import create_table_artifact
 
     create_table_artifact(key=EVALUATIONS, description=f"Iteration {state.iteration}: {state.status}",
-                          table=evaluations_table(experiment, state))  # type: ignore[unused-coroutine]
+                          table=evaluations_table(experiment, state))
 
 
 def publish_residual(run: Path) -> None:
@@ -73,7 +73,7 @@ def publish_residual(run: Path) -> None:
     if residual is None:
         return
     chi2 = "" if residual.chi2 is None else f", chi2 per pixel {residual.chi2:.3g}"
-    create_image_artifact(  # type: ignore[unused-coroutine]
+    create_image_artifact(
         key=RESIDUAL, image_url=f"data:image/png;base64,{base64.b64encode(residual.picture).decode('ascii')}",
         description=f"{run.name}: residual of frame {residual.frame} after evaluation {residual.evaluation}{chi2}; "
                     f"full colour: {RANGE:g} standard deviations of the noise")

@@ -66,7 +66,7 @@ def calibrate(views: Views, image_size_px: tuple[tuple[int, int], ...], spacing_
     poses = [first_poses.get(v, second_poses.get(v)) for v in range(len(used))]
     seen_views = [v for v, pose in enumerate(poses) if pose is not None]
     used = tuple(used[v] for v in seen_views)
-    state = State(tuple(cameras), tuple(poses[v] for v in seen_views), points)  # type: ignore[misc]
+    state = State(tuple(cameras), tuple(poses[v] for v in seen_views), points)
     first = adjust(state, used, lens)
     used, n_left_out = without_outliers(first, used)
     best = adjust(first.state, used, lens)
@@ -77,7 +77,7 @@ def calibrate(views: Views, image_size_px: tuple[tuple[int, int], ...], spacing_
     residuals, views_out = _in_place(best.residuals_px, used, seen_views, len(views), n_cameras)
     poses_out = dict(zip(seen_views, best.state.poses, strict=True))
     result = Calibration(rig, tuple(poses_out.get(v) for v in range(len(views))), residuals,
-                         views_out,  # type: ignore[arg-type]
+                         views_out,
                          best.state.points_mm, best.rms_px, noise, n_left_out)
     return replace(result, notes=notes_on(result, target_std_mm))
 

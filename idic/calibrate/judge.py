@@ -19,7 +19,7 @@ MAX_CONDITION = 1e4         # of the equations of a point: seen from several sid
 
 def coverage(result: Calibration, camera: int) -> float:
     """Share of the image inside the convex hull of the points of all views."""
-    width, height = result.rig.image_size_px[camera]  # type: ignore[misc]
+    width, height = result.rig.image_size_px[camera]
     points = np.vstack([row[camera].points_px for row in result.views if row[camera] is not None])
     return float(ConvexHull(points).volume / (width * height))
 

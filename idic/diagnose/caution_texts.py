@@ -138,7 +138,7 @@ def finite_caution(diagnosis: Diagnosis) -> list[str]:
         return []
     small = {one.element_set for one in diagnosis.found.experiment.materials if one.kinematics == "small"}
     if not any(one.element_set in small and one.kinematics == "finite"
-               and "small" in get_law(one.law).kinematics for one in enriched.residual.context.experiment.materials):  # type: ignore[union-attr]
+               and "small" in get_law(one.law).kinematics for one in enriched.residual.context.experiment.materials):
         return []
     return ["The recording shows finite strains and rotations, which the identified model neglects. The diagnosis and "
             "the enriched experiment count them; the identified parameters do not. Identify again with finite strains "

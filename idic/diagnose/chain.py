@@ -112,7 +112,7 @@ def _active(state: State) -> Activity | None:
     if state.final is None or state.final.residual is None:
         return None
     first = next(iter(causes_of(state.rounds)), state.rounds[0])
-    if first.winner.ranked.candidate.kind.active:  # type: ignore[union-attr]
+    if first.winner.ranked.candidate.kind.active:
         with suppress(NotConverged), state.setting.clock.step("final_s"):  # the residual chose its own increments
             return activity(state.final.identification())
     return None
@@ -123,14 +123,14 @@ def _verdict(found: Identification, state: State, remainder: Remainder) -> Verdi
     fits."""
     first, margin = state.rounds[0], state.setting.margin
     is_alone = first.winner is not None and state.model.fit is first.winner.refitted
-    heldout = (first.heldout_fits(first.winner) if is_alone  # type: ignore[arg-type]
+    heldout = (first.heldout_fits(first.winner) if is_alone
                else (state.first.fit.judgement, state.model.fit.judgement))
     floor = 0.0 if margin.floor is None else margin.floor.px
     floor_px = margin.px if is_of_readings(remainder.excesses[0], remainder.channels) else floor
-    copies = 2 if is_alone and first.winner.crossed_judgement is not None else 1  # type: ignore[union-attr]
+    copies = 2 if is_alone and first.winner.crossed_judgement is not None else 1
     source = (state.final or state.model).source
     is_located = state.mismatch is not None and state.mismatch.is_significant
-    return conclude(state.rounds, *heldout, is_located, remainder.excesses,  # type: ignore[arg-type]
+    return conclude(state.rounds, *heldout, is_located, remainder.excesses,
                     unloads(found.experiment), copies * floor_px**2 * state.power_of_copy, remainder.channels,
                     lambda ranked: _freedom(source, ranked))
 
@@ -150,7 +150,7 @@ def _corrected(state: State) -> FittedModel | None:
     setting, model = state.setting, state.first
     if setting.quick or state.final is not None or model.error is None or (
             model.error.thickness is None
-            and weighed(model.residual, model.error).shift_std < MIN_SHIFT_STD):  # type: ignore[arg-type]
+            and weighed(model.residual, model.error).shift_std < MIN_SHIFT_STD):
         return None
     setting.stage(f"{NULL_FIT} with its known error")
     with setting.clock.step("final_s"):
@@ -169,7 +169,7 @@ def _neglected(identified: Identified, state: State, corrected: FittedModel | No
         of_bricks = corrected if model.error is not None and model.error.thickness is not None else None
         final = final or of_bricks
         if final is not None:
-            return neglected(final.residual, neglected_errors(final.identification()))  # type: ignore[arg-type]
+            return neglected(final.residual, neglected_errors(final.identification()))
         errors = identified.neglected
         return neglected(identified.residual, neglected_errors(identified.found) if errors is None else errors)
 
@@ -194,7 +194,7 @@ def _separating_test(found: Identification, state: State, verdict: Verdict) -> s
 
 def _group(entry: Round) -> list[FittedModel]:
     """The winner of a round and the models that are indistinguishable from it, by their names."""
-    return [FittedModel(entry.source.with_edits(edits_of(rival, entry.screening)),  # type: ignore[union-attr]
+    return [FittedModel(entry.source.with_edits(edits_of(rival, entry.screening)),
                         replace(rival.refitted, name=rival.name))
             for rival in entry.rivals if rival is entry.winner or rival.name in entry.equals]
 

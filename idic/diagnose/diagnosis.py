@@ -85,7 +85,7 @@ class Diagnosis:
         """Parameters of the enriched model as they start; of the identified one without it."""
         enriched = self.enriched
         experiment = self.found.experiment if enriched is None else (
-            enriched.residual.context.experiment)  # type: ignore[union-attr]
+            enriched.residual.context.experiment)
         return experiment.parameters
 
     @property
@@ -104,7 +104,7 @@ class Diagnosis:
         first = self.first_cause
         if first is None:
             return None
-        candidate, active = first.winner.ranked.candidate, self.active  # type: ignore[union-attr]
+        candidate, active = first.winner.ranked.candidate, self.active
         has_onset = any(rival.ranked.candidate.has_onset for rival in first.rivals
                         if rival is first.winner or rival.name in first.equals)
         modifies = active is not None and not candidate.shows_at_reversal and has_state(self.found, ACTIVE_STATES)
@@ -117,6 +117,6 @@ class Diagnosis:
         enriched = self.enriched
         if enriched is None:
             return []
-        return courses_of(entry.winner.name, enriched.residual.context.experiment,  # type: ignore[union-attr]
-                          self.found.experiment, entry.winner.ranked.variant.new,  # type: ignore[union-attr]
+        return courses_of(entry.winner.name, enriched.residual.context.experiment,
+                          self.found.experiment, entry.winner.ranked.variant.new,
                           enriched.fit.values, enriched.fit.stds)

@@ -127,7 +127,7 @@ def free_form(state: State, bases: Sequence[FittedModel]) -> FreeForm | None:
     jobs = [RefitJob(f"free_form_{k}", base.source, (law.title,), (law.edits,), (_without(base.fit.values, law),),
                      base.fit.local, setting.grid, np.inf, setting.seed, unlimited=True, whole_std=True)
             for k, (base, law) in enumerate(offered)]
-    found = [FreeForm(one, ExcessLeft(null.judgement, one.judgement,  # type: ignore[arg-type]
+    found = [FreeForm(one, ExcessLeft(null.judgement, one.judgement,
                                       state.power_of_copy, margin_px=setting.margin.px,
                                       camera_px=setting.margin.camera_px), law)
              for (_, law), one in zip(offered, setting.refits(jobs), strict=True) if one.judgement is not None]

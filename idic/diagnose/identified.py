@@ -58,7 +58,7 @@ def as_identified(source: ExperimentSource, found: Identification, margin: Margi
         if first.is_mismatched or not quick:
             first = replace(first, neglected=neglected_errors(found))
         source, bricks = with_thickness(source, found, residual, misfit, grid,
-                                        first.neglected, first.is_mismatched)  # type: ignore[arg-type]
+                                        first.neglected, first.is_mismatched)
         if bricks is found:
             return first
         residual = residual_evidence(bricks, light=False)

@@ -51,7 +51,7 @@ def window_curves(diagnosis: Diagnosis) -> tuple[WindowCurve, ...]:
     """Free parameters of both models over growing windows of frames."""
     before = _windows(diagnosis.identified.residual, diagnosis.found.parameters)
     enriched = diagnosis.enriched
-    after = {} if enriched is None else _windows(enriched.residual, _parameters(diagnosis))  # type: ignore[arg-type]
+    after = {} if enriched is None else _windows(enriched.residual, _parameters(diagnosis))
     final = diagnosis.found.parameters.as_values() | (
         {} if diagnosis.state.final is None else dict(diagnosis.state.final.fit.values))
     return tuple(WindowCurve(name, *curve, *after.get(name, (None, None)), final[name])
@@ -65,7 +65,7 @@ def _windows(residual: ResidualEvidence, parameters: ParameterSet) -> dict[str, 
 
 def _parameters(diagnosis: Diagnosis) -> ParameterSet:
     parameters = diagnosis.last_parameters
-    values = diagnosis.enriched.fit.values  # type: ignore[union-attr]
+    values = diagnosis.enriched.fit.values
     return parameters.with_values({n: v for n, v in values.items() if n in parameters})
 
 
@@ -73,7 +73,7 @@ def law_pairs(diagnosis: Diagnosis) -> tuple[LawPair, ...]:
     """Stress-strain curves of every material whose law or parameters changed."""
     if diagnosis.enriched is None:
         return ()
-    before, after = diagnosis.found.experiment, diagnosis.enriched.residual.context.experiment  # type: ignore
+    before, after = diagnosis.found.experiment, diagnosis.enriched.residual.context.experiment
     pairs = []
     for old in before.materials:
         new = after.material_of(old.element_set)

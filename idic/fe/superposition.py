@@ -159,7 +159,7 @@ def _answers(model: Model, params: Mapping[str, np.ndarray], directions: Sequenc
         dchannels[body_directions, :, j] = state.dchannels.T / units[j]
         if state.rise is not None:
             rise[:, j], d_rise[body_directions, :,
-                               j] = state.rise / units[j], state.d_rise.T / units[j]  # type: ignore[union-attr]
+                               j] = state.rise / units[j], state.d_rise.T / units[j]
     has_surface = bool(model.surface_side)
     return _Answers(columns, u, du, channels, dchannels, rise if has_surface else None, d_rise if has_surface else None)
 

@@ -290,7 +290,7 @@ def _responses(setup: _Setup, parameters: ParameterSet, local: np.ndarray, steps
         return
     if known is not None and known.is_at(values, local, steps):
         for response in known.frames:
-            yield response, known.steps  # type: ignore[misc]
+            yield response, known.steps
         return
     ways: dict[str, Any] = {}
     if isinstance(forward, ForwardModel):

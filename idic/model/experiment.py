@@ -522,7 +522,7 @@ class Experiment:
         """
         if self.points is not None:
             depth = self.points.depth
-            return 0 if depth is None else round(depth.side * normal_sign(self.camera))  # type: ignore[arg-type]
+            return 0 if depth is None else round(depth.side * normal_sign(self.camera))
         cameras = [view for view in (self.camera, *(entry.camera for entry in self.cameras))
                    if isinstance(view, PlacedCamera)]
         if self.kind != "plane_stress" or self.thickness is None or not cameras:
@@ -536,7 +536,7 @@ class Experiment:
     @property
     def image_shape(self) -> tuple[int, int]:
         """(ny, nx) of the images, or of the grid of a measured field."""
-        return self.stack.shape if self.points is None else self.points.shape  # type: ignore[union-attr]
+        return self.stack.shape if self.points is None else self.points.shape
 
     @property
     def recorded(self) -> str:
@@ -550,7 +550,7 @@ class Experiment:
         """A frame to look at: its image, or of a measured field without images the points that it holds, bright on
         black  # (ny, nx)"""
         images = getattr(self.stack, "images", None)  # in which the motion was measured
-        values = np.asarray((images or self.stack).frame(frame))  # type: ignore[union-attr]
+        values = np.asarray((images or self.stack).frame(frame))
         if self.points is None or images is not None:
             return values
         measured_px = self.points.positions_px[np.isfinite(values).all(axis=1)]

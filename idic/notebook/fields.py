@@ -174,7 +174,7 @@ class FieldsOfRun:
 
     @cached_property
     def _residuals(self) -> Callable[[int], np.ndarray]:
-        return residuals_of(self.context, self._accepted)  # type: ignore[return-value]
+        return residuals_of(self.context, self._accepted)
 
     @property
     def simulated(self) -> np.ndarray:

@@ -19,7 +19,7 @@ def frame_numbers(labels: tuple[str, ...]) -> tuple[int, ...] | None:
     ``zoom-0050_1.tif, zoom-0053_1.tif`` -> 50, 53.
     """
     numbers = _Numbers(labels).of_frames
-    return None if numbers is None or None in numbers else numbers  # type: ignore[return-value]
+    return None if numbers is None or None in numbers else numbers
 
 
 def check_complete(labels: tuple[str, ...], *, file, key) -> None:
@@ -82,7 +82,7 @@ def frame_indices(frames: list[str | int], labels: tuple[str, ...], *, file, key
     in_names = [item for item in integers if numbers is not None and item in numbers]
     if integers and in_names and len(in_names) < len(integers):
         stray = next(item for item in integers if item not in in_names)
-        known_numbers = [number for number in numbers if number is not None]  # type: ignore[union-attr]
+        known_numbers = [number for number in numbers if number is not None]
         raise InputError("the frame numbers are ambiguous", file=file, key=key,
                          expected=f"numbers in the file names, {known_numbers[0]} … {known_numbers[-1]}",
                          found=f"{stray} is not among them, {in_names[0]} is",
@@ -96,7 +96,7 @@ def frame_indices(frames: list[str | int], labels: tuple[str, ...], *, file, key
                                  remedy="correct the name")
             indices.append(labels.index(item))
         elif in_names:
-            indices.append(numbers.index(item))  # type: ignore[union-attr]
+            indices.append(numbers.index(item))
             if indices[-1] != item:
                 note = f"{key}: numbers are read as those in the file names ({item} is {labels[indices[-1]]})"
         elif 0 <= item < len(labels):

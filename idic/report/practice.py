@@ -162,7 +162,7 @@ def _camera_floor(record: RunRecord) -> str | None:
         frames_text += f"; {furthest} has moved by {drift:.2g} px against the reference"
     if not camera["px"]:
         bound, field = camera["bound_px"], _is_field(record) and record.pixel_size_mm is not None
-        return (f"below {1e3 * bound * record.pixel_size_mm:.2g} µm{frames_text}" if field  # type: ignore[operator]
+        return (f"below {1e3 * bound * record.pixel_size_mm:.2g} µm{frames_text}" if field
                 else f"below {bound:.2g} px{frames_text}")
     return _length(camera["px"], record.pixel_size_mm, frames_text, _is_field(record))
 
@@ -170,7 +170,7 @@ def _camera_floor(record: RunRecord) -> str | None:
 def _wave(record: RunRecord, length_px: float) -> str:
     """A length in px, of points in mm."""
     in_mm = _is_field(record) and record.pixel_size_mm is not None
-    return f"{length_px * record.pixel_size_mm:.2g} mm" if in_mm else f"{length_px:.0f} px"  # type: ignore[operator]
+    return f"{length_px * record.pixel_size_mm:.2g} mm" if in_mm else f"{length_px:.0f} px"
 
 
 def _origin(source: str) -> str:

@@ -115,7 +115,7 @@ def plan_run(experiments: Folders, out: str | os.PathLike, overrides: Mapping[st
 
     joint = JointRun.planned(paths, out, dict(overrides))
     refuse_evidence(part.experiment for part in joint.parts.values())
-    return joint  # type: ignore[return-value]
+    return joint
 
 
 def _earlier_result(run: Run, console: Console, runner: TaskRunner) -> dict | None:

@@ -130,7 +130,7 @@ def reason_against_bricks(experiment: Experiment) -> str | None:
     if not can_be_thick(experiment):
         return None
     nodes = extruded(experiment.mesh, 0.5 * float(experiment.thickness)).n_nodes
-    limit = _max_bricks(build_forward(experiment).model)  # type: ignore[union-attr]
+    limit = _max_bricks(build_forward(experiment).model)
     return f"bricks behind this mesh would have {nodes} nodes, more than {limit}" if nodes > limit else None
 
 

@@ -79,7 +79,7 @@ def brick_mesh_error(point: ModelPoint) -> MotionError | None:
     finer = refined(experiment)
     bricks, finer_bricks = thick(experiment), thick(finer.experiment)
     forward = build_forward(bricks)
-    linear, n_nodes = is_linear(forward.model), finer_bricks.mesh.n_nodes  # type: ignore[union-attr]
+    linear, n_nodes = is_linear(forward.model), finer_bricks.mesh.n_nodes
     if n_nodes > (LIMITS.superposed if linear else LIMITS.solid_in_few_frames):
         elastic = None if linear or n_nodes > LIMITS.superposed else as_elastic(experiment)
         return None if elastic is None else _of_elastic_bricks(point, elastic)
@@ -105,7 +105,7 @@ def as_elastic(experiment: Experiment) -> Experiment | None:
         return None
     materials = tuple(replace(material, law="elastic", kinematics="small") for material in experiment.materials)
     elastic = replace(experiment, materials=materials)
-    return elastic if is_linear(build_forward(thick(elastic)).model) else None  # type: ignore[union-attr]
+    return elastic if is_linear(build_forward(thick(elastic)).model) else None
 
 
 def without_reactions(error: MotionError, experiment: Experiment) -> MotionError:

@@ -47,7 +47,7 @@ def thick(experiment: Experiment) -> Experiment:
 
     experiment : of which `can_be_thick` holds
     """
-    mesh = extruded(experiment.mesh, 0.5 * float(experiment.thickness))  # type: ignore[arg-type]
+    mesh = extruded(experiment.mesh, 0.5 * float(experiment.thickness))
     front, flat = in_front(experiment.mesh, mesh), [MIDDLE, *gripped_ends(experiment)]
     prescribed = (*(_moved_through(experiment, entry, mesh, front) for entry in experiment.prescribed),
                   *(Prescribed(name, "z", Constant(0.0)) for name in flat))

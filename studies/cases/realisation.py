@@ -72,14 +72,14 @@ def as_measured_fields(experiment: Experiment, half: int, step: int) -> Experime
     Subsets are 2 half + 1 px wide and `step` px apart. Their noise is estimated from the displacements.
     """
     stack, pm = experiment.stack, build_experiment_reference(experiment, experiment.camera).pixel_map
-    specimen = pm.to_image(np.ones(pm.n_pixels), 0.0) > 0.0  # type: ignore[union-attr]
+    specimen = pm.to_image(np.ones(pm.n_pixels), 0.0) > 0.0
     centres = subset_grid(specimen, half, step)
     frames = range(experiment.reference, experiment.n_frames)
     moved = np.zeros((experiment.n_frames, len(centres), 2))
     moved[frames.start:] = subset_displacements([stack.frame(k) for k in frames], centres,
-                                                half)  # type: ignore[union-attr]
+                                                half)
     size = experiment.camera.pixel_size
-    points = FieldPoints(centres.astype(float), stack.shape, size, 2.0 * half + 1.0)  # type: ignore[union-attr]
+    points = FieldPoints(centres.astype(float), stack.shape, size, 2.0 * half + 1.0)
     fields = ArrayStack((points.um_per_px * moved).astype(np.float32))
     estimate = field_noise(fields, points.positions_px / step, frames, experiment.reference)
     assert estimate is not None

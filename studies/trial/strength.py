@@ -123,7 +123,7 @@ class Bench:
         """
         context = self.residual.context
         sensor_gv, nodes, n = context.experiment.noise.std_gv, context.experiment.mesh.nodes, self.motion.mesh.n_nodes
-        pixel_map = context.reference.pixel_map  # type: ignore[attr-defined]
+        pixel_map = context.reference.pixel_map
         points, shapes = pixel_map.points(), pixel_map.shape_matrix()
         total, count = 0.0, 0
         pairs = zip(clean_images(scene, self.motion, self.paint), clean_images(self.plain, self.motion, self.paint),

@@ -31,9 +31,9 @@ class PointMap(PixelMap):
         Point of each row, and 0 (along the columns), 1 (along the rows) or 2 (along the normal).
     """
 
-    positions: np.ndarray = None  # type: ignore[assignment]
-    point: np.ndarray = None  # type: ignore[assignment]
-    component: np.ndarray = None  # type: ignore[assignment]
+    positions: np.ndarray = None
+    point: np.ndarray = None
+    component: np.ndarray = None
 
     def points(self) -> np.ndarray:
         """(column, row) of the points of the rows  # (n_pixels, 2)"""

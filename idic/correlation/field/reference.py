@@ -131,7 +131,7 @@ class FieldReference(NodalBasis):
 
     def measured(self, experiment: Experiment, frame: int) -> np.ndarray:
         """The measured displacement of every row with its weight, NaN where there is none  # (n_pixels,) µm"""
-        values = np.asarray(experiment.stack.frame(frame), dtype=float)  # type: ignore[union-attr]
+        values = np.asarray(experiment.stack.frame(frame), dtype=float)
         return self.row_weight * values[self.pixel_map.point, self.pixel_map.component]
 
     def compare(self, experiment: Experiment, frame: int, motion: np.ndarray) -> FieldEquations:
@@ -193,7 +193,7 @@ class FieldReference(NodalBasis):
         pm = self.pixel_map
         frame = np.full((len(pm.positions), self.n_components), np.nan, dtype=np.float32)
         frame[pm.point, pm.component] = r / self.row_weight
-        return frame, self  # type: ignore[return-value]
+        return frame, self
 
     def pattern_maps(self) -> Mapping[str, tuple[np.ndarray, ...]]:
         """The derivative by a motion along columns and rows  # (n_pixels,) each"""

@@ -67,7 +67,7 @@ def with_thickness(source: ExperimentSource, found: Identification, residual: Re
     error, there = settled
     if not asked and left.chi2 - fit(residual_evidence(there, light=False), grid).chi2 < least:
         return source, found
-    return knowing(source, there, error_beside(there, error.thickness, error.of_mesh))  # type: ignore[arg-type]
+    return knowing(source, there, error_beside(there, error.thickness, error.of_mesh))
 
 
 def with_bricks(found: Identification, residual: ResidualEvidence, grid: Grid,
@@ -94,7 +94,7 @@ def with_bricks(found: Identification, residual: ResidualEvidence, grid: Grid,
     if turned is None:
         return None
     error, there = turned
-    return error_beside(there, error.thickness, error.of_mesh), there  # type: ignore[arg-type]
+    return error_beside(there, error.thickness, error.of_mesh), there
 
 
 def are_shown(tried: tuple[Combination, ...], mismatch: float) -> bool:

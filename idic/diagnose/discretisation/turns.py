@@ -90,7 +90,7 @@ def turned(sheet: Sheet, here: Left, bricks: Bricks, step: np.ndarray) -> tuple[
         except NotConverged:
             continue
         known = here.found.experiment.motion_error
-        if there.left(known).gain < here.gain:  # type: ignore[arg-type]
+        if there.left(known).gain < here.gain:
             found = bricks_of(there.found.model_point, there.frames, bricks)
             if found is not None:
                 return there, found

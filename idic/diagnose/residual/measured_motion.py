@@ -108,7 +108,7 @@ def may_be_out_of_register(found: Identification) -> bool:
 
 def image_chi2(found: Identification) -> float:
     """Roughly chi² per pixel at the accepted point (`misfit` of the estimator): 0.8 to 1.2 for noise."""
-    return misfit(found.point, found.experiment.options.lowpass_px)  # type: ignore[arg-type]
+    return misfit(found.point, found.experiment.options.lowpass_px)
 
 
 def out_of_register(found: Identification, u_px: np.ndarray, unexplained: Collection[int] = ()) -> OutOfRegister | None:
@@ -120,7 +120,7 @@ def out_of_register(found: Identification, u_px: np.ndarray, unexplained: Collec
     experiment = found.experiment
     gaps = np.zeros(experiment.n_frames)
     nodes, camera = experiment.mesh.nodes, experiment.camera
-    for number, u in enumerate(found.stored()):  # type: ignore[misc]
+    for number, u in enumerate(found.stored()):
         frame = number + experiment.reference
         moved = camera.project(nodes + u) - camera.project(nodes)
         gap = ((u_px[frame] - moved) ** 2).sum(axis=1)

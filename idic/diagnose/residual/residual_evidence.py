@@ -187,7 +187,7 @@ class _CameraPasses:
         and their sum once for each; it is taken off every frame that is compared (`with_blur` of
         grey images).
         """
-        noise = blur_bias(self.context.experiment.noise, self.context.reference)  # type: ignore[arg-type]
+        noise = blur_bias(self.context.experiment.noise, self.context.reference)
         return noise * int((self.shared != 0.0).sum())
 
     @property

@@ -47,7 +47,7 @@ def _size(camera: CameraResidual) -> np.ndarray:
     """A of the reference image  # (2,) px²"""
     experiment, reference = camera.context.experiment, camera.context.reference
     frames = experiment.averaged or (experiment.reference,)
-    image = np.mean([np.asarray(experiment.stack.frame(k), dtype=float) for k in frames], axis=0)  # type: ignore
+    image = np.mean([np.asarray(experiment.stack.frame(k), dtype=float) for k in frames], axis=0)
     region = reference.pixel_map.to_image(np.ones(len(reference.f)), 0.0) > 0.0  # type: ignore[attr-defined]
     noise, found = experiment.noise.std_gv or 0.0, experiment.noise.correlated
     noise = noise if found is None else found.recorded_gv

@@ -44,10 +44,10 @@ def timed(experiment: Experiment, variant: Variant) -> TimedVariant | None:
     found = [_correction(experiment, name) for name in variant.new]
     if not found or not variant.exact or any(one is None for one in found):
         return None
-    number, first = found[0]  # type: ignore[misc]
+    number, first = found[0]
     entry = experiment.prescribed[number]
     pattern = (entry.nodes, entry.component, first.kind, first.towards)
-    courses = np.array([correction.course for _, correction in found]).T  # type: ignore[misc]
+    courses = np.array([correction.course for _, correction in found]).T
     names = variant.new if variant.free_course else (variant.label,)
     if not variant.free_course:
         (name,) = variant.new
@@ -55,7 +55,7 @@ def timed(experiment: Experiment, variant: Variant) -> TimedVariant | None:
     steady = replace(first, course=np.ones_like(first.course))
     kept = tuple(steady if one is first else one for one in corrections_of(entry.drive))
     prescribed = list(experiment.prescribed)
-    prescribed[number] = replace(entry, drive=replace(entry.drive, corrections=kept))  # type: ignore[type-var]
+    prescribed[number] = replace(entry, drive=replace(entry.drive, corrections=kept))
     return TimedVariant(variant, pattern, names, courses, replace(experiment, prescribed=tuple(prescribed)))
 
 
@@ -64,7 +64,7 @@ def _warmth(experiment: Experiment, variant: Variant) -> TimedVariant | None:
     if not variant.new or without_knot(variant.new[0]) != TEMPERATURE:
         return None
     free = next(entry for entry in experiment.temperatures if entry.hats is not None)
-    of_name = {knot_name(TEMPERATURE, frame): hat for frame, hat in zip(free.knots, free.hats, strict=True)}  # type: ignore
+    of_name = {knot_name(TEMPERATURE, frame): hat for frame, hat in zip(free.knots, free.hats, strict=True)}
     warm = np.ones((experiment.n_frames, experiment.mesh.n_nodes))
     warm[:experiment.reference + 1] = 0.0
     steady = tuple(replace(entry, drive=TemperatureField(warm), knots=(), hats=None) if entry is free else entry

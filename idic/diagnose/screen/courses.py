@@ -103,7 +103,7 @@ def courses_of(cause: str, experiment: Experiment, null: Experiment, names: Iter
         std = np.sum([stds[name] * np.abs(course) for name, course in own], axis=0)
         jumps = tuple((frame, values[name], stds[name]) for name, _ in own if (frame := jump_frame(name)) is not None)
         made.append(Course(cause, stem, _unit(experiment, own[0][0]), value, std, without_knot(own[0][0]) != own[0][0],
-                           jumps))  # type: ignore[arg-type]
+                           jumps))
     return made
 
 

@@ -194,7 +194,7 @@ def screen_candidates(evidence: Evidence, parameters: Columns, trials: Sequence[
     bounds = smallest_px, margin.px, min_channel
     ranked = [replace(_ranked(trials, scores, found[key], members, sizes_px, sizes_channel, room, bounds, columns.n,
                               by_mesh),
-                      material=key[1])  # type: ignore[index]
+                      material=key[1])
               for key, members in groups.items()]
     ranked = [admissible(replace(r, start=dict(zip(r.variant.new,
                                                    scores.together(joint[r.best - columns.n]).tolist(), strict=True))))

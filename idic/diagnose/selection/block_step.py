@@ -80,7 +80,7 @@ def block_judgement(name: str, before: Fit | None, after: Fit | None) -> BlockJu
     nan = float("nan")
     return BlockJudgement(name, before.excess if before else nan, after.excess if after else nan,
                           before.excess_std if before else nan,
-                          before.chi2 - after.chi2 if both else nan)  # type: ignore[union-attr]
+                          before.chi2 - after.chi2 if both else nan)
 
 
 def judged_by_step(before: ResidualEvidence, after: ResidualEvidence, grid: Grid) -> tuple[BlockJudgement, ...]:

@@ -185,4 +185,4 @@ class State:
     @property
     def power(self) -> float:
         """The same of the recording."""
-        return float(power(self.first.residual.evidence).sum())  # type: ignore[union-attr]
+        return float(power(self.first.residual.evidence).sum())

@@ -166,7 +166,7 @@ def _next(word: str, won: Sequence[Round], first: Screening, unloads: bool | Non
         return _more_sensitive(first) if is_insensitive(first) else (
             "lock parameters that are known from another test, and diagnose again")
     if won:
-        cause = won[0].winner.ranked.candidate  # type: ignore[union-attr]
+        cause = won[0].winner.ranked.candidate
         test = next((test for test in cause.separating_tests if not (unloads and test.startswith(UNLOADING))), None)
         return None if test is None else f"to confirm {cause.title}, {test}"
     return None

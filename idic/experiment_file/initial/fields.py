@@ -79,7 +79,7 @@ def fields_document(folder: Path, paths: Sequence[Path], files: Sequence[Path]) 
     loaded = _loading(strain, force, upright)
     parts = [_experiment(folder, _patterns(folder, paths), series, points, mesh, "px" if in_px else "mm"),
              *_log_lines(series, log, None if is_exported else separate_log[0].relative_to(folder).as_posix(), column),
-             "",  # type: ignore[index]
+             "",
              _camera(in_px, mesh is not None), _MATERIAL,
              _boundary(*ends, reason), _channel(column, ends[0], loaded),
              _open_edges(points, ends) if mesh is None else "", _TAIL]
@@ -283,7 +283,7 @@ def _loading(strain: np.ndarray, force: float, upright: bool) -> _Loading:
 def _force(log: Log | None) -> str | None:
     if log is None:
         return None
-    powers = parse_unit("N").powers  # type: ignore[union-attr]
+    powers = parse_unit("N").powers
     return next((name for name in log.names if (unit := parse_unit(log.unit(name) or "")) is not None
                  and unit.powers == powers), None)
 

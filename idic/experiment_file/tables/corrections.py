@@ -133,7 +133,7 @@ def _compliance(table: CorrectionTable, drive: Column | Constant, key: str, cont
 def _seating(table: CorrectionTable, drive: Column | Constant, key: str, context) -> np.ndarray:
     """Grips and couplings settle under the first load: all but a 1/e of the way at `seated_at`."""
     force = _logged(table, None, key, context)
-    settled = 1.0 - np.exp(-np.abs(force) / table.seated_at)  # type: ignore[operator]
+    settled = 1.0 - np.exp(-np.abs(force) / table.seated_at)
     return -end_sign(drive) * settled if isinstance(drive, Column) else settled
 
 

@@ -86,7 +86,7 @@ class Variation:
         """s from soft (-1) to stiff (1), its derivative by the cosine, phase, and way across and along the layers."""
         turn = np.radians(self.values["direction"])
         across, along = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-        ways = (points[:, :2] - self.middle[:2]) @ np.column_stack([across, along])  # type: ignore[index]
+        ways = (points[:, :2] - self.middle[:2]) @ np.column_stack([across, along])
         phase = 2.0 * np.pi * (ways[:, 0] - self.values["offset"]) / self.values["period"]
         s = np.tanh((np.cos(phase) - np.cos(np.pi * self.values["share"])) / LAYER_EDGE)
         return s, (1.0 - s**2) / LAYER_EDGE, phase, ways

@@ -146,7 +146,7 @@ class Elimination:
     def __init__(self, fronts: Sequence[Front], values: np.ndarray):
         self.fronts, self.values = fronts, values
         self.updates: dict[int, np.ndarray] = {}  # what a front leaves on its boundary
-        self.factors: list[FrontFactor] = [None] * len(fronts)  # type: ignore[list-item]
+        self.factors: list[FrontFactor] = [None] * len(fronts)
 
     def eliminate(self, k: int) -> bool:
         """Eliminate front `k`; False where it is singular."""

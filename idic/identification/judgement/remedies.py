@@ -66,7 +66,7 @@ def chi2_at(experiment: Experiment, camera: Camera, frames: Sequence[int],
     chi2, pixels = 0.0, 0
     for frame in frames:
         u = motion(frame)
-        fit = solve_brightness(reference.compare(experiment, frame, u))  # type: ignore[arg-type]
+        fit = solve_brightness(reference.compare(experiment, frame, u))
         found = reference.compare_pixels(experiment, frame, u, fit.coefficients)
         n = int(found.valid.sum())
         if n:

@@ -241,7 +241,7 @@ def with_comparison_judged(state: LoopState, experiment: Experiment, last: Stage
     moved = parameters.unpack(parameters.pack() + steps[0] - steps[1])
     change = {name: (moved[name].value if name in moved else value) - value for name, value in here.as_values().items()}
     one = IncrementChoice(None, ENOUGH, None, change)
-    largest = largest_change(one, state, experiment, last, accepted, image_noise, state.end.status)  # type: ignore
+    largest = largest_change(one, state, experiment, last, accepted, image_noise, state.end.status)
     many = n_intervals(experiment) >= MANY_INTERVALS
     trusted = MAX_HALF_RATE_SHARE if many else MAX_HALF_RATE_SHARE_OF_FEW
     if half_rate and largest > trusted * max_change(experiment, one):

@@ -101,7 +101,7 @@ def camera_floor(experiment: Experiment, reference: ReferenceImage, still: Still
     if not measured:
         return None
     nodes = np.all([np.isfinite(frame.u_px).all(axis=1) for _, frame in measured], axis=0)
-    nodes &= measured[0][1].factorisation.measured  # type: ignore[union-attr]
+    nodes &= measured[0][1].factorisation.measured
     leading = _leading(experiment, reference, smoother, still, motion, nodes)
     noise = _NodeNoise(reference, measured[0][1], experiment, nodes)
     floors = []
@@ -198,9 +198,9 @@ class _NodeNoise:
         dofs = (2 * sample[:, None] + [0, 1]).ravel()
         unit = np.zeros((2 * len(frame.u_px), len(dofs)))
         unit[dofs, np.arange(len(dofs))] = 1.0
-        x = frame.factorisation.lu.solve(unit)  # type: ignore[union-attr]
+        x = frame.factorisation.lu.solve(unit)
         gram = x.T @ (frame.hessian @ x)
-        self.sigma2 = experiment.noise.in_sums_gv**2 * gradient_share(reference)  # type: ignore[operator]
+        self.sigma2 = experiment.noise.in_sums_gv**2 * gradient_share(reference)
         self.kappa, self.n_images = frame.kappa, reference.n_images
         at = reference.pixel_map.nodes_px
         gains = np.diagonal(gram).reshape(-1, 2).mean(axis=1)

@@ -112,8 +112,8 @@ def surface_motion(experiment: Experiment, length_mm: float | None = None,
 
 def _eye(view: Experiment) -> _Eye:
     noise, reference = view.noise.in_sums_gv or DEFAULT_NOISE_GV, build_experiment_reference(view, view.camera)
-    variance = (1.0 + 1.0 / reference.n_images) * noise**2 * gradient_share(reference)  # type: ignore[arg-type]
-    return _Eye(view, view_of(view, view.camera), reference, 1.0 / variance)  # type: ignore[arg-type]
+    variance = (1.0 + 1.0 / reference.n_images) * noise**2 * gradient_share(reference)
+    return _Eye(view, view_of(view, view.camera), reference, 1.0 / variance)
 
 
 def _measure(eyes: Sequence[_Eye], frame: int, start: np.ndarray,

@@ -145,7 +145,7 @@ def column_factor(column: str, internal: str, unit: str | None = None, *, file=N
     unit_name = unit or unit_in_name(column)
     if unit_name is None and (ending := _ending(column)):
         candidates = [name for name, known_unit in _UNITS.items() if name.lower() == ending.lower()
-                      and known_unit.powers == parse_unit(internal).powers]  # type: ignore[union-attr]
+                      and known_unit.powers == parse_unit(internal).powers]
         likely = (candidates or [internal])[0]
         raise InputError(f'column "{column}" ends in a unit that idic does not know', file=file, key=key,
                          expected=f"one of {KNOWN}" if not candidates else " or ".join(candidates), found=ending,

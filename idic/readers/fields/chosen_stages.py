@@ -94,9 +94,9 @@ class _Shape:
         return cls(moved, mean_strain(points.positions, moved), entry.time_s)
 
     def far_from(self, earlier: _Shape, rule: StageRule, points: MeasuredPoints) -> bool:
-        if rule.time_s and self.time_s - earlier.time_s >= rule.time_s:  # type: ignore[operator]
+        if rule.time_s and self.time_s - earlier.time_s >= rule.time_s:
             return True
-        if rule.strain and np.linalg.norm(self.strain - earlier.strain) >= rule.strain:  # type: ignore[operator]
+        if rule.strain and np.linalg.norm(self.strain - earlier.strain) >= rule.strain:
             return True
         return bool(rule.change_um) and change_of_shape(points.positions,
                                                         self.moved - earlier.moved) * 1e3 >= rule.change_um

@@ -116,7 +116,7 @@ def find_columns(lines: Sequence[str], dialect_name: str | None = None) -> Colum
             columns = Columns(dialect, names, separator, number + 2, dialect.unit)
             needed = (*dialect.points[:2], *dialect.displacement[:2], *dialect.needs)
             if all(columns.place(name) is not None for name in needed):
-                unit = unit_of(names[columns.place(dialect.points[0])])  # type: ignore[index]
+                unit = unit_of(names[columns.place(dialect.points[0])])
                 return Columns(dialect, names, separator, number + 2, unit or dialect.unit)
     return None
 

@@ -81,14 +81,14 @@ def _content(path: Path) -> _Saved:
     unit = str(info.get("units") or "").strip().lower()
     factor, name = (float(scale[0]), "px" if unit in _PIXELS else unit) if len(scale) else (1.0, "px")
     if all(pair is not None for pair in formatted):
-        return _Saved(step, factor, name, formatted)  # type: ignore[arg-type]
+        return _Saved(step, factor, name, formatted)
     steps = np.size(info.get("imgcorr", 0))
     if str(info.get("type") or _REGULAR) != _REGULAR or steps > 1 or any(pair is None for pair in raw):
         raise InputError("displacements that are not against the reference image", file=path, key=KEY,
                          expected="formatted displacements",
                          found=f"{info.get('type')} analysis in {steps} steps, not formatted",
                          remedy="in Ncorr: Analysis > Format Displacements, then save again")
-    return _Saved(step, factor, name, [(factor * u, factor * v) for u, v in raw])  # type: ignore[misc]
+    return _Saved(step, factor, name, [(factor * u, factor * v) for u, v in raw])
 
 
 def _pair(image: dict[str, Any], kind: str) -> tuple[np.ndarray, np.ndarray] | None:

@@ -114,12 +114,12 @@ class FieldSeries:
         timed = [entry.time_s is not None for entry in self.entries]
         if any(timed):
             self._complete(timed, "time")
-            columns["time_s"] = "", [float(entry.time_s) for entry in self.entries]  # type: ignore[arg-type]
+            columns["time_s"] = "", [float(entry.time_s) for entry in self.entries]
         for name in names:
             readings = [{n: (value, unit) for n, value, unit in entry.analog}.get(name) for entry in self.entries]
             self._complete([value is not None for value in readings], name)
-            self._one_unit([value[1] for value in readings], name)  # type: ignore[index]
-            columns[name] = readings[0][1] or "", [value[0] for value in readings]  # type: ignore[index]
+            self._one_unit([value[1] for value in readings], name)
+            columns[name] = readings[0][1] or "", [value[0] for value in readings]
         if not columns:
             return None
         rows = tuple(tuple(repr(values[k]) for _, values in columns.values()) for k in range(len(self.entries)))

@@ -45,7 +45,7 @@ def _indistinguishable(won: Sequence[Round]) -> Iterator[dict[str, str]]:
 def _untestable(won: Sequence[Round]) -> Iterator[dict[str, str]]:
     """Rivals that this record cannot separate from a selected candidate."""
     for one in won:
-        selected = one.winner.ranked.candidate  # type: ignore[union-attr]
+        selected = one.winner.ranked.candidate
         for rival, why in one.screening.untestable:
             if rival.name in selected.rivals or selected.name in rival.rivals:
                 yield {"name": rival.name, "why": why}
@@ -65,12 +65,12 @@ def _near(won: Sequence[Round], diagnosis: Diagnosis) -> Iterator[dict[str, str]
         return
     for one in won:
         winner = one.winner
-        selected = winner.ranked.candidate  # type: ignore[union-attr]
+        selected = winner.ranked.candidate
         for rival in one.rivals:
             other = rival.ranked.candidate
             known = selected.rivals.get(other.name) or other.rivals.get(selected.name)
             share = (rival.achieved if rival.refitted.usable
-                     else rival.predicted) / winner.achieved  # type: ignore[union-attr]
+                     else rival.predicted) / winner.achieved
             if rival is winner or rival.name in one.equals or not share > (MIN_NEAR_SHARE if known
                                                                            else MIN_OTHER_SHARE):
                 continue
@@ -88,7 +88,7 @@ def larger_models(won: Sequence[Round], verdict: Verdict) -> Iterator[dict[str, 
     if not verdict.after.excess_z > MIN_EXCESS_Z:
         return
     for one in won:
-        winner = one.winner.ranked  # type: ignore[union-attr]
+        winner = one.winner.ranked
         refitted = {rival.ranked.key for rival in one.rivals}
         for ranked in one.screening.significant:
             is_larger = winner.candidate.name in ranked.candidate.limits and ranked.material == winner.material

@@ -280,7 +280,7 @@ def _field_warnings(experiment: Experiment, corners: list[np.ndarray], visible: 
                f"less "
                "noisy")
     counted = [k for k in range(experiment.n_frames) if k not in experiment.excluded]
-    check_stages(experiment.stack, counted)  # type: ignore[arg-type]
+    check_stages(experiment.stack, counted)
     for k in counted:
         part = float(np.isfinite(np.asarray(experiment.stack.frame(k))).all(axis=1).mean())
         if part < MIN_SEEN_PART:

@@ -127,7 +127,7 @@ def _before_and_after(record: RunRecord, stacks, norms: Sequence[Normalize], lab
 
 def _ratio_ticks(bar, norm: Normalize, height_inch: float) -> None:
     """Ticks at 1, at the ends, and at powers between them, as many as there is room for: 8, or 1/8."""
-    reach = float(norm.vmax)  # type: ignore[arg-type]
+    reach = float(norm.vmax)
     base = 2.0 if reach <= 20.0 else 10.0
     steps = base ** np.arange(1, int(np.log(reach) / np.log(base)) + 1)
     steps = steps[np.log(steps) < 0.7 * np.log(reach)]  # room for the label of the end

@@ -49,7 +49,7 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: i
     """
     source, found = open_source(run)
     accepted = found.state.accepted
-    floor = measured_floor(PointJob(str(run), accepted.number, accepted.values), runner)  # type: ignore[union-attr]
+    floor = measured_floor(PointJob(str(run), accepted.number, accepted.values), runner)
     far = on_measured_motion(source, found, runner, stage)
     source, found, register = far or (source, found, None)
     notes, as_found = Notes(), (source, found, None)

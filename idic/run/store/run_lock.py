@@ -17,11 +17,11 @@ from idic.errors import InputError
 try:
     import fcntl
 except ImportError:
-    fcntl = None  # type: ignore[assignment]
+    fcntl = None
 try:
     import msvcrt
 except ImportError:  # not on Windows; without either, the process number in the file decides
-    msvcrt = None  # type: ignore[assignment]
+    msvcrt = None
 
 LOCK_NAME = "run.lock"
 # On Windows no other process can read a locked byte: the lock is here, behind the process number of its holder

@@ -10,7 +10,7 @@ import psutil
 try:
     import resource
 except ImportError:  # Windows
-    resource = None  # type: ignore[assignment]
+    resource = None
 
 STATUS = Path("/proc/self/status")
 

@@ -25,7 +25,7 @@ from idic_studies.trial.scenes.specimens import bricks, partners_of
 try:
     import resource
 except ImportError:  # Windows: without a limit of processor time
-    resource = None  # type: ignore[assignment]
+    resource = None
 
 THICKNESS_DIVISOR = 100.0
 MAX_CPU_S = 600

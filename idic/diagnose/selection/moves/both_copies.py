@@ -74,19 +74,19 @@ def _judged_twice(rival: Rival, null: Refit, answer: Refit) -> Rival:
 def needs_both(state: State) -> bool:
     """Whether both copies judge the first cause."""
     return (is_under_way(state) and not state.setting.quick and not causes_of(state.rounds)
-            and bool(undecided(state.round.rivals)))  # type: ignore[union-attr]
+            and bool(undecided(state.round.rivals)))
 
 
 def on_both_copies(state: State) -> State:
     """The round with its rivals judged on both copies."""
     setting, model, entry = state.setting, state.model, state.round
-    rivals, crossed = judged_on_both(model.source, model.fit, entry.rivals, entry.screening,  # type: ignore[union-attr]
+    rivals, crossed = judged_on_both(model.source, model.fit, entry.rivals, entry.screening,
                                      setting.refits, setting.grid, setting.seed)
-    return judged(replace(state, round=replace(entry, rivals=rivals, crossed_judgement=crossed)))  # type: ignore
+    return judged(replace(state, round=replace(entry, rivals=rivals, crossed_judgement=crossed)))
 
 
 def _stage(state: State) -> str:
-    return f"{stages.BOTH_COPIES}: {', '.join(r.ranked.called for r in undecided(state.round.rivals))}"  # type: ignore
+    return f"{stages.BOTH_COPIES}: {', '.join(r.ranked.called for r in undecided(state.round.rivals))}"
 
 
 BOTH_COPIES = Move("both copies", "refits_s", applies=needs_both, edit=on_both_copies, stage=_stage)

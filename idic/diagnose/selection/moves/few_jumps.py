@@ -51,7 +51,7 @@ def may_jump(state: State) -> bool:
 
 def with_few_jumps(state: State) -> State | None:
     """The winner as a slip in a few jumps, whose frames the copy for choosing tells; None where it tells none."""
-    source, winner, variant = state.model.source, state.winner, state.winner.ranked.variant  # type: ignore[union-attr]
+    source, winner, variant = state.model.source, state.winner, state.winner.ranked.variant
     name, choice = without_knot(variant.new[0]), partial(thinned, sign=CHOICE, seed=state.setting.seed)
     model = state.model.fit
     null = identification_at(choice(source.load()), model.values, model.local, model.steps)
@@ -63,8 +63,8 @@ def with_few_jumps(state: State) -> State | None:
     edits = free_edits(source.document(), bare, variant, {"course": "jumps", "jump_frames": frames})
     if edits is None:
         return None
-    every = _jumping(winner, edits, [jump_name(name, frame) for frame in frames])  # type: ignore[arg-type]
-    _, columns = score_columns(null, residual, [(winner.ranked.candidate, every)],  # type: ignore[union-attr]
+    every = _jumping(winner, edits, [jump_name(name, frame) for frame in frames])
+    _, columns = score_columns(null, residual, [(winner.ranked.candidate, every)],
                                lambda changes: choice(source.load(changes)))
     scores = score(residual.evidence, null_model(residual.evidence, residual.null), columns)
     chosen = few_jumps(scores)
@@ -73,12 +73,12 @@ def with_few_jumps(state: State) -> State | None:
     sizes = dict(zip([every.new[k] for k in chosen], scores.together(chosen).tolist(), strict=True))
     edits = free_edits(source.document(), bare, variant, {"course": "jumps",
                                                           "jump_frames": [frames[k] for k in chosen]})
-    return refitted_as(state, replace(_jumping(winner, edits, list(sizes)), probe=sizes))  # type: ignore[arg-type]
+    return refitted_as(state, replace(_jumping(winner, edits, list(sizes)), probe=sizes))
 
 
 def explains_more(state: State, tried: State) -> bool:
     """Whether the jumps have more evidence than the former course."""
-    return tried.winner.evidence > state.winner.evidence  # type: ignore[union-attr]
+    return tried.winner.evidence > state.winner.evidence
 
 
 def few_jumps(scores: Scores) -> list[int]:
@@ -107,10 +107,10 @@ def few_jumps(scores: Scores) -> list[int]:
 def idle_jumps(state: State) -> list[str]:
     """Jumps of the last cause that stand below the root of `MIN_JUMP_CHI2` standard deviations from zero in the last
     fit; none where all do."""
-    fit, variant = state.model.fit, state.rounds[-1].winner.ranked.variant  # type: ignore[union-attr]
+    fit, variant = state.model.fit, state.rounds[-1].winner.ranked.variant
     jumps = [name for name in variant.new if jump_frame(name) is not None]
     idle = [name for name in jumps if fit.stds.get(name)
-            and (fit.values[name] / fit.stds[name]) ** 2 < MIN_JUMP_CHI2]  # type: ignore[operator]
+            and (fit.values[name] / fit.stds[name]) ** 2 < MIN_JUMP_CHI2]
     return idle if len(idle) < len(jumps) else []
 
 
@@ -118,17 +118,17 @@ def without_idle_jumps(state: State) -> State | None:
     """The last cause without its idle jumps; None where the fit fails."""
     entry, fit, idle = state.rounds[-1], state.model.fit, idle_jumps(state)
     winner = entry.winner
-    variant = winner.ranked.variant  # type: ignore[union-attr]
+    variant = winner.ranked.variant
     jumps = tuple(name for name in variant.new if name not in idle)
     label = _label(jumps)
     fewer = replace(variant, label=label, edits=_without_frames(variant.edits, {jump_frame(name) for name in idle}),
                     new=jumps, **{part: {name: value for name, value in getattr(variant, part).items() if name in jumps}
                                   for part in ("null", "probe")})
-    rival = replace(winner, ranked=replace(winner.ranked, variant=fewer, label=label),  # type: ignore
-                    refitted=replace(winner.refitted, label=label))  # type: ignore[union-attr]
-    source = entry.source.with_edits(edits_of(rival, entry.screening))  # type: ignore[union-attr]
+    rival = replace(winner, ranked=replace(winner.ranked, variant=fewer, label=label),
+                    refitted=replace(winner.refitted, label=label))
+    source = entry.source.with_edits(edits_of(rival, entry.screening))
     start = replace(fit, values={name: value for name, value in fit.values.items() if name not in idle})
-    (again,) = state.setting.refits([refit_of_one(source, winner.name, start, state.setting.grid,  # type: ignore
+    (again,) = state.setting.refits([refit_of_one(source, winner.name, start, state.setting.grid,
                                                   state.setting.seed)])
     rival = refitted_again(rival, replace(again, label=label)) if again.usable else None
     if rival is None:
@@ -140,7 +140,7 @@ def without_idle_jumps(state: State) -> State | None:
 def loses_nothing(state: State, tried: State) -> bool:
     """Whether the whole loses no more than what a jump must bring, for each that is gone."""
     jumps = len(idle_jumps(state))
-    loss = tried.model.fit.judgement.chi2 - state.model.fit.judgement.chi2  # type: ignore[union-attr]
+    loss = tried.model.fit.judgement.chi2 - state.model.fit.judgement.chi2
     return not loss > MIN_JUMP_CHI2 * jumps
 
 

@@ -32,8 +32,8 @@ def are_asked_for(state: State) -> bool:
     if state.joined is None:
         return False
     entry = state.rounds[-1]
-    winner = _fitted(entry, entry.winner).identification()  # type: ignore[arg-type]
-    return is_asked_for(winner, state.model.residual) or (  # type: ignore[arg-type]
+    winner = _fitted(entry, entry.winner).identification()
+    return is_asked_for(winner, state.model.residual) or (
         entry.plain is not None and _asks(entry, entry.plain))
 
 
@@ -41,10 +41,10 @@ def with_finite_strains(state: State) -> State | None:
     """The finite form of every law of small strains: its cause, the former course of that, and the rivals that cannot
     be told from it are fitted again; None where the cause finds no equilibrium or passes no more."""
     entry = state.rounds[-1]
-    materials = _fitted(entry, entry.winner).source.load().materials  # type: ignore[arg-type]
+    materials = _fitted(entry, entry.winner).source.load().materials
     models = [rival for rival in (entry.winner, entry.plain) if rival is not None]
     edits = {f"material.{material.element_set}.kinematics": "finite" for material in materials}
-    rounds = [replace(former, source=former.source.with_edits(edits)) for former in state.rounds]  # type: ignore
+    rounds = [replace(former, source=former.source.with_edits(edits)) for former in state.rounds]
     tried = [_again(state, rounds[-1], finite(rival, entry.screening)) for rival in models]
     if not tried[0].refitted.usable:
         return None
@@ -54,28 +54,28 @@ def with_finite_strains(state: State) -> State | None:
     chosen, equals = judge([best, *near.values()], entry.screening)
     if chosen is None:
         return None
-    near |= {entry.winner: best}  # type: ignore[dict-item]
+    near |= {entry.winner: best}
     plain = next((rival for rival in tried[1:] if chosen is tried[0] and rival.refitted.usable), None)
     counted = replace(rounds[-1], winner=chosen, equals=equals, plain=plain,
                       rivals=tuple(near.get(rival, rival) for rival in entry.rivals))
-    joined = replace(state.joined, is_finite=True)  # type: ignore[type-var]
+    joined = replace(state.joined, is_finite=True)
     return replace(state, rounds=(*rounds[:-1], counted), model=_fitted(counted, chosen), joined=joined)
 
 
 def explains_more(state: State, tried: State) -> bool:
     """Whether the model explains more of the copy for judging: finite strains bring no unknown."""
-    return tried.model.fit.judgement.chi2 < state.model.fit.judgement.chi2  # type: ignore[union-attr]
+    return tried.model.fit.judgement.chi2 < state.model.fit.judgement.chi2
 
 
 def _fitted(entry: Round, rival: Rival) -> FittedModel:
     """A rival of a round, after its refit."""
-    return FittedModel(entry.source.with_edits(edits_of(rival, entry.screening)), rival.refitted)  # type: ignore
+    return FittedModel(entry.source.with_edits(edits_of(rival, entry.screening)), rival.refitted)
 
 
 def _asks(entry: Round, rival: Rival) -> bool:
     """Whether the recording asks for finite strains beside a rival of a round."""
     model = _fitted(entry, rival).simulated()
-    return model is not None and is_asked_for(model.identification(), model.residual)  # type: ignore[arg-type]
+    return model is not None and is_asked_for(model.identification(), model.residual)
 
 
 def is_asked_for(found: Identification, residual: ResidualEvidence) -> bool:

@@ -52,7 +52,7 @@ def may_have_free_end(state: State) -> bool:
     """Whether a free end may explain more than what was selected; not in a quick diagnosis."""
     if state.setting.quick:
         return False
-    left = ExcessLeft(state.first.fit.judgement, state.model.fit.judgement,  # type: ignore[arg-type]
+    left = ExcessLeft(state.first.fit.judgement, state.model.fit.judgement,
                       state.power_of_copy, margin_px=state.setting.margin.px)
     return may_be_an_end(state.mismatch, state.rounds, left)
 
@@ -63,8 +63,8 @@ def with_free_end(state: State) -> State | None:
     motions = list(end_motions(first.source, first.situation()))
     ends = refitted_ends(state, [motion for motion in motions if not motion.free_course])
     best = max(ends, key=lambda end: end.evidence, default=None)
-    is_unsettled = model.fit is first.fit or leaves_something(model.fit.choice)  # type: ignore[arg-type]
-    if best is None or (is_unsettled and leaves_something(best.refitted.choice)):  # type: ignore[arg-type]
+    is_unsettled = model.fit is first.fit or leaves_something(model.fit.choice)
+    if best is None or (is_unsettled and leaves_something(best.refitted.choice)):
         ends += refitted_ends(state, [motion for motion in motions if motion.free_course
                                       and (best is None or motion.nodes == best.motion.nodes)])
         best = max(ends, key=lambda end: end.evidence, default=None)
@@ -78,9 +78,9 @@ def refitted_ends(state: State, motions: Sequence[EndMotion]) -> list[FreeEnd]:
                      (motion.edits,), (null.values,), null.local, setting.grid, np.inf, setting.seed)
             for number, motion in enumerate(motions)]
     names = tuple(cause.name for cause in selected_causes(state))
-    return [FreeEnd(fit, ExcessLeft(null.judgement, fit.judgement, state.power_of_copy,  # type: ignore[arg-type]
+    return [FreeEnd(fit, ExcessLeft(null.judgement, fit.judgement, state.power_of_copy,
                                     margin_px=setting.margin.px, camera_px=setting.margin.camera_px), motion,
-                    null.choice.chi2 - fit.choice.chi2, names)  # type: ignore[union-attr]
+                    null.choice.chi2 - fit.choice.chi2, names)
             for motion, fit in zip(motions, setting.refits(jobs) if jobs else [], strict=True)
             if fit.judgement is not None]
 
@@ -94,7 +94,7 @@ def is_the_last_word(state: State, tried: State) -> bool:
     """Whether the freed end describes the recording, and explains more than the selected causes."""
     moves_an_end = [cause.side for cause in selected_causes(state)] == ["boundary"]
     end = tried.end
-    return end.describes and explains_more(end, state.first.fit, state.model.fit, moves_an_end)  # type: ignore
+    return end.describes and explains_more(end, state.first.fit, state.model.fit, moves_an_end)
 
 
 def explains_more(end: FreeEnd, null: Refit, last: Refit, moves_an_end: bool = False) -> bool:
@@ -103,8 +103,8 @@ def explains_more(end: FreeEnd, null: Refit, last: Refit, moves_an_end: bool = F
     much as a further cause must."""
     if last is null:
         return True
-    achieved = null.choice.chi2 - last.choice.chi2  # type: ignore[union-attr]
-    heldout = null.judgement.chi2 - last.judgement.chi2  # type: ignore[union-attr]
+    achieved = null.choice.chi2 - last.choice.chi2
+    heldout = null.judgement.chi2 - last.judgement.chi2
     own = achieved + heldout - 2.0 * (len(last.stds) - len(null.stds))
     share = MIN_FURTHER_SHARE if moves_an_end else MIN_DROP_DIFFERENCE
     return end.evidence - own > COPIES * max(MIN_SEPARATION_CHI2, share * achieved)
@@ -142,9 +142,9 @@ def told(state: State, end: FreeEnd) -> State:
     """Side and rounds of a diagnosis whose last word is a free end: no cause is selected."""
     reason = (f"the free motion of {end.motion.nodes} describes {100.0 * end.share:.0f} % of the residual on held-out "
               "data, more than any cause of the library")
-    tests = replace(state.mismatch.nested_tests, side="boundary", reason=reason)  # type: ignore[union-attr]
+    tests = replace(state.mismatch.nested_tests, side="boundary", reason=reason)
     return replace(state, end=end, model=state.first,
-                   mismatch=replace(state.mismatch, side="boundary", nested_tests=tests),  # type: ignore[type-var]
+                   mismatch=replace(state.mismatch, side="boundary", nested_tests=tests),
                    rounds=(replace(state.rounds[0], winner=None, equals=(), passed_over=None),))
 
 

@@ -29,7 +29,7 @@ def judged_alone(one: Round, judged: Sequence[BlockJudgement], formal: bool = Fa
     """
     if not formal and holds(judged):
         return replace(one, blocks=tuple(judged))
-    if not formal and leaves_something(one.winner.refitted.judgement):  # type: ignore[union-attr, arg-type]
+    if not formal and leaves_something(one.winner.refitted.judgement):
         return replace(one, blocks=tuple(judged), awaits_others=True)
     return without_winner(one, judged)
 
@@ -44,8 +44,8 @@ def judged_together(state: State, judged: Sequence[BlockJudgement]) -> State:
         rounds = [replace(entry, blocks=tuple(judged)) if entry.awaits_others else entry for entry in state.rounds]
         return replace(state, rounds=tuple(rounds))
     doubted = state.doubted
-    return replace(state, rounds=(*doubted.rounds, without_winner(doubted.round, judged)),  # type: ignore[union-attr]
-                   model=doubted.model)  # type: ignore[union-attr]
+    return replace(state, rounds=(*doubted.rounds, without_winner(doubted.round, judged)),
+                   model=doubted.model)
 
 
 def without_winner(one: Round, judged: Sequence[BlockJudgement]) -> Round:
@@ -61,36 +61,36 @@ def on_blocks(state: State) -> State:
     cause and is none itself. Blocks measure motions and readings: of a cause that acts on grey values they say nothing.
     """
     setting, model, entry, winner = state.setting, state.model, state.round, state.winner
-    joined = model_of(entry).simulated()  # type: ignore[arg-type]
+    joined = model_of(entry).simulated()
     if joined is None:
-        return replace(state, round=replace(entry, winner=None, equals=(), passed_over=winner))  # type: ignore
+        return replace(state, round=replace(entry, winner=None, equals=(), passed_over=winner))
     residual = joined.residual
-    of_grey_values = winner.ranked.variant.pixels is not None  # type: ignore[union-attr]
-    judged = () if of_grey_values else judged_by_step(model.residual, residual, setting.grid)  # type: ignore[arg-type]
-    is_formal = bool(causes_of(state.rounds)) and holds_motion(residual.context.experiment) and any(  # type: ignore
-        excess.matters for excess in local_residual_tests(model.residual, residual, setting.grid,  # type: ignore
-                                                          winner.refitted.values, setting.margin))  # type: ignore
-    entry = judged_alone(entry, judged, is_formal)  # type: ignore[arg-type]
+    of_grey_values = winner.ranked.variant.pixels is not None
+    judged = () if of_grey_values else judged_by_step(model.residual, residual, setting.grid)
+    is_formal = bool(causes_of(state.rounds)) and holds_motion(residual.context.experiment) and any(
+        excess.matters for excess in local_residual_tests(model.residual, residual, setting.grid,
+                                                          winner.refitted.values, setting.margin))
+    entry = judged_alone(entry, judged, is_formal)
     if entry.winner is None:
         return replace(state, round=entry)
     doubted = state.doubted
     if doubted is None and entry.awaits_others:
-        doubted = Doubted(state.round, state.rounds, model)  # type: ignore[arg-type]
+        doubted = Doubted(state.round, state.rounds, model)
     return replace(state, round=entry, model=replace(model, residual=residual), doubted=doubted)
 
 
 def ended(state: State) -> State:
     """The round ends: its winner joins the model, or there is none."""
     entry = state.round
-    model = state.model if entry.winner is None else replace(  # type: ignore[union-attr]
-        model_of(entry), residual=state.model.residual)  # type: ignore[arg-type]
-    return replace(state, rounds=(*state.rounds, entry), round=None, told=None, model=model)  # type: ignore
+    model = state.model if entry.winner is None else replace(
+        model_of(entry), residual=state.model.residual)
+    return replace(state, rounds=(*state.rounds, entry), round=None, told=None, model=model)
 
 
 def confirmed_together(state: State) -> State:
     """All causes from the doubted one on, judged by blocks of the recording."""
-    return judged_together(state, judged_by_step(state.doubted.model.residual,  # type: ignore[union-attr, arg-type]
-                                                 state.model.residual, state.setting.grid))  # type: ignore[arg-type]
+    return judged_together(state, judged_by_step(state.doubted.model.residual,
+                                                 state.model.residual, state.setting.grid))
 
 
 ON_BLOCKS = Move("blocks of the recording", "blocks_s", applies=has_winner, edit=on_blocks,

@@ -54,13 +54,13 @@ def new_error(state: State) -> tuple[MotionError, ErrorWeight] | None:
     where it is the known one."""
     residual, known, identified = state.model.residual, state.model.error, state.model.identification()
     if known is None or known.thickness is None:
-        bricks = with_bricks(identified, residual, state.setting.grid, settled=False)  # type: ignore[arg-type]
+        bricks = with_bricks(identified, residual, state.setting.grid, settled=False)
         if bricks is not None:
-            return bricks[0], weighed(residual, bricks[0].less(known))  # type: ignore[arg-type]
+            return bricks[0], weighed(residual, bricks[0].less(known))
     error = known_error(identified, known)
     if error is None:
         return None
-    change = weighed(residual, error.less(known))  # type: ignore[arg-type]
+    change = weighed(residual, error.less(known))
     return (error, change) if change.matters else None
 
 

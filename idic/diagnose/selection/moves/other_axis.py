@@ -28,15 +28,15 @@ MIN_CHI2 = COPIES * MIN_SEPARATION_CHI2  # of the whole recording between two mo
 def fit_from_other_axes(state: State) -> Refit | None:
     """The best fit of the last model to the recording that begins at another axis; None without an axis or an
     answer."""
-    setting, source, final = state.setting, state.final.source, state.final.fit  # type: ignore[union-attr]
+    setting, source, final = state.setting, state.final.source, state.final.fit
     entry = next((one for one in state.rounds if one.winner is not None and _angle_of(one.winner.ranked.variant)), None)
     if entry is None or final.choice is None:
         return None
-    variant = entry.winner.ranked.variant  # type: ignore[union-attr]
+    variant = entry.winner.ranked.variant
     name = _angle_of(variant)
     scores = {trial.variant.label: (abs(entry.screening.scores.z[k]), trial.variant)
               for k, trial in enumerate(entry.screening.trials)
-              if trial.candidate.name == entry.winner.name and trial.variant.new == variant.new}  # type: ignore
+              if trial.candidate.name == entry.winner.name and trial.variant.new == variant.new}
     distant = [v for _, v in sorted(scores.values(), key=lambda score: -score[0])
                if _apart(v.probe[name], final.values[name]) > MIN_OTHER_DEG][:MAX_OTHER_AXES]
     if not distant:
@@ -50,12 +50,12 @@ def fit_from_other_axes(state: State) -> Refit | None:
 
 def is_better(other: Refit, final: Refit) -> bool:
     """Whether the recording prefers the other axis."""
-    return other.choice.chi2 < final.choice.chi2 - MIN_CHI2  # type: ignore[union-attr]
+    return other.choice.chi2 < final.choice.chi2 - MIN_CHI2
 
 
 def is_another_answer(other: Refit, final: Refit) -> bool:
     """Whether the recording does not tell the two, and a parameter differs by more than the error bars say."""
-    if not other.choice.chi2 < final.choice.chi2 + MIN_CHI2:  # type: ignore[union-attr]
+    if not other.choice.chi2 < final.choice.chi2 + MIN_CHI2:
         return False
     values = same_axes(other.values, final.values)
     known = {name: (std, other.stds[name]) for name, std in final.stds.items()

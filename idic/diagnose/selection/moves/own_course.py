@@ -37,39 +37,39 @@ def may_have_own_course(state: State) -> bool:
     if winner is None or winner.copies > 1 or winner.refitted.choice is None:
         return False
     return (leaves_something(winner.refitted.choice) and not winner.ranked.variant.free_course
-            and state.round.screening.free_course_of(winner.ranked.variant) is not None)  # type: ignore[union-attr]
+            and state.round.screening.free_course_of(winner.ranked.variant) is not None)
 
 
 def with_own_course(state: State) -> State | None:
     """The winner with a course that the data give; None where the refit fails."""
-    source, winner, screening = state.model.source, state.winner, state.round.screening  # type: ignore[union-attr]
-    variant = winner.ranked.variant  # type: ignore[union-attr]
+    source, winner, screening = state.model.source, state.winner, state.round.screening
+    variant = winner.ranked.variant
     free = screening.free_course_of(variant)
-    screened, freed = source.load(edits_of(winner, screening)), source.load(free.edits)  # type: ignore
+    screened, freed = source.load(edits_of(winner, screening)), source.load(free.edits)
     (name,) = variant.new
-    course, size, start = course_of(screened, name), winner.refitted.values[name], {}  # type: ignore[union-attr]
-    for knot in free.new:  # type: ignore[union-attr]
+    course, size, start = course_of(screened, name), winner.refitted.values[name], {}
+    for knot in free.new:
         hat = course_of(freed, knot)
         top = int(np.argmax(np.abs(hat)))
         start[knot] = size * float(course[top] / hat[top])
     label = f"{variant.label}, with an identified time course"
-    return refitted_as(state, replace(free, label=label, probe=start))  # type: ignore[type-var]
+    return refitted_as(state, replace(free, label=label, probe=start))
 
 
 def is_worth_its_knots(state: State, tried: State) -> bool:
     """Whether every further knot brings on the copy for judging what an unknown must."""
-    knots = len(tried.winner.ranked.variant.new) - 1  # type: ignore[union-attr]
-    return tried.winner.heldout - state.winner.heldout > MIN_HELDOUT_DROP + knots  # type: ignore[union-attr]
+    knots = len(tried.winner.ranked.variant.new) - 1
+    return tried.winner.heldout - state.winner.heldout > MIN_HELDOUT_DROP + knots
 
 
 def refitted_as(state: State, variant: Variant) -> State | None:
     """The round whose winner is another variant of its cause, which may give way to the former one in a revised set;
     None where its refit fails."""
-    rival = refit_as(state, variant, state.winner)  # type: ignore[arg-type]
+    rival = refit_as(state, variant, state.winner)
     if rival is None:
         return None
-    plain = state.round.plain or state.winner  # type: ignore[union-attr]
-    return with_winner(replace(state, round=replace(state.round, plain=plain)), rival)  # type: ignore[type-var]
+    plain = state.round.plain or state.winner
+    return with_winner(replace(state, round=replace(state.round, plain=plain)), rival)
 
 
 def refit_as(state: State, variant: Variant, rival: Rival) -> Rival | None:
@@ -82,8 +82,8 @@ def refit_as(state: State, variant: Variant, rival: Rival) -> Rival | None:
     if not answer.usable:
         return None
     return replace(rival, ranked=replace(rival.ranked, variant=variant, label=variant.label), refitted=answer,
-                   achieved=null.choice.chi2 - answer.choice.chi2,  # type: ignore[union-attr]
-                   heldout=null.judgement.chi2 - answer.judgement.chi2)  # type: ignore[union-attr]
+                   achieved=null.choice.chi2 - answer.choice.chi2,
+                   heldout=null.judgement.chi2 - answer.judgement.chi2)
 
 
 def has_own_course(rival: Rival) -> bool:
@@ -114,7 +114,7 @@ def _is_behind(rival: Rival, plain: Rival | None) -> bool:
 
 def imitated(state: State) -> State:
     """All rounds with the rivals that the free courses of their winners imitate."""
-    u = state.model.residual.u  # type: ignore[union-attr]
+    u = state.model.residual.u
     return replace(state, rounds=tuple(with_imitated(entry, u) for entry in state.rounds))
 
 

@@ -33,16 +33,16 @@ def may_have_own_scale(state: State) -> bool:
 def with_own_scale(state: State) -> State | None:
     """The winner with the scale that explains most on the copy for choosing; None where its own one does."""
     winner = state.winner
-    rescaled = winner.ranked.candidate.rescaled  # type: ignore[union-attr]
-    tried: dict[float, Rival] = {0.0: winner}  # type: ignore[dict-item]
+    rescaled = winner.ranked.candidate.rescaled
+    tried: dict[float, Rival] = {0.0: winner}
     while len(tried) <= MAX_REFITS:
         place = next_scale({x: _chi2(rival) for x, rival in tried.items()})
         if place is None:
             break
-        variant = rescaled(winner.ranked.variant, float(np.exp(place)))  # type: ignore[misc, union-attr]
+        variant = rescaled(winner.ranked.variant, float(np.exp(place)))
         nearest = tried[min(tried, key=lambda x: abs(x - place))]
         probe = {name: nearest.refitted.values[name] for name in variant.new}
-        rival = refit_as(state, replace(variant, probe=probe), winner)  # type: ignore[arg-type]
+        rival = refit_as(state, replace(variant, probe=probe), winner)
         if rival is None:
             break
         tried[place] = rival
@@ -52,7 +52,7 @@ def with_own_scale(state: State) -> State | None:
 
 def is_worth_its_scale(state: State, tried: State) -> bool:
     """Whether the scale brings on the copy for judging what an unknown must."""
-    return tried.winner.heldout - state.winner.heldout > MIN_HELDOUT_DROP + 1  # type: ignore[union-attr]
+    return tried.winner.heldout - state.winner.heldout > MIN_HELDOUT_DROP + 1
 
 
 def next_scale(left: dict[float, float]) -> float | None:
@@ -68,7 +68,7 @@ def next_scale(left: dict[float, float]) -> float | None:
 
 
 def _chi2(rival: Rival) -> float:
-    return rival.refitted.choice.chi2  # type: ignore[union-attr]
+    return rival.refitted.choice.chi2
 
 
 OWN_SCALE = Move("own scale", "refits_s", edit=with_own_scale, accept=is_worth_its_scale,

@@ -72,12 +72,12 @@ def earning_alone(state: State) -> State | None:
     """
     entry, null = state.round, state.model.fit.judgement
     first = causes_of(state.rounds)[0].null.judgement
-    earning = [rival for rival in entry.rivals if rival.passes  # type: ignore[union-attr]
-               and earns_its_place(rival, first, null, rival.refitted.judgement)]  # type: ignore[arg-type]
+    earning = [rival for rival in entry.rivals if rival.passes
+               and earns_its_place(rival, first, null, rival.refitted.judgement)]
     if state.winner in earning:
         return None
-    winner, equals = judge(earning, entry.screening)  # type: ignore[union-attr]
-    return replace(state, round=replace(entry, winner=winner, equals=equals, plain=None,  # type: ignore[type-var]
+    winner, equals = judge(earning, entry.screening)
+    return replace(state, round=replace(entry, winner=winner, equals=equals, plain=None,
                                         passed_over=state.winner))
 
 
@@ -93,8 +93,8 @@ def with_revised_rounds(state: State) -> State:
 
 def model_of(entry: Round) -> FittedModel:
     """The model that the winner of a round has joined."""
-    source = entry.source.with_edits(edits_of(entry.winner, entry.screening))  # type: ignore[union-attr, arg-type]
-    return FittedModel(source, entry.winner.refitted)  # type: ignore[union-attr]
+    source = entry.source.with_edits(edits_of(entry.winner, entry.screening))
+    return FittedModel(source, entry.winner.refitted)
 
 
 def revised(state: State) -> list[Round]:
@@ -110,7 +110,7 @@ def revised(state: State) -> list[Round]:
 
 def _better(state: State, rounds: list[Round]) -> list[Round] | None:
     """The first removal or exchange that is accepted, of all causes but the last, which has just earned its place."""
-    whole = rounds[-1].winner.refitted  # type: ignore[union-attr]
+    whole = rounds[-1].winner.refitted
     first = rounds[0].null.judgement
     whole_drop = first.chi2 - whole.judgement.chi2
     for number in range(len(rounds) - 1):
@@ -151,23 +151,23 @@ def exchangeable(one: Round) -> list[Rival]:
 
 
 def _judged(rounds: Sequence[Round]) -> Fit:
-    return rounds[-1].winner.refitted.judgement  # type: ignore[union-attr, return-value]
+    return rounds[-1].winner.refitted.judgement
 
 
 def _rebuilt(state: State, rounds: Sequence[Round], number: int, instead: Rival | None) -> list[Round] | None:
     """The rounds with another cause, or none, in one place; None where a refit fails or a later cause does not
     apply."""
     kept, entry = list(rounds[:number]), rounds[number]
-    model = FittedModel(entry.source, entry.null)  # type: ignore[arg-type]
-    values, names = rounds[-1].winner.refitted.values, ()  # type: ignore[union-attr]
+    model = FittedModel(entry.source, entry.null)
+    values, names = rounds[-1].winner.refitted.values, ()
     if instead is not None:
         kept.append(replace(entry, winner=instead, equals=(), crossed_judgement=None, plain=None))
         model, names = model_of(kept[-1]), instead.ranked.variant.new
     for later in rounds[number + 1:]:
         is_first = instead is None and model.fit is entry.null
         screening = entry.screening if is_first else state.setting.screen(
-            model, [later.winner.ranked.candidate])  # type: ignore[union-attr]
-        starts = _starts({**later.winner.refitted.values, **values}, names)  # type: ignore[union-attr]
+            model, [later.winner.ranked.candidate])
+        starts = _starts({**later.winner.refitted.values, **values}, names)
         rival = _added(state, model, later, screening, starts)
         if rival is None:
             return None
@@ -187,7 +187,7 @@ def _added(state: State, model: FittedModel, later: Round, screening: Screening,
     starts : values of parameters where the refit begins
     """
     setting, winner = state.setting, later.winner
-    ranked = next((r for r in screening.ranked if r.key == winner.ranked.key  # type: ignore[union-attr]
+    ranked = next((r for r in screening.ranked if r.key == winner.ranked.key
                    and np.isfinite(r.std)), None)
     if ranked is None:
         return None
@@ -195,8 +195,8 @@ def _added(state: State, model: FittedModel, later: Round, screening: Screening,
                                starts)
     if not rival.refitted.usable:
         return None
-    jumps = any(jump_frame(name) is not None for name in winner.ranked.variant.new)  # type: ignore[union-attr]
-    forms = [OWN_SCALE, *([OWN_COURSE] if has_own_course(winner) else []),  # type: ignore[arg-type]
+    jumps = any(jump_frame(name) is not None for name in winner.ranked.variant.new)
+    forms = [OWN_SCALE, *([OWN_COURSE] if has_own_course(winner) else []),
              *([FEW_JUMPS] if jumps else [])]
     entry = Round(screening, model.fit, (rival,), rival, source=model.source)
     setting = replace(setting, clock=Clock())  # the time is that of the revision
@@ -215,17 +215,17 @@ def _starts(values: Mapping[str, float], own: Sequence[str]) -> dict[str, float]
 def without_last_cause(state: State) -> State | None:
     """The model before the last cause fitted with the errors that have joined since; None where the fit fails."""
     setting, entry = state.setting, state.rounds[-1]
-    (fit,) = setting.refits([refit_of_one(entry.source, "null", entry.null, setting.grid,  # type: ignore[arg-type]
+    (fit,) = setting.refits([refit_of_one(entry.source, "null", entry.null, setting.grid,
                                           setting.seed)])
     return replace(state, rounds=state.rounds[:-1],
-                   model=FittedModel(entry.source, fit)) if fit.usable else None  # type: ignore[arg-type]
+                   model=FittedModel(entry.source, fit)) if fit.usable else None
 
 
 def earns_nothing(state: State, tried: State) -> bool:
     """Whether the last cause brings less, beside the errors that have joined since, than a further one must."""
     first = next(iter(causes_of(state.rounds)), state.rounds[0])
-    return not earns_its_place(state.rounds[-1].winner, first.null.judgement,  # type: ignore[arg-type]
-                               tried.model.fit.judgement, state.model.fit.judgement)  # type: ignore[arg-type]
+    return not earns_its_place(state.rounds[-1].winner, first.null.judgement,
+                               tried.model.fit.judgement, state.model.fit.judgement)
 
 
 FURTHER_CAUSE = Move("place of a further cause", "refits_s", edit=earning_alone,

@@ -54,21 +54,21 @@ class Foreseen:
 
 def has_near_rivals(state: State) -> bool:
     """Whether the model has changed beside a cause that had near rivals."""
-    return state.has_changed and bool(state.joined.near)  # type: ignore[union-attr]
+    return state.has_changed and bool(state.joined.near)
 
 
 def with_rivals_again(state: State) -> State | None:
     """The last cause and its nearest rivals, as they were before, compared in the present model; None where no rival
     has an answer there."""
     entry, fit = state.rounds[-1], state.model.fit
-    former = entry.winner.refitted  # type: ignore[union-attr]
-    winner = refitted_again(entry.winner, replace(fit, name=former.name, label=former.label))  # type: ignore[arg-type]
+    former = entry.winner.refitted
+    winner = refitted_again(entry.winner, replace(fit, name=former.name, label=former.label))
     if winner is None:
         return None
     models, again, is_any_behind, remaining = {}, [], False, chi2_of_following(state)
-    for rival in state.joined.near:  # type: ignore[union-attr]
-        formed = finite(rival, entry.screening) if state.joined.is_finite else rival  # type: ignore[union-attr]
-        model = FittedModel(entry.source.with_edits(edits_of(formed, entry.screening)), rival.refitted)  # type: ignore
+    for rival in state.joined.near:
+        formed = finite(rival, entry.screening) if state.joined.is_finite else rival
+        model = FittedModel(entry.source.with_edits(edits_of(formed, entry.screening)), rival.refitted)
         estimate = foreseen(state, model, formed)
         if estimate is not None and is_behind(estimate, rival, winner, remaining):
             is_any_behind = True
@@ -93,7 +93,7 @@ def with_rivals_again(state: State) -> State | None:
 def fitted_beside(state: State, model: FittedModel, estimate: Foreseen | None) -> FittedModel:
     """A rival fitted beside the errors that have joined, from where first order sees it."""
     source, moved = (model.source, None) if estimate is None else (estimate.source, estimate.moved)
-    is_near = estimate is not None and not state.joined.is_finite  # type: ignore[union-attr]
+    is_near = estimate is not None and not state.joined.is_finite
     (fit,) = state.setting.refits([refit_of_one(source, model.fit.name, model.fit, state.setting.grid,
                                                 state.setting.seed, moved,
                                                 estimator=model.fit.estimator if is_near else ORDINARY)])
@@ -103,7 +103,7 @@ def fitted_beside(state: State, model: FittedModel, estimate: Foreseen | None) -
 def chi2_of_following(state: State) -> float:
     """Chi-square of the recording beside the winner, after its parameters have followed."""
     residual = state.model.residual
-    return fit(residual, state.setting.grid).chi2 - following(residual)[1]  # type: ignore[arg-type]
+    return fit(residual, state.setting.grid).chi2 - following(residual)[1]
 
 
 def is_behind(known: Foreseen, rival: Rival, winner: Rival, left: float) -> bool:
@@ -120,23 +120,23 @@ def foreseen(state: State, model: FittedModel, rival: Rival) -> Foreseen | None:
 
     model : of the rival, with the error of the winner
     """
-    known, former = state.model.error, state.joined.error  # type: ignore[union-attr]
+    known, former = state.model.error, state.joined.error
     if known is not None:
         error = error_of_rival(model, known, former)
         model = replace(model, source=model.source.with_motion_error(error))
     there = model.simulated()
     if there is None:
         return None
-    moved, gain = following(there.residual)  # type: ignore[arg-type]
-    return Foreseen(there.source, moved, fit(there.residual, state.setting.grid).chi2 - gain, gain)  # type: ignore
+    moved, gain = following(there.residual)
+    return Foreseen(there.source, moved, fit(there.residual, state.setting.grid).chi2 - gain, gain)
 
 
 def near_rivals(one: Round) -> list[Rival]:
     """Rivals of a round whose evidence comes near that of its winner, the nearest first."""
     winner = one.winner
-    near = [r for r in one.rivals if r.ranked.key != winner.ranked.key and r.passes  # type: ignore[union-attr]
-            and r.copies == winner.copies == 1 and winner.name not in r.ranked.candidate.limits  # type: ignore[union-attr]
-            and winner.evidence - r.evidence < max(NEAR_SHARE * winner.evidence, NEAR_CHI2)]  # type: ignore[union-attr]
+    near = [r for r in one.rivals if r.ranked.key != winner.ranked.key and r.passes
+            and r.copies == winner.copies == 1 and winner.name not in r.ranked.candidate.limits
+            and winner.evidence - r.evidence < max(NEAR_SHARE * winner.evidence, NEAR_CHI2)]
     return sorted(near, key=lambda r: -r.evidence)[:MAX_RIVALS]
 
 
@@ -146,8 +146,8 @@ def refitted_again(rival: Rival, refitted: Refit) -> Rival | None:
     if None in (before.choice, before.judgement, refitted.choice, refitted.judgement):
         return None
     return replace(rival, refitted=refitted,
-                   heldout=rival.heldout + before.judgement.chi2 - refitted.judgement.chi2,  # type: ignore[union-attr]
-                   achieved=rival.achieved + before.choice.chi2 - refitted.choice.chi2)  # type: ignore[union-attr]
+                   heldout=rival.heldout + before.judgement.chi2 - refitted.judgement.chi2,
+                   achieved=rival.achieved + before.choice.chi2 - refitted.choice.chi2)
 
 
 def error_of_rival(model: FittedModel, known: MotionError, former: MotionError | None) -> MotionError:

@@ -31,7 +31,7 @@ CAMERA = "camera"  # the family that is left out where another system has measur
 def opened(state: State) -> State:
     """A round begins with the scores of the library against the present model."""
     setting, model = state.setting, state.model
-    responses = model.residual.responses if model.is_simulated_there else None  # type: ignore[union-attr]
+    responses = model.residual.responses if model.is_simulated_there else None
     is_further = bool(causes_of(state.rounds))
     screening = screened(model, setting.library, setting.watch, setting.margin, is_further, responses)
     if not screening.shortlist:
@@ -58,7 +58,7 @@ def screened(model: FittedModel, library: Sequence[Candidate], watch: Watch = un
     error = source.motion_error
     blurs = subpixel_columns(residual) if any(variant.pixels is not None for _, variant in trials) else None
     scored = screen_candidates(
-        residual.evidence, residual.null, labels, columns, room=null.choice.room,  # type: ignore[union-attr]
+        residual.evidence, residual.null, labels, columns, room=null.choice.room,
         mesh=None if error is None else error_column(residual, error.of_mesh),
         known=None if blurs is None else (blurs, RELATIVE_STD),
         materials=[material.element_set for material in found.experiment.materials], margin=margin, further=further,
@@ -81,7 +81,7 @@ def _trials(library: Sequence[Candidate], is_measured: bool, here: Situation, re
             continue
         reason = candidate.reason_against(here)
         variants = () if reason else candidate.variants(here)
-        if reason := reason or reason_to_wait(variants, residual, null.choice):  # type: ignore[arg-type]
+        if reason := reason or reason_to_wait(variants, residual, null.choice):
             untestable.append((candidate, reason))
         else:
             trials += [(candidate, variant) for variant in variants]

@@ -20,39 +20,39 @@ YIELD_STATES = ("plastic_strain",)
 
 def with_refits(state: State) -> State:
     """The round with its rivals refitted, and the winner among them."""
-    setting, model, screening = state.setting, state.model, state.round.screening  # type: ignore[union-attr]
+    setting, model, screening = state.setting, state.model, state.round.screening
     unit = state.power_of_copy if holds_motion(state.found.experiment) else np.inf
-    is_off = effect(model.fit.judgement, unit) > MAX_REGISTER_PX  # type: ignore[arg-type]
+    is_off = effect(model.fit.judgement, unit) > MAX_REGISTER_PX
     bends = not causes_of(state.rounds) and has_state(state.found, YIELD_STATES)
     rivals = refitted(model.source, model.fit, screening, state.refits, setting.grid, setting.seed, bends=bends,
                       alone=setting.quick, far=is_off)
-    return judged(replace(state, round=replace(state.round, rivals=rivals)))  # type: ignore[type-var]
+    return judged(replace(state, round=replace(state.round, rivals=rivals)))
 
 
 def judged(state: State) -> State:
     """The round with the winner of its rivals, and those that cannot be told from it."""
-    winner, equals = judge(state.round.rivals, state.round.screening)  # type: ignore[union-attr]
-    return replace(state, round=replace(state.round, winner=winner, equals=equals))  # type: ignore[type-var]
+    winner, equals = judge(state.round.rivals, state.round.screening)
+    return replace(state, round=replace(state.round, winner=winner, equals=equals))
 
 
 def from_other_starts(state: State) -> State | None:
     """The winner from its other starts: a stiffness that depends on direction has several minima over the angle of its
     axis, and one that ends with half of what its score promised may be the wrong one."""
-    rival = refitted_from_other_starts(state.model.source, state.model.fit, state.winner,  # type: ignore[arg-type]
-                                       state.round.screening, state.refits,  # type: ignore[union-attr]
+    rival = refitted_from_other_starts(state.model.source, state.model.fit, state.winner,
+                                       state.round.screening, state.refits,
                                        state.setting.grid, state.setting.seed)
     return None if rival is None else with_winner(state, rival)
 
 
 def ends_lower(state: State, tried: State) -> bool:
     """Whether the winner of the tried state explains more where it was fitted, by more than noise."""
-    return tried.winner.achieved > state.winner.achieved + MIN_HELDOUT_DROP  # type: ignore[union-attr]
+    return tried.winner.achieved > state.winner.achieved + MIN_HELDOUT_DROP
 
 
 def with_winner(state: State, rival: Rival) -> State:
     """A round whose winner has another form, not judged among its rivals yet."""
-    rivals = tuple(rival if entry is state.winner else entry for entry in state.round.rivals)  # type: ignore[union-attr]
-    return replace(state, round=replace(state.round, rivals=rivals, winner=rival))  # type: ignore[type-var]
+    rivals = tuple(rival if entry is state.winner else entry for entry in state.round.rivals)
+    return replace(state, round=replace(state.round, rivals=rivals, winner=rival))
 
 
 def has_winner(state: State) -> bool:
@@ -62,7 +62,7 @@ def has_winner(state: State) -> bool:
 
 def has_state(found: Identification, states: Collection[str]) -> bool:
     """Whether a law of the identified model has one of these states."""
-    laws = (section.law.spec for section in found.forward.model.sections)  # type: ignore[union-attr]
+    laws = (section.law.spec for section in found.forward.model.sections)
     return any(state in law.state_names for law in laws for state in states)
 
 

@@ -64,7 +64,7 @@ def _turned(state: State) -> State | None:
     identified = model.identification()
     start = sheet_and_bricks_at(identified)
     renewed = None if start is None else renewed_error(
-        identified, simulation.residual, setting.grid, start)  # type: ignore[arg-type]
+        identified, simulation.residual, setting.grid, start)
     if renewed is None:
         return None
     error, settled = renewed
@@ -90,17 +90,17 @@ def with_renewed_errors(state: State) -> State:
     """The fit repeated while the known error follows it, and with bricks where the recording asks for them now."""
     setting, final, settled = state.setting, state.final, state.settled
     for turn in range(MAX_RENEWALS):
-        if settled is not None and is_at(final.fit.values, settled, final.fit.stds):  # type: ignore[union-attr]
+        if settled is not None and is_at(final.fit.values, settled, final.fit.stds):
             break
-        identified = final.identification()  # type: ignore[union-attr]
-        residual = final.residual  # type: ignore[union-attr]
-        bricks = with_bricks(identified, residual, setting.grid) if turn == 0 else None  # type: ignore[arg-type]
-        renewed = bricks or renewed_error(identified, residual, setting.grid)  # type: ignore[arg-type]
+        identified = final.identification()
+        residual = final.residual
+        bricks = with_bricks(identified, residual, setting.grid) if turn == 0 else None
+        renewed = bricks or renewed_error(identified, residual, setting.grid)
         if renewed is None:
             break
-        source = final.source.with_motion_error(renewed[0])  # type: ignore[union-attr]
+        source = final.source.with_motion_error(renewed[0])
         settled = None if bricks else renewed[1]  # the error of the mesh is the old one
-        fit = whole_fit(setting, FittedModel(source, final.fit), renewed[1])  # type: ignore[union-attr]
+        fit = whole_fit(setting, FittedModel(source, final.fit), renewed[1])
         model = FittedModel(source, fit).simulated() if fit.usable else None
         if model is None:
             break
@@ -113,22 +113,22 @@ def with_other_axis(state: State) -> State | None:
     final, other = state.final, fit_from_other_axes(state)
     if other is None:
         return None
-    if is_better(other, final.fit):  # type: ignore[union-attr]
-        turned = FittedModel(final.source, other).simulated()  # type: ignore[union-attr]
-        final, other = (final, None) if turned is None else (turned, final.fit)  # type: ignore[union-attr]
+    if is_better(other, final.fit):
+        turned = FittedModel(final.source, other).simulated()
+        final, other = (final, None) if turned is None else (turned, final.fit)
     return replace(state, final=final, other_axis=other)
 
 
 def with_std_of_bricks(model: FittedModel) -> FittedModel:
     """A fit to the recording whose standard deviations know that the error of plane stress follows the law."""
-    factors = std_factors(model.identification(), model.residual)  # type: ignore[arg-type]
+    factors = std_factors(model.identification(), model.residual)
     stds = {name: None if std is None else std * factors.get(name, 1.0) for name, std in model.fit.stds.items()}
     return replace(model, fit=replace(model.fit, stds=stds))
 
 
 def with_stds(state: State) -> State:
     """The last fit with its standard deviations, and another axis only where it is another answer."""
-    final, other = with_std_of_bricks(state.final), state.other_axis  # type: ignore[arg-type]
+    final, other = with_std_of_bricks(state.final), state.other_axis
     is_other = other is not None and is_another_answer(other, final.fit)
     return replace(state, final=final, other_axis=other if is_other else None)
 
