@@ -46,17 +46,17 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
 def too_coarse(rounds: Sequence[Round]) -> list[str]:
     """A candidate that asks for a finer mesh and shows beside the selected ones, or before an imitation of it was
     selected: around a hole a plate that yields has a period, too, until plasticity is in the model."""
-    shown = {candidate.title: why for one in rounds for candidate, why in one.screening.untestable
-             if why.startswith(MESH_TOO_COARSE)
-             and (one is rounds[-1] or (one.winner and one.winner.ranked.candidate.name in candidate.rivals))}
-    return [f"{title.capitalize()}: {why}. Until then a gradient or an inclusion may stand for them."
-            for title, why in shown.items()]
+    reasons = {candidate.title: reason for entry in rounds for candidate, reason in entry.screening.untestable
+               if reason.startswith(MESH_TOO_COARSE)
+               and (entry is rounds[-1] or (entry.winner and entry.winner.ranked.candidate.name in candidate.rivals))}
+    return [f"{title.capitalize()}: {reason}. Until then a gradient or an inclusion may stand for them."
+            for title, reason in reasons.items()]
 
 
 def _convergence(diagnosis: Diagnosis) -> list[str]:
     """Where the identification had not converged, and where the enriched model explains motions worse."""
-    before, after = diagnosis.verdict.before, diagnosis.verdict.after
-    return search_cautions(diagnosis.found.state.status, before.excess, after.excess, before.excess_std)
+    base, enriched = diagnosis.verdict.before, diagnosis.verdict.after
+    return search_cautions(diagnosis.found.state.status, base.excess, enriched.excess, base.excess_std)
 
 
 def _margin(diagnosis: Diagnosis) -> list[str]:
@@ -100,18 +100,18 @@ def thickness_caution(diagnosis: Diagnosis) -> list[str]:
     shares = [f", {100.0 * np.abs(change).max() / channel.largest:.2g} % of {channel.column}"
               for channel, change in zip(experiment.channels, error.thickness.channels.T, strict=True)]
     identified, first = diagnosis.found.parameters, diagnosis.rounds[0]
-    known = None if first.source is None else first.source.motion_error
+    first_error = None if first.source is None else first.source.motion_error
     bricks = first.null if diagnosis.corrected is None else diagnosis.corrected.fit
     values = "; ".join(f"{name} {identified[name].shown:.4g}, about "
                        f"{bricks.values[name] / identified[name].factor:.4g} {_unit(identified[name])}with bricks"
                        for name in identified.free
                        if abs(bricks.values[name] - identified[name].value) > (bricks.stds.get(name) or 0.0))
-    is_first = known is not None and known.thickness is not None  # counted before any cause
-    told = f" ({values})" if is_first and values else ""
-    further = "" if diagnosis.state.final is None else ", nor does the enriched experiment"
+    is_first = first_error is not None and first_error.thickness is not None  # counted before any cause
+    value_text = f" ({values})" if is_first and values else ""
+    addition = "" if diagnosis.state.final is None else ", nor does the enriched experiment"
     return [f"The specimen is not in plane stress: the motion of bricks of its thickness ({experiment.thickness:.3g} "
             f"mm) differs from the model by up to {moved:.2g} px (rms of a frame){''.join(shares)}, and the recording "
-            f"shows it. The diagnosis counts the difference; the identified parameters do not{told}{further}. "
+            f"shows it. The diagnosis counts the difference; the identified parameters do not{value_text}{addition}. "
             "Identify again with a mesh of bricks (kind = \"solid\")."]
 
 
@@ -119,13 +119,14 @@ def _unit(parameter: Parameter) -> str:
     return f"{parameter.unit} " if parameter.unit not in ("", "-") else ""
 
 
-def untested_thickness(found: Identification) -> list[str]:
+def untested_thickness(identification: Identification) -> list[str]:
     """Where bricks of the specimen's thickness were not compared with plane stress."""
-    why = reason_against_bricks(found.experiment)
-    if why is None:
+    reason = reason_against_bricks(identification.experiment)
+    if reason is None:
         return []
-    return [f"Plane stress was not tested: {why}. Bricks of the specimen's thickness ({found.experiment.thickness:.3g} "
-            "mm) may move otherwise, most at grips, notches and in bending; no error bar counts it. Diagnose with "
+    return [f"Plane stress was not tested: {reason}. Bricks of the specimen's thickness "
+            f"({identification.experiment.thickness:.3g} mm) may move otherwise, most at grips, notches and in "
+            "bending; no error bar counts it. Diagnose with "
             "quadrilaterals or triangles of second order alone, and not too many, or identify with a mesh of bricks "
             "(kind = \"solid\")."]
 
@@ -136,9 +137,11 @@ def finite_caution(diagnosis: Diagnosis) -> list[str]:
     enriched = diagnosis.enriched
     if enriched is None or NO_CAUSE in diagnosis.verdict.selected:
         return []
-    small = {one.element_set for one in diagnosis.found.experiment.materials if one.kinematics == "small"}
-    if not any(one.element_set in small and one.kinematics == "finite"
-               and "small" in get_law(one.law).kinematics for one in enriched.residual.context.experiment.materials):
+    small = {material.element_set for material in diagnosis.found.experiment.materials
+             if material.kinematics == "small"}
+    if not any(material.element_set in small and material.kinematics == "finite"
+               and "small" in get_law(material.law).kinematics
+               for material in enriched.residual.context.experiment.materials):
         return []
     return ["The recording shows finite strains and rotations, which the identified model neglects. The diagnosis and "
             "the enriched experiment count them; the identified parameters do not. Identify again with finite strains "
@@ -151,40 +154,42 @@ def mesh_caution(diagnosis: Diagnosis) -> list[str]:
     error, better = diagnosis.source.motion_error, diagnosis.corrected
     if better is None or error is None or error.thickness is not None:
         return []
-    known = diagnosis.found.parameters
-    moves = {name: abs(better.fit.values[name] - known[name].value) for name in known.free}
+    parameters = diagnosis.found.parameters
+    moves = {name: abs(better.fit.values[name] - parameters[name].value) for name in parameters.free}
     if all(move <= MIN_MOVE_BY_MESH_STD * (better.fit.stds.get(name) or np.inf) for name, move in moves.items()):
         return []
-    values = "; ".join(f"{name} {known[name].shown:.5g}, about {better.fit.values[name] / known[name].factor:.5g} on a "
-                       f"finer mesh" for name in known.free)
+    values = "; ".join(f"{name} {parameters[name].shown:.5g}, about "
+                       f"{better.fit.values[name] / parameters[name].factor:.5g} on a finer mesh"
+                       for name in parameters.free)
     return [f"The mesh is coarse for the body ({values}). The diagnosis counts its error; the identified parameters do "
             "not. Identify again on a finer mesh."]
 
 
 def neglected_cautions(diagnosis: Diagnosis) -> list[str]:
     """Where the model neglects bricks of the thickness or finite strains, and the parameters depend on it."""
-    absent, experiment = diagnosis.neglected, diagnosis.found.experiment
-    if absent is None:
+    neglected, experiment = diagnosis.neglected, diagnosis.found.experiment
+    if neglected is None:
         return []
     parameters = diagnosis.last_parameters
     ends = " with ends that keep theirs" if gripped_ends(experiment) else ""
-    said = {BRICKS: (f"Plane stress is an assumption: bricks of the specimen's thickness ({experiment.thickness:.3g} "
-                     f"mm){ends}", 'a mesh of bricks (kind = "solid")'),
-            FINITE_STRAINS: ("Small strains are an assumption: the same law with finite strains and rotations",
-                             'finite strains (kinematics = "finite")')}
-    found = []
-    for effect, moves in absent.full.items():
+    assumptions = {
+        BRICKS: (f"Plane stress is an assumption: bricks of the specimen's thickness ({experiment.thickness:.3g} "
+                 f"mm){ends}", 'a mesh of bricks (kind = "solid")'),
+        FINITE_STRAINS: ("Small strains are an assumption: the same law with finite strains and rotations",
+                         'finite strains (kinematics = "finite")')}
+    texts = []
+    for effect, moves in neglected.full.items():
         values = {name: move for name, move in moves.items() if name in parameters}
-        told = [f"{name} by {move / parameters[name].factor:+.2g} {parameters[name].unit}".rstrip()
-                for name, move in values.items() if "[" not in name]  # no knots of a course
-        if len(told) < len(values):
-            told.append("the course of " + ", ".join(dict.fromkeys(name.split("[")[0].removesuffix("_knot")
-                                                                    for name in values if "[" in name)))
-        what, remedy = said[effect]
-        found.append(f"{what} would move {', '.join(told)}. By the recording it is so with a probability "
-                     f"{_probability(absent.probability[effect])}; no error bar counts it "
+        changes = [f"{name} by {move / parameters[name].factor:+.2g} {parameters[name].unit}".rstrip()
+                   for name, move in values.items() if "[" not in name]  # no knots of a course
+        if len(changes) < len(values):
+            changes.append("the course of " + ", ".join(dict.fromkeys(name.split("[")[0].removesuffix("_knot")
+                                                                      for name in values if "[" in name)))
+        assumption, remedy = assumptions[effect]
+        texts.append(f"{assumption} would move {', '.join(changes)}. By the recording it is so with a probability "
+                     f"{_probability(neglected.probability[effect])}; no error bar counts it "
                      f"(model.parameters_of_real_body does). Identify again with {remedy}.")
-    return found
+    return texts
 
 
 def _probability(p: float) -> str:
@@ -193,11 +198,11 @@ def _probability(p: float) -> str:
 
 def other_axis_caution(diagnosis: Diagnosis) -> list[str]:
     """Where the recording fits another axis as well, with other values."""
-    other, parameters = diagnosis.state.other_axis, diagnosis.last_parameters
-    if other is None or diagnosis.enriched is None:
+    fit, parameters = diagnosis.state.other_axis, diagnosis.last_parameters
+    if fit is None or diagnosis.enriched is None:
         return []
-    values = [f"{name} {other.values[name] / parameters[name].factor:.4g} {parameters[name].unit}".rstrip()
-              for name in other.stds]
+    values = [f"{name} {fit.values[name] / parameters[name].factor:.4g} {parameters[name].unit}".rstrip()
+              for name in fit.stds]
     return ["Another axis of the law explains the recording as well, with other values: " + ", ".join(values) + ". No "
             "error bar counts that. Turn a second specimen by 45 degrees, or lock what is known."]
 
@@ -205,9 +210,9 @@ def other_axis_caution(diagnosis: Diagnosis) -> list[str]:
 def channel_cautions(channels: Sequence[ChannelLeft], unexplained: Sequence[str] = ()) -> list[str]:
     """Channels of which too much is left for the verdict of one or several causes; unexplained : columns that the
     verdict names."""
-    return [f"{one.column} is not explained: {100.0 * one.reading_share:.2g} % of its largest reading is left "
-            f"({z_text(one.z)} standard deviations, {100.0 * min(one.share, 1.0):.0f} % of the excess before)."
-            for one in channels if one.matters or one.column in unexplained]
+    return [f"{channel.column} is not explained: {100.0 * channel.reading_share:.2g} % of its largest reading is left "
+            f"({z_text(channel.z)} standard deviations, {100.0 * min(channel.share, 1.0):.0f} % of the excess before)."
+            for channel in channels if channel.matters or channel.column in unexplained]
 
 
 def formal_fit(excesses: Sequence[ExcessLeft]) -> list[str]:
@@ -215,93 +220,95 @@ def formal_fit(excesses: Sequence[ExcessLeft]) -> list[str]:
 
     excesses : local residual tests and time-course test
     """
-    left = max((one for one in excesses if one.matters), key=lambda one: one.after.excess_z, default=None)
-    if left is None:
+    excess = max((entry for entry in excesses if entry.matters), key=lambda entry: entry.after.excess_z, default=None)
+    if excess is None:
         return []
-    if left.after.excess > left.before.excess > 0.0:
+    if excess.after.excess > excess.before.excess > 0.0:
         return ["The selected candidate does not fit: motion with its time course, or at its place, is explained worse "
-                f"with it than without it ({left.motion_px:.2g} px rms are left)."]
-    inclusion = left.max_share != MAX_EXCESS_LEFT
-    what = "It is no inclusion of another stiffness" if inclusion else "The selected candidate does not fit"
-    where = ("at the place of the fitted inclusion"
-             if left.max_share == MAX_LOCAL_EXCESS_LEFT else "with its time course")
+                f"with it than without it ({excess.motion_px:.2g} px rms are left)."]
+    inclusion = excess.max_share != MAX_EXCESS_LEFT
+    claim = "It is no inclusion of another stiffness" if inclusion else "The selected candidate does not fit"
+    place = ("at the place of the fitted inclusion"
+             if excess.max_share == MAX_LOCAL_EXCESS_LEFT else "with its time course")
     look = (" Look at the specimen there: a cut, a crack or a part of another shape moves like that."
             if inclusion else "")
-    before = left.before
-    part = (f", {100.0 * (left.after.excess / before.excess):.1f} % of the excess before"
-            if before.excess > before.excess_std else "")
-    return [f"{what}: {left.motion_px:.2g} px rms of motion {where} are left "
-            f"({z_text(left.after.excess_z)} standard deviations{part}).{look}"]
+    base = excess.before
+    part = (f", {100.0 * (excess.after.excess / base.excess):.1f} % of the excess before"
+            if base.excess > base.excess_std else "")
+    return [f"{claim}: {excess.motion_px:.2g} px rms of motion {place} are left "
+            f"({z_text(excess.after.excess_z)} standard deviations{part}).{look}"]
 
 
-def search_cautions(status: str, before: float, after: float, std: float) -> list[str]:
+def search_cautions(status: str, base_excess: float, enriched_excess: float, std: float) -> list[str]:
     """Where the identification had not converged, and where the enriched model explains motions worse.
 
-    status : of the identification; before, after : held-out excess of the motions; std : its standard deviation
+    status : of the identification; base_excess, enriched_excess : held-out excess of the motions; std : its standard
+    deviation
     """
-    found = []
+    texts = []
     if status != "converged":
-        found.append(f"The identification had not converged ({STATUS_WORDS.get(status, status)}). A part of its "
+        texts.append(f"The identification had not converged ({STATUS_WORDS.get(status, status)}). A part of its "
                      f"residual "
                      "may come from the search and not from physics; the selected candidate is then only the nearest "
                      "description of that part. Let the identification converge and diagnose again.")
-    if after - before > max(MAX_EXCESS_GROWTH * abs(before), MAX_EXCESS_GROWTH_STD * std):
-        found.append("The enriched model explains the motions worse than the identified one (held-out excess "
-                     f"{before:.3g} before, {after:.3g} after): the candidate has fitted grey values or readings.")
-    return found
+    if enriched_excess - base_excess > max(MAX_EXCESS_GROWTH * abs(base_excess), MAX_EXCESS_GROWTH_STD * std):
+        texts.append("The enriched model explains the motions worse than the identified one (held-out excess "
+                     f"{base_excess:.3g} before, {enriched_excess:.3g} after): the candidate has fitted grey values or "
+                     "readings.")
+    return texts
 
 
 def refits_given_up(rounds: Sequence[Round]) -> list[str]:
     """Rivals whose simulations found no equilibrium, and whose score promised to come near the selected candidate."""
-    return [f"{rival.ranked.called} was not compared with {one.winner.ranked.called}: its refit was given up, as "
+    return [f"{rival.ranked.called} was not compared with {entry.winner.ranked.called}: its refit was given up, as "
             f"{MAX_FAILED_SIMULATIONS} of its simulations found no equilibrium. By its score it explains "
-            f"{100.0 * min(rival.predicted / one.winner.achieved, 1.0):.0f} % of the same drop in chi-square. The "
+            f"{100.0 * min(rival.predicted / entry.winner.achieved, 1.0):.0f} % of the same drop in chi-square. The "
             "recording neither confirms nor excludes it."
-            for one in rounds if one.winner is not None for rival in one.rivals
-            if rival.refitted.given_up and rival.predicted > MIN_RIVAL_SHARE * one.winner.achieved]
+            for entry in rounds if entry.winner is not None for rival in entry.rivals
+            if rival.refitted.given_up and rival.predicted > MIN_RIVAL_SHARE * entry.winner.achieved]
 
 
 def refits_cut_short(rounds: Sequence[Round]) -> list[str]:
     """Where the order of a winner and its nearest rivals was decided before their refits had converged."""
-    found = []
-    for one in (r for r in rounds if r.winner is not None):
-        near = [rival for rival in one.rivals
-                if rival.refitted.usable and rival.achieved > MIN_RIVAL_SHARE * one.winner.achieved]
-        names = [rival.ranked.called for rival in near if rival.refitted.status == "max_iterations"]
-        if len(near) > 1 and names:
-            found.append(f"{one.winner.ranked.called} was selected after at most {MAX_EVALUATIONS} evaluations of "
+    texts = []
+    for entry in (r for r in rounds if r.winner is not None):
+        close_rivals = [rival for rival in entry.rivals
+                        if rival.refitted.usable and rival.achieved > MIN_RIVAL_SHARE * entry.winner.achieved]
+        names = [rival.ranked.called for rival in close_rivals if rival.refitted.status == "max_iterations"]
+        if len(close_rivals) > 1 and names:
+            texts.append(f"{entry.winner.ranked.called} was selected after at most {MAX_EVALUATIONS} evaluations of "
                          f"every refit. Not converged by then: {', '.join(names)}. Their order may change.")
-    return found
+    return texts
 
 
-def rivals_not_ruled_out(rounds: Sequence[Round], after: Fit) -> list[str]:
+def rivals_not_ruled_out(rounds: Sequence[Round], misfit: Fit) -> list[str]:
     """Known rivals of a selected candidate that come near it, where a significant excess is left in the end.
 
-    after : of the last model, held out
+    misfit : of the last model, held out
     """
-    if not after.excess_z > MIN_EXCESS_Z:
+    if not misfit.excess_z > MIN_EXCESS_Z:
         return []
-    left, found = float(after.gain.sum() - after.rank.sum()), []
-    for one in (r for r in rounds if r.winner is not None):
-        winner, selected = one.winner, one.winner.ranked
-        for rival in one.rivals:
-            other = rival.ranked
-            why = (selected.candidate.rivals.get(other.candidate.name)
-                   or other.candidate.rivals.get(selected.candidate.name))
-            near = rival.refitted.usable and rival.achieved > MIN_RIVAL_SHARE * winner.achieved
-            if (why and near and rival is not winner and rival.name not in one.equals
-                    and left > MIN_LEFT_OF_DIFFERENCE * (winner.achieved - rival.achieved)):
+    excess, texts = float(misfit.gain.sum() - misfit.rank.sum()), []
+    for entry in (r for r in rounds if r.winner is not None):
+        winner, selected = entry.winner, entry.winner.ranked
+        for rival in entry.rivals:
+            ranked = rival.ranked
+            reason = (selected.candidate.rivals.get(ranked.candidate.name)
+                      or ranked.candidate.rivals.get(selected.candidate.name))
+            is_close = rival.refitted.usable and rival.achieved > MIN_RIVAL_SHARE * winner.achieved
+            if (reason and is_close and rival is not winner and rival.name not in entry.equals
+                    and excess > MIN_LEFT_OF_DIFFERENCE * (winner.achieved - rival.achieved)):
                 share = rival.achieved / winner.achieved
-                found.append(f"{other.called} is not ruled out: its refit reaches {100.0 * share:.1f} % of the drop in "
-                             f"chi-square of "
+                texts.append(f"{ranked.called} is not ruled out: its refit reaches {100.0 * share:.1f} % of the drop "
+                             f"in chi-square of "
                              f"{selected.called}, and the excess left at the end is a good part of the difference "
-                             f"({why}).")
-    return found
+                             f"({reason}).")
+    return texts
 
 
 def softening_caution(rounds: Sequence[Round]) -> list[str]:
     """What a selected law of damage owes to the mesh."""
-    selected = [one.winner.ranked.candidate for one in rounds if one.winner is not None]
+    selected = [entry.winner.ranked.candidate for entry in rounds if entry.winner is not None]
     if all(candidate.family != "damage" for candidate in selected):
         return []
     return ["Damage localises in one row of elements: beyond the highest load force, motion and damage parameters "
@@ -326,12 +333,13 @@ def _few_elements(diagnosis: Diagnosis) -> list[str]:
     carrying = float(active.amount.sum() ** 2 / max((active.amount**2).sum(), 1e-300))
     if carrying > MIN_CARRYING_ELEMENTS:
         return []
-    new = [name for one in diagnosis.rounds if one.winner is not None and one.winner.ranked.candidate.side == "bulk"
-           for name in one.winner.refitted.stds if name not in one.null.stds]
-    if not new:
+    parameters = [name for entry in diagnosis.rounds if entry.winner is not None
+                  and entry.winner.ranked.candidate.side == "bulk"
+                  for name in entry.winner.refitted.stds if name not in entry.null.stds]
+    if not parameters:
         return []
-    one_set = len({name.partition(".")[0] for name in new}) == 1
-    names = ", ".join((name.partition(".")[2] if one_set else name).replace("_", " ") for name in new)
+    one_set = len({name.partition(".")[0] for name in parameters}) == 1
+    names = ", ".join((name.partition(".")[2] if one_set else name).replace("_", " ") for name in parameters)
     return [f"The selected law acts in {int((active.since >= 0).sum())} of {len(active.since)} elements and mostly in "
             f"about {max(carrying, 1.0):.0f} of them. The error bars of its parameters ({names}) count noise only, not "
             f"the "

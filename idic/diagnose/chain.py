@@ -52,7 +52,8 @@ DRAW_FIRST = ("draw the outline of the specimen (outline_mm in mesh) and diagnos
               "may explain the whole finding")
 
 
-def diagnose(source: ExperimentSource, found: Identification, refits: Refits, stage: Stage = silent, seed: int = SEED,
+def diagnose(source: ExperimentSource, identification: Identification, refits: Refits, stage: Stage = silent,
+             seed: int = SEED,
              library: Sequence[Candidate] | None = None, watch: Watch = unwatched,
              margin: Margin = ASSUMED, quick: bool = False) -> Diagnosis:
     """Locate the mismatch of an identification, select the missing physics, refit, and judge on held-out data.
@@ -74,37 +75,37 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
         If the identified model finds no equilibrium on a copy of the recording.
     """
     clock = Clock()
-    identified = as_identified(source, found, margin, quick, stage, clock)
-    setting = Setting(refits, partial(screened, margin=margin, further=True), identified.grid, seed,
+    identified = as_identified(source, identification, margin, quick, stage, clock)
+    setting = Setting(refits, partial(screened, margin=margin, is_further=True), identified.grid, seed,
                       candidate_library() if library is None else library, stage, clock, watch, margin, quick)
     state = fitted_to_recording(selected(compared_with(identified, setting)))
     active = _active(state)
     remainder = remainder_of(state, identified.misfit)
-    verdict = _verdict(found, state, remainder)
+    verdict = _verdict(identification, state, remainder)
     notes = setting.notes
     corrected = notes.attempt("the fit with the known error", _corrected, state)
-    absent = notes.attempt("what the model neglects", _neglected, identified, state, corrected)
-    advice = _separating_test(found, state, verdict)
-    curve = notes.attempt("a free law", _free_law, found, state, verdict)
+    neglect = notes.attempt("what the model neglects", _neglected, identified, state, corrected)
+    advice = _separating_test(identification, state, verdict)
+    curve = notes.attempt("a free law", _free_law, identification, state, verdict)
     verdict = _with_next_test(verdict, state, advice, curve)
     chance = probability(verdict, state.rounds, remainder.excesses[0], remainder.channels)
-    return Diagnosis(found, identified, state, remainder, verdict, chance, active, corrected, absent, curve,
+    return Diagnosis(identification, identified, state, remainder, verdict, chance, active, corrected, neglect, curve,
                      tuple(notes.told))
 
 
 def compared_with(identified: Identified, setting: Setting) -> State:
     """The state before the selection: the identified model fitted to the copy for choosing."""
     setting.stage(f"{NULL_FIT} to one of two copies of the recording")
-    source, found = identified.source, identified.found
+    source, identification = identified.source, identified.found
     with setting.clock.step("null_s"):
-        (null,) = setting.refits([RefitJob("null", source, ("null",), ({},), (found.parameters.as_values(),),
-                                           found.local, setting.grid, np.inf, setting.seed)])
+        (null,) = setting.refits([RefitJob("null", source, ("null",), ({},), (identification.parameters.as_values(),),
+                                           identification.local, setting.grid, np.inf, setting.seed)])
     if not null.usable:
         raise NotConverged("the identified model finds no equilibrium when it is fitted again to a copy of the "
                            "recording; no candidate can be compared with it. Identify with smaller increments, or from "
                            f"the values of result.json, and diagnose again ({null.problem})")
     first = FittedModel(source, null, identified.residual)
-    return State(setting, found, first, first, identified.mismatch)
+    return State(setting, identification, first, first, identified.mismatch)
 
 
 def _active(state: State) -> Activity | None:
@@ -118,7 +119,7 @@ def _active(state: State) -> Activity | None:
     return None
 
 
-def _verdict(found: Identification, state: State, remainder: Remainder) -> Verdict:
+def _verdict(identification: Identification, state: State, remainder: Remainder) -> Verdict:
     """By both copies of the recording where they judged the only cause, otherwise by the one without a part in the
     fits."""
     first, margin = state.rounds[0], state.setting.margin
@@ -131,7 +132,7 @@ def _verdict(found: Identification, state: State, remainder: Remainder) -> Verdi
     source = (state.final or state.model).source
     is_located = state.mismatch is not None and state.mismatch.is_significant
     return conclude(state.rounds, *heldout, is_located, remainder.excesses,
-                    unloads(found.experiment), copies * floor_px**2 * state.power_of_copy, remainder.channels,
+                    unloads(identification.experiment), copies * floor_px**2 * state.power_of_copy, remainder.channels,
                     lambda ranked: _freedom(source, ranked))
 
 
@@ -174,10 +175,10 @@ def _neglected(identified: Identified, state: State, corrected: FittedModel | No
         return neglected(identified.residual, neglected_errors(identified.found) if errors is None else errors)
 
 
-def _separating_test(found: Identification, state: State, verdict: Verdict) -> str | None:
+def _separating_test(identification: Identification, state: State, verdict: Verdict) -> str | None:
     """The outline where it is open; else the simulated test that separates the first indistinguishable group for which
     there is one."""
-    if open_share(found.experiment) is not None and verdict.word not in ("none", "blind"):
+    if open_share(identification.experiment) is not None and verdict.word not in ("none", "blind"):
         return DRAW_FIRST
     setting = state.setting
     for entry in state.rounds:
@@ -199,12 +200,12 @@ def _group(entry: Round) -> list[FittedModel]:
             for rival in entry.rivals if rival is entry.winner or rival.name in entry.equals]
 
 
-def _free_law(found: Identification, state: State, verdict: Verdict) -> FreeForm | None:
+def _free_law(identification: Identification, state: State, verdict: Verdict) -> FreeForm | None:
     """The free law that explains most in the place of a material's law, where no named cause fits: of the identified
     model, and of the last one where it holds causes that are not of the specimen."""
     setting, final = state.setting, state.final
     if setting.quick or state.end is not None or not is_offered(verdict, state.mismatch, state.rounds,
-                                                                found.experiment):
+                                                                identification.experiment):
         return None
     models = [state.first]
     if final is not None and final.residual is not None and has_other_sides(state.rounds):

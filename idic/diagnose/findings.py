@@ -55,19 +55,19 @@ def shown_by(diagnosis: Diagnosis) -> str | None:
 
     A pattern is one unknown or a few: it sees less than free motions need.
     """
-    won = [one.winner for one in diagnosis.rounds if one.winner is not None]
+    won = [entry.winner for entry in diagnosis.rounds if entry.winner is not None]
     if not won or diagnosis.mismatch is None or diagnosis.mismatch.is_significant:
         return None
-    weakest = max(one.ranked.p_familywise for one in won)
+    weakest = max(rival.ranked.p_familywise for rival in won)
     if weakest < MAX_FAMILYWISE_P:
         return f"{'its own pattern' if len(won) == 1 else 'their own patterns'} (family-wise p {p_text(weakest)})"
-    drop = sum(one.heldout for one in won)
+    drop = sum(rival.heldout for rival in won)
     return f"{'its refit' if len(won) == 1 else 'their refits'} (held-out drop of chi-square {drop:.3g})"
 
 
 def _titles(diagnosis: Diagnosis) -> str:
     """Selected candidates in standard words, with their verb: "grip slip shows"."""
-    titles = [one.winner.ranked.candidate.title for one in diagnosis.rounds if one.winner is not None]
+    titles = [entry.winner.ranked.candidate.title for entry in diagnosis.rounds if entry.winner is not None]
     return f"{' and '.join(titles)} {'shows' if len(titles) == 1 else 'show'}"
 
 
@@ -77,12 +77,12 @@ def unexplained(diagnosis: Diagnosis) -> tuple[str, ...]:
     Without a candidate, a mismatch on the side of the force is one of readings.
     """
     verdict, mismatch = diagnosis.verdict, diagnosis.mismatch
-    left = list(verdict.in_channels)
+    parts = list(verdict.in_channels)
     of_force = mismatch is not None and mismatch.side == "force" and not verdict.selected
-    if of_force and not left:
-        left = [one.column for one in diagnosis.remainder.channels if one.is_significant] or [
-            one.column for one in diagnosis.remainder.channels]
-    return (*([MOTION] if verdict.in_motions and not of_force else []), *left)
+    if of_force and not parts:
+        parts = [channel.column for channel in diagnosis.remainder.channels if channel.is_significant] or [
+            channel.column for channel in diagnosis.remainder.channels]
+    return (*([MOTION] if verdict.in_motions and not of_force else []), *parts)
 
 
 def _active(diagnosis: Diagnosis) -> dict | None:

@@ -104,12 +104,13 @@ def is_offered(verdict: Verdict, mismatch: Mismatch | None, rounds: Sequence[Rou
     if verdict.word != "outside_library" or mismatch is None or not any(
             material.law in classes for material in experiment.materials):
         return False
-    return BULK in (mismatch.side, *(one.winner.ranked.candidate.side for one in rounds if one.winner is not None))
+    return BULK in (mismatch.side,
+                    *(entry.winner.ranked.candidate.side for entry in rounds if entry.winner is not None))
 
 
 def has_other_sides(rounds: Sequence[Round]) -> bool:
     """Whether a selected cause is not of the specimen: a free law does not replace it."""
-    return any(one.winner is not None and one.winner.ranked.candidate.side != BULK for one in rounds)
+    return any(entry.winner is not None and entry.winner.ranked.candidate.side != BULK for entry in rounds)
 
 
 def free_form(state: State, bases: Sequence[FittedModel]) -> FreeForm | None:
@@ -127,11 +128,11 @@ def free_form(state: State, bases: Sequence[FittedModel]) -> FreeForm | None:
     jobs = [RefitJob(f"free_form_{k}", base.source, (law.title,), (law.edits,), (_without(base.fit.values, law),),
                      base.fit.local, setting.grid, np.inf, setting.seed, unlimited=True, whole_std=True)
             for k, (base, law) in enumerate(offered)]
-    found = [FreeForm(one, ExcessLeft(null.judgement, one.judgement,
-                                      state.power_of_copy, margin_px=setting.margin.px,
-                                      camera_px=setting.margin.camera_px), law)
-             for (_, law), one in zip(offered, setting.refits(jobs), strict=True) if one.judgement is not None]
-    return max(found, key=lambda one: one.heldout, default=None)
+    forms = [FreeForm(refit, ExcessLeft(null.judgement, refit.judgement,
+                                        state.power_of_copy, margin_px=setting.margin.px,
+                                        camera_px=setting.margin.camera_px), law)
+             for (_, law), refit in zip(offered, setting.refits(jobs), strict=True) if refit.judgement is not None]
+    return max(forms, key=lambda form: form.heldout, default=None)
 
 
 def _without(values: Mapping[str, float], law: FreeLaw) -> dict[str, float]:
@@ -154,11 +155,11 @@ def free_laws(situation: Situation) -> Iterator[FreeLaw]:
 def _hardening(situation: Situation, name: str) -> FreeLaw:
     values, E = situation.values, elastic_pair(situation, name)[0]
     start = values.get(f"{name}.yield_stress", next(iter(stress_levels(situation, name, (0,))), 1e-3 * E))
-    last = ROOM * plastic_strain(situation, name)
+    end_strain = ROOM * plastic_strain(situation, name)
     slope = max(values.get(f"{name}.hardening_modulus", 0.0), START_SLOPE_SHARE * E)
-    at = knots(last, N_KNOTS)
+    at = knots(end_strain, N_KNOTS)
     levels = {f"hardening_1_s{k + 1}": new(start + slope * p, "MPa") for k, p in enumerate(at) if k}
-    edits = enriched(situation, name, f"elastoplastic(free{N_KNOTS})", hardening_1_range=locked(last), **levels)
+    edits = enriched(situation, name, f"elastoplastic(free{N_KNOTS})", hardening_1_range=locked(end_strain), **levels)
     table = edits[f"material.{name}"]
     table["yield_stress"] = new(start, "MPa")  # free, also where the file locks it: the first value of the curve
     table["smoothness"] = {"hardening_1": {"strength": STRENGTH}}

@@ -44,32 +44,33 @@ class Identified:
         return self.mismatch is not None and self.mismatch.is_significant
 
 
-def as_identified(source: ExperimentSource, found: Identification, margin: Margin, quick: bool, stage: Stage,
+def as_identified(source: ExperimentSource, identification: Identification, margin: Margin, quick: bool, stage: Stage,
                   clock: Clock) -> Identified:
     """The identified model with the error of its mesh, and of plane stress where the recording shows it."""
     stage(EVIDENCE)
     with clock.step("gather_s"):
-        source, found, residual = with_error(source, found)
+        source, identification, residual = with_error(source, identification)
         grid = grid_of(residual)
         misfit = fit(residual, grid)
     stage(PLACE)
     with clock.step("locate_s"):
-        first = Identified(source, found, residual, grid, misfit, located(found, residual, margin), {})
+        first = Identified(source, identification, residual, grid, misfit, located(identification, residual, margin),
+                           {})
         if first.is_mismatched or not quick:
-            first = replace(first, neglected=neglected_errors(found))
-        source, bricks = with_thickness(source, found, residual, misfit, grid,
+            first = replace(first, neglected=neglected_errors(identification))
+        source, bricks = with_thickness(source, identification, residual, misfit, grid,
                                         first.neglected, first.is_mismatched)
-        if bricks is found:
+        if bricks is identification:
             return first
         residual = residual_evidence(bricks, light=False)
         return Identified(source, bricks, residual, grid, fit(residual, grid), located(bricks, residual, margin), None)
 
 
-def located(found: Identification, residual: ResidualEvidence, margin: Margin = ASSUMED) -> Mismatch | None:
+def located(identification: Identification, residual: ResidualEvidence, margin: Margin = ASSUMED) -> Mismatch | None:
     """Side, onset and place; None where a law finds no equilibrium along the path. Readings that differ by less than
     two meshes of one law do are no mismatch."""
     try:
-        mismatch = locate(found, residual, margin=margin)
+        mismatch = locate(identification, residual, margin=margin)
     except NotConverged:
         return None
     if mismatch.side != "force" or any(

@@ -49,13 +49,14 @@ class LawPair:
 
 def window_curves(diagnosis: Diagnosis) -> tuple[WindowCurve, ...]:
     """Free parameters of both models over growing windows of frames."""
-    before = _windows(diagnosis.identified.residual, diagnosis.found.parameters)
+    base_curves = _windows(diagnosis.identified.residual, diagnosis.found.parameters)
     enriched = diagnosis.enriched
-    after = {} if enriched is None else _windows(enriched.residual, _parameters(diagnosis))
+    enriched_curves = {} if enriched is None else _windows(enriched.residual, _parameters(diagnosis))
     final = diagnosis.found.parameters.as_values() | (
         {} if diagnosis.state.final is None else dict(diagnosis.state.final.fit.values))
-    return tuple(WindowCurve(name, *curve, *after.get(name, (None, None)), final[name])
-                 for name, curve in before.items() if (name in after or not after) and final[name])
+    return tuple(WindowCurve(name, *curve, *enriched_curves.get(name, (None, None)), final[name])
+                 for name, curve in base_curves.items() if (name in enriched_curves or not enriched_curves)
+                 and final[name])
 
 
 def _windows(residual: ResidualEvidence, parameters: ParameterSet) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -73,19 +74,21 @@ def law_pairs(diagnosis: Diagnosis) -> tuple[LawPair, ...]:
     """Stress-strain curves of every material whose law or parameters changed."""
     if diagnosis.enriched is None:
         return ()
-    before, after = diagnosis.found.experiment, diagnosis.enriched.residual.context.experiment
+    base, enriched = diagnosis.found.experiment, diagnosis.enriched.residual.context.experiment
     pairs = []
-    for old in before.materials:
-        new = after.material_of(old.element_set)
-        if EXTERNAL in (old.law, new.law):
+    for material in base.materials:
+        replacement = enriched.material_of(material.element_set)
+        if EXTERNAL in (material.law, replacement.law):
             continue
-        strain = _largest_strain(before, old.element_set, diagnosis.identified.residual.u[..., :before.n_dim])
-        one = _curve(before, old, diagnosis.found.parameters.as_values(), strain)
-        other = _curve(after, new, _parameters(diagnosis).as_values(), strain)
-        if one is None or other is None or np.abs(one - other).max() < MIN_STRESS_DIFFERENCE * np.abs(other).max():
+        strain = _largest_strain(base, material.element_set, diagnosis.identified.residual.u[..., :base.n_dim])
+        base_curve = _curve(base, material, diagnosis.found.parameters.as_values(), strain)
+        enriched_curve = _curve(enriched, replacement, _parameters(diagnosis).as_values(), strain)
+        if base_curve is None or enriched_curve is None:
             continue
-        pairs.append(LawPair(old.element_set, (_words(old.law), _words(new.law)),
-                             np.linspace(0.0, strain, CURVE_STEPS), one, other))
+        if np.abs(base_curve - enriched_curve).max() < MIN_STRESS_DIFFERENCE * np.abs(enriched_curve).max():
+            continue
+        pairs.append(LawPair(material.element_set, (_words(material.law), _words(replacement.law)),
+                             np.linspace(0.0, strain, CURVE_STEPS), base_curve, enriched_curve))
     return tuple(pairs)
 
 
@@ -106,12 +109,13 @@ def _words(law: str) -> str:
 def _curve(experiment: Experiment, material, values: Mapping[str, float], strain: float) -> np.ndarray | None:
     """Nominal stress (STEPS,) MPa; None where the point finds no equilibrium."""
     seconds = float(experiment.times[-1] - experiment.times[experiment.reference])
-    given = [values.get(f"{material.element_set}.{p.name}", p.null) for p in get_law(material.law).parameters]
-    if any(value is None for value in given):
+    constants = [values.get(f"{material.element_set}.{p.name}", p.null) for p in get_law(material.law).parameters]
+    if any(value is None for value in constants):
         return None
     try:
-        found = uniaxial(compile(material.law, material.kinematics), given, np.linspace(0.0, strain, CURVE_STEPS),
-                         times=np.linspace(0.0, seconds, CURVE_STEPS))
+        response = uniaxial(compile(material.law, material.kinematics), constants,
+                            np.linspace(0.0, strain, CURVE_STEPS),
+                            times=np.linspace(0.0, seconds, CURVE_STEPS))
     except NotConverged:
         return None
-    return found.P[:, 0, 0]
+    return response.P[:, 0, 0]

@@ -45,11 +45,11 @@ class Continuation:
     seconds: tuple[float, ...]
 
 
-def menu(last: float) -> tuple[Continuation, ...]:
-    """What may follow a test that ends at `last` (of its largest motion), by effort."""
-    down, up = (tuple(np.linspace(last, end, 5)[1:]) for end in (0.0, 1.3 * np.sign(last or 1.0)))
-    back = tuple(np.linspace(last, -np.sign(last or 1.0), 7)[1:])
-    return (Continuation("hold the last motion for as long as the test lasted", (last,) * 4, (0.25,) * 4),
+def menu(final_motion: float) -> tuple[Continuation, ...]:
+    """What may follow a test that ends at `final_motion` (of its largest motion), by effort."""
+    down, up = (tuple(np.linspace(final_motion, end, 5)[1:]) for end in (0.0, 1.3 * np.sign(final_motion or 1.0)))
+    back = tuple(np.linspace(final_motion, -np.sign(final_motion or 1.0), 7)[1:])
+    return (Continuation("hold the last motion for as long as the test lasted", (final_motion,) * 4, (0.25,) * 4),
             Continuation("unload to zero once", down, (0.05,) * 4),
             Continuation("unload to zero and wait there for as long as the test lasted", (*down, 0.0, 0.0),
                          (0.05,) * 4 + (0.5,) * 2),
@@ -84,7 +84,7 @@ def next_experiment(members: Sequence[FittedModel]) -> str | None:
     """
     try:
         models = [_simulated(member) for member in members[:MAX_SIMULATED_MODELS] if member.fit.usable]
-        pairs = [{t.words: t.D for t in separations(one, other)} for one, other in combinations(models, 2)]
+        pairs = [{t.words: t.D for t in separations(base, rival)} for base, rival in combinations(models, 2)]
     except (NotConverged, InputError):
         return None
     if not pairs:
@@ -106,24 +106,24 @@ def _simulated(member: FittedModel) -> Model:
     return Model(member.fit.name, identified, residual_evidence(identified))
 
 
-def separations(one: Model, other: Model) -> tuple[Separation, ...]:
+def separations(base: Model, rival: Model) -> tuple[Separation, ...]:
     """D of every continuation that both models get through, in the order of the menu.
 
     None where a motion is not a logged one (`reason_against_continuation`).
     """
-    experiment, tried = one.found.experiment, []
-    if any(reason_against_continuation(model.found.experiment) for model in (one, other)):
+    experiment, tried = base.found.experiment, []
+    if any(reason_against_continuation(model.found.experiment) for model in (base, rival)):
         return ()
     course = _programme(experiment)
     for continuation in menu(float(course[-1])):
         try:
-            tried.append(Separation(continuation.words, separation_chi2(one, other, continuation)))
+            tried.append(Separation(continuation.words, separation_chi2(base, rival, continuation)))
         except (NotConverged, InputError):
             continue
     return tuple(tried)
 
 
-def separation_chi2(one: Model, other: Model, continuation: Continuation) -> float:
+def separation_chi2(base: Model, rival: Model, continuation: Continuation) -> float:
     """D of one continuation, the smaller way round, at the nodes that both models see.
 
     A lens or a hole that differs takes pixels from some nodes and gives them to others.
@@ -133,10 +133,10 @@ def separation_chi2(one: Model, other: Model, continuation: Continuation) -> flo
     NotConverged, InputError
         If one of the models does not get through the continuation.
     """
-    seen = np.intersect1d(one.residual.evidence.seen, other.residual.evidence.seen)
-    first, second = (_shown(model, continuation, seen) for model in (one, other))
-    return min(_apart(one.residual.evidence.at(seen), first, second, continuation),
-               _apart(other.residual.evidence.at(seen), second, first, continuation))
+    dofs = np.intersect1d(base.residual.evidence.seen, rival.residual.evidence.seen)
+    first, second = (_shown(model, continuation, dofs) for model in (base, rival))
+    return min(_apart(base.residual.evidence.at(dofs), first, second, continuation),
+               _apart(rival.residual.evidence.at(dofs), second, first, continuation))
 
 
 def reason_against_continuation(experiment: Experiment) -> str | None:
@@ -144,10 +144,10 @@ def reason_against_continuation(experiment: Experiment) -> str | None:
 
     Images that were never taken say nothing of how a measured edge or a virtual boundary would move.
     """
-    found = sorted({f"{entry.nodes} along {entry.component}" for entry in experiment.prescribed
+    edges = sorted({f"{entry.nodes} along {entry.component}" for entry in experiment.prescribed
                     if isinstance(entry.drive, Measured | Parametrised)})
-    if found:
-        return f"the motion of {', '.join(found)} is known from images alone"
+    if edges:
+        return f"the motion of {', '.join(edges)} is known from images alone"
     return "no motion or load of the test is logged" if _programme(experiment) is None else None
 
 
@@ -241,26 +241,28 @@ class _Shown:
     channel_residual: np.ndarray
 
 
-def _shown(model: Model, continuation: Continuation, seen: np.ndarray) -> _Shown:
+def _shown(model: Model, continuation: Continuation, dofs: np.ndarray) -> _Shown:
     evidence, context = model.residual.evidence, model.residual.context
     experiment = continued(context.experiment, continuation)
     forward = build_forward(experiment)
     cameras = [_later(camera, experiment, len(continuation.motion)) for camera in model.residual.cameras]
     local = np.vstack([model.found.local, np.zeros((len(continuation.motion), model.found.local.shape[1]))])
-    old = {int(k) for k in evidence.frames}
+    recorded_frames = {int(k) for k in evidence.frames}
     fields, channels, motion, channel_residual = [], [], [], []
     for at in forward.march(context.parameters, context.moving, local, None, forward.drives.n_local > 0):
         frame = at.frame + experiment.reference
-        if frame in old or frame >= context.experiment.n_frames:  # of the recording: what follows is new
+        if frame in recorded_frames or frame >= context.experiment.n_frames:  # of the recording: what follows is new
             response = FrameResponse(frame, at.seen_u, at.channels, at.seen_du, at.dchannels, at.seen_local_du,
                                      at.local_dchannels)
             rows = channel_equations(cameras[0].context, response)
-            seen_by = [(one, turned_response(one.context.experiment, response)) for one in cameras]
-            fields.append(np.concatenate([global_columns(one.context, own) for one, own in seen_by])[seen])
+            seen_by = [(camera, turned_response(camera.context.experiment, response)) for camera in cameras]
+            fields.append(np.concatenate([global_columns(camera.context, camera_response)
+                                          for camera, camera_response in seen_by])[dofs])
             channels.append(rows.d_global)
             motion.append(np.concatenate([
-                one.view.at(frame).motion(one.context.experiment.mesh.nodes, own.u).ravel() for one, own in seen_by
-            ])[seen])
+                camera.view.at(frame).motion(camera.context.experiment.mesh.nodes, camera_response.u).ravel()
+                for camera, camera_response in seen_by
+            ])[dofs])
             channel_residual.append(rows.residual)
     return _Shown(Columns(context.names, np.array(fields), np.array(channels)), np.array(motion),
                   np.array(channel_residual))
@@ -268,20 +270,21 @@ def _shown(model: Model, continuation: Continuation, seen: np.ndarray) -> _Shown
 
 def _later(camera: CameraResidual, experiment: Experiment, n: int) -> CameraResidual:
     """A camera before `n` further frames; experiment : the continued one."""
-    held = _held(camera.context.camera, n)
-    own = next(view for view in experiment.views if view.camera_name == camera.context.experiment.camera_name)
-    return replace(camera, context=replace(camera.context, experiment=own, camera=held),
-                   view=replace(camera.view, camera=held))
+    held_camera = _held(camera.context.camera, n)
+    camera_experiment = next(view for view in experiment.views
+                             if view.camera_name == camera.context.experiment.camera_name)
+    return replace(camera, context=replace(camera.context, experiment=camera_experiment, camera=held_camera),
+                   view=replace(camera.view, camera=held_camera))
 
 
-def _apart(evidence: Evidence, one: _Shown, other: _Shown, continuation: Continuation) -> float:
-    """What the parameters of `one` leave of the difference, in chi-square."""
+def _apart(evidence: Evidence, base: _Shown, rival: _Shown, continuation: Continuation) -> float:
+    """What the parameters of `base` leave of the difference, in chi-square."""
     n = len(continuation.motion)
     parts = evidence.parts
     longer = replace(evidence, frames=np.arange(len(parts) + n), kappa=np.concatenate(
         [evidence.kappa, np.full(n, evidence.kappa[-1])]), back=np.concatenate([evidence.back, np.repeat(
             evidence.back[-1:], n, axis=0)]), parts=parts + (parts[-1],) * n)
-    difference = Columns(("difference",), (other.fields - one.fields)[..., None],
-                         (one.channel_residual - other.channel_residual)[..., None])
-    found = score(longer, null_model(longer, one.columns), difference)
-    return float(found.own[0])
+    difference = Columns(("difference",), (rival.fields - base.fields)[..., None],
+                         (base.channel_residual - rival.channel_residual)[..., None])
+    scores = score(longer, null_model(longer, base.columns), difference)
+    return float(scores.own[0])

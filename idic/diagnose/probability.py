@@ -35,20 +35,20 @@ P_NONE = 0.95
 P_NONE_BESIDE_A_SCORE = 0.3  # a score is significant, which the refit does not confirm or the practical margin covers
 
 
-def probability(verdict: Verdict, rounds: Sequence[Round], left: ExcessLeft,
+def probability(verdict: Verdict, rounds: Sequence[Round], remainder: ExcessLeft,
                 channels: Sequence[ChannelLeft]) -> float | None:
     """Of the selected set, or of the absence of a visible effect (`none`); None where the test says nothing.
 
-    left, channels : what the last model leaves on the whole recording
+    remainder, channels : what the last model leaves on the whole recording
     """
     if verdict.word == "blind":
         return None
     if verdict.word == "none":
-        seen = any(one.standing in ("significant", "small") for one in rounds[0].screening.ranked)
-        return P_NONE_BESIDE_A_SCORE if seen else P_NONE
+        has_score = any(ranked.standing in ("significant", "small") for ranked in rounds[0].screening.ranked)
+        return P_NONE_BESIDE_A_SCORE if has_score else P_NONE
     if verdict.word == "outside_library":
         return P_UNEXPLAINED if verdict.selected else None
-    weakest = min(one.winner.evidence for one in rounds if one.winner is not None)
+    weakest = min(entry.winner.evidence for entry in rounds if entry.winner is not None)
     strength = float(np.interp(np.sqrt(max(weakest, 0.0)), STRENGTHS_Z, P_OF_STRENGTH))
-    leaves = left.after.excess_z > MIN_EXCESS_Z or any(one.is_significant for one in channels)
+    leaves = remainder.after.excess_z > MIN_EXCESS_Z or any(channel.is_significant for channel in channels)
     return min(strength, P_WITH_LEFTOVER) if leaves else strength

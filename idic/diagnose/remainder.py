@@ -44,23 +44,23 @@ def remainder_of(state: State, misfit: Fit) -> Remainder:
 
     misfit : of the identified model on the recording
     """
-    setting, before = state.setting, state.first.residual
-    after = None if state.final is None else state.final.residual
+    setting, base = state.setting, state.first.residual
+    enriched = None if state.final is None else state.final.residual
     bounds = {"margin_px": setting.margin.px, "camera_px": setting.margin.camera_px}
     of_copy = ExcessLeft(state.first.fit.judgement, state.model.fit.judgement,
                          state.power_of_copy, **bounds)
-    channels = channels_left(before, after)
-    if after is None:
+    channels = channels_left(base, enriched)
+    if enriched is None:
         return Remainder(channels, None, (), of_copy, ())
-    local = (*local_residual_tests(before, after, setting.grid, state.final.fit.values, setting.margin),
-             time_course_test(before, after, setting.grid, setting.margin))
-    of_recording = ExcessLeft(misfit, fit(after, setting.grid), state.power, **bounds)
+    local = (*local_residual_tests(base, enriched, setting.grid, state.final.fit.values, setting.margin),
+             time_course_test(base, enriched, setting.grid, setting.margin))
+    of_recording = ExcessLeft(misfit, fit(enriched, setting.grid), state.power, **bounds)
     was_cut = not setting.quick and state.model.fit.status == "max_iterations"
     if of_copy.matters and was_cut and not any(excess.matters for excess in (of_recording, *local)):
         setting.stage("fit of the enriched model to one copy, without a limit of evaluations")
         with setting.clock.step("final_s"):
             of_copy = unlimited_excess(of_copy, replace(state.final, fit=state.model.fit), setting)
-    blocks = judged_by_step(before, after, setting.grid)
+    blocks = judged_by_step(base, enriched, setting.grid)
     return Remainder(channels, of_recording, local, of_copy, blocks)
 
 

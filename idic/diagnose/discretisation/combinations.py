@@ -52,32 +52,33 @@ def combinations(residual: ResidualEvidence, null: NullModel,
     residual, null : of the model without them; errors : by effect
     """
     names = tuple(errors)
-    seen = score(residual.evidence, null, joined(*(error_column(residual, error) for error in errors.values())))
-    found = []
+    scores = score(residual.evidence, null, joined(*(error_column(residual, error) for error in errors.values())))
+    entries = []
     for number in range(len(names) + 1):
         for chosen in choices(range(len(names)), number):
-            some = list(chosen)
-            information = float(seen.information[np.ix_(some, some)].sum())
-            found.append(Combination(tuple(names[k] for k in some), information - 2.0 * float(seen.U[some].sum()),
-                                     seen.moves[:, some].sum(axis=1), information))
-    return tuple(found)
+            indices = list(chosen)
+            information = float(scores.information[np.ix_(indices, indices)].sum())
+            entries.append(Combination(tuple(names[k] for k in indices),
+                                       information - 2.0 * float(scores.U[indices].sum()),
+                                       scores.moves[:, indices].sum(axis=1), information))
+    return tuple(entries)
 
 
-def probabilities(found: tuple[Combination, ...]) -> np.ndarray:
+def probabilities(entries: tuple[Combination, ...]) -> np.ndarray:
     """Of the combinations, by the recording  # (n,)"""
-    names = {effect for one in found for effect in one.effects}
-    prior = np.array([np.prod([PRIOR[name] if name in one.effects else 1.0 - PRIOR[name] for name in names])
-                      for one in found])
-    rises = np.array([one.rise for one in found])
+    names = {effect for entry in entries for effect in entry.effects}
+    prior = np.array([np.prod([PRIOR[name] if name in entry.effects else 1.0 - PRIOR[name] for name in names])
+                      for entry in entries])
+    rises = np.array([entry.rise for entry in entries])
     weights = prior * np.exp(-0.5 * (rises - rises.min()))
     return weights / weights.sum()
 
 
-def best_with(found: tuple[Combination, ...], effect: str) -> Combination:
+def best_with(entries: tuple[Combination, ...], effect: str) -> Combination:
     """The combination with an effect that leaves the lowest chi-square."""
-    return min((one for one in found if effect in one.effects), key=lambda one: one.rise)
+    return min((entry for entry in entries if effect in entry.effects), key=lambda entry: entry.rise)
 
 
-def drop_by(found: tuple[Combination, ...], effect: str) -> float:
+def drop_by(entries: tuple[Combination, ...], effect: str) -> float:
     """Of chi-square by one effect: the best combination with it against the best one without it."""
-    return min(one.rise for one in found if effect not in one.effects) - best_with(found, effect).rise
+    return min(entry.rise for entry in entries if effect not in entry.effects) - best_with(entries, effect).rise

@@ -24,12 +24,12 @@ def following(residual: ResidualEvidence) -> tuple[dict[str, float], float]:
     a bound holds back stay."""
     parameters, null = residual.context.parameters, residual.null
     while True:
-        free = null_model(residual.evidence, null)
-        steps = free.remaining
+        projection = null_model(residual.evidence, null)
+        steps = projection.remaining
         inside = [j for j, (name, step) in enumerate(zip(null.names, steps, strict=True))
                   if not _leaves(parameters[name].value, step, parameters[name].bounds)]
         if len(inside) == null.n:
-            return dict(zip(null.names, steps.tolist(), strict=True)), float(free.b @ steps)
+            return dict(zip(null.names, steps.tolist(), strict=True)), float(projection.b @ steps)
         null = null.pick(inside)
 
 
@@ -38,17 +38,17 @@ def _leaves(value: float, step: float, bounds: tuple[float, float]) -> bool:
     return (value >= bounds[1] and step > 0.0) or (value <= bounds[0] and step < 0.0)
 
 
-def moved(found: Identification, steps: Mapping[str, float]) -> Identification:
+def moved(identification: Identification, steps: Mapping[str, float]) -> Identification:
     """At other values of free parameters, within their bounds; steps : of those that move
 
     A step is shortened as a whole where a positive parameter would change by more than half its value, as that is
     beyond first order: a bulk modulus of rubber that a bent sheet hardly determines went to zero.
     """
-    values, share = found.parameters.as_values(), share_of_step(found.parameters, steps)
+    values, share = identification.parameters.as_values(), share_of_step(identification.parameters, steps)
     for name, change in steps.items():
-        low, high = found.parameters[name].bounds
+        low, high = identification.parameters[name].bounds
         values[name] = float(np.clip(values[name] + share * change, low, high))
-    return at_values(found, found.experiment, values)
+    return at_values(identification, identification.experiment, values)
 
 
 def share_of_step(parameters: ParameterSet, steps: Mapping[str, float]) -> float:
@@ -58,16 +58,16 @@ def share_of_step(parameters: ParameterSet, steps: Mapping[str, float]) -> float
     return MAX_CHANGE / largest if largest > MAX_CHANGE else 1.0
 
 
-def at_values(found: Identification, experiment: Experiment, values: dict[str, float]) -> Identification:
+def at_values(identification: Identification, experiment: Experiment, values: dict[str, float]) -> Identification:
     """The record of an identification with another experiment and other values; its simulation is not kept."""
-    accepted = found.state.accepted
-    state = replace(found.state, accepted=AcceptedPoint(values) if accepted is None else replace(accepted,
+    accepted = identification.state.accepted
+    state = replace(identification.state, accepted=AcceptedPoint(values) if accepted is None else replace(accepted,
                                                                                                values=values))
-    return replace(found, experiment=experiment, forward=build_forward(experiment), state=state, path=None)
+    return replace(identification, experiment=experiment, forward=build_forward(experiment), state=state, path=None)
 
 
-def is_at(values: Mapping[str, float], other: Identification, stds: Mapping[str, float | None]) -> bool:
+def is_at(values: Mapping[str, float], identification: Identification, stds: Mapping[str, float | None]) -> bool:
     """Whether parameters are those of an identification within `NEAR_STD` standard deviations; stds : of its free
     parameters, None where one is open"""
-    return all(abs(values[name] - other.parameters[name].value) <= NEAR_STD * (stds.get(name) or np.inf)
-               for name in other.parameters.free)
+    return all(abs(values[name] - identification.parameters[name].value) <= NEAR_STD * (stds.get(name) or np.inf)
+               for name in identification.parameters.free)

@@ -23,24 +23,25 @@ MIN_FURTHER_DROP = 9.0  # of chi-square: three standard deviations
 
 
 def with_error(source: ExperimentSource,
-               found: Identification) -> tuple[ExperimentSource, Identification, ResidualEvidence]:
+               identification: Identification) -> tuple[ExperimentSource, Identification, ResidualEvidence]:
     """The source and the identification with the error of the mesh added, where it matters, as they are elsewhere; and
     the residual of that identification."""
-    error, residual = mesh_error(found.model_point), residual_evidence(found, light=False)
+    error, residual = mesh_error(identification.model_point), residual_evidence(identification, light=False)
     if error is None or not weighed(residual, error).matters:
-        return source, found, residual
-    source, found = knowing(source, found, error, with_error_added(residual.responses, error))
-    return source, found, residual_evidence(found, light=False)
+        return source, identification, residual
+    source, identification = knowing(source, identification, error, with_error_added(residual.responses, error))
+    return source, identification, residual_evidence(identification, light=False)
 
 
-def known_error(found: Identification, old: MotionError | None) -> MotionError | None:
-    """The error of the mesh of a changed model, with that of plane stress where `old` counts it."""
-    if old is None or old.thickness is None:
-        return mesh_error(found.model_point)
-    return error_beside(found, thickness_error(found.model_point) or old.thickness)
+def known_error(identification: Identification, former_error: MotionError | None) -> MotionError | None:
+    """The error of the mesh of a changed model, with that of plane stress where the former one counts it."""
+    if former_error is None or former_error.thickness is None:
+        return mesh_error(identification.model_point)
+    return error_beside(identification, thickness_error(identification.model_point) or former_error.thickness)
 
 
-def error_beside(found: Identification, bricks: MotionError, of_sheet: MotionError | None = None) -> MotionError:
+def error_beside(identification: Identification, bricks: MotionError,
+                 of_sheet: MotionError | None = None) -> MotionError:
     """The error of plane stress with that of the mesh on top, which is that of the bricks, or of the sheet where it
     cannot be found.
 
@@ -51,13 +52,14 @@ def error_beside(found: Identification, bricks: MotionError, of_sheet: MotionErr
 
     of_sheet : where it is known
     """
-    mesh = brick_mesh_error(found.model_point)
+    mesh = brick_mesh_error(identification.model_point)
     if mesh is None:
-        return bricks.on_top_of(of_sheet or mesh_error(found.model_point))
-    error, motions = bricks.on_top_of(mesh), without_reactions(mesh, found.experiment)
-    there = at_values(found, replace(found.experiment, motion_error=error), found.parameters.as_values())
-    further = further_share(residual_evidence(there, light=False), motions)
-    return bricks.on_top_of(mesh.plus(motions.scaled(further)))
+        return bricks.on_top_of(of_sheet or mesh_error(identification.model_point))
+    error, motions = bricks.on_top_of(mesh), without_reactions(mesh, identification.experiment)
+    corrected = at_values(identification, replace(identification.experiment, motion_error=error),
+                          identification.parameters.as_values())
+    share = further_share(residual_evidence(corrected, light=False), motions)
+    return bricks.on_top_of(mesh.plus(motions.scaled(share)))
 
 
 def further_share(residual: ResidualEvidence, mesh: MotionError) -> float:
@@ -70,32 +72,33 @@ def further_share(residual: ResidualEvidence, mesh: MotionError) -> float:
     return share if 2.0 * share * weight.along - share**2 * weight.chi2 > MIN_FURTHER_DROP else 0.0
 
 
-def renewed_error(found: Identification, residual: ResidualEvidence, grid: Grid,
+def renewed_error(identification: Identification, residual: ResidualEvidence, grid: Grid,
                   begun: SheetAndBricks | None = None) -> tuple[MotionError, Identification] | None:
     """The error of a model at its present values, where it differs from the known one by what matters, and the
     model at the values that it is of: in turns with an error of plane stress, which the parameters follow.
 
     begun : where the turns begin, if that is known
     """
-    old = residual.context.experiment.motion_error
-    if old is None:
+    former_error = residual.context.experiment.motion_error
+    if former_error is None:
         return None
-    there, bricks = found, old.thickness
+    point, bricks = identification, former_error.thickness
     if bricks is not None:
-        settled = in_turns(found, old.of_mesh, grid, begun=begun)
+        settled = in_turns(identification, former_error.of_mesh, grid, begun=begun)
         if settled is None:
             return None
-        bricks, there = settled[0].thickness, settled[1]
-    new = mesh_error(there.model_point) if bricks is None else error_beside(there, bricks)
-    return (new, there) if new is not None and weighed(residual, new.less(old)).matters else None
+        bricks, point = settled[0].thickness, settled[1]
+    error = mesh_error(point.model_point) if bricks is None else error_beside(point, bricks)
+    return (error, point) if error is not None and weighed(residual, error.less(former_error)).matters else None
 
 
-def knowing(source: ExperimentSource, found: Identification, error: MotionError,
+def knowing(source: ExperimentSource, identification: Identification, error: MotionError,
             responses: Sequence[FrameResponse] | None = None) -> tuple[ExperimentSource, Identification]:
     """With an error; the parameters follow by one step, as they have taken a part of it.
 
-    responses : of `found` with the error, where it has been simulated
+    responses : of the identification with the error, where it has been simulated
     """
-    there = at_values(found, replace(found.experiment, motion_error=error), found.parameters.as_values())
-    residual = residual_evidence(there, light=False, responses=responses)
-    return source.with_motion_error(error), moved(there, following(residual)[0])
+    corrected = at_values(identification, replace(identification.experiment, motion_error=error),
+                          identification.parameters.as_values())
+    residual = residual_evidence(corrected, light=False, responses=responses)
+    return source.with_motion_error(error), moved(corrected, following(residual)[0])

@@ -42,18 +42,19 @@ def neglected(residual: ResidualEvidence, errors: Mapping[str, MotionError]) -> 
     null = null_model(residual.evidence, residual.null)
     noise = np.sqrt(np.maximum(np.diagonal(null.covariance), 1e-300))
     tried = combinations(residual, null, errors)
-    weights, moves = probabilities(tried), np.array([one.moves for one in tried])
+    weights, moves = probabilities(tried), np.array([combination.moves for combination in tried])
     mean = weights @ moves
     std = np.sqrt(weights @ (moves - mean) ** 2)
     if float((np.hypot(mean, std) / noise).max(initial=0.0)) < MIN_NEGLECTED_STD:
         return None
-    probability = {effect: float(sum(weight for weight, one in zip(weights, tried, strict=True)
-                                     if effect in one.effects)) for effect in errors}
+    probability = {effect: float(sum(weight for weight, combination in zip(weights, tried, strict=True)
+                                     if effect in combination.effects)) for effect in errors}
     full = {}
-    for (effect,), moves_by in ((one.effects, one.moves) for one in tried if len(one.effects) == 1):
+    for (effect,), moves_by in ((combination.effects, combination.moves) for combination in tried
+                                if len(combination.effects) == 1):
         matters = np.abs(moves_by) / noise * probability[effect]**0.5 >= MIN_NEGLECTED_STD
         if matters.any():
-            full[effect] = {name: float(move) for name, move, told in zip(null.names, moves_by, matters, strict=True)
-                            if told}
+            full[effect] = {name: float(move)
+                            for name, move, is_large in zip(null.names, moves_by, matters, strict=True) if is_large}
     return Neglected(probability, full, dict(zip(null.names, mean.tolist(), strict=True)),
                      dict(zip(null.names, std.tolist(), strict=True)))

@@ -38,8 +38,9 @@ class Left:
 
     def reached(self, step: np.ndarray) -> np.ndarray:
         """The part of a step that the bounds of the parameters leave, in standard deviations  # (n,)"""
-        there = self.at(step).parameters
-        return np.array([there[name].value - self.found.parameters[name].value for name in there.free]) / self.std
+        parameters = self.at(step).parameters
+        return np.array([parameters[name].value - self.found.parameters[name].value
+                         for name in parameters.free]) / self.std
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,38 +51,40 @@ class Sheet:
     frames: tuple[FrameResponse, ...]
     names: tuple[str, ...]
 
-    def guesses(self, other: Identification, names: Sequence[str]) -> Iterator[np.ndarray]:
+    def guesses(self, identification: Identification, names: Sequence[str]) -> Iterator[np.ndarray]:
         """First guesses at other parameters, which the frames are differentiated by: to first order  # (n_nodes, 2)"""
-        change = np.array([other.parameters[name].value - self.found.parameters[name].value for name in names])
-        return (one.u + one.du @ change for one in self.frames)
+        change = np.array([identification.parameters[name].value - self.found.parameters[name].value for name in names])
+        return (response.u + response.du @ change for response in self.frames)
 
     def left(self, error: MotionError) -> Left:
         """Beside an error."""
         experiment = self.found.experiment
-        there = at_values(self.found, replace(experiment, motion_error=error), self.found.parameters.as_values())
-        wanted = set(correlated_frames(experiment, range(experiment.n_frames)))
-        responses = [replace(one, u=one.u + error.u[one.frame], channels=one.channels + error.channels[one.frame])
-                     for one in self.frames if one.frame in wanted]
-        residual = residual_evidence(there, light=False, responses=responses)
+        corrected = at_values(self.found, replace(experiment, motion_error=error), self.found.parameters.as_values())
+        frames = set(correlated_frames(experiment, range(experiment.n_frames)))
+        responses = [replace(response, u=response.u + error.u[response.frame],
+                             channels=response.channels + error.channels[response.frame])
+                     for response in self.frames if response.frame in frames]
+        residual = residual_evidence(corrected, light=False, responses=responses)
         null, (steps, gain) = null_model(residual.evidence, residual.null), following(residual)
-        return Left(there, residual, np.array([steps.get(name, 0.0) for name in null.names]),
+        return Left(corrected, residual, np.array([steps.get(name, 0.0) for name in null.names]),
                     np.sqrt(np.maximum(np.diagonal(null.covariance), 1e-300)), gain,
                     null.gram)
 
 
-def sheet_at(found: Identification, near: Sheet | None = None) -> Sheet:
-    """The sheet at the parameters of an identification; near : at similar ones.
+def sheet_at(identification: Identification, neighbour: Sheet | None = None) -> Sheet:
+    """The sheet at the parameters of an identification; neighbour : at similar ones.
 
     Raises
     ------
     NotConverged
         If equilibrium is not found.
     """
-    there = at_values(found, replace(found.experiment, motion_error=None), found.parameters.as_values())
-    names = tuple(name for name in there.parameters.free if there.forward.moves(name))
-    guesses = None if near is None else near.guesses(there, names)
-    return Sheet(there, tuple(response_of(state, there.experiment.reference)
-                              for state in simulated_sheet(there.model_point, names, guesses)), names)
+    plain = at_values(identification, replace(identification.experiment, motion_error=None),
+                      identification.parameters.as_values())
+    names = tuple(name for name in plain.parameters.free if plain.forward.moves(name))
+    guesses = None if neighbour is None else neighbour.guesses(plain, names)
+    return Sheet(plain, tuple(response_of(state, plain.experiment.reference)
+                              for state in simulated_sheet(plain.model_point, names, guesses)), names)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +95,10 @@ class SheetAndBricks:
     bricks: Bricks
 
 
-def sheet_and_bricks_at(found: Identification) -> SheetAndBricks | None:
+def sheet_and_bricks_at(identification: Identification) -> SheetAndBricks | None:
     """At the parameters of an identification; None where one of the two cannot be simulated."""
     try:
-        sheet = sheet_at(found)
+        sheet = sheet_at(identification)
     except NotConverged:
         return None
     bricks = bricks_of(sheet.found.model_point, sheet.frames, of_sheet=sheet.names)

@@ -33,16 +33,17 @@ MIN_DROP_SHARE = 0.5  # of what free motions and channels explain
 MIN_DROP_SHARE_AT_ONE, MAX_AMPLITUDE_ERROR = 0.25, 0.25
 
 
-def neglected_errors(found: Identification) -> dict[str, MotionError]:
+def neglected_errors(identification: Identification) -> dict[str, MotionError]:
     """The effects that a model neglects and that can be computed, by name; an experiment's bricks that are counted
     already are none."""
-    known = found.experiment.motion_error
-    bricks = None if known is not None and known.thickness is not None else thickness_error(found.model_point)
-    errors = {BRICKS: bricks, FINITE_STRAINS: strain_error(found.model_point)}
+    known_error = identification.experiment.motion_error
+    has_bricks = known_error is not None and known_error.thickness is not None
+    bricks = None if has_bricks else thickness_error(identification.model_point)
+    errors = {BRICKS: bricks, FINITE_STRAINS: strain_error(identification.model_point)}
     return {effect: error for effect, error in errors.items() if error is not None}
 
 
-def with_thickness(source: ExperimentSource, found: Identification, residual: ResidualEvidence, left: Fit,
+def with_thickness(source: ExperimentSource, identification: Identification, residual: ResidualEvidence, misfit: Fit,
                    grid: Grid, errors: Mapping[str, MotionError],
                    significant: bool) -> tuple[ExperimentSource, Identification]:
     """The source and the identification with the error of plane stress added, where the recording asks for it; as they
@@ -52,25 +53,26 @@ def with_thickness(source: ExperimentSource, found: Identification, residual: Re
     and parameters are found in turns. No unknown is added, so that the drop of chi-square decides: to first order, with
     or without finite strains; where the mismatch is significant, also after the turns.
 
-    residual, left : of the identification, and its fit; errors : that it neglects (`neglected_errors`);
+    residual, misfit : of the identification, and its fit; errors : that it neglects (`neglected_errors`);
     significant : whether its mismatch is
     """
     if BRICKS not in errors:
-        return source, found
-    least = least_drop(residual, left)
-    asked = _drop_by_bricks(residual, errors) >= least
-    if not (asked or significant):
-        return source, found
-    settled = in_turns(found, found.experiment.motion_error, grid, np.inf if asked else left.chi2, errors[BRICKS])
+        return source, identification
+    least = least_drop(residual, misfit)
+    is_asked = _drop_by_bricks(residual, errors) >= least
+    if not (is_asked or significant):
+        return source, identification
+    settled = in_turns(identification, identification.experiment.motion_error, grid,
+                       np.inf if is_asked else misfit.chi2, errors[BRICKS])
     if settled is None:
-        return source, found
-    error, there = settled
-    if not asked and left.chi2 - fit(residual_evidence(there, light=False), grid).chi2 < least:
-        return source, found
-    return knowing(source, there, error_beside(there, error.thickness, error.of_mesh))
+        return source, identification
+    error, point = settled
+    if not is_asked and misfit.chi2 - fit(residual_evidence(point, light=False), grid).chi2 < least:
+        return source, identification
+    return knowing(source, point, error_beside(point, error.thickness, error.of_mesh))
 
 
-def with_bricks(found: Identification, residual: ResidualEvidence, grid: Grid,
+def with_bricks(identification: Identification, residual: ResidualEvidence, grid: Grid,
                 settled: bool = True) -> tuple[MotionError, Identification] | None:
     """The known error with that of plane stress, where a model with a cause leaves what bricks explain, and the model
     at the values that it is of: as `with_thickness`, to first order; None elsewhere.
@@ -81,20 +83,20 @@ def with_bricks(found: Identification, residual: ResidualEvidence, grid: Grid,
 
     settled : with the parameters in turns; otherwise at the present ones, for a further round
     """
-    known = residual.context.experiment.motion_error
-    if known is not None and known.thickness is not None:
+    former_error = residual.context.experiment.motion_error
+    if former_error is not None and former_error.thickness is not None:
         return None
-    errors = neglected_errors(found)
+    errors = neglected_errors(identification)
     if BRICKS not in errors or not are_shown(_tried(residual, errors), _room(residual, fit(residual, grid))):
         return None
-    mesh, bricks = known, errors[BRICKS]
+    mesh, bricks = former_error, errors[BRICKS]
     if not settled:
-        return error_beside(found, bricks, mesh), found
-    turned = in_turns(found, mesh, grid, first=bricks)
+        return error_beside(identification, bricks, mesh), identification
+    turned = in_turns(identification, mesh, grid, first=bricks)
     if turned is None:
         return None
-    error, there = turned
-    return error_beside(there, error.thickness, error.of_mesh), there
+    error, point = turned
+    return error_beside(point, error.thickness, error.of_mesh), point
 
 
 def are_shown(tried: tuple[Combination, ...], mismatch: float) -> bool:
@@ -118,11 +120,11 @@ def _tried(residual: ResidualEvidence, errors: Mapping[str, MotionError]) -> tup
     return combinations(residual, null_model(residual.evidence, residual.null), errors)
 
 
-def least_drop(residual: ResidualEvidence, left: Fit) -> float:
+def least_drop(residual: ResidualEvidence, misfit: Fit) -> float:
     """Drop of chi-square from which on bricks are counted: significant, and most of what there is."""
-    return max(MIN_DROP, MIN_DROP_SHARE * _room(residual, left))
+    return max(MIN_DROP, MIN_DROP_SHARE * _room(residual, misfit))
 
 
-def _room(residual: ResidualEvidence, left: Fit) -> float:
+def _room(residual: ResidualEvidence, misfit: Fit) -> float:
     """Chi-square that free motions and channels explain of a residual."""
-    return left.room + sum(max(excess(one.before), 0.0) for one in channels_left(residual, None))
+    return misfit.room + sum(max(excess(channel.before), 0.0) for channel in channels_left(residual, None))

@@ -17,7 +17,7 @@ from idic.identification import Identification
 from idic.simulation_error import ErrorChanges
 
 
-def std_factors(found: Identification, residual: ResidualEvidence) -> dict[str, float]:
+def std_factors(identification: Identification, residual: ResidualEvidence) -> dict[str, float]:
     """By how much the standard deviation of a parameter changes as the error of plane stress follows the law; {} where
     that is not counted.
 
@@ -26,14 +26,14 @@ def std_factors(found: Identification, residual: ResidualEvidence) -> dict[str, 
 
     residual : of the identification
     """
-    known = residual.context.experiment.motion_error
-    if known is None or known.thickness is None:
+    error = residual.context.experiment.motion_error
+    if error is None or error.thickness is None:
         return {}
-    both = sheet_and_bricks_at(found)
-    if both is None:
+    models = sheet_and_bricks_at(identification)
+    if models is None:
         return {}
     null = null_model(residual.evidence, residual.null)
-    D = taken_back(residual, null, both.bricks.changes)
+    D = taken_back(residual, null, models.bricks.changes)
     std = np.sqrt(np.maximum(np.diagonal(null.covariance), 1e-300))
     answer = np.linalg.pinv(np.eye(len(std)) - D)
     spread = answer @ (null.covariance / np.outer(std, std)) @ answer.T
@@ -46,7 +46,7 @@ def taken_back(residual: ResidualEvidence, null: NullModel, changes: ErrorChange
     residual, null : of the model that has the error
     """
     std = np.sqrt(np.maximum(np.diagonal(null.covariance), 1e-300))
-    own = [null.names.index(name) for name in changes.names]
+    indices = [null.names.index(name) for name in changes.names]
     D = np.zeros((len(std), len(std)))
-    D[:, own] = score(residual.evidence, null, as_recorded(residual, changes)).moves * std[own] / std[:, None]
+    D[:, indices] = score(residual.evidence, null, as_recorded(residual, changes)).moves * std[indices] / std[:, None]
     return D

@@ -31,7 +31,7 @@ SETTLED_SHARE = 1e-4  # of the mismatch in chi-square: a last step that would br
 PARTS_OF_STEP = (1.0, 0.5, 0.25, 0.125)
 
 
-def in_turns(found: Identification, mesh: MotionError | None, grid: Grid, bar: float = np.inf,
+def in_turns(identification: Identification, mesh: MotionError | None, grid: Grid, bar: float = np.inf,
              first: MotionError | None = None,
              begun: SheetAndBricks | None = None) -> tuple[MotionError, Identification] | None:
     """The error of plane stress on top of that of the mesh, and the parameters that belong to it; None where bricks
@@ -42,11 +42,11 @@ def in_turns(found: Identification, mesh: MotionError | None, grid: Grid, bar: f
     deviations off. Where no part does, the turns end with the error that has been found; so they do where the last step
     brings a ten-thousandth of the mismatch, as a model that is wrong by more has no parameters to be known so well.
 
-    first : the error of plane stress of `found`, where it has been computed; begun : with its derivatives
+    first : the error of plane stress of `identification`, where it has been computed; begun : with its derivatives
     """
     if begun is None:
         try:
-            sheet = sheet_at(found)
+            sheet = sheet_at(identification)
         except NotConverged:
             return None
         bricks = bricks_of(sheet.found.model_point, sheet.frames) if first is None else Bricks(first)
@@ -54,53 +54,55 @@ def in_turns(found: Identification, mesh: MotionError | None, grid: Grid, bar: f
         sheet, bricks = begun.sheet, begun.bricks
     if bricks is None:
         return None
-    left = sheet.left(bricks.error.on_top_of(mesh))
-    scale, slope = left.std, np.eye(len(left.step))
+    remainder = sheet.left(bricks.error.on_top_of(mesh))
+    scale, slope = remainder.std, np.eye(len(remainder.step))
     if bricks.changes is not None:
-        slope -= taken_back(left.residual, null_model(left.residual.evidence, left.residual.null), bricks.changes)
-    there = fit(left.residual, grid)
+        slope -= taken_back(remainder.residual, null_model(remainder.residual.evidence, remainder.residual.null),
+                            bricks.changes)
+    misfit = fit(remainder.residual, grid)
     for _ in range(1, MAX_TURNS):
-        settled = left.gain < SETTLED_SHARE * float(there.gain.sum() - there.rank.sum())
-        if settled or np.abs(left.reached(left.step)).max(initial=0.0) < TURNED_STD:
+        settled = remainder.gain < SETTLED_SHARE * float(misfit.gain.sum() - misfit.rank.sum())
+        if settled or np.abs(remainder.reached(remainder.step)).max(initial=0.0) < TURNED_STD:
             break
-        further = scale * np.linalg.lstsq(slope, left.step / scale)[0]
-        turn = turned(sheet, left, bricks, further) or turned(sheet, left, bricks, left.step)
+        whole_step = scale * np.linalg.lstsq(slope, remainder.step / scale)[0]
+        turn = turned(sheet, remainder, bricks, whole_step) or turned(sheet, remainder, bricks, remainder.step)
         if turn is None:
-            return bricks.error.on_top_of(mesh), left.found
-        before, at, (sheet, bricks) = left, sheet.found.parameters, turn
-        left = sheet.left(bricks.error.on_top_of(mesh))
-        taken = np.array([sheet.found.parameters[name].value - at[name].value for name in at.free])
-        slope = learned(slope, taken / scale, (before.step - left.step) / scale, left.gram * np.outer(scale, scale))
-        there = fit(left.residual, grid)
-        if there.chi2 - left.gain >= bar:
+            return bricks.error.on_top_of(mesh), remainder.found
+        former, at, (sheet, bricks) = remainder, sheet.found.parameters, turn
+        remainder = sheet.left(bricks.error.on_top_of(mesh))
+        step = np.array([sheet.found.parameters[name].value - at[name].value for name in at.free])
+        slope = learned(slope, step / scale, (former.step - remainder.step) / scale,
+                        remainder.gram * np.outer(scale, scale))
+        misfit = fit(remainder.residual, grid)
+        if misfit.chi2 - remainder.gain >= bar:
             return None
-    return bricks.error.on_top_of(mesh), left.at(left.step)
+    return bricks.error.on_top_of(mesh), remainder.at(remainder.step)
 
 
-def turned(sheet: Sheet, here: Left, bricks: Bricks, step: np.ndarray) -> tuple[Sheet, Bricks] | None:
+def turned(sheet: Sheet, remainder: Left, bricks: Bricks, step: np.ndarray) -> tuple[Sheet, Bricks] | None:
     """Sheet and bricks after a step of the free parameters, or the first of its parts after which they would move less
     beside the error that is known; None where none does or bricks cannot be simulated.
 
-    here : residual and remaining step at the sheet; step : (n,), in the order of its free parameters
+    remainder : residual and remaining step at the sheet; step : (n,), in the order of its free parameters
     """
     for part in PARTS_OF_STEP:
         tried = moved(sheet.found, dict(zip(sheet.found.parameters.free, (part * step).tolist(), strict=True)))
         try:
-            there = sheet_at(tried, sheet)
+            neighbour = sheet_at(tried, sheet)
         except NotConverged:
             continue
-        known = here.found.experiment.motion_error
-        if there.left(known).gain < here.gain:
-            found = bricks_of(there.found.model_point, there.frames, bricks)
-            if found is not None:
-                return there, found
+        error = remainder.found.experiment.motion_error
+        if neighbour.left(error).gain < remainder.gain:
+            bricks_there = bricks_of(neighbour.found.model_point, neighbour.frames, bricks)
+            if bricks_there is not None:
+                return neighbour, bricks_there
     return None
 
 
-def learned(slope: np.ndarray, taken: np.ndarray, change: np.ndarray, gram: np.ndarray) -> np.ndarray:
+def learned(slope: np.ndarray, step: np.ndarray, change: np.ndarray, gram: np.ndarray) -> np.ndarray:
     """Derivative of the remaining step by the step taken, true to the last step and unchanged across it  # (n, n)
 
-    taken, change : (n,) step taken, and decrease of the remaining step; gram : (n, n) the metric
+    step, change : (n,) step taken, and decrease of the remaining step; gram : (n, n) the metric
     """
-    weight = gram @ taken
-    return slope + np.outer(change - slope @ taken, weight) / max(float(taken @ weight), 1e-300)
+    weight = gram @ step
+    return slope + np.outer(change - slope @ step, weight) / max(float(step @ weight), 1e-300)

@@ -54,10 +54,10 @@ class ErrorWeight:
 def weighed(residual: ResidualEvidence, error: MotionError) -> ErrorWeight:
     """The weight of an error; residual : of the model that lacks it."""
     null = null_model(residual.evidence, residual.null)
-    seen = score(residual.evidence, null, error_column(residual, error))
-    moves = seen.moves[:, 0]
+    scores = score(residual.evidence, null, error_column(residual, error))
+    moves = scores.moves[:, 0]
     shift = np.abs(moves) / np.sqrt(np.maximum(np.diagonal(null.covariance), 1e-300))
-    return ErrorWeight(float(seen.own[0]), float(seen.U[0]), dict(zip(null.names, moves.tolist(), strict=True)),
+    return ErrorWeight(float(scores.own[0]), float(scores.U[0]), dict(zip(null.names, moves.tolist(), strict=True)),
                        float(shift.max(initial=0.0)))
 
 

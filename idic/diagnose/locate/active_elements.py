@@ -61,8 +61,8 @@ def activity(model: Identification) -> Activity | None:
             value = _beyond(points, law.state_names.index(name), experiment, sections[points.section].name,
                             model.parameters.as_values())
             amount[points.elements] = value
-            new = points.elements[(value > MIN_ACTIVE_STRAIN) & (since[points.elements] < 0)]
-            since[new] = state.frame + experiment.reference
+            activated = points.elements[(value > MIN_ACTIVE_STRAIN) & (since[points.elements] < 0)]
+            since[activated] = state.frame + experiment.reference
     return Activity(verb, since, amount) if (since >= 0).any() else None
 
 

@@ -72,14 +72,15 @@ class SourceMap:
         return np.where(shows.any(axis=1) & (self.p < MAX_ELEMENT_P), first[np.argmax(shows, axis=1)], np.nan)
 
 
-def adjoint_source_map(found: Identification, residual: ResidualEvidence, null: NullModel, rng: np.random.Generator,
-                       draws: int = 40, before: tuple[int, np.ndarray] | None = None) -> SourceMap:
+def adjoint_source_map(identification: Identification, residual: ResidualEvidence, null: NullModel,
+                       rng: np.random.Generator,
+                       draws: int = 40, sound_frames: tuple[int, np.ndarray] | None = None) -> SourceMap:
     """Score every element.
 
     Parameters
     ----------
-    before : frames (n of the first) on which the model still holds and the step of the parameters that these ask for;
-        None: all frames. What comes later then bends no parameter, and no element has to make up for it.
+    sound_frames : frames (n of the first) on which the model still holds and the step of the parameters that these ask
+        for; None: all frames. What comes later then bends no parameter, and no element has to make up for it.
 
     Raises
     ------
@@ -87,17 +88,17 @@ def adjoint_source_map(found: Identification, residual: ResidualEvidence, null: 
         If a law finds no answer along the path of the identified model.
     """
     evidence = residual.evidence
-    q, channel_q = _residuals(evidence, null, rng, draws, before)
+    q, channel_q = _residuals(evidence, null, rng, draws, sound_frames)
     p = recorded_residual(evidence, q)
     windows = tuple(np.array_split(np.arange(len(p)), min(N_WINDOWS, len(p))))
-    score = np.zeros((found.experiment.mesh.n_elements, len(windows), draws + 1))
+    score = np.zeros((identification.experiment.mesh.n_elements, len(windows), draws + 1))
     window_of = np.repeat(np.arange(len(windows)), [len(w) for w in windows])
-    for tangent in tangents(found, residual):
+    for tangent in tangents(identification, residual):
         t = tangent.index
         score[:, window_of[t]] += element_scores(residual, tangent, p[t], channel_q[t])
     std = np.sqrt(np.mean(score[:, :, 1:] ** 2, axis=2))
-    seen = std > 1e-9 * max(std.max(initial=0.0), 1e-300)
-    scale = np.where(seen, 1.0 / np.where(seen, std, 1.0), 0.0)
+    is_seen = std > 1e-9 * max(std.max(initial=0.0), 1e-300)
+    scale = np.where(is_seen, 1.0 / np.where(is_seen, std, 1.0), 0.0)
     z, noise = score[:, :, 0] * scale, np.moveaxis(score[:, :, 1:] * scale[:, :, None], 2, 0)
     return SourceMap(z, windows, familywise(z, noise), noise)
 
@@ -123,32 +124,32 @@ def image_adjoint(residual: ResidualEvidence, index: int, p: np.ndarray) -> np.n
     n_nodes, dim = residual.context.experiment.mesh.nodes.shape
     units = np.tile(np.eye(dim), (n_nodes, 1, 1))  # a unit of each component at every node
     c, total = evidence.n_components, 0.0
-    whole = np.zeros((len(residual.cameras) * n_nodes * c, p.shape[1]))
-    whole[evidence.seen] = p
-    for camera, own in zip(residual.cameras, np.split(whole, len(residual.cameras)), strict=True):
+    image_loads = np.zeros((len(residual.cameras) * n_nodes * c, p.shape[1]))
+    image_loads[evidence.seen] = p
+    for camera, camera_loads in zip(residual.cameras, np.split(image_loads, len(residual.cameras)), strict=True):
         nodes, u = camera.context.experiment.mesh.nodes, camera.turned(residual.u[index])
         local = camera.view.at(frame).columns(nodes, u, camera.turned(units)).reshape(n_nodes, c, dim)
-        total = total + np.einsum("ncd,ncm->ndm", local, own.reshape(n_nodes, c, -1))
+        total = total + np.einsum("ncd,ncm->ndm", local, camera_loads.reshape(n_nodes, c, -1))
     return total.reshape(-1, p.shape[1])
 
 
 def recorded_residual(evidence: Evidence, q: np.ndarray) -> np.ndarray:
     """Transpose of whitening: the weights of a change of one recorded frame  # (T, n_seen, m) -> the same"""
     n, c = evidence.back.shape[1], evidence.n_components
-    kappa, seen = evidence.kappa, evidence.seen
+    kappa, dofs = evidence.kappa, evidence.seen
     shared = np.zeros((n, c, q.shape[2]))
-    whole = np.zeros((n * c, q.shape[2]))
+    nodal = np.zeros((n * c, q.shape[2]))
     for t, back in enumerate(evidence.back):
-        whole[seen] = q[t]
-        shared += np.einsum("nji,njm->nim", np.linalg.inv(back), whole.reshape(n, c, -1)) / np.sqrt(kappa[t])
+        nodal[dofs] = q[t]
+        shared += np.einsum("nji,njm->nim", np.linalg.inv(back), nodal.reshape(n, c, -1)) / np.sqrt(kappa[t])
     out = np.empty_like(q)
     for t, back in enumerate(evidence.back):
-        carried = np.einsum("nji,njm->nim", back, shared).reshape(n * c, -1)[seen]
+        carried = np.einsum("nji,njm->nim", back, shared).reshape(n * c, -1)[dofs]
         out[t] = q[t] / np.sqrt(kappa[t]) - evidence.share / kappa[t] * carried
     return out
 
 
-def _residuals(evidence: Evidence, null: NullModel, rng: np.random.Generator, draws: int, before):
+def _residuals(evidence: Evidence, null: NullModel, rng: np.random.Generator, draws: int, sound_frames):
     """The recording's residual first, then draws, all projected  # (T, n_seen, 1 + D), (T, n_channels, 1 + D)"""
     q, channel_q, factor = [], [], None
     total = np.zeros((null.white.n, draws + 1))
@@ -160,10 +161,10 @@ def _residuals(evidence: Evidence, null: NullModel, rng: np.random.Generator, dr
         n = len(images)
         q.append(np.column_stack([images, noise[:n]]))
         channel_q.append(np.column_stack([channels, noise[n:]]))
-        if before is None or t < before[0]:
+        if sound_frames is None or t < sound_frames[0]:
             total += null.white.fields[t].T @ q[t] + null.white.channels[t].T @ channel_q[t]
-    step = (null.covariance if before is None else _covariance(null, before[0])) @ total
-    step[:, 0] = null.remaining if before is None else before[1]  # priors included
+    step = (null.covariance if sound_frames is None else _covariance(null, sound_frames[0])) @ total
+    step[:, 0] = null.remaining if sound_frames is None else sound_frames[1]  # priors included
     for t in range(len(q)):
         q[t] -= null.weighed.fields[t] @ step
         channel_q[t] -= null.weighed.channels[t] @ step
@@ -216,10 +217,11 @@ class BandFactor:
 
     def serves(self, matrix) -> bool:
         """Whether noise drawn with this factor has the covariance `matrix` to within `ALIKE`."""
-        matrix, mine = csr_array(matrix), self.matrix
-        if matrix.nnz != mine.nnz or not np.array_equal(matrix.indices, mine.indices):
+        matrix, factored = csr_array(matrix), self.matrix
+        if matrix.nnz != factored.nnz or not np.array_equal(matrix.indices, factored.indices):
             return False
-        return bool(np.abs(matrix.data - mine.data).max() <= MAX_COVARIANCE_DIFFERENCE * np.abs(mine.data).max())
+        difference, largest = np.abs(matrix.data - factored.data).max(), np.abs(factored.data).max()
+        return bool(difference <= MAX_COVARIANCE_DIFFERENCE * largest)
 
     def times(self, unit: np.ndarray) -> np.ndarray:
         """L unit, in the matrix's own numbering."""

@@ -37,33 +37,33 @@ def fingerprint(amplitude: np.ndarray, std: np.ndarray, times: np.ndarray, load:
     """
     shares = {name: _share(amplitude, std, x) for name, x in _variables(times, load, onset).items()}
     shares = dict(sorted(shares.items(), key=lambda item: -item[1]))
-    kept = _kept(amplitude, load)
+    remanence = _kept(amplitude, load)
     best, share = next(iter(shares.items()), ("", 0.0))
     words = (f"The amplitude follows {best} ({100.0 * share:.0f} %)" if share > MIN_EXPLAINED_SHARE
              else "The amplitude follows no single variable")
-    if not np.isnan(kept):
-        words += (f"; {100.0 * kept:.0f} % of it stays after unloading" if kept > MIN_KEPT
+    if not np.isnan(remanence):
+        words += (f"; {100.0 * remanence:.0f} % of it stays after unloading" if remanence > MIN_KEPT
                   else "; it goes back at unloading")
-    return Fingerprint(shares, kept, words + ".")
+    return Fingerprint(shares, remanence, words + ".")
 
 
 def _variables(times: np.ndarray, load: np.ndarray | None, onset: float) -> dict[str, np.ndarray]:
-    after = np.arange(1, len(times) + 1) >= onset
-    begin = times[after][0] if onset > 0 and after.any() else 0.0
-    found = {"the time since its onset": np.maximum(times - begin, 0.0), "a constant": after.astype(float)}
+    is_later = np.arange(1, len(times) + 1) >= onset
+    begin = times[is_later][0] if onset > 0 and is_later.any() else 0.0
+    variables = {"the time since its onset": np.maximum(times - begin, 0.0), "a constant": is_later.astype(float)}
     if load is None:
-        return found
+        return variables
     size = np.abs(load)
     largest = np.maximum.accumulate(size)
-    threshold = largest[after][0] if onset > 0 and after.any() else 0.0
+    threshold = largest[is_later][0] if onset > 0 and is_later.any() else 0.0
     earlier = np.concatenate([[0.0], load[:-1]])
     rate = np.abs(load - earlier) / np.maximum(np.diff(times, prepend=0.0), 1e-12)
-    return found | {"the load": load, "the square of the load": load**2,
-                    "the load above a threshold": np.maximum(size - threshold, 0.0),
-                    "the largest load so far above a threshold": np.maximum(largest - threshold, 0.0),
-                    "the square of the largest load so far above a threshold":
-                        np.maximum(largest - threshold, 0.0) ** 2,
-                    "the rate of loading": rate}
+    return variables | {"the load": load, "the square of the load": load**2,
+                        "the load above a threshold": np.maximum(size - threshold, 0.0),
+                        "the largest load so far above a threshold": np.maximum(largest - threshold, 0.0),
+                        "the square of the largest load so far above a threshold":
+                            np.maximum(largest - threshold, 0.0) ** 2,
+                        "the rate of loading": rate}
 
 
 def _share(amplitude: np.ndarray, std: np.ndarray, x: np.ndarray) -> float:
@@ -80,10 +80,10 @@ def _kept(amplitude: np.ndarray, load: np.ndarray | None) -> float:
         return float("nan")
     size = np.abs(load)
     ratio = size / np.maximum(np.maximum.accumulate(size), 1e-300)
-    last = int(np.argmin(ratio))
-    before = np.abs(amplitude[:last]).max(initial=0.0)
-    if not (ratio[last] < MAX_UNLOADED_LOAD and before > 0.0):
+    unloaded = int(np.argmin(ratio))
+    peak = np.abs(amplitude[:unloaded]).max(initial=0.0)
+    if not (ratio[unloaded] < MAX_UNLOADED_LOAD and peak > 0.0):
         return float("nan")
-    up = np.flatnonzero(np.diff(np.maximum.accumulate(size[:last + 1]), prepend=0.0) > 0.0)  # frames of rising load
-    same = np.interp(size[last], np.r_[0.0, size[up]], np.r_[0.0, amplitude[up]])
-    return float(np.abs(amplitude[last] - same) / before)
+    up = np.flatnonzero(np.diff(np.maximum.accumulate(size[:unloaded + 1]), prepend=0.0) > 0.0)  # frames of rising load
+    elastic = np.interp(size[unloaded], np.r_[0.0, size[up]], np.r_[0.0, amplitude[up]])
+    return float(np.abs(amplitude[unloaded] - elastic) / peak)

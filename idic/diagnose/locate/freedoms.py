@@ -41,16 +41,16 @@ def edge_modes(experiment: Experiment, nodes: np.ndarray) -> np.ndarray:
         return np.ones((len(nodes), 1))
     if len(along) == 1:
         return legendre.legvander(along[0], min(EDGE_MODE_DEGREE, len(nodes) - 1))
-    whole = legendre.legvander2d(along[0], along[1], [FACE_MODE_DEGREE, FACE_MODE_DEGREE])
+    modes = legendre.legvander2d(along[0], along[1], [FACE_MODE_DEGREE, FACE_MODE_DEGREE])
     order = np.add.outer(np.arange(FACE_MODE_DEGREE + 1), np.arange(FACE_MODE_DEGREE + 1)).ravel()
-    return whole[:, order <= FACE_MODE_DEGREE]
+    return modes[:, order <= FACE_MODE_DEGREE]
 
 
-def boundary_patterns(experiment: Experiment, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def boundary_patterns(experiment: Experiment, held_dofs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Motion of held dofs (mm) and nodal forces on the others (N per node)  # (n_dof, p) each, one of them zero"""
     n_dim, n_dof = experiment.n_dim, experiment.mesh.nodes.size
     is_held = np.zeros(n_dof, dtype=bool)
-    is_held[held] = True
+    is_held[held_dofs] = True
     motions, forces = [], []
     for name in dict.fromkeys(entry.nodes for entry in experiment.prescribed):
         nodes = set_nodes(experiment, name)
@@ -90,9 +90,9 @@ def camera_fields(residual: ResidualEvidence, index: int) -> np.ndarray:
     shifted, turned, magnified in the image; levels of the instrument and its scale of heights.
     """
     frame = int(residual.evidence.frames[index])
-    own = [_of_camera(camera, frame, camera.turned(residual.u[index])) for camera in residual.cameras]
-    whole = own[0] if len(own) == 1 else block_diag(*own)
-    return _unit(whole[residual.evidence.seen])
+    fields = [_of_camera(camera, frame, camera.turned(residual.u[index])) for camera in residual.cameras]
+    columns = fields[0] if len(fields) == 1 else block_diag(*fields)
+    return _unit(columns[residual.evidence.seen])
 
 
 def _of_camera(camera: CameraResidual, frame: int, u: np.ndarray) -> np.ndarray:
@@ -101,15 +101,15 @@ def _of_camera(camera: CameraResidual, frame: int, u: np.ndarray) -> np.ndarray:
     nodes = experiment.mesh.nodes
     if view.kind != GREY:
         return _of_instrument(experiment, view, u)
-    here = view.at(frame)
+    frame_view = view.at(frame)
     if isinstance(view.camera, PlacedCamera):
         names, constant = LENS, CONSTANT_LENS
     else:
         names, constant = CAMERA_PARAMETERS, CONSTANT_CAMERA_PARAMETERS
-    deformed = here.deformed(nodes, u)
-    moved = [here.moved_camera.parameter_jacobian(deformed, name).ravel() for name in names]
+    deformed = frame_view.deformed(nodes, u)
+    moved = [frame_view.moved_camera.parameter_jacobian(deformed, name).ravel() for name in names]
     gradient = nodal_gradient(experiment, u)
-    still = [here.camera_column(nodes, u, gradient, name) for name in constant]
+    still = [frame_view.camera_column(nodes, u, gradient, name) for name in constant]
     return np.column_stack(moved + still)
 
 
@@ -129,8 +129,8 @@ def _of_instrument(experiment: Experiment, view: View, u: np.ndarray) -> np.ndar
     at = view.camera.project(view.points(experiment.mesh.nodes))
     rise = view.motion(experiment.mesh.nodes, u)[:, 2]
     centre = view.camera.project(np.zeros((1, experiment.n_dim)))[0] if experiment.symmetry else at.mean(axis=0)
-    (x, y), one, none = (at - centre).T, np.ones(len(at)), np.zeros(len(at))
-    fields = [(x, y, none), (none, none, one), (none, none, rise)]
+    (x, y), unit, none = (at - centre).T, np.ones(len(at)), np.zeros(len(at))
+    fields = [(x, y, none), (none, none, unit), (none, none, rise)]
     if not experiment.symmetry:
-        fields += [(one, none, none), (none, one, none), (-y, x, none), (none, none, x), (none, none, y)]
+        fields += [(unit, none, none), (none, unit, none), (-y, x, none), (none, none, x), (none, none, y)]
     return np.stack(fields, axis=-1).transpose(1, 0, 2).reshape(3 * len(at), -1)

@@ -23,8 +23,8 @@ def left_place(residual: ResidualEvidence, grid: Grid) -> np.ndarray | None:
     excess = np.zeros(basis.n)
     for part in evidence.parts:
         matrix, rhs = projected(evidence, part, basis.fields)
-        seen = np.diagonal(matrix) > 1e-6 * max(np.diagonal(matrix).max(initial=0.0), 1e-300)
-        excess += np.where(seen, rhs**2 / np.where(seen, np.diagonal(matrix), 1.0) - 1.0, 0.0)
+        is_seen = np.diagonal(matrix) > 1e-6 * max(np.diagonal(matrix).max(initial=0.0), 1e-300)
+        excess += np.where(is_seen, rhs**2 / np.where(is_seen, np.diagonal(matrix), 1.0) - 1.0, 0.0)
     if not excess.max(initial=0.0) > MIN_PEAK_Z * np.sqrt(2.0 * len(evidence.parts)):
         return None
     n_nodes = residual.context.experiment.mesh.n_nodes

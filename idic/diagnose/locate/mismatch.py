@@ -119,17 +119,17 @@ class Mismatch:
         selected : the selected candidate; only an effect on the body has a place on it
         """
         onset, interval = self.reported_onset(selected)
-        shown = self.is_significant or selected is not None
-        found = {"p_value": self.p_value, "side": self.side or None, "effect_px_rms": self.effect_px_rms,
-                 "onset_frame": onset, "onset_ci": _listed(interval),
-                 "visible_frame": self.visible_frame if shown else None, "elements": list(self.elements),
-                 "centroid_mm": _listed(self.centroid_mm), "centroid_std_mm": _listed(self.centroid_std_mm),
-                 "extent_mm": _listed(self.extent_mm), "frames": _listed(self.frames),
-                 "tests": [{"name": t.name, "p_value": t.p_value, "words": t.words} for t in self.tests],
-                 "parameters_constant_p": dict(self.constant)}
+        is_shown = self.is_significant or selected is not None
+        keys = {"p_value": self.p_value, "side": self.side or None, "effect_px_rms": self.effect_px_rms,
+                "onset_frame": onset, "onset_ci": _listed(interval),
+                "visible_frame": self.visible_frame if is_shown else None, "elements": list(self.elements),
+                "centroid_mm": _listed(self.centroid_mm), "centroid_std_mm": _listed(self.centroid_std_mm),
+                "extent_mm": _listed(self.extent_mm), "frames": _listed(self.frames),
+                "tests": [{"name": t.name, "p_value": t.p_value, "words": t.words} for t in self.tests],
+                "parameters_constant_p": dict(self.constant)}
         if self.has_place(selected):
-            return found
-        return found | {"elements": [], "centroid_mm": None, "centroid_std_mm": None, "extent_mm": None}
+            return keys
+        return keys | {"elements": [], "centroid_mm": None, "centroid_std_mm": None, "extent_mm": None}
 
     def has_place(self, selected: SelectedEffect | None = None) -> bool:
         """Whether the mismatch has a place on the specimen; the side of the selected candidate decides where one is."""
@@ -141,7 +141,7 @@ def _listed(value) -> list | None:
     return None if value is None else list(value)
 
 
-def locate(found: Identification, residual: ResidualEvidence, null: NullModel | None = None, seed: int = SEED,
+def locate(identification: Identification, residual: ResidualEvidence, null: NullModel | None = None, seed: int = SEED,
            margin: Margin = ASSUMED) -> Mismatch:
     """Locate the mismatch of a finished identification.
 
@@ -152,33 +152,34 @@ def locate(found: Identification, residual: ResidualEvidence, null: NullModel | 
     NotConverged
         If a law finds no answer along the path of the identified model.
     """
-    evidence = residual.evidence
+    evidence, experiment = residual.evidence, identification.experiment
     null = null_model(evidence, residual.null) if null is None else null
     rng = np.random.default_rng(seed)
-    nested_tests = run_nested_tests(found, residual, null, margin)
+    nested_tests = run_nested_tests(identification, residual, null, margin)
     motion, record = short_record(residual, null, rng)
-    times = found.experiment.times[evidence.frames] - found.experiment.times[found.experiment.reference]
-    loads = [k for k, channel in enumerate(found.experiment.channels) if channel.is_load]
+    times = experiment.times[evidence.frames] - experiment.times[experiment.reference]
+    loads = [k for k, channel in enumerate(experiment.channels) if channel.is_load]
     load = residual.channels[:, loads[0]] if loads else None
     begins = onset(record, margin.px, load_histories(times, load))
     p_value = float(min(1.0, 2.0 * min(nested_tests.p_value, begins.p_value)))
     real = bool(nested_tests.side) and p_value < MAX_MISMATCH_P
     if np.isnan(begins.frame):  # too weak in any one frame to exceed the margin there
         begins = onset(record, margin_px=0.0, followed=load_histories(times, load))
-    source_map = adjoint_source_map(found, residual, null, rng, before=_frames_before_onset(record, begins))
-    place = place_of(found.experiment.mesh, source_map)
-    first, interval = _frames(begins, evidence.frames, found.experiment.reference)
+    source_map = adjoint_source_map(identification, residual, null, rng,
+                                    sound_frames=_frames_before_onset(record, begins))
+    place = place_of(experiment.mesh, source_map)
+    first, interval = _frames(begins, evidence.frames, experiment.reference)
     visible = None
     if first is not None:
         visible = first if np.isnan(begins.seen) else int(evidence.frames[int(begins.seen) - 1])
-    shown = None if first is None else (max(first, int(evidence.frames[0])), int(evidence.frames[-1]))
+    frames = None if first is None else (max(first, int(evidence.frames[0])), int(evidence.frames[-1]))
     effect = effect_px(residual, first if first is not None else int(evidence.frames[0]))
     follows = fingerprint(begins.amplitude, begins.std, times, load, begins.frame)
     constant = dict(zip(null.names, parameter_cusum(record)[1].tolist(), strict=True))
-    labels = () if place is None else tuple(int(i) for i in found.experiment.mesh.element_labels[place.elements])
+    labels = () if place is None else tuple(int(i) for i in experiment.mesh.element_labels[place.elements])
     return Mismatch(p_value, nested_tests.side if real else "", effect, first, interval, visible,
                     labels,  # type: ignore[call-arg]
-                    *(_numbers(place, name) for name in ("centroid", "centroid_std", "extent")), shown,
+                    *(_numbers(place, name) for name in ("centroid", "centroid_std", "extent")), frames,
                     nested_tests, begins, source_map, place, motion, follows, constant, pixel_tests(residual))
 
 
@@ -224,7 +225,7 @@ def effect_px(residual: ResidualEvidence, first: int) -> float:
     """Rms of the motion that free fields ask for, over the frames from `first` on."""
     evidence = residual.evidence
     basis = hats(evidence, grid_of(residual, EFFECT_GRID_ELEMENTS))
-    found = explained(evidence, basis)
+    explanation = explained(evidence, basis)
     late = evidence.frames >= first
-    excess = (found.gain - found.rank)[late].sum()
+    excess = (explanation.gain - explanation.rank)[late].sum()
     return float(np.sqrt(max(excess, 0.0) / max(power(evidence)[late].sum(), 1e-300)))

@@ -36,16 +36,16 @@ def mismatch_words(mismatch: Mismatch | None, selected: SelectedEffect | None, s
     unexplained : `MOTION` and columns of channels that the last model does not explain
     unit : of lengths
     """
-    left = _left(unexplained)
+    remainders = _left(unexplained)
     if mismatch is None:
-        return "Side, onset and place are not known: a law finds no equilibrium along the identified path.", *left
+        return "Side, onset and place are not known: a law finds no equilibrium along the identified path.", *remainders
     if not mismatch.is_significant:
-        what = " of free motions" if selected else " of motions" if unexplained else ""
-        found = (f"{shown_by[:1].upper()}{shown_by[1:]} alone.",) if shown_by else ()
-        return f"No mismatch{what} beyond noise and the practical margin: {_why_none(mismatch)}.", *found, *left
+        kind = " of free motions" if selected else " of motions" if unexplained else ""
+        cause = (f"{shown_by[:1].upper()}{shown_by[1:]} alone.",) if shown_by else ()
+        return f"No mismatch{kind} beyond noise and the practical margin: {_why_none(mismatch)}.", *cause, *remainders
     words = [_side(mismatch, selected), _onset(mismatch, selected)]
     place = place_words(mismatch, unit) if mismatch.has_place(selected) else None
-    return *(text for text in (*words, place) if text), *left
+    return *(text for text in (*words, place) if text), *remainders
 
 
 def place_words(mismatch: Mismatch, unit: str) -> str | None:
@@ -70,10 +70,10 @@ def _side(mismatch: Mismatch, selected: SelectedEffect | None) -> str:
     size = f"{mismatch.effect_px_rms:.3g} px (rms)"
     if selected is None:
         return f"Side: {mismatch.side}; {mismatch.nested_tests.reason}. Unexplained motion: {size}."
-    other = ("" if selected.side == mismatch.side else f" The selected candidate acts on another side "
-             f"({selected.side}): free motions cannot attribute such a field, refits can.")
+    addition = ("" if selected.side == mismatch.side else f" The selected candidate acts on another side "
+                f"({selected.side}): free motions cannot attribute such a field, refits can.")
     return (f"Side of the mismatch of the identified model: {mismatch.side}; {mismatch.nested_tests.reason}. Its size: "
-            f"{size}.{other}")
+            f"{size}.{addition}")
 
 
 def _onset(mismatch: Mismatch, selected: SelectedEffect | None) -> str | None:
@@ -81,9 +81,9 @@ def _onset(mismatch: Mismatch, selected: SelectedEffect | None) -> str | None:
     if first is None:
         return None
     if first == 0:
-        seen = "" if mismatch.visible_frame is None else f"; more than noise from frame {mismatch.visible_frame} on"
-        how = "" if selected else ", as far as the recording shows"
-        return f"Onset: present from the start{how}{seen}. {mismatch.course.words}"
+        visible = "" if mismatch.visible_frame is None else f"; more than noise from frame {mismatch.visible_frame} on"
+        limit = "" if selected else ", as far as the recording shows"
+        return f"Onset: present from the start{limit}{visible}. {mismatch.course.words}"
     between = f" (95 %: {interval[0]} to {interval[1]})" if interval else ""
     return f"Onset: frame {first}{between}. {mismatch.course.words}"
 

@@ -104,7 +104,7 @@ class NestedTests:
         return _share(_kinematic(self.levels, self.windows), name)
 
 
-def run_nested_tests(found: Identification, residual: ResidualEvidence, null: NullModel,
+def run_nested_tests(identification: Identification, residual: ResidualEvidence, null: NullModel,
                      practical: Margin = ASSUMED) -> NestedTests:
     """Measure every level and decide the side.
 
@@ -116,10 +116,10 @@ def run_nested_tests(found: Identification, residual: ResidualEvidence, null: Nu
         If a law finds no answer along the path of the identified model.
     """
     evidence = without_channels(residual.evidence)
-    seen = [i for i in range(null.white.n)
-            if null.precision[i, i] > 0.0 or _seen_by_images(residual.evidence, evidence, null, i)]
-    images = null_model(evidence, residual.null.pick(seen))
-    fields = _fields(found, residual)
+    parameters = [i for i in range(null.white.n)
+                  if null.precision[i, i] > 0.0 or _seen_by_images(residual.evidence, evidence, null, i)]
+    images = null_model(evidence, residual.null.pick(parameters))
+    fields = _fields(identification, residual)
     sizes = np.cumsum([0, *(f.shape[1] for f in fields[0])])
     sets = {"camera": [0], "boundary": [1], "camera+boundary": [0, 1], "bulk": [0, 1, 2]}
     chosen = {name: np.concatenate([np.arange(sizes[k], sizes[k + 1]) for k in kinds]) for name, kinds in sets.items()}
@@ -132,20 +132,20 @@ def run_nested_tests(found: Identification, residual: ResidualEvidence, null: Nu
     per_frame, per_window = ({name: replace(level(name, normals, groups, members, images), margin=margin)
                               for name, members in chosen.items()} for groups in (every, windows))
     if len(residual.evidence.channel_weight):
-        per_frame["force"] = force_level(residual.evidence, null, images, seen)
+        per_frame["force"] = force_level(residual.evidence, null, images, parameters)
     if residual.context.experiment.options.brightness == "frame" and residual.evidence.n_components == 2:
-        per_frame["brightness"] = replace(brightness_level(found, residual), margin=margin)
+        per_frame["brightness"] = replace(brightness_level(identification, residual), margin=margin)
     experiment = residual.context.experiment
     side, reason = decide(per_frame, per_window,
                           bool(experiment.loads) or any(channel.is_load for channel in experiment.channels))
     return NestedTests(per_frame, per_window, side, reason)
 
 
-def _fields(found: Identification, residual: ResidualEvidence) -> list[tuple]:
+def _fields(identification: Identification, residual: ResidualEvidence) -> list[tuple]:
     """Camera, boundary and hats of every frame  # T tuples of (n_seen, p_k), sparse"""
     basis = hats(residual.evidence, grid_of(residual, HAT_SPACING_ELEMENTS)).fields
     fields, patterns = [], None
-    for tangent in tangents(found, residual):
+    for tangent in tangents(identification, residual):
         if patterns is None:
             patterns = boundary_patterns(residual.context.experiment, tangent.held)
         fields.append((sparse.csr_array(camera_fields(residual, tangent.index)),
@@ -200,16 +200,16 @@ def _rest(null: NullModel, cross_gram, cross_b) -> tuple[float, int]:
     scale = np.sqrt(np.where(np.diagonal(gram) > 0.0, np.diagonal(gram), np.inf))
     values, vectors = np.linalg.eigh((gram - cross_gram) / np.outer(scale, scale))
     good = values > MIN_IMAGE_INFORMATION
-    before = np.linalg.eigvalsh(gram / np.outer(scale, scale)) > MIN_IMAGE_INFORMATION
+    was_good = np.linalg.eigvalsh(gram / np.outer(scale, scale)) > MIN_IMAGE_INFORMATION
     y = vectors[:, good].T @ ((null.b - cross_b) / scale)
-    return float((y**2 / values[good]).sum() - null.b @ null.covariance @ null.b), int(before.sum() - good.sum())
+    return float((y**2 / values[good]).sum() - null.b @ null.covariance @ null.b), int(was_good.sum() - good.sum())
 
 
 def half_inverse(matrix: np.ndarray) -> np.ndarray:
     """W with W W^T the inverse of a positive semi-definite matrix over what is seen of it  # (p, rank)"""
     diagonal = np.diagonal(matrix)
-    seen = diagonal > 1e-9 * max(diagonal.max(initial=0.0), 1e-300)
-    scale = np.where(seen, 1.0 / np.sqrt(np.where(seen, diagonal, 1.0)), 0.0)
+    is_seen = diagonal > 1e-9 * max(diagonal.max(initial=0.0), 1e-300)
+    scale = np.where(is_seen, 1.0 / np.sqrt(np.where(is_seen, diagonal, 1.0)), 0.0)
     values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
     good = values > MIN_EIGENVALUE_SHARE * max(values.max(initial=0.0), 1e-300)
     return scale[:, None] * vectors[:, good] / np.sqrt(values[good])
@@ -230,20 +230,20 @@ def without_channels(evidence: Evidence) -> Evidence:
     return replace(evidence, channel_weight=np.zeros_like(weight), parts=tuple(parts))
 
 
-def _seen_by_images(whole: Evidence, images: Evidence, null: NullModel, i: int) -> bool:
+def _seen_by_images(evidence: Evidence, images: Evidence, null: NullModel, i: int) -> bool:
     column = null.white.pick([i])
-    alone = images.products(column, images.weighed(column))[0, 0]
-    return alone > MIN_IMAGE_INFORMATION * max(whole.products(column, null.weighed.pick([i]))[0, 0], 1e-300)
+    information = images.products(column, images.weighed(column))[0, 0]
+    return information > MIN_IMAGE_INFORMATION * max(evidence.products(column, null.weighed.pick([i]))[0, 0], 1e-300)
 
 
-def force_level(evidence: Evidence, null: NullModel, images: NullModel, seen: Sequence[int]) -> Level:
+def force_level(evidence: Evidence, null: NullModel, images: NullModel, parameters: Sequence[int]) -> Level:
     """Let the channels be free: their contribution beyond that of the identified parameters."""
     channel_residual = np.array([evidence.residual(part)[1] for part in evidence.parts])  # (T, n_channels)
-    own = np.array([np.diagonal(_channel_information(evidence, part)) for part in evidence.parts])
+    information = np.array([np.diagonal(_channel_information(evidence, part)) for part in evidence.parts])
     gain = total_chi2(evidence) - total_chi2(without_channels(evidence))
     gain += float(images.b @ images.covariance @ images.b - null.b @ null.covariance @ null.b)
     rank = channel_residual.size - (_rank(null.gram) - _rank(images.gram))
-    frame_gain = (channel_residual**2 / np.maximum(own, 1e-300)).sum(axis=1)
+    frame_gain = (channel_residual**2 / np.maximum(information, 1e-300)).sum(axis=1)
     return Level("force", gain, int(rank), frame_gain)
 
 
@@ -266,16 +266,16 @@ def _rank(gram: np.ndarray) -> int:
     return int((np.linalg.eigvalsh(gram / np.outer(scale, scale)) > MIN_IMAGE_INFORMATION).sum())
 
 
-def brightness_level(found: Identification, residual: ResidualEvidence) -> Level:
+def brightness_level(identification: Identification, residual: ResidualEvidence) -> Level:
     """Gain and offset of every patch instead of the whole frame: one more pass over the images, of the same motion."""
-    options = replace(found.experiment.options, brightness="patch")
-    patched = residual_evidence(replace(found, experiment=replace(found.experiment, options=options)),
+    options = replace(identification.experiment.options, brightness="patch")
+    patched = residual_evidence(replace(identification, experiment=replace(identification.experiment, options=options)),
                                 light=False, responses=residual.responses).evidence
     gains, ranks = [], []
-    for fine, whole in zip(patched.parts, residual.evidence.parts, strict=True):
-        gains.append(float(fine.inner_q @ fine.inner @ fine.inner_q - whole.inner_q @ whole.inner @ whole.inner_q))
+    for fine, coarse in zip(patched.parts, residual.evidence.parts, strict=True):
+        gains.append(float(fine.inner_q @ fine.inner @ fine.inner_q - coarse.inner_q @ coarse.inner @ coarse.inner_q))
         ranks.append(np.linalg.matrix_rank(fine.inner, hermitian=True)
-                     - np.linalg.matrix_rank(whole.inner, hermitian=True))
+                     - np.linalg.matrix_rank(coarse.inner, hermitian=True))
     frame_gain = np.array(gains)
     return Level("brightness", float(frame_gain.sum()), int(np.sum(ranks)), frame_gain)
 
@@ -319,10 +319,10 @@ def decide(per_frame: dict[str, Level], per_window: dict[str, Level], has_force:
         words = {"camera": "camera motion and distortion recover",
                  "boundary": "free motion of the driven edges recovers"}[best]
         text = f"{words} {_percent(kinematic, best)} of what any smooth motion explains"
-        rest = [f"; the {name} level recovers {_percent(kinematic, name)} with "
+        comparisons = [f"; the {name} level recovers {_percent(kinematic, name)} with "
                 f"{'more' if kinematic[name].rank > kinematic[best].rank else 'as many or fewer'} degrees of freedom"
-                for name in responsible if name != best]
-        return best, text + "".join(rest)
+                       for name in responsible if name != best]
+        return best, text + "".join(comparisons)
     text = ("smooth motion inside the specimen is needed: the driven edges recover "
             f"{_percent(kinematic, 'boundary')}, the camera {_percent(kinematic, 'camera')}")
     return "bulk", text + ("" if has_force else "; no force is logged, so that bulk and boundary are separated by the "
@@ -332,7 +332,7 @@ def decide(per_frame: dict[str, Level], per_window: dict[str, Level], has_force:
 def _responsible(levels: dict[str, Level], name: str) -> bool:
     if levels[name].p_margin > MAX_LEVEL_P:
         return False
-    left, rank = levels["bulk"].gain - levels[name].gain, levels["bulk"].rank - levels[name].rank
+    remainder, rank = levels["bulk"].gain - levels[name].gain, levels["bulk"].rank - levels[name].rank
     return _share(levels,
-                  name) > MIN_RESPONSIBLE_SHARE or float(p_beyond_margin(left, max(rank, 1),
+                  name) > MIN_RESPONSIBLE_SHARE or float(p_beyond_margin(remainder, max(rank, 1),
                                                                          levels["bulk"].margin)) > MAX_LEVEL_P

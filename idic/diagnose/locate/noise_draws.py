@@ -61,31 +61,31 @@ def free_motion(evidence: Evidence, null: NullModel, basis: Basis, rng: np.rando
     shares = [null.white.fields[t].T @ null.weighed.fields[t] + null.white.channels[t].T @ null.weighed.channels[t]
               for t in range(len(normals))]
     rhs, absorbed = [], np.zeros((draws, null.white.n))
-    for found, share in zip(normals, shares, strict=True):
-        y, j = _joint_draws(found, share, rng, draws)
+    for equations, share in zip(normals, shares, strict=True):
+        y, j = _joint_draws(equations, share, rng, draws)
         rhs.append(y)
         absorbed += j
     step, noise_step = null.covariance @ null.b, absorbed @ null.covariance
     w = np.empty((len(normals), basis.n))
     noise = np.empty((draws, len(normals), basis.n), dtype=np.float32)
     resolution = np.empty_like(w)
-    for t, found in enumerate(normals):
-        inverse = damped_inverse(found.matrix)
-        w[t] = inverse @ (found.rhs - found.cross @ step)
-        noise[:, t] = (rhs[t] - noise_step @ found.cross.T) @ inverse
-        own = found.matrix - found.cross @ null.covariance @ found.cross.T
-        resolution[t] = np.clip(np.einsum("ij,ji->i", inverse, own), 0.0, 1.0)
+    for t, equations in enumerate(normals):
+        inverse = damped_inverse(equations.matrix)
+        w[t] = inverse @ (equations.rhs - equations.cross @ step)
+        noise[:, t] = (rhs[t] - noise_step @ equations.cross.T) @ inverse
+        information = equations.matrix - equations.cross @ null.covariance @ equations.cross.T
+        resolution[t] = np.clip(np.einsum("ij,ji->i", inverse, information), 0.0, 1.0)
     return FreeMotion(recorded_frames(evidence, w[None])[0], recorded_frames(evidence, noise), resolution, normals)
 
 
-def _joint_draws(found: Normal, share: np.ndarray, rng: np.random.Generator, draws: int):
+def _joint_draws(equations: Normal, share: np.ndarray, rng: np.random.Generator, draws: int):
     """Noise of the freed fields and of the identified columns in one frame  # (D, p), (D, n)"""
-    whole = np.block([[found.matrix, found.cross], [found.cross.T, share]])
-    scale = np.sqrt(np.maximum(np.diagonal(whole), 1e-300))
-    values, vectors = np.linalg.eigh(whole / np.outer(scale, scale))
+    gram = np.block([[equations.matrix, equations.cross], [equations.cross.T, share]])
+    scale = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
+    values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
     root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
     drawn = rng.standard_normal((draws, len(values))) @ root.T
-    return drawn[:, :len(found.rhs)], drawn[:, len(found.rhs):]
+    return drawn[:, :len(equations.rhs)], drawn[:, len(equations.rhs):]
 
 
 def damped_inverse(matrix: np.ndarray) -> np.ndarray:
@@ -102,11 +102,11 @@ def recorded_frames(evidence: Evidence, white: np.ndarray) -> np.ndarray:
 
 def convected(evidence: Evidence, fields: sparse.csr_array, t: int) -> sparse.csr_array:
     """Fields of the reference image as motions of frame t: back^-1 at every node."""
-    c, seen = evidence.n_components, evidence.seen
+    c, dofs = evidence.n_components, evidence.seen
     forth = np.linalg.inv(evidence.back[t])
     n = len(forth)
     rows = np.repeat(np.arange(c * n).reshape(n, c, 1), c, axis=2)
     columns = np.repeat(np.arange(c * n).reshape(n, 1, c), c, axis=1)
-    whole = sparse.csr_array((forth.ravel(), (rows.ravel(), columns.ravel())), shape=(c * n, c * n))
-    return sparse.csr_array(whole[seen][:, seen] @ fields)
+    transform = sparse.csr_array((forth.ravel(), (rows.ravel(), columns.ravel())), shape=(c * n, c * n))
+    return sparse.csr_array(transform[dofs][:, dofs] @ fields)
 

@@ -63,9 +63,9 @@ class MotionRecord:
     def white(self, columns: np.ndarray, frames: np.ndarray) -> np.ndarray:
         """V^-1/2 for some frames on their own  # (n, p, m) of these frames -> the same"""
         kappa = self.kappa[frames]
-        own = columns / np.where(self.shared, np.sqrt(kappa)[:, None], 1.0)[:, :, None]
+        scaled = columns / np.where(self.shared, np.sqrt(kappa)[:, None], 1.0)[:, :, None]
         common = noise_share(kappa, self.n_images) * np.einsum("tpm,t->pm", columns, 1.0 / kappa)
-        return own - np.where(self.shared, 1.0 / np.sqrt(kappa)[:, None], 0.0)[:, :, None] * common
+        return scaled - np.where(self.shared, 1.0 / np.sqrt(kappa)[:, None], 0.0)[:, :, None] * common
 
     def fit(self, frames: np.ndarray, extra: np.ndarray | None = None) -> tuple[np.ndarray, float, int]:
         """Least squares on some frames and the priors: coefficients (n + m,), chi-square left, rank
@@ -75,15 +75,15 @@ class MotionRecord:
         columns = self.J[frames] if extra is None else np.concatenate([self.J[frames], extra], axis=2)
         J, e = self.white(columns, frames), self.white(self.e[frames][:, :, None], frames)
         J, e = J.reshape(-1, J.shape[2]), e.ravel()
-        gram, b, rest = J.T @ J, J.T @ e, float(e @ e)
+        gram, b, chi2 = J.T @ J, J.T @ e, float(e @ e)
         if self.precision is not None and self.pull is not None:
             n = len(self.pull)
             gram[:n, :n] += self.precision
             b[:n] += self.pull
-            rest += float(self.pull @ symmetric_inverse(self.precision) @ self.pull)
+            chi2 += float(self.pull @ symmetric_inverse(self.precision) @ self.pull)
         inverse = symmetric_inverse(gram)
         x = inverse @ b
-        return x, rest - float(b @ x), round(np.trace(inverse @ gram))
+        return x, chi2 - float(b @ x), round(np.trace(inverse @ gram))
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,25 +111,25 @@ class Onset:
 
 def course(evidence: Evidence, null: NullModel, motion: FreeMotion) -> MotionRecord:
     """The short record: free motions weighed by their mean information, and the channels."""
-    mean = sum(found.matrix for found in motion.white) / len(motion.white)
+    mean = sum(equations.matrix for equations in motion.white) / len(motion.white)
     root = half_inverse(mean)  # (p, r), root root^T = mean^-1
     forth = mean @ root  # unit noise: root^T mean a
     e, J = [], []
-    for found in motion.white:
-        inverse = half_inverse(found.matrix)
-        estimate = inverse @ (inverse.T @ np.column_stack([found.rhs, found.cross]))
-        whole = forth.T @ estimate
-        e.append(whole[:, 0])
-        J.append(whole[:, 1:])
+    for equations in motion.white:
+        inverse = half_inverse(equations.matrix)
+        estimate = inverse @ (inverse.T @ np.column_stack([equations.rhs, equations.cross]))
+        motions = forth.T @ estimate
+        e.append(motions[:, 0])
+        J.append(motions[:, 1:])
     e, J = np.array(e), np.array(J)
-    whole = np.concatenate([e[:, :, None], J], axis=2)  # (T, r, 1 + n)
-    whole = np.moveaxis(recorded_frames(evidence, np.moveaxis(whole, 2, 0)), 0, 2)
+    columns = np.concatenate([e[:, :, None], J], axis=2)  # (T, r, 1 + n)
+    columns = np.moveaxis(recorded_frames(evidence, np.moveaxis(columns, 2, 0)), 0, 2)
     weight = np.sqrt(evidence.channel_weight)
     channels = np.array([part.channel_q for part in evidence.parts]) / np.where(weight > 0.0, weight, np.inf)
     slopes = null.white.channels * weight[None, :, None]
-    return MotionRecord(np.hstack([whole[:, :, 0], channels]), np.concatenate([whole[:, :, 1:], slopes], axis=1),
-                  np.arange(whole.shape[1] + len(weight)) < whole.shape[1], evidence.kappa,
-                  power(evidence), evidence.n_images, null.precision, null.pull)
+    return MotionRecord(np.hstack([columns[:, :, 0], channels]), np.concatenate([columns[:, :, 1:], slopes], axis=1),
+                        np.arange(columns.shape[1] + len(weight)) < columns.shape[1], evidence.kappa,
+                        power(evidence), evidence.n_images, null.precision, null.pull)
 
 
 def onset(record: MotionRecord, margin_px: float = PRACTICAL_MARGIN_PX, followed: Sequence[np.ndarray] = ()) -> Onset:
@@ -172,8 +172,8 @@ def _pattern(record: MotionRecord, first: int, stop: int) -> np.ndarray:
     """Direction of the departure of the frames first … stop from the prediction by earlier frames  # (p,)"""
     earlier = np.arange(first if first >= 2 else stop + 1)
     x = record.fit(earlier)[0]
-    rest = record.e[first:stop + 1] - record.J[first:stop + 1] @ x
-    return np.linalg.svd(rest, full_matrices=False)[2][0]
+    departure = record.e[first:stop + 1] - record.J[first:stop + 1] @ x
+    return np.linalg.svd(departure, full_matrices=False)[2][0]
 
 
 def _corner(record: MotionRecord, stop: int, pattern: np.ndarray,
@@ -194,8 +194,8 @@ def _corner(record: MotionRecord, stop: int, pattern: np.ndarray,
             _, losses[i, k], rank = record.fit(frames, pattern[None, :, None] * (x**exponent)[:, None, None])
     losses = losses.min(axis=1)
     straight = losses[0]
-    for whole in followed:
-        x = whole[frames] / max(np.abs(whole[frames]).max(), 1e-300)
+    for history in followed:
+        x = history[frames] / max(np.abs(history[frames]).max(), 1e-300)
         straight = min(straight, record.fit(frames, pattern[None, :, None] * x[:, None, None])[1])
     least = 2.0 * MAX_LIKELIHOOD_DROP * max(1.0, losses.min() / max(record.e[frames].size + record.n_stated - rank, 1))
     inside = trials[losses - losses.min() < least]
@@ -203,10 +203,10 @@ def _corner(record: MotionRecord, stop: int, pattern: np.ndarray,
         straight - losses.min() < least)
 
 
-def _amplitude(record: MotionRecord, pattern: np.ndarray, before: int) -> tuple[np.ndarray, np.ndarray]:
+def _amplitude(record: MotionRecord, pattern: np.ndarray, n_earlier: int) -> tuple[np.ndarray, np.ndarray]:
     """Amplitude of a pattern in every frame; parameters are fitted to the frames before it shows (all, if none)."""
     n_frames = len(record.e)
-    frames = np.arange(before) if before >= 2 else np.arange(n_frames)
+    frames = np.arange(n_earlier) if n_earlier >= 2 else np.arange(n_frames)
     x = record.fit(frames)[0]
     value = (record.e - record.J @ x) @ pattern
     px = 1.0 / np.sqrt(np.maximum(record.power, 1e-300))
@@ -220,11 +220,11 @@ def growing_windows(record: MotionRecord) -> tuple[np.ndarray, np.ndarray]:
     """
     n_frames, n = len(record.e), record.J.shape[2]
     steps, stds = np.full((n_frames, n), np.nan), np.full((n_frames, n), np.nan)
-    stated = 0.0 if record.precision is None else record.precision
+    prior = 0.0 if record.precision is None else record.precision
     for t in range(n_frames):
         frames = np.arange(t + 1)
         J = record.white(record.J[frames], frames).reshape(-1, n)
-        gram = J.T @ J + stated
+        gram = J.T @ J + prior
         size = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
         if np.linalg.matrix_rank(gram / np.outer(size, size), tol=1e-12, hermitian=True) == n:
             steps[t] = record.fit(frames)[0]
@@ -245,8 +245,8 @@ def parameter_cusum(record: MotionRecord) -> tuple[np.ndarray, np.ndarray]:
     frames, record = np.arange(len(record.e)), record.data_alone()
     x = record.fit(frames)[0]
     J = record.white(record.J, frames)
-    rest = record.white((record.e - record.J @ x)[:, :, None], frames)[:, :, 0]
-    scores = np.einsum("tpn,tp->tn", J, rest)
+    residual = record.white((record.e - record.J @ x)[:, :, None], frames)[:, :, 0]
+    scores = np.einsum("tpn,tp->tn", J, residual)
     size = np.sqrt(np.einsum("tpn,tpn->n", J, J))
     paths = np.cumsum(np.divide(scores, size, out=np.zeros_like(scores), where=size > 0.0), axis=0)
     return paths, stats.kstwobign.sf(np.abs(paths).max(axis=0, initial=0.0))

@@ -43,19 +43,19 @@ def place_of(mesh: Mesh, source_map: SourceMap) -> Place | None:
     centres = element_centres(mesh)
     elements = _belonging(source_map.z, source_map.p)
     points = centres[elements]
-    again = [_centroid(centres, source_map.z + noise, source_map.p) for noise in source_map.draws]
-    own = [_nodes_of(mesh, int(e)) for e in elements]
-    centroid, nodes = _centroid(centres, source_map.z, source_map.p), np.concatenate(own)
-    size = max(np.linalg.norm(mesh.nodes[of] - at, axis=1).max() for of, at in zip(own, points, strict=True))
-    return Place(elements, centroid, np.std(again, axis=0), np.ptp(mesh.nodes[nodes], axis=0),
+    centroids = [_centroid(centres, source_map.z + noise, source_map.p) for noise in source_map.draws]
+    element_nodes = [_nodes_of(mesh, int(e)) for e in elements]
+    centroid, nodes = _centroid(centres, source_map.z, source_map.p), np.concatenate(element_nodes)
+    size = max(np.linalg.norm(mesh.nodes[of] - at, axis=1).max() for of, at in zip(element_nodes, points, strict=True))
+    return Place(elements, centroid, np.std(centroids, axis=0), np.ptp(mesh.nodes[nodes], axis=0),
                  float(source_map.p.min()), bool(np.linalg.norm(points - centroid, axis=1).min() <= size))
 
 
 def _belonging(z: np.ndarray, p: np.ndarray) -> np.ndarray:
     statistic = (z**2).sum(axis=1)
     strongest = int(np.argmax(statistic))
-    same = z @ z[strongest] > 0.0  # the same course in time, and sign
-    return np.flatnonzero((statistic >= MIN_SOURCE_SHARE * statistic[strongest]) & same & (p <= MAX_ELEMENT_P))
+    is_alike = z @ z[strongest] > 0.0  # the same course in time, and sign
+    return np.flatnonzero((statistic >= MIN_SOURCE_SHARE * statistic[strongest]) & is_alike & (p <= MAX_ELEMENT_P))
 
 
 def _centroid(centres: np.ndarray, z: np.ndarray, p: np.ndarray) -> np.ndarray:

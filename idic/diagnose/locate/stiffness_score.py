@@ -23,7 +23,7 @@ from idic.identification import Identification
 WINDOW_MARGIN = 0.05  # of the body, beyond its ends, where the window becomes zero
 
 
-def stiffness_score(found: Identification, residual: ResidualEvidence) -> np.ndarray:
+def stiffness_score(identification: Identification, residual: ResidualEvidence) -> np.ndarray:
     """Score of a relative change of the stiffness of every element  # (n_elements,)
 
     Positive where the recording asks for more. The identified parameters and the unknowns of every frame are projected
@@ -36,14 +36,14 @@ def stiffness_score(found: Identification, residual: ResidualEvidence) -> np.nda
     """
     evidence, null = residual.evidence, null_model(residual.evidence, residual.null)
     motion = residual.solved_u.reshape(len(residual.u), -1)
-    last = int(np.argmax((motion**2).sum(axis=1)))
-    course = motion @ motion[last] / ((motion[last] @ motion[last]) or 1.0)
+    peak = int(np.argmax((motion**2).sum(axis=1)))
+    course = motion @ motion[peak] / ((motion[peak] @ motion[peak]) or 1.0)
     parts = [evidence.residual(part) for part in evidence.parts]
     step = null.remaining
     q = np.array([images - null.weighed.fields[t] @ step for t, (images, _) in enumerate(parts)])
     channels = np.array([readings - null.weighed.channels[t] @ step for t, (_, readings) in enumerate(parts)])
     p = np.einsum("t,tij->ij", course, recorded_residual(evidence, q[..., None]))
-    (tangent,) = tangents(found, residual, only=last)
+    (tangent,) = tangents(identification, residual, only=peak)
     return element_scores(residual, tangent, p, (course @ channels)[:, None])[:, 0]
 
 
@@ -59,7 +59,7 @@ def wave_scores(score: np.ndarray, centres: np.ndarray, waves: np.ndarray) -> np
     windowed = score * np.prod(np.sin(np.pi * way) ** 2, axis=1)
     along = []  # per axis: the waves along it, each once, and which of them every wave has
     for axis, place in enumerate((centres - (low + 0.5 * size)).T):
-        once, which = np.unique(waves[:, axis], return_inverse=True)
-        along.append((np.exp(2j * np.pi * np.outer(once, place)), which))
+        once, index = np.unique(waves[:, axis], return_inverse=True)
+        along.append((np.exp(2j * np.pi * np.outer(once, place)), index))
     (x, of_x), (y, of_y) = along
     return np.linalg.norm(waves, axis=1) * ((x * windowed) @ y.T)[of_x, of_y]

@@ -40,15 +40,15 @@ class Tangent:
     def answer(self, motion: np.ndarray, forces: np.ndarray) -> np.ndarray:
         """Displacement of the whole body under motion of held dofs and nodal forces  # (n_dof, m) each -> (n_dof, m)"""
         load = forces - stiffness_times(self.system, self.evaluation, motion)
-        free, whole = self.system.pattern.dofs, motion.copy()
-        whole[free] += self.factor.solve(load[free])
-        return whole
+        dofs, displacement = self.system.pattern.dofs, motion.copy()
+        displacement[dofs] += self.factor.solve(load[dofs])
+        return displacement
 
     def adjoint(self, load: np.ndarray) -> np.ndarray:
         """K^-T load on the free dofs, zero on held ones  # (n_dof, m)"""
-        free, whole = self.system.pattern.dofs, np.zeros_like(load)
-        whole[free] = self.factor.solve_transposed(load[free])
-        return whole
+        dofs, solution = self.system.pattern.dofs, np.zeros_like(load)
+        solution[dofs] = self.factor.solve_transposed(load[dofs])
+        return solution
 
     def element_work(self, fields: np.ndarray) -> np.ndarray:
         """Work of the internal forces of every element on nodal fields  # (n_dof, m) -> (n_elements, m) N mm"""
@@ -61,7 +61,7 @@ class Tangent:
         return work
 
 
-def tangents(found: Identification, residual: ResidualEvidence, only: int | None = None) -> Iterator[Tangent]:
+def tangents(identification: Identification, residual: ResidualEvidence, only: int | None = None) -> Iterator[Tangent]:
     """The tangent of every frame of the evidence; history-dependent laws keep their history along the path.
 
     only : place of the one frame that is wanted; laws without history are evaluated there alone
@@ -71,28 +71,28 @@ def tangents(found: Identification, residual: ResidualEvidence, only: int | None
     NotConverged
         If a law finds no answer along the path.
     """
-    forward, parameters = found.forward, found.parameters
-    model, params = forward.model_at(parameters, found.local), forward.law_values(parameters)
-    start = found.experiment.reference
-    times = found.experiment.times[start:]
+    forward, parameters = identification.forward, identification.parameters
+    model, params = forward.model_at(parameters, identification.local), forward.law_values(parameters)
+    start = identification.experiment.reference
+    times = identification.experiment.times[start:]
     system = discretise(model)
-    states, before, factor, matrices, solved = system.rest_states(), 0, None, (), residual.solved_u
+    states, former, factor, matrices, solved = system.rest_states(), 0, None, (), residual.solved_u
     history = any(state.size for state in states)
     for index, number in enumerate(residual.evidence.frames if only is None else residual.evidence.frames[:only + 1]):
         if only is not None and index < only and not history:
             continue
         frame = int(number) - start
         ev = evaluate_system(system, params, np.ascontiguousarray(solved[index]), states,
-                               times[frame] - times[before],
-                               drives_at(model, times, times[frame]), guesses=states if before else None)
+                               times[frame] - times[former],
+                               drives_at(model, times, times[frame]), guesses=states if former else None)
         if ev.trouble:
             raise NotConverged(f"{ev.trouble}, frame {frame}")
         if only is not None and index < only:
-            states, before = tuple(g.state for g in ev.groups), frame
+            states, former = tuple(g.state for g in ev.groups), frame
             continue
         stiffness_times(system, ev, np.zeros((model.n_dof, 1)))  # leaves the element matrices in ev
-        now = (*(g.Ke for g in ev.groups), *ev.pressure_K)
-        if factor is None or not all(np.array_equal(a, b) for a, b in zip(now, matrices, strict=True)):
-            factor, matrices = factorise_tangent(system, ev), now
-        states, before = tuple(g.state for g in ev.groups), frame
+        element_matrices = (*(g.Ke for g in ev.groups), *ev.pressure_K)
+        if factor is None or not all(np.array_equal(a, b) for a, b in zip(element_matrices, matrices, strict=True)):
+            factor, matrices = factorise_tangent(system, ev), element_matrices
+        states, former = tuple(g.state for g in ev.groups), frame
         yield Tangent(index, system, ev, factor, forward.readings)

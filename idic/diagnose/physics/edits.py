@@ -16,14 +16,14 @@ def further_dofs(situation: Situation, *names: str, **values: float) -> dict[str
 
     values : start values by the last word of a name, others as the file gives them
     """
-    if any(without_knot(free) in names for free in situation.experiment.parameters.free):
+    if any(without_knot(parameter) in names for parameter in situation.experiment.parameters.free):
         return None
-    kept = [dict(entry) for entry in situation.document.get("dof", ()) if entry.get("name") not in names]
-    made = []
+    entries = [dict(entry) for entry in situation.document.get("dof", ()) if entry.get("name") not in names]
+    additions = []
     for name in names:
-        last = name.rpartition(".")[2]
-        made.append({"name": name} | ({"value": values[last]} if last in values else {}))
-    return {"dof": kept + made}
+        word = name.rpartition(".")[2]
+        additions.append({"name": name} | ({"value": values[word]} if word in values else {}))
+    return {"dof": entries + additions}
 
 
 def driven(situation: Situation) -> Iterator[tuple[int, str, str, Mapping[str, Any]]]:

@@ -55,11 +55,11 @@ def enriched(situation: Situation, name: str, law: str, **entries: Mapping[str, 
     names = (*get_law(law).parameter_names, EXPANSION.name)
     table: dict[str, Any] = {"law": law} | _elastic(situation, name, names)
     for parameter in situation.experiment.parameters.values():
-        own = parameter.name.removeprefix(f"{name}.")
-        if parameter.name == f"{name}.{own}" and own in names and own not in entries:
+        key = parameter.name.removeprefix(f"{name}.")
+        if parameter.name == f"{name}.{key}" and key in names and key not in entries:
             value = situation.values[parameter.name]
             if np.isfinite(value):
-                table[own] = _kept(parameter, value)
+                table[key] = _kept(parameter, value)
     return {f"material.{name}": table | entries}
 
 
@@ -100,12 +100,12 @@ def freed(situation: Situation, name: str, parameter: str, value: float | None =
 
     value : start, internal units; default the locked one
     """
-    known = situation.experiment.parameters
+    parameters = situation.experiment.parameters
     full = f"{name}.{parameter}"
-    if full not in known or known[full].free:
+    if full not in parameters or parameters[full].free:
         return None
     law = situation.law(name)
-    entry = _kept(known[full], known[full].value if value is None else value) | {"identify": True}
+    entry = _kept(parameters[full], parameters[full].value if value is None else value) | {"identify": True}
     edits = enriched(situation, name, law, **{parameter: entry})
     kinematics = situation.experiment.material_of(name).kinematics
     edits[f"material.{name}"]["kinematics"] = kinematics
@@ -114,12 +114,13 @@ def freed(situation: Situation, name: str, parameter: str, value: float | None =
 
 def stress_levels(situation: Situation, name: str, levels: tuple[int, ...]) -> list[float]:
     """Some of the quantiles of the largest stress that the points reach, MPa, without repetition."""
-    found = situation.stress[name]
-    return [float(x) for x in dict.fromkeys(float(found[min(level, len(found) - 1)]) for level in levels) if x > 0.0]
+    quantiles = situation.stress[name]
+    return [float(x) for x in dict.fromkeys(float(quantiles[min(level, len(quantiles) - 1)]) for level in levels)
+            if x > 0.0]
 
 
 def plastic_strain(situation: Situation, name: str) -> float:
     """About the largest plastic strain of the identified model: the strain beyond the elastic strain at yield."""
     E, _ = elastic_pair(situation, name)
-    whole = situation.strain[name]
-    return max(whole - situation.values.get(f"{name}.yield_stress", 0.0) / E, 0.1 * whole)
+    strain = situation.strain[name]
+    return max(strain - situation.values.get(f"{name}.yield_stress", 0.0) / E, 0.1 * strain)

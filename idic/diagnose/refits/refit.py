@@ -141,7 +141,7 @@ class _Progress:
         return min(self.phis, default=float("nan"))
 
 
-def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], local: np.ndarray, grid: Grid,
+def refit(name: str, starts: Sequence[Start], other_copies: Mapping[str, Experiment], local: np.ndarray, grid: Grid,
           target: float = np.inf, early_stop: EarlyStop | None = None, estimator: str = ORDINARY,
           unlimited: bool = False, whole_std: bool = False, most_evaluations: int | None = None) -> Refit:
     """Identify a model from the best of a few starts and measure it.
@@ -151,7 +151,7 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
     starts : at most `MAX_STARTS` are tried, until one ends below `target`; of those with one label, a model that begins
     in
         several places, the first that converges
-    other : {label of the start: the same experiment on the copy for judging}; {} judges nothing
+    other_copies : {label of the start: the same experiment on the copy for judging}; {} judges nothing
     local : (n_frames, m) mm, frame-local unknowns to begin with
     target : chi-square (`Fit.chi2`) on the first copy that counts as an improvement
     early_stop : ends an identification that will not come near the best rival
@@ -168,14 +168,16 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
             continue
         try:
             watch = _Progress(early_stop, limit is not None)
-            most = MAX_EVALUATIONS if other and not unlimited else None
-            found = _identified(_started(start, most), _fitting(local, start.experiment), watch, estimator, limit)
-            runs += found.state.evaluations
-            if found.point is None or (start.borrowed and not (found.state.status == "converged" or watch.left)):
-                problems.append(f"{start.label}: {_no_answer(found, limit)}")
+            most = MAX_EVALUATIONS if other_copies and not unlimited else None
+            identification = _identified(_started(start, most), _fitting(local, start.experiment), watch, estimator,
+                                         limit)
+            runs += identification.state.evaluations
+            if identification.point is None or (start.borrowed
+                                                and not (identification.state.status == "converged" or watch.left)):
+                problems.append(f"{start.label}: {_no_answer(identification, limit)}")
                 continue
-            path = simulated(found, null=False)
-            here = fit(residual_evidence(found, light=False, null=False, responses=path), grid)
+            path = simulated(identification, null=False)
+            misfit = fit(residual_evidence(identification, light=False, null=False, responses=path), grid)
         except (NotConverged, InputError, np.linalg.LinAlgError) as problem:  # the last: equations without a solution
             problems.append(f"{start.label}: {problem}")
             continue
@@ -183,26 +185,28 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
             problems.append(f"{start.label}: {reason}")
             lost = start.label
             continue
-        if best is None or here.chi2 < best[1].chi2:
-            best = (replace(found, path=None), here, start, watch.lowest, path)
+        if best is None or misfit.chi2 < best[1].chi2:
+            best = (replace(identification, path=None), misfit, start, watch.lowest, path)
         if best[1].chi2 < target:
             break
     if best is None:
         return Refit(name, starts[0].label, "failed", {}, {}, local, None, None, None, runs, "; ".join(problems))
-    found, here, start, phi, path = best
+    identification, misfit, start, phi, path = best
     judged = None
-    if start.label in other:
-        there = at_other_copy(found, other[start.label])
-        judged = fit(residual_evidence(there, light=False, null=False, responses=path), grid)
-    return Refit(name, start.label, found.state.status, found.parameters.as_values(), _stds(found, whole_std),
-                 found.local, found.steps, here, judged, runs, phi=phi, estimator=found.state.estimator.kind)
+    if start.label in other_copies:
+        other_point = at_other_copy(identification, other_copies[start.label])
+        judged = fit(residual_evidence(other_point, light=False, null=False, responses=path), grid)
+    return Refit(name, start.label, identification.state.status, identification.parameters.as_values(),
+                 _stds(identification, whole_std),
+                 identification.local, identification.steps, misfit, judged, runs, phi=phi,
+                 estimator=identification.state.estimator.kind)
 
 
-def _no_answer(found: Identification, limit: Control | None) -> str:
+def _no_answer(identification: Identification, limit: Control | None) -> str:
     """Why a search ended without a point that counts."""
-    if found.point is None and limit is not None:
-        return f"{GIVEN_UP}: {found.state.history[-1]['message']}"
-    return found.state.status
+    if identification.point is None and limit is not None:
+        return f"{GIVEN_UP}: {identification.state.history[-1]['message']}"
+    return identification.state.status
 
 
 def _identified(experiment: Experiment, local: np.ndarray | None, watch: _Progress, estimator: str,
@@ -219,26 +223,26 @@ def warm_start(ranked: Ranked, values: Mapping[str, float]) -> dict[str, float]:
     order and are cut.
     """
     variant, amplitude = ranked.variant, ranked.amplitude
-    own: dict[str, float] = dict(ranked.start)
+    unknowns: dict[str, float] = dict(ranked.start)
     if variant.free_course:
         size = amplitude
     elif variant.direct:
         size = amplitude
-        own = dict(variant.null)
+        unknowns = dict(variant.null)
         if len(variant.new) == 1:
-            own = {name: value + amplitude for name, value in own.items()}
+            unknowns = {name: value + amplitude for name, value in unknowns.items()}
     else:
         finite = all(np.isfinite(variant.null.get(name, 0.0)) for name in variant.new)
         size = float(np.clip(amplitude, -MAX_START_AMPLITUDE, MAX_START_AMPLITUDE)) if finite else 1.0
         for name in variant.new:
             null, probe = variant.null.get(name, 0.0), variant.probe[name]
             value = null + size * (probe - null) if finite else probe
-            own[name] = max(value, MIN_NULL_SHARE * null) if null > 0.0 and finite else value
+            unknowns[name] = max(value, MIN_NULL_SHARE * null) if null > 0.0 and finite else value
     share = size / amplitude if amplitude else 0.0
     moved = {name: value + float(np.clip(share * ranked.bias.get(name, 0.0), -MAX_PARAMETER_CHANGE * abs(value),
                                          MAX_PARAMETER_CHANGE * abs(value)))
              for name, value in values.items()}
-    return moved | own
+    return moved | unknowns
 
 
 def _started(start: Start, evaluations: int | None) -> Experiment:
@@ -247,9 +251,9 @@ def _started(start: Start, evaluations: int | None) -> Experiment:
     if evaluations is not None:
         options = replace(options, max_iterations=min(options.max_iterations, evaluations))
     parameters = start.experiment.parameters
-    known = {name: float(np.clip(value, *parameters[name].bounds))
-             for name, value in parameters.own_of(start.values).items()}
-    return replace(start.experiment, parameters=parameters.with_starts(known), stages=(), options=options)
+    values = {name: float(np.clip(value, *parameters[name].bounds))
+              for name, value in parameters.own_of(start.values).items()}
+    return replace(start.experiment, parameters=parameters.with_starts(values), stages=(), options=options)
 
 
 def _fitting(local: np.ndarray, experiment: Experiment) -> np.ndarray | None:
@@ -257,16 +261,19 @@ def _fitting(local: np.ndarray, experiment: Experiment) -> np.ndarray | None:
     return local if build_forward(experiment).drives.n_local == local.shape[1] else None
 
 
-def _stds(found: Identification, whole: bool) -> dict[str, float | None]:
-    """Of the free parameters, internal units, None where the recording leaves one open; whole : not noise alone."""
-    discrepancy = (found.discrepancy,) if whole else ()
-    analysis = Analysis(found.experiment, found.parameters, found.point, found.weights.image_noise, *discrepancy)
-    return {name: analysis.std(name) for name in found.parameters.free}
+def _stds(identification: Identification, counts_misfit: bool) -> dict[str, float | None]:
+    """Of the free parameters, internal units, None where the recording leaves one open; counts_misfit : not noise
+    alone."""
+    discrepancy = (identification.discrepancy,) if counts_misfit else ()
+    analysis = Analysis(identification.experiment, identification.parameters, identification.point,
+                        identification.weights.image_noise, *discrepancy)
+    return {name: analysis.std(name) for name in identification.parameters.free}
 
 
-def at_other_copy(found: Identification, experiment: Experiment) -> Identification:
+def at_other_copy(identification: Identification, experiment: Experiment) -> Identification:
     """The same point seen by another copy of the recording; nothing is fitted."""
-    return identification_at(experiment, found.parameters.as_values(), found.local, found.steps)
+    return identification_at(experiment, identification.parameters.as_values(), identification.local,
+                             identification.steps)
 
 
 def identification_at(experiment: Experiment, values: Mapping[str, float], local: np.ndarray,
@@ -288,11 +295,11 @@ def refit_residual(experiment: Experiment, refitted: Refit) -> ResidualEvidence:
         If there is no equilibrium from rest, however small the increments.
     """
     try:
-        there = identification_at(experiment, refitted.values, refitted.local, refitted.steps)
-        return residual_evidence(there, light=False)
+        point = identification_at(experiment, refitted.values, refitted.local, refitted.steps)
+        return residual_evidence(point, light=False)
     except NotConverged:
-        there = identification_at(experiment, refitted.values, refitted.local, None)
-        return residual_evidence(there, light=False)
+        point = identification_at(experiment, refitted.values, refitted.local, None)
+        return residual_evidence(point, light=False)
 
 
 def is_residual_of(residual: ResidualEvidence, refitted: Refit, error: MotionError | None) -> bool:

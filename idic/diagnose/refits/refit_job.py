@@ -93,47 +93,48 @@ class Told:
     def __call__(self, jobs: Sequence[RefitJob]) -> list[Refit]:
         if not jobs:
             return []
-        last = self.done + len(jobs)
-        total = max(self.planned, last)
-        which = f"{last}" if len(jobs) == 1 else f"{self.done + 1} to {last}"
+        final_number = self.done + len(jobs)
+        total = max(self.planned, final_number)
+        numbers = f"{final_number}" if len(jobs) == 1 else f"{self.done + 1} to {final_number}"
         names = ", ".join(job.name.replace("_", " ") for job in jobs)
-        self.stage(f"refit {which} of {total}{self._about(total - self.done)}: {names}")
+        self.stage(f"refit {numbers} of {total}{self._about(total - self.done)}: {names}")
         began = time.perf_counter()
         answers = self.refits(jobs)
-        self.done, self.seconds = last, self.seconds + time.perf_counter() - began
+        self.done, self.seconds = final_number, self.seconds + time.perf_counter() - began
         return answers
 
-    def _about(self, left: int) -> str:
+    def _about(self, n_jobs: int) -> str:
         """How long the refits that are left take, by those that are done; they are the most, as many are dropped."""
         if not self.done:
             return ""
-        minutes = left * self.seconds / self.done / 60.0
+        minutes = n_jobs * self.seconds / self.done / 60.0
         return f", at most about {minutes:.0f} min" if minutes >= 1.0 else ", less than a minute"
 
 
 def run_refit(job: RefitJob) -> Refit:
     """Identify and measure one model (a task)."""
-    starts, other = [], {}
+    starts, other_copies = [], {}
     for label, edits, values in zip(job.labels, job.edits, job.values, strict=True):
         experiment = job.source.load(edits)
         if job.copies:
-            other[label] = thinned(experiment, CHOICE if job.swapped else JUDGEMENT, job.seed)
+            other_copies[label] = thinned(experiment, CHOICE if job.swapped else JUDGEMENT, job.seed)
             experiment = thinned(experiment, JUDGEMENT if job.swapped else CHOICE, job.seed)
         starts.append(Start(label, experiment, values, label == job.borrowed))
-    return refit(job.name, starts, other, job.local, job.grid, job.target, job.early_stop, job.estimator, job.unlimited,
+    return refit(job.name, starts, other_copies, job.local, job.grid, job.target, job.early_stop, job.estimator,
+                 job.unlimited,
                  job.whole_std, job.most_evaluations)
 
 
 def refit_of_one(source: ExperimentSource, name: str, null: Refit, grid: Grid, seed: int,
-                 moved: Mapping[str, float] | None = None, **further) -> RefitJob:
+                 moved: Mapping[str, float] | None = None, **fields) -> RefitJob:
     """The job that fits the present null model of a source again, from the end of its last fit.
 
     moved : changes of parameters since that fit, to first order: the job begins with them, and at that end only where
     the first start fails
-    further : fields of `RefitJob`
+    fields : fields of `RefitJob`
     """
     begins: tuple[Mapping[str, float], ...] = (null.values,)
     if moved is not None:
         begins = ({name: value + moved.get(name, 0.0) for name, value in null.values.items()}, null.values)
     return RefitJob(name, source, (name,) * len(begins), ({},) * len(begins), begins, null.local, grid, np.inf, seed,
-                    **further)
+                    **fields)

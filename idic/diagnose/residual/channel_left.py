@@ -81,15 +81,15 @@ def _beyond_noise(z: np.ndarray) -> bool:
     return bool(stats.chi2.logsf((z**2).sum(), len(z)) < stats.norm.logsf(MIN_CHANNEL_Z))
 
 
-def explains_a_channel(first: np.ndarray, before: np.ndarray, after: np.ndarray) -> bool:
+def explains_a_channel(first: np.ndarray, base: np.ndarray, enriched: np.ndarray) -> bool:
     """Whether a channel is explained for the most part of which more than noise and a good share was left.
 
-    first, before, after : (T, n_channels) in standard deviations, without any cause, and without and with the one in
+    first, base, enriched : (T, n_channels) in standard deviations, without any cause, and without and with the one in
     question
     """
-    return any(_beyond_noise(one) and excess(one) > MAX_CHANNEL_EXCESS_LEFT * excess(start)
-               and excess(other) < (1.0 - MIN_EXPLAINED_SHARE) * excess(one)
-               for start, one, other in zip(first.T, before.T, after.T, strict=True))
+    return any(_beyond_noise(earlier) and excess(earlier) > MAX_CHANNEL_EXCESS_LEFT * excess(start)
+               and excess(later) < (1.0 - MIN_EXPLAINED_SHARE) * excess(earlier)
+               for start, earlier, later in zip(first.T, base.T, enriched.T, strict=True))
 
 
 def smallest_reading(residual: ResidualEvidence) -> float:
@@ -108,14 +108,14 @@ def excess(z: np.ndarray) -> float:
     return float((z**2).sum() - len(z))
 
 
-def channels_left(before: ResidualEvidence, after: ResidualEvidence | None) -> tuple[ChannelLeft, ...]:
+def channels_left(base: ResidualEvidence, enriched: ResidualEvidence | None) -> tuple[ChannelLeft, ...]:
     """Every channel of the recording.
 
-    after : of the enriched model; None: nothing was added
+    enriched : of the enriched model; None: nothing was added
     """
-    experiment = before.context.experiment
-    left = [readings(one.evidence) for one in (before, before if after is None else after)]
-    noise = before.context.weights.channel_noise
-    return tuple(ChannelLeft(channel.column, left[0][:, k], left[1][:, k],
+    experiment = base.context.experiment
+    residuals = [readings(residual.evidence) for residual in (base, base if enriched is None else enriched)]
+    noise = base.context.weights.channel_noise
+    return tuple(ChannelLeft(channel.column, residuals[0][:, k], residuals[1][:, k],
                              float(noise[k]) / max(float(np.abs(channel.values).max()), 1e-300), channel.is_load)
                  for k, channel in enumerate(experiment.channels))

@@ -61,8 +61,9 @@ class Columns:
         first = self.n - int(np.argmin(of_pixels[::-1])) if not of_pixels.all() else 0
         if first == self.n or self.fields[..., first:].any():
             return (self,)
-        moving, still = (Columns(self.names[own], self.fields[..., own], self.channels[..., own], self.pixels[..., own])
-                         for own in (slice(first), slice(first, None)))
+        moving, still = (Columns(self.names[members], self.fields[..., members], self.channels[..., members],
+                                 self.pixels[..., members])
+                         for members in (slice(first), slice(first, None)))
         still = replace(still, fields=np.zeros((len(self.fields), 0, still.n)))
         if not of_pixels[:first].any():
             moving = replace(moving, pixels=None)
@@ -140,13 +141,13 @@ class Evidence:
     def n_components(self) -> int:
         return self.back.shape[-1]
 
-    def at(self, seen: np.ndarray) -> Evidence:
-        """The same for fields that vanish outside some of the seen dofs, without pixel columns; seen : sorted."""
-        kept = np.searchsorted(self.seen, seen)
-        rows = np.concatenate([kept, len(self.seen) + np.arange(len(self.channel_weight))])
-        parts = tuple(replace(part, A=part.A[kept][:, kept], q=part.q[kept], border=part.border[rows], pixel=None)
+    def at(self, dofs: np.ndarray) -> Evidence:
+        """The same for fields that vanish outside some of the seen dofs, without pixel columns; dofs : sorted."""
+        places = np.searchsorted(self.seen, dofs)
+        rows = np.concatenate([places, len(self.seen) + np.arange(len(self.channel_weight))])
+        parts = tuple(replace(part, A=part.A[places][:, places], q=part.q[places], border=part.border[rows], pixel=None)
                       for part in self.parts)
-        return replace(self, seen=np.asarray(seen), parts=parts, pixel_names=())
+        return replace(self, seen=np.asarray(dofs), parts=parts, pixel_names=())
 
     def whiten(self, columns: Columns) -> Columns:
         """V^-1/2 applied to columns; channels are independent from frame to frame already."""
@@ -162,19 +163,19 @@ class Evidence:
         """`whiten` of the motions  # (T, n_seen, K)"""
         c, n = self.n_components, fields.shape[2]
         nodes = np.unique(self.seen // c)
-        whole = len(nodes) * c == len(self.seen)  # of every node all components are seen, or none
-        spread = (fields.reshape(len(fields), len(nodes), c, n) if whole
+        is_complete = len(nodes) * c == len(self.seen)  # of every node all components are seen, or none
+        spread = (fields.reshape(len(fields), len(nodes), c, n) if is_complete
                   else _spread_out(fields, self.seen, self.back.shape[1], c))
-        backs = self.back[:, nodes] if whole else self.back
+        backs = self.back[:, nodes] if is_complete else self.back
         shared = np.zeros(spread.shape[1:])
         for t, back in enumerate(backs):
             shared += _turned(back, spread[t]) / self.kappa[t]
         white = np.empty(fields.shape)
         for t, back in enumerate(backs):
-            own = _turned(np.linalg.inv(back), shared)
-            np.subtract(spread[t], np.multiply(own, self.share, out=own), out=own)
-            own = own.reshape(own.shape[0] * c, n)
-            np.divide(own if whole else own[self.seen], np.sqrt(self.kappa[t]), out=white[t])
+            common = _turned(np.linalg.inv(back), shared)
+            np.subtract(spread[t], np.multiply(common, self.share, out=common), out=common)
+            common = common.reshape(common.shape[0] * c, n)
+            np.divide(common if is_complete else common[self.seen], np.sqrt(self.kappa[t]), out=white[t])
         return white
 
     def weighed(self, white: Columns) -> Columns:
@@ -216,8 +217,8 @@ class Evidence:
             return fields, channels, heavy - pixel.border @ (part.inner @ bordered)
         amplitudes = white.pixels[t]
         heavy = heavy + pixel.gram @ amplitudes
-        own = part.inner @ (pixel.border.T @ amplitudes)
-        return (fields + pixel.coupling @ amplitudes - part.border[:n] @ own, channels - part.border[n:] @ own,
+        local = part.inner @ (pixel.border.T @ amplitudes)
+        return (fields + pixel.coupling @ amplitudes - part.border[:n] @ local, channels - part.border[n:] @ local,
                 heavy - pixel.border @ (part.inner @ bordered)
                 - pixel.among @ (part.inner @ (pixel.among.T @ amplitudes)))
 
@@ -225,8 +226,8 @@ class Evidence:
         """One frame of `weighed`  # (n_seen, K), (n_channels, K)"""
         n = len(fields)
         heavy, weighted = part.A @ fields, self.channel_weight[:, None] * channels
-        own = part.inner @ (part.border[:n].T @ fields + part.border[n:].T @ channels)
-        return heavy - part.border[:n] @ own, weighted - part.border[n:] @ own
+        local = part.inner @ (part.border[:n].T @ fields + part.border[n:].T @ channels)
+        return heavy - part.border[:n] @ local, weighted - part.border[n:] @ local
 
     def products(self, white: Columns, weighed: Columns) -> np.ndarray:
         """The Gram matrix of two sets of columns  # (K, L); weighed : with fields, unless neither has them"""
@@ -253,8 +254,8 @@ class Evidence:
 
     def residual(self, part: FrameEvidence) -> tuple[np.ndarray, np.ndarray]:
         """Weighted residual of a frame at the seen dofs and in the channels, its own unknowns projected out."""
-        n, own = len(part.q), part.inner @ part.inner_q
-        return part.q - part.border[:n] @ own, part.channel_q - part.border[n:] @ own
+        n, local = len(part.q), part.inner @ part.inner_q
+        return part.q - part.border[:n] @ local, part.channel_q - part.border[n:] @ local
 
 
 def noise_share(kappa: np.ndarray, n_images: int) -> float:
@@ -271,8 +272,8 @@ def _turned(back: np.ndarray, fields: np.ndarray) -> np.ndarray:
     return out
 
 
-def _spread_out(fields: np.ndarray, seen: np.ndarray, n_nodes: int, c: int) -> np.ndarray:
+def _spread_out(fields: np.ndarray, dofs: np.ndarray, n_nodes: int, c: int) -> np.ndarray:
     """Seen dofs to all nodes  # (T, n_seen, K) -> (T, n_nodes, c, K)"""
-    whole = np.zeros((len(fields), n_nodes * c, fields.shape[2]))
-    whole[:, seen] = fields
-    return whole.reshape(len(fields), n_nodes, c, fields.shape[2])
+    nodal = np.zeros((len(fields), n_nodes * c, fields.shape[2]))
+    nodal[:, dofs] = fields
+    return nodal.reshape(len(fields), n_nodes, c, fields.shape[2])

@@ -61,13 +61,13 @@ def power(evidence: Evidence, size_px: np.ndarray | None = None) -> np.ndarray:
     size_px : (n_nodes,) motion of every node in the place of one px
     """
     node, component = np.divmod(evidence.seen, evidence.n_components)
-    planes, found = seen_planes(evidence), []
+    planes, sums = seen_planes(evidence), []
     size = np.ones(len(node)) if size_px is None else size_px[node]
     for part in evidence.parts:
         moved = [np.where(component == k, size, 0.0) for k in planes]
-        found.append(sum(float(one[component == k] @ (part.A @ one)[component == k])
-                         for k, one in zip(planes, moved, strict=True)) / len(planes))
-    return np.array(found)
+        sums.append(sum(float(motion[component == k] @ (part.A @ motion)[component == k])
+                        for k, motion in zip(planes, moved, strict=True)) / len(planes))
+    return np.array(sums)
 
 
 def seen_planes(evidence: Evidence) -> tuple[int, ...]:
@@ -98,12 +98,13 @@ def _white_pixels(residual: ResidualEvidence, camera: CameraResidual, index: int
     fit = np.zeros(0)
     if nodal.n_brightness:  # of the white frame: what all frames share has a brightness of its own
         fit = np.linalg.pinv(nodal.bb, hermitian=True) @ (nodal.rb - c * sums_against(context, camera.shared_gv)[1])
-    found = context.reference.compare_pixels(context.experiment, frame, motion, fit)
-    rest = (found.r - c * camera.shared_gv) / np.sqrt(kappa[index])
+    pixels = context.reference.compare_pixels(context.experiment, frame, motion, fit)
+    white = (pixels.r - c * camera.shared_gv) / np.sqrt(kappa[index])
     k = float(np.sum(1.0 / kappa))
-    own = found.noise_gain * (1.0 - c / kappa[index]) ** 2 + c**2 * (k - 1.0 / kappa[index]) * found.noise_gain.mean()
-    variance = (own + found.reference_gain / found.n_images * (1.0 - c * k) ** 2) / kappa[index]
-    return rest / np.sqrt(variance) / context.experiment.noise.std_gv, found.valid
+    noise = (pixels.noise_gain * (1.0 - c / kappa[index]) ** 2
+             + c**2 * (k - 1.0 / kappa[index]) * pixels.noise_gain.mean())
+    variance = (noise + pixels.reference_gain / pixels.n_images * (1.0 - c * k) ** 2) / kappa[index]
+    return white / np.sqrt(variance) / context.experiment.noise.std_gv, pixels.valid
 
 
 class _Sums:

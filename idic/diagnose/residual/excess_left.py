@@ -53,6 +53,6 @@ class ExcessLeft:
         return effect(self.before, self.power)
 
 
-def effect(before: Fit, unit_motion_chi2: float) -> float:
+def effect(misfit: Fit, unit_motion_chi2: float) -> float:
     """Motion (px rms) that free motions ask for beyond noise; unit_motion_chi2 : chi-square of one px, all frames."""
-    return float(np.sqrt(max(before.gain.sum() - before.rank.sum(), 0.0) / max(unit_motion_chi2, 1e-300)))
+    return float(np.sqrt(max(misfit.gain.sum() - misfit.rank.sum(), 0.0) / max(unit_motion_chi2, 1e-300)))

@@ -61,9 +61,9 @@ def pixel_basis(context: CorrelationContext) -> PixelBasis:
     n = hats.shape[1]
     names = (*((GAIN, i) for i in range(n)), *((OFFSET, i) for i in range(n)), (BLUR, 0))
     images = np.hstack(columns)
-    noise, found = context.experiment.noise.std_gv**2, context.experiment.noise.correlated
-    correlation = None if found is None else np.array(found.correlation)
-    recorded = noise if found is None else found.recorded_gv**2
+    noise, correlated = context.experiment.noise.std_gv**2, context.experiment.noise.correlated
+    correlation = None if correlated is None else np.array(correlated.correlation)
+    recorded = noise if correlated is None else correlated.recorded_gv**2
     share = np.array([_noise_left(pm, column, std, correlation) for column in images.T])
     kinds, power = np.array([kind for kind, _ in names]), (images**2).sum(axis=0)
     for kind in (GAIN, OFFSET, BLUR):  # alike in all places: the sum of a kind's hats is an unknown of every frame
@@ -75,7 +75,7 @@ def pixel_basis(context: CorrelationContext) -> PixelBasis:
 
 
 def pixel_parts(context: CorrelationContext, basis: PixelBasis, maps: Sequence[tuple[np.ndarray, np.ndarray]],
-                kappa: np.ndarray, shared: np.ndarray, c: float, back: np.ndarray, seen: np.ndarray,
+                kappa: np.ndarray, shared: np.ndarray, c: float, back: np.ndarray, dofs: np.ndarray,
                 local_columns: Sequence[np.ndarray]) -> list[PixelPart]:
     """The pixel columns' products in every frame.
 
@@ -91,16 +91,16 @@ def pixel_parts(context: CorrelationContext, basis: PixelBasis, maps: Sequence[t
     bright = np.array([rb for _, rb in sums]).reshape(len(sums), -1)  # (k, nb)
     root_weight = np.sqrt(basis.weight)
     gram = basis.images.T @ basis.images * inverse * np.outer(root_weight, root_weight)
-    free = 1.0 - c * float(np.sum(1.0 / kappa))  # share of the reference's noise in a white frame
+    reference_share = 1.0 - c * float(np.sum(1.0 / kappa))  # share of the reference's noise in a white frame
     parts = []
     for t in range(len(maps)):
         r, valid = maps[t]
         pushed = np.einsum("nij,nik->njk", back[t], still.reshape(n_nodes, 2, -1)).reshape(2 * n_nodes, -1)
         white = np.where(valid, r.astype(float) - c * shared, 0.0) / np.sqrt(kappa[t])
-        q = (basis.images.T @ white - basis.bias * free / np.sqrt(kappa[t])) * inverse * basis.weight
-        own = local_columns[t]
-        border = np.hstack([pushed.T @ own, bright]) * inverse
-        parts.append(PixelPart(pushed[seen] * inverse * basis.weight, gram, q, border * basis.weight[:, None],
+        q = (basis.images.T @ white - basis.bias * reference_share / np.sqrt(kappa[t])) * inverse * basis.weight
+        frame_columns = local_columns[t]
+        border = np.hstack([pushed.T @ frame_columns, bright]) * inverse
+        parts.append(PixelPart(pushed[dofs] * inverse * basis.weight, gram, q, border * basis.weight[:, None],
                                border * root_weight[:, None]))
     return parts
 
@@ -118,8 +118,8 @@ def joined_pixels(bases: Sequence[PixelBasis], parts: Sequence[Sequence[PixelPar
         first = 1 + max((number for _, number in names), default=-1)
         names += [(kind, first + number) for kind, number in basis.names]
     for of_cameras in zip(*parts, strict=True):
-        border, among = (np.hstack([np.vstack([own[:, :n_local] for own in owns]),
-                                    block_diag(*(own[:, n_local:] for own in owns))])
+        border, among = (np.hstack([np.vstack([block[:, :n_local] for block in owns]),
+                                    block_diag(*(block[:, n_local:] for block in owns))])
                          for owns in ([part.border for part in of_cameras], [part.among for part in of_cameras]))
         joined.append(PixelPart(block_diag(*(part.coupling for part in of_cameras)),
                                 block_diag(*(part.gram for part in of_cameras)),
@@ -134,11 +134,11 @@ def columns_of_kind(names: Sequence[tuple[str, int]], kind: str, mean: float) ->
     """
     parts = {GAIN: 1.0, OFFSET: mean} if kind == LIGHT else {kind: 1.0}
     places = sorted({number for name, number in names if name in parts})
-    found = np.zeros((len(names), len(places)))
+    amplitudes = np.zeros((len(names), len(places)))
     for i, (name, number) in enumerate(names):
         if name in parts:
-            found[i, places.index(number)] = parts[name]
-    return found
+            amplitudes[i, places.index(number)] = parts[name]
+    return amplitudes
 
 
 def sums_against(context: CorrelationContext, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -147,10 +147,11 @@ def sums_against(context: CorrelationContext, image: np.ndarray) -> tuple[np.nda
     Of the image as it is: no product of noise is taken off its sum against a blur, as from that of a recorded frame.
     """
     experiment = context.experiment
-    shown, reference = context.reference.synthetic_image(image)
-    alone = replace(experiment, stack=ArrayStack(shown[None]), options=replace(experiment.options, lowpass_px=0.0),
-                    noise=replace(experiment.noise, std_gv=None))
-    still = reference.compare(alone, 0, np.zeros((len(experiment.mesh.nodes), reference.n_components)))
+    picture, reference = context.reference.synthetic_image(image)
+    bare_experiment = replace(experiment, stack=ArrayStack(picture[None]),
+                              options=replace(experiment.options, lowpass_px=0.0),
+                              noise=replace(experiment.noise, std_gv=None))
+    still = reference.compare(bare_experiment, 0, np.zeros((len(experiment.mesh.nodes), reference.n_components)))
     return still.q, still.rb
 
 

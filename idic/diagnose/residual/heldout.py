@@ -84,15 +84,17 @@ class Fit:
 def fit(residual: ResidualEvidence, grid: Grid) -> Fit:
     """Measure a gathered residual against free motions on a grid, the same for all models that are compared."""
     evidence = residual.evidence
-    found = explained(evidence, hats(evidence, grid))
-    return Fit(evidence.frames, found.gain, found.rank, white_channels(evidence), evidence.chi2 / evidence.n_pixels,
+    explanation = explained(evidence, hats(evidence, grid))
+    return Fit(evidence.frames, explanation.gain, explanation.rank, white_channels(evidence),
+               evidence.chi2 / evidence.n_pixels,
                np.array([part.light for part in evidence.parts]))
 
 
-def pooled(one: Fit, other: Fit) -> Fit:
+def pooled(first: Fit, second: Fit) -> Fit:
     """Of two judgements on two copies that make one: both count."""
-    return Fit(one.frames, one.gain + other.gain, one.rank + other.rank, np.vstack([one.channels, other.channels]),
-               0.5 * (one.pixels + other.pixels), one.light + other.light)
+    return Fit(first.frames, first.gain + second.gain, first.rank + second.rank,
+               np.vstack([first.channels, second.channels]),
+               0.5 * (first.pixels + second.pixels), first.light + second.light)
 
 
 def white_channels(evidence: Evidence) -> np.ndarray:
@@ -106,24 +108,24 @@ def readings(evidence: Evidence) -> np.ndarray:
 
     Unit normal for a complete model, also where a log's own noise is an unknown of every frame.
     """
-    n, found = len(evidence.seen), np.zeros((len(evidence.parts), len(evidence.channel_weight)))
+    n, ratios = len(evidence.seen), np.zeros((len(evidence.parts), len(evidence.channel_weight)))
     for t, part in enumerate(evidence.parts):
-        own = part.border[n:]
-        information = evidence.channel_weight - np.einsum("ci,ij,cj->c", own, part.inner, own)
-        found[t] = evidence.residual(part)[1] / np.sqrt(np.maximum(information, 1e-12 * evidence.channel_weight))
-    return found
+        border = part.border[n:]
+        information = evidence.channel_weight - np.einsum("ci,ij,cj->c", border, part.inner, border)
+        ratios[t] = evidence.residual(part)[1] / np.sqrt(np.maximum(information, 1e-12 * evidence.channel_weight))
+    return ratios
 
 
 def positions(residual: ResidualEvidence) -> np.ndarray:
     """Nodes in the reference image; of further cameras beside it, to the right  # (n_cameras n_nodes, 2) px"""
-    found, end = [], 0.0
+    places, end = [], 0.0
     for number, camera in enumerate(residual.cameras):
         at = camera.context.camera.project(camera.view.points(camera.context.experiment.mesh.nodes))
         if number:
             at = at + [end + CAMERA_GAP_SHARE * float(np.ptp(at[:, 0])) - at[:, 0].min(), 0.0]
         end = float(at[:, 0].max())
-        found.append(at)
-    return found[0] if len(found) == 1 else np.concatenate(found)
+        places.append(at)
+    return places[0] if len(places) == 1 else np.concatenate(places)
 
 
 def grid_of(residual: ResidualEvidence, elements: float = FREE_MOTION_SPACING) -> Grid:
@@ -134,34 +136,34 @@ def grid_of(residual: ResidualEvidence, elements: float = FREE_MOTION_SPACING) -
     return grid_over(residual.evidence, at, elements * float(np.median(np.concatenate(edges))))
 
 
-def ratio(before: Fit, after: Fit) -> float:
+def ratio(base: Fit, enriched: Fit) -> float:
     """Excess after over before; clipped at zero, where noise is all that is left."""
-    if before.excess <= 0.0:
+    if base.excess <= 0.0:
         return float("nan")
-    return max(after.excess, 0.0) / before.excess
+    return max(enriched.excess, 0.0) / base.excess
 
 
-def share_recovered(before: Fit, after: Fit, camera_chi2: float = 0.0) -> float:
+def share_recovered(base: Fit, enriched: Fit, camera_chi2: float = 0.0) -> float:
     """Share of the explainable residual that a model explains: 1 = as good as an unconstrained measurement.
 
     Its drop of chi-square over that drop and what is left of free motions and channels beyond noise.
 
     camera_chi2 : part of what is left that the camera shows at rest, and no model explains
     """
-    drop = before.chi2 - after.chi2
-    left = max(after.gain.sum() - after.rank.sum() - camera_chi2,
-               0.0) + max((after.channels**2).sum() - after.channels.size, 0.0)
-    return float(max(drop, 0.0) / (max(drop, 0.0) + left)) if drop > 0.0 or left > 0.0 else float("nan")
+    drop = base.chi2 - enriched.chi2
+    remainder = max(enriched.gain.sum() - enriched.rank.sum() - camera_chi2,
+                    0.0) + max((enriched.channels**2).sum() - enriched.channels.size, 0.0)
+    return float(max(drop, 0.0) / (max(drop, 0.0) + remainder)) if drop > 0.0 or remainder > 0.0 else float("nan")
 
 
-def better_blocks(before: Fit, after: Fit, n_blocks: int = 6) -> tuple[float, float]:
+def better_blocks(base: Fit, enriched: Fit, n_blocks: int = 6) -> tuple[float, float]:
     """Contiguous blocks of frames: share of the affected ones that got better, worst change of an unaffected one.
 
     Affected: an excess of more than three standard deviations before.
     """
     improved, affected, worst = 0, 0, 0.0
-    for block in np.array_split(np.arange(len(before.gain)), min(n_blocks, len(before.gain))):
-        gain, rank, later = before.gain[block].sum(), before.rank[block].sum(), after.gain[block].sum()
+    for block in np.array_split(np.arange(len(base.gain)), min(n_blocks, len(base.gain))):
+        gain, rank, later = base.gain[block].sum(), base.rank[block].sum(), enriched.gain[block].sum()
         if gain - rank > 3.0 * np.sqrt(2.0 * max(rank, 1)):
             affected += 1
             improved += later < gain

@@ -41,13 +41,13 @@ class LostPattern:
     reference: np.ndarray
 
 
-def lost_pattern(found: Identification) -> LostPattern | None:
+def lost_pattern(identification: Identification) -> LostPattern | None:
     """Of one camera that sees grey values; None for others, where nothing is lost in two frames, and where too much is.
     """
-    experiment = found.experiment
+    experiment = identification.experiment
     if experiment.points is not None or experiment.quantity != "grey" or len(experiment.views) != 1:
         return None
-    context = context_of(found, null=False)
+    context = context_of(identification, null=False)
     view = view_of(context.experiment, context.camera)
     if view.kind != GREY:
         return None
@@ -55,52 +55,54 @@ def lost_pattern(found: Identification) -> LostPattern | None:
     pm, frames, lost, moved, brighter = reference.pixel_map, [], [], [], []
     bar = _bar(reference, experiment.noise.std_gv or 0.0)
     inner = ndimage.binary_erosion(pm.to_image(np.ones(pm.n_pixels), 0.0) > 0.0, iterations=EDGE_PX)
-    wanted = set(correlated_frames(context.experiment, range(context.experiment.n_frames)))
+    compared = set(correlated_frames(context.experiment, range(context.experiment.n_frames)))
     matrix = pm.shape_matrix().astype(np.float32)
-    for frame, u in _motions(found):
-        if frame not in wanted or frame == context.experiment.reference:
+    for frame, u in _motions(identification):
+        if frame not in compared or frame == context.experiment.reference:
             continue
         motion = view.at(frame).motion(context.experiment.mesh.nodes, context.experiment.turned(u))
         r = reference.compare_pixels(context.experiment, frame, motion, np.zeros(0))
-        rest = _without_brightness(r.r.astype(float), reference.f.astype(float), r.valid)
-        own = (_local_mean(pm.to_image(np.where(r.valid, rest, 0.0) ** 2, 0.0),
-                           pm.to_image(r.valid.astype(float), 0.0), AROUND_PX) > bar) & inner
-        if own.sum() > MAX_LOST_SHARE * inner.sum():
+        residual = _without_brightness(r.r.astype(float), reference.f.astype(float), r.valid)
+        is_lost = (_local_mean(pm.to_image(np.where(r.valid, residual, 0.0) ** 2, 0.0),
+                               pm.to_image(r.valid.astype(float), 0.0), AROUND_PX) > bar) & inner
+        if is_lost.sum() > MAX_LOST_SHARE * inner.sum():
             return None
         frames.append(frame)
-        lost.append(own)
+        lost.append(is_lost)
         moved.append(np.stack([pm.to_image(matrix @ motion[:, k].astype(np.float32)) for k in (0, 1)], axis=-1))
-        brighter.append(pm.to_image(-rest, 0.0))
-    if sum(bool(one.any()) for one in lost) < 2:
+        brighter.append(pm.to_image(-residual, 0.0))
+    if sum(bool(mask.any()) for mask in lost) < 2:
         return None
     return LostPattern(np.array(frames), np.array(lost), np.array(moved), np.array(brighter),
                        pm.to_image(reference.f))
 
 
-def _motions(found: Identification) -> Iterator[tuple[int, np.ndarray]]:
+def _motions(identification: Identification) -> Iterator[tuple[int, np.ndarray]]:
     """Frame and displacement of the accepted point's path  # (n_nodes, dim) mm"""
-    if found.path is not None:
-        yield from ((response.frame, response.u) for response in found.path.frames)
+    if identification.path is not None:
+        yield from ((response.frame, response.u) for response in identification.path.frames)
         return
-    kept = found.stored() if found.stored is not None else (state.u for state in found.march())
-    for number, u in enumerate(kept):
-        yield number + found.experiment.reference, u
+    is_stored = identification.stored is not None
+    motions = identification.stored() if is_stored else (state.u for state in identification.march())
+    for number, u in enumerate(motions):
+        yield number + identification.experiment.reference, u
 
 
 def _bar(reference: GreyReference, noise_gv: float) -> np.ndarray:
     """Mean square of a residual that counts as a lost pattern  # (ny, nx) GV²"""
     pm, f = reference.pixel_map, reference.f.astype(float)
     f = f - f.mean()
-    seen = pm.to_image(np.ones(pm.n_pixels), 0.0)
-    mean = _local_mean(pm.to_image(f, 0.0), seen, PATTERN_PX)
-    variance = _local_mean(pm.to_image(f**2, 0.0), seen, PATTERN_PX) - mean**2
+    coverage = pm.to_image(np.ones(pm.n_pixels), 0.0)
+    mean = _local_mean(pm.to_image(f, 0.0), coverage, PATTERN_PX)
+    variance = _local_mean(pm.to_image(f**2, 0.0), coverage, PATTERN_PX) - mean**2
     least = max(2.0 * (MIN_NOISE_STD * noise_gv) ** 2, (MIN_CONTRAST * f.std()) ** 2)
     return np.maximum(MIN_PATTERN_SHARE * variance, least)
 
 
-def _local_mean(image: np.ndarray, seen: np.ndarray, std_px: float) -> np.ndarray:
-    total = ndimage.gaussian_filter(seen, std_px)
-    return np.divide(ndimage.gaussian_filter(image * seen, std_px), total, out=np.zeros_like(total), where=total > 0.1)
+def _local_mean(image: np.ndarray, coverage: np.ndarray, std_px: float) -> np.ndarray:
+    total = ndimage.gaussian_filter(coverage, std_px)
+    return np.divide(ndimage.gaussian_filter(image * coverage, std_px), total, out=np.zeros_like(total),
+                     where=total > 0.1)
 
 
 def _without_brightness(r: np.ndarray, f: np.ndarray, valid: np.ndarray) -> np.ndarray:
@@ -108,6 +110,6 @@ def _without_brightness(r: np.ndarray, f: np.ndarray, valid: np.ndarray) -> np.n
     columns, good = np.column_stack([f - f.mean(), np.ones_like(f)]), valid
     for _ in range(2):
         fitted = columns @ np.linalg.lstsq(columns[good], r[good], rcond=None)[0]
-        rest = r - fitted
-        good = valid & (np.abs(rest) < 4.0 * 1.4826 * np.median(np.abs(rest[valid])) + 1e-9)
-    return rest
+        residual = r - fitted
+        good = valid & (np.abs(residual) < 4.0 * 1.4826 * np.median(np.abs(residual[valid])) + 1e-9)
+    return residual

@@ -56,11 +56,11 @@ class Margin:
                     f"and "
                     "the camera's own floor is not known.")
         n = len(self.floor.frames)
-        told = f"{n} image{'' if n == 1 else 's'} at rest show{'s' if n == 1 else ''}"
+        observation = f"{n} image{'' if n == 1 else 's'} at rest show{'s' if n == 1 else ''}"
         if self.camera_px > PRACTICAL_MARGIN_PX:
-            return (f"{told} {self.floor.px:.2g} px of motion that no law explains. An effect below {self.px:.2g} px "
-                    "is not attributed to a law.")
-        return (f"{told} less than {self.floor.bound_px:.2g} px. The practical margin of {self.px:g} px is what "
+            return (f"{observation} {self.floor.px:.2g} px of motion that no law explains. An effect below "
+                    f"{self.px:.2g} px is not attributed to a law.")
+        return (f"{observation} less than {self.floor.bound_px:.2g} px. The practical margin of {self.px:g} px is what "
                 "interpolation and discretisation leave under motion, an assumption.")
 
     def content(self) -> dict:
@@ -74,15 +74,15 @@ class Margin:
         """Of a region; weight : (n_nodes,) share of every node in it."""
         if self.floor is None or not weight.any():
             return self.px
-        there = float(np.sqrt(np.average(np.resize(self.floor.nodes_px, weight.shape)**2, weights=weight)))
-        return max(PRACTICAL_MARGIN_PX, FLOOR_FACTOR * there)
+        floor_px = float(np.sqrt(np.average(np.resize(self.floor.nodes_px, weight.shape)**2, weights=weight)))
+        return max(PRACTICAL_MARGIN_PX, FLOOR_FACTOR * floor_px)
 
     def nodes_px(self, n_nodes: int) -> np.ndarray:
         """Of every node, camera by camera: further ones have the floor of the main one  # (n_nodes,)"""
         if self.floor is None:
             return np.full(n_nodes, PRACTICAL_MARGIN_PX)
-        own = np.maximum(PRACTICAL_MARGIN_PX, FLOOR_FACTOR * self.floor.nodes_px)
-        return own if n_nodes == len(own) else np.tile(own, n_nodes // len(own))
+        margins = np.maximum(PRACTICAL_MARGIN_PX, FLOOR_FACTOR * self.floor.nodes_px)
+        return margins if n_nodes == len(margins) else np.tile(margins, n_nodes // len(margins))
 
 
 ASSUMED = Margin()

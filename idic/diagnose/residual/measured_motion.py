@@ -94,39 +94,41 @@ def holds_motion(experiment: Experiment) -> bool:
     return isinstance(stack, MotionStack)
 
 
-def may_be_out_of_register(found: Identification) -> bool:
+def may_be_out_of_register(identification: Identification) -> bool:
     """Whether the residual of the images is so large that a free FE-DIC must tell if they are in register.
 
     One camera that looks at a plane, and a model whose simulation was kept.
     """
-    experiment = found.experiment
+    experiment = identification.experiment
     if (experiment.points is not None or experiment.quantity != "grey" or len(experiment.views) != 1
-            or experiment.n_dim != 2 or found.stored is None or found.point is None or found.point.system is None):
+            or experiment.n_dim != 2 or identification.stored is None or identification.point is None
+            or identification.point.system is None):
         return False
-    return image_chi2(found) > MIN_MISFIT_CHI2
+    return image_chi2(identification) > MIN_MISFIT_CHI2
 
 
-def image_chi2(found: Identification) -> float:
+def image_chi2(identification: Identification) -> float:
     """Roughly chi² per pixel at the accepted point (`misfit` of the estimator): 0.8 to 1.2 for noise."""
-    return misfit(found.point, found.experiment.options.lowpass_px)
+    return misfit(identification.point, identification.experiment.options.lowpass_px)
 
 
-def out_of_register(found: Identification, u_px: np.ndarray, unexplained: Collection[int] = ()) -> OutOfRegister | None:
+def out_of_register(identification: Identification, u_px: np.ndarray,
+                    unexplained: Collection[int] = ()) -> OutOfRegister | None:
     """How far the identified model is off the measured motion; None where the images are in register.
 
     u_px : (n_frames, n_nodes, 2) px, NaN where nothing was measured; unexplained : frames whose measured motion does
     not fit their images either
     """
-    experiment = found.experiment
+    experiment = identification.experiment
     gaps = np.zeros(experiment.n_frames)
     nodes, camera = experiment.mesh.nodes, experiment.camera
-    for number, u in enumerate(found.stored()):
+    for number, u in enumerate(identification.stored()):
         frame = number + experiment.reference
         moved = camera.project(nodes + u) - camera.project(nodes)
         gap = ((u_px[frame] - moved) ** 2).sum(axis=1)
         if frame not in experiment.excluded and frame not in unexplained and np.isfinite(gap).any():
             gaps[frame] = np.sqrt(np.nanmean(gap))
-    return OutOfRegister(gaps, image_chi2(found)) if gaps.max() > MAX_REGISTER_PX else None
+    return OutOfRegister(gaps, image_chi2(identification)) if gaps.max() > MAX_REGISTER_PX else None
 
 
 def with_edge_modes(document: Mapping[str, Any], experiment: Experiment, u_px: np.ndarray) -> dict[str, Any]:
@@ -153,14 +155,15 @@ def by_motion(experiment: Experiment, u_px: np.ndarray, excluded: Collection[int
     excluded = tuple(sorted({*experiment.excluded, *excluded}))
     start = boundary_start(experiment, u_px, excluded)
     experiment = with_boundary_start(experiment, start)
-    free = [name for name in experiment.parameters.free if name not in start.values]
-    experiment = replace(experiment, parameters=experiment.parameters.with_free(free))
+    names = [name for name in experiment.parameters.free if name not in start.values]
+    experiment = replace(experiment, parameters=experiment.parameters.with_free(names))
     at = experiment.camera.project(experiment.mesh.nodes)
     ny, nx = experiment.image_shape
-    seen = np.isfinite(u_px).all(axis=2).any(axis=0) & (at >= 0.0).all(axis=1) & (at <= [nx - 1, ny - 1]).all(axis=1)
+    is_inside = (at >= 0.0).all(axis=1) & (at <= [nx - 1, ny - 1]).all(axis=1)
+    is_measured = np.isfinite(u_px).all(axis=2).any(axis=0) & is_inside
     mm_per_px = pixel_size(experiment)
-    stack = MotionStack(experiment.stack, UM_PER_MM * mm_per_px * u_px[:, seen])
-    points = FieldPoints(at[seen], (ny, nx), mm_per_px)
+    stack = MotionStack(experiment.stack, UM_PER_MM * mm_per_px * u_px[:, is_measured])
+    points = FieldPoints(at[is_measured], (ny, nx), mm_per_px)
     options = replace(experiment.options, brightness="none", defocus="none", lowpass_px=0.0, edge_margin_px=0,
                       border_px=0)
     return replace(experiment, stack=stack, points=points, quantity="displacement", mask=None, excluded=excluded,

@@ -81,8 +81,8 @@ class ResidualEvidence:
         return (parts[0] if len(parts) == 1 else np.concatenate(parts))[self.evidence.seen]
 
 
-def residual_evidence(found: Identification, light: bool = True, null: bool = True,
-           responses: Sequence[FrameResponse] | None = None) -> ResidualEvidence:
+def residual_evidence(identification: Identification, light: bool = True, null: bool = True,
+                      responses: Sequence[FrameResponse] | None = None) -> ResidualEvidence:
     """Bring the residual of the accepted point to the nodes; it is simulated once more where its path was not kept.
 
     light : False leaves out the columns of grey values (`idic.diagnose.residual.grey_value_effects`), which only a
@@ -90,20 +90,22 @@ def residual_evidence(found: Identification, light: bool = True, null: bool = Tr
     null : False leaves out the columns of the identified parameters, which a judgement of what is left does not need
     responses : of `simulated`, where the same point has been simulated for another copy of the recording
     """
-    contexts = joined_cameras(context_of(found, null))
-    return _assemble(contexts, simulated(found, null) if responses is None else responses, found.local, light)
+    contexts = joined_cameras(context_of(identification, null))
+    return _assemble(contexts, simulated(identification, null) if responses is None else responses,
+                     identification.local, light)
 
 
-def simulated(found: Identification, null: bool = True) -> list[FrameResponse]:
+def simulated(identification: Identification, null: bool = True) -> list[FrameResponse]:
     """The accepted point's path in the frames that are compared; null : with its derivatives by the parameters."""
-    forward, experiment = found.forward, found.experiment.at_geometry(found.parameters)
-    wanted = set(correlated_frames(experiment, range(experiment.n_frames)))
-    if found.path is not None:
-        kept = [response for response in found.path.frames if response.frame in wanted]
-        return kept if null else [replace(r, du=r.du[..., :0].copy(), dchannels=r.dchannels[:, :0]) for r in kept]
+    forward, experiment = identification.forward, identification.experiment.at_geometry(identification.parameters)
+    compared = set(correlated_frames(experiment, range(experiment.n_frames)))
+    if identification.path is not None:
+        responses = [response for response in identification.path.frames if response.frame in compared]
+        return responses if null else [replace(r, du=r.du[..., :0].copy(), dchannels=r.dchannels[:, :0])
+                                       for r in responses]
     moving = tuple(name for name in experiment.parameters.free if null and forward.moves(name))
-    states = found.march(moving, forward.drives.n_local > 0)
-    return [response_of(at, experiment.reference) for at in states if at.frame + experiment.reference in wanted]
+    states = identification.march(moving, forward.drives.n_local > 0)
+    return [response_of(at, experiment.reference) for at in states if at.frame + experiment.reference in compared]
 
 
 def with_error_added(responses: Sequence[FrameResponse], error: MotionError) -> list[FrameResponse]:
@@ -116,23 +118,23 @@ def with_error_added(responses: Sequence[FrameResponse], error: MotionError) -> 
     return changed
 
 
-def context_of(found: Identification, null: bool = True) -> CorrelationContext:
+def context_of(identification: Identification, null: bool = True) -> CorrelationContext:
     """Camera, reference image and parameters of a record; null : as for `gather`."""
-    forward, parameters = found.forward, found.parameters
-    experiment = found.experiment.at_geometry(parameters)
+    forward, parameters = identification.forward, identification.parameters
+    experiment = identification.experiment.at_geometry(parameters)
     camera = camera_at(experiment, parameters)
     names = experiment.parameters.free if null else ()
     moving = tuple(name for name in names if forward.moves(name))
     return CorrelationContext(experiment, parameters, names, moving, camera, build_experiment_reference(experiment,
-                              camera), found.weights, forward.drives.local_precision)
+                              camera), identification.weights, forward.drives.local_precision)
 
 
 def joined_cameras(context: CorrelationContext) -> tuple[CorrelationContext, ...]:
     """The contexts of the cameras whose grey values are joined; height images and measured fields stand alone."""
     if not context.experiment.cameras or not _is_grey(context):
         return (context,)
-    main, *others = with_all_cameras(context).cameras
-    return (replace(main, others=()), *(other for other in others if _is_grey(other)))
+    main, *companions = with_all_cameras(context).cameras
+    return (replace(main, others=()), *(camera for camera in companions if _is_grey(camera)))
 
 
 def _is_grey(context: CorrelationContext) -> bool:
@@ -158,15 +160,15 @@ class _CameraPasses:
 
     def of_lasting_pixels(self) -> _CameraPasses:
         """The passes over the pixels that all frames show; these ones where there are no others, or too few left."""
-        if not any(one.n_lost for one in self.sums) or not _is_grey(self.context):
+        if not any(frame_sums.n_lost for frame_sums in self.sums) or not _is_grey(self.context):
             return self
         lost = np.any([~self.maps[t][1] for t in range(len(self.maps))], axis=0)
         if lost.mean() > MAX_LOST_SHARE:
             return self
         experiment, shows = self.context.experiment, self.context.reference.pixel_map.to_image(~lost, 0.0) > 0.0
-        seen = replace(experiment, mask=shows, options=replace(experiment.options, edge_margin_px=0))
-        reference = build_experiment_reference(seen, self.context.camera)
-        lasting = replace(self.context, experiment=seen, reference=reference)
+        lasting_experiment = replace(experiment, mask=shows, options=replace(experiment.options, edge_margin_px=0))
+        reference = build_experiment_reference(lasting_experiment, self.context.camera)
+        lasting = replace(self.context, experiment=lasting_experiment, reference=reference)
         return _CameraPasses(lasting, self.unturned)
 
     @property
@@ -210,34 +212,39 @@ def _assemble(contexts: Sequence[CorrelationContext], responses: Sequence[FrameR
     passes = [_CameraPasses(context, responses).of_lasting_pixels() for context in contexts]
     main, context = passes[0], passes[0].context
     # cameras differ in it by some per cent of one tenth
-    kappa = main.kappa if len(passes) == 1 else np.mean([one.kappa for one in passes], axis=0)
-    for one in passes:
-        one.share(kappa)
+    kappa = main.kappa if len(passes) == 1 else np.mean([camera.kappa for camera in passes], axis=0)
+    for camera in passes:
+        camera.share(kappa)
     n_images = context.reference.n_images
     c = noise_share(kappa, n_images)
-    first = np.cumsum([0, *(one.sums[0].q.size for one in passes)])
-    seen = np.concatenate([start + one.seen for start, one in zip(first, passes, strict=False)])
+    first = np.cumsum([0, *(camera.sums[0].q.size for camera in passes)])
+    dofs = np.concatenate([start + camera.seen for start, camera in zip(first, passes, strict=False)])
     white_local = _white_local(local[[response.frame for response in responses]], kappa, c)
     parts, fields, channels = [], [], []
     for t, response in enumerate(responses):
         rows = channel_equations(context, response)
         parts.append(_part(passes, t, np.sqrt(kappa[t]), c, rows, white_local[t]))
-        fields.append(np.concatenate([global_columns(one.context, one.responses[t])[one.seen] for one in passes]))
+        fields.append(np.concatenate([global_columns(camera.context, camera.responses[t])[camera.seen]
+                                      for camera in passes]))
         channels.append(rows.d_global)
     names = ()
     if light and main.view.kind == GREY and context.experiment.points is None:
-        bases = [pixel_basis(one.context) for one in passes]
-        found = [pixel_parts(one.context, basis, one.maps, kappa, one.shared, c, one.back, one.seen, one.local_columns)
-                 for one, basis in zip(passes, bases, strict=True)]
-        names, pixels = joined_pixels(bases, found, local.shape[1])
+        bases = [pixel_basis(camera.context) for camera in passes]
+        pixel_columns = [pixel_parts(camera.context, basis, camera.maps, kappa, camera.shared, c, camera.back,
+                                     camera.seen, camera.local_columns)
+                         for camera, basis in zip(passes, bases, strict=True)]
+        names, pixels = joined_pixels(bases, pixel_columns, local.shape[1])
         parts = [replace(part, pixel=pixel) for part, pixel in zip(parts, pixels, strict=True)]
-    evidence = Evidence(np.array(main.maps.frames), seen, kappa, np.concatenate([one.back for one in passes], axis=1),
-                        context.weights.channel_noise**-2.0, sum(one.chi2 * one.inverse_variance for one in passes),
-                        sum(share.n_valid for one in passes for share in one.sums), tuple(parts), names, n_images,
+    evidence = Evidence(np.array(main.maps.frames), dofs, kappa,
+                        np.concatenate([camera.back for camera in passes], axis=1),
+                        context.weights.channel_noise**-2.0,
+                        sum(camera.chi2 * camera.inverse_variance for camera in passes),
+                        sum(share.n_valid for camera in passes for share in camera.sums), tuple(parts), names, n_images,
                         context.parameters)
     return ResidualEvidence(evidence, Columns(context.names, np.array(fields), np.array(channels)),
                     np.array([r.u for r in responses]), np.array([r.channels for r in responses]),
-                    tuple(CameraResidual(one.context, one.view, one.shared) for one in passes), tuple(responses))
+                    tuple(CameraResidual(camera.context, camera.view, camera.shared) for camera in passes),
+                            tuple(responses))
 
 
 def _white_local(local: np.ndarray, kappa: np.ndarray, c: float) -> np.ndarray:
@@ -254,27 +261,27 @@ def _part(passes: Sequence[_CameraPasses], t: int, root: float, c: float, rows, 
     """Weights, right-hand sides and the frame's own unknowns: first the local ones, then brightness, by cameras."""
     context = passes[0].context
     weight = context.weights.channel_noise**-2.0
-    m, n_light = len(local), [one.sums[t].hb.shape[1] for one in passes]
-    sizes = [len(one.seen) for one in passes]
+    m, n_light = len(local), [camera.sums[t].hb.shape[1] for camera in passes]
+    sizes = [len(camera.seen) for camera in passes]
     n_seen, size = sum(sizes), m + sum(n_light)
     border, inner, q, inner_q = np.zeros((n_seen + len(weight), size)), np.zeros((size, size)), [], np.zeros(size)
     border[n_seen:, :m] = weight[:, None] * rows.d_local
     matrices, row, column, light = [], 0, m, 0.0
-    for one, n, nb in zip(passes, sizes, n_light, strict=True):
-        share, seen, local_columns = one.sums[t], one.seen, one.local_columns[t][one.seen]
-        at, own = slice(row, row + n), slice(column, column + nb)
-        right, bright = one.white(t, root, c)
-        matrices.append(sparse.csr_array(share.H[seen][:, seen]) * one.inverse_variance)
+    for camera, n, nb in zip(passes, sizes, n_light, strict=True):
+        share, dofs, local_columns = camera.sums[t], camera.seen, camera.local_columns[t][camera.seen]
+        at, levels = slice(row, row + n), slice(column, column + nb)
+        right, bright = camera.white(t, root, c)
+        matrices.append(sparse.csr_array(share.H[dofs][:, dofs]) * camera.inverse_variance)
         border[at, :m] = matrices[-1] @ local_columns
-        border[at, own] = share.hb[seen].toarray() * one.inverse_variance
-        q.append(right[seen] * one.inverse_variance)
+        border[at, levels] = share.hb[dofs].toarray() * camera.inverse_variance
+        q.append(right[dofs] * camera.inverse_variance)
         inner[:m, :m] += local_columns.T @ border[at, :m]
-        inner[:m, own] = local_columns.T @ border[at, own]
-        inner[own, :m] = inner[:m, own].T
-        inner[own, own] = share.bb * one.inverse_variance
+        inner[:m, levels] = local_columns.T @ border[at, levels]
+        inner[levels, :m] = inner[:m, levels].T
+        inner[levels, levels] = share.bb * camera.inverse_variance
         inner_q[:m] += local_columns.T @ q[-1]
-        inner_q[own] = bright * one.inverse_variance
-        light += _light(one.context, share.bb, bright)
+        inner_q[levels] = bright * camera.inverse_variance
+        light += _light(camera.context, share.bb, bright)
         row, column = row + n, column + nb
     inner[:m, :m] += rows.d_local.T @ border[n_seen:, :m]
     inner[:m, :m] += context.local_precision
@@ -295,13 +302,13 @@ def _light(context: CorrelationContext, bb: np.ndarray, rb: np.ndarray) -> float
     if not len(rb):
         return 0.0
     layout = context.reference.layout(context.experiment.options.brightness)  # type: ignore[attr-defined]
-    whole, end = np.zeros((len(rb), 2)), layout.n_columns
-    whole[:end:2, 0], whole[1:end:2] = 1.0, np.column_stack([layout.mean[:end // 2], np.ones(end // 2)])
-    own, found = [(bb, rb), (whole.T @ bb @ whole, whole.T @ rb)], []
-    for matrix, rhs in own:
-        found.append(float(rhs @ np.linalg.pinv(matrix, hermitian=True) @ rhs) / context.experiment.noise.std_gv**2
+    frame_columns, end = np.zeros((len(rb), 2)), layout.n_columns
+    frame_columns[:end:2, 0], frame_columns[1:end:2] = 1.0, np.column_stack([layout.mean[:end // 2], np.ones(end // 2)])
+    systems, gains = [(bb, rb), (frame_columns.T @ bb @ frame_columns, frame_columns.T @ rb)], []
+    for matrix, rhs in systems:
+        gains.append(float(rhs @ np.linalg.pinv(matrix, hermitian=True) @ rhs) / context.experiment.noise.std_gv**2
                      - np.linalg.matrix_rank(matrix, hermitian=True))
-    return found[0] - found[1]
+    return gains[0] - gains[1]
 
 
 class _ResidualMaps:
@@ -319,19 +326,19 @@ class _ResidualMaps:
         reference, at = self.context.reference, (self.context.experiment, self.frames[t], self.motions[t])
         if not isinstance(reference, GreyReference) or len(self) * 4 * len(reference.f) >= MAX_KEPT_BYTES:
             return reference.compare(*at)
-        equations, found = reference.compare_with_residual(*at)
-        self.kept[t] = found.r, found.valid
+        equations, pixels = reference.compare_with_residual(*at)
+        self.kept[t] = pixels.r, pixels.valid
         return equations
 
     def __getitem__(self, t: int) -> tuple[np.ndarray, np.ndarray]:
         """r (n_pixels,) GV and valid (n_pixels,) of the t-th frame."""
         if t in self.kept:
             return self.kept[t]
-        found = self.context.reference.compare_pixels(self.context.experiment, self.frames[t], self.motions[t],
-                                                      np.zeros(0))
-        if found.r.nbytes * len(self) < MAX_KEPT_BYTES:
-            self.kept[t] = found.r, found.valid
-        return found.r, found.valid
+        pixels = self.context.reference.compare_pixels(self.context.experiment, self.frames[t], self.motions[t],
+                                                       np.zeros(0))
+        if pixels.r.nbytes * len(self) < MAX_KEPT_BYTES:
+            self.kept[t] = pixels.r, pixels.valid
+        return pixels.r, pixels.valid
 
 
 def _shared_residual(maps: _ResidualMaps, kappa: np.ndarray, n_images: int) -> tuple[np.ndarray, float]:

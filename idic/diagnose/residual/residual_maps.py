@@ -19,12 +19,12 @@ def maps_of_evidence(residual: ResidualEvidence, frame: int) -> tuple[np.ndarray
     return tuple(residual_in_sigma(camera.context, frame, camera.turned(residual.u[at])) for camera in residual.cameras)
 
 
-def maps_of_identification(found: Identification, frame: int) -> tuple[np.ndarray, ...]:
+def maps_of_identification(identification: Identification, frame: int) -> tuple[np.ndarray, ...]:
     """Residual maps of an identified point, one per camera; it is simulated up to this frame, without derivatives  #
     (ny, nx)"""
-    u = next(state.u for state in found.march() if state.frame + found.experiment.reference == frame)
+    u = next(state.u for state in identification.march() if state.frame + identification.experiment.reference == frame)
     return tuple(residual_in_sigma(context, frame, context.experiment.turned(u))
-                 for context in joined_cameras(context_of(found)))
+                 for context in joined_cameras(context_of(identification)))
 
 
 def map_of_noise(like: np.ndarray, seed: int) -> np.ndarray:
@@ -42,10 +42,10 @@ def residual_in_sigma(context: CorrelationContext, frame: int, u: np.ndarray) ->
     motion = view_of(experiment, context.camera).at(frame).motion(experiment.mesh.nodes, u)
     nodal = context.reference.compare(experiment, frame, motion)
     light = np.linalg.pinv(nodal.bb, hermitian=True) @ nodal.rb if nodal.n_brightness else np.zeros(0)
-    found = context.reference.compare_pixels(experiment, frame, motion, light)
-    noise = experiment.noise.std_gv * np.sqrt(found.reference_gain / found.n_images + found.noise_gain)
-    r = found.r.astype(float) / noise
-    image = context.reference.pixel_map.to_image(np.where(found.valid, r, np.nan))
+    pixels = context.reference.compare_pixels(experiment, frame, motion, light)
+    noise = experiment.noise.std_gv * np.sqrt(pixels.reference_gain / pixels.n_images + pixels.noise_gain)
+    r = pixels.r.astype(float) / noise
+    image = context.reference.pixel_map.to_image(np.where(pixels.valid, r, np.nan))
     return spread(image, experiment.points.positions_px) if holds_motion(experiment) else image
 
 
@@ -54,9 +54,9 @@ def spread(image: np.ndarray, points: np.ndarray) -> np.ndarray:
 
     image : (ny, nx), NaN between the points; points : (n, 2) columns and rows
     """
-    known = np.isfinite(image)
-    if not known.any() or len(points) < 2:
+    is_known = np.isfinite(image)
+    if not is_known.any() or len(points) < 2:
         return image
     reach = 0.75 * float(np.median(cKDTree(points).query(points, k=2)[0][:, 1]))  # the corner of a square of neighbours
-    distance, (row, column) = distance_transform_edt(~known, return_indices=True)
+    distance, (row, column) = distance_transform_edt(~is_known, return_indices=True)
     return np.where(distance <= reach, image[row, column], np.nan)

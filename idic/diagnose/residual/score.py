@@ -92,8 +92,8 @@ class Scores:
     @property
     def own(self) -> np.ndarray:
         """Information of each column alone, 0 where it is invisible  # (K,)"""
-        own = np.diagonal(self.information)
-        return np.where(own > MIN_INFORMATION_SHARE * np.diagonal(self.gross), own, 0.0)
+        information = np.diagonal(self.information)
+        return np.where(information > MIN_INFORMATION_SHARE * np.diagonal(self.gross), information, 0.0)
 
     @property
     def z(self) -> np.ndarray:
@@ -141,20 +141,20 @@ class Scores:
         first = len(self.U) - n
         shared = self.information[first:, :first]  # (n, K - n)
         inverse = np.linalg.inv(self.information[first:, first:] + std**-2.0 * np.eye(n))
-        amplitudes, taken = inverse @ (self.U[first:] + std**-2.0), -inverse @ (shared * members)
-        change = shared.T @ taken
+        amplitudes, response = inverse @ (self.U[first:] + std**-2.0), -inverse @ (shared * members)
+        change = shared.T @ response
         change = np.where(members, change, change.T)
         return Scores(self.names[:first], self.parameters, self.U[:first] - members * (amplitudes @ shared),
                       self.gross[:first, :first], self.information[:first, :first] + change,
-                      self.moves[:, :first] + self.moves[:, first:] @ taken)
+                      self.moves[:, :first] + self.moves[:, first:] @ response)
 
     def together(self, members: Sequence[int]) -> np.ndarray:
         """Expected change of the visible columns of a group together, 0 of the others  # (len(members),)"""
-        members, found = np.asarray(members), np.zeros(len(members))
-        seen = self.own[members] > 0
-        block = self.information[np.ix_(members[seen], members[seen])]
-        found[seen] = symmetric_inverse(block) @ self.U[members[seen]]
-        return found
+        members, changes = np.asarray(members), np.zeros(len(members))
+        is_visible = self.own[members] > 0
+        block = self.information[np.ix_(members[is_visible], members[is_visible])]
+        changes[is_visible] = symmetric_inverse(block) @ self.U[members[is_visible]]
+        return changes
 
     def with_sums(self, names: Sequence[str], groups: Sequence[Sequence[int]]) -> Scores:
         """These scores and those of the best sum of every group, a column each behind the others."""
@@ -174,18 +174,18 @@ def score(evidence: Evidence, null: NullModel, *columns: Columns) -> Scores:
 
     Columns of grey values alone, which move nothing, take no part in the products of motions (`Columns.apart`).
     """
-    white = [evidence.whiten(part) for one in columns for part in one.apart()]
+    white = [evidence.whiten(part) for group in columns for part in group.apart()]
     weighed = [evidence.weighed(part) for part in white]
     # the weights are symmetric: what moves nothing stands on the left, without its fields
     cross = np.hstack([evidence.products(null.white, heavy) if heavy.moves else evidence.products(part, null.weighed).T
                        for part, heavy in zip(white, weighed, strict=True)])  # (n, K)
-    gross = np.block([[evidence.products(one, heavy) if heavy.moves or not one.moves
-                       else evidence.products(other, weighed[i]).T
-                       for other, heavy in zip(white, weighed, strict=True)] for i, one in enumerate(white)])
+    gross = np.block([[evidence.products(left_part, heavy) if heavy.moves or not left_part.moves
+                       else evidence.products(right_part, weighed[i]).T
+                       for right_part, heavy in zip(white, weighed, strict=True)] for i, left_part in enumerate(white)])
     moves = -null.covariance @ cross
     U = np.concatenate([evidence.scores(part) for part in white]) + moves.T @ null.b
     information = gross + cross.T @ moves
-    names = sum((one.names for one in columns), ())
+    names = sum((group.names for group in columns), ())
     return Scores(names, null.names, U, gross, 0.5 * (information + information.T), moves)
 
 
@@ -229,15 +229,15 @@ def significances(scores: Scores, groups: Mapping[Any, Sequence[int]], signs: np
         observed[column] = _as_normal(np.square(observed[column]), len(members))
     usual = np.array(single, dtype=int)
     noise[:, usual], observed[usual] = _sided(noise[:, usual], signs[usual]), _sided(observed[usual], signs[usual])
-    found, every = {}, np.full(draws, -np.inf)
+    answers, every = {}, np.full(draws, -np.inf)
     for members in groups.values():
         every = np.maximum(every, noise[:, list(members)].max(axis=1))
     tests = _independent_tests(every)
     for name, members in groups.items():
         best = max(members, key=lambda i: observed[i])
         tail = float(stats.norm.sf(observed[best]))
-        found[name] = Significance(name, best, float(observed[best]), min(1.0, tests * tail))
-    return found
+        answers[name] = Significance(name, best, float(observed[best]), min(1.0, tests * tail))
+    return answers
 
 
 def _as_normal(chi2: np.ndarray, rank: int) -> np.ndarray:
@@ -245,8 +245,8 @@ def _as_normal(chi2: np.ndarray, rank: int) -> np.ndarray:
     if rank == 0:
         return np.full_like(chi2, -np.inf)
     tail = stats.chi2.logsf(chi2, rank)
-    far = (0.5 * rank - 1.0) * np.log(np.maximum(0.5 * chi2, 1e-300)) - 0.5 * chi2 - special.gammaln(0.5 * rank)
-    return -special.ndtri_exp(np.where(chi2 > FAR_CHI2, far, tail))
+    asymptote = (0.5 * rank - 1.0) * np.log(np.maximum(0.5 * chi2, 1e-300)) - 0.5 * chi2 - special.gammaln(0.5 * rank)
+    return -special.ndtri_exp(np.where(chi2 > FAR_CHI2, asymptote, tail))
 
 
 def _sided(z: np.ndarray, signs: np.ndarray) -> np.ndarray:

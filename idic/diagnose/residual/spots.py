@@ -89,22 +89,22 @@ class _Window:
     image: np.ndarray
 
 
-def find_spots(found: Identification) -> tuple[Spot, ...]:
+def find_spots(identification: Identification) -> tuple[Spot, ...]:
     """The spots of a recording, the largest first; () where there is none."""
-    seen = lost_pattern(found)
-    if seen is None:
+    pattern = lost_pattern(identification)
+    if pattern is None:
         return ()
-    spots, lost = [], seen.lost.copy()
+    spots, lost = [], pattern.lost.copy()
     labels, n = ndimage.label(ndimage.binary_dilation(_lasting(lost)))
     sizes = ndimage.sum_labels(lost.sum(axis=0), labels, np.arange(1, n + 1)) if n else np.zeros(0)
     for number in 1 + np.argsort(-sizes)[:2 * MAX_SPOTS]:
         place = (labels == number) & _lasting(lost)
         if place.sum() < MIN_PIXELS or len(spots) == MAX_SPOTS:
             continue
-        spot, own = _fitted(seen, lost, place)
+        spot, pixels = _fitted(pattern, lost, place)
         if spot is not None:
             spots.append(spot)
-            lost &= ~own
+            lost &= ~pixels
     return tuple(spots)
 
 
@@ -113,9 +113,9 @@ def _lasting(lost: np.ndarray) -> np.ndarray:
     return lost.sum(axis=0) >= MIN_FRAMES
 
 
-def _fitted(seen: LostPattern, lost: np.ndarray, place: np.ndarray) -> tuple[Spot | None, np.ndarray]:
+def _fitted(pattern: LostPattern, lost: np.ndarray, place: np.ndarray) -> tuple[Spot | None, np.ndarray]:
     """The spot at a place of the reference image, None without one, and its pixels in all frames."""
-    u = np.array([np.nan_to_num(np.nanmean(motion[place], axis=0)) for motion in seen.motion])
+    u = np.array([np.nan_to_num(np.nanmean(motion[place], axis=0)) for motion in pattern.motion])
     rows, columns = np.nonzero(place)
     reach = int(np.ceil(np.abs(u).max())) + 4
     low = np.maximum([rows.min() - reach, columns.min() - reach], 0)
@@ -124,27 +124,28 @@ def _fitted(seen: LostPattern, lost: np.ndarray, place: np.ndarray) -> tuple[Spo
         return None, np.zeros_like(lost)
     part = (slice(low[0], high[0]), slice(low[1], high[1]))
     row, column = np.mgrid[low[0]:high[0], low[1]:high[1]].astype(float)
-    window = _Window(column, row, lost[:, part[0], part[1]], u, seen.reference[part])
+    window = _Window(column, row, lost[:, part[0], part[1]], u, pattern.reference[part])
     best = {}
     for name in (PAINT, DUST, "later dust"):
         start = np.array([columns.mean(), rows.mean()])
         farthest = u[np.argmax(np.abs(u).sum(axis=1))]
         starts = [start] if name == PAINT else [start, start + farthest, start + 0.5 * u[-1]]
         best[name] = _search(window, name, starts)
-    name = max(best, key=lambda one: best[one][0])
+    name = max(best, key=lambda trial: best[trial][0])
     agreement, first, centre, radius, least = best[name]
-    own = np.zeros_like(lost)
+    pixels = np.zeros_like(lost)
     hidden = _mask(window, name, centre, radius, first, least)
-    own[:, part[0], part[1]] = ndimage.binary_dilation(hidden, np.ones((1, 3, 3)))
+    pixels[:, part[0], part[1]] = ndimage.binary_dilation(hidden, np.ones((1, 3, 3)))
     if agreement < MIN_AGREEMENT:
-        return None, own
+        return None, pixels
     kinds = {name: _kind(name) for name in best}
-    others = {kinds[other] for other in best if best[other][0] > agreement - SAME_AGREEMENT} - {kinds[name]}
-    shown = _shown(window, name, centre, radius, first)
-    grey = float(seen.brighter[:, part[0], part[1]][shown].mean()) if shown.any() else float("nan")
-    frame = 0 if name == DUST else int(seen.frames[first])
-    return Spot(kinds[name], tuple(sorted(others)), float(centre[0]), float(centre[1]), float(radius), frame, grey,
-                float(agreement), _circles(name, centre, radius, u[first:])), own
+    alternatives = {kinds[trial] for trial in best if best[trial][0] > agreement - SAME_AGREEMENT} - {kinds[name]}
+    is_shown = _shown(window, name, centre, radius, first)
+    grey = float(pattern.brighter[:, part[0], part[1]][is_shown].mean()) if is_shown.any() else float("nan")
+    frame = 0 if name == DUST else int(pattern.frames[first])
+    return Spot(kinds[name], tuple(sorted(alternatives)), float(centre[0]), float(centre[1]), float(radius), frame,
+                grey,
+                float(agreement), _circles(name, centre, radius, u[first:])), pixels
 
 
 def _kind(name: str) -> str:
@@ -157,15 +158,15 @@ def _search(window: _Window, name: str, starts: list[np.ndarray]) -> tuple[float
     def best(centres, sizes, covers):
         tried = ((*_agreement(window, name, centre, size, least), centre, size, least)
                  for centre in centres for size in sizes for least in covers)
-        return max(tried, key=lambda one: one[0] - (_pattern_left(window, *one[2:4]) if name == DUST else 0.0))
+        return max(tried, key=lambda trial: trial[0] - (_pattern_left(window, *trial[2:4]) if name == DUST else 0.0))
 
-    found = best([start + [dx, dy] for start in starts for dx in COARSE_PX for dy in COARSE_PX], RADII_PX, COVERED[1:2])
+    disc = best([start + [dx, dy] for start in starts for dx in COARSE_PX for dy in COARSE_PX], RADII_PX, COVERED[1:2])
     for step in (1.0, 0.5, 0.25):
         moves = step * np.array([-1.0, 0.0, 1.0])
         for covers in (COVERED[1:2], COVERED):
-            sizes = [r for r in found[3] + moves if r >= 1.0]
-            found = best([found[2] + [dx, dy] for dx in moves for dy in moves], sizes, covers)
-    return found
+            sizes = [r for r in disc[3] + moves if r >= 1.0]
+            disc = best([disc[2] + [dx, dy] for dx in moves for dy in moves], sizes, covers)
+    return disc
 
 
 def _pattern_left(window: _Window, centre: np.ndarray, radius: float) -> float:
@@ -181,16 +182,16 @@ def _pattern_left(window: _Window, centre: np.ndarray, radius: float) -> float:
 def _agreement(window: _Window, name: str, centre: np.ndarray, radius: float, least: float) -> tuple[float, int]:
     """Intersection over union of a disc's history with the lost pixels, and the best first frame (index)."""
     covered = _mask(window, name, centre, radius, 0, least)
-    both = (covered & window.lost).sum(axis=(1, 2))
+    n_common = (covered & window.lost).sum(axis=(1, 2))
     either = (covered | window.lost).sum(axis=(1, 2))
-    alone = window.lost.sum(axis=(1, 2))
+    n_lost = window.lost.sum(axis=(1, 2))
     if name == DUST:
-        return float(both.sum() / max(either.sum(), 1)), 0
-    since = np.cumsum(both[::-1])[::-1]  # of frames from here on
-    union = np.cumsum(either[::-1])[::-1] + np.concatenate([[0], np.cumsum(alone)[:-1]])
-    found = since / np.maximum(union, 1)
-    first = int(np.argmax(found))
-    return float(found[first]), first
+        return float(n_common.sum() / max(either.sum(), 1)), 0
+    since = np.cumsum(n_common[::-1])[::-1]  # of frames from here on
+    union = np.cumsum(either[::-1])[::-1] + np.concatenate([[0], np.cumsum(n_lost)[:-1]])
+    overlap = since / np.maximum(union, 1)
+    first = int(np.argmax(overlap))
+    return float(overlap[first]), first
 
 
 def _mask(window: _Window, name: str, centre: np.ndarray, radius: float, first: int, least: float) -> np.ndarray:
@@ -210,11 +211,11 @@ def _mask(window: _Window, name: str, centre: np.ndarray, radius: float, first: 
 
 def _shown(window: _Window, name: str, centre: np.ndarray, radius: float, first: int) -> np.ndarray:
     """Pixels of the reference image in whose place a frame shows the disc, and the reference does not  # (T, h, w)"""
-    shown = _cover(window, centre - (0.0 if name == PAINT else 1.0) * window.u, radius) > 0.5
+    is_shown = _cover(window, centre - (0.0 if name == PAINT else 1.0) * window.u, radius) > 0.5
     if name == DUST:
-        shown &= ~(_cover(window, centre[None], radius) > 0.5)
-    shown[:first] = False
-    return shown
+        is_shown &= ~(_cover(window, centre[None], radius) > 0.5)
+    is_shown[:first] = False
+    return is_shown
 
 
 def _cover(window: _Window, centres: np.ndarray, radius: float) -> np.ndarray:
@@ -228,8 +229,8 @@ def _circles(name: str, centre: np.ndarray, radius: float, u: np.ndarray) -> tup
     size = radius + MARGIN_PX
     if name == PAINT:
         return ((float(centre[0]), float(centre[1]), float(size)),)
-    made: list[np.ndarray] = [centre] if name == DUST else []
+    centres: list[np.ndarray] = [centre] if name == DUST else []
     for at in centre - u:
-        if all(np.hypot(*(at - other)) > 0.25 * radius for other in made):
-            made.append(at)
-    return tuple((float(at[0]), float(at[1]), float(size + 0.25 * radius)) for at in made)
+        if all(np.hypot(*(at - neighbour)) > 0.25 * radius for neighbour in centres):
+            centres.append(at)
+    return tuple((float(at[0]), float(at[1]), float(size + 0.25 * radius)) for at in centres)

@@ -49,8 +49,8 @@ def _size(camera: CameraResidual) -> np.ndarray:
     frames = experiment.averaged or (experiment.reference,)
     image = np.mean([np.asarray(experiment.stack.frame(k), dtype=float) for k in frames], axis=0)
     region = reference.pixel_map.to_image(np.ones(len(reference.f)), 0.0) > 0.0  # type: ignore[attr-defined]
-    noise, found = experiment.noise.std_gv or 0.0, experiment.noise.correlated
-    noise = noise if found is None else found.recorded_gv
-    correlation = None if found is None else np.array(found.correlation)
+    noise, correlated = experiment.noise.std_gv or 0.0, experiment.noise.correlated
+    noise = noise if correlated is None else correlated.recorded_gv
+    correlation = None if correlated is None else np.array(correlated.correlation)
     return subpixel_blur(image, region, reference.degree, reference.lowpass_px,  # type: ignore[attr-defined]
                          noise**2 / len(frames), correlation)

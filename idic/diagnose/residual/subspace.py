@@ -42,8 +42,8 @@ def grid_over(evidence: Evidence, at: np.ndarray, spacing_px: float) -> Grid:
     ----------
     at : (n_nodes, 2) px, the nodes in the reference image
     """
-    seen = at[np.unique(evidence.seen // evidence.n_components)]
-    low, extent = seen.min(axis=0), np.maximum(np.ptp(seen, axis=0), 1e-9)
+    points = at[np.unique(evidence.seen // evidence.n_components)]
+    low, extent = points.min(axis=0), np.maximum(np.ptp(points, axis=0), 1e-9)
     return Grid(at, low, extent, np.maximum(1, np.rint(extent / spacing_px)).astype(int))
 
 
@@ -75,23 +75,23 @@ def hats(evidence: Evidence, grid: Grid) -> Basis:
     node, component = np.divmod(evidence.seen, c)
     at = np.clip((grid.at[node] - grid.low) / grid.extent, 0.0, 1.0) * cells  # in cells
     first = np.minimum(at.astype(int), cells - 1)
-    rest = at - first
+    offset = at - first
     rows, columns, values = [], [], []
     n_grid = (cells[0] + 1) * (cells[1] + 1)
     for i in (0, 1):
         for j in (0, 1):
-            weight = np.abs(1 - i - rest[:, 0]) * np.abs(1 - j - rest[:, 1])
+            weight = np.abs(1 - i - offset[:, 0]) * np.abs(1 - j - offset[:, 1])
             corner = (first[:, 0] + i) * (cells[1] + 1) + first[:, 1] + j
             rows.append(np.arange(len(node)))
             columns.append(component * n_grid + corner)
             values.append(weight)
-    whole = sparse.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
-                             shape=(len(node), c * n_grid))
-    weight = whole.sum(axis=0)
+    fields = sparse.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
+                              shape=(len(node), c * n_grid))
+    weight = fields.sum(axis=0)
     keep = np.flatnonzero(weight > 0.0)
     corner, kind = keep % n_grid, keep // n_grid
     places = grid.low + np.column_stack([corner // (cells[1] + 1), corner % (cells[1] + 1)]) / cells * grid.extent
-    return Basis(sparse.csr_array(whole[:, keep]), places, kind)
+    return Basis(sparse.csr_array(fields[:, keep]), places, kind)
 
 
 def affine(evidence: Evidence, positions: np.ndarray) -> Basis:
@@ -147,8 +147,9 @@ def gain_and_rank(matrix: np.ndarray, rhs: np.ndarray) -> tuple[float, int]:
     Where all fields are seen beyond doubt two Cholesky factors tell so, at a tenth of the cost of the eigenvalues.
     """
     scale = unit_scale(matrix)
-    seen = scale > 0.0
-    scaled, right = matrix[np.ix_(seen, seen)] * np.outer(scale[seen], scale[seen]), rhs[seen] * scale[seen]
+    is_seen = scale > 0.0
+    scaled = matrix[np.ix_(is_seen, is_seen)] * np.outer(scale[is_seen], scale[is_seen])
+    right = rhs[is_seen] * scale[is_seen]
     if not len(right):
         return 0.0, 0
     largest = float(np.abs(scaled).sum(axis=1).max())  # no eigenvalue is larger
@@ -193,6 +194,6 @@ def effect_px(evidence: Evidence, basis: Basis) -> np.ndarray:
     The motion is weighed by how well pixels see it (the contrast of the texture): rms = sqrt((gain - rank) sigma^2 /
     sum |grad f|^2), 0 where the gain is below its expectation.
     """
-    found = explained(evidence, basis)
+    explanation = explained(evidence, basis)
     power = np.array([part.A.diagonal().sum() / 2.0 for part in evidence.parts])  # sum |grad f|^2 N^2 / sigma^2
-    return np.sqrt(np.maximum(found.gain - found.rank, 0.0) / np.maximum(power, 1e-300))
+    return np.sqrt(np.maximum(explanation.gain - explanation.rank, 0.0) / np.maximum(power, 1e-300))

@@ -64,8 +64,8 @@ class ThinnedStack(StackView):
 
     def _drawn(self, rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
         noise = rng.standard_normal(shape, dtype=np.float32)
-        found = self.noise.correlated
-        return noise if found is None else coloured(noise, np.array(found.correlation))
+        correlated = self.noise.correlated
+        return noise if correlated is None else coloured(noise, np.array(correlated.correlation))
 
 
 def thinned(experiment: Experiment, sign: int, seed: int) -> Experiment:
@@ -85,10 +85,11 @@ def thinned(experiment: Experiment, sign: int, seed: int) -> Experiment:
 
 
 def _noisier(noise: Noise) -> Noise:
-    twice, found = float(np.sqrt(COPY_VARIANCE_FACTOR)), noise.correlated
-    if found is not None:
-        found = replace(found, recorded_gv=twice * found.recorded_gv, sum_std_gv=twice * found.sum_std_gv)
-    return replace(noise, std_gv=twice * noise.std_gv, correlated=found)
+    twice, correlated = float(np.sqrt(COPY_VARIANCE_FACTOR)), noise.correlated
+    if correlated is not None:
+        correlated = replace(correlated, recorded_gv=twice * correlated.recorded_gv,
+                             sum_std_gv=twice * correlated.sum_std_gv)
+    return replace(noise, std_gv=twice * noise.std_gv, correlated=correlated)
 
 
 def _thinned_camera(camera: FurtherCamera, sign: int, seed: int, number: int) -> FurtherCamera:

@@ -41,21 +41,21 @@ def timed(experiment: Experiment, variant: Variant) -> TimedVariant | None:
     """
     if (warm := _warmth(experiment, variant)) is not None:
         return warm
-    found = [_correction(experiment, name) for name in variant.new]
-    if not found or not variant.exact or any(one is None for one in found):
+    terms = [_correction(experiment, name) for name in variant.new]
+    if not terms or not variant.exact or any(term is None for term in terms):
         return None
-    number, first = found[0]
+    number, first = terms[0]
     entry = experiment.prescribed[number]
     pattern = (entry.nodes, entry.component, first.kind, first.towards)
-    courses = np.array([correction.course for _, correction in found]).T
+    courses = np.array([correction.course for _, correction in terms]).T
     names = variant.new if variant.free_course else (variant.label,)
     if not variant.free_course:
         (name,) = variant.new
         courses = courses * (variant.probe[name] - variant.null[name])
     steady = replace(first, course=np.ones_like(first.course))
-    kept = tuple(steady if one is first else one for one in corrections_of(entry.drive))
+    corrections = tuple(steady if term is first else term for term in corrections_of(entry.drive))
     prescribed = list(experiment.prescribed)
-    prescribed[number] = replace(entry, drive=replace(entry.drive, corrections=kept))
+    prescribed[number] = replace(entry, drive=replace(entry.drive, corrections=corrections))
     return TimedVariant(variant, pattern, names, courses, replace(experiment, prescribed=tuple(prescribed)))
 
 
@@ -63,19 +63,19 @@ def _warmth(experiment: Experiment, variant: Variant) -> TimedVariant | None:
     """A temperature whose course the data give: the response to 1 K, times the courses of its knots."""
     if not variant.new or without_knot(variant.new[0]) != TEMPERATURE:
         return None
-    free = next(entry for entry in experiment.temperatures if entry.hats is not None)
-    of_name = {knot_name(TEMPERATURE, frame): hat for frame, hat in zip(free.knots, free.hats, strict=True)}
+    free_entry = next(entry for entry in experiment.temperatures if entry.hats is not None)
+    of_name = {knot_name(TEMPERATURE, frame): hat for frame, hat in zip(free_entry.knots, free_entry.hats, strict=True)}
     warm = np.ones((experiment.n_frames, experiment.mesh.n_nodes))
     warm[:experiment.reference + 1] = 0.0
-    steady = tuple(replace(entry, drive=TemperatureField(warm), knots=(), hats=None) if entry is free else entry
+    steady = tuple(replace(entry, drive=TemperatureField(warm), knots=(), hats=None) if entry is free_entry else entry
                    for entry in experiment.temperatures)
     return TimedVariant(variant, (TEMPERATURE, "", "warmth", None), variant.new,
                         np.array([of_name[name] for name in variant.new]).T, replace(experiment, temperatures=steady))
 
 
-def unit_values(one: TimedVariant) -> dict[str, float]:
+def unit_values(timed_variant: TimedVariant) -> dict[str, float]:
     """Values of the degrees of freedom of a variant at which its pattern has the amplitude 1."""
-    return dict.fromkeys(one.variant.new, 0.0) | {one.variant.new[0]: 1.0}
+    return dict.fromkeys(timed_variant.variant.new, 0.0) | {timed_variant.variant.new[0]: 1.0}
 
 
 def times_courses(variants: Sequence[TimedVariant], patterns: Sequence[Pattern], frames: np.ndarray, fields: np.ndarray,
@@ -84,17 +84,17 @@ def times_courses(variants: Sequence[TimedVariant], patterns: Sequence[Pattern],
 
     patterns : of the responses fields (T, n_seen, n), channels (T, n_channels, n) to unit amplitudes
     """
-    which = [patterns.index(one.pattern) for one in variants for _ in one.names]
-    courses = np.concatenate([one.courses[frames] for one in variants], axis=1)  # (T, K)
-    return fields[..., which] * courses[:, None, :], channels[..., which] * courses[:, None, :]
+    indices = [patterns.index(variant.pattern) for variant in variants for _ in variant.names]
+    courses = np.concatenate([variant.courses[frames] for variant in variants], axis=1)  # (T, K)
+    return fields[..., indices] * courses[:, None, :], channels[..., indices] * courses[:, None, :]
 
 
 def _correction(experiment: Experiment, name: str) -> tuple[int, Correction] | None:
     """The correction whose amplitude is a degree of freedom, with the number of its prescribed displacement."""
-    stem, _, last = name.rpartition(".")
+    stem, _, word = name.rpartition(".")
     for number, entry in enumerate(experiment.prescribed):
         if stem == f"boundary.{entry.nodes}.{entry.component}":
             for correction in corrections_of(entry.drive):
-                if correction.name == last and correction.kind in TIMED:
+                if correction.name == word and correction.kind in TIMED:
                     return number, correction
     return None

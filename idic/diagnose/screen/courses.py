@@ -43,30 +43,30 @@ class Course:
         """Frames between which it begins: the last one in which it is zero within a standard deviation, and the first
         one beyond `MIN_ONSET_STD`; None where none is.
         """
-        seen = np.abs(self.value) > MIN_ONSET_STD * np.maximum(self.std, 1e-300)
-        if not seen.any():
+        is_visible = np.abs(self.value) > MIN_ONSET_STD * np.maximum(self.std, 1e-300)
+        if not is_visible.any():
             return None
-        visible = int(np.argmax(seen))
+        visible = int(np.argmax(is_visible))
         at_zero = np.flatnonzero(np.abs(self.value[:visible]) <= self.std[:visible])
         return (int(at_zero[-1]) if len(at_zero) else 0), visible
 
 
 def course_of(experiment: Experiment, name: str) -> np.ndarray | None:
     """Amplitude in every frame per unit of a degree of freedom  # (n_frames,); None where it has no course."""
-    stem, _, last = name.rpartition(".")
-    if without_knot(name) == TEMPERATURE or last == EXPANSION.name:
+    stem, _, word = name.rpartition(".")
+    if without_knot(name) == TEMPERATURE or word == EXPANSION.name:
         return _of_warmth(experiment, name)
     for entry in experiment.prescribed:
         if stem == f"boundary.{entry.nodes}.{entry.component}":
-            return next((c.course for c in corrections_of(entry.drive) if c.name == last and c.kind in TIMED), None)
+            return next((c.course for c in corrections_of(entry.drive) if c.name == word and c.kind in TIMED), None)
     for channel in experiment.channels:
-        term = channel_term(without_knot(last))
+        term = channel_term(without_knot(word))
         if stem == f"channel.{channel.column}" and term is not None and term.course is not None:
-            return term.course.amplitude(experiment, channel, last)
+            return term.course.amplitude(experiment, channel, word)
     motion = experiment.camera.motion
     if motion is not None and not isinstance(experiment.camera, PlacedCamera) and stem == experiment.camera_name \
-            and last in motion.names and last.startswith("magnification"):
-        return motion.courses[motion.names.index(last)]
+            and word in motion.names and word.startswith("magnification"):
+        return motion.courses[motion.names.index(word)]
     return None
 
 
@@ -93,18 +93,19 @@ def courses_of(cause: str, experiment: Experiment, null: Experiment, names: Iter
     """
     parts: dict[str, list[tuple[str, np.ndarray]]] = {}
     for name in names:
-        given = bool(null.temperatures) and name.rpartition(".")[2] == EXPANSION.name
-        course = None if given else course_of(experiment, name)
+        is_given = bool(null.temperatures) and name.rpartition(".")[2] == EXPANSION.name
+        course = None if is_given else course_of(experiment, name)
         if course is not None and stds.get(name) is not None:
             parts.setdefault(without_knot(name), []).append((name, course))
-    made = []
-    for stem, own in parts.items():
-        value = np.sum([values[name] * course for name, course in own], axis=0)
-        std = np.sum([stds[name] * np.abs(course) for name, course in own], axis=0)
-        jumps = tuple((frame, values[name], stds[name]) for name, _ in own if (frame := jump_frame(name)) is not None)
-        made.append(Course(cause, stem, _unit(experiment, own[0][0]), value, std, without_knot(own[0][0]) != own[0][0],
-                           jumps))
-    return made
+    courses = []
+    for stem, terms in parts.items():
+        value = np.sum([values[name] * course for name, course in terms], axis=0)
+        std = np.sum([stds[name] * np.abs(course) for name, course in terms], axis=0)
+        jumps = tuple((frame, values[name], stds[name]) for name, _ in terms if (frame := jump_frame(name)) is not None)
+        courses.append(Course(cause, stem, _unit(experiment, terms[0][0]), value, std,
+                              without_knot(terms[0][0]) != terms[0][0],
+                              jumps))
+    return courses
 
 
 def _unit(experiment: Experiment, name: str) -> str:
@@ -113,7 +114,7 @@ def _unit(experiment: Experiment, name: str) -> str:
     if name.rpartition(".")[2] == EXPANSION.name:
         return "K"
     if name.endswith(".friction_share"):
-        return next(one.unit for one in experiment.channels if name.startswith(f"channel.{one.column}."))
+        return next(channel.unit for channel in experiment.channels if name.startswith(f"channel.{channel.column}."))
     if unit.startswith("rad"):
         return "rad"
     if name.startswith("boundary."):
@@ -123,6 +124,8 @@ def _unit(experiment: Experiment, name: str) -> str:
 
 def content(courses: Sequence[Course], times: np.ndarray) -> list[dict]:
     """Entries ``courses`` of diagnosis.json."""
-    return [{"name": one.cause, "parameter": one.name, "unit": one.unit, "free": one.free, "onset_frames": one.onset,
-             "jumps": [dict(zip(("frame", "size", "std"), jump, strict=True)) for jump in one.jumps],
-             "time_s": times.tolist(), "value": one.value.tolist(), "std": one.std.tolist()} for one in courses]
+    return [{"name": course.cause, "parameter": course.name, "unit": course.unit, "free": course.free,
+             "onset_frames": course.onset,
+             "jumps": [dict(zip(("frame", "size", "std"), jump, strict=True)) for jump in course.jumps],
+             "time_s": times.tolist(), "value": course.value.tolist(), "std": course.std.tolist()}
+            for course in courses]

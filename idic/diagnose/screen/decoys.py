@@ -35,9 +35,9 @@ class DecoyScores:
 def decoys(columns: Columns, rng: np.random.Generator, n: int) -> Columns:
     """Random columns with the spectra of `columns` in space and in time; grey values take no part."""
     size = np.sqrt((columns.fields**2).sum(axis=(0, 1)))  # (K,)
-    shown = columns.fields[:, :, size > 0.0] / size[size > 0.0]  # (T, n_seen, K)
-    T, n_seen, K = shown.shape
-    places, courses = shown.transpose(1, 0, 2).reshape(n_seen, -1), shown.reshape(T, -1)
+    shapes = columns.fields[:, :, size > 0.0] / size[size > 0.0]  # (T, n_seen, K)
+    T, n_seen, K = shapes.shape
+    places, courses = shapes.transpose(1, 0, 2).reshape(n_seen, -1), shapes.reshape(T, -1)
     rows = columns.channels.reshape(T, -1)
     fields, channels = np.empty((T, n_seen, n)), np.zeros((T, columns.channels.shape[1], n))
     channel_size = np.sqrt((columns.channels**2).sum(axis=0)).T[size > 0.0] / size[size > 0.0][:, None]  # (K, channels)
@@ -55,5 +55,5 @@ def decoy_scores(evidence: Evidence, null: NullModel, columns: Columns, seed: in
     """Scores of `n` decoys, the identified parameters projected out."""
     if not columns.n or not np.any(columns.fields):
         return DecoyScores(np.zeros(0))
-    made = score(evidence, null, decoys(columns, np.random.default_rng(seed), n))
-    return DecoyScores(made.z[made.own > 0.0])
+    scores = score(evidence, null, decoys(columns, np.random.default_rng(seed), n))
+    return DecoyScores(scores.z[scores.own > 0.0])

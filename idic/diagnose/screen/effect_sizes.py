@@ -16,18 +16,18 @@ from idic.diagnose.screen.score_columns import ScoreColumn
 
 def columns_together(trials: Sequence[ScoreColumn]) -> list[list[int]]:
     """The columns of every variant whose columns count together."""
-    found: dict[int, list[int]] = {}
+    groups: dict[int, list[int]] = {}
     for i, trial in enumerate(trials):
         if trial.variant.counts_together:
-            found.setdefault(id(trial.variant), []).append(i)
-    return [members for members in found.values() if len(members) > 1]
+            groups.setdefault(id(trial.variant), []).append(i)
+    return [members for members in groups.values() if len(members) > 1]
 
 
 def sum_of(members: Sequence[ScoreColumn]) -> ScoreColumn:
     """The best sum of some columns of one variant as a column; of a free course with the knots of these alone."""
     variant = members[0].variant
     if variant.free_course and variant.new:
-        variant = with_knots(variant, [one.name for one in members])
+        variant = with_knots(variant, [member.name for member in members])
     return replace(members[0], variant=variant, name=variant.label)
 
 
@@ -57,9 +57,10 @@ def effects(evidence: Evidence, parameters: Columns, columns: Columns, scores: S
     still = np.setdiff1d(np.arange(n + len(groups)), moving)
     images, channels = np.zeros(n + len(groups)), np.zeros(n + len(groups))
     for t, part in enumerate(evidence.parts):
-        own = columns.fields[t][:, :n_moving]
+        moving_fields = columns.fields[t][:, :n_moving]
         summed = moving[n_moving:]
-        fields = np.hstack([own, own @ ways[:n_moving, summed - n]]) + parameters.fields[t] @ moves[:, moving]
+        fields = np.hstack([moving_fields, moving_fields @ ways[:n_moving, summed - n]])
+        fields = fields + parameters.fields[t] @ moves[:, moving]
         images[moving] += np.einsum("ik,ik->k", fields, part.A @ fields)
         # of columns that move nothing the parameters alone move
         gram = parameters.fields[t].T @ (part.A @ parameters.fields[t])

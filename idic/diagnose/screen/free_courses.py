@@ -29,28 +29,30 @@ KNOTTED = {"course": "free", "knots": KNOTS}
 MAGNIFICATIONS = ("magnification_drift", "magnification_load")
 
 
-def with_free_courses(trials: Sequence[tuple[Candidate, Variant]], document: Mapping[str, Any], free: Collection[str],
+def with_free_courses(trials: Sequence[tuple[Candidate, Variant]], document: Mapping[str, Any],
+                      free_names: Collection[str],
                       load: Callable[[Mapping[str, Any]], Experiment]) -> list[tuple[Candidate, Variant]]:
     """One variant with a free course for every degree of freedom of these trials that has a course.
 
-    document : tables of the null; free : names of its free degrees of freedom; load : edits -> experiment
+    document : tables of the null; free_names : names of its free degrees of freedom; load : edits -> experiment
     """
-    found: dict[str, tuple[Candidate, Variant]] = {}
+    trials_by_stem: dict[str, tuple[Candidate, Variant]] = {}
     for candidate, variant in trials:
         stem = course_stem(variant)
-        if stem in found or (edits := free_edits(document, variant.edits, variant)) is None:
+        if stem in trials_by_stem or (edits := free_edits(document, variant.edits, variant)) is None:
             continue
         try:
-            after = load(edits)
+            experiment = load(edits)
         except InputError:  # a camera with a lens has no such course
             continue
-        new = tuple(name for name in after.parameters.free if name not in free)
-        if len(new) > 1:
+        knots = tuple(name for name in experiment.parameters.free if name not in free_names)
+        if len(knots) > 1:
             label = f"{stem}, with an identified time course"
-            found[stem] = candidate, Variant(label, edits, new, dict.fromkeys(new, 0.0), dict.fromkeys(new, 0.0),
-                                             direct=variant.direct, exact=variant.exact, free_course=True,
-                                             sign=variant.sign if variant.direct else 0)
-    return list(found.values())
+            trials_by_stem[stem] = candidate, Variant(label, edits, knots, dict.fromkeys(knots, 0.0),
+                                                      dict.fromkeys(knots, 0.0),
+                                                      direct=variant.direct, exact=variant.exact, free_course=True,
+                                                      sign=variant.sign if variant.direct else 0)
+    return list(trials_by_stem.values())
 
 
 def fewest_knots(scores: Scores, members: Sequence[int]) -> list[int]:
@@ -65,9 +67,9 @@ def with_knots(variant: Variant, names: Collection[str]) -> Variant:
     if len(names) == len(variant.new):
         return variant
     locked = [{"name": name, "value": 0.0, "identify": False} for name in variant.new if name not in names]
-    new = tuple(name for name in variant.new if name in names)
-    return replace(variant, edits={**variant.edits, "dof": [*variant.edits["dof"], *locked]}, new=new,
-                   null=dict.fromkeys(new, 0.0), probe=dict.fromkeys(new, 0.0))
+    knots = tuple(name for name in variant.new if name in names)
+    return replace(variant, edits={**variant.edits, "dof": [*variant.edits["dof"], *locked]}, new=knots,
+                   null=dict.fromkeys(knots, 0.0), probe=dict.fromkeys(knots, 0.0))
 
 
 def free_edits(document: Mapping[str, Any], edits: Mapping[str, Any], variant: Variant,
@@ -78,52 +80,53 @@ def free_edits(document: Mapping[str, Any], edits: Mapping[str, Any], variant: V
     """
     if len({without_knot(name) for name in variant.new}) != 1:
         return None
-    name, made = without_knot(variant.new[0]), {"dof": [dict(entry) for entry in document.get("dof", ())], **edits}
-    stem, _, last = name.rpartition(".")
-    if name.startswith("boundary.") and last in TIMED:
-        tables = copy.deepcopy(list(made["boundary"]))
+    name = without_knot(variant.new[0])
+    tables_of_edits = {"dof": [dict(entry) for entry in document.get("dof", ())], **edits}
+    stem, _, word = name.rpartition(".")
+    if name.startswith("boundary.") and word in TIMED:
+        tables = copy.deepcopy(list(tables_of_edits["boundary"]))
         for table in tables:
             for component in "xyz":
                 named = stem == f"boundary.{table.get('nodes')}.{component}"
                 if named and isinstance(table.get(f"u{component}"), Mapping):
-                    _free(table[f"u{component}"]["corrections"], last, course)
-        return made | {"boundary": tables}
-    term = channel_term(last) if name.startswith("channel.") else None
+                    _free(table[f"u{component}"]["corrections"], word, course)
+        return tables_of_edits | {"boundary": tables}
+    term = channel_term(word) if name.startswith("channel.") else None
     if term is not None and term.course is not None:
-        tables = copy.deepcopy(list(made.get("channel", document["channel"])))
+        tables = copy.deepcopy(list(tables_of_edits.get("channel", document["channel"])))
         for table in tables:
             if stem == f"channel.{table['column']}":
                 for key in term.course.replaced:
                     table.pop(key, None)
                 table[term.course.knots] = KNOTS
-        return _without(made, name) | {"channel": tables}
-    if last == EXPANSION.name and (made.get("boundary") or [{}])[-1].get("temperature", {}).get("course"):
+        return _without(tables_of_edits, name) | {"channel": tables}
+    if word == EXPANSION.name and (tables_of_edits.get("boundary") or [{}])[-1].get("temperature", {}).get("course"):
         supposed = {"value": SUPPOSED_EXPANSION_PER_K, "unit": EXPANSION.unit}
-        return made | {f"material.{name}": supposed,
-                       "boundary": [*made["boundary"][:-1], {"temperature": dict(KNOTTED)}]}
-    if last in MAGNIFICATIONS:
+        return tables_of_edits | {f"material.{name}": supposed,
+                                  "boundary": [*tables_of_edits["boundary"][:-1], {"temperature": dict(KNOTTED)}]}
+    if word in MAGNIFICATIONS:
         key = "camera.0" if isinstance(document.get("camera"), list) else "camera"
-        made.pop(f"{key}.magnification_column", None)
-        return _without(made, name) | {f"{key}.magnification_knots": KNOTS}
+        tables_of_edits.pop(f"{key}.magnification_column", None)
+        return _without(tables_of_edits, name) | {f"{key}.magnification_knots": KNOTS}
     return None
 
 
 def course_stem(variant: Variant) -> str:
     """The degree of freedom of a variant without its course."""
     name = without_knot(variant.new[0]) if variant.new else ""
-    stem, _, last = name.rpartition(".")
-    if last == EXPANSION.name:
+    stem, _, word = name.rpartition(".")
+    if word == EXPANSION.name:
         return TEMPERATURE
-    term = channel_term(last) if name.startswith("channel.") else None
-    kind = "magnification" if last in MAGNIFICATIONS else last if term is None else term.names[0]
+    term = channel_term(word) if name.startswith("channel.") else None
+    kind = "magnification" if word in MAGNIFICATIONS else word if term is None else term.names[0]
     return f"{stem}.{kind}" if stem else name
 
 
 def _free(corrections: list[dict], kind: str, course: Mapping[str, Any]) -> None:
     """Knots or jumps in the place of the course of the last correction of a kind."""
     number = max(i for i, entry in enumerate(corrections) if entry["kind"] == kind)
-    kept = {key: value for key, value in corrections[number].items() if key in ("kind", "towards")}
-    corrections[number] = kept | dict(course)
+    entries = {key: value for key, value in corrections[number].items() if key in ("kind", "towards")}
+    corrections[number] = entries | dict(course)
 
 
 def _without(edits: Mapping[str, Any], name: str) -> dict[str, Any]:

@@ -23,64 +23,65 @@ from idic.model import Experiment
 MAX_LOCAL_SHARE = 0.6  # of all free motions: an inclusion, not the whole specimen
 
 
-def local_residual_tests(before: ResidualEvidence, after: ResidualEvidence, grid: Grid, values: Mapping[str, float],
+def local_residual_tests(base: ResidualEvidence, enriched: ResidualEvidence, grid: Grid, values: Mapping[str, float],
                          margin: Margin = ASSUMED) -> list[ExcessLeft]:
     """Excess at every new inclusion; one as large as the specimen is judged by the test of the whole.
 
     Parameters
     ----------
-    before, after : the whole recording under the identified and the enriched model
+    base, enriched : the whole recording under the identified and the enriched model
     values : of the enriched model, internal units
     margin : of the recording, by region
     """
-    found = []
-    for centre, radius in _new_inclusions(before.context.experiment, after.context.experiment, values):
-        circles = _in_images(before, centre, radius)
+    excesses = []
+    for centre, radius in _new_inclusions(base.context.experiment, enriched.context.experiment, values):
+        circles = _in_images(base, centre, radius)
         margin_px = float((grid.extent / grid.cells).max())
-        fields = [hats(residual.evidence, grid) for residual in (before, after)]  # a camera of its own sees other nodes
-        near, still_near = (_near(basis, circles, margin_px) for basis in fields)
-        if 0 < near.n < MAX_LOCAL_SHARE * fields[0].n and still_near.n:
-            local = margin.local_px(_moved_nodes(before, near))
-            found.append(ExcessLeft(_fit(before, near), _fit(after, still_near), _power(before, near),
-                                    MAX_LOCAL_EXCESS_LEFT, local, local if margin.camera_px else 0.0))
-    return found
+        # a camera of its own sees other nodes
+        fields = [hats(residual.evidence, grid) for residual in (base, enriched)]
+        basis_near, still_near = (_near(basis, circles, margin_px) for basis in fields)
+        if 0 < basis_near.n < MAX_LOCAL_SHARE * fields[0].n and still_near.n:
+            local = margin.local_px(_moved_nodes(base, basis_near))
+            excesses.append(ExcessLeft(_fit(base, basis_near), _fit(enriched, still_near), _power(base, basis_near),
+                                       MAX_LOCAL_EXCESS_LEFT, local, local if margin.camera_px else 0.0))
+    return excesses
 
 
-def _new_inclusions(before: Experiment, after: Experiment,
-               values: Mapping[str, float]) -> Iterator[tuple[np.ndarray, float]]:
+def _new_inclusions(base: Experiment, enriched: Experiment,
+                    values: Mapping[str, float]) -> Iterator[tuple[np.ndarray, float]]:
     """Centre (dim,) and radius, mm."""
-    known = {(entry.element_set, entry.name) for entry in before.heterogeneities}
-    for entry in after.heterogeneities:
+    names = {(entry.element_set, entry.name) for entry in base.heterogeneities}
+    for entry in enriched.heterogeneities:
         stem = f"{entry.element_set}.{entry.name}"
-        if entry.is_spot and (entry.element_set, entry.name) not in known:
-            centre = np.array([values.get(f"{stem}.{axis}", 0.0) for axis in "xyz"[:after.n_dim]])
+        if entry.is_spot and (entry.element_set, entry.name) not in names:
+            centre = np.array([values.get(f"{stem}.{axis}", 0.0) for axis in "xyz"[:enriched.n_dim]])
             yield centre, float(values[f"{stem}.radius"])
 
 
 def _in_images(residual: ResidualEvidence, centre: np.ndarray, radius: float) -> list[tuple[np.ndarray, float]]:
     """A circle on the body as every camera sees it: centre (2,) px where `positions` has the camera, radius px."""
     rim = radius * np.eye(len(centre))[:2]
-    points, beside, found = np.vstack([centre, centre + rim, centre - rim]), positions(residual), []
-    for camera, shown in zip(residual.cameras, np.split(beside, len(residual.cameras)), strict=True):
+    points, places, circles = np.vstack([centre, centre + rim, centre - rim]), positions(residual), []
+    for camera, nodes in zip(residual.cameras, np.split(places, len(residual.cameras)), strict=True):
         def seen(of_mesh: np.ndarray, camera: CameraResidual = camera) -> np.ndarray:
             return camera.context.camera.project(camera.view.points(of_mesh))
 
-        at = seen(camera.turned(points)) + (shown - seen(camera.context.experiment.mesh.nodes))[0]
-        found.append((at[0], float(np.linalg.norm(at[1:] - at[0], axis=1).max())))
-    return found
+        at = seen(camera.turned(points)) + (nodes - seen(camera.context.experiment.mesh.nodes))[0]
+        circles.append((at[0], float(np.linalg.norm(at[1:] - at[0], axis=1).max())))
+    return circles
 
 
 def _near(basis: Basis, circles: list[tuple[np.ndarray, float]], margin_px: float) -> Basis:
     """The fields whose hats stand within a circle, or beside one by less than the margin."""
-    near = np.flatnonzero(np.any([np.linalg.norm(basis.places - place, axis=1) < size + margin_px
-                                  for place, size in circles], axis=0))
-    return Basis(basis.fields[:, near], basis.places[near], basis.component[near])
+    indices = np.flatnonzero(np.any([np.linalg.norm(basis.places - place, axis=1) < size + margin_px
+                                     for place, size in circles], axis=0))
+    return Basis(basis.fields[:, indices], basis.places[indices], basis.component[indices])
 
 
 def _fit(residual: ResidualEvidence, basis: Basis) -> Fit:
     """Motions alone."""
-    found, frames = explained(residual.evidence, basis), residual.evidence.frames
-    return Fit(frames, found.gain, found.rank, np.zeros((len(frames), 0)), float("nan"))
+    explanation, frames = explained(residual.evidence, basis), residual.evidence.frames
+    return Fit(frames, explanation.gain, explanation.rank, np.zeros((len(frames), 0)), float("nan"))
 
 
 def _moved_nodes(residual: ResidualEvidence, basis: Basis) -> np.ndarray:

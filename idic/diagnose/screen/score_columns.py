@@ -42,8 +42,9 @@ class ScoreColumn:
     name: str
 
 
-def score_columns(found: Identification, residual: ResidualEvidence, trials: Sequence[tuple[Candidate, Variant]],
-                   load: Load) -> tuple[tuple[ScoreColumn, ...], Columns]:
+def score_columns(identification: Identification, residual: ResidualEvidence,
+                  trials: Sequence[tuple[Candidate, Variant]],
+                  load: Load) -> tuple[tuple[ScoreColumn, ...], Columns]:
     """The columns of all variants; direct ones have one per new degree of freedom, the others one.
 
     A variant whose law finds no answer along the path is left out.
@@ -58,12 +59,12 @@ def score_columns(found: Identification, residual: ResidualEvidence, trials: Seq
     labels, parts = [], []
     gradients: Gradients = {}
     if stepped:
-        told, columns = _stepped(found, residual, stepped, load, gradients)
-        labels += told
+        stepped_labels, columns = _stepped(identification, residual, stepped, load, gradients)
+        labels += stepped_labels
         parts.append(columns)
     for c, v in straight:
         labels += [ScoreColumn(c, v, name) for name in v.new]
-        parts.append(_direct(found, residual, v, load, gradients))
+        parts.append(_direct(identification, residual, v, load, gradients))
     for c, v in trials:
         if v.pixels is not None and (columns := _of_grey_values(residual, v)).n:
             labels += [ScoreColumn(c, v, name) for name in columns.names]
@@ -84,60 +85,63 @@ def _of_grey_values(residual: ResidualEvidence, variant: Variant) -> Columns:
     return Columns(names, np.zeros((shape[0], len(evidence.seen), n)), np.zeros((*shape, n)), pixels)
 
 
-def _stepped(found: Identification, residual: ResidualEvidence, trials: Sequence[tuple[Candidate, Variant]], load: Load,
+def _stepped(identification: Identification, residual: ResidualEvidence, trials: Sequence[tuple[Candidate, Variant]],
+             load: Load,
              gradients: Gradients) -> tuple[list[ScoreColumn], Columns]:
     """Columns of the variants that have an answer: one-step responses of their probes less those of their null
     embeddings; of patterns times courses (`idic.diagnose.screen.course_columns`) one response per pattern."""
-    answers, moved, others, shared, idle = _Answers(found), [], [], [], {}
+    answers, moved, untimed, shared, idle = _Answers(identification), [], [], [], {}
     for candidate, variant in trials:
         experiment = load(variant.edits)
-        if (one := timed(experiment, variant)) is not None:
-            shared.append((candidate, one))
+        if (timed_variant := timed(experiment, variant)) is not None:
+            shared.append((candidate, timed_variant))
             continue
         alike = idle.setdefault((candidate.name, variant.new), {name: variant.null[name] for name in variant.idle})
-        others.append((candidate, variant, answers.position(experiment, variant.probe),
-                       None if variant.exact else answers.position(experiment, {**variant.null, **alike})))
+        untimed.append((candidate, variant, answers.position(experiment, variant.probe),
+                        None if variant.exact else answers.position(experiment, {**variant.null, **alike})))
         moved.append(_node_motion(experiment, variant))
-    first = {one.pattern: one for _, one in reversed(shared)}
-    of_patterns = [answers.position(one.unit, unit_values(one)) for one in first.values()]
-    start = found.experiment.reference
+    first = {timed_variant.pattern: timed_variant for _, timed_variant in reversed(shared)}
+    of_patterns = [answers.position(timed_variant.unit, unit_values(timed_variant)) for timed_variant in first.values()]
+    start = identification.experiment.reference
     frames = [int(k) - start for k in residual.evidence.frames]
-    responses = first_responses(answers.base, found.experiment.times[start:], frames, residual.solved_u,
+    responses = first_responses(answers.base, identification.experiment.times[start:], frames, residual.solved_u,
                                 answers.others)
-    picked = [i for _, _, i, _ in others] + of_patterns
-    nulls = [k for k, (_, _, _, null) in enumerate(others) if null is not None]
-    of_nulls = [others[k][3] for k in nulls]
-    whole = {k: moved_to for k, (_, variant, _, _) in enumerate(others)
-             if not variant.new and (moved_to := _simulated(load(variant.edits), found)) is not None}
-    error = found.experiment.motion_error
+    picked = [i for _, _, i, _ in untimed] + of_patterns
+    nulls = [k for k, (_, _, _, null) in enumerate(untimed) if null is not None]
+    of_nulls = [untimed[k][3] for k in nulls]
+    simulations = {k: moved_to for k, (_, variant, _, _) in enumerate(untimed)
+                   if not variant.new and (moved_to := _simulated(load(variant.edits), identification)) is not None}
+    error = identification.experiment.motion_error
     solved = residual.channels if error is None else residual.channels - error.channels[residual.evidence.frames]
     fields, channels = [], []
     for t, answer in enumerate(responses):
         read = answers.read(int(residual.evidence.frames[t]), answer)
         du, dchannels = answer.du[..., picked], read[:, picked]
         du[..., nulls] -= answer.du[..., of_nulls]
-        _to_fixed_points(found.experiment, residual.u[t], moved, du)
+        _to_fixed_points(identification.experiment, residual.u[t], moved, du)
         dchannels[:, nulls] -= read[:, of_nulls]
-        for k, (u, readings) in whole.items():
+        for k, (u, readings) in simulations.items():
             du[..., k], dchannels[:, k] = u[frames[t]] - residual.solved_u[t], readings[frames[t]] - solved[t]
         fields.append(in_images(residual, t, du))
         channels.append(dchannels)
-    n, fields, channels = len(others), np.array(fields), np.array(channels)
+    n, fields, channels = len(untimed), np.array(fields), np.array(channels)
     answered = ~(np.isnan(fields).any(axis=(0, 1)) | np.isnan(channels).any(axis=(0, 1)))
-    left = [k for k in range(n) if answered[k]]
-    labels = [ScoreColumn(others[k][0], others[k][1], others[k][1].label) for k in left]
-    alone = _with_recording(found, residual, [others[k][1] for k in left], load, Columns(
-        tuple(label.name for label in labels), fields[..., left], channels[..., left]), gradients)
-    labels += [ScoreColumn(candidate, one.variant, name) for candidate, one in shared for name in one.names]
+    answered_trials = [k for k in range(n) if answered[k]]
+    labels = [ScoreColumn(untimed[k][0], untimed[k][1], untimed[k][1].label) for k in answered_trials]
+    columns = _with_recording(identification, residual, [untimed[k][1] for k in answered_trials], load, Columns(
+        tuple(label.name for label in labels), fields[..., answered_trials], channels[..., answered_trials]), gradients)
+    labels += [ScoreColumn(candidate, timed_variant.variant, name) for candidate, timed_variant in shared
+               for name in timed_variant.names]
     if not shared:
-        return labels, alone
-    names = tuple(name for _, one in shared for name in one.names)
-    return labels, joined(alone, Columns(names, *times_courses([one for _, one in shared], list(first),
-                                                               residual.evidence.frames, fields[..., n:],
-                                                               channels[..., n:])))
+        return labels, columns
+    names = tuple(name for _, timed_variant in shared for name in timed_variant.names)
+    return labels, joined(columns,
+                          Columns(names, *times_courses([timed_variant for _, timed_variant in shared], list(first),
+                                                        residual.evidence.frames, fields[..., n:],
+                                                        channels[..., n:])))
 
 
-def _simulated(experiment: Experiment, found: Identification) -> tuple[np.ndarray, np.ndarray] | None:
+def _simulated(experiment: Experiment, identification: Identification) -> tuple[np.ndarray, np.ndarray] | None:
     """Motion (n, n_nodes, dim) and channels (n, n_channels) from the reference on, of a model without an unknown of its
     own; None where it finds no answer.
 
@@ -147,10 +151,10 @@ def _simulated(experiment: Experiment, found: Identification) -> tuple[np.ndarra
     forward = build_forward(replace(experiment, motion_error=None))
     if not isinstance(forward, ForwardModel):
         return None
-    known = experiment.parameters.own_of(found.parameters.as_values())
+    values = experiment.parameters.own_of(identification.parameters.as_values())
     try:
         states = [(state.u.copy(), state.channels.copy()) for state in forward.march(
-            experiment.parameters.with_values(known), (), found.local, found.steps, may_cut=True)]
+            experiment.parameters.with_values(values), (), identification.local, identification.steps, may_cut=True)]
     except NotConverged:
         return None
     return np.array([u for u, _ in states]), np.array([channels for _, channels in states])
@@ -159,23 +163,23 @@ def _simulated(experiment: Experiment, found: Identification) -> tuple[np.ndarra
 class _Answers:
     """The models whose responses are asked for, each once."""
 
-    def __init__(self, found: Identification):
-        self.found, self.values = found, found.parameters.as_values()
-        self.base, self.loads = _alternative(found.experiment, found, {})
+    def __init__(self, identification: Identification):
+        self.found, self.values = identification, identification.parameters.as_values()
+        self.base, self.loads = _alternative(identification.experiment, identification, {})
         self.others: list[Alternative] = []
         self.loads_of_others: list[np.ndarray] = []
         self.place: dict[bytes, int] = {}
 
     def position(self, experiment: Experiment, at: Mapping[str, float]) -> int:
         """Place among the others of an experiment at the identified values and these."""
-        known = experiment.parameters.own_of(self.values)
-        parameters = experiment.parameters.with_values(known | dict(at))
+        values = experiment.parameters.own_of(self.values)
+        parameters = experiment.parameters.with_values(values | dict(at))
         key = pickle.dumps((experiment.materials, experiment.prescribed, experiment.loads, experiment.temperatures,
                             experiment.heterogeneities, sorted(parameters.as_values().items())))
         if key not in self.place:
             self.place[key] = len(self.others)
-            other, loads = _alternative(experiment, self.found, parameters.as_values())
-            self.others.append(other)
+            alternative, loads = _alternative(experiment, self.found, parameters.as_values())
+            self.others.append(alternative)
             self.loads_of_others.append(loads)
         return self.place[key]
 
@@ -194,9 +198,9 @@ class _Answers:
 
 def _node_motion(experiment: Experiment, variant: Variant) -> np.ndarray | None:
     """Motion of the nodes (n_nodes, dim) mm from a variant's null to its probe; None where its mesh stays."""
-    found = [experiment.turned(morph.velocity) * (variant.probe[morph.name] - variant.null[morph.name])
-             for morph in experiment.morphs if morph.name in variant.new]
-    return np.sum(found, axis=0) if found else None
+    motions = [experiment.turned(morph.velocity) * (variant.probe[morph.name] - variant.null[morph.name])
+               for morph in experiment.morphs if morph.name in variant.new]
+    return np.sum(motions, axis=0) if motions else None
 
 
 def _to_fixed_points(experiment: Experiment, u: np.ndarray, moved: Sequence[np.ndarray | None], du: np.ndarray) -> None:
@@ -212,39 +216,39 @@ def _to_fixed_points(experiment: Experiment, u: np.ndarray, moved: Sequence[np.n
             du[..., k] -= np.einsum("nij,nj->ni", gradient[:, :du.shape[1]], motion) - motion
 
 
-def _with_recording(found: Identification, residual: ResidualEvidence, variants: Sequence[Variant], load: Load,
+def _with_recording(identification: Identification, residual: ResidualEvidence, variants: Sequence[Variant], load: Load,
                     stepped: Columns, gradients: Gradients) -> Columns:
     """What the probes change between simulation and record (camera, scale of a channel, time of the log) on top."""
     fields, channels = stepped.fields.copy(), stepped.channels.copy()
-    stems = ("channel.", "time.", *(f"{view.camera_name}." for view in found.experiment.views))
+    stems = ("channel.", "time.", *(f"{view.camera_name}." for view in identification.experiment.views))
     for k, variant in enumerate(variants):
         names = tuple(name for name in variant.new if name.startswith(stems))
         if names:
             way = np.array([variant.probe[name] - variant.null[name] for name in names])
-            straight = _direct(found, residual, replace(variant, new=names), load, gradients)
+            straight = _direct(identification, residual, replace(variant, new=names), load, gradients)
             fields[..., k] += straight.fields @ way
             channels[..., k] += straight.channels @ way
     return Columns(stepped.names, fields, channels)
 
 
-def _alternative(experiment: Experiment, found: Identification,
+def _alternative(experiment: Experiment, identification: Identification,
                  values: Mapping[str, float]) -> tuple[Alternative, np.ndarray]:
     """A model whose response is asked for, and the histories of its loads  # (n_frames, n_loads)"""
     forward = build_forward(experiment)
-    parameters = experiment.parameters.with_values(values or found.parameters.as_values())
-    local = found.local if forward.drives.n_local == found.local.shape[1] else None
+    parameters = experiment.parameters.with_values(values or identification.parameters.as_values())
+    local = identification.local if forward.drives.n_local == identification.local.shape[1] else None
     return (Alternative(forward.model_at(parameters, local), forward.law_values(parameters)),
             forward.drives.loads.values(parameters))
 
 
-def _direct(found: Identification, residual: ResidualEvidence, variant: Variant, load: Load,
+def _direct(identification: Identification, residual: ResidualEvidence, variant: Variant, load: Load,
             gradients: Gradients) -> Columns:
     """Derivatives of camera and channels at the null values."""
     experiment = load(variant.edits)
-    known = experiment.parameters.own_of(found.parameters.as_values())
-    parameters = experiment.parameters.with_values(known | dict(variant.null))
-    whole = replace(found.experiment, parameters=parameters, channels=experiment.channels)
-    contexts = [_with_motion(camera.context, whole, experiment) for camera in residual.cameras]
+    values = experiment.parameters.own_of(identification.parameters.as_values())
+    parameters = experiment.parameters.with_values(values | dict(variant.null))
+    base = replace(identification.experiment, parameters=parameters, channels=experiment.channels)
+    contexts = [_with_motion(camera.context, base, experiment) for camera in residual.cameras]
     n_seen, n_channels = len(residual.evidence.seen), residual.channels.shape[1]
     fields = np.zeros((len(residual.u), n_seen, len(variant.new)))
     channels = np.zeros((len(residual.u), n_channels, len(variant.new)))
@@ -253,27 +257,27 @@ def _direct(found: Identification, residual: ResidualEvidence, variant: Variant,
         nothing = np.zeros((len(residual.channels[t]), 0))
         response = FrameResponse(int(frame), residual.u[t], residual.channels[t], np.zeros((*shape, 0)), nothing,
                                  np.zeros((*shape, 0)), nothing)
-        here = [i for i, name in enumerate(variant.new) if _concerns(name, int(frame))]
-        own = tuple(variant.new[i] for i in here)
+        places = [i for i, name in enumerate(variant.new) if _concerns(name, int(frame))]
+        names = tuple(variant.new[i] for i in places)
         columns = []
         for number, context in enumerate(contexts):
-            seen = turned_response(context.experiment, response)
+            camera_response = turned_response(context.experiment, response)
             if (t, number) not in gradients and any(name.startswith(f"{context.experiment.camera_name}.")
-                                                    for name in own):
-                gradients[t, number] = nodal_gradient(context.experiment, seen.u)
-            columns.append(global_columns(replace(context, names=own), seen, gradients.get((t, number))))
-        fields[t][:, here] = np.concatenate(columns)[residual.evidence.seen]
-        channels[t][:, here] = channel_equations(replace(contexts[0], names=own), response).d_global
+                                                    for name in names):
+                gradients[t, number] = nodal_gradient(context.experiment, camera_response.u)
+            columns.append(global_columns(replace(context, names=names), camera_response, gradients.get((t, number))))
+        fields[t][:, places] = np.concatenate(columns)[residual.evidence.seen]
+        channels[t][:, places] = channel_equations(replace(contexts[0], names=names), response).d_global
     return Columns(variant.new, fields, channels)
 
 
-def _with_motion(context: CorrelationContext, whole: Experiment, enriched: Experiment) -> CorrelationContext:
-    """The context of a camera with the parameters and channels of `whole`, and the motion that `enriched` gives it."""
+def _with_motion(context: CorrelationContext, base: Experiment, enriched: Experiment) -> CorrelationContext:
+    """The context of a camera with the parameters and channels of `base`, and the motion that `enriched` gives it."""
     name = context.experiment.camera_name
-    own = next(view for view in whole.views if view.camera_name == name)
+    view_of_camera = next(view for view in base.views if view.camera_name == name)
     motion = next(view.camera.motion for view in enriched.views if view.camera_name == name)
-    return replace(context, camera=replace(context.camera, motion=motion), experiment=own,
-                   parameters=whole.parameters, moving=())
+    return replace(context, camera=replace(context.camera, motion=motion), experiment=view_of_camera,
+                   parameters=base.parameters, moving=())
 
 
 def _concerns(name: str, frame: int) -> bool:

@@ -111,10 +111,10 @@ class Screening:
         All materials share one temperature, but each expansion is a pattern of its own.
         """
         stem = course_stem(variant)
-        found = [trial.variant for trial in self.trials if trial.variant.free_course and trial.variant.new
-                 and trial.name == trial.variant.label and course_stem(trial.variant) == stem
-                 and (stem != TEMPERATURE or f"material.{variant.new[0]}" in trial.variant.edits)]
-        return found[0] if found else None
+        variants = [trial.variant for trial in self.trials if trial.variant.free_course and trial.variant.new
+                    and trial.name == trial.variant.label and course_stem(trial.variant) == stem
+                    and (stem != TEMPERATURE or f"material.{variant.new[0]}" in trial.variant.edits)]
+        return variants[0] if variants else None
 
     @property
     def significant(self) -> tuple[Ranked, ...]:
@@ -142,16 +142,16 @@ class Screening:
         return tuple(r for r in worth if r.candidate.name in names
                      and r.gain >= MIN_MATERIAL_GAIN * first[r.candidate.name])
 
-    def separation_chi2(self, one: Ranked, other: Ranked) -> float:
+    def separation_chi2(self, first: Ranked, second: Ranked) -> float:
         """D = S (1 - rho^2), S of the better: chi-square by which a copy prefers one pattern over the other."""
-        rho = self.scores.correlation[one.best, other.best]
-        return float(max(one.statistic, other.statistic) ** 2 * max(1.0 - rho**2, 0.0)) / COPY_VARIANCE_FACTOR
+        rho = self.scores.correlation[first.best, second.best]
+        return float(max(first.statistic, second.statistic) ** 2 * max(1.0 - rho**2, 0.0)) / COPY_VARIANCE_FACTOR
 
 
 def screen_candidates(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn], columns: Columns,
            seed: int = 0, room: float = 0.0, materials: Sequence[str] = (), margin: Margin = ASSUMED,
-           further: bool = False, min_channel: float = MIN_CHANNEL_EFFECT_STD,
-           mesh: Columns | None = None, known: tuple[Columns, float] | None = None) -> Screening:
+           is_further: bool = False, min_channel: float = MIN_CHANNEL_EFFECT_STD,
+           mesh: Columns | None = None, known_columns: tuple[Columns, float] | None = None) -> Screening:
     """Score all columns and rank the candidates.
 
     Parameters
@@ -162,17 +162,19 @@ def screen_candidates(evidence: Evidence, parameters: Columns, trials: Sequence[
     margin
         must explain a good part of it
     margin : motion that no candidate may be blamed for
-    further : a cause is in the model already: what discretisation leaves of it is no room for another one
+    is_further : a cause is in the model already: what discretisation leaves of it is no room for another one
     min_channel : effect on the readings, standard deviations, that no candidate may be blamed for
     mesh : what a finer mesh has changed in the residual, one column: a candidate must explain more than that did along
         its own pattern, as the finer mesh has an error, too
     """
-    smallest_px = margin.px if further else margin.smallest_effect_px
+    smallest_px = margin.px if is_further else margin.smallest_effect_px
     together, null = columns_together(trials), null_model(evidence, parameters)
-    scores = score(evidence, null, columns, *([] if mesh is None else [mesh]), *([] if known is None else [known[0]]))
-    if known is not None:
+    scores = score(evidence, null, columns, *([] if mesh is None else [mesh]),
+                   *([] if known_columns is None else [known_columns[0]]))
+    if known_columns is not None:
         blurs = np.array([trial.variant.pixels is not None and trial.variant.pixels[0] == BLUR for trial in trials])
-        scores = scores.beside(known[0].n, known[1], np.append(blurs, np.zeros(len(scores.U) - known[0].n - len(blurs),
+        scores = scores.beside(known_columns[0].n, known_columns[1],
+                               np.append(blurs, np.zeros(len(scores.U) - known_columns[0].n - len(blurs),
                                                                                dtype=bool)))
     scores, shared = (scores, np.zeros(columns.n)) if mesh is None else scores.split()
     joint = [fewest_knots(scores, members) if trials[members[0]].variant.new else members for members in together]
@@ -183,16 +185,18 @@ def screen_candidates(evidence: Evidence, parameters: Columns, trials: Sequence[
     trials = (*trials, *(sum_of([trials[i] for i in members]) for members in joint))
     groups: dict[tuple[str, str, bool], list[int]] = {}
     for i, trial in enumerate(trials):
-        free = trial.variant.free_course  # its knots are no tests of their own
-        if i in sums or not free:
-            groups.setdefault((trial.candidate.name, material_of_variant(trial.variant, materials), free), []).append(i)
+        is_free = trial.variant.free_course  # its knots are no tests of their own
+        if i in sums or not is_free:
+            groups.setdefault((trial.candidate.name, material_of_variant(trial.variant, materials), is_free),
+                              []).append(i)
     signs = np.array([trial.variant.sign for trial in trials])
-    found = significances(scores, groups, signs, np.random.default_rng(seed), sums) if groups else {}
-    found = {key: replace(one, p_familywise=min(1.0, trials[one.best].variant.searched * one.p_familywise))
-             for key, one in found.items()}
+    standings = significances(scores, groups, signs, np.random.default_rng(seed), sums) if groups else {}
+    standings = {key: replace(standing,
+                              p_familywise=min(1.0, trials[standing.best].variant.searched * standing.p_familywise))
+                 for key, standing in standings.items()}
     sizes_px, sizes_channel = effects(evidence, parameters, columns, scores, joint)
     bounds = smallest_px, margin.px, min_channel
-    ranked = [replace(_ranked(trials, scores, found[key], members, sizes_px, sizes_channel, room, bounds, columns.n,
+    ranked = [replace(_ranked(trials, scores, standings[key], members, sizes_px, sizes_channel, room, bounds, columns.n,
                               by_mesh),
                       material=key[1])
               for key, members in groups.items()]
@@ -207,11 +211,11 @@ def _place(ranked: Ranked) -> tuple[float, bool]:
     return -round(ranked.statistic, EQUAL_DIGITS), bool(ranked.candidate.limits)
 
 
-def admissible(free: Ranked) -> Ranked:
+def admissible(ranked: Ranked) -> Ranked:
     """A free course whose knots have, on the whole, the sign of its cause; of another sign it is inadmissible: a
     friction that pushes."""
-    wrong = free.variant.sign * sum(free.start.values()) < 0.0
-    return replace(free, standing="inadmissible") if wrong and free.standing == "significant" else free
+    wrong = ranked.variant.sign * sum(ranked.start.values()) < 0.0
+    return replace(ranked, standing="inadmissible") if wrong and ranked.standing == "significant" else ranked
 
 
 def proposed(ranked: Sequence[Ranked]) -> list[Ranked]:
@@ -245,10 +249,11 @@ def _ranked(trials: Sequence[ScoreColumn], scores: Scores, standing: Significanc
     room, of any other, on readings (std)"""
     best = standing.best
     trial = trials[best]
-    same = [i for i in members if of_one_refit(trials[i].variant, trial.variant) and i < n_columns] or [best]
+    members_of_refit = [i for i in members if of_one_refit(trials[i].variant, trial.variant)
+                        and i < n_columns] or [best]
     amplitude, std = float(scores.expected_change[best]), float(scores.std[best])
     effect_px, effect_channel = abs(amplitude) * sizes_px[best], abs(amplitude) * sizes_channel[best]
-    gain = drop_on_copy(scores.gain(same), len(same))
+    gain = drop_on_copy(scores.gain(members_of_refit), len(members_of_refit))
     min_effect_px = bounds[0] if gain > MIN_ROOM_SHARE * room else bounds[1]
     is_large = effect_channel > bounds[2] or effect_px > min_effect_px or trial.variant.least > 0.0
     matters = (is_large and scores.z[best] ** 2 > by_mesh[best] and abs(amplitude) > trial.variant.least)
@@ -259,9 +264,9 @@ def _ranked(trials: Sequence[ScoreColumn], scores: Scores, standing: Significanc
                   moves=dict(zip(scores.parameters, scores.moves[:, best].tolist(), strict=True)))
 
 
-def of_one_refit(one: Variant, other: Variant) -> bool:
+def of_one_refit(first: Variant, second: Variant) -> bool:
     """Whether the same refit frees the unknowns of both: they promise together what they explain together."""
-    return one is other or (bool(one.refit) and one.refit == other.refit and one.new != other.new)
+    return first is second or (bool(first.refit) and first.refit == second.refit and first.new != second.new)
 
 
 def _cell(standing: Significance, variant: Variant, amplitude: float, std: float, matters: bool) -> str:
@@ -290,7 +295,8 @@ def _probe_size(variant: Variant) -> float:
 def sets(screening: Screening, ranked: Sequence[Ranked]) -> list[list[str]]:
     """Groups of candidates that this record cannot tell apart, D < 9 in pairs, chained."""
     groups: list[list[Ranked]] = []
-    for one in ranked:
-        near = [g for g in groups if any(screening.separation_chi2(one, other) < MIN_SEPARATION_CHI2 for other in g)]
-        groups = [g for g in groups if g not in near] + [[*(r for g in near for r in g), one]]
+    for candidate in ranked:
+        close_groups = [g for g in groups
+                        if any(screening.separation_chi2(candidate, member) < MIN_SEPARATION_CHI2 for member in g)]
+        groups = [g for g in groups if g not in close_groups] + [[*(r for g in close_groups for r in g), candidate]]
     return [[r.candidate.name for r in g] for g in groups if len(g) > 1]

@@ -20,34 +20,34 @@ from idic.model import Experiment
 STRESS_QUANTILES = (0.50, 0.60, 0.70, 0.80, 0.90, 0.95, 0.98)  # quantiles over the points of a set
 
 
-def situation(found: Identification, residual: ResidualEvidence, document: Mapping[str, Any]) -> Situation:
+def situation(identification: Identification, residual: ResidualEvidence, document: Mapping[str, Any]) -> Situation:
     """March the identified model once and keep the largest stress and strain of every point.
 
     Parameters
     ----------
     document : the tables of experiment.toml with the run's overrides
     """
-    experiment = found.experiment
-    names = [section.name for section in found.forward.model.sections]
+    experiment = identification.experiment
+    names = [section.name for section in identification.forward.model.sections]
     stress = {name: np.zeros(0) for name in names}
     strain = dict.fromkeys(names, 0.0)
-    for state in found.march():
+    for state in identification.march():
         reached: dict[str, list[np.ndarray]] = {name: [] for name in names}
         for points in state.points:
             name = names[points.section]
-            reached[name].append(equivalent_stress(points, experiment, name, found.parameters.as_values()))
+            reached[name].append(equivalent_stress(points, experiment, name, identification.parameters.as_values()))
             strain[name] = max(strain[name], float(equivalent_strain(points.F, experiment.kind).max(initial=0.0)))
         for name, parts in reached.items():
-            now = np.concatenate(parts)
-            stress[name] = now if not len(stress[name]) else np.maximum(stress[name], now)
-    return Situation(document, experiment, found.parameters.as_values(),
+            values = np.concatenate(parts)
+            stress[name] = values if not len(stress[name]) else np.maximum(stress[name], values)
+    return Situation(document, experiment, identification.parameters.as_values(),
                      {name: np.quantile(values, STRESS_QUANTILES) for name, values in stress.items()}, strain,
-                     residual.u, residual.channels, cache(lambda: _stiffness_score(found, residual)))
+                     residual.u, residual.channels, cache(lambda: _stiffness_score(identification, residual)))
 
 
-def _stiffness_score(found: Identification, residual: ResidualEvidence) -> np.ndarray | None:
+def _stiffness_score(identification: Identification, residual: ResidualEvidence) -> np.ndarray | None:
     try:
-        return stiffness_score(found, residual)
+        return stiffness_score(identification, residual)
     except NotConverged:
         return None
 
@@ -60,12 +60,12 @@ def equivalent_stress(points: PointValues, experiment: Experiment, name: str,
     """
     finite = experiment.material_of(name).kinematics == "finite"
     tau = np.einsum("nij,nkj->nik", points.P, points.F) if finite else points.P
-    whole = np.zeros((len(tau), 3, 3))
+    tensor = np.zeros((len(tau), 3, 3))
     d = tau.shape[1]
-    whole[:, :d, :d] = 0.5 * (tau + tau.transpose(0, 2, 1))
+    tensor[:, :d, :d] = 0.5 * (tau + tau.transpose(0, 2, 1))
     if experiment.kind == "plane_strain" and d == 2:
-        whole[:, 2, 2] = values.get(f"{name}.nu", 0.5) * (tau[:, 0, 0] + tau[:, 1, 1])
-    deviator = whole - np.trace(whole, axis1=1, axis2=2)[:, None, None] / 3.0 * np.eye(3)
+        tensor[:, 2, 2] = values.get(f"{name}.nu", 0.5) * (tau[:, 0, 0] + tau[:, 1, 1])
+    deviator = tensor - np.trace(tensor, axis1=1, axis2=2)[:, None, None] / 3.0 * np.eye(3)
     return np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
 
 

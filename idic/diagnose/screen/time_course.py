@@ -27,40 +27,40 @@ from idic.diagnose.residual.subspace import Grid, gain_and_rank, hats, projected
 GRID_REFINEMENT = 2  # cells of this grid per cell of the free motions: the excess of a cut is narrow
 
 
-def time_course_test(before: ResidualEvidence, after: ResidualEvidence, grid: Grid,
+def time_course_test(base: ResidualEvidence, enriched: ResidualEvidence, grid: Grid,
                      margin: Margin = ASSUMED) -> ExcessLeft:
     """Excess of the motions with the time course of the added candidate.
 
     Parameters
     ----------
-    before, after : the whole recording under the identified and the enriched model
+    base, enriched : the whole recording under the identified and the enriched model
     grid : of the free motions
     margin : of the recording
 
     An inclusion explains most of any local compliance: with one in the model the bound on the excess is lower.
     """
     fine = replace(grid, cells=GRID_REFINEMENT * grid.cells)
-    course = added_time_course(before, after)
-    total = float(power(before.evidence) @ course**2)
-    left = ExcessLeft(_fit(before, fine, course), _fit(after, fine, course), total, margin_px=margin.px,
-                      camera_px=margin.camera_px)
-    if not has_new_inclusion(before, after):
-        return left
-    return replace(left, max_share=MAX_INCLUSION_EXCESS_LEFT, margin_px=margin.inclusion_px)
+    course = added_time_course(base, enriched)
+    total = float(power(base.evidence) @ course**2)
+    excess = ExcessLeft(_fit(base, fine, course), _fit(enriched, fine, course), total, margin_px=margin.px,
+                        camera_px=margin.camera_px)
+    if not has_new_inclusion(base, enriched):
+        return excess
+    return replace(excess, max_share=MAX_INCLUSION_EXCESS_LEFT, margin_px=margin.inclusion_px)
 
 
-def added_time_course(before: ResidualEvidence, after: ResidualEvidence) -> np.ndarray:
+def added_time_course(base: ResidualEvidence, enriched: ResidualEvidence) -> np.ndarray:
     """Change of the simulated motion with the added candidate, over time; mean square 1  # (T,)"""
-    changes = (after.u - before.u).reshape(len(after.u), -1)
+    changes = (enriched.u - base.u).reshape(len(enriched.u), -1)
     course = np.linalg.svd(changes @ changes.T)[0][:, 0]
     return course / np.sqrt(np.mean(course**2))
 
 
-def has_new_inclusion(before: ResidualEvidence, after: ResidualEvidence) -> bool:
+def has_new_inclusion(base: ResidualEvidence, enriched: ResidualEvidence) -> bool:
     """Whether an inclusion was added."""
-    known = {(entry.element_set, entry.name) for entry in before.context.experiment.heterogeneities}
-    return any(entry.is_spot and (entry.element_set, entry.name) not in known
-               for entry in after.context.experiment.heterogeneities)
+    names = {(entry.element_set, entry.name) for entry in base.context.experiment.heterogeneities}
+    return any(entry.is_spot and (entry.element_set, entry.name) not in names
+               for entry in enriched.context.experiment.heterogeneities)
 
 
 def _fit(residual: ResidualEvidence, grid: Grid, course: np.ndarray) -> Fit:
@@ -83,13 +83,13 @@ def _white(evidence: Evidence, fields: sparse.csr_array, course: np.ndarray) -> 
     """
     back, kappa = evidence.back, evidence.kappa
     shared = np.einsum("t,tnij->nij", course / kappa, back)
-    for value, own, spread in zip(course, back, np.sqrt(kappa), strict=True):
-        still = value * np.eye(evidence.n_components) - evidence.share * np.linalg.solve(own, shared)
+    for value, node_back, spread in zip(course, back, np.sqrt(kappa), strict=True):
+        still = value * np.eye(evidence.n_components) - evidence.share * np.linalg.solve(node_back, shared)
         yield sparse.csr_array(_at_seen(evidence, still / spread) @ fields)
 
 
 def _at_seen(evidence: Evidence, blocks: np.ndarray) -> sparse.csr_array:
     """Blocks of the nodes as a matrix over the seen dofs  # (n_nodes, c, c) -> (n_seen, n_seen)"""
     n, c = blocks.shape[:2]
-    whole = sparse.bsr_array((blocks, np.arange(n), np.arange(n + 1)), shape=(n * c, n * c)).tocsr()
-    return whole[evidence.seen][:, evidence.seen]
+    matrix = sparse.bsr_array((blocks, np.arange(n), np.arange(n + 1)), shape=(n * c, n * c)).tocsr()
+    return matrix[evidence.seen][:, evidence.seen]

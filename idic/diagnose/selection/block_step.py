@@ -74,22 +74,22 @@ class BlockJudgement:
         return asdict(self) | {"better": self.better}
 
 
-def block_judgement(name: str, before: Fit | None, after: Fit | None) -> BlockJudgement:
+def block_judgement(name: str, base: Fit | None, enriched: Fit | None) -> BlockJudgement:
     """Both models on one block; None where a fit failed."""
-    both = before is not None and after is not None
+    is_complete = base is not None and enriched is not None
     nan = float("nan")
-    return BlockJudgement(name, before.excess if before else nan, after.excess if after else nan,
-                          before.excess_std if before else nan,
-                          before.chi2 - after.chi2 if both else nan)
+    return BlockJudgement(name, base.excess if base else nan, enriched.excess if enriched else nan,
+                          base.excess_std if base else nan,
+                          base.chi2 - enriched.chi2 if is_complete else nan)
 
 
-def judged_by_step(before: ResidualEvidence, after: ResidualEvidence, grid: Grid) -> tuple[BlockJudgement, ...]:
+def judged_by_step(base: ResidualEvidence, enriched: ResidualEvidence, grid: Grid) -> tuple[BlockJudgement, ...]:
     """Two models of one recording, fitted to one part each and measured on the other; parts that determine both."""
-    made = []
-    for one, other in zip(_fits(before, grid), _fits(after, grid), strict=False):
-        if one[1] is not None and other[1] is not None:
-            made.append(block_judgement(one[0], one[1], other[1]))
-    return tuple(made)
+    judgements = []
+    for base_part, enriched_part in zip(_fits(base, grid), _fits(enriched, grid), strict=False):
+        if base_part[1] is not None and enriched_part[1] is not None:
+            judgements.append(block_judgement(base_part[0], base_part[1], enriched_part[1]))
+    return tuple(judgements)
 
 
 def holds(judged: Sequence[BlockJudgement]) -> bool:
@@ -99,30 +99,30 @@ def holds(judged: Sequence[BlockJudgement]) -> bool:
     Squares say next to nothing of a cause that only readings show: a faint force offset raised their chi-square by 3.7,
     that of later frames fell by 1.8, and both noise copies confirmed it by 46.
     """
-    return not judged or sum(one.drop for one in judged) > -MAX_LUCK_OF_BLOCKS
+    return not judged or sum(judgement.drop for judgement in judged) > -MAX_LUCK_OF_BLOCKS
 
 
 def _fits(residual: ResidualEvidence, grid: Grid) -> list[tuple[str, Fit | None]]:
     parts = parts_of(residual.evidence, grid)
-    return [(part.name, found) for part, found in zip(parts, judged_parts(residual, grid, parts), strict=True)]
+    return [(part.name, misfit) for part, misfit in zip(parts, judged_parts(residual, grid, parts), strict=True)]
 
 
 def parts_of(evidence: Evidence, grid: Grid) -> tuple[Part, ...]:
     """Both colours of the squares, and the later frames."""
     every, frames = np.ones(len(evidence.seen), dtype=bool), np.ones(len(evidence.frames), dtype=bool)
     black = _colour(evidence, grid)
-    found = []
-    for name, one in (("squares 1", black), ("squares 2", ~black)):
-        judge = ~one & ~_beside(evidence, one)
-        if min(one.sum(), judge.sum()) >= MIN_SEEN_NODES * evidence.n_components:
-            found.append(Part(name, one, judge, frames, frames))
+    parts = []
+    for name, colour in (("squares 1", black), ("squares 2", ~black)):
+        judge = ~colour & ~_beside(evidence, colour)
+        if min(colour.sum(), judge.sum()) >= MIN_SEEN_NODES * evidence.n_components:
+            parts.append(Part(name, colour, judge, frames, frames))
     number = np.arange(len(frames))
     ends = [int(np.ceil(share * len(frames))) for share in FITTED_FRAME_SHARES]
-    for first, last in pairwise([*ends, len(frames)]):
-        if 0 < first < last:
-            label = f"frames {evidence.frames[first]} to {evidence.frames[last - 1]}"
-            found.append(Part(label, every, every, number < first, (number >= first) & (number < last), True))
-    return tuple(found)
+    for first, end in pairwise([*ends, len(frames)]):
+        if 0 < first < end:
+            label = f"frames {evidence.frames[first]} to {evidence.frames[end - 1]}"
+            parts.append(Part(label, every, every, number < first, (number >= first) & (number < end), True))
+    return tuple(parts)
 
 
 def _colour(evidence: Evidence, grid: Grid) -> np.ndarray:
@@ -149,17 +149,17 @@ def _judged(evidence: Evidence, null: NullModel, fields, part: Part) -> Fit | No
     step = _step(evidence, null, part)
     if step is None:
         return None
-    own = fields.multiply(part.judge[:, None]).tocsr()
-    own = own[:, np.flatnonzero(abs(own).sum(axis=0) > 0.0)]
+    part_fields = fields.multiply(part.judge[:, None]).tocsr()
+    part_fields = part_fields[:, np.flatnonzero(abs(part_fields).sum(axis=0) > 0.0)]
     gains, ranks, channels = [], [], []
     root = np.sqrt(evidence.channel_weight)
     chosen = np.flatnonzero(part.judge_frames)
     for t in chosen:
         frame, n = evidence.parts[t], len(evidence.parts[t].q)
         q, channel_q = evidence.residual(frame)
-        border = np.asarray(own.T @ frame.border[:n])
-        matrix = (own.T @ (frame.A @ own)).toarray() - border @ frame.inner @ border.T
-        gain, rank = gain_and_rank(matrix, np.asarray(own.T @ (q - null.weighed.fields[t] @ step)))
+        border = np.asarray(part_fields.T @ frame.border[:n])
+        matrix = (part_fields.T @ (frame.A @ part_fields)).toarray() - border @ frame.inner @ border.T
+        gain, rank = gain_and_rank(matrix, np.asarray(part_fields.T @ (q - null.weighed.fields[t] @ step)))
         gains.append(gain)
         ranks.append(rank)
         channels.append((channel_q - null.weighed.channels[t] @ step) / root if part.with_channels else np.zeros(0))

@@ -88,27 +88,28 @@ class FreeEnd(FreeModel):
     def shapes(self) -> list[dict[str, Any]]:
         """Significant shapes, the largest first: component, degree, in words, amplitude and its std where the amplitude
         is largest."""
-        found = {}
+        shapes = {}
         for name in self.motion.names:
             stem, _, degree = name.partition("_knot[")[0].rpartition("shape")
             value, std = self.refitted.values[name], self.refitted.stds.get(name)
             if std is None or abs(value) < MIN_SHAPE_STD * std:
                 continue
-            own = {"component": stem.split(".")[-2], "degree": int(degree), "words": SHAPES[int(degree)],
-                   "value": value, "std": std, "unit": self.motion.unit}
-            if abs(value) > abs(found.get((stem, degree), {"value": 0.0})["value"]):
-                found[stem, degree] = own
-        return sorted(found.values(), key=lambda one: -abs(one["value"]))
+            entry = {"component": stem.split(".")[-2], "degree": int(degree), "words": SHAPES[int(degree)],
+                     "value": value, "std": std, "unit": self.motion.unit}
+            if abs(value) > abs(shapes.get((stem, degree), {"value": 0.0})["value"]):
+                shapes[stem, degree] = entry
+        return sorted(shapes.values(), key=lambda entry: -abs(entry["value"]))
 
-    def content(self, before: Sequence[str], parameters: ParameterSet) -> dict[str, Any]:
-        """The entry of diagnosis.json; before : names of identified parameters, which are given in the user's units."""
+    def content(self, identified_names: Sequence[str], parameters: ParameterSet) -> dict[str, Any]:
+        """The entry of diagnosis.json; identified_names : names of identified parameters, which are given in the
+        user's units."""
         values, stds = self.refitted.values, self.refitted.stds
-        shown = {name: (parameters[name].factor, stds[name]) for name in before if name in stds}
+        units = {name: (parameters[name].factor, stds[name]) for name in identified_names if name in stds}
         return {"nodes": self.motion.nodes, "share": self.share, "heldout_chi2_drop": self.heldout,
                 "left_px": self.left.motion_px, "course": "free" if self.motion.free_course else "motion",
                 "shapes": self.shapes, "instead_of": list(self.instead_of),
                 "parameters": {name: {"value": values[name] / factor, "std": None if std is None else std / abs(factor)}
-                               for name, (factor, std) in shown.items()}}
+                               for name, (factor, std) in units.items()}}
 
     @property
     def next_test(self) -> str:

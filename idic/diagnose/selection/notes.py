@@ -13,21 +13,21 @@ from idic.errors import InputError, NotConverged
 class Notes:
     """What failed beside the verdict, in sentences (`told`)."""
 
-    def __init__(self, told: Sequence[str] = ()):
-        self.told = list(told)
+    def __init__(self, texts: Sequence[str] = ()):
+        self.told = list(texts)
 
-    def attempt(self, what: str, compute: Callable[..., Any], *arguments: Any, otherwise: Any = None) -> Any:
+    def attempt(self, part: str, compute: Callable[..., Any], *arguments: Any, otherwise: Any = None) -> Any:
         """The answer of `compute`, or `otherwise` and a note where it fails.
 
-        what : the part, "the page"
+        part : the part, "the page"
         """
         try:
             return compute(*arguments)
         except (InputError, NotConverged) as problem:
-            self.told.append(f"Without {what}: {problem}. The verdict does not depend on it.")
+            self.told.append(f"Without {part}: {problem}. The verdict does not depend on it.")
         except Exception as problem:  # noqa: BLE001 - a bug: the verdict stands, and the note says how to find it
-            where = traceback.extract_tb(problem.__traceback__)[-1]
-            self.told.append(f"Without {what}: {type(problem).__name__}, {problem} ({Path(where.filename).name}, line "
-                             f"{where.lineno}). The verdict does not depend on it. This is a bug in idic: please "
+            frame = traceback.extract_tb(problem.__traceback__)[-1]
+            self.told.append(f"Without {part}: {type(problem).__name__}, {problem} ({Path(frame.filename).name}, line "
+                             f"{frame.lineno}). The verdict does not depend on it. This is a bug in idic: please "
                              f"report it.")
         return otherwise

@@ -105,8 +105,8 @@ class Rival:
         """
         if self.ranked.candidate.changes_law:
             return True
-        own = [self.refitted.stds[name] for name in self.own_unknowns]
-        return len(own) < 2 or any(std is not None for std in own)
+        stds = [self.refitted.stds[name] for name in self.own_unknowns]
+        return len(stds) < 2 or any(std is not None for std in stds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,16 +135,16 @@ class Round:
     def heldout_fits(self, rival: Rival) -> tuple[Fit, Fit]:
         """Of the null and a rival, where they had no part in the fit; on one copy where only one of them judged both:
         a revised round has a null of its own, and the rivals of before."""
-        one, other = self.null.judgement, rival.refitted.judgement
+        null_misfit, rival_misfit = self.null.judgement, rival.refitted.judgement
         if self.crossed_judgement is None or rival.crossed_judgement is None:
-            return one, other
-        return pooled(one, self.crossed_judgement), pooled(other, rival.crossed_judgement)
+            return null_misfit, rival_misfit
+        return pooled(null_misfit, self.crossed_judgement), pooled(rival_misfit, rival.crossed_judgement)
 
 
 def causes_of(rounds: Sequence[Round]) -> list[Round]:
     """Rounds that have added a cause: finite strains belong to the description of every body, and what joins them first
     is no further cause."""
-    return [one for one in rounds if one.winner is not None and one.winner.name != NO_CAUSE]
+    return [entry for entry in rounds if entry.winner is not None and entry.winner.name != NO_CAUSE]
 
 
 def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, tuple[str, ...]]:
@@ -165,13 +165,14 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
     if limits and winner.evidence - limits[0].evidence < least:
         winner = limits[0]  # the same with fewer unknowns
     equals = []
-    near = [r for r in rivals if r.refitted.usable and not r.failed_on_one_copy and r.determined and r.heldout > 0.0]
-    lost = [r for r in rivals if r.refit_failed and r not in near]
-    for rival in (*sorted(near, key=lambda r: -r.evidence), *lost):
+    candidates = [r for r in rivals if r.refitted.usable and not r.failed_on_one_copy and r.determined
+                  and r.heldout > 0.0]
+    lost = [r for r in rivals if r.refit_failed and r not in candidates]
+    for rival in (*sorted(candidates, key=lambda r: -r.evidence), *lost):
         if rival is winner or winner.name in rival.ranked.candidate.limits:
             continue
         alike = rival.refit_failed and screening.separation_chi2(winner.ranked, rival.ranked) < MIN_SEPARATION_CHI2
-        if alike or (rival in near and within_noise(rival, winner)):
+        if alike or (rival in candidates and within_noise(rival, winner)):
             equals.append(rival.name)
     return winner, tuple(equals)
 

@@ -29,7 +29,7 @@ MIN_KEPT_SHARE = 0.5
 
 
 def refitted(source: ExperimentSource, null: Refit, screening: Screening, refits: Refits, grid: Grid, seed: int,
-             bends: bool = False, alone: bool = False, far: bool = False) -> tuple[Rival, ...]:
+             bends: bool = False, is_alone: bool = False, is_far: bool = False) -> tuple[Rival, ...]:
     """Refit the shortlist, the most promising first; a candidate that cannot win any more is left out.
 
     A candidate that falls short of its promise and could still win starts again elsewhere. The reserve follows the
@@ -39,20 +39,20 @@ def refitted(source: ExperimentSource, null: Refit, screening: Screening, refits
     ----------
     refits : runs jobs side by side; how many it can changes nothing in what they are asked (`next_wave`)
     bends : the null has a law that yields, and nothing is in the model yet (`same_family_rivals`)
-    alone : only the most promising candidate is refitted, with the standard deviations of a last model
-    far : the null is pixels off: what first order promises of a law says nothing (`other_laws`)
+    is_alone : only the most promising candidate is refitted, with the standard deviations of a last model
+    is_far : the null is pixels off: what first order promises of a law says nothing (`other_laws`)
     """
     waiting, rivals, early_stop, best, laws = alternatives(screening.shortlist), {}, None, 0.0, set()
     reserve = [r for r in alternatives([*screening.shortlist, *screening.reserve]) if r in screening.reserve]
     starts = {r.key: starting_variants(screening, r.candidate, r.variant) for r in [*waiting, *reserve]}
 
-    def run(chosen, first: int, last: int, min_drop: float | None = None) -> list[Rival]:
-        jobs = [_job(source, null, r, starts[r.key][first:last], first == 0 and min_drop is None,
+    def run(chosen, first: int, end: int, min_drop: float | None = None) -> list[Rival]:
+        jobs = [_job(source, null, r, starts[r.key][first:end], first == 0 and min_drop is None,
                      MIN_KEPT_SHARE * r.gain if min_drop is None else min_drop, grid, seed, early_stop) for r in chosen]
-        answers = refits([replace(job, whole_std=alone) for job in jobs])
+        answers = refits([replace(job, whole_std=is_alone) for job in jobs])
         return [_rival(ranked, answer, null) for ranked, answer in zip(chosen, answers, strict=True)]
 
-    if alone:
+    if is_alone:
         return tuple(run(next_wave(waiting, True), 0, MAX_STARTS)) if waiting else ()
     while waiting:
         wave = next_wave(waiting, not rivals)
@@ -63,8 +63,8 @@ def refitted(source: ExperimentSource, null: Refit, screening: Screening, refits
         waiting = waiting if laws else contenders(waiting, ahead)
         if not waiting:
             waiting, reserve = contenders(reserve, ahead), []
-            if far and not waiting:
-                waiting, far = [r for r in other_laws(screening) if r.key not in rivals], False
+            if is_far and not waiting:
+                waiting, is_far = [r for r in other_laws(screening) if r.key not in rivals], False
                 starts |= {r.key: starting_variants(screening, r.candidate, r.variant) for r in waiting}
                 laws = {r.key for r in waiting}
         # an unknown more takes two of the functional on the mean, whatever it is (`Rival.evidence`)
@@ -78,10 +78,10 @@ def refitted(source: ExperimentSource, null: Refit, screening: Screening, refits
              and (r.predicted > best or r.ranked in akin)
              and not (r.refitted.usable and r.achieved > MIN_KEPT_SHARE * r.predicted)]
     rivals |= {rival.ranked.key: rival for rival in run(untried, 0, MAX_STARTS, best)}
-    for again in run(short, 1, MAX_STARTS):
-        former = rivals[again.ranked.key]
-        if again.refitted.usable and not (former.refitted.usable and former.achieved >= again.achieved):
-            rivals[again.ranked.key] = again
+    for rival in run(short, 1, MAX_STARTS):
+        former = rivals[rival.ranked.key]
+        if rival.refitted.usable and not (former.refitted.usable and former.achieved >= rival.achieved):
+            rivals[rival.ranked.key] = rival
     return tuple(rivals.values())
 
 
@@ -99,16 +99,16 @@ def same_family_rivals(screening: Screening, rivals: Sequence[Rival], bends: boo
     stand out instead (z 7.6 and 6.1, itself 2.7), which did not survive on the other copy. Where another law passes and
     leaves a good part, it may stand for a bend, too: a curve that saturates, reloaded, was told as rate dependence.
     """
-    found = [r for r in rivals if r.passes]
-    shown = found or [r for r in rivals if r.refitted.usable and r.achieved > r.min_heldout_drop]
-    best = max(shown, key=lambda r: r.achieved, default=None)
+    passing = [r for r in rivals if r.passes]
+    candidates = passing or [r for r in rivals if r.refitted.usable and r.achieved > r.min_heldout_drop]
+    best = max(candidates, key=lambda r: r.achieved, default=None)
     laws = [r for r in screening.ranked if not r.variant.direct and r.variant.pixels is None]
     akin = [] if best is None else [r for r in laws if r.candidate.name in best.ranked.candidate.rivals
                                     and r.candidate.family == best.ranked.candidate.family
                                     and r.material == best.ranked.material]
     hidden = [r for r in laws if r.candidate.hidden_by_yield_law and r not in akin]
-    stands_in = bool(found) and best.ranked.candidate.changes_law and not explains_all(best)
-    return akin + (hidden if bends and rivals and (not found or stands_in) else [])
+    stands_in = bool(passing) and best.ranked.candidate.changes_law and not explains_all(best)
+    return akin + (hidden if bends and rivals and (not passing or stands_in) else [])
 
 
 def other_laws(screening: Screening) -> list[Ranked]:
@@ -136,8 +136,8 @@ def contenders(waiting: Sequence[Ranked], ahead: Rival | None) -> list[Ranked]:
     """Candidates that may still win against the best refit so far; all, where there is none."""
     if ahead is None:
         return list(waiting)
-    left = [r for r in waiting if r.gain > MIN_PROMISE_SHARE * without_luck(ahead)]
-    return [r for r in left if not promises_too_little(r, ahead)] if explains_all(ahead) else left
+    candidates = [r for r in waiting if r.gain > MIN_PROMISE_SHARE * without_luck(ahead)]
+    return [r for r in candidates if not promises_too_little(r, ahead)] if explains_all(ahead) else candidates
 
 
 def without_luck(ahead: Rival) -> float:
@@ -171,24 +171,24 @@ def alternatives(shortlist: Sequence[Ranked]) -> list[Ranked]:
     there is a bar for it then.
     """
     gains = {r.key: r.gain for r in shortlist}
-    left = [r for r in shortlist
-            if not any(r.gain < max(MIN_GAIN_OVER_LIMIT, 1.0 + r.candidate.share_over_limit)
-                       * gains.get((limit, r.material), 0.0)
-                       for limit in r.candidate.limits)]
-    near = (1.0 - FIRST_ORDER_ERROR_SHARE) * max(gains.values(), default=0.0)
-    slow = [r for r in left if _is_slow(r) and r.gain >= near]
-    others = [r for r in left if r not in slow]
-    last = max((k for k, r in enumerate(others) if r.gain >= near), default=-1) + 1
-    return [*others[:last], *slow, *others[last:]]
+    candidates = [r for r in shortlist
+                  if not any(r.gain < max(MIN_GAIN_OVER_LIMIT, 1.0 + r.candidate.share_over_limit)
+                             * gains.get((limit, r.material), 0.0)
+                             for limit in r.candidate.limits)]
+    close_gain = (1.0 - FIRST_ORDER_ERROR_SHARE) * max(gains.values(), default=0.0)
+    slow = [r for r in candidates if _is_slow(r) and r.gain >= close_gain]
+    quick = [r for r in candidates if r not in slow]
+    end = max((k for k, r in enumerate(quick) if r.gain >= close_gain), default=-1) + 1
+    return [*quick[:end], *slow, *quick[end:]]
 
 
 def starting_variants(screening: Screening, candidate: Candidate, best: Variant) -> list[Variant]:
     """The best variant, then those of the same candidate with the same unknowns by score, at most `MAX_STARTS`."""
     scores = screening.scores
-    found = {trial.variant.label: (abs(scores.z[i]), trial.variant) for i, trial in enumerate(screening.trials)
-             if trial.candidate.name == candidate.name and trial.variant.new == best.new}
-    others = sorted((entry for label, entry in found.items() if label != best.label), key=lambda e: -e[0])
-    return [best, *(variant for _, variant in others)][:MAX_STARTS]
+    scored = {trial.variant.label: (abs(scores.z[i]), trial.variant) for i, trial in enumerate(screening.trials)
+              if trial.candidate.name == candidate.name and trial.variant.new == best.new}
+    ordered = sorted((entry for label, entry in scored.items() if label != best.label), key=lambda e: -e[0])
+    return [best, *(variant for _, variant in ordered)][:MAX_STARTS]
 
 
 def refit_of_candidate(source: ExperimentSource, null: Refit, ranked: Ranked, screening: Screening, refits: Refits,
@@ -210,16 +210,16 @@ def refitted_from_other_starts(source: ExperimentSource, null: Refit, winner: Ri
                                refits: Refits, grid: Grid, seed: int) -> Rival | None:
     """A law that was selected and leaves a good part, from its other starts; None where it has none, or none of them
     finds an answer."""
-    answer, known = winner.refitted, winner.ranked
-    if winner.copies > 1 or not known.candidate.changes_law or answer.choice is None:
+    answer, ranked = winner.refitted, winner.ranked
+    if winner.copies > 1 or not ranked.candidate.changes_law or answer.choice is None:
         return None
     if answer.choice.room < MAX_ROOM_SHARE * winner.achieved:
         return None
-    others = [v for v in starting_variants(screening, known.candidate, known.variant) if v.label != answer.label]
-    if not others:
+    variants = [v for v in starting_variants(screening, ranked.candidate, ranked.variant) if v.label != answer.label]
+    if not variants:
         return None
-    (again,) = refits([_job(source, null, known, others, False, np.inf, grid, seed, None)])
-    return _rival(known, again, null) if again.usable else None
+    (refit,) = refits([_job(source, null, ranked, variants, False, np.inf, grid, seed, None)])
+    return _rival(ranked, refit, null) if refit.usable else None
 
 
 def edits_of(winner: Rival, screening: Screening) -> dict[str, Any]:
@@ -239,8 +239,8 @@ def variant_of(rival: Rival, screening: Screening) -> Variant:
 def finite(rival: Rival, screening: Screening) -> Rival:
     """A rival whose variant, where it brings a law of its own, brings the finite form."""
     variant = variant_of(rival, screening)
-    edits, refit = ({key: _finite_table(value) for key, value in some.items()}
-                    for some in (variant.edits, variant.refit))
+    edits, refit = ({key: _finite_table(value) for key, value in table.items()}
+                    for table in (variant.edits, variant.refit))
     return replace(rival, ranked=replace(rival.ranked, variant=replace(variant, edits=edits, refit=refit)))
 
 

@@ -52,43 +52,44 @@ class Verdict:
     in_channels: tuple[str, ...] = ()
 
 
-def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, excess: Sequence[ExcessLeft],
+def conclude(rounds: Sequence[Round], base: Fit, enriched: Fit, real: bool, excess: Sequence[ExcessLeft],
              unloads: bool | None = False, camera_chi2: float = 0.0, channels: Sequence[ChannelLeft] = (),
              freedom: Callable[[Ranked], Parameter | None] = lambda _: None) -> Verdict:
     """The verdict of a finished chain.
 
     Parameters
     ----------
-    before, after : fits of the first and the last model, held out
+    base, enriched : fits of the first and the last model, held out
     real : whether anything was located, whatever the candidates say
     excess : of the whole recording, with half the noise variance of a copy; of the copy that had no part in the fit, to
         which a model with many unknowns cannot have adapted; of motions with the time course of the selected candidate
         (`idic.diagnose.screen.time_course`) or at its place (`idic.diagnose.screen.local_residual`)
     unloads : whether the load of the recording came back to zero after its largest value; None where no log says so
-    camera_chi2 : chi-square of the camera's own floor in `after`, or of the practical margin where only readings were
-        off: what no model explains
+    camera_chi2 : chi-square of the camera's own floor in `enriched`, or of the practical margin where only readings
+        were off: what no model explains
     channels : what the last model leaves in them on the whole recording
     freedom : the degree of freedom of a direct candidate, whose unit its bound has
     """
     won = [r for r in rounds if r.winner is not None]
-    first, last = rounds[0].screening, rounds[-1].screening
+    first, final = rounds[0].screening, rounds[-1].screening
     readings = bool(excess) and is_of_readings(excess[0], channels)
-    share = share_recovered(before, after, camera_chi2) if won else float("nan")
-    in_channels = tuple(one.column for one in channels
-                        if one.matters or (share < MIN_RECOVERED_SHARE and one.is_left))
+    share = share_recovered(base, enriched, camera_chi2) if won else float("nan")
+    in_channels = tuple(entry.column for entry in channels
+                        if entry.matters or (share < MIN_RECOVERED_SHARE and entry.is_left))
     in_motions = (real and not won) or (bool(won) and any(
-        _is_unexplained(one, share, readings) for one in excess))
+        _is_unexplained(entry, share, readings) for entry in excess))
     word = _word(won, first, bool(in_channels) or in_motions)
     selected = tuple(r.winner.name for r in won)
     sets = tuple((r.winner.name, *r.equals) for r in won if r.equals)
     in_model = set(selected).union(*(r.equals for r in won)) if won else set()
-    seen = in_model | {r.candidate.name for r in last.ranked if r.standing in ("significant", "small", "inadmissible")}
-    excluded = tuple({"name": r.candidate.name, "bound": bound_text(r, freedom(r))} for r in last.ranked
-                     if r.standing == "excluded" and r.candidate.name not in seen)
-    cannot = tuple(dict.fromkeys(r.candidate.name for r in last.ranked
+    shown_names = in_model | {r.candidate.name for r in final.ranked
+                              if r.standing in ("significant", "small", "inadmissible")}
+    excluded = tuple({"name": r.candidate.name, "bound": bound_text(r, freedom(r))} for r in final.ranked
+                     if r.standing == "excluded" and r.candidate.name not in shown_names)
+    cannot = tuple(dict.fromkeys(r.candidate.name for r in final.ranked
                                  if r.standing == "cannot_tell" and r.candidate.name not in in_model))
-    advice = _next(word, won, first, unloads, in_motions, [one for one in channels if one.is_left])
-    return Verdict(word, selected, sets, excluded, cannot, advice, share, before, after, in_motions, in_channels)
+    advice = _next(word, won, first, unloads, in_motions, [entry for entry in channels if entry.is_left])
+    return Verdict(word, selected, sets, excluded, cannot, advice, share, base, enriched, in_motions, in_channels)
 
 
 def _word(won: Sequence[Round], first: Screening, unexplained: bool) -> str:
@@ -109,8 +110,8 @@ def is_insensitive(screening: Screening) -> bool:
 
     Camera, grips and warmth may still be bounded: without a load they are, and it says nothing of the material.
     """
-    own = _under_load(screening)
-    return bool(own) and all(r.standing == "cannot_tell" and r.largest_probe_z < MIN_PROBE_Z for r in own)
+    candidates = _under_load(screening)
+    return bool(candidates) and all(r.standing == "cannot_tell" and r.largest_probe_z < MIN_PROBE_Z for r in candidates)
 
 
 def _under_load(screening: Screening) -> list[Ranked]:
@@ -125,7 +126,7 @@ def is_of_readings(excess: ExcessLeft, channels: Sequence[ChannelLeft]) -> bool:
 
     excess : of the whole recording
     """
-    return excess.before_px < excess.margin_px and any(one.was_off for one in channels)
+    return excess.before_px < excess.margin_px and any(channel.was_off for channel in channels)
 
 
 def _is_unexplained(excess: ExcessLeft, share: float, readings: bool = False) -> bool:
@@ -142,16 +143,16 @@ def _is_unexplained(excess: ExcessLeft, share: float, readings: bool = False) ->
 
 
 def _next(word: str, won: Sequence[Round], first: Screening, unloads: bool | None, in_motions: bool,
-          left: Sequence[ChannelLeft]) -> str | None:
+          channels: Sequence[ChannelLeft]) -> str | None:
     """The next test: it separates the members of a set (cheapest first), makes a blind test sensitive, locates the side
     of an unexplained mismatch, or confirms a cause.
 
-    left : channels in which a part remains
+    channels : channels in which a part remains
     """
-    for one in won:
-        if one.equals:
-            return _separating(one.winner.ranked.candidate)
-    if word == "outside_library" and not in_motions and left and not any(one.is_load for one in left):
+    for entry in won:
+        if entry.equals:
+            return _separating(entry.winner.ranked.candidate)
+    if word == "outside_library" and not in_motions and channels and not any(channel.is_load for channel in channels):
         return ("measure a known motion with the extensometer and repeat the test at another speed: a reading without "
                 "a corresponding motion comes from the gauge, its mounting or its clock")
     if word == "outside_library" and not in_motions:

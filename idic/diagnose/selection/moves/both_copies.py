@@ -27,9 +27,9 @@ def undecided(rivals: Sequence[Rival]) -> list[Rival]:
 
     One copy shows a faint effect by seven tenths of the standard deviations that the recording does.
     """
-    near = [r for r in rivals if r.refitted.usable and r.achieved > 0.0]
-    clear = any(r.passes and r.heldout > MIN_EXCESS_Z**2 for r in near)
-    return near if not clear and any(r.achieved > r.min_heldout_drop for r in near) else []
+    candidates = [r for r in rivals if r.refitted.usable and r.achieved > 0.0]
+    clear = any(r.passes and r.heldout > MIN_EXCESS_Z**2 for r in candidates)
+    return candidates if not clear and any(r.achieved > r.min_heldout_drop for r in candidates) else []
 
 
 def judged_on_both(source: ExperimentSource, null: Refit, rivals: Sequence[Rival], screening: Screening, refits: Refits,
@@ -43,13 +43,14 @@ def judged_on_both(source: ExperimentSource, null: Refit, rivals: Sequence[Rival
     The rivals with their drops on both copies, and the null's fit on the second copy. Without an answer of the null
     there, the rivals are unchanged and the fit is None.
     """
-    (there,) = refits([refit_of_one(source, "null", null, grid, seed, swapped=True)])
-    if not there.usable:
+    (null_of_copy,) = refits([refit_of_one(source, "null", null, grid, seed, swapped=True)])
+    if not null_of_copy.usable:
         return tuple(rivals), None
-    near = undecided(rivals)
-    answers = refits([_swapped(source, there, r, variant_of(r, screening), grid, seed) for r in near])
-    both = {id(r): _judged_twice(r, there, answer) for r, answer in zip(near, answers, strict=True)}
-    return tuple(both.get(id(r), r) for r in rivals), there.judgement
+    candidates = undecided(rivals)
+    answers = refits([_swapped(source, null_of_copy, r, variant_of(r, screening), grid, seed) for r in candidates])
+    judged_rivals = {id(r): _judged_twice(r, null_of_copy, answer)
+                     for r, answer in zip(candidates, answers, strict=True)}
+    return tuple(judged_rivals.get(id(r), r) for r in rivals), null_of_copy.judgement
 
 
 def _swapped(source: ExperimentSource, null: Refit, rival: Rival, variant: Variant, grid: Grid, seed: int) -> RefitJob:

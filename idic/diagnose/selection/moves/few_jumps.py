@@ -90,8 +90,8 @@ def few_jumps(scores: Scores) -> list[int]:
         return scores.gain(sorted(members)) if members else 0.0
 
     while True:
-        others = [k for k in everyone if k not in chosen and scores.own[k] > 0]
-        best = max(others, key=lambda k: gain([*chosen, k]), default=None)
+        candidates = [k for k in everyone if k not in chosen and scores.own[k] > 0]
+        best = max(candidates, key=lambda k: gain([*chosen, k]), default=None)
         together = 0.0 if best is None else gain([*chosen, best])
         if together - gain(chosen) < max(MIN_JUMP_CHI2, MIN_FURTHER_SHARE * together):
             return sorted(chosen)
@@ -99,9 +99,9 @@ def few_jumps(scores: Scores) -> list[int]:
             return []
         chosen.append(best)
         for place in range(len(chosen)):
-            rest = chosen[:place] + chosen[place + 1:]
-            chosen[place] = max((k for k in everyone if k not in rest and scores.own[k] > 0),
-                                key=lambda k: gain([*rest, k]))
+            companions = chosen[:place] + chosen[place + 1:]
+            chosen[place] = max((k for k in everyone if k not in companions and scores.own[k] > 0),
+                                key=lambda k: gain([*companions, k]))
 
 
 def idle_jumps(state: State) -> list[str]:
@@ -128,9 +128,9 @@ def without_idle_jumps(state: State) -> State | None:
                     refitted=replace(winner.refitted, label=label))
     source = entry.source.with_edits(edits_of(rival, entry.screening))
     start = replace(fit, values={name: value for name, value in fit.values.items() if name not in idle})
-    (again,) = state.setting.refits([refit_of_one(source, winner.name, start, state.setting.grid,
+    (refit,) = state.setting.refits([refit_of_one(source, winner.name, start, state.setting.grid,
                                                   state.setting.seed)])
-    rival = refitted_again(rival, replace(again, label=label)) if again.usable else None
+    rival = refitted_again(rival, replace(refit, label=label)) if refit.usable else None
     if rival is None:
         return None
     rivals = tuple(rival if former is winner else former for former in entry.rivals)
@@ -162,8 +162,8 @@ def _jumping(winner: Rival, edits: Mapping[str, Any], names: list[str]) -> Varia
 
 
 def _label(names: Sequence[str]) -> str:
-    last = names[0].rpartition(".")[0].removeprefix("boundary.")
-    return f"{last} slips in {len(names)} jump{'s' if len(names) > 1 else ''}"
+    edge = names[0].rpartition(".")[0].removeprefix("boundary.")
+    return f"{edge} slips in {len(names)} jump{'s' if len(names) > 1 else ''}"
 
 
 FEW_JUMPS = Move("few jumps", "refits_s", edit=with_few_jumps, accept=explains_more,

@@ -49,15 +49,15 @@ def with_finite_strains(state: State) -> State | None:
     if not tried[0].refitted.usable:
         return None
     best = plain_if_enough(tried)
-    near = {rival: _again(state, rounds[-1], finite(rival, entry.screening))
-            for rival in entry.rivals if rival.name in entry.equals and rival.refitted.usable}
-    chosen, equals = judge([best, *near.values()], entry.screening)
+    finite_rivals = {rival: _again(state, rounds[-1], finite(rival, entry.screening))
+                     for rival in entry.rivals if rival.name in entry.equals and rival.refitted.usable}
+    chosen, equals = judge([best, *finite_rivals.values()], entry.screening)
     if chosen is None:
         return None
-    near |= {entry.winner: best}
+    finite_rivals |= {entry.winner: best}
     plain = next((rival for rival in tried[1:] if chosen is tried[0] and rival.refitted.usable), None)
     counted = replace(rounds[-1], winner=chosen, equals=equals, plain=plain,
-                      rivals=tuple(near.get(rival, rival) for rival in entry.rivals))
+                      rivals=tuple(finite_rivals.get(rival, rival) for rival in entry.rivals))
     joined = replace(state.joined, is_finite=True)
     return replace(state, rounds=(*rounds[:-1], counted), model=_fitted(counted, chosen), joined=joined)
 
@@ -78,12 +78,12 @@ def _asks(entry: Round, rival: Rival) -> bool:
     return model is not None and is_asked_for(model.identification(), model.residual)
 
 
-def is_asked_for(found: Identification, residual: ResidualEvidence) -> bool:
+def is_asked_for(identification: Identification, residual: ResidualEvidence) -> bool:
     """Whether finite strains lower the chi-square of the recording by five standard deviations, to first order.
 
-    found, residual : of the model; False where it has them already, or none can be simulated
+    identification, residual : of the model; False where it has them already, or none can be simulated
     """
-    error = strain_error(found.model_point)
+    error = strain_error(identification.model_point)
     if error is None:
         return False
     tried = combinations(residual, null_model(residual.evidence, residual.null), {OF_STRAINS: error})
@@ -107,9 +107,9 @@ def plain_if_enough(tried: Sequence[Rival]) -> Rival:
 def _again(state: State, entry: Round, rival: Rival) -> Rival:
     """A rival of a round fitted again with the present source of the round."""
     source, fit = _fitted(entry, rival).source, rival.refitted
-    (again,) = state.setting.refits([refit_of_one(source, "finite", fit, state.setting.grid, state.setting.seed)])
-    again = replace(again, name=fit.name, label=fit.label)
-    return refitted_again(rival, again) or replace(rival, refitted=again)
+    (refit,) = state.setting.refits([refit_of_one(source, "finite", fit, state.setting.grid, state.setting.seed)])
+    refit = replace(refit, name=fit.name, label=fit.label)
+    return refitted_again(rival, refit) or replace(rival, refitted=refit)
 
 
 FINITE_STRAINS = Move("finite strains", "mesh_s", applies=are_asked_for, edit=with_finite_strains,

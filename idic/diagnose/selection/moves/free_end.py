@@ -32,29 +32,29 @@ from idic.diagnose.selection.state import State
 from idic.diagnose.selection.verdict import MIN_RECOVERED_SHARE
 from idic.model import Column
 
-def may_be_an_end(mismatch: Mismatch | None, rounds: Sequence[Round], left: ExcessLeft) -> bool:
+def may_be_an_end(mismatch: Mismatch | None, rounds: Sequence[Round], remainder: ExcessLeft) -> bool:
     """Whether a free end may explain more than the selected causes.
 
     The free motion of all ends, in every frame, recovers as much of the motions as a cause must; and what was selected
     is no single cause of the camera or the force that leaves nothing.
 
-    left : of the last model, on the copy without a part in its fit
+    remainder : of the last model, on the copy without a part in its fit
     """
     if mismatch is None or not mismatch.is_significant:
         return False
     if not mismatch.nested_tests.share("boundary") >= MIN_RECOVERED_SHARE:
         return False
-    won = [one.winner.ranked.candidate.side for one in rounds if one.winner is not None]
-    return len(won) != 1 or won[0] in ("bulk", "boundary") or left.matters
+    won = [entry.winner.ranked.candidate.side for entry in rounds if entry.winner is not None]
+    return len(won) != 1 or won[0] in ("bulk", "boundary") or remainder.matters
 
 
 def may_have_free_end(state: State) -> bool:
     """Whether a free end may explain more than what was selected; not in a quick diagnosis."""
     if state.setting.quick:
         return False
-    left = ExcessLeft(state.first.fit.judgement, state.model.fit.judgement,
-                      state.power_of_copy, margin_px=state.setting.margin.px)
-    return may_be_an_end(state.mismatch, state.rounds, left)
+    remainder = ExcessLeft(state.first.fit.judgement, state.model.fit.judgement,
+                           state.power_of_copy, margin_px=state.setting.margin.px)
+    return may_be_an_end(state.mismatch, state.rounds, remainder)
 
 
 def with_free_end(state: State) -> State | None:
@@ -97,17 +97,17 @@ def is_the_last_word(state: State, tried: State) -> bool:
     return end.describes and explains_more(end, state.first.fit, state.model.fit, moves_an_end)
 
 
-def explains_more(end: FreeEnd, null: Refit, last: Refit, moves_an_end: bool = False) -> bool:
+def explains_more(end: FreeEnd, null: Refit, final: Refit, moves_an_end: bool = False) -> bool:
     """Whether a freed end explains more than the selected causes on both copies, less twice its further unknowns, by
     more than noise and the error of two simulations; moves_an_end : where one cause of the boundary was selected, by as
     much as a further cause must."""
-    if last is null:
+    if final is null:
         return True
-    achieved = null.choice.chi2 - last.choice.chi2
-    heldout = null.judgement.chi2 - last.judgement.chi2
-    own = achieved + heldout - 2.0 * (len(last.stds) - len(null.stds))
+    achieved = null.choice.chi2 - final.choice.chi2
+    heldout = null.judgement.chi2 - final.judgement.chi2
+    evidence = achieved + heldout - 2.0 * (len(final.stds) - len(null.stds))
     share = MIN_FURTHER_SHARE if moves_an_end else MIN_DROP_DIFFERENCE
-    return end.evidence - own > COPIES * max(MIN_SEPARATION_CHI2, share * achieved)
+    return end.evidence - evidence > COPIES * max(MIN_SEPARATION_CHI2, share * achieved)
 
 
 def end_motions(source: ExperimentSource, situation: Situation) -> Iterator[EndMotion]:
@@ -117,10 +117,10 @@ def end_motions(source: ExperimentSource, situation: Situation) -> Iterator[EndM
         return
     column = max((entry.drive for entry in experiment.prescribed if isinstance(entry.drive, Column)),
                  key=lambda drive: float(np.abs(drive.values).max()), default=None)
-    held: dict[str, list[tuple[int, str, bool]]] = {}
+    held_sets: dict[str, list[tuple[int, str, bool]]] = {}
     for number, nodes, component, drive in driven(situation):
-        held.setdefault(nodes, []).append((number, component, "column" in drive))
-    for nodes, entries in held.items():
+        held_sets.setdefault(nodes, []).append((number, component, "column" in drive))
+    for nodes, entries in held_sets.items():
         if len(experiment.mesh.node_sets[nodes]) <= EDGE_MODE_DEGREE:
             continue
         for free_course in (False, True):
@@ -128,13 +128,13 @@ def end_motions(source: ExperimentSource, situation: Situation) -> Iterator[EndM
                 continue
             document = dict(situation.document)
             for number, component, logged in entries:
-                own = dict(KNOTTED) if free_course else {} if logged else {"column": column.column}
+                form = dict(KNOTTED) if free_course else {} if logged else {"column": column.column}
                 for degree in range(EDGE_MODE_DEGREE + 1):
                     document |= with_correction(replace(situation, document=document), number, component,
-                                                {"kind": "shape", "degree": degree} | own)
+                                                {"kind": "shape", "degree": degree} | form)
             edits = {"boundary": document["boundary"]}
-            after = source.load(edits).parameters.free
-            names = tuple(name for name in after if name not in experiment.parameters.free)
+            free_names = source.load(edits).parameters.free
+            names = tuple(name for name in free_names if name not in experiment.parameters.free)
             yield EndMotion(nodes, edits, names, free_course, experiment.length_unit)
 
 

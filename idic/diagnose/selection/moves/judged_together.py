@@ -22,16 +22,16 @@ from idic.diagnose.selection.rival import Round, causes_of, leaves_something
 from idic.diagnose.selection.state import Doubted, State
 
 
-def judged_alone(one: Round, judged: Sequence[BlockJudgement], formal: bool = False) -> Round:
+def judged_alone(entry: Round, judged: Sequence[BlockJudgement], formal: bool = False) -> Round:
     """A round after the judgement of blocks on its winner: with it, waiting for others, or without it.
 
     formal : the winner describes a flaw of a cause before it, and is none itself
     """
     if not formal and holds(judged):
-        return replace(one, blocks=tuple(judged))
-    if not formal and leaves_something(one.winner.refitted.judgement):
-        return replace(one, blocks=tuple(judged), awaits_others=True)
-    return without_winner(one, judged)
+        return replace(entry, blocks=tuple(judged))
+    if not formal and leaves_something(entry.winner.refitted.judgement):
+        return replace(entry, blocks=tuple(judged), awaits_others=True)
+    return without_winner(entry, judged)
 
 
 def judged_together(state: State, judged: Sequence[BlockJudgement]) -> State:
@@ -48,9 +48,9 @@ def judged_together(state: State, judged: Sequence[BlockJudgement]) -> State:
                    model=doubted.model)
 
 
-def without_winner(one: Round, judged: Sequence[BlockJudgement]) -> Round:
+def without_winner(entry: Round, judged: Sequence[BlockJudgement]) -> Round:
     """A round whose winner blocks do not confirm."""
-    return replace(one, winner=None, equals=(), passed_over=one.winner, blocks=tuple(judged))
+    return replace(entry, winner=None, equals=(), passed_over=entry.winner, blocks=tuple(judged))
 
 
 def on_blocks(state: State) -> State:

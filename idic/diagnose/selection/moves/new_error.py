@@ -28,8 +28,8 @@ def has_joined(state: State) -> bool:
 
 def as_joined(state: State) -> State:
     """Keeps the model as the cause has joined it."""
-    near = tuple(near_rivals(state.rounds[-1]))
-    return replace(state, joined=Joined(state.model.fit, state.model.error, near))
+    rivals = tuple(near_rivals(state.rounds[-1]))
+    return replace(state, joined=Joined(state.model.fit, state.model.error, rivals))
 
 
 def with_new_error(state: State) -> State | None:
@@ -52,15 +52,15 @@ def with_new_error(state: State) -> State | None:
 def new_error(state: State) -> tuple[MotionError, ErrorWeight] | None:
     """The error of the present model, of bricks where the recording shows them, and the weight of its change; None
     where it is the known one."""
-    residual, known, identified = state.model.residual, state.model.error, state.model.identification()
-    if known is None or known.thickness is None:
+    residual, former_error, identified = state.model.residual, state.model.error, state.model.identification()
+    if former_error is None or former_error.thickness is None:
         bricks = with_bricks(identified, residual, state.setting.grid, settled=False)
         if bricks is not None:
-            return bricks[0], weighed(residual, bricks[0].less(known))
-    error = known_error(identified, known)
+            return bricks[0], weighed(residual, bricks[0].less(former_error))
+    error = known_error(identified, former_error)
     if error is None:
         return None
-    change = weighed(residual, error.less(known))
+    change = weighed(residual, error.less(former_error))
     return (error, change) if change.matters else None
 
 

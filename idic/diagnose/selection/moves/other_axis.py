@@ -29,7 +29,8 @@ def fit_from_other_axes(state: State) -> Refit | None:
     """The best fit of the last model to the recording that begins at another axis; None without an axis or an
     answer."""
     setting, source, final = state.setting, state.final.source, state.final.fit
-    entry = next((one for one in state.rounds if one.winner is not None and _angle_of(one.winner.ranked.variant)), None)
+    entry = next((candidate for candidate in state.rounds if candidate.winner is not None
+                  and _angle_of(candidate.winner.ranked.variant)), None)
     if entry is None or final.choice is None:
         return None
     variant = entry.winner.ranked.variant
@@ -48,20 +49,20 @@ def fit_from_other_axes(state: State) -> Refit | None:
     return replace(fit, name=final.name) if fit.usable else None
 
 
-def is_better(other: Refit, final: Refit) -> bool:
+def is_better(trial: Refit, final: Refit) -> bool:
     """Whether the recording prefers the other axis."""
-    return other.choice.chi2 < final.choice.chi2 - MIN_CHI2
+    return trial.choice.chi2 < final.choice.chi2 - MIN_CHI2
 
 
-def is_another_answer(other: Refit, final: Refit) -> bool:
+def is_another_answer(trial: Refit, final: Refit) -> bool:
     """Whether the recording does not tell the two, and a parameter differs by more than the error bars say."""
-    if not other.choice.chi2 < final.choice.chi2 + MIN_CHI2:
+    if not trial.choice.chi2 < final.choice.chi2 + MIN_CHI2:
         return False
-    values = same_axes(other.values, final.values)
-    known = {name: (std, other.stds[name]) for name, std in final.stds.items()
-             if not name.endswith(f".{ANGLE}") and None not in (std, other.stds.get(name))}
-    return any(abs(values[name] - final.values[name]) > MIN_DIFFERENCE_STD * float(np.hypot(*both))
-               for name, both in known.items())
+    values = same_axes(trial.values, final.values)
+    stds = {name: (std, trial.stds[name]) for name, std in final.stds.items()
+            if not name.endswith(f".{ANGLE}") and None not in (std, trial.stds.get(name))}
+    return any(abs(values[name] - final.values[name]) > MIN_DIFFERENCE_STD * float(np.hypot(*pair))
+               for name, pair in stds.items())
 
 
 def same_axes(values: Mapping[str, float], like: Mapping[str, float]) -> dict[str, float]:
@@ -81,7 +82,7 @@ def _angle_of(variant: Variant) -> str:
     return next((name for name in variant.new if name.rpartition(".")[2] == ANGLE), "")
 
 
-def _apart(one: float, other: float) -> float:
-    """Degrees between two axes, or one and what is across the other: E1 and E2 change their places there."""
-    gap = abs(one - other) % 90.0
+def _apart(first: float, second: float) -> float:
+    """Degrees between two axes, or between one and what is across the other: E1 and E2 change their places there."""
+    gap = abs(first - second) % 90.0
     return min(gap, 90.0 - gap)

@@ -44,16 +44,16 @@ def with_own_course(state: State) -> State | None:
     """The winner with a course that the data give; None where the refit fails."""
     source, winner, screening = state.model.source, state.winner, state.round.screening
     variant = winner.ranked.variant
-    free = screening.free_course_of(variant)
-    screened, freed = source.load(edits_of(winner, screening)), source.load(free.edits)
+    free_variant = screening.free_course_of(variant)
+    screened, freed = source.load(edits_of(winner, screening)), source.load(free_variant.edits)
     (name,) = variant.new
     course, size, start = course_of(screened, name), winner.refitted.values[name], {}
-    for knot in free.new:
+    for knot in free_variant.new:
         hat = course_of(freed, knot)
         top = int(np.argmax(np.abs(hat)))
         start[knot] = size * float(course[top] / hat[top])
     label = f"{variant.label}, with an identified time course"
-    return refitted_as(state, replace(free, label=label, probe=start))
+    return refitted_as(state, replace(free_variant, label=label, probe=start))
 
 
 def is_worth_its_knots(state: State, tried: State) -> bool:
@@ -91,19 +91,19 @@ def has_own_course(rival: Rival) -> bool:
     return any(without_knot(name) != name for name in rival.ranked.variant.new)
 
 
-def with_imitated(one: Round, u: np.ndarray) -> Round:
+def with_imitated(entry: Round, u: np.ndarray) -> Round:
     """The round with the rivals that the free course of its winner imitates among the indistinguishable ones.
 
     u : (n_frames, n_nodes, dim) simulated motion of the recording, whose way back tells a course from the load
     """
-    winner = one.winner
+    winner = entry.winner
     if winner is None or not has_own_course(winner) or comes_back(u):
-        return one
-    alike = [rival.name for rival in one.rivals
-             if rival.name not in (winner.name, *one.equals) and rival.passes and rival.copies == winner.copies
-             and len(rival.own_unknowns) < len(winner.own_unknowns) and not _is_behind(rival, one.plain)
+        return entry
+    alike = [rival.name for rival in entry.rivals
+             if rival.name not in (winner.name, *entry.equals) and rival.passes and rival.copies == winner.copies
+             and len(rival.own_unknowns) < len(winner.own_unknowns) and not _is_behind(rival, entry.plain)
              and rival.heldout > MIN_IMITATED_SHARE * winner.heldout]
-    return replace(one, equals=(*one.equals, *dict.fromkeys(alike)))
+    return replace(entry, equals=(*entry.equals, *dict.fromkeys(alike)))
 
 
 def _is_behind(rival: Rival, plain: Rival | None) -> bool:

@@ -55,14 +55,15 @@ def is_worth_its_scale(state: State, tried: State) -> bool:
     return tried.winner.heldout - state.winner.heldout > MIN_HELDOUT_DROP + 1
 
 
-def next_scale(left: dict[float, float]) -> float | None:
+def next_scale(losses: dict[float, float]) -> float | None:
     """Where chi-square is tried next, by that of the places tried; None where the lowest is known to `SETTLED`."""
-    best = min(left, key=lambda x: left[x])
-    below, above = (max((x for x in left if x < best), default=None), min((x for x in left if x > best), default=None))
+    best = min(losses, key=lambda x: losses[x])
+    below, above = (max((x for x in losses if x < best), default=None),
+                    min((x for x in losses if x > best), default=None))
     if below is None or above is None:  # no bracket yet: on to the side that falls
-        return best - STEP if below is None and (above is not None or len(left) == 1) else best + STEP
+        return best - STEP if below is None and (above is not None or len(losses) == 1) else best + STEP
     at = np.array([below, best, above])
-    a, b, _ = np.polyfit(at - best, [left[x] for x in at], 2)
+    a, b, _ = np.polyfit(at - best, [losses[x] for x in at], 2)
     place = float(np.clip(best - 0.5 * b / a, 0.5 * (below + best), 0.5 * (best + above))) if a > 0.0 else best
     return place if abs(place - best) > SETTLED else None
 

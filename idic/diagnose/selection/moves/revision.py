@@ -110,44 +110,44 @@ def revised(state: State) -> list[Round]:
 
 def _better(state: State, rounds: list[Round]) -> list[Round] | None:
     """The first removal or exchange that is accepted, of all causes but the last, which has just earned its place."""
-    whole = rounds[-1].winner.refitted
+    last_fit = rounds[-1].winner.refitted
     first = rounds[0].null.judgement
-    whole_drop = first.chi2 - whole.judgement.chi2
+    whole_drop = first.chi2 - last_fit.judgement.chi2
     for number in range(len(rounds) - 1):
         winner = rounds[number].winner
         allowed = min_further_drop(winner, whole_drop)
-        if not is_needed(winner.ranked, whole, allowed):
+        if not is_needed(winner.ranked, last_fit, allowed):
             without = _rebuilt(state, rounds, number, None)
-            if without is not None and not earns_its_place(winner, first, _judged(without), whole.judgement):
+            if without is not None and not earns_its_place(winner, first, _judged(without), last_fit.judgement):
                 return without
         gap = max(MIN_SEPARATION_CHI2, MIN_DROP_DIFFERENCE * whole_drop)
         for rival in exchangeable(rounds[number]):
-            other = _rebuilt(state, rounds, number, rival)
+            exchanged = _rebuilt(state, rounds, number, rival)
             fewer = len(winner.ranked.variant.new) - len(rival.ranked.variant.new)
             least = -(MIN_HELDOUT_DROP + fewer) if rival is rounds[number].plain else gap
-            if other is not None and whole.judgement.chi2 - _judged(other).chi2 > least:
-                return other
+            if exchanged is not None and last_fit.judgement.chi2 - _judged(exchanged).chi2 > least:
+                return exchanged
     return None
 
 
-def is_needed(ranked: Ranked, whole: Refit, allowed: float) -> bool:
+def is_needed(ranked: Ranked, last_fit: Refit, allowed: float) -> bool:
     """Whether a parameter of a cause stands so far from its null in the whole that no refit without it need be made."""
     variant = ranked.variant
     for name in variant.new:
-        std, null = whole.stds.get(name), variant.null.get(name, 0.0)
-        if std and np.isfinite(null) and ((whole.values[name] - null) / std) ** 2 > 2.0 * allowed:
+        std, null = last_fit.stds.get(name), variant.null.get(name, 0.0)
+        if std and np.isfinite(null) and ((last_fit.values[name] - null) / std) ** 2 > 2.0 * allowed:
             return True
     return False
 
 
-def exchangeable(one: Round) -> list[Rival]:
+def exchangeable(entry: Round) -> list[Rival]:
     """The winner of a round with the course it was screened with, then rivals that come near it, or cannot be told from
     it, the best first.
     """
-    near = [r for r in one.rivals if r is not one.winner and r.refitted.usable and r.determined
-            and (r.name in one.equals or r.achieved > MIN_EXCHANGE_SHARE * one.winner.achieved)]
-    plain = [] if one.plain is None else [one.plain]
-    return plain + sorted(near, key=lambda r: -r.achieved)[:MAX_EXCHANGES]
+    close_rivals = [r for r in entry.rivals if r is not entry.winner and r.refitted.usable and r.determined
+                    and (r.name in entry.equals or r.achieved > MIN_EXCHANGE_SHARE * entry.winner.achieved)]
+    plain = [] if entry.plain is None else [entry.plain]
+    return plain + sorted(close_rivals, key=lambda r: -r.achieved)[:MAX_EXCHANGES]
 
 
 def _judged(rounds: Sequence[Round]) -> Fit:
@@ -157,12 +157,12 @@ def _judged(rounds: Sequence[Round]) -> Fit:
 def _rebuilt(state: State, rounds: Sequence[Round], number: int, instead: Rival | None) -> list[Round] | None:
     """The rounds with another cause, or none, in one place; None where a refit fails or a later cause does not
     apply."""
-    kept, entry = list(rounds[:number]), rounds[number]
+    revised_rounds, entry = list(rounds[:number]), rounds[number]
     model = FittedModel(entry.source, entry.null)
     values, names = rounds[-1].winner.refitted.values, ()
     if instead is not None:
-        kept.append(replace(entry, winner=instead, equals=(), crossed_judgement=None, plain=None))
-        model, names = model_of(kept[-1]), instead.ranked.variant.new
+        revised_rounds.append(replace(entry, winner=instead, equals=(), crossed_judgement=None, plain=None))
+        model, names = model_of(revised_rounds[-1]), instead.ranked.variant.new
     for later in rounds[number + 1:]:
         is_first = instead is None and model.fit is entry.null
         screening = entry.screening if is_first else state.setting.screen(
@@ -171,12 +171,12 @@ def _rebuilt(state: State, rounds: Sequence[Round], number: int, instead: Rival 
         rival = _added(state, model, later, screening, starts)
         if rival is None:
             return None
-        others = entry.rivals if is_first else ()
-        kept.append(Round(screening, model.fit,
-                          (rival, *(other for other in others if other.ranked.key != rival.ranked.key)),
-                          rival, source=model.source))
-        model = model_of(kept[-1])
-    return kept
+        members = entry.rivals if is_first else ()
+        revised_rounds.append(Round(screening, model.fit,
+                                    (rival, *(member for member in members if member.ranked.key != rival.ranked.key)),
+                                    rival, source=model.source))
+        model = model_of(revised_rounds[-1])
+    return revised_rounds
 
 
 def _added(state: State, model: FittedModel, later: Round, screening: Screening,
@@ -203,13 +203,13 @@ def _added(state: State, model: FittedModel, later: Round, screening: Screening,
     return moved(replace(state, setting=setting, model=model, round=entry, told=None), forms).winner
 
 
-def _starts(values: Mapping[str, float], own: Sequence[str]) -> dict[str, float]:
+def _starts(values: Mapping[str, float], excluded: Sequence[str]) -> dict[str, float]:
     """Values of parameters as a start of a revised set, but those of the cause that joins it instead.
 
-    own : its parameters. Two courses of one cause may share a name: an expansion per kelvin is found where the warmth
-    goes with time, and stated where the temperature of every frame is found.
+    excluded : its parameters. Two courses of one cause may share a name: an expansion per kelvin is found where the
+    warmth goes with time, and stated where the temperature of every frame is found.
     """
-    return {name: value for name, value in values.items() if name not in own}
+    return {name: value for name, value in values.items() if name not in excluded}
 
 
 def without_last_cause(state: State) -> State | None:

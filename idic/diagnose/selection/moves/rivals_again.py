@@ -65,7 +65,7 @@ def with_rivals_again(state: State) -> State | None:
     winner = refitted_again(entry.winner, replace(fit, name=former.name, label=former.label))
     if winner is None:
         return None
-    models, again, is_any_behind, remaining = {}, [], False, chi2_of_following(state)
+    models, refitted_rivals, is_any_behind, remaining = {}, [], False, chi2_of_following(state)
     for rival in state.joined.near:
         formed = finite(rival, entry.screening) if state.joined.is_finite else rival
         model = FittedModel(entry.source.with_edits(edits_of(formed, entry.screening)), rival.refitted)
@@ -74,14 +74,16 @@ def with_rivals_again(state: State) -> State | None:
             is_any_behind = True
             continue
         model = fitted_beside(state, model, estimate)
-        made = refitted_again(formed, replace(model.fit, label=rival.refitted.label)) if model.fit.usable else None
-        if made is not None:
-            models[made.ranked.key] = model
-            again.append(made)
-    chosen, equals = judge([winner, *again], entry.screening) if again or is_any_behind else (None, ())
+        later = refitted_again(formed, replace(model.fit, label=rival.refitted.label)) if model.fit.usable else None
+        if later is not None:
+            models[later.ranked.key] = model
+            refitted_rivals.append(later)
+    chosen, equals = None, ()
+    if refitted_rivals or is_any_behind:
+        chosen, equals = judge([winner, *refitted_rivals], entry.screening)
     if chosen is None:
         return None
-    by_key = {rival.ranked.key: rival for rival in (winner, *again)}
+    by_key = {rival.ranked.key: rival for rival in (winner, *refitted_rivals)}
     entry = replace(entry, winner=chosen, equals=equals,
                     rivals=tuple(by_key.get(rival.ranked.key, rival) for rival in entry.rivals))
     if chosen is winner:
@@ -106,13 +108,13 @@ def chi2_of_following(state: State) -> float:
     return fit(residual, state.setting.grid).chi2 - following(residual)[1]
 
 
-def is_behind(known: Foreseen, rival: Rival, winner: Rival, left: float) -> bool:
+def is_behind(estimate: Foreseen, rival: Rival, winner: Rival, remaining: float) -> bool:
     """Whether a rival is behind the winner by more than noise and an error of first order.
 
-    left : chi-square of the recording beside the winner, after its parameters have followed
+    remaining : chi-square of the recording beside the winner, after its parameters have followed
     """
-    gap = known.chi2 - left + 2.0 * (len(rival.own_unknowns) - len(winner.own_unknowns))
-    return gap > noise_of_evidence(winner) + FIRST_ORDER_ERROR_SHARE * known.gain
+    gap = estimate.chi2 - remaining + 2.0 * (len(rival.own_unknowns) - len(winner.own_unknowns))
+    return gap > noise_of_evidence(winner) + FIRST_ORDER_ERROR_SHARE * estimate.gain
 
 
 def foreseen(state: State, model: FittedModel, rival: Rival) -> Foreseen | None:
@@ -120,46 +122,46 @@ def foreseen(state: State, model: FittedModel, rival: Rival) -> Foreseen | None:
 
     model : of the rival, with the error of the winner
     """
-    known, former = state.model.error, state.joined.error
-    if known is not None:
-        error = error_of_rival(model, known, former)
+    error, former = state.model.error, state.joined.error
+    if error is not None:
+        error = error_of_rival(model, error, former)
         model = replace(model, source=model.source.with_motion_error(error))
-    there = model.simulated()
-    if there is None:
+    simulation = model.simulated()
+    if simulation is None:
         return None
-    moved, gain = following(there.residual)
-    return Foreseen(there.source, moved, fit(there.residual, state.setting.grid).chi2 - gain, gain)
+    moved, gain = following(simulation.residual)
+    return Foreseen(simulation.source, moved, fit(simulation.residual, state.setting.grid).chi2 - gain, gain)
 
 
-def near_rivals(one: Round) -> list[Rival]:
+def near_rivals(entry: Round) -> list[Rival]:
     """Rivals of a round whose evidence comes near that of its winner, the nearest first."""
-    winner = one.winner
-    near = [r for r in one.rivals if r.ranked.key != winner.ranked.key and r.passes
-            and r.copies == winner.copies == 1 and winner.name not in r.ranked.candidate.limits
-            and winner.evidence - r.evidence < max(NEAR_SHARE * winner.evidence, NEAR_CHI2)]
-    return sorted(near, key=lambda r: -r.evidence)[:MAX_RIVALS]
+    winner = entry.winner
+    close_rivals = [r for r in entry.rivals if r.ranked.key != winner.ranked.key and r.passes
+                    and r.copies == winner.copies == 1 and winner.name not in r.ranked.candidate.limits
+                    and winner.evidence - r.evidence < max(NEAR_SHARE * winner.evidence, NEAR_CHI2)]
+    return sorted(close_rivals, key=lambda r: -r.evidence)[:MAX_RIVALS]
 
 
 def refitted_again(rival: Rival, refitted: Refit) -> Rival | None:
     """A rival with a later fit of the same cause; None where a copy is missing."""
-    before = rival.refitted
-    if None in (before.choice, before.judgement, refitted.choice, refitted.judgement):
+    former = rival.refitted
+    if None in (former.choice, former.judgement, refitted.choice, refitted.judgement):
         return None
     return replace(rival, refitted=refitted,
-                   heldout=rival.heldout + before.judgement.chi2 - refitted.judgement.chi2,
-                   achieved=rival.achieved + before.choice.chi2 - refitted.choice.chi2)
+                   heldout=rival.heldout + former.judgement.chi2 - refitted.judgement.chi2,
+                   achieved=rival.achieved + former.choice.chi2 - refitted.choice.chi2)
 
 
-def error_of_rival(model: FittedModel, known: MotionError, former: MotionError | None) -> MotionError:
+def error_of_rival(model: FittedModel, winner_error: MotionError, former: MotionError | None) -> MotionError:
     """The error of a rival's own simulation, of the kind that is known of the winner; that of the winner where it
     cannot be computed. As of the winner, that of the mesh stays where bricks have just joined it.
 
     former : error of both before
     """
     identified = model.identification()
-    if known.thickness is not None and (former is None or former.thickness is None):
-        return (thickness_error(identified.model_point) or known.thickness).on_top_of(known.of_mesh)
-    return known_error(identified, known) or known
+    if winner_error.thickness is not None and (former is None or former.thickness is None):
+        return (thickness_error(identified.model_point) or winner_error.thickness).on_top_of(winner_error.of_mesh)
+    return known_error(identified, winner_error) or winner_error
 
 
 RIVALS_AGAIN = Move("rivals again", "refits_s", applies=has_near_rivals, edit=with_rivals_again, stage=lambda state:

@@ -36,40 +36,42 @@ def opened(state: State) -> State:
     screening = screened(model, setting.library, setting.watch, setting.margin, is_further, responses)
     if not screening.shortlist:
         setting.stage("no candidate is significant: no refit")
-    told = Told(setting.refits, setting.stage, 1 if setting.quick else len(screening.shortlist))
-    return replace(state, number=state.number + 1, joined=None, told=told,
+    announced = Told(setting.refits, setting.stage, 1 if setting.quick else len(screening.shortlist))
+    return replace(state, number=state.number + 1, joined=None, told=announced,
                    round=Round(screening, model.fit, (), None, source=model.source))
 
 
 def screened(model: FittedModel, library: Sequence[Candidate], watch: Watch = unwatched, margin: Margin = ASSUMED,
-             further: bool = False, responses: Sequence[FrameResponse] | None = None) -> Screening:
+             is_further: bool = False, responses: Sequence[FrameResponse] | None = None) -> Screening:
     """Score every candidate against the null model on the whole recording: a score fits nothing, and one copy shows
     a faint effect by seven tenths of the standard deviations only. Refits see one copy, and promises are of that.
 
-    further : the null holds a selected cause; responses : of the null, where it has been simulated
+    is_further : the null holds a selected cause; responses : of the null, where it has been simulated
     """
-    source, null, found = model.source, model.fit, model.identification()
-    residual = residual_evidence(found, responses=responses)
-    here = situation(found, residual, source.document())
-    trials, untestable = _trials(library, found.experiment.points is not None, here, residual, null)
-    trials += with_free_courses(trials, here.document, found.parameters.free, source.load)
-    labels, columns = score_columns(found, residual, trials, source.load) if trials else ((), residual.null.pick([]))
+    source, null, identification = model.source, model.fit, model.identification()
+    residual = residual_evidence(identification, responses=responses)
+    place = situation(identification, residual, source.document())
+    trials, untestable = _trials(library, identification.experiment.points is not None, place, residual, null)
+    trials += with_free_courses(trials, place.document, identification.parameters.free, source.load)
+    labels, columns = score_columns(identification, residual, trials,
+                                    source.load) if trials else ((), residual.null.pick([]))
     watch(residual, labels, columns)
     error = source.motion_error
     blurs = subpixel_columns(residual) if any(variant.pixels is not None for _, variant in trials) else None
     scored = screen_candidates(
         residual.evidence, residual.null, labels, columns, room=null.choice.room,
         mesh=None if error is None else error_column(residual, error.of_mesh),
-        known=None if blurs is None else (blurs, RELATIVE_STD),
-        materials=[material.element_set for material in found.experiment.materials], margin=margin, further=further,
-        min_channel=max(MIN_CHANNEL_EFFECT_STD, smallest_reading(residual)) if further else MIN_CHANNEL_EFFECT_STD)
+        known_columns=None if blurs is None else (blurs, RELATIVE_STD),
+        materials=[material.element_set for material in identification.experiment.materials], margin=margin,
+        is_further=is_further,
+        min_channel=max(MIN_CHANNEL_EFFECT_STD, smallest_reading(residual)) if is_further else MIN_CHANNEL_EFFECT_STD)
     unresolved = [ranked for ranked in scored.significant if ranked.variant.unresolved]
     untestable += [(ranked.candidate, ranked.variant.unresolved) for ranked in unresolved]
     return replace(scored, ranked=tuple(ranked for ranked in scored.ranked if ranked not in unresolved),
                    untestable=tuple(untestable))
 
 
-def _trials(library: Sequence[Candidate], is_measured: bool, here: Situation, residual: ResidualEvidence,
+def _trials(library: Sequence[Candidate], is_measured: bool, place: Situation, residual: ResidualEvidence,
             null: Refit) -> tuple[list[tuple[Candidate, Variant]], list[tuple[Candidate, str]]]:
     """Variants to be scored, and the candidates that are not, each with its reason.
 
@@ -79,8 +81,8 @@ def _trials(library: Sequence[Candidate], is_measured: bool, here: Situation, re
     for candidate in library:
         if is_measured and candidate.family == CAMERA:
             continue
-        reason = candidate.reason_against(here)
-        variants = () if reason else candidate.variants(here)
+        reason = candidate.reason_against(place)
+        variants = () if reason else candidate.variants(place)
         if reason := reason or reason_to_wait(variants, residual, null.choice):
             untestable.append((candidate, reason))
         else:

@@ -25,7 +25,7 @@ def with_refits(state: State) -> State:
     is_off = effect(model.fit.judgement, unit) > MAX_REGISTER_PX
     bends = not causes_of(state.rounds) and has_state(state.found, YIELD_STATES)
     rivals = refitted(model.source, model.fit, screening, state.refits, setting.grid, setting.seed, bends=bends,
-                      alone=setting.quick, far=is_off)
+                      is_alone=setting.quick, is_far=is_off)
     return judged(replace(state, round=replace(state.round, rivals=rivals)))
 
 
@@ -60,9 +60,9 @@ def has_winner(state: State) -> bool:
     return state.winner is not None and not state.setting.quick
 
 
-def has_state(found: Identification, states: Collection[str]) -> bool:
+def has_state(identification: Identification, states: Collection[str]) -> bool:
     """Whether a law of the identified model has one of these states."""
-    laws = (section.law.spec for section in found.forward.model.sections)
+    laws = (section.law.spec for section in identification.forward.model.sections)
     return any(state in law.state_names for law in laws for state in states)
 
 

@@ -110,13 +110,13 @@ def with_renewed_errors(state: State) -> State:
 
 def with_other_axis(state: State) -> State | None:
     """The better one of two axes, and the other one where the recording does not tell them apart."""
-    final, other = state.final, fit_from_other_axes(state)
-    if other is None:
+    final, other_fit = state.final, fit_from_other_axes(state)
+    if other_fit is None:
         return None
-    if is_better(other, final.fit):
-        turned = FittedModel(final.source, other).simulated()
-        final, other = (final, None) if turned is None else (turned, final.fit)
-    return replace(state, final=final, other_axis=other)
+    if is_better(other_fit, final.fit):
+        turned = FittedModel(final.source, other_fit).simulated()
+        final, other_fit = (final, None) if turned is None else (turned, final.fit)
+    return replace(state, final=final, other_axis=other_fit)
 
 
 def with_std_of_bricks(model: FittedModel) -> FittedModel:
@@ -128,9 +128,9 @@ def with_std_of_bricks(model: FittedModel) -> FittedModel:
 
 def with_stds(state: State) -> State:
     """The last fit with its standard deviations, and another axis only where it is another answer."""
-    final, other = with_std_of_bricks(state.final), state.other_axis
-    is_other = other is not None and is_another_answer(other, final.fit)
-    return replace(state, final=final, other_axis=other if is_other else None)
+    final, other_fit = with_std_of_bricks(state.final), state.other_axis
+    is_other = other_fit is not None and is_another_answer(other_fit, final.fit)
+    return replace(state, final=final, other_axis=other_fit if is_other else None)
 
 
 def _stage(state: State) -> str:
