@@ -8,11 +8,11 @@ from .locate.mismatch_words import MOTION, place_words
 from .locate.place import element_centres, in_words
 from .model_change import LawPair, WindowCurve, law_pairs, window_curves
 from .physics.candidate import Candidate, FAMILIES, MESH_TOO_COARSE, Variant
-from .refits.refit import Refit, identification_at
+from .refits.refit import Fit, identification_at
 from .refits.refit_job import ExperimentSource, RefitJob, run_refit
 from .residual.evidence import Columns, Evidence
 from .residual.excess_left import MIN_EXCESS_Z
-from .residual.heldout import Fit, better_blocks, ratio
+from .residual.heldout import Misfit, better_blocks, ratio
 from .residual.margin import Margin
 from .residual.measured_motion import (
     OutOfRegister, by_motion, holds_motion, image_chi2, may_be_out_of_register, out_of_register, with_edge_modes,
@@ -39,7 +39,7 @@ __all__ = [
     "DUST", "FAMILIES", "HIDDEN_BY_MOTION", "JUDGEMENT", "LEFT_OUT", "MARGIN_PX", "MAX_FAMILYWISE_P",
     "MAX_HIDDEN_VISIBILITY", "MESH_TOO_COARSE", "MIN_EXCESS_Z", "MOTION", "NO_CAUSE", "PAINT",
     "SEED", "SUPPOSED_EXPANSION_PER_K", "Candidate", "Columns", "Diagnosis", "Evidence", "ExperimentSource", "Fit",
-    "LawPair", "LeftOut", "Margin", "Mismatch", "Notes", "OutOfRegister", "Ranked", "Refit", "RefitJob",
+    "LawPair", "LeftOut", "Margin", "Misfit", "Mismatch", "Notes", "OutOfRegister", "Ranked", "RefitJob",
     "ResidualEvidence", "Rival", "Round", "ScoreColumn", "SelectedEffect", "Spot", "Stage", "Variant", "Verdict",
     "WindowCurve", "better_blocks", "by_motion", "candidate_library", "cautions", "content", "context_of",
     "decoy_scores", "diagnose", "element_centres", "find_spots", "holds", "holds_motion", "identification_at",

@@ -18,7 +18,7 @@ from idic.diagnose.physics.edits import open_share
 from idic.diagnose.refits.refit import MAX_EVALUATIONS, MAX_FAILED_SIMULATIONS
 from idic.diagnose.residual.channel_left import ChannelLeft
 from idic.diagnose.residual.excess_left import MAX_EXCESS_LEFT, MAX_LOCAL_EXCESS_LEFT, MIN_EXCESS_Z, ExcessLeft
-from idic.diagnose.residual.heldout import Fit
+from idic.diagnose.residual.heldout import Misfit
 from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
 from idic.diagnose.selection.rival import NO_CAUSE, Round
 from idic.identification import Identification, z_text
@@ -56,7 +56,7 @@ def too_coarse(rounds: Sequence[Round]) -> list[str]:
 def _convergence(diagnosis: Diagnosis) -> list[str]:
     """Where the identification had not converged, and where the enriched model explains motions worse."""
     base, enriched = diagnosis.verdict.before, diagnosis.verdict.after
-    return search_cautions(diagnosis.found.state.status, base.excess, enriched.excess, base.excess_std)
+    return search_cautions(diagnosis.identification.state.status, base.excess, enriched.excess, base.excess_std)
 
 
 def _margin(diagnosis: Diagnosis) -> list[str]:
@@ -93,13 +93,13 @@ def outline_caution(share: float | None, word: str) -> list[str]:
 
 def thickness_caution(diagnosis: Diagnosis) -> list[str]:
     """Where the recording fits bricks of the specimen's thickness and not plane stress."""
-    error, experiment = diagnosis.source.motion_error, diagnosis.found.experiment
+    error, experiment = diagnosis.source.motion_error, diagnosis.identification.experiment
     if error is None or error.thickness is None:
         return []
     moved = float(np.sqrt((error.thickness.u**2).sum(axis=2).mean(axis=1)).max()) / pixel_size(experiment)
     shares = [f", {100.0 * np.abs(change).max() / channel.largest:.2g} % of {channel.column}"
               for channel, change in zip(experiment.channels, error.thickness.channels.T, strict=True)]
-    identified, first = diagnosis.found.parameters, diagnosis.rounds[0]
+    identified, first = diagnosis.identification.parameters, diagnosis.rounds[0]
     first_error = None if first.source is None else first.source.motion_error
     bricks = first.null if diagnosis.corrected is None else diagnosis.corrected.fit
     values = "; ".join(f"{name} {identified[name].shown:.4g}, about "
@@ -137,7 +137,7 @@ def finite_caution(diagnosis: Diagnosis) -> list[str]:
     enriched = diagnosis.enriched
     if enriched is None or NO_CAUSE in diagnosis.verdict.selected:
         return []
-    small = {material.element_set for material in diagnosis.found.experiment.materials
+    small = {material.element_set for material in diagnosis.identification.experiment.materials
              if material.kinematics == "small"}
     if not any(material.element_set in small and material.kinematics == "finite"
                and "small" in get_law(material.law).kinematics
@@ -154,7 +154,7 @@ def mesh_caution(diagnosis: Diagnosis) -> list[str]:
     error, better = diagnosis.source.motion_error, diagnosis.corrected
     if better is None or error is None or error.thickness is not None:
         return []
-    parameters = diagnosis.found.parameters
+    parameters = diagnosis.identification.parameters
     moves = {name: abs(better.fit.values[name] - parameters[name].value) for name in parameters.free}
     if all(move <= MIN_MOVE_BY_MESH_STD * (better.fit.stds.get(name) or np.inf) for name, move in moves.items()):
         return []
@@ -167,7 +167,7 @@ def mesh_caution(diagnosis: Diagnosis) -> list[str]:
 
 def neglected_cautions(diagnosis: Diagnosis) -> list[str]:
     """Where the model neglects bricks of the thickness or finite strains, and the parameters depend on it."""
-    neglected, experiment = diagnosis.neglected, diagnosis.found.experiment
+    neglected, experiment = diagnosis.neglected, diagnosis.identification.experiment
     if neglected is None:
         return []
     parameters = diagnosis.last_parameters
@@ -281,7 +281,7 @@ def refits_cut_short(rounds: Sequence[Round]) -> list[str]:
     return texts
 
 
-def rivals_not_ruled_out(rounds: Sequence[Round], misfit: Fit) -> list[str]:
+def rivals_not_ruled_out(rounds: Sequence[Round], misfit: Misfit) -> list[str]:
     """Known rivals of a selected candidate that come near it, where a significant excess is left in the end.
 
     misfit : of the last model, held out
@@ -318,7 +318,8 @@ def softening_caution(rounds: Sequence[Round]) -> list[str]:
 
 def _not_simulated(diagnosis: Diagnosis) -> list[str]:
     """Why the next experiment is the library's general one, where candidates are indistinguishable."""
-    reason = reason_against_continuation(diagnosis.found.experiment) if diagnosis.verdict.indistinguishable else None
+    is_open = bool(diagnosis.verdict.indistinguishable)
+    reason = reason_against_continuation(diagnosis.identification.experiment) if is_open else None
     if reason is None:
         return []
     return ["The next experiment is the library's general advice for these candidates; none was simulated with the "
@@ -350,12 +351,12 @@ CAUTIONS: tuple[Callable[[Diagnosis], list[str]], ...] = (  # in the order in wh
     _register,
     _quick,
     lambda diagnosis: too_coarse(diagnosis.rounds),
-    lambda diagnosis: outline_caution(open_share(diagnosis.found.experiment), diagnosis.verdict.word),
+    lambda diagnosis: outline_caution(open_share(diagnosis.identification.experiment), diagnosis.verdict.word),
     thickness_caution,
     finite_caution,
     mesh_caution,
     neglected_cautions,
-    lambda diagnosis: [] if diagnosis.state.setting.quick else untested_thickness(diagnosis.found),
+    lambda diagnosis: [] if diagnosis.state.setting.quick else untested_thickness(diagnosis.identification),
     other_axis_caution,
     _convergence,
     _margin,

@@ -90,13 +90,13 @@ def diagnose(source: ExperimentSource, identification: Identification, refits: R
     verdict = _with_next_test(verdict, state, advice, curve)
     chance = probability(verdict, state.rounds, remainder.excesses[0], remainder.channels)
     return Diagnosis(identification, identified, state, remainder, verdict, chance, active, corrected, neglect, curve,
-                     tuple(notes.told))
+                     tuple(notes.texts))
 
 
 def compared_with(identified: Identified, setting: Setting) -> State:
     """The state before the selection: the identified model fitted to the copy for choosing."""
     setting.stage(f"{NULL_FIT} to one of two copies of the recording")
-    source, identification = identified.source, identified.found
+    source, identification = identified.source, identified.identification
     with setting.clock.step("null_s"):
         (null,) = setting.refits([RefitJob("null", source, ("null",), ({},), (identification.parameters.as_values(),),
                                            identification.local, setting.grid, np.inf, setting.seed)])
@@ -172,7 +172,7 @@ def _neglected(identified: Identified, state: State, corrected: FittedModel | No
         if final is not None:
             return neglected(final.residual, neglected_errors(final.identification()))
         errors = identified.neglected
-        return neglected(identified.residual, neglected_errors(identified.found) if errors is None else errors)
+        return neglected(identified.residual, neglected_errors(identified.identification) if errors is None else errors)
 
 
 def _separating_test(identification: Identification, state: State, verdict: Verdict) -> str | None:

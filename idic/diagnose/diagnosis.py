@@ -29,7 +29,7 @@ class Diagnosis:
 
     Attributes
     ----------
-    found : the identification under diagnosis
+    identification : under diagnosis
     identified : it with its known error, its residual, and where its mismatch was located
     state : rounds, models and mismatch at the end of the selection
     remainder : what the last model leaves
@@ -45,7 +45,7 @@ class Diagnosis:
     spots : what was left out of the images before
     """
 
-    found: Identification
+    identification: Identification
     identified: Identified
     state: State
     remainder: Remainder
@@ -84,7 +84,7 @@ class Diagnosis:
     def last_parameters(self) -> ParameterSet:
         """Parameters of the enriched model as they start; of the identified one without it."""
         enriched = self.enriched
-        experiment = self.found.experiment if enriched is None else (
+        experiment = self.identification.experiment if enriched is None else (
             enriched.residual.context.experiment)
         return experiment.parameters
 
@@ -107,7 +107,8 @@ class Diagnosis:
         candidate, active = first.winner.ranked.candidate, self.active
         has_onset = any(rival.ranked.candidate.has_onset for rival in first.rivals
                         if rival is first.winner or rival.name in first.equals)
-        modifies = active is not None and not candidate.shows_at_reversal and has_state(self.found, ACTIVE_STATES)
+        is_monotone = active is not None and not candidate.shows_at_reversal
+        modifies = is_monotone and has_state(self.identification, ACTIVE_STATES)
         began = [course.onset for course in self.courses(first) if course.onset and course.onset[0] > 0]
         return SelectedEffect(candidate.side, not has_onset, None if active is None else active.first_frame,
                               modifies, min(began, default=None) if has_onset else None)
@@ -118,5 +119,5 @@ class Diagnosis:
         if enriched is None:
             return []
         return courses_of(entry.winner.name, enriched.residual.context.experiment,
-                          self.found.experiment, entry.winner.ranked.variant.new,
+                          self.identification.experiment, entry.winner.ranked.variant.new,
                           enriched.fit.values, enriched.fit.stds)

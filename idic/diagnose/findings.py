@@ -44,7 +44,7 @@ def mismatch_content(diagnosis: Diagnosis) -> dict:
         content["elements"] = _labels(diagnosis, diagnosis.active.since >= 0)
     found_by = shown_by(diagnosis)
     words = mismatch_words(diagnosis.mismatch, selected, found_by and f"{_titles(diagnosis)} by {found_by}",
-                           unexplained(diagnosis), diagnosis.found.experiment.length_unit)
+                           unexplained(diagnosis), diagnosis.identification.experiment.length_unit)
     return content | {"place": place_in_words(diagnosis), "figure": figure, "active": _active(diagnosis),
                       "located": None if diagnosis.mismatch is None else diagnosis.mismatch.is_significant,
                       "shown_by": found_by, "words": list(words)}
@@ -91,12 +91,13 @@ def _active(diagnosis: Diagnosis) -> dict | None:
     if active is None:
         return None
     return {"verb": active.verb, "first_frame": active.first_frame, "elements": int((active.since >= 0).sum()),
-            "of": diagnosis.found.experiment.mesh.n_elements, "first_elements": _labels(diagnosis, active.first),
+            "of": diagnosis.identification.experiment.mesh.n_elements,
+            "first_elements": _labels(diagnosis, active.first),
             "first_mm": first_active_place(diagnosis)}
 
 
 def _labels(diagnosis: Diagnosis, elements: np.ndarray) -> list[int]:
-    return [int(label) for label in diagnosis.found.experiment.mesh.element_labels[elements]]
+    return [int(label) for label in diagnosis.identification.experiment.mesh.element_labels[elements]]
 
 
 def place_in_words(diagnosis: Diagnosis) -> str | None:
@@ -104,7 +105,7 @@ def place_in_words(diagnosis: Diagnosis) -> str | None:
     mismatch = diagnosis.mismatch
     if mismatch is None or not mismatch.has_place(diagnosis.selected_effect) or _everywhere(diagnosis):
         return None
-    mesh, unit = diagnosis.found.experiment.mesh, diagnosis.found.experiment.length_unit
+    mesh, unit = diagnosis.identification.experiment.mesh, diagnosis.identification.experiment.length_unit
     if len(mismatch.elements) > MAX_PLACE_SHARE * mesh.n_elements:
         return (None if diagnosis.active is None else
                 f"first at {in_words(first_active_place(diagnosis), size=mesh.size)} {unit}")
@@ -131,7 +132,7 @@ def acts_everywhere(ranked: Ranked) -> bool:
 def first_active_place(diagnosis: Diagnosis) -> list[float]:
     """Centre of the most active of the elements that are active first  # (dim,) mm"""
     active = diagnosis.active
-    centres = element_centres(diagnosis.found.experiment.mesh)[active.first]
+    centres = element_centres(diagnosis.identification.experiment.mesh)[active.first]
     return centres[np.argmax(active.amount[active.first])].tolist()
 
 

@@ -10,7 +10,7 @@ from idic.diagnose.discretisation.thickness_error import neglected_errors, with_
 from idic.diagnose.locate.mismatch import Mismatch, locate
 from idic.diagnose.refits.refit_job import ExperimentSource
 from idic.diagnose.residual.channel_left import MIN_READING_SHARE, channels_left
-from idic.diagnose.residual.heldout import Fit, fit, grid_of
+from idic.diagnose.residual.heldout import Misfit, grid_of, misfit_of
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.subspace import Grid
@@ -25,16 +25,17 @@ from idic.model import MotionError
 class Identified:
     """The identified model on the recording.
 
-    source, found : with its known error; residual : of it; grid : of the free motions that measure it; misfit : what
-    they explain of it; mismatch : side, onset and place, None where a law finds no equilibrium along the path
-    neglected : errors by effects that the model neglects, None where they are not those of `found`
+    source, identification : with its known error; residual : of it; grid : of the free motions that measure it;
+    misfit : what they explain of it; mismatch : side, onset and place, None where a law finds no equilibrium along
+    the path
+    neglected : errors by effects that the model neglects, None where they are not those of `identification`
     """
 
     source: ExperimentSource
-    found: Identification
+    identification: Identification
     residual: ResidualEvidence
     grid: Grid
-    misfit: Fit
+    misfit: Misfit
     mismatch: Mismatch | None
     neglected: Mapping[str, MotionError] | None
 
@@ -51,7 +52,7 @@ def as_identified(source: ExperimentSource, identification: Identification, marg
     with clock.step("gather_s"):
         source, identification, residual = with_error(source, identification)
         grid = grid_of(residual)
-        misfit = fit(residual, grid)
+        misfit = misfit_of(residual, grid)
     stage(PLACE)
     with clock.step("locate_s"):
         first = Identified(source, identification, residual, grid, misfit, located(identification, residual, margin),
@@ -63,7 +64,8 @@ def as_identified(source: ExperimentSource, identification: Identification, marg
         if bricks is identification:
             return first
         residual = residual_evidence(bricks, light=False)
-        return Identified(source, bricks, residual, grid, fit(residual, grid), located(bricks, residual, margin), None)
+        return Identified(source, bricks, residual, grid, misfit_of(residual, grid),
+                          located(bricks, residual, margin), None)
 
 
 def located(identification: Identification, residual: ResidualEvidence, margin: Margin = ASSUMED) -> Mismatch | None:

@@ -49,10 +49,10 @@ class LawPair:
 
 def window_curves(diagnosis: Diagnosis) -> tuple[WindowCurve, ...]:
     """Free parameters of both models over growing windows of frames."""
-    base_curves = _windows(diagnosis.identified.residual, diagnosis.found.parameters)
+    base_curves = _windows(diagnosis.identified.residual, diagnosis.identification.parameters)
     enriched = diagnosis.enriched
     enriched_curves = {} if enriched is None else _windows(enriched.residual, _parameters(diagnosis))
-    final = diagnosis.found.parameters.as_values() | (
+    final = diagnosis.identification.parameters.as_values() | (
         {} if diagnosis.state.final is None else dict(diagnosis.state.final.fit.values))
     return tuple(WindowCurve(name, *curve, *enriched_curves.get(name, (None, None)), final[name])
                  for name, curve in base_curves.items() if (name in enriched_curves or not enriched_curves)
@@ -74,14 +74,14 @@ def law_pairs(diagnosis: Diagnosis) -> tuple[LawPair, ...]:
     """Stress-strain curves of every material whose law or parameters changed."""
     if diagnosis.enriched is None:
         return ()
-    base, enriched = diagnosis.found.experiment, diagnosis.enriched.residual.context.experiment
+    base, enriched = diagnosis.identification.experiment, diagnosis.enriched.residual.context.experiment
     pairs = []
     for material in base.materials:
         replacement = enriched.material_of(material.element_set)
         if EXTERNAL in (material.law, replacement.law):
             continue
         strain = _largest_strain(base, material.element_set, diagnosis.identified.residual.u[..., :base.n_dim])
-        base_curve = _curve(base, material, diagnosis.found.parameters.as_values(), strain)
+        base_curve = _curve(base, material, diagnosis.identification.parameters.as_values(), strain)
         enriched_curve = _curve(enriched, replacement, _parameters(diagnosis).as_values(), strain)
         if base_curve is None or enriched_curve is None:
             continue

@@ -71,7 +71,7 @@ class Model:
     """A fitted model with its residual on the recording in hand."""
 
     name: str
-    found: Identification
+    identification: Identification
     residual: ResidualEvidence
 
 
@@ -111,8 +111,8 @@ def separations(base: Model, rival: Model) -> tuple[Separation, ...]:
 
     None where a motion is not a logged one (`reason_against_continuation`).
     """
-    experiment, tried = base.found.experiment, []
-    if any(reason_against_continuation(model.found.experiment) for model in (base, rival)):
+    experiment, tried = base.identification.experiment, []
+    if any(reason_against_continuation(model.identification.experiment) for model in (base, rival)):
         return ()
     course = _programme(experiment)
     for continuation in menu(float(course[-1])):
@@ -246,7 +246,8 @@ def _shown(model: Model, continuation: Continuation, dofs: np.ndarray) -> _Shown
     experiment = continued(context.experiment, continuation)
     forward = build_forward(experiment)
     cameras = [_later(camera, experiment, len(continuation.motion)) for camera in model.residual.cameras]
-    local = np.vstack([model.found.local, np.zeros((len(continuation.motion), model.found.local.shape[1]))])
+    local = np.vstack([model.identification.local,
+                       np.zeros((len(continuation.motion), model.identification.local.shape[1]))])
     recorded_frames = {int(k) for k in evidence.frames}
     fields, channels, motion, channel_residual = [], [], [], []
     for at in forward.march(context.parameters, context.moving, local, None, forward.drives.n_local > 0):

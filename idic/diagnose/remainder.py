@@ -8,7 +8,7 @@ from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.refits.refit_job import refit_of_one
 from idic.diagnose.residual.channel_left import ChannelLeft, channels_left
 from idic.diagnose.residual.excess_left import ExcessLeft
-from idic.diagnose.residual.heldout import Fit, fit
+from idic.diagnose.residual.heldout import Misfit, misfit_of
 from idic.diagnose.screen.local_residual import local_residual_tests
 from idic.diagnose.screen.time_course import time_course_test
 from idic.diagnose.selection.block_step import BlockJudgement, judged_by_step
@@ -39,7 +39,7 @@ class Remainder:
         return [*([] if self.of_recording is None else [self.of_recording]), *self.local, self.of_copy]
 
 
-def remainder_of(state: State, misfit: Fit) -> Remainder:
+def remainder_of(state: State, misfit: Misfit) -> Remainder:
     """The tests of the last model.
 
     misfit : of the identified model on the recording
@@ -54,7 +54,7 @@ def remainder_of(state: State, misfit: Fit) -> Remainder:
         return Remainder(channels, None, (), of_copy, ())
     local = (*local_residual_tests(base, enriched, setting.grid, state.final.fit.values, setting.margin),
              time_course_test(base, enriched, setting.grid, setting.margin))
-    of_recording = ExcessLeft(misfit, fit(enriched, setting.grid), state.power, **bounds)
+    of_recording = ExcessLeft(misfit, misfit_of(enriched, setting.grid), state.power, **bounds)
     was_cut = not setting.quick and state.model.fit.status == "max_iterations"
     if of_copy.matters and was_cut and not any(excess.matters for excess in (of_recording, *local)):
         setting.stage("fit of the enriched model to one copy, without a limit of evaluations")

@@ -92,7 +92,7 @@ def run_tool(folder: Path, library: Sequence[Candidate] | None = None, with_abla
         "the search for spots in the images", without_spots, source, identification, silent, otherwise=as_found)
     diagnosis = diagnose(cleaned_source, cleaned_fit, partial(run_refits, SerialRunner(), None), library=library,
                          watch=watch)
-    diagnosis = replace(diagnosis, spots=spots, notes=(*notes.told, *diagnosis.notes))
+    diagnosis = replace(diagnosis, spots=spots, notes=(*notes.texts, *diagnosis.notes))
     parameters_before = free_parameters(identification.result)
     content = diagnosis_content(diagnosis, parameters_before, time.process_time() - began)
     content["cost"] = {name: round(seconds, 2) for name, seconds in content["cost"].items()}

@@ -11,7 +11,7 @@ from side_twins import GRIP, TRUTH, WIDTH, Side, write_folder
 from test_channels_and_headline import CONTENT, TITLES
 
 import idic
-from idic.diagnose import Fit, Refit, candidate_library
+from idic.diagnose import Fit, Misfit, candidate_library
 from idic.diagnose.physics.candidate import Situation
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.selection.free_model import EndMotion, FreeEnd
@@ -47,9 +47,9 @@ def test_every_held_set_gets_the_polynomials_along_it_and_the_file_takes_them(pa
 
 def fitted(chi2, unknowns=(), usable_std=0.1):
     """A model that leaves so much chi-square of motions on either copy."""
-    one = Fit(np.arange(4), np.full(4, 100.0 + chi2 / 4.0), np.full(4, 100), np.zeros((4, 0)), 1.0)
-    return Refit("m", "m", "converged", dict.fromkeys(unknowns, 1.0), dict.fromkeys(unknowns, usable_std),
-                 np.zeros((4, 0)), None, one, one)
+    one = Misfit(np.arange(4), np.full(4, 100.0 + chi2 / 4.0), np.full(4, 100), np.zeros((4, 0)), 1.0)
+    return Fit("m", "m", "converged", dict.fromkeys(unknowns, 1.0), dict.fromkeys(unknowns, usable_std),
+               np.zeros((4, 0)), None, one, one)
 
 
 def freed(null, chi2, n):

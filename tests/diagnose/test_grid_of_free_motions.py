@@ -4,7 +4,7 @@ import numpy as np
 from side_twins import Side, write_folder
 
 from idic.diagnose import identification_at, residual_evidence
-from idic.diagnose.residual.heldout import fit, grid_of
+from idic.diagnose.residual.heldout import grid_of, misfit_of
 from idic.experiment_file import load_experiment
 from idic.identification import identify
 
@@ -19,4 +19,4 @@ def test_a_model_with_a_lens_is_measured_by_the_same_free_motions(tmp_path):
                               light=False)
     size = next(n for n in np.arange(1.5, 4.0, 0.1) if (grid_of(after, n).cells != grid_of(before, n).cells).any())
     grid = grid_of(before, size)
-    np.testing.assert_array_equal(fit(after, grid).rank, fit(before, grid).rank)
+    np.testing.assert_array_equal(misfit_of(after, grid).rank, misfit_of(before, grid).rank)

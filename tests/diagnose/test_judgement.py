@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from idic.diagnose.residual.heldout import share_recovered
-from idic.diagnose import Fit, better_blocks, ratio
+from idic.diagnose import Misfit, better_blocks, ratio
 
 T, RANK = 12, 200
 
@@ -13,7 +13,7 @@ def made(extra, seed=0, channels=1.0):
     """A fit whose free motions explain noise and `extra` chi-square per frame."""
     rng = np.random.default_rng(seed)
     gain = rng.noncentral_chisquare(RANK, np.broadcast_to(np.maximum(extra, 1e-12), T))
-    return Fit(np.arange(1, T + 1), gain, np.full(T, RANK), channels * rng.standard_normal((T, 1)), 1.0)
+    return Misfit(np.arange(1, T + 1), gain, np.full(T, RANK), channels * rng.standard_normal((T, 1)), 1.0)
 
 
 def test_noise_alone_has_no_excess():
@@ -41,14 +41,14 @@ def test_a_finer_grid_of_free_motions_is_no_worse_a_model():
     """More of them explain more of mere noise; that is no chi-square which a model leaves."""
     def mean(n, seed):
         gain = np.random.default_rng(seed).chisquare(n, (60, T))
-        return np.mean([Fit(np.arange(1, T + 1), one, np.full(T, n), np.zeros((T, 1)), 1.0).chi2 for one in gain])
+        return np.mean([Misfit(np.arange(1, T + 1), one, np.full(T, n), np.zeros((T, 1)), 1.0).chi2 for one in gain])
 
     # std of a chi-square of 2400 is 69; of the mean of 60 it is 9, of a difference 13
     assert mean(RANK, 0) - mean(RANK - 10, 1) == pytest.approx(0.0, abs=4.0 * 13.0)
 
 
 def test_there_is_no_ratio_without_an_excess_before():
-    nothing = Fit(np.arange(1, T + 1), np.full(T, RANK - 1.0), np.full(T, RANK), np.zeros((T, 1)), 1.0)
+    nothing = Misfit(np.arange(1, T + 1), np.full(T, RANK - 1.0), np.full(T, RANK), np.zeros((T, 1)), 1.0)
     assert np.isnan(ratio(nothing, made(0.0)))
 
 

@@ -11,7 +11,7 @@ from side_twins import LENGTH, RADIUS, SHAPE, WIDTH, refit, screening
 from idic.diagnose import Ranked, candidate_library, candidates as library, residual_evidence
 from idic.diagnose.physics.candidate import Situation
 from idic.diagnose.refits.refit import warm_start
-from idic.diagnose.residual.heldout import fit, grid_of
+from idic.diagnose.residual.heldout import grid_of, misfit_of
 from idic.experiment_file import load_experiment, read_toml
 from idic.laws import compile, point_stresses
 from idic.model import CHANNEL_TERMS
@@ -231,4 +231,4 @@ def test_of_all_candidates_the_concealed_physics_is_named_and_its_refit_drops_th
     before, after = residual_evidence(found), residual_evidence(again)
     grid = grid_of(before)
     # the score is first order: a finite effect may be worth half of what it promises, or more
-    assert fit(before, grid).chi2 - fit(after, grid).chi2 > 0.5 * best.gain
+    assert misfit_of(before, grid).chi2 - misfit_of(after, grid).chi2 > 0.5 * best.gain

@@ -11,7 +11,7 @@ from idic.diagnose import (
     by_motion, candidate_library, holds_motion, identification_at, may_be_out_of_register, out_of_register,
     residual_evidence, thinned, with_edge_modes,
 )
-from idic.diagnose.residual.heldout import fit, grid_of
+from idic.diagnose.residual.heldout import grid_of, misfit_of
 from idic.diagnose.residual.measured_motion import MOTION_STD_PX
 from idic.diagnose.residual.residual_maps import spread
 from idic.diagnose.residual.thinning import CHOICE
@@ -67,7 +67,7 @@ def test_an_error_of_pixels_counts_whole_on_the_motion_and_saturates_on_the_imag
                        if hasattr(entry.drive, "values") else entry for entry in seen.prescribed)
         found = identified(replace(seen, prescribed=drives, channels=channels), TRUTH)
         residual = residual_evidence(found, light=False)
-        one = fit(residual, grid_of(residual))
+        one = misfit_of(residual, grid_of(residual))
         return one.gain.sum() - one.rank.sum()
 
     on_motion = [left(by_motion(experiment, u_px), share) for share in (0.5, 0.95)]

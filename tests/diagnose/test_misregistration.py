@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idic.diagnose.candidates import illumination, plasticity  # noqa: F401  registered
-from idic.diagnose import Fit, HIDDEN_BY_MOTION, Variant
+from idic.diagnose import HIDDEN_BY_MOTION, Misfit, Variant
 from idic.diagnose.screen.misregistration import lost_contrast_chi2, reason_to_wait
 from idic.images import dense_speckle
 
@@ -29,7 +29,7 @@ def residual_of(f):
 
 
 def motions(chi2):
-    return Fit(np.arange(1, 3), np.array([chi2, 0.0]), np.array([0, 0]), np.zeros((2, 0)), 0.0)
+    return Misfit(np.arange(1, 3), np.array([chi2, 0.0]), np.array([0, 0]), np.zeros((2, 0)), 0.0)
 
 
 @pytest.mark.parametrize("off", [0.2, 0.4])

@@ -79,13 +79,13 @@ def test_models_part_where_the_load_goes_down_and_not_before(models):
 
 def test_a_camera_that_moves_from_frame_to_frame_stays_where_it_was_in_the_last_one(models):
     slip, _, moving, *_ = models
-    assert moving.found.experiment.camera.motion is not None
+    assert moving.identification.experiment.camera.motion is not None
     found = separations(slip, moving)
     assert len(found) == len(separations(*models[:2]))
     assert all(t.D < 1e-6 for t in found)  # it has not moved: both are the same model
-    motion = continued(moving.found.experiment, Continuation("", (1.0, 0.5), (0.1, 0.2))).camera.motion
+    motion = continued(moving.identification.experiment, Continuation("", (1.0, 0.5), (0.1, 0.2))).camera.motion
     np.testing.assert_array_equal(motion.courses[:, -2:],
-                                  np.repeat(moving.found.experiment.camera.motion.courses[:, -1:],
+                                  np.repeat(moving.identification.experiment.camera.motion.courses[:, -1:],
                                                                     2, axis=1))
 
 
@@ -102,7 +102,7 @@ def test_candidates_of_different_sides_are_compared_at_the_nodes_that_both_see(m
 
 
 def test_the_programme_is_continued_and_the_recording_stays(models):
-    before = models[0].found.experiment
+    before = models[0].identification.experiment
     after = continued(before, Continuation("half", (0.5, 0.0), (0.1, 0.2)))
     n, duration = before.n_frames, before.times[-1] - before.times[0]
     grip = next(p.drive for p in after.prescribed if getattr(p.drive, "column", "") == "grip_mm")
@@ -115,7 +115,7 @@ def test_the_programme_is_continued_and_the_recording_stays(models):
 
 def test_courses_that_the_data_give_stay_as_they_are_in_the_last_frame(models):
     """Friction in the load train, the warmth of a lamp, a motion that a gauge controls."""
-    recorded = models[0].found.experiment
+    recorded = models[0].identification.experiment
     n, more = recorded.n_frames, 2
     hat = np.linspace(0.0, 1.0, n)[None]
     channel = replace(recorded.channels[0], friction_knots=(n - 1,), friction_hats=hat)
@@ -137,7 +137,7 @@ def test_courses_that_the_data_give_stay_as_they_are_in_the_last_frame(models):
 
 
 def test_an_excluded_frame_before_the_end_is_not_compared_with_the_new_ones(models):
-    recorded = models[0].found
+    recorded = models[0].identification
     experiment = replace(recorded.experiment, excluded=(recorded.experiment.n_frames - 2,))
     found = identification_at(experiment, recorded.parameters.as_values(), recorded.local, None)
     model, back = Model("slip", found, residual_evidence(found)), Continuation("back", (0.5, 0.0), (0.1, 0.2))
@@ -147,7 +147,7 @@ def test_an_excluded_frame_before_the_end_is_not_compared_with_the_new_ones(mode
 
 
 def test_whether_a_recording_comes_back_to_no_load(models):
-    before = models[0].found.experiment
+    before = models[0].identification.experiment
     assert unloads(before) is False
     assert unloads(continued(before, Continuation("half", (0.5,), (0.1,)))) is False
     assert unloads(continued(before, Continuation("down", (0.5, 0.05), (0.1, 0.1)))) is True
@@ -176,7 +176,8 @@ def test_a_test_whose_edges_are_known_from_images_alone_is_not_continued(tmp_pat
     verdict = SimpleNamespace(word="set", indistinguishable=(("one", "other"),), before=noise, after=noise,
                               in_channels=())
     state = SimpleNamespace(setting=SimpleNamespace(margin=Margin(), quick=False), other_axis=None)
-    undecided = SimpleNamespace(found=found, active=None, rounds=(), verdict=verdict, register=None, neglected=None,
+    undecided = SimpleNamespace(identification=found, active=None, rounds=(), verdict=verdict, register=None,
+                                neglected=None,
                                 remainder=SimpleNamespace(local=(), channels=()), corrected=None, enriched=None,
                                 state=state, last_parameters=experiment.parameters,
                                 source=SimpleNamespace(motion_error=None))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from side_twins import Side, write_folder
 
-from idic.diagnose import Refit, diagnose
+from idic.diagnose import Fit, diagnose
 from idic.errors import NotConverged
 from idic.experiment_file import load_experiment
 from idic.identification import identify
@@ -12,8 +12,8 @@ from idic.identification import identify
 
 def failing(jobs):
     """Every refit ends without an answer."""
-    return [Refit(job.name, job.labels[0], "failed", {}, {}, np.zeros((1, 0)), None, None, None,
-                  problem="null: no equilibrium at 3 s") for job in jobs]
+    return [Fit(job.name, job.labels[0], "failed", {}, {}, np.zeros((1, 0)), None, None, None,
+                problem="null: no equilibrium at 3 s") for job in jobs]
 
 
 class Source:

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.diagnose import Fit, Refit
+from idic.diagnose import Fit, Misfit
 from idic.diagnose.selection.moves.other_axis import MIN_CHI2, is_another_answer, is_better, same_axes
 
 VALUES = {"BODY.E1": 3000.0, "BODY.E2": 1500.0, "BODY.nu12": 0.4, "BODY.G12": 700.0, "BODY.angle": 20.0}
 
 
 def fitted(values, chi2=100.0, **stds):
-    fit = Fit(np.arange(4), np.full(4, 25.0 + chi2 / 4.0), np.full(4, 25.0), np.zeros((4, 0)), 1.0)
-    return Refit("enriched", "", "converged", values, dict.fromkeys(values, 5.0) | stds, np.zeros((4, 1)), None, fit,
-                 None)
+    fit = Misfit(np.arange(4), np.full(4, 25.0 + chi2 / 4.0), np.full(4, 25.0), np.zeros((4, 0)), 1.0)
+    return Fit("enriched", "", "converged", values, dict.fromkeys(values, 5.0) | stds, np.zeros((4, 1)), None, fit,
+               None)
 
 
 def test_an_axis_across_with_its_moduli_exchanged_is_the_same_law():

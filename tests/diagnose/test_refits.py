@@ -9,7 +9,7 @@ import pytest
 from side_twins import TOML, Side, write_folder
 
 from idic.diagnose import (
-    Candidate, Fit, JUDGEMENT, Ranked, Refit, RefitJob, Rival, Round, Variant, residual_evidence, run_refit,
+    Candidate, Fit, JUDGEMENT, Misfit, Ranked, RefitJob, Rival, Round, Variant, residual_evidence, run_refit,
 )
 from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.refits.refit import (
@@ -89,12 +89,12 @@ def job(**changes):
 
 def made(**changes):
     rng = np.random.default_rng(0)
-    one = Fit(np.arange(1, 4), rng.random(3), np.array([7, 8, 9]), rng.random((3, 2)), 0.4)
+    one = Misfit(np.arange(1, 4), rng.random(3), np.array([7, 8, 9]), rng.random((3, 2)), 0.4)
     given = {"name": "one", "label": "a", "status": "converged", "values": {"E": 1.1, "sy": float("inf")},
                  "stds": {"E": 0.1, "sy": None}, "local": rng.random((3, 1)), "steps": np.array([1.0, 2.0]),
                  "choice": one,
                  "judgement": None, "evaluations": 4, "problem": "", "phi": 3.5}
-    return Refit(**given | changes)
+    return Fit(**given | changes)
 
 
 def test_a_stored_refit_comes_back_as_it_was(tmp_path):
@@ -194,7 +194,7 @@ class Answering:
         for one in jobs:
             self.asked.append((one.name, one.early_stop))
             rng = np.random.default_rng([len(one.name), *map(ord, one.name)])
-            fit = Fit(np.arange(1, 4), 100.0 * rng.random(3), np.array([7, 8, 9]), np.zeros((3, 1)), 0.4)
+            fit = Misfit(np.arange(1, 4), 100.0 * rng.random(3), np.array([7, 8, 9]), np.zeros((3, 1)), 0.4)
             yield made(name=one.name, choice=fit, judgement=fit, phi=float(fit.gain.sum()))
 
 
@@ -204,7 +204,7 @@ def test_the_number_of_workers_does_not_change_the_refits():
     for workers in (1, 2, 4):
         runner = Answering(workers)
         source = Source("nowhere", {})
-        worst = Fit(np.arange(1, 4), np.full(3, 100.0), np.array([7, 8, 9]), np.zeros((3, 1)), 0.4)
+        worst = Misfit(np.arange(1, 4), np.full(3, 100.0), np.array([7, 8, 9]), np.zeros((3, 1)), 0.4)
         null = made(name="null", choice=worst, judgement=worst, phi=300.0)
         screening = SimpleNamespace(ranked=(), shortlist=tuple(variants), reserve=(), trials=(),
                                     scores=SimpleNamespace(z=np.zeros(0)))
@@ -215,7 +215,7 @@ def test_the_number_of_workers_does_not_change_the_refits():
 
 def leaving(chi2):
     """A fit that leaves so much beyond noise."""
-    return Fit(np.arange(1, 4), np.full(3, 100.0 + chi2 / 3.0), np.full(3, 100), np.zeros((3, 1)), 0.4)
+    return Misfit(np.arange(1, 4), np.full(3, 100.0 + chi2 / 3.0), np.full(3, 100), np.zeros((3, 1)), 0.4)
 
 
 def asked_for(shortlist, reserve, achieved, left):
@@ -410,7 +410,7 @@ def test_a_model_without_equilibrium_from_rest_has_no_residual_and_ends_nothing(
            "hardening_modulus": -1900.0}
     experiment = load_experiment(write_folder(tmp_path / "test", Side()), {"material.BODY": law})
     local = np.zeros((experiment.n_frames, 1))
-    fitted = Refit("softening", "", "converged", experiment.parameters.as_values(), {}, local, None, None, None)
+    fitted = Fit("softening", "", "converged", experiment.parameters.as_values(), {}, local, None, None, None)
     with pytest.raises(NotConverged):
         refit_residual(experiment, fitted)
     assert residual_from_rest(experiment, fitted) is None

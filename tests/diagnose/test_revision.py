@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from idic.diagnose import Diagnosis, Fit, Ranked, Refit, Rival, Round, ScoreColumn, Variant, candidate_library
-from idic.diagnose.refits.refit_job import Told
+from idic.diagnose import Diagnosis, Fit, Misfit, Ranked, Rival, Round, ScoreColumn, Variant, candidate_library
+from idic.diagnose.refits.refit_job import AnnouncedRefits
 from idic.diagnose.screen.select import Screening
 from idic.diagnose.selection.move import Move, moved
 from idic.diagnose.selection.moves.revision import (
@@ -35,13 +35,13 @@ class Folder:
 
 
 def fit(chi2):
-    return Fit(np.arange(1, T + 1), np.full(T, RANK + chi2 / T), np.full(T, RANK), np.zeros((T, 0)), 1.0)
+    return Misfit(np.arange(1, T + 1), np.full(T, RANK + chi2 / T), np.full(T, RANK), np.zeros((T, 0)), 1.0)
 
 
 def refit(names, left, amplitude=1.0):
     values = {f"{name}.size": amplitude for name in names}
-    return Refit("+".join(sorted(names)), sorted(names)[-1] if names else "null", "converged", values,
-                 dict.fromkeys(values, 0.1), np.zeros((T, 0)), None, fit(left), fit(left))
+    return Fit("+".join(sorted(names)), sorted(names)[-1] if names else "null", "converged", values,
+               dict.fromkeys(values, 0.1), np.zeros((T, 0)), None, fit(left), fit(left))
 
 
 def ranked(name):
@@ -120,7 +120,7 @@ def test_a_move_beside_the_verdict_that_fails_is_a_note():
         raise NotConverged("no equilibrium")
 
     assert moved(state, [Move("end", "a_s", lambda state: True, failing, part="the free motion of an end")]) is state
-    assert state.setting.notes.told == ["Without the free motion of an end: no equilibrium. The verdict does not "
+    assert state.setting.notes.texts == ["Without the free motion of an end: no equilibrium. The verdict does not "
                                         "depend on it."]
 
 
@@ -231,7 +231,7 @@ def test_a_parameter_far_from_its_null_needs_no_refit_to_be_kept():
 def test_every_wave_of_refits_is_told_with_its_number_and_the_time_that_is_left():
     said = []
     jobs = [SimpleNamespace(name=name) for name in NAMES]
-    told = Told(lambda asked: [None] * len(asked), said.append, planned=3)
+    told = AnnouncedRefits(lambda asked: [None] * len(asked), said.append, planned=3)
     told(jobs[:1])
     told.seconds = 90.0
     told(jobs[1:])

@@ -12,7 +12,7 @@ from idic.diagnose.locate.onset import MotionRecord
 from idic.diagnose.residual.evidence import noise_share
 from idic.diagnose.residual.excess import pixel_tests
 from idic.diagnose.residual.grey_value_effects import columns_of_kind
-from idic.diagnose.residual.heldout import fit, grid_of
+from idic.diagnose.residual.heldout import grid_of, misfit_of
 from idic.diagnose.residual.subspace import gain_and_rank
 from idic.experiment_file import load_experiment
 from idic.images import ArrayStack
@@ -47,7 +47,7 @@ def test_white_noise_has_unit_variance(residual):
     evidence = residual.evidence
     assert len(evidence.frames) == T
     assert evidence.chi2 / evidence.n_pixels == pytest.approx(1.0, abs=SIGMAS * np.sqrt(2.0 / evidence.n_pixels))
-    found = fit(residual, grid_of(residual))
+    found = misfit_of(residual, grid_of(residual))
     assert abs(found.excess_z) < SIGMAS
     omnibus = next(test for test in pixel_tests(residual) if test.name == "omnibus")
     assert 1e-5 < omnibus.p_value < 1.0 - 1e-5

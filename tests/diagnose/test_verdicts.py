@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from idic.diagnose import (
-    Diagnosis, Fit, MAX_HIDDEN_VISIBILITY, MESH_TOO_COARSE, Mismatch, Ranked, Refit, Rival, Round, SelectedEffect,
+    Diagnosis, Fit, MAX_HIDDEN_VISIBILITY, MESH_TOO_COARSE, Misfit, Mismatch, Ranked, Rival, Round, SelectedEffect,
     Variant, candidate_library, refitted_form,
 )
 from idic.diagnose.caution_texts import (formal_fit, refits_cut_short, refits_given_up, rivals_not_ruled_out,
@@ -32,7 +32,7 @@ KNOWN = {candidate.name: candidate for candidate in candidate_library()}
 
 def left(extra):
     """A fit with so much chi-square per frame beyond noise."""
-    return Fit(np.arange(1, T + 1), np.full(T, RANK + float(extra)), np.full(T, RANK), np.ones((T, 1)), 1.0)
+    return Misfit(np.arange(1, T + 1), np.full(T, RANK + float(extra)), np.full(T, RANK), np.ones((T, 1)), 1.0)
 
 
 def ranked(name, verdict="significant", visibility=1.0, direct=False):
@@ -42,7 +42,7 @@ def ranked(name, verdict="significant", visibility=1.0, direct=False):
 
 def rival(name, heldout, achieved=None, usable=True):
     fit = left(0.0) if usable else None
-    refitted = Refit(name, name, "converged" if usable else "forward_failed", {}, {}, np.zeros((T, 0)), None, fit, fit)
+    refitted = Fit(name, name, "converged" if usable else "forward_failed", {}, {}, np.zeros((T, 0)), None, fit, fit)
     return Rival(ranked(name), refitted, heldout, heldout if achieved is None else achieved, heldout)
 
 
@@ -52,7 +52,7 @@ def screening(*entries):
 
 def round_of(entries, rivals=(), null=None):
     winner, equals = judge(rivals, entries)
-    nothing = Refit("null", "null", "converged", {}, {}, np.zeros((T, 0)), None, left(0.0), left(0.0))
+    nothing = Fit("null", "null", "converged", {}, {}, np.zeros((T, 0)), None, left(0.0), left(0.0))
     return Round(entries, null or nothing, tuple(rivals), winner, equals)
 
 
@@ -432,8 +432,8 @@ def test_a_side_with_more_freedoms_that_explains_more_is_not_called_nearly_as_go
 
 def test_a_fit_that_finds_no_equilibrium_from_rest_is_no_enriched_model():
     """A law of which the solution was found from that of a neighbour: the verdict stands, its model is not written."""
-    final = Refit("damage", "", "converged", {"BODY.E": 1.0}, {"BODY.E": 0.1}, np.zeros((1, 0)), None, left(1.0),
-                  left(1.0))
+    final = Fit("damage", "", "converged", {"BODY.E": 1.0}, {"BODY.E": 0.1}, np.zeros((1, 0)), None, left(1.0),
+                left(1.0))
     ended = FittedModel(None, final)
     assert final.usable and Diagnosis.enriched.fget(diagnosis_of(ended)) is None
     simulated = replace(ended, residual=object())

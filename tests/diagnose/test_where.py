@@ -24,7 +24,7 @@ from idic.diagnose.locate.onset import MotionRecord, growing_windows, load_histo
 from idic.diagnose.locate.place import clusters
 from idic.diagnose.locate.tangents import tangents
 from idic.diagnose.residual.excess import p_beyond_margin
-from idic.diagnose.residual.heldout import fit, grid_of
+from idic.diagnose.residual.heldout import grid_of, misfit_of
 from idic.diagnose.residual.residual_evidence import simulated
 from idic.diagnose.residual.subspace import hats
 from idic.experiment_file import load_experiment
@@ -100,7 +100,8 @@ def test_the_residual_needs_no_derivatives_and_no_second_simulation(clean):
     grid = grid_of(whole)
     less = residual_evidence(found, light=False, null=False, responses=simulated(found, null=False))
     for name in ("gain", "rank", "channels", "light"):
-        np.testing.assert_allclose(getattr(fit(less, grid), name), getattr(fit(whole, grid), name), rtol=1e-9,
+        np.testing.assert_allclose(getattr(misfit_of(less, grid), name), getattr(misfit_of(whole, grid), name),
+                                   rtol=1e-9,
                                    atol=1e-9)
     assert less.null.n == 0 < whole.null.n
 

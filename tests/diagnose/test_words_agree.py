@@ -16,7 +16,7 @@ from idic.cli.diagnosis_tables import told
 from idic.diagnose import SelectedEffect, mismatch_content, residual_evidence, unexplained
 from idic.diagnose.locate.mismatch import locate
 from idic.diagnose.residual.excess_left import ExcessLeft
-from idic.diagnose.residual.heldout import fit, grid_of
+from idic.diagnose.residual.heldout import grid_of, misfit_of
 from idic.diagnose.selection.verdict import conclude
 from idic.experiment_file import load_experiment
 from idic.identification import identify
@@ -30,7 +30,7 @@ def located_in(folder, side):
     """Identification, fit and mismatch of a recording."""
     found = identify(load_experiment(write_folder(folder / "test", side)))
     residual = residual_evidence(found)
-    return found, fit(residual, grid_of(residual)), locate(found, residual)
+    return found, misfit_of(residual, grid_of(residual)), locate(found, residual)
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +53,8 @@ def content_of(known, cause, rest):
     real = mismatch is not None and mismatch.is_significant
     verdict = conclude(rounds, before, after, real, [ExcessLeft(before, after, POWER)], channels=channels)
     diagnosis = SimpleNamespace(
-        found=found, identified=SimpleNamespace(misfit=whole), mismatch=mismatch, rounds=rounds, verdict=verdict,
+        identification=found, identified=SimpleNamespace(misfit=whole), mismatch=mismatch, rounds=rounds,
+        verdict=verdict,
         state=SimpleNamespace(power=np.inf), active=None,
         remainder=SimpleNamespace(channels=channels), selected_effect=SelectedEffect("force", True) if cause else None,
         first_cause=rounds[0] if cause else None)

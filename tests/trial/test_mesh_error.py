@@ -7,7 +7,7 @@ import pytest
 
 from idic.diagnose.discretisation.known_error import with_error
 from idic.diagnose import identification_at, residual_evidence
-from idic.diagnose.residual.heldout import fit, grid_of
+from idic.diagnose.residual.heldout import grid_of, misfit_of
 from idic.experiment_file import load_experiment
 from idic.identification import identify
 from idic.model import build_forward, solve
@@ -67,5 +67,5 @@ def test_rubber_in_shear_leaves_nothing_once_the_error_of_its_mesh_is_known(tmp_
     before = residual_evidence(found, light=False)
     _, there, _ = with_error(_Edited(experiment), found)
     after, grid = residual_evidence(there, light=False), grid_of(before)
-    assert fit(before, grid).excess_z > 10.0
-    assert fit(after, grid).excess_z < 4.0
+    assert misfit_of(before, grid).excess_z > 10.0
+    assert misfit_of(after, grid).excess_z < 4.0

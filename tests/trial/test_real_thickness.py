@@ -267,10 +267,10 @@ def test_a_step_of_the_parameters_that_is_too_long_is_halved_until_they_have_les
     nothing = type(bricks.error)(np.zeros_like(bricks.error.u), np.zeros_like(bricks.error.channels))
     here = sheet.left(nothing)
     there, of_there = turned(sheet, here, bricks, 3.0 * here.step)
-    value = there.found.parameters["BODY.E"].value
+    value = there.identification.parameters["BODY.E"].value
     assert value == pytest.approx(found.parameters["BODY.E"].value + 1.5 * here.step[0])
     assert there.left(nothing).gain < here.gain
-    np.testing.assert_allclose(of_there.error.u, thickness_error(there.found).u, atol=1e-12)
+    np.testing.assert_allclose(of_there.error.u, thickness_error(there.identification).u, atol=1e-12)
     assert turned(sheet, here, bricks, -here.step) is None  # every part leads away
 
 
@@ -293,7 +293,7 @@ def test_turns_end_early_where_the_model_is_wrong_by_far_more(tmp_path, monkeypa
     grid, turned_at = grid_of(residual_evidence(found, light=False)), []
 
     def counted(*arguments, **named):
-        turned_at.append(arguments[0].found.parameters["BODY.E"].value)
+        turned_at.append(arguments[0].identification.parameters["BODY.E"].value)
         return turned(*arguments, **named)
 
     monkeypatch.setattr("idic.diagnose.discretisation.turns.turned", counted)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.diagnose.residual.heldout import fit, grid_of
+from idic.diagnose.residual.heldout import grid_of, misfit_of
 from idic.diagnose import residual_evidence
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
@@ -132,7 +132,7 @@ def test_a_specimen_that_leaves_the_image_leaves_no_excess(tmp_path):
     residual = residual_evidence(found)
     pixels = {one.n_pixels for one in found.point.system.frames}
     assert min(pixels) < 0.95 * max(pixels) and residual.evidence.n_pixels % len(residual.evidence.frames) == 0
-    assert abs(fit(residual, grid_of(residual)).excess_z) < 3.0  # 4.6 with pixels that some frames do not show
+    assert abs(misfit_of(residual, grid_of(residual)).excess_z) < 3.0  # 4.6 with pixels that some frames do not show
 
 
 @pytest.mark.parametrize(("null", "law", "world", "implied"), [

@@ -21,11 +21,11 @@ from idic.simulation_error import Bricks, bricks_of, simulated_sheet
 class Left:
     """What the parameters would still move beside a held error.
 
-    found : with the error; step, std : (n,) of the free parameters, those that a bound holds back at rest; gain : of
-    chi-square by the step; gram : (n, n) its second derivative, halved
+    identification : with the error; step, std : (n,) of the free parameters, those that a bound holds back at rest;
+    gain : of chi-square by the step; gram : (n, n) its second derivative, halved
     """
 
-    found: Identification
+    identification: Identification
     residual: ResidualEvidence
     step: np.ndarray
     std: np.ndarray
@@ -34,32 +34,35 @@ class Left:
 
     def at(self, step: np.ndarray) -> Identification:
         """After a step of the free parameters  # (n,)"""
-        return moved(self.found, dict(zip(self.found.parameters.free, step.tolist(), strict=True)))
+        return moved(self.identification, dict(zip(self.identification.parameters.free, step.tolist(), strict=True)))
 
     def reached(self, step: np.ndarray) -> np.ndarray:
         """The part of a step that the bounds of the parameters leave, in standard deviations  # (n,)"""
         parameters = self.at(step).parameters
-        return np.array([parameters[name].value - self.found.parameters[name].value
+        return np.array([parameters[name].value - self.identification.parameters[name].value
                          for name in parameters.free]) / self.std
 
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """A model simulated in plane stress, with derivatives by `names`, once for all errors; found : without an error"""
+    """A model simulated in plane stress, with derivatives by `names`, once for all errors; identification : without
+    an error"""
 
-    found: Identification
+    identification: Identification
     frames: tuple[FrameResponse, ...]
     names: tuple[str, ...]
 
     def guesses(self, identification: Identification, names: Sequence[str]) -> Iterator[np.ndarray]:
         """First guesses at other parameters, which the frames are differentiated by: to first order  # (n_nodes, 2)"""
-        change = np.array([identification.parameters[name].value - self.found.parameters[name].value for name in names])
+        change = np.array([identification.parameters[name].value - self.identification.parameters[name].value
+                           for name in names])
         return (response.u + response.du @ change for response in self.frames)
 
     def left(self, error: MotionError) -> Left:
         """Beside an error."""
-        experiment = self.found.experiment
-        corrected = at_values(self.found, replace(experiment, motion_error=error), self.found.parameters.as_values())
+        experiment = self.identification.experiment
+        corrected = at_values(self.identification, replace(experiment, motion_error=error),
+                              self.identification.parameters.as_values())
         frames = set(correlated_frames(experiment, range(experiment.n_frames)))
         responses = [replace(response, u=response.u + error.u[response.frame],
                              channels=response.channels + error.channels[response.frame])
@@ -101,5 +104,5 @@ def sheet_and_bricks_at(identification: Identification) -> SheetAndBricks | None
         sheet = sheet_at(identification)
     except NotConverged:
         return None
-    bricks = bricks_of(sheet.found.model_point, sheet.frames, of_sheet=sheet.names)
+    bricks = bricks_of(sheet.identification.model_point, sheet.frames, of_sheet=sheet.names)
     return None if bricks is None else SheetAndBricks(sheet, bricks)

@@ -18,7 +18,7 @@ from idic.diagnose.discretisation.known_error import error_beside, knowing
 from idic.diagnose.discretisation.turns import in_turns
 from idic.diagnose.refits.refit_job import ExperimentSource
 from idic.diagnose.residual.channel_left import channels_left, excess
-from idic.diagnose.residual.heldout import Fit, fit
+from idic.diagnose.residual.heldout import Misfit, misfit_of
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.score import null_model
 from idic.diagnose.residual.subspace import Grid
@@ -43,7 +43,7 @@ def neglected_errors(identification: Identification) -> dict[str, MotionError]:
     return {effect: error for effect, error in errors.items() if error is not None}
 
 
-def with_thickness(source: ExperimentSource, identification: Identification, residual: ResidualEvidence, misfit: Fit,
+def with_thickness(source: ExperimentSource, identification: Identification, residual: ResidualEvidence, misfit: Misfit,
                    grid: Grid, errors: Mapping[str, MotionError],
                    significant: bool) -> tuple[ExperimentSource, Identification]:
     """The source and the identification with the error of plane stress added, where the recording asks for it; as they
@@ -67,7 +67,7 @@ def with_thickness(source: ExperimentSource, identification: Identification, res
     if settled is None:
         return source, identification
     error, point = settled
-    if not is_asked and misfit.chi2 - fit(residual_evidence(point, light=False), grid).chi2 < least:
+    if not is_asked and misfit.chi2 - misfit_of(residual_evidence(point, light=False), grid).chi2 < least:
         return source, identification
     return knowing(source, point, error_beside(point, error.thickness, error.of_mesh))
 
@@ -87,7 +87,7 @@ def with_bricks(identification: Identification, residual: ResidualEvidence, grid
     if former_error is not None and former_error.thickness is not None:
         return None
     errors = neglected_errors(identification)
-    if BRICKS not in errors or not are_shown(_tried(residual, errors), _room(residual, fit(residual, grid))):
+    if BRICKS not in errors or not are_shown(_tried(residual, errors), _room(residual, misfit_of(residual, grid))):
         return None
     mesh, bricks = former_error, errors[BRICKS]
     if not settled:
@@ -120,11 +120,11 @@ def _tried(residual: ResidualEvidence, errors: Mapping[str, MotionError]) -> tup
     return combinations(residual, null_model(residual.evidence, residual.null), errors)
 
 
-def least_drop(residual: ResidualEvidence, misfit: Fit) -> float:
+def least_drop(residual: ResidualEvidence, misfit: Misfit) -> float:
     """Drop of chi-square from which on bricks are counted: significant, and most of what there is."""
     return max(MIN_DROP, MIN_DROP_SHARE * _room(residual, misfit))
 
 
-def _room(residual: ResidualEvidence, misfit: Fit) -> float:
+def _room(residual: ResidualEvidence, misfit: Misfit) -> float:
     """Chi-square that free motions and channels explain of a residual."""
     return misfit.room + sum(max(excess(channel.before), 0.0) for channel in channels_left(residual, None))

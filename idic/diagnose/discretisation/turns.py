@@ -18,7 +18,7 @@ import numpy as np
 from idic.diagnose.discretisation.following import moved
 from idic.diagnose.discretisation.sheet import Left, Sheet, SheetAndBricks, sheet_at
 from idic.diagnose.discretisation.thickness_std import taken_back
-from idic.diagnose.residual.heldout import fit
+from idic.diagnose.residual.heldout import misfit_of
 from idic.diagnose.residual.score import null_model
 from idic.diagnose.residual.subspace import Grid
 from idic.errors import NotConverged
@@ -49,7 +49,7 @@ def in_turns(identification: Identification, mesh: MotionError | None, grid: Gri
             sheet = sheet_at(identification)
         except NotConverged:
             return None
-        bricks = bricks_of(sheet.found.model_point, sheet.frames) if first is None else Bricks(first)
+        bricks = bricks_of(sheet.identification.model_point, sheet.frames) if first is None else Bricks(first)
     else:
         sheet, bricks = begun.sheet, begun.bricks
     if bricks is None:
@@ -59,7 +59,7 @@ def in_turns(identification: Identification, mesh: MotionError | None, grid: Gri
     if bricks.changes is not None:
         slope -= taken_back(remainder.residual, null_model(remainder.residual.evidence, remainder.residual.null),
                             bricks.changes)
-    misfit = fit(remainder.residual, grid)
+    misfit = misfit_of(remainder.residual, grid)
     for _ in range(1, MAX_TURNS):
         settled = remainder.gain < SETTLED_SHARE * float(misfit.gain.sum() - misfit.rank.sum())
         if settled or np.abs(remainder.reached(remainder.step)).max(initial=0.0) < TURNED_STD:
@@ -67,13 +67,13 @@ def in_turns(identification: Identification, mesh: MotionError | None, grid: Gri
         whole_step = scale * np.linalg.lstsq(slope, remainder.step / scale)[0]
         turn = turned(sheet, remainder, bricks, whole_step) or turned(sheet, remainder, bricks, remainder.step)
         if turn is None:
-            return bricks.error.on_top_of(mesh), remainder.found
-        former, at, (sheet, bricks) = remainder, sheet.found.parameters, turn
+            return bricks.error.on_top_of(mesh), remainder.identification
+        former, at, (sheet, bricks) = remainder, sheet.identification.parameters, turn
         remainder = sheet.left(bricks.error.on_top_of(mesh))
-        step = np.array([sheet.found.parameters[name].value - at[name].value for name in at.free])
+        step = np.array([sheet.identification.parameters[name].value - at[name].value for name in at.free])
         slope = learned(slope, step / scale, (former.step - remainder.step) / scale,
                         remainder.gram * np.outer(scale, scale))
-        misfit = fit(remainder.residual, grid)
+        misfit = misfit_of(remainder.residual, grid)
         if misfit.chi2 - remainder.gain >= bar:
             return None
     return bricks.error.on_top_of(mesh), remainder.at(remainder.step)
@@ -86,14 +86,15 @@ def turned(sheet: Sheet, remainder: Left, bricks: Bricks, step: np.ndarray) -> t
     remainder : residual and remaining step at the sheet; step : (n,), in the order of its free parameters
     """
     for part in PARTS_OF_STEP:
-        tried = moved(sheet.found, dict(zip(sheet.found.parameters.free, (part * step).tolist(), strict=True)))
+        tried = moved(sheet.identification,
+                      dict(zip(sheet.identification.parameters.free, (part * step).tolist(), strict=True)))
         try:
             neighbour = sheet_at(tried, sheet)
         except NotConverged:
             continue
-        error = remainder.found.experiment.motion_error
+        error = remainder.identification.experiment.motion_error
         if neighbour.left(error).gain < remainder.gain:
-            bricks_there = bricks_of(neighbour.found.model_point, neighbour.frames, bricks)
+            bricks_there = bricks_of(neighbour.identification.model_point, neighbour.frames, bricks)
             if bricks_there is not None:
                 return neighbour, bricks_there
     return None

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from idic.diagnose.physics.candidate import Situation
-from idic.diagnose.refits.refit import Refit, identification_at, is_residual_of, residual_from_rest
+from idic.diagnose.refits.refit import Fit, identification_at, is_residual_of, residual_from_rest
 from idic.diagnose.refits.refit_job import ExperimentSource
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.situation import situation
@@ -25,7 +25,7 @@ class FittedModel:
     """
 
     source: ExperimentSource
-    fit: Refit
+    fit: Fit
     residual: ResidualEvidence | None = None
 
     @property
@@ -51,6 +51,6 @@ class FittedModel:
         residual = residual_from_rest(self.source.load(), self.fit)
         return None if residual is None else replace(self, residual=residual)
 
-    def with_edits(self, edits: Mapping[str, Any], fit: Refit) -> FittedModel:
+    def with_edits(self, edits: Mapping[str, Any], fit: Fit) -> FittedModel:
         """A further fit, of this model with edits."""
         return FittedModel(self.source.with_edits(edits), fit)

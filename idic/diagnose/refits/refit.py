@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.diagnose.residual.heldout import Fit, fit
+from idic.diagnose.residual.heldout import Misfit, misfit_of
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence, simulated
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.select import Ranked
@@ -44,7 +44,7 @@ GIVEN_UP = "refit given up"  # in the problem of a refit whose simulations fail
 
 
 @dataclass(frozen=True, eq=False)
-class Refit:
+class Fit:
     """A model after its identification on the copy for choosing.
 
     values : every parameter, internal units; stds : of the free ones, None where open, from noise alone in a model
@@ -59,8 +59,8 @@ class Refit:
     stds: Mapping[str, float | None]
     local: np.ndarray
     steps: np.ndarray | None
-    choice: Fit | None
-    judgement: Fit | None
+    choice: Misfit | None
+    judgement: Misfit | None
     evaluations: int = 0
     problem: str = ""
     phi: float = float("nan")  # lowest functional of ordinary least squares on the first copy
@@ -143,7 +143,7 @@ class _Progress:
 
 def refit(name: str, starts: Sequence[Start], other_copies: Mapping[str, Experiment], local: np.ndarray, grid: Grid,
           target: float = np.inf, early_stop: EarlyStop | None = None, estimator: str = ORDINARY,
-          unlimited: bool = False, whole_std: bool = False, most_evaluations: int | None = None) -> Refit:
+          unlimited: bool = False, whole_std: bool = False, most_evaluations: int | None = None) -> Fit:
     """Identify a model from the best of a few starts and measure it.
 
     Parameters
@@ -153,7 +153,7 @@ def refit(name: str, starts: Sequence[Start], other_copies: Mapping[str, Experim
         several places, the first that converges
     other_copies : {label of the start: the same experiment on the copy for judging}; {} judges nothing
     local : (n_frames, m) mm, frame-local unknowns to begin with
-    target : chi-square (`Fit.chi2`) on the first copy that counts as an improvement
+    target : chi-square (`Misfit.chi2`) on the first copy that counts as an improvement
     early_stop : ends an identification that will not come near the best rival
     estimator : to begin with; "generalised" from a start that is near
     unlimited : without the limit of evaluations of a model that is compared with others
@@ -177,7 +177,7 @@ def refit(name: str, starts: Sequence[Start], other_copies: Mapping[str, Experim
                 problems.append(f"{start.label}: {_no_answer(identification, limit)}")
                 continue
             path = simulated(identification, null=False)
-            misfit = fit(residual_evidence(identification, light=False, null=False, responses=path), grid)
+            misfit = misfit_of(residual_evidence(identification, light=False, null=False, responses=path), grid)
         except (NotConverged, InputError, np.linalg.LinAlgError) as problem:  # the last: equations without a solution
             problems.append(f"{start.label}: {problem}")
             continue
@@ -190,16 +190,16 @@ def refit(name: str, starts: Sequence[Start], other_copies: Mapping[str, Experim
         if best[1].chi2 < target:
             break
     if best is None:
-        return Refit(name, starts[0].label, "failed", {}, {}, local, None, None, None, runs, "; ".join(problems))
+        return Fit(name, starts[0].label, "failed", {}, {}, local, None, None, None, runs, "; ".join(problems))
     identification, misfit, start, phi, path = best
     judged = None
     if start.label in other_copies:
         other_point = at_other_copy(identification, other_copies[start.label])
-        judged = fit(residual_evidence(other_point, light=False, null=False, responses=path), grid)
-    return Refit(name, start.label, identification.state.status, identification.parameters.as_values(),
-                 _stds(identification, whole_std),
-                 identification.local, identification.steps, misfit, judged, runs, phi=phi,
-                 estimator=identification.state.estimator.kind)
+        judged = misfit_of(residual_evidence(other_point, light=False, null=False, responses=path), grid)
+    return Fit(name, start.label, identification.state.status, identification.parameters.as_values(),
+               _stds(identification, whole_std),
+               identification.local, identification.steps, misfit, judged, runs, phi=phi,
+               estimator=identification.state.estimator.kind)
 
 
 def _no_answer(identification: Identification, limit: Control | None) -> str:
@@ -283,7 +283,7 @@ def identification_at(experiment: Experiment, values: Mapping[str, float], local
     return Identification(experiment, build_forward(experiment), state, None, local, steps, noise_weights(experiment))
 
 
-def refit_residual(experiment: Experiment, refitted: Refit) -> ResidualEvidence:
+def refit_residual(experiment: Experiment, refitted: Fit) -> ResidualEvidence:
     """The residual of a refitted model.
 
     Its search began every simulation at a neighbour's solution. From rest its increments may find no equilibrium; then
@@ -302,13 +302,13 @@ def refit_residual(experiment: Experiment, refitted: Refit) -> ResidualEvidence:
         return residual_evidence(point, light=False)
 
 
-def is_residual_of(residual: ResidualEvidence, refitted: Refit, error: MotionError | None) -> bool:
+def is_residual_of(residual: ResidualEvidence, refitted: Fit, error: MotionError | None) -> bool:
     """Whether a residual was simulated at the end of a refit, with this known error."""
     at = residual.context
     return at.parameters.as_values() == dict(refitted.values) and at.experiment.motion_error is error
 
 
-def residual_from_rest(experiment: Experiment, refitted: Refit) -> ResidualEvidence | None:
+def residual_from_rest(experiment: Experiment, refitted: Fit) -> ResidualEvidence | None:
     """The residual of a refitted model; None where it finds no equilibrium from rest."""
     try:
         return refit_residual(experiment, refitted)

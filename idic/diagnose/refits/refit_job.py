@@ -1,4 +1,4 @@
-"""One refit as a task: edits of experiment.toml and numbers in, one `Refit` out; and the protocols that supply and run
+"""One refit as a task: edits of experiment.toml and numbers in, one `Fit` out; and the protocols that supply and run
 such tasks."""
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from idic.diagnose.refits.refit import EarlyStop, Refit, Start, refit
+from idic.diagnose.refits.refit import EarlyStop, Fit, Start, refit
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE, JUDGEMENT, thinned
 from idic.identification import ORDINARY
@@ -80,17 +80,17 @@ class RefitJob:
     most_evaluations: int | None = None
 
 
-Refits = Callable[[Sequence[RefitJob]], list[Refit]]  # runs jobs, side by side or not; answers in their order
+Refits = Callable[[Sequence[RefitJob]], list[Fit]]  # runs jobs, side by side or not; answers in their order
 
 
-class Told:
+class AnnouncedRefits:
     """Runs refits and tells before each wave of them which it is, of how many, and about how long they will take."""
 
     def __init__(self, refits: Refits, stage: Callable[[str], None], planned: int):
         self.refits, self.stage, self.planned = refits, stage, planned
         self.done, self.seconds = 0, 0.0
 
-    def __call__(self, jobs: Sequence[RefitJob]) -> list[Refit]:
+    def __call__(self, jobs: Sequence[RefitJob]) -> list[Fit]:
         if not jobs:
             return []
         final_number = self.done + len(jobs)
@@ -111,7 +111,7 @@ class Told:
         return f", at most about {minutes:.0f} min" if minutes >= 1.0 else ", less than a minute"
 
 
-def run_refit(job: RefitJob) -> Refit:
+def run_refit(job: RefitJob) -> Fit:
     """Identify and measure one model (a task)."""
     starts, other_copies = [], {}
     for label, edits, values in zip(job.labels, job.edits, job.values, strict=True):
@@ -125,7 +125,7 @@ def run_refit(job: RefitJob) -> Refit:
                  job.whole_std, job.most_evaluations)
 
 
-def refit_of_one(source: ExperimentSource, name: str, null: Refit, grid: Grid, seed: int,
+def refit_of_one(source: ExperimentSource, name: str, null: Fit, grid: Grid, seed: int,
                  moved: Mapping[str, float] | None = None, **fields) -> RefitJob:
     """The job that fits the present null model of a source again, from the end of its last fit.
 

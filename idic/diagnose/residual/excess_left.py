@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.diagnose.residual.heldout import Fit
+from idic.diagnose.residual.heldout import Misfit
 from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
 
 MIN_EXCESS_Z = 5.0  # standard deviations of an excess that count as something
@@ -24,8 +24,8 @@ class ExcessLeft:
     and motion, that only another cause leaves; camera_px : motion that the camera shows at rest, 0 where it is unknown
     """
 
-    before: Fit
-    after: Fit
+    before: Misfit
+    after: Misfit
     power: float
     max_share: float = MAX_EXCESS_LEFT
     margin_px: float = PRACTICAL_MARGIN_PX
@@ -53,6 +53,6 @@ class ExcessLeft:
         return effect(self.before, self.power)
 
 
-def effect(misfit: Fit, unit_motion_chi2: float) -> float:
+def effect(misfit: Misfit, unit_motion_chi2: float) -> float:
     """Motion (px rms) that free motions ask for beyond noise; unit_motion_chi2 : chi-square of one px, all frames."""
     return float(np.sqrt(max(misfit.gain.sum() - misfit.rank.sum(), 0.0) / max(unit_motion_chi2, 1e-300)))

@@ -20,7 +20,7 @@ CAMERA_GAP_SHARE = 0.25  # of the width of the mesh, between the images of two c
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class Misfit:
     """Residual of a model that free motions and channels explain.
 
     gain, rank : (T,) of free motions, per frame; channels : (T, n_channels) white residual of the channels; pixels :
@@ -81,20 +81,20 @@ class Fit:
         return np.mean(self.channels**2, axis=0) if len(self.channels) else np.zeros(self.channels.shape[1])
 
 
-def fit(residual: ResidualEvidence, grid: Grid) -> Fit:
+def misfit_of(residual: ResidualEvidence, grid: Grid) -> Misfit:
     """Measure a gathered residual against free motions on a grid, the same for all models that are compared."""
     evidence = residual.evidence
     explanation = explained(evidence, hats(evidence, grid))
-    return Fit(evidence.frames, explanation.gain, explanation.rank, white_channels(evidence),
-               evidence.chi2 / evidence.n_pixels,
-               np.array([part.light for part in evidence.parts]))
+    return Misfit(evidence.frames, explanation.gain, explanation.rank, white_channels(evidence),
+                  evidence.chi2 / evidence.n_pixels,
+                  np.array([part.light for part in evidence.parts]))
 
 
-def pooled(first: Fit, second: Fit) -> Fit:
+def pooled(first: Misfit, second: Misfit) -> Misfit:
     """Of two judgements on two copies that make one: both count."""
-    return Fit(first.frames, first.gain + second.gain, first.rank + second.rank,
-               np.vstack([first.channels, second.channels]),
-               0.5 * (first.pixels + second.pixels), first.light + second.light)
+    return Misfit(first.frames, first.gain + second.gain, first.rank + second.rank,
+                  np.vstack([first.channels, second.channels]),
+                  0.5 * (first.pixels + second.pixels), first.light + second.light)
 
 
 def white_channels(evidence: Evidence) -> np.ndarray:
@@ -136,14 +136,14 @@ def grid_of(residual: ResidualEvidence, elements: float = FREE_MOTION_SPACING) -
     return grid_over(residual.evidence, at, elements * float(np.median(np.concatenate(edges))))
 
 
-def ratio(base: Fit, enriched: Fit) -> float:
+def ratio(base: Misfit, enriched: Misfit) -> float:
     """Excess after over before; clipped at zero, where noise is all that is left."""
     if base.excess <= 0.0:
         return float("nan")
     return max(enriched.excess, 0.0) / base.excess
 
 
-def share_recovered(base: Fit, enriched: Fit, camera_chi2: float = 0.0) -> float:
+def share_recovered(base: Misfit, enriched: Misfit, camera_chi2: float = 0.0) -> float:
     """Share of the explainable residual that a model explains: 1 = as good as an unconstrained measurement.
 
     Its drop of chi-square over that drop and what is left of free motions and channels beyond noise.
@@ -156,7 +156,7 @@ def share_recovered(base: Fit, enriched: Fit, camera_chi2: float = 0.0) -> float
     return float(max(drop, 0.0) / (max(drop, 0.0) + remainder)) if drop > 0.0 or remainder > 0.0 else float("nan")
 
 
-def better_blocks(base: Fit, enriched: Fit, n_blocks: int = 6) -> tuple[float, float]:
+def better_blocks(base: Misfit, enriched: Misfit, n_blocks: int = 6) -> tuple[float, float]:
     """Contiguous blocks of frames: share of the affected ones that got better, worst change of an unaffected one.
 
     Affected: an excess of more than three standard deviations before.

@@ -14,7 +14,7 @@ import numpy as np
 
 from idic.diagnose.residual.excess import seen_planes
 from idic.diagnose.residual.excess_left import MAX_LOCAL_EXCESS_LEFT, ExcessLeft
-from idic.diagnose.residual.heldout import Fit, positions
+from idic.diagnose.residual.heldout import Misfit, positions
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import CameraResidual, ResidualEvidence
 from idic.diagnose.residual.subspace import Basis, Grid, explained, hats
@@ -78,10 +78,10 @@ def _near(basis: Basis, circles: list[tuple[np.ndarray, float]], margin_px: floa
     return Basis(basis.fields[:, indices], basis.places[indices], basis.component[indices])
 
 
-def _fit(residual: ResidualEvidence, basis: Basis) -> Fit:
+def _fit(residual: ResidualEvidence, basis: Basis) -> Misfit:
     """Motions alone."""
     explanation, frames = explained(residual.evidence, basis), residual.evidence.frames
-    return Fit(frames, explanation.gain, explanation.rank, np.zeros((len(frames), 0)), float("nan"))
+    return Misfit(frames, explanation.gain, explanation.rank, np.zeros((len(frames), 0)), float("nan"))
 
 
 def _moved_nodes(residual: ResidualEvidence, basis: Basis) -> np.ndarray:

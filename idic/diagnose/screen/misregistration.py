@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from idic.diagnose.physics.candidate import Variant
-from idic.diagnose.residual.heldout import Fit
+from idic.diagnose.residual.heldout import Misfit
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.thinning import COPY_VARIANCE_FACTOR
 
@@ -20,7 +20,7 @@ HIDDEN_BY_MOTION = ("the remaining motion reduces the contrast of the residual a
                     "it remains")
 
 
-def lost_contrast_chi2(residual: ResidualEvidence, motions: Fit) -> float:
+def lost_contrast_chi2(residual: ResidualEvidence, motions: Misfit) -> float:
     """Chi-square of the contrast that is lost by unexplained motion; motions : what free motions explain."""
     off = max(float(motions.gain.sum() - motions.rank.sum()), 0.0)
     contrast = [float(np.var(camera.context.reference.f)) / camera.context.weights.image_noise**2  # type: ignore
@@ -29,7 +29,7 @@ def lost_contrast_chi2(residual: ResidualEvidence, motions: Fit) -> float:
     return off**2 / (4.0 * texture) if texture else 0.0
 
 
-def reason_to_wait(variants: tuple[Variant, ...], residual: ResidualEvidence, motions: Fit) -> str:
+def reason_to_wait(variants: tuple[Variant, ...], residual: ResidualEvidence, motions: Misfit) -> str:
     """Why a candidate of grey values is not tested yet, "" where it is.
 
     residual : of the whole recording, where candidates are scored; motions : what free motions explain of one of its

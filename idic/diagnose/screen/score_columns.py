@@ -164,7 +164,7 @@ class _Answers:
     """The models whose responses are asked for, each once."""
 
     def __init__(self, identification: Identification):
-        self.found, self.values = identification, identification.parameters.as_values()
+        self.identification, self.values = identification, identification.parameters.as_values()
         self.base, self.loads = _alternative(identification.experiment, identification, {})
         self.others: list[Alternative] = []
         self.loads_of_others: list[np.ndarray] = []
@@ -178,14 +178,15 @@ class _Answers:
                             experiment.heterogeneities, sorted(parameters.as_values().items())))
         if key not in self.place:
             self.place[key] = len(self.others)
-            alternative, loads = _alternative(experiment, self.found, parameters.as_values())
+            alternative, loads = _alternative(experiment, self.identification, parameters.as_values())
             self.others.append(alternative)
             self.loads_of_others.append(loads)
         return self.place[key]
 
     def read(self, frame: int, answer: Responses) -> np.ndarray:
         """Change of all channels in a frame, extensometers and pressures included  # (n_channels, n_others)"""
-        readings = self.found.forward.readings if isinstance(self.found.forward, ForwardModel) else None
+        forward = self.identification.forward
+        readings = forward.readings if isinstance(forward, ForwardModel) else None
         if readings is None:
             return answer.dchannels
         moved = readings.motion @ answer.du.reshape(readings.motion.shape[1], -1)

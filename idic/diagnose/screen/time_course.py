@@ -18,7 +18,7 @@ from scipy import sparse
 from idic.diagnose.residual.evidence import Evidence
 from idic.diagnose.residual.excess import power
 from idic.diagnose.residual.excess_left import MAX_INCLUSION_EXCESS_LEFT, ExcessLeft
-from idic.diagnose.residual.heldout import Fit
+from idic.diagnose.residual.heldout import Misfit
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.score import null_model
@@ -63,7 +63,7 @@ def has_new_inclusion(base: ResidualEvidence, enriched: ResidualEvidence) -> boo
                for entry in enriched.context.experiment.heterogeneities)
 
 
-def _fit(residual: ResidualEvidence, grid: Grid, course: np.ndarray) -> Fit:
+def _fit(residual: ResidualEvidence, grid: Grid, course: np.ndarray) -> Misfit:
     """Drop of chi-square by motions with this course, as one frame; the model's own parameters may move along."""
     evidence = residual.evidence
     null = null_model(evidence, residual.null)
@@ -73,7 +73,7 @@ def _fit(residual: ResidualEvidence, grid: Grid, course: np.ndarray) -> Fit:
         own_matrix, own_rhs = projected(evidence, part, white)
         matrix, rhs, cross = matrix + own_matrix, rhs + own_rhs, cross + white.T @ weighed
     gain, rank = gain_and_rank(matrix - cross @ null.covariance @ cross.T, rhs - cross @ null.remaining)
-    return Fit(evidence.frames[-1:], np.array([gain]), np.array([rank]), np.zeros((1, 0)), float("nan"))
+    return Misfit(evidence.frames[-1:], np.array([gain]), np.array([rank]), np.zeros((1, 0)), float("nan"))
 
 
 def _white(evidence: Evidence, fields: sparse.csr_array, course: np.ndarray) -> Iterator[sparse.csr_array]:

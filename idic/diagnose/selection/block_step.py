@@ -24,7 +24,7 @@ from itertools import pairwise
 import numpy as np
 
 from idic.diagnose.residual.evidence import Evidence
-from idic.diagnose.residual.heldout import Fit
+from idic.diagnose.residual.heldout import Misfit
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.score import NullModel, null_model
 from idic.diagnose.residual.subspace import Grid, gain_and_rank, hats
@@ -55,7 +55,7 @@ class Part:
 class BlockJudgement:
     """The model before and after on one block.
 
-    before, after : held-out excess (`Fit.excess`), NaN where a fit failed; std : of its noise; drop : of chi-square
+    before, after : held-out excess (`Misfit.excess`), NaN where a fit failed; std : of its noise; drop : of chi-square
     """
 
     name: str
@@ -74,7 +74,7 @@ class BlockJudgement:
         return asdict(self) | {"better": self.better}
 
 
-def block_judgement(name: str, base: Fit | None, enriched: Fit | None) -> BlockJudgement:
+def block_judgement(name: str, base: Misfit | None, enriched: Misfit | None) -> BlockJudgement:
     """Both models on one block; None where a fit failed."""
     is_complete = base is not None and enriched is not None
     nan = float("nan")
@@ -102,7 +102,7 @@ def holds(judged: Sequence[BlockJudgement]) -> bool:
     return not judged or sum(judgement.drop for judgement in judged) > -MAX_LUCK_OF_BLOCKS
 
 
-def _fits(residual: ResidualEvidence, grid: Grid) -> list[tuple[str, Fit | None]]:
+def _fits(residual: ResidualEvidence, grid: Grid) -> list[tuple[str, Misfit | None]]:
     parts = parts_of(residual.evidence, grid)
     return [(part.name, misfit) for part, misfit in zip(parts, judged_parts(residual, grid, parts), strict=True)]
 
@@ -138,14 +138,14 @@ def _beside(evidence: Evidence, chosen: np.ndarray) -> np.ndarray:
     return np.asarray(abs(part.A) @ chosen.astype(float)).ravel() > 0.0
 
 
-def judged_parts(residual: ResidualEvidence, grid: Grid, parts: Sequence[Part]) -> tuple[Fit | None, ...]:
+def judged_parts(residual: ResidualEvidence, grid: Grid, parts: Sequence[Part]) -> tuple[Misfit | None, ...]:
     """A model fitted to one part and measured on the other; None where a part does not determine it."""
     null = null_model(residual.evidence, residual.null)
     fields = hats(residual.evidence, grid).fields
     return tuple(_judged(residual.evidence, null, fields, part) for part in parts)
 
 
-def _judged(evidence: Evidence, null: NullModel, fields, part: Part) -> Fit | None:
+def _judged(evidence: Evidence, null: NullModel, fields, part: Part) -> Misfit | None:
     step = _step(evidence, null, part)
     if step is None:
         return None
@@ -163,7 +163,7 @@ def _judged(evidence: Evidence, null: NullModel, fields, part: Part) -> Fit | No
         gains.append(gain)
         ranks.append(rank)
         channels.append((channel_q - null.weighed.channels[t] @ step) / root if part.with_channels else np.zeros(0))
-    return Fit(evidence.frames[chosen], np.array(gains), np.array(ranks), np.array(channels), float("nan"))
+    return Misfit(evidence.frames[chosen], np.array(gains), np.array(ranks), np.array(channels), float("nan"))
 
 
 def _step(evidence: Evidence, null: NullModel, part: Part) -> np.ndarray | None:

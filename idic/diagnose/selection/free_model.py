@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from idic.diagnose.refits.refit import Refit
+from idic.diagnose.refits.refit import Fit
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.residual.heldout import share_recovered
 from idic.diagnose.selection.rival import MIN_HELDOUT_DROP
@@ -21,7 +21,7 @@ MIN_SHAPE_STD = 3.0  # standard deviations of a shape that is told
 class FreeModel:
     """left : excess of the identified model and of this one on the copy that had no part in the fits."""
 
-    refitted: Refit
+    refitted: Fit
     left: ExcessLeft
 
     @property

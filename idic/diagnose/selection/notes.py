@@ -14,7 +14,7 @@ class Notes:
     """What failed beside the verdict, in sentences (`told`)."""
 
     def __init__(self, texts: Sequence[str] = ()):
-        self.told = list(texts)
+        self.texts = list(texts)
 
     def attempt(self, part: str, compute: Callable[..., Any], *arguments: Any, otherwise: Any = None) -> Any:
         """The answer of `compute`, or `otherwise` and a note where it fails.
@@ -24,10 +24,10 @@ class Notes:
         try:
             return compute(*arguments)
         except (InputError, NotConverged) as problem:
-            self.told.append(f"Without {part}: {problem}. The verdict does not depend on it.")
+            self.texts.append(f"Without {part}: {problem}. The verdict does not depend on it.")
         except Exception as problem:  # noqa: BLE001 - a bug: the verdict stands, and the note says how to find it
             frame = traceback.extract_tb(problem.__traceback__)[-1]
-            self.told.append(f"Without {part}: {type(problem).__name__}, {problem} ({Path(frame.filename).name}, line "
+            self.texts.append(f"Without {part}: {type(problem).__name__}, {problem} ({Path(frame.filename).name}, line "
                              f"{frame.lineno}). The verdict does not depend on it. This is a bug in idic: please "
                              f"report it.")
         return otherwise

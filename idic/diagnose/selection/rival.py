@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.diagnose.refits.refit import Refit
+from idic.diagnose.refits.refit import Fit
 from idic.diagnose.refits.refit_job import ExperimentSource
-from idic.diagnose.residual.heldout import Fit, pooled
+from idic.diagnose.residual.heldout import Misfit, pooled
 from idic.diagnose.screen.select import MIN_SEPARATION_CHI2, Ranked, Screening
 from idic.diagnose.selection.block_step import BlockJudgement
 
@@ -34,11 +34,11 @@ class Rival:
     """
 
     ranked: Ranked
-    refitted: Refit
+    refitted: Fit
     predicted: float
     achieved: float
     heldout: float
-    crossed_judgement: Fit | None = None
+    crossed_judgement: Misfit | None = None
     achieved_on_other: float = 0.0
     failed_on_one_copy: bool = False
 
@@ -121,18 +121,18 @@ class Round:
     """
 
     screening: Screening
-    null: Refit
+    null: Fit
     rivals: tuple[Rival, ...]
     winner: Rival | None
     equals: tuple[str, ...] = ()  # rivals that cannot be told from the winner
-    crossed_judgement: Fit | None = None
+    crossed_judgement: Misfit | None = None
     source: ExperimentSource | None = None
     passed_over: Rival | None = None
     blocks: tuple[BlockJudgement, ...] = ()
     plain: Rival | None = None
     awaits_others: bool = False
 
-    def heldout_fits(self, rival: Rival) -> tuple[Fit, Fit]:
+    def heldout_fits(self, rival: Rival) -> tuple[Misfit, Misfit]:
         """Of the null and a rival, where they had no part in the fit; on one copy where only one of them judged both:
         a revised round has a null of its own, and the rivals of before."""
         null_misfit, rival_misfit = self.null.judgement, rival.refitted.judgement
@@ -177,7 +177,7 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
     return winner, tuple(equals)
 
 
-def leaves_something(misfit: Fit) -> bool:
+def leaves_something(misfit: Misfit) -> bool:
     """Whether a fit leaves more than noise in motions or channels."""
     channels = float((misfit.channels**2).sum() - misfit.channels.size) / np.sqrt(2.0 * max(misfit.channels.size, 1))
     return max(misfit.excess_z, channels) > MIN_LEFT_Z

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from idic.diagnose.physics.candidate import Candidate, Variant
-from idic.diagnose.refits.refit import (MAX_BODY_EVALUATIONS, MAX_STARTS, MIN_BODY_EVALUATIONS, EarlyStop, Refit,
-                                 warm_start)
+from idic.diagnose.refits.refit import (MAX_BODY_EVALUATIONS, MAX_STARTS, MIN_BODY_EVALUATIONS, EarlyStop, Fit,
+                                        warm_start)
 from idic.diagnose.refits.refit_job import ExperimentSource, RefitJob, Refits
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.select import MAX_SHORTLIST, Ranked, Screening
@@ -28,7 +28,7 @@ MAX_CLOSE_CHI2 = 25.0  # chi-square between two candidates that are hardly disti
 MIN_KEPT_SHARE = 0.5
 
 
-def refitted(source: ExperimentSource, null: Refit, screening: Screening, refits: Refits, grid: Grid, seed: int,
+def refitted(source: ExperimentSource, null: Fit, screening: Screening, refits: Refits, grid: Grid, seed: int,
              bends: bool = False, is_alone: bool = False, is_far: bool = False) -> tuple[Rival, ...]:
     """Refit the shortlist, the most promising first; a candidate that cannot win any more is left out.
 
@@ -191,7 +191,7 @@ def starting_variants(screening: Screening, candidate: Candidate, best: Variant)
     return [best, *(variant for _, variant in ordered)][:MAX_STARTS]
 
 
-def refit_of_candidate(source: ExperimentSource, null: Refit, ranked: Ranked, screening: Screening, refits: Refits,
+def refit_of_candidate(source: ExperimentSource, null: Fit, ranked: Ranked, screening: Screening, refits: Refits,
                        grid: Grid,
                        seed: int, values: Mapping[str, float]) -> Rival:
     """One candidate refitted on top of a model, from given values first, then from its probes.
@@ -206,7 +206,7 @@ def refit_of_candidate(source: ExperimentSource, null: Refit, ranked: Ranked, sc
     return _rival(ranked, answer, null)
 
 
-def refitted_from_other_starts(source: ExperimentSource, null: Refit, winner: Rival, screening: Screening,
+def refitted_from_other_starts(source: ExperimentSource, null: Fit, winner: Rival, screening: Screening,
                                refits: Refits, grid: Grid, seed: int) -> Rival | None:
     """A law that was selected and leaves a good part, from its other starts; None where it has none, or none of them
     finds an answer."""
@@ -254,7 +254,7 @@ def _is_slow(ranked: Ranked) -> bool:
     return ranked.candidate.slow
 
 
-def _job(source: ExperimentSource, null: Refit, ranked: Ranked, variants: Sequence[Variant], warm: bool, drop: float,
+def _job(source: ExperimentSource, null: Fit, ranked: Ranked, variants: Sequence[Variant], warm: bool, drop: float,
          grid: Grid, seed: int, early_stop: EarlyStop | None) -> RefitJob:
     """Variants start at their probes; warm : the best of them first at the amplitude of its score.
 
@@ -269,7 +269,7 @@ def _job(source: ExperimentSource, null: Refit, ranked: Ranked, variants: Sequen
                     null.choice.chi2 - drop, seed, early_stop, most_evaluations=most_body_evaluations(null))
 
 
-def most_body_evaluations(null: Refit) -> int:
+def most_body_evaluations(null: Fit) -> int:
     """Evaluations of the body per frame, beyond which a simulation of a rival has failed: more where the identified
     model takes several increments per frame itself, and where frames are few."""
     intervals = max(1, len(null.local) - 1)
@@ -277,7 +277,7 @@ def most_body_evaluations(null: Refit) -> int:
     return round(max(MAX_BODY_EVALUATIONS * per_frame, MIN_BODY_EVALUATIONS / intervals))
 
 
-def _rival(ranked: Ranked, answer: Refit, null: Refit) -> Rival:
+def _rival(ranked: Ranked, answer: Fit, null: Fit) -> Rival:
     if not answer.usable:
         return Rival(ranked, answer, ranked.gain, float("nan"), float("nan"))
     return Rival(ranked, answer, ranked.gain, null.choice.chi2 - answer.choice.chi2,

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 from idic.diagnose.locate.mismatch import Mismatch
 from idic.diagnose.physics.candidate import Candidate
 from idic.diagnose.refits.fitted_model import FittedModel
-from idic.diagnose.refits.refit import Refit
-from idic.diagnose.refits.refit_job import Refits, Told
+from idic.diagnose.refits.refit import Fit
+from idic.diagnose.refits.refit_job import Refits, AnnouncedRefits
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.excess import power
 from idic.diagnose.residual.margin import ASSUMED, Margin
@@ -88,13 +88,13 @@ class Setting:
 class Joined:
     """The model as a cause has joined it, before errors of its simulation are computed anew.
 
-    fit, error : of that model; near : rivals whose evidence comes near that of the cause; is_finite : whether finite
-    strains have joined since
+    fit, error : of that model; close_rivals : rivals whose evidence comes near that of the cause; is_finite : whether
+    finite strains have joined since
     """
 
-    fit: Refit
+    fit: Fit
     error: MotionError | None
-    near: tuple[Rival, ...]
+    close_rivals: tuple[Rival, ...]
     is_finite: bool = False
 
 
@@ -111,12 +111,12 @@ class Doubted:
 class State:
     """A diagnosis between two moves.
 
-    found : the identification under diagnosis, with its known error
+    identification : under diagnosis, with its known error
     first : the identified model, fitted to the copy for choosing
     model : the last model, with every selected cause; its residual is mostly that of the end of its fit
     mismatch : side, onset and place, None where they could not be located
     rounds : that have ended; the last one has no winner, unless the limit of rounds was reached
-    number : of screenings; round : under way, None between two rounds; told : announces the refits of that round
+    number : of screenings; round : under way, None between two rounds; announced : its refits
     joined : the model as the last cause has joined it, None while a round is under way
     doubted : the first round whose winner awaits others
     end : the freed end that explains more than the causes that were selected, which are not told then
@@ -126,25 +126,25 @@ class State:
     """
 
     setting: Setting
-    found: Identification
+    identification: Identification
     first: FittedModel
     model: FittedModel
     mismatch: Mismatch | None = None
     rounds: tuple[Round, ...] = ()
     number: int = 0
     round: Round | None = None
-    told: Told | None = None
+    announced: AnnouncedRefits | None = None
     joined: Joined | None = None
     doubted: Doubted | None = None
     end: FreeEnd | None = None
     final: FittedModel | None = None
-    other_axis: Refit | None = None
+    other_axis: Fit | None = None
     settled: Identification | None = None
 
     @property
     def refits(self) -> Refits:
         """Runs refit jobs: announced while a round is under way."""
-        return self.setting.refits if self.told is None else self.told
+        return self.setting.refits if self.announced is None else self.announced
 
     @property
     def winner(self) -> Rival | None:

@@ -19,7 +19,7 @@ import numpy as np
 from idic.diagnose.physics.candidate import Candidate
 from idic.diagnose.residual.channel_left import ChannelLeft
 from idic.diagnose.residual.excess_left import MIN_EXCESS_Z, ExcessLeft
-from idic.diagnose.residual.heldout import Fit, share_recovered
+from idic.diagnose.residual.heldout import Misfit, share_recovered
 from idic.diagnose.screen.select import MAX_HIDDEN_VISIBILITY, MIN_PROBE_Z, Ranked, Screening
 from idic.diagnose.selection.rival import Round
 from idic.parameters import Parameter
@@ -46,13 +46,13 @@ class Verdict:
     cannot_tell: tuple[str, ...]
     next_experiment: str | None
     share: float
-    before: Fit
-    after: Fit
+    before: Misfit
+    after: Misfit
     in_motions: bool = False
     in_channels: tuple[str, ...] = ()
 
 
-def conclude(rounds: Sequence[Round], base: Fit, enriched: Fit, real: bool, excess: Sequence[ExcessLeft],
+def conclude(rounds: Sequence[Round], base: Misfit, enriched: Misfit, real: bool, excess: Sequence[ExcessLeft],
              unloads: bool | None = False, camera_chi2: float = 0.0, channels: Sequence[ChannelLeft] = (),
              freedom: Callable[[Ranked], Parameter | None] = lambda _: None) -> Verdict:
     """The verdict of a finished chain.

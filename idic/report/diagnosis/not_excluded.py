@@ -114,7 +114,7 @@ def _passed_over(diagnosis: Diagnosis) -> Iterator[dict[str, str]]:
 
 def _hidden(diagnosis: Diagnosis, identified: Mapping[str, Mapping]) -> list[dict[str, str]]:
     """Candidates that this test cannot detect, whose plausible size would change an identified parameter."""
-    stds = {name: entry["std"] * abs(diagnosis.found.parameters[name].factor)
+    stds = {name: entry["std"] * abs(diagnosis.identification.parameters[name].factor)
             for name, entry in identified.items() if entry["std"]}
     shown = short_names(list(stds))
     found = []
@@ -122,7 +122,7 @@ def _hidden(diagnosis: Diagnosis, identified: Mapping[str, Mapping]) -> list[dic
         shift = hidden_shift(ranked, stds) if ranked.standing == "cannot_tell" else None
         if shift is not None:
             name, size, in_std = shift
-            share = size / (identified[name]["value"] * diagnosis.found.parameters[name].factor or np.inf)
+            share = size / (identified[name]["value"] * diagnosis.identification.parameters[name].factor or np.inf)
             found.append((abs(in_std), {"name": ranked.candidate.name, "why":
                           f"{probe_words(ranked.variant)} would not show and would move {shown[name]} by "
                           f"{'+' if share > 0 else '−'}{two_digits(100.0 * abs(share))} % ({two_digits(abs(in_std))} "

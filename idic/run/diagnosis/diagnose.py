@@ -57,7 +57,7 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: i
         "the search for spots in the images", without_spots, source, found, stage, otherwise=as_found)
     made = diagnose_identification(source, found, partial(run_refits, runner, RefitStore(run, resume)), stage,
                                    seed, library, margin=Margin(floor), quick=quick)
-    made = replace(made, spots=spots, notes=(*notes.told, *made.notes))
+    made = replace(made, spots=spots, notes=(*notes.texts, *made.notes))
     return made if register is None else replace(made, register=judged_by_images(made, register, stage))
 
 
@@ -107,7 +107,7 @@ def write_all(run: str | Path, diagnosis: Diagnosis, began: float) -> dict:
     notes, verdict = Notes(diagnosis.notes), diagnosis_content(diagnosis, identified_parameters(run))
 
     def write(enriched: Path | None = None) -> dict:
-        return write_diagnosis(run, verdict, enriched, time.perf_counter() - began, notes.told)
+        return write_diagnosis(run, verdict, enriched, time.perf_counter() - began, notes.texts)
 
     write()  # the verdict first: nothing that follows may cost it
     enriched = notes.attempt("the enriched experiment", _enriched, diagnosis)
@@ -121,7 +121,8 @@ def _enriched(diagnosis: Diagnosis) -> Path | None:
     """The experiment with the selected candidates, None without one."""
     if diagnosis.enriched is None:
         return None if diagnosis.spots is None else write_enriched(
-            diagnosis.source, diagnosis.found.experiment, diagnosis.found.parameters.as_values(), diagnosis.spots.names)
+            diagnosis.source, diagnosis.identification.experiment, diagnosis.identification.parameters.as_values(),
+            diagnosis.spots.names)
     enriched = diagnosis.enriched
     return write_enriched(enriched.source, enriched.residual.context.experiment, enriched.fit.values,
                           diagnosis.verdict.selected)

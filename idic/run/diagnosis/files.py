@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from idic.diagnose import (
-    Diagnosis, Fit, Ranked, Refit, Rival, Round, better_blocks, cautions,
-    content as courses_content, in_words, left_place, mismatch_content, ratio, refitted_form, unexplained,
+    Diagnosis, Fit, Misfit, Ranked, Rival, Round, better_blocks, cautions, content as courses_content, in_words,
+    left_place, mismatch_content, ratio, refitted_form, unexplained,
 )
 from idic.parameters import ParameterSet
 from idic.report import diagnosis_headline, left_over, not_excluded, sentence, with_spots
@@ -46,7 +46,7 @@ def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_
     if (spots := diagnosis.spots) is not None:
         without = free_parameters(spots.result)
         content = diagnosis_content(replace(diagnosis, spots=None), without, wall_s)
-        return finite(with_spots(content, spots, before, without, diagnosis.found.experiment.length_unit))
+        return finite(with_spots(content, spots, before, without, diagnosis.identification.experiment.length_unit))
     after = _after(diagnosis)
     real_body = of_real_body(diagnosis, after or before)
     last = {name: real_body.get(name) or after.get(name) or entry for name, entry in before.items()}
@@ -67,7 +67,7 @@ def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_
         "left": _left(diagnosis),
         "courses": _courses(diagnosis),
         "free_end": None if diagnosis.state.end is None else diagnosis.state.end.content(
-            list(before), diagnosis.found.experiment.parameters),
+            list(before), diagnosis.identification.experiment.parameters),
         "free_form": None if diagnosis.free_form is None else diagnosis.free_form.content(),
         "spots": [],
         "register": None if diagnosis.register is None else diagnosis.register.content(),
@@ -87,7 +87,7 @@ def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_
 
 def _left(diagnosis: Diagnosis) -> dict:
     """What the last model leaves on the whole recording: motion, channels."""
-    left, experiment = diagnosis.remainder.excesses[0], diagnosis.found.experiment
+    left, experiment = diagnosis.remainder.excesses[0], diagnosis.identification.experiment
     enriched = diagnosis.enriched
     place = None if enriched is None else left_place(enriched.residual, diagnosis.identified.grid)
     return {"motion_px": left.motion_px, "motion_z": left.after.excess_z,
@@ -113,7 +113,7 @@ def _nearest(diagnosis: Diagnosis) -> list[str]:
 def _courses(diagnosis: Diagnosis) -> list[dict]:
     """Course and error band of every selected cause that is no material."""
     found = [course for one in diagnosis.rounds if one.winner is not None for course in diagnosis.courses(one)]
-    return courses_content(found, diagnosis.found.experiment.times)
+    return courses_content(found, diagnosis.identification.experiment.times)
 
 
 def titles_of(diagnosis: Diagnosis) -> dict[str, str]:
@@ -177,7 +177,7 @@ def _after(diagnosis: Diagnosis) -> dict:
     return _refitted(diagnosis.enriched.fit, diagnosis.last_parameters)
 
 
-def _refitted(refit: Refit, parameters: ParameterSet) -> dict[str, dict]:
+def _refitted(refit: Fit, parameters: ParameterSet) -> dict[str, dict]:
     """Value, std, unit of the free parameters of a refit."""
     shown = {}
     for name, std in refit.stds.items():
@@ -218,8 +218,8 @@ def _fit(diagnosis: Diagnosis) -> dict:
             "blocks": [block.content() for block in diagnosis.remainder.blocks]}
 
 
-def _by_channel(diagnosis: Diagnosis, one: Fit) -> Mapping[str, float]:
-    names = [channel.column for channel in diagnosis.found.experiment.channels]
+def _by_channel(diagnosis: Diagnosis, one: Misfit) -> Mapping[str, float]:
+    names = [channel.column for channel in diagnosis.identification.experiment.channels]
     return dict(zip(names, np.asarray(one.channel_chi2).tolist(), strict=True))
 
 

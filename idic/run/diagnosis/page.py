@@ -27,7 +27,7 @@ def write_page(run: Path | str, diagnosis: Diagnosis, content: Mapping, titles: 
     run = Path(run)
     record = record_of(diagnosis, content, titles, notes, further)
     sections = draw_diagnosis_sections(record, notes)
-    new = [note for note in notes.told if note not in content["cautions"]]
+    new = [note for note in notes.texts if note not in content["cautions"]]
     record = replace(record, content={**content, "cautions": [*content["cautions"], *new]})
     (run / "figures").mkdir(exist_ok=True)
     for section in sections:
@@ -41,7 +41,7 @@ def write_page(run: Path | str, diagnosis: Diagnosis, content: Mapping, titles: 
 def record_of(diagnosis: Diagnosis, content: Mapping, titles: Mapping[str, str], notes: Notes,
               further: tuple[Picture, ...] = ()) -> DiagnosisRecord:
     """Everything the page shows, in the reader's units."""
-    experiment, verdict = diagnosis.found.experiment, diagnosis.verdict
+    experiment, verdict = diagnosis.identification.experiment, diagnosis.verdict
     frame = notes.attempt("the frame of the maps", _shown_frame, diagnosis, otherwise=verdict.before.worst_frame)
     return DiagnosisRecord(
         title=experiment.title, content=content, titles=titles, frame=frame,
@@ -91,7 +91,7 @@ def _residuals(diagnosis: Diagnosis, frame: int) -> tuple[tuple[str, tuple[tuple
 
 
 def _curves(diagnosis: Diagnosis) -> tuple[Curve, ...]:
-    found = diagnosis.found.experiment
+    found = diagnosis.identification.experiment
     before = _shown_channels(diagnosis.identified.residual)
     after = None if diagnosis.enriched is None else _shown_channels(diagnosis.enriched.residual)
     noise = diagnosis.identified.residual.context.weights.channel_noise

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import idic
-from idic.diagnose import Fit, Refit, RefitJob, run_refit
+from idic.diagnose import Fit, Misfit, RefitJob, run_refit
 from idic.run.workers.runner import TaskRunner
 from idic.run.store.replace import replace_file
 
@@ -25,7 +25,7 @@ FOLDER = "diagnosis"
 FITS = ("choice", "judgement")
 
 
-def run_refits(runner: TaskRunner, store: RefitStore | None, jobs: Sequence[RefitJob]) -> list[Refit]:
+def run_refits(runner: TaskRunner, store: RefitStore | None, jobs: Sequence[RefitJob]) -> list[Fit]:
     """Refits side by side, in the order of the jobs; each is stored when it ends.
 
     Parameters
@@ -58,7 +58,7 @@ class RefitStore:
         if not resume and self.folder.exists():
             shutil.rmtree(self.folder)
 
-    def get(self, job: RefitJob) -> Refit | None:
+    def get(self, job: RefitJob) -> Fit | None:
         """The stored refit of this job; None without one, or where its file cannot be read."""
         path = self._path(job)
         if not path.exists():
@@ -68,14 +68,14 @@ class RefitStore:
         except Exception:  # noqa: BLE001 - a damaged archive raises whatever comes; the refit is made again
             return None
 
-    def put(self, job: RefitJob, refit: Refit) -> None:
+    def put(self, job: RefitJob, refit: Fit) -> None:
         """Store a refit completely or not at all."""
         plain = {name: getattr(refit, name)
                  for name in ("name", "label", "status", "evaluations", "problem", "phi", "estimator")}
         plain |= {"values": dict(refit.values), "stds": dict(refit.stds)}
         arrays = {"local": refit.local} | ({} if refit.steps is None else {"steps": np.asarray(refit.steps)})
         for name in FITS:
-            one: Fit | None = getattr(refit, name)
+            one: Misfit | None = getattr(refit, name)
             plain[name] = None if one is None else one.pixels
             arrays |= {} if one is None else {f"{name}.{part}": getattr(one, part) for part in _ARRAYS}
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -90,19 +90,19 @@ class RefitStore:
         return self.folder / f"{job.name}-{job_hash(job)}.npz"
 
 
-_ARRAYS = [field.name for field in fields(Fit) if field.name != "pixels"]
+_ARRAYS = [field.name for field in fields(Misfit) if field.name != "pixels"]
 
 
-def _read(path: Path) -> Refit:
+def _read(path: Path) -> Fit:
     with np.load(path, allow_pickle=False) as stored:
         arrays = {name: stored[name] for name in stored.files}
     plain = json.loads(str(arrays.pop("plain")))
     fits = {name: None if plain[name] is None else _fit(name, plain[name], arrays) for name in FITS}
-    return Refit(**(plain | fits), local=arrays["local"], steps=arrays.get("steps"))
+    return Fit(**(plain | fits), local=arrays["local"], steps=arrays.get("steps"))
 
 
-def _fit(name: str, pixels: float, arrays: Mapping[str, np.ndarray]) -> Fit:
-    return Fit(**{part: arrays[f"{name}.{part}"] for part in _ARRAYS}, pixels=pixels)
+def _fit(name: str, pixels: float, arrays: Mapping[str, np.ndarray]) -> Misfit:
+    return Misfit(**{part: arrays[f"{name}.{part}"] for part in _ARRAYS}, pixels=pixels)
 
 
 def job_hash(job: RefitJob) -> str:

@@ -18,7 +18,7 @@ from idic.report import Picture, WhereRecord, pictures, spot_picture, time_label
 def where_pictures(diagnosis: Diagnosis) -> tuple[Picture, ...]:
     """Figures of spots, and of place, onset and side of a diagnosis; () where nothing was located."""
     spots = diagnosis.spots
-    of_spots = () if spots is None else (spot_picture(diagnosis.found.experiment, spots.spots),)
+    of_spots = () if spots is None else (spot_picture(diagnosis.identification.experiment, spots.spots),)
     if diagnosis.mismatch is None:
         return of_spots
     record = where_record(diagnosis.identified.residual, diagnosis.mismatch, diagnosis.selected_effect)

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from idic.diagnose.physics.candidate import Variant
-from idic.diagnose.refits.refit import Refit
+from idic.diagnose.refits.refit import Fit
 from idic.diagnose.refits.refit_job import ExperimentSource, RefitJob, Refits, refit_of_one
 from idic.diagnose.residual.excess_left import MIN_EXCESS_Z
-from idic.diagnose.residual.heldout import Fit
+from idic.diagnose.residual.heldout import Misfit
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.select import Screening
 from idic.diagnose.selection import stages
@@ -32,8 +32,8 @@ def undecided(rivals: Sequence[Rival]) -> list[Rival]:
     return candidates if not clear and any(r.achieved > r.min_heldout_drop for r in candidates) else []
 
 
-def judged_on_both(source: ExperimentSource, null: Refit, rivals: Sequence[Rival], screening: Screening, refits: Refits,
-                   grid: Grid, seed: int) -> tuple[tuple[Rival, ...], Fit | None]:
+def judged_on_both(source: ExperimentSource, null: Fit, rivals: Sequence[Rival], screening: Screening, refits: Refits,
+                   grid: Grid, seed: int) -> tuple[tuple[Rival, ...], Misfit | None]:
     """Rivals refitted to the copy for judging and judged on the other one too: no copy judges a fit to itself.
 
     The candidates were chosen on one of the two, so the bar is twice as high (`Rival.min_heldout_drop`).
@@ -53,7 +53,7 @@ def judged_on_both(source: ExperimentSource, null: Refit, rivals: Sequence[Rival
     return tuple(judged_rivals.get(id(r), r) for r in rivals), null_of_copy.judgement
 
 
-def _swapped(source: ExperimentSource, null: Refit, rival: Rival, variant: Variant, grid: Grid, seed: int) -> RefitJob:
+def _swapped(source: ExperimentSource, null: Fit, rival: Rival, variant: Variant, grid: Grid, seed: int) -> RefitJob:
     """A rival on the copy for judging: from its probe, and from where it ended on the other one; the better of both.
 
     The other copy judges it: what started there counts only where the search has left its start (`Start.borrowed`).
@@ -64,7 +64,7 @@ def _swapped(source: ExperimentSource, null: Refit, rival: Rival, variant: Varia
                     -np.inf, seed, swapped=True, borrowed=labels[0])
 
 
-def _judged_twice(rival: Rival, null: Refit, answer: Refit) -> Rival:
+def _judged_twice(rival: Rival, null: Fit, answer: Fit) -> Rival:
     if not answer.usable:
         return replace(rival, failed_on_one_copy=True)
     return replace(rival, heldout=rival.heldout + null.judgement.chi2 - answer.judgement.chi2,

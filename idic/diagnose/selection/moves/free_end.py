@@ -19,7 +19,7 @@ from idic.diagnose.locate.freedoms import EDGE_MODE_DEGREE
 from idic.diagnose.locate.mismatch import Mismatch
 from idic.diagnose.physics.candidate import Candidate, Situation
 from idic.diagnose.physics.edits import driven, with_correction
-from idic.diagnose.refits.refit import Refit
+from idic.diagnose.refits.refit import Fit
 from idic.diagnose.refits.refit_job import ExperimentSource, RefitJob
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.screen.free_courses import KNOTTED
@@ -97,7 +97,7 @@ def is_the_last_word(state: State, tried: State) -> bool:
     return end.describes and explains_more(end, state.first.fit, state.model.fit, moves_an_end)
 
 
-def explains_more(end: FreeEnd, null: Refit, final: Refit, moves_an_end: bool = False) -> bool:
+def explains_more(end: FreeEnd, null: Fit, final: Fit, moves_an_end: bool = False) -> bool:
     """Whether a freed end explains more than the selected causes on both copies, less twice its further unknowns, by
     more than noise and the error of two simulations; moves_an_end : where one cause of the boundary was selected, by as
     much as a further cause must."""

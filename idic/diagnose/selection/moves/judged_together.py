@@ -84,7 +84,7 @@ def ended(state: State) -> State:
     entry = state.round
     model = state.model if entry.winner is None else replace(
         model_of(entry), residual=state.model.residual)
-    return replace(state, rounds=(*state.rounds, entry), round=None, told=None, model=model)
+    return replace(state, rounds=(*state.rounds, entry), round=None, announced=None, model=model)
 
 
 def confirmed_together(state: State) -> State:

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic.diagnose.physics.candidate import Variant
-from idic.diagnose.refits.refit import Refit
+from idic.diagnose.refits.refit import Fit
 from idic.diagnose.refits.refit_job import RefitJob
 from idic.diagnose.screen.select import MIN_SEPARATION_CHI2
 from idic.diagnose.selection.rival import COPIES
@@ -25,7 +25,7 @@ MIN_DIFFERENCE_STD = 3.0  # of a parameter of two fits, in standard deviations o
 MIN_CHI2 = COPIES * MIN_SEPARATION_CHI2  # of the whole recording between two models that it tells apart
 
 
-def fit_from_other_axes(state: State) -> Refit | None:
+def fit_from_other_axes(state: State) -> Fit | None:
     """The best fit of the last model to the recording that begins at another axis; None without an axis or an
     answer."""
     setting, source, final = state.setting, state.final.source, state.final.fit
@@ -49,12 +49,12 @@ def fit_from_other_axes(state: State) -> Refit | None:
     return replace(fit, name=final.name) if fit.usable else None
 
 
-def is_better(trial: Refit, final: Refit) -> bool:
+def is_better(trial: Fit, final: Fit) -> bool:
     """Whether the recording prefers the other axis."""
     return trial.choice.chi2 < final.choice.chi2 - MIN_CHI2
 
 
-def is_another_answer(trial: Refit, final: Refit) -> bool:
+def is_another_answer(trial: Fit, final: Fit) -> bool:
     """Whether the recording does not tell the two, and a parameter differs by more than the error bars say."""
     if not trial.choice.chi2 < final.choice.chi2 + MIN_CHI2:
         return False

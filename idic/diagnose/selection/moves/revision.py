@@ -19,10 +19,10 @@ from dataclasses import replace
 import numpy as np
 
 from idic.diagnose.refits.fitted_model import FittedModel
-from idic.diagnose.refits.refit import Refit
+from idic.diagnose.refits.refit import Fit
 from idic.diagnose.refits.refit_job import refit_of_one
 from idic.diagnose.residual.channel_left import explains_a_channel
-from idic.diagnose.residual.heldout import Fit
+from idic.diagnose.residual.heldout import Misfit
 from idic.diagnose.screen.select import MIN_SEPARATION_CHI2, Ranked, Screening
 from idic.diagnose.selection.move import Move, moved
 from idic.diagnose.selection.moves.few_jumps import FEW_JUMPS
@@ -47,7 +47,7 @@ def min_further_drop(rival: Rival, whole_drop: float) -> float:
     return max(MIN_HELDOUT_DROP + len(rival.ranked.variant.new), MIN_FURTHER_SHARE * whole_drop)
 
 
-def earns_its_place(rival: Rival, first: Fit, without: Fit, together: Fit) -> bool:
+def earns_its_place(rival: Rival, first: Misfit, without: Misfit, together: Misfit) -> bool:
     """Whether a cause is one of several.
 
     first, without, together : models without any cause, and without and with this one, held out
@@ -130,7 +130,7 @@ def _better(state: State, rounds: list[Round]) -> list[Round] | None:
     return None
 
 
-def is_needed(ranked: Ranked, last_fit: Refit, allowed: float) -> bool:
+def is_needed(ranked: Ranked, last_fit: Fit, allowed: float) -> bool:
     """Whether a parameter of a cause stands so far from its null in the whole that no refit without it need be made."""
     variant = ranked.variant
     for name in variant.new:
@@ -150,7 +150,7 @@ def exchangeable(entry: Round) -> list[Rival]:
     return plain + sorted(close_rivals, key=lambda r: -r.achieved)[:MAX_EXCHANGES]
 
 
-def _judged(rounds: Sequence[Round]) -> Fit:
+def _judged(rounds: Sequence[Round]) -> Misfit:
     return rounds[-1].winner.refitted.judgement
 
 
@@ -200,7 +200,7 @@ def _added(state: State, model: FittedModel, later: Round, screening: Screening,
              *([FEW_JUMPS] if jumps else [])]
     entry = Round(screening, model.fit, (rival,), rival, source=model.source)
     setting = replace(setting, clock=Clock())  # the time is that of the revision
-    return moved(replace(state, setting=setting, model=model, round=entry, told=None), forms).winner
+    return moved(replace(state, setting=setting, model=model, round=entry, announced=None), forms).winner
 
 
 def _starts(values: Mapping[str, float], excluded: Sequence[str]) -> dict[str, float]:

@@ -21,9 +21,9 @@ from dataclasses import dataclass, replace
 from idic.diagnose.discretisation.following import following
 from idic.diagnose.discretisation.known_error import known_error
 from idic.diagnose.refits.fitted_model import FittedModel
-from idic.diagnose.refits.refit import Refit
+from idic.diagnose.refits.refit import Fit
 from idic.diagnose.refits.refit_job import ExperimentSource, refit_of_one
-from idic.diagnose.residual.heldout import fit
+from idic.diagnose.residual.heldout import misfit_of
 from idic.diagnose.selection.move import Move
 from idic.diagnose.selection.rival import Rival, Round, judge, noise_of_evidence
 from idic.diagnose.selection.rivals import FIRST_ORDER_ERROR_SHARE, edits_of, finite
@@ -54,7 +54,7 @@ class Foreseen:
 
 def has_near_rivals(state: State) -> bool:
     """Whether the model has changed beside a cause that had near rivals."""
-    return state.has_changed and bool(state.joined.near)
+    return state.has_changed and bool(state.joined.close_rivals)
 
 
 def with_rivals_again(state: State) -> State | None:
@@ -66,7 +66,7 @@ def with_rivals_again(state: State) -> State | None:
     if winner is None:
         return None
     models, refitted_rivals, is_any_behind, remaining = {}, [], False, chi2_of_following(state)
-    for rival in state.joined.near:
+    for rival in state.joined.close_rivals:
         formed = finite(rival, entry.screening) if state.joined.is_finite else rival
         model = FittedModel(entry.source.with_edits(edits_of(formed, entry.screening)), rival.refitted)
         estimate = foreseen(state, model, formed)
@@ -105,7 +105,7 @@ def fitted_beside(state: State, model: FittedModel, estimate: Foreseen | None) -
 def chi2_of_following(state: State) -> float:
     """Chi-square of the recording beside the winner, after its parameters have followed."""
     residual = state.model.residual
-    return fit(residual, state.setting.grid).chi2 - following(residual)[1]
+    return misfit_of(residual, state.setting.grid).chi2 - following(residual)[1]
 
 
 def is_behind(estimate: Foreseen, rival: Rival, winner: Rival, remaining: float) -> bool:
@@ -130,7 +130,7 @@ def foreseen(state: State, model: FittedModel, rival: Rival) -> Foreseen | None:
     if simulation is None:
         return None
     moved, gain = following(simulation.residual)
-    return Foreseen(simulation.source, moved, fit(simulation.residual, state.setting.grid).chi2 - gain, gain)
+    return Foreseen(simulation.source, moved, misfit_of(simulation.residual, state.setting.grid).chi2 - gain, gain)
 
 
 def near_rivals(entry: Round) -> list[Rival]:
@@ -142,7 +142,7 @@ def near_rivals(entry: Round) -> list[Rival]:
     return sorted(close_rivals, key=lambda r: -r.evidence)[:MAX_RIVALS]
 
 
-def refitted_again(rival: Rival, refitted: Refit) -> Rival | None:
+def refitted_again(rival: Rival, refitted: Fit) -> Rival | None:
     """A rival with a later fit of the same cause; None where a copy is missing."""
     former = rival.refitted
     if None in (former.choice, former.judgement, refitted.choice, refitted.judgement):

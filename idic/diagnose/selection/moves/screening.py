@@ -9,8 +9,8 @@ from idic.correlation import FrameResponse
 from idic.diagnose.discretisation.weight import error_column
 from idic.diagnose.physics.candidate import Candidate, Situation, Variant
 from idic.diagnose.refits.fitted_model import FittedModel
-from idic.diagnose.refits.refit import Refit
-from idic.diagnose.refits.refit_job import Told
+from idic.diagnose.refits.refit import Fit
+from idic.diagnose.refits.refit_job import AnnouncedRefits
 from idic.diagnose.residual.channel_left import smallest_reading
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
@@ -36,8 +36,8 @@ def opened(state: State) -> State:
     screening = screened(model, setting.library, setting.watch, setting.margin, is_further, responses)
     if not screening.shortlist:
         setting.stage("no candidate is significant: no refit")
-    announced = Told(setting.refits, setting.stage, 1 if setting.quick else len(screening.shortlist))
-    return replace(state, number=state.number + 1, joined=None, told=announced,
+    announced = AnnouncedRefits(setting.refits, setting.stage, 1 if setting.quick else len(screening.shortlist))
+    return replace(state, number=state.number + 1, joined=None, announced=announced,
                    round=Round(screening, model.fit, (), None, source=model.source))
 
 
@@ -72,7 +72,7 @@ def screened(model: FittedModel, library: Sequence[Candidate], watch: Watch = un
 
 
 def _trials(library: Sequence[Candidate], is_measured: bool, place: Situation, residual: ResidualEvidence,
-            null: Refit) -> tuple[list[tuple[Candidate, Variant]], list[tuple[Candidate, str]]]:
+            null: Fit) -> tuple[list[tuple[Candidate, Variant]], list[tuple[Candidate, str]]]:
     """Variants to be scored, and the candidates that are not, each with its reason.
 
     is_measured : another system has measured the fields: no candidate is one of the camera

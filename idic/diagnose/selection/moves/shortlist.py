@@ -21,9 +21,9 @@ YIELD_STATES = ("plastic_strain",)
 def with_refits(state: State) -> State:
     """The round with its rivals refitted, and the winner among them."""
     setting, model, screening = state.setting, state.model, state.round.screening
-    unit = state.power_of_copy if holds_motion(state.found.experiment) else np.inf
+    unit = state.power_of_copy if holds_motion(state.identification.experiment) else np.inf
     is_off = effect(model.fit.judgement, unit) > MAX_REGISTER_PX
-    bends = not causes_of(state.rounds) and has_state(state.found, YIELD_STATES)
+    bends = not causes_of(state.rounds) and has_state(state.identification, YIELD_STATES)
     rivals = refitted(model.source, model.fit, screening, state.refits, setting.grid, setting.seed, bends=bends,
                       is_alone=setting.quick, is_far=is_off)
     return judged(replace(state, round=replace(state.round, rivals=rivals)))

@@ -17,7 +17,7 @@ from idic.diagnose.discretisation.sheet import sheet_and_bricks_at
 from idic.diagnose.discretisation.thickness_error import with_bricks
 from idic.diagnose.discretisation.thickness_std import std_factors
 from idic.diagnose.refits.fitted_model import FittedModel
-from idic.diagnose.refits.refit import Refit
+from idic.diagnose.refits.refit import Fit
 from idic.diagnose.refits.refit_job import ExperimentSource, refit_of_one
 from idic.diagnose.selection.move import Move, moved
 from idic.diagnose.selection.moves.other_axis import fit_from_other_axes, is_another_answer, is_better
@@ -45,7 +45,7 @@ def fitted(state: State) -> State:
     return replace(state, final=_simulated(model.source, whole_fit(setting, model)))
 
 
-def _simulated(source: ExperimentSource, fit: Refit) -> FittedModel:
+def _simulated(source: ExperimentSource, fit: Fit) -> FittedModel:
     """A fit to the recording with its residual, where it finds an equilibrium from rest."""
     model = FittedModel(source, fit)
     return (model.simulated() or model) if fit.usable else model
@@ -73,7 +73,7 @@ def _turned(state: State) -> State | None:
     return replace(state, final=_simulated(source, fit), settled=settled) if fit.usable else None
 
 
-def whole_fit(setting: Setting, model: FittedModel, settled: Identification | None = None) -> Refit:
+def whole_fit(setting: Setting, model: FittedModel, settled: Identification | None = None) -> Fit:
     """A model fitted to the recording itself, from the end of its last fit, or from where turns ended.
 
     settled : that end
