@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -166,9 +167,8 @@ def recommended(tried: Sequence[Separation]) -> Separation | None:
 
 def _programme(experiment: Experiment) -> np.ndarray | None:
     """The largest logged motion or load over its largest value  # (n_frames,)"""
-    drives = [entry.drive.values for entry in (*experiment.prescribed, *experiment.loads)  # type: ignore[attr-defined]
-              if isinstance(entry.drive, Column)]  # type: ignore[attr-defined]
-    moving = [values for values in drives if np.abs(values).max() > 0.0]
+    logged = [drive.values for drive in experiment.drives if isinstance(drive, Column)]
+    moving = [values for values in logged if np.abs(values).max() > 0.0]
     if not moving:
         return None
     largest = max(moving, key=lambda values: np.abs(values).max())
@@ -195,15 +195,16 @@ def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
 
     def carried(entry):
         drive = entry.drive
-        changes = {"corrections": tuple(correction(c) for c in drive.corrections)} if hasattr(
-            drive, "corrections") else {}
+        changes: dict[str, Any] = {}
+        if hasattr(drive, "corrections"):
+            changes["corrections"] = tuple(correction(c) for c in drive.corrections)
         if isinstance(drive, Column):
             values = (held if isinstance(entry, Temperature) else scaled)(drive.values)
-            changes |= {"values": values, "rates": steady(drive.rates)}  # type: ignore[dict-item]
+            changes |= {"values": values, "rates": steady(drive.rates)}
         elif isinstance(drive, Controlled):
-            changes |= {"course": scaled(drive.course), "rates": steady(drive.rates)}  # type: ignore[dict-item]
+            changes |= {"course": scaled(drive.course), "rates": steady(drive.rates)}
         elif isinstance(drive, TemperatureField):
-            changes |= {"values": held(drive.values)}  # type: ignore[dict-item]
+            changes |= {"values": held(drive.values)}
         return replace(entry, drive=replace(drive, **changes)) if changes else entry
 
     channels = tuple(replace(c, values=np.concatenate([c.values, np.zeros(n)]), rates=steady(c.rates),

@@ -483,6 +483,11 @@ class Experiment:
         return self if mesh is self.mesh else replace(self, mesh=mesh)
 
     @property
+    def drives(self) -> tuple[Drive, ...]:
+        """Of the prescribed displacements, then of the loads."""
+        return (*(entry.drive for entry in self.prescribed), *(entry.drive for entry in self.loads))
+
+    @property
     def views(self) -> tuple[Experiment, ...]:
         """The experiment as each camera sees it, the main camera first: images, mask, surface, noise, axes of the mesh.
 

@@ -65,9 +65,7 @@ def _mean_displacement(experiment: Experiment, place: Channel | Controlled) -> n
 
 def controlled(experiment: Experiment) -> Controlled | None:
     """The motion or load whose size a gauge decides."""
-    entries = [entry.drive for entry in (*experiment.prescribed, *experiment.loads)  # type: ignore[attr-defined]
-               if isinstance(entry.drive, Controlled)]  # type: ignore[attr-defined]
-    return entries[0] if entries else None
+    return next((drive for drive in experiment.drives if isinstance(drive, Controlled)), None)
 
 
 def path_control(experiment: Experiment, drives: DriveTable) -> PathControl | None:

@@ -202,7 +202,7 @@ def _columns(
 ) -> dict[str, np.ndarray]:
     """Every column of the new log in internal units: channels and drives as simulated, with their noise."""
     columns: dict[str, np.ndarray] = {}
-    drives = [entry.drive for entry in (*experiment.prescribed, *experiment.loads, *experiment.temperatures)]  # type: ignore[attr-defined]
+    drives = (*experiment.drives, *(entry.drive for entry in experiment.temperatures))
     for number, drive in enumerate(drives):
         is_motion = number < len(experiment.prescribed)
         if isinstance(drive, Column):

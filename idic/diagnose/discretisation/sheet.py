@@ -21,11 +21,12 @@ from idic.simulation_error import Bricks, bricks_of, simulated_sheet
 class Left:
     """What the parameters would still move beside a held error.
 
-    identification : with the error; step, std : (n,) of the free parameters, those that a bound holds back at rest;
-    gain : of chi-square by the step; gram : (n, n) its second derivative, halved
+    identification : with the error; residual : of it; step, std : (n,) of the free parameters, those that a bound
+    holds back at rest; gain : of chi-square by the step; gram : (n, n) its second derivative, halved
     """
 
     identification: Identification
+    error: MotionError
     residual: ResidualEvidence
     step: np.ndarray
     std: np.ndarray
@@ -69,7 +70,7 @@ class Sheet:
                      for response in self.frames if response.frame in frames]
         residual = residual_evidence(corrected, light=False, responses=responses)
         null, (steps, gain) = null_model(residual.evidence, residual.null), following(residual)
-        return Left(corrected, residual, np.array([steps.get(name, 0.0) for name in null.names]),
+        return Left(corrected, error, residual, np.array([steps.get(name, 0.0) for name in null.names]),
                     np.sqrt(np.maximum(np.diagonal(null.covariance), 1e-300)), gain,
                     null.gram)
 

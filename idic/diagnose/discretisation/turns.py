@@ -92,8 +92,7 @@ def turned(sheet: Sheet, remainder: Left, bricks: Bricks, step: np.ndarray) -> t
             neighbour = sheet_at(tried, sheet)
         except NotConverged:
             continue
-        error = remainder.identification.experiment.motion_error
-        if neighbour.left(error).gain < remainder.gain:
+        if neighbour.left(remainder.error).gain < remainder.gain:
             bricks_there = bricks_of(neighbour.identification.model_point, neighbour.frames, bricks)
             if bricks_there is not None:
                 return neighbour, bricks_there

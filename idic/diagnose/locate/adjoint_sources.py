@@ -123,7 +123,7 @@ def image_adjoint(residual: ResidualEvidence, index: int, p: np.ndarray) -> np.n
     evidence, frame = residual.evidence, int(residual.evidence.frames[index])
     n_nodes, dim = residual.context.experiment.mesh.nodes.shape
     units = np.tile(np.eye(dim), (n_nodes, 1, 1))  # a unit of each component at every node
-    c, total = evidence.n_components, 0.0
+    c, total = evidence.n_components, np.zeros((n_nodes, dim, p.shape[1]))
     image_loads = np.zeros((len(residual.cameras) * n_nodes * c, p.shape[1]))
     image_loads[evidence.seen] = p
     for camera, camera_loads in zip(residual.cameras, np.split(image_loads, len(residual.cameras)), strict=True):

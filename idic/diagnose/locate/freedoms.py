@@ -51,7 +51,8 @@ def boundary_patterns(experiment: Experiment, held_dofs: np.ndarray) -> tuple[np
     n_dim, n_dof = experiment.n_dim, experiment.mesh.nodes.size
     is_held = np.zeros(n_dof, dtype=bool)
     is_held[held_dofs] = True
-    motions, forces = [], []
+    motions: list[np.ndarray] = []
+    forces: list[np.ndarray] = []
     for name in dict.fromkeys(entry.nodes for entry in experiment.prescribed):
         nodes = set_nodes(experiment, name)
         shapes = edge_modes(experiment, nodes)

@@ -101,13 +101,17 @@ class Mismatch:
         if selected is None and not self.is_significant:
             return None, None
         without_corner = self.onset_frame is not None and self.onset.from_start
-        if selected.from_start if selected else without_corner:
-            return 0, (0, 0 if selected else self.onset_ci[1])
-        if selected and selected.course_onset:
+        if selected is None:
+            if without_corner and self.onset_ci is not None:
+                return 0, (0, self.onset_ci[1])
+            return self.onset_frame, self.onset_ci
+        if selected.from_start:
+            return 0, (0, 0)
+        if selected.course_onset:
             low, high = self.onset_ci or selected.course_onset
             last_at_zero, begun = selected.course_onset
             return begun, (min(low, last_at_zero), max(high, begun))
-        active = selected.active_frame if selected else None
+        active = selected.active_frame
         if active is not None and (selected.modifies_yield_law or self.onset_frame is None or without_corner):
             low, high = self.onset_ci or (active, active)
             return active, (min(low, active), max(high, active))
@@ -177,9 +181,9 @@ def locate(identification: Identification, residual: ResidualEvidence, null: Nul
     follows = fingerprint(begins.amplitude, begins.std, times, load, begins.frame)
     constant = dict(zip(null.names, parameter_cusum(record)[1].tolist(), strict=True))
     labels = () if place is None else tuple(int(i) for i in experiment.mesh.element_labels[place.elements])
+    centroid, centroid_std, extent = (_numbers(place, name) for name in ("centroid", "centroid_std", "extent"))
     return Mismatch(p_value, nested_tests.side if real else "", effect, first, interval, visible,
-                    labels,  # type: ignore[call-arg]
-                    *(_numbers(place, name) for name in ("centroid", "centroid_std", "extent")), frames,
+                    labels, centroid, centroid_std, extent, frames,
                     nested_tests, begins, source_map, place, motion, follows, constant, pixel_tests(residual))
 
 

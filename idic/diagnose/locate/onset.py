@@ -111,7 +111,8 @@ class Onset:
 
 def course(evidence: Evidence, null: NullModel, motion: FreeMotion) -> MotionRecord:
     """The short record: free motions weighed by their mean information, and the channels."""
-    mean = sum(equations.matrix for equations in motion.white) / len(motion.white)
+    total = sum((equations.matrix for equations in motion.white), start=np.zeros_like(motion.white[0].matrix))
+    mean = total / len(motion.white)
     root = half_inverse(mean)  # (p, r), root root^T = mean^-1
     forth = mean @ root  # unit noise: root^T mean a
     e, J = [], []

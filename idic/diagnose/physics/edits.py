@@ -46,9 +46,9 @@ def with_correction(situation: Situation, number: int, component: str,
                     correction: Mapping[str, Any]) -> dict[str, Any]:
     """Edits that add one entry to the corrections of a drive (`docs/experiment-file.md`, [[boundary]])."""
     tables = copy.deepcopy(list(situation.document["boundary"]))
-    drive = tables[number][f"u{component}"]
-    drive = dict(drive) if isinstance(drive, Mapping) else {"value": float(drive)}
-    drive["corrections"] = [*drive.get("corrections", ()), dict(correction)]  # type: ignore[misc]
+    entry = tables[number][f"u{component}"]
+    drive: dict[str, Any] = dict(entry) if isinstance(entry, Mapping) else {"value": float(entry)}
+    drive["corrections"] = [*drive.get("corrections", ()), dict(correction)]
     tables[number] = dict(tables[number]) | {f"u{component}": drive}
     return {"boundary": tables}
 

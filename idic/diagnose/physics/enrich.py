@@ -72,7 +72,7 @@ def _kept(parameter: Parameter, value: float) -> dict[str, Any]:
     entry["identify"] = parameter.free
     if np.isfinite(parameter.bounds).any():
         entry["bounds"] = [bound / factor for bound in parameter.bounds]
-    if parameter.prior_mean is not None:
+    if parameter.prior_mean is not None and parameter.prior_std is not None:
         entry["prior"] = {"mean": parameter.prior_mean / factor, "std": parameter.prior_std / factor}
     return entry
 

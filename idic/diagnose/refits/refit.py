@@ -115,7 +115,8 @@ class _Progress:
     """
 
     def __init__(self, early_stop: EarlyStop | None, limited: bool = False):
-        self.early_stop, self.limited, self.phis = early_stop, limited, []
+        self.early_stop, self.limited = early_stop, limited
+        self.phis: list[float] = []
 
     def __call__(self, state: LoopState) -> None:
         failed = [entry for entry in state.history if entry["phi"] is None]

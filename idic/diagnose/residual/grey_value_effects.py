@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from idic.correlation import CorrelationContext, ReferenceImage, blur_bias
+from idic.correlation import CorrelationContext, GreyReference, blur_bias
 from idic.images import ArrayStack, lowpass, sum_gain
 
 GAIN, OFFSET, BLUR = "gain", "offset", "blur"
@@ -51,9 +51,22 @@ class PixelBasis:
     bias: np.ndarray
 
 
+def grey_image(context: CorrelationContext) -> GreyReference:
+    """The reference image of a camera whose grey values are compared.
+
+    Raises
+    ------
+    TypeError
+        If heights or measured fields are: what reads grey values asks before.
+    """
+    if not isinstance(context.reference, GreyReference):
+        raise TypeError(f"{context.experiment.camera_name} has no reference image of grey values")
+    return context.reference
+
+
 def pixel_basis(context: CorrelationContext) -> PixelBasis:
     """Hats of gain and offset, and the blur, of the pixels that the mesh covers."""
-    reference: ReferenceImage = context.reference  # type: ignore[assignment]
+    reference = grey_image(context)
     std, f = context.experiment.options.lowpass_px, reference.f.astype(float)
     hats = _hats(reference.pixel_map.points())
     pm = reference.pixel_map

@@ -14,6 +14,7 @@ import numpy as np
 from scipy import ndimage
 
 from idic.correlation import GREY, GreyReference, correlated_frames, view_of
+from idic.diagnose.residual.grey_value_effects import grey_image
 from idic.diagnose.residual.residual_evidence import context_of
 from idic.identification import Identification
 
@@ -51,7 +52,7 @@ def lost_pattern(identification: Identification) -> LostPattern | None:
     view = view_of(context.experiment, context.camera)
     if view.kind != GREY:
         return None
-    reference: GreyReference = context.reference  # type: ignore[assignment]
+    reference = grey_image(context)
     pm, frames, lost, moved, brighter = reference.pixel_map, [], [], [], []
     bar = _bar(reference, experiment.noise.std_gv or 0.0)
     inner = ndimage.binary_erosion(pm.to_image(np.ones(pm.n_pixels), 0.0) > 0.0, iterations=EDGE_PX)
@@ -82,8 +83,8 @@ def _motions(identification: Identification) -> Iterator[tuple[int, np.ndarray]]
     if identification.path is not None:
         yield from ((response.frame, response.u) for response in identification.path.frames)
         return
-    is_stored = identification.stored is not None
-    motions = identification.stored() if is_stored else (state.u for state in identification.march())
+    stored = identification.stored
+    motions = (state.u for state in identification.march()) if stored is None else stored()
     for number, u in enumerate(motions):
         yield number + identification.experiment.reference, u
 

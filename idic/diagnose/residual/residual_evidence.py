@@ -21,7 +21,9 @@ from idic.correlation import (
     view_of, with_all_cameras,
 )
 from idic.diagnose.residual.evidence import Columns, Evidence, FrameEvidence, noise_share
-from idic.diagnose.residual.grey_value_effects import joined_pixels, pixel_basis, pixel_parts, sums_against
+from idic.diagnose.residual.grey_value_effects import (
+    grey_image, joined_pixels, pixel_basis, pixel_parts, sums_against,
+)
 from idic.identification import Identification, response_of
 from idic.model import MotionError
 
@@ -198,7 +200,7 @@ class _CameraPasses:
         if not _is_grey(self.context):
             return 0
         brightness = self.context.experiment.options.brightness
-        return self.context.reference.layout(brightness).n_columns  # type: ignore[attr-defined]
+        return grey_image(self.context).layout(brightness).n_columns
 
     def white(self, t: int, root: float, c: float) -> tuple[np.ndarray, np.ndarray]:
         """Right-hand sides of the nodes and of brightness in a white frame."""
@@ -301,7 +303,7 @@ def _light(context: CorrelationContext, bb: np.ndarray, rb: np.ndarray) -> float
     """
     if not len(rb):
         return 0.0
-    layout = context.reference.layout(context.experiment.options.brightness)  # type: ignore[attr-defined]
+    layout = grey_image(context).layout(context.experiment.options.brightness)
     frame_columns, end = np.zeros((len(rb), 2)), layout.n_columns
     frame_columns[:end:2, 0], frame_columns[1:end:2] = 1.0, np.column_stack([layout.mean[:end // 2], np.ones(end // 2)])
     systems, gains = [(bb, rb), (frame_columns.T @ bb @ frame_columns, frame_columns.T @ rb)], []

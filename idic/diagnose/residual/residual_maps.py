@@ -46,7 +46,8 @@ def residual_in_sigma(context: CorrelationContext, frame: int, u: np.ndarray) ->
     noise = experiment.noise.std_gv * np.sqrt(pixels.reference_gain / pixels.n_images + pixels.noise_gain)
     r = pixels.r.astype(float) / noise
     image = context.reference.pixel_map.to_image(np.where(pixels.valid, r, np.nan))
-    return spread(image, experiment.points.positions_px) if holds_motion(experiment) else image
+    points = experiment.points if holds_motion(experiment) else None
+    return image if points is None else spread(image, points.positions_px)
 
 
 def spread(image: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -94,7 +94,8 @@ def find_spots(identification: Identification) -> tuple[Spot, ...]:
     pattern = lost_pattern(identification)
     if pattern is None:
         return ()
-    spots, lost = [], pattern.lost.copy()
+    spots: list[Spot] = []
+    lost = pattern.lost.copy()
     labels, n = ndimage.label(ndimage.binary_dilation(_lasting(lost)))
     sizes = ndimage.sum_labels(lost.sum(axis=0), labels, np.arange(1, n + 1)) if n else np.zeros(0)
     for number in 1 + np.argsort(-sizes)[:2 * MAX_SPOTS]:

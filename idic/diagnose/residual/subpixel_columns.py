@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from idic.diagnose.residual.evidence import Columns
-from idic.diagnose.residual.grey_value_effects import BLUR, columns_of_kind
+from idic.diagnose.residual.grey_value_effects import BLUR, columns_of_kind, grey_image
 from idic.diagnose.residual.residual_evidence import CameraResidual, ResidualEvidence
 from idic.images import subpixel_blur
 
@@ -34,8 +34,8 @@ def subpixel_columns(residual: ResidualEvidence) -> Columns | None:
 
 def _blur_of(camera: CameraResidual, residual: ResidualEvidence) -> np.ndarray:
     """Of one camera by the motion along the columns and along the rows of its images, in every frame  # (T, 2) px²"""
-    experiment, reference = camera.context.experiment, camera.context.reference
-    weight = reference.blur_column.astype(float) ** 2  # type: ignore[attr-defined]
+    experiment, reference = camera.context.experiment, grey_image(camera.context)
+    weight = reference.blur_column.astype(float) ** 2
     shapes, share = reference.pixel_map.shape_matrix(), []
     for frame, u in zip(residual.evidence.frames, residual.u, strict=True):
         motion = camera.view.at(int(frame)).motion(experiment.mesh.nodes, camera.turned(u))
@@ -45,12 +45,12 @@ def _blur_of(camera: CameraResidual, residual: ResidualEvidence) -> np.ndarray:
 
 def _size(camera: CameraResidual) -> np.ndarray:
     """A of the reference image  # (2,) px²"""
-    experiment, reference = camera.context.experiment, camera.context.reference
+    experiment, reference = camera.context.experiment, grey_image(camera.context)
     frames = experiment.averaged or (experiment.reference,)
     image = np.mean([np.asarray(experiment.stack.frame(k), dtype=float) for k in frames], axis=0)
-    region = reference.pixel_map.to_image(np.ones(len(reference.f)), 0.0) > 0.0  # type: ignore[attr-defined]
+    region = reference.pixel_map.to_image(np.ones(len(reference.f)), 0.0) > 0.0
     noise, correlated = experiment.noise.std_gv or 0.0, experiment.noise.correlated
     noise = noise if correlated is None else correlated.recorded_gv
     correlation = None if correlated is None else np.array(correlated.correlation)
-    return subpixel_blur(image, region, reference.degree, reference.lowpass_px,  # type: ignore[attr-defined]
+    return subpixel_blur(image, region, reference.degree, reference.lowpass_px,
                          noise**2 / len(frames), correlation)

@@ -41,8 +41,8 @@ def timed(experiment: Experiment, variant: Variant) -> TimedVariant | None:
     """
     if (warm := _warmth(experiment, variant)) is not None:
         return warm
-    terms = [_correction(experiment, name) for name in variant.new]
-    if not terms or not variant.exact or any(term is None for term in terms):
+    terms = [term for name in variant.new if (term := _correction(experiment, name)) is not None]
+    if not terms or not variant.exact or len(terms) < len(variant.new):
         return None
     number, first = terms[0]
     entry = experiment.prescribed[number]

@@ -91,20 +91,20 @@ def courses_of(cause: str, experiment: Experiment, null: Experiment, names: Iter
     of parameters, internal units. Between knots the bands of the neighbours are interpolated: the covariance of knots
     would make it narrower.
     """
-    parts: dict[str, list[tuple[str, np.ndarray]]] = {}
+    parts: dict[str, list[tuple[str, np.ndarray, float]]] = {}
     for name in names:
         is_given = bool(null.temperatures) and name.rpartition(".")[2] == EXPANSION.name
         course = None if is_given else course_of(experiment, name)
-        if course is not None and stds.get(name) is not None:
-            parts.setdefault(without_knot(name), []).append((name, course))
+        std = stds.get(name)
+        if course is not None and std is not None:
+            parts.setdefault(without_knot(name), []).append((name, course, std))
     courses = []
     for stem, terms in parts.items():
-        value = np.sum([values[name] * course for name, course in terms], axis=0)
-        std = np.sum([stds[name] * np.abs(course) for name, course in terms], axis=0)
-        jumps = tuple((frame, values[name], stds[name]) for name, _ in terms if (frame := jump_frame(name)) is not None)
-        courses.append(Course(cause, stem, _unit(experiment, terms[0][0]), value, std,
-                              without_knot(terms[0][0]) != terms[0][0],
-                              jumps))
+        value = np.sum([values[name] * course for name, course, _ in terms], axis=0)
+        band = np.sum([std * np.abs(course) for _, course, std in terms], axis=0)
+        jumps = tuple((frame, values[name], std) for name, _, std in terms if (frame := jump_frame(name)) is not None)
+        first = terms[0][0]
+        courses.append(Course(cause, stem, _unit(experiment, first), value, band, without_knot(first) != first, jumps))
     return courses
 
 

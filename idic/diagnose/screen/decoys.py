@@ -47,7 +47,7 @@ def decoys(columns: Columns, rng: np.random.Generator, n: int) -> Columns:
         if rows.size:
             force = rows @ rng.standard_normal(rows.shape[1])
             like = channel_size[rng.integers(K)] * rng.choice([-1.0, 1.0])
-            channels[:, :, k] = np.outer(force / max(np.linalg.norm(force), 1e-300), like)
+            channels[:, :, k] = np.outer(force / max(float(np.linalg.norm(force)), 1e-300), like)
     return Columns(tuple(f"decoy {k + 1}" for k in range(n)), fields, channels)
 
 

@@ -58,8 +58,10 @@ def with_free_courses(trials: Sequence[tuple[Candidate, Variant]], document: Map
 def fewest_knots(scores: Scores, members: Sequence[int]) -> list[int]:
     """Of the columns of a free course those that explain most of its drop of chi-square on a copy, less
     `MIN_KNOT_CHI2` each."""
-    subsets = [subset for n in range(1, len(members) + 1) for subset in combinations(members, n)]
-    return list(max(subsets, key=lambda s: drop_on_copy(scores.gain(s), len(s)) - MIN_KNOT_CHI2 * len(s)))
+    def worth(knots: list[int]) -> float:
+        return drop_on_copy(scores.gain(knots), len(knots)) - MIN_KNOT_CHI2 * len(knots)
+
+    return max((list(knots) for n in range(1, len(members) + 1) for knots in combinations(members, n)), key=worth)
 
 
 def with_knots(variant: Variant, names: Collection[str]) -> Variant:

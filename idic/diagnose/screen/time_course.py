@@ -67,8 +67,9 @@ def _fit(residual: ResidualEvidence, grid: Grid, course: np.ndarray) -> Misfit:
     """Drop of chi-square by motions with this course, as one frame; the model's own parameters may move along."""
     evidence = residual.evidence
     null = null_model(evidence, residual.null)
-    matrix, rhs, cross = 0.0, 0.0, 0.0
-    fields = _white(evidence, hats(evidence, grid).fields, course)
+    basis = hats(evidence, grid)
+    matrix, rhs, cross = np.zeros((basis.n, basis.n)), np.zeros(basis.n), np.zeros((basis.n, null.white.n))
+    fields = _white(evidence, basis.fields, course)
     for part, white, weighed in zip(evidence.parts, fields, null.weighed.fields, strict=True):
         own_matrix, own_rhs = projected(evidence, part, white)
         matrix, rhs, cross = matrix + own_matrix, rhs + own_rhs, cross + white.T @ weighed

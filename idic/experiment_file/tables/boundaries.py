@@ -185,7 +185,7 @@ def _drive(motion: Motion, table: DriveTable, key: str, context: Context) -> Dri
 
 
 def _controlled(motion: Motion, table: ControlTable, key: str, context: Context) -> Controlled:
-    drives = [entry.drive for entry in (*motion.prescribed, *motion.loads)]  # type: ignore[attr-defined]
+    drives = (*(entry.drive for entry in motion.prescribed), *(entry.drive for entry in motion.loads))
     if first_controlled := next((drive for drive in drives if isinstance(drive, Controlled)), None):
         raise InputError("two motions or forces that a gauge controls", file=context.file, key=key,
                          expected="one controlled_by", found=f"another, by {first_controlled.column}",
