@@ -17,6 +17,7 @@ from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.screen.score_columns import score_columns
 from idic.diagnose.screen.situation import situation
 from idic.diagnose.selection.moves.few_jumps import few_jumps, idle_jumps, loses_nothing, without_idle_jumps
+from idic.diagnose.selection.state import last_cause
 from idic.errors import InputError
 from idic.experiment_file import load_experiment, read_toml
 from idic.model import build_forward, jump_frame, without_knot
@@ -86,8 +87,9 @@ def test_a_jump_that_bricks_make_idle_is_taken_out(size, loss, kept):
     null = replace(refit(("grip_slip",), 50.0), values=values, stds=dict.fromkeys(names, 4.5e-5))
     place, _ = world({frozenset({"boundary"}): 50.0 + loss})
     state = replace(place, rounds=(replace(one, winner=winner, rivals=(winner,)),), model=FittedModel(one.source, null))
-    tried = without_idle_jumps(state) if idle_jumps(state) else None
-    assert (tried is not None and loses_nothing(state, tried)) is (kept != [1, 7])
+    cause = last_cause(state)
+    tried = without_idle_jumps(cause) if idle_jumps(cause) else None
+    assert (tried is not None and loses_nothing(cause, tried)) is (kept != [1, 7])
     if kept != [1, 7]:
         (made,), source = tried.rounds, tried.model.source
         assert made.winner.ranked.variant.new == names[1:] and made.rivals == (made.winner,)

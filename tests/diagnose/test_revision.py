@@ -11,12 +11,12 @@ import pytest
 from idic.diagnose import Diagnosis, Fit, Misfit, Ranked, Rival, Round, ScoreColumn, Variant, candidate_library
 from idic.diagnose.refits.refit_job import AnnouncedRefits
 from idic.diagnose.screen.select import Screening
-from idic.diagnose.selection.move import Move, moved
+from idic.diagnose.selection.move import Move, itself, moved
 from idic.diagnose.selection.moves.revision import (
     earns_its_place, exchangeable, is_needed, min_further_drop, revised,
 )
 from idic.diagnose.selection.rival import MIN_FURTHER_SHARE, MIN_HELDOUT_DROP
-from idic.diagnose.selection.state import Setting, State
+from idic.diagnose.selection.state import Setting, State, open_round
 from idic.errors import NotConverged
 
 T, RANK = 10, 100
@@ -104,11 +104,12 @@ def test_a_move_is_tried_where_it_applies_and_taken_where_it_is_accepted():
         clock.append(state.number)
         return replace(state, number=state.number + 1)
 
-    taken = Move("taken", "a_s", lambda state: True, counted, stage=lambda state: f"from {state.number}")
+    taken = Move("taken", "a_s", itself, counted, stage=lambda state: f"from {state.number}")
     rejected = replace(taken, accept=lambda state, tried: tried.number < 2)
-    idle = Move("idle", "b_s", lambda state: False, counted, stage=lambda state: "never")
-    failed = Move("failed", "c_s", lambda state: True, lambda state: None)
-    after = moved(state, (taken, rejected, idle, failed, taken))
+    idle = Move("idle", "b_s", itself, counted, lambda state: False, stage=lambda state: "never")
+    without = replace(taken, subject=open_round, step="d_s")  # no round is under way
+    failed = Move("failed", "c_s", itself, lambda state: None)
+    after = moved(state, (taken, rejected, idle, without, failed, taken))
     assert after.number == 2 and clock == [0, 1, 1] and said == ["from 0", "from 1", "from 1"]
     assert set(state.setting.clock.seconds) == {"a_s", "c_s"}
 
@@ -119,7 +120,7 @@ def test_a_move_beside_the_verdict_that_fails_is_a_note():
     def failing(state):
         raise NotConverged("no equilibrium")
 
-    assert moved(state, [Move("end", "a_s", lambda state: True, failing, part="the free motion of an end")]) is state
+    assert moved(state, [Move("end", "a_s", itself, failing, part="the free motion of an end")]) is state
     assert state.setting.notes.texts == ["Without the free motion of an end: no equilibrium. The verdict does not "
                                         "depend on it."]
 
@@ -301,7 +302,7 @@ def test_a_later_slip_keeps_its_jumps_in_a_revised_set(monkeypatch):
         winner = replace(state.winner, refitted=replace(state.winner.refitted, judgement=fit(20.0)))
         return replace(state, round=replace(state.round, winner=winner))
 
-    jumps = Move("few jumps", "refits_s", lambda state: True, in_jumps)
+    jumps = Move("few jumps", "refits_s", itself, in_jumps)
     monkeypatch.setattr("idic.diagnose.selection.moves.revision.FEW_JUMPS", jumps)
     revision = revised_rounds(rounds, place)
     assert frozenset({"thermal_expansion"}) in asked

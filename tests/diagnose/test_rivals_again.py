@@ -9,7 +9,7 @@ from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.selection.moves.rivals_again import (
     NEAR_CHI2, NEAR_SHARE, Foreseen, near_rivals, with_rivals_again,
 )
-from idic.diagnose.selection.state import Joined
+from idic.diagnose.selection.state import Joined, changed_cause
 
 MODULE = "idic.diagnose.selection.moves.rivals_again"
 SMALL = {"magnification": 52.0, "thermal_expansion": 71.0, "camera_motion": 400.0}  # chi-square without the errors
@@ -35,7 +35,7 @@ def again(one, winner_left, rival_left, monkeypatch):
     monkeypatch.setattr(f"{MODULE}.chi2_of_following", lambda state: 2.0 * winner_left)  # both copies
     joined = Joined(one.winner.refitted, None, tuple(near_rivals(one)))
     state = replace(place, rounds=(one,), model=FittedModel(source, null), joined=joined)
-    state = with_rivals_again(state) or state
+    state = with_rivals_again(changed_cause(state)) or state
     return state.rounds[0], state.model.source, state.model.fit is null, asked
 
 

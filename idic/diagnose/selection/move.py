@@ -1,6 +1,7 @@
 """A move: one change that a diagnosis tries on its state, a row of the table that is its selection.
 
-    applies   whether the move has anything to try here
+    subject   what the move works on: the state itself, a round under way, a selected cause; None where there is none
+    applies   whether the move has anything to try on it
     edit      the state with the changed model: what is fitted, and the fits; None where one of them fails
     accept    whether the recording prefers it; a model that finds no equilibrium from rest is not taken
 
@@ -13,35 +14,49 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
 
 from idic.diagnose.selection.state import State
 
+Subject = TypeVar("Subject")
 
-def always(state: State, tried: State) -> bool:
+
+def itself(state: State) -> State:
+    """Subject of a move that works on the whole state."""
+    return state
+
+
+def always(subject: Any) -> bool:
+    """Applies of a move that tries something wherever it has a subject."""
+    return True
+
+
+def decided(subject: Any, tried: State) -> bool:
     """Accept of a move whose edit has decided all there is to decide."""
     return True
 
 
-def silently(state: State) -> str:
+def silently(subject: Any) -> str:
     """Stage of a move that is not announced."""
     return ""
 
 
 @dataclass(frozen=True)
-class Move:
+class Move(Generic[Subject]):
     """One row.
 
-    name : in one or two words; step : of the costs in diagnosis.json; applies, edit, accept : see the module
+    name : in one or two words; step : of the costs in diagnosis.json; subject, edit, applies, accept : see the module
     stage : what is announced before the edit, "" for nothing
     part : what a note calls the move where it fails; without it a failure ends the diagnosis
     """
 
     name: str
     step: str
-    applies: Callable[[State], bool]
-    edit: Callable[[State], State | None]
-    accept: Callable[[State, State], bool] = always
-    stage: Callable[[State], str] = silently
+    subject: Callable[[State], Subject | None]
+    edit: Callable[[Subject], State | None]
+    applies: Callable[[Subject], bool] = always
+    accept: Callable[[Subject, State], bool] = decided
+    stage: Callable[[Subject], str] = silently
     part: str = ""
 
 
@@ -55,13 +70,14 @@ def moved(state: State, moves: Iterable[Move]) -> State:
     return state
 
 
-def _after(state: State, move: Move) -> State:
-    if not move.applies(state):
+def _after(state: State, move: Move[Subject]) -> State:
+    subject = move.subject(state)
+    if subject is None or not move.applies(subject):
         return state
-    if text := move.stage(state):
+    if text := move.stage(subject):
         state.setting.stage(text)
     with state.setting.clock.step(move.step):
-        tried = move.edit(state)
-        if tried is None or not move.accept(state, tried):
+        tried = move.edit(subject)
+        if tried is None or not move.accept(subject, tried):
             return state
         return tried if tried.model is state.model else tried.simulated() or state

@@ -152,19 +152,9 @@ class State:
         return None if self.round is None else self.round.winner
 
     @property
-    def has_cause(self) -> bool:
-        """Whether the last round has added one."""
-        return bool(self.rounds) and self.rounds[-1].winner is not None
-
-    @property
     def is_open(self) -> bool:
         """Whether another round follows."""
-        return not self.rounds or (self.has_cause and self.number < self.setting.max_rounds)
-
-    @property
-    def has_changed(self) -> bool:
-        """Whether the model has been fitted again since the last cause joined it."""
-        return self.joined is not None and self.model.fit is not self.joined.fit
+        return not self.rounds or (last_cause(self) is not None and self.number < self.setting.max_rounds)
 
     def with_last(self, entry: Round, model: FittedModel) -> State:
         """With another last round, and the model that it ends with."""
@@ -186,3 +176,63 @@ class State:
     def power(self) -> float:
         """The same of the recording."""
         return float(power(self.first.residual.evidence).sum())
+
+
+@dataclass(frozen=True, eq=False)
+class OpenRound:
+    """A round under way; state : that it belongs to."""
+
+    state: State
+    round: Round
+
+
+@dataclass(frozen=True, eq=False)
+class Selected:
+    """A cause: the winner of a round, which is under way or the last one that has ended; state : that it belongs to."""
+
+    state: State
+    round: Round
+    winner: Rival
+
+
+@dataclass(frozen=True, eq=False)
+class JoinedCause(Selected):
+    """The last cause, once it has joined the model; joined : the model as it did."""
+
+    joined: Joined
+
+
+def open_round(state: State) -> OpenRound | None:
+    """The round under way."""
+    return None if state.round is None else OpenRound(state, state.round)
+
+
+def leading(state: State) -> Selected | None:
+    """The winner of the round under way."""
+    entry = state.round
+    return None if entry is None or entry.winner is None else Selected(state, entry, entry.winner)
+
+
+def improvable(state: State) -> Selected | None:
+    """The winner of the round under way, whose form may be improved; not in a quick diagnosis."""
+    return None if state.setting.quick else leading(state)
+
+
+def last_cause(state: State) -> Selected | None:
+    """The winner of the last round that has ended."""
+    entry = state.rounds[-1] if state.rounds else None
+    return None if entry is None or entry.winner is None else Selected(state, entry, entry.winner)
+
+
+def joined_cause(state: State) -> JoinedCause | None:
+    """The last cause, which has joined the model in this round."""
+    cause = last_cause(state)
+    if cause is None or state.joined is None:
+        return None
+    return JoinedCause(state, cause.round, cause.winner, state.joined)
+
+
+def changed_cause(state: State) -> JoinedCause | None:
+    """The same where the model has been fitted again since."""
+    cause = joined_cause(state)
+    return None if cause is None or state.model.fit is cause.joined.fit else cause

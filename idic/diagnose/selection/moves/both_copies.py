@@ -16,10 +16,10 @@ from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.select import Screening
 from idic.diagnose.selection import stages
 from idic.diagnose.selection.move import Move
-from idic.diagnose.selection.moves.shortlist import is_under_way, judged
+from idic.diagnose.selection.moves.shortlist import judged
 from idic.diagnose.selection.rival import Rival, causes_of
 from idic.diagnose.selection.rivals import variant_of
-from idic.diagnose.selection.state import State
+from idic.diagnose.selection.state import OpenRound, State, open_round
 
 
 def undecided(rivals: Sequence[Rival]) -> list[Rival]:
@@ -72,22 +72,23 @@ def _judged_twice(rival: Rival, null: Fit, answer: Fit) -> Rival:
                    achieved_on_other=null.choice.chi2 - answer.choice.chi2)
 
 
-def needs_both(state: State) -> bool:
+def needs_both(under_way: OpenRound) -> bool:
     """Whether both copies judge the first cause."""
-    return (is_under_way(state) and not state.setting.quick and not causes_of(state.rounds)
-            and bool(undecided(state.round.rivals)))
+    state = under_way.state
+    return not state.setting.quick and not causes_of(state.rounds) and bool(undecided(under_way.round.rivals))
 
 
-def on_both_copies(state: State) -> State:
+def on_both_copies(under_way: OpenRound) -> State:
     """The round with its rivals judged on both copies."""
-    setting, model, entry = state.setting, state.model, state.round
+    state, entry = under_way.state, under_way.round
+    setting, model = state.setting, state.model
     rivals, crossed = judged_on_both(model.source, model.fit, entry.rivals, entry.screening,
                                      setting.refits, setting.grid, setting.seed)
-    return judged(replace(state, round=replace(entry, rivals=rivals, crossed_judgement=crossed)))
+    return judged(state, replace(entry, rivals=rivals, crossed_judgement=crossed))
 
 
-def _stage(state: State) -> str:
-    return f"{stages.BOTH_COPIES}: {', '.join(r.ranked.called for r in undecided(state.round.rivals))}"
+def _stage(under_way: OpenRound) -> str:
+    return f"{stages.BOTH_COPIES}: {', '.join(r.ranked.called for r in undecided(under_way.round.rivals))}"
 
 
-BOTH_COPIES = Move("both copies", "refits_s", applies=needs_both, edit=on_both_copies, stage=_stage)
+BOTH_COPIES = Move("both copies", "refits_s", open_round, on_both_copies, needs_both, stage=_stage)

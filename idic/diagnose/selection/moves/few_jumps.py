@@ -31,27 +31,27 @@ from idic.diagnose.screen.score_columns import score_columns
 from idic.diagnose.selection.move import Move
 from idic.diagnose.selection.moves.own_course import refitted_as
 from idic.diagnose.selection.moves.rivals_again import refitted_again
-from idic.diagnose.selection.moves.shortlist import has_winner
 from idic.diagnose.selection.rival import MIN_FURTHER_SHARE, Rival, leaves_something
 from idic.diagnose.selection.rivals import edits_of
-from idic.diagnose.selection.state import State
+from idic.diagnose.selection.state import Selected, State, changed_cause, improvable
 from idic.model import jump_frame, jump_name, without_knot
 
 MIN_JUMP_CHI2 = 18.0  # that a jump must bring; the best of 100 frames reaches it under noise in 2 of 1000 recordings
 MAX_JUMPS = 5  # more are a course
 
 
-def may_jump(state: State) -> bool:
+def may_jump(selected: Selected) -> bool:
     """Whether the winner is a slip that leaves something, as it was screened, or follows a course between knots."""
-    winner = state.winner
-    if winner is None or winner.name != "grip_slip" or winner.copies > 1 or winner.refitted.choice is None:
+    winner = selected.winner
+    if winner.name != "grip_slip" or winner.copies > 1 or winner.refitted.choice is None:
         return False
     return winner.ranked.variant.free_course or leaves_something(winner.refitted.choice)
 
 
-def with_few_jumps(state: State) -> State | None:
+def with_few_jumps(selected: Selected) -> State | None:
     """The winner as a slip in a few jumps, whose frames the copy for choosing tells; None where it tells none."""
-    source, winner, variant = state.model.source, state.winner, state.winner.ranked.variant
+    state, winner, variant = selected.state, selected.winner, selected.winner.ranked.variant
+    source = state.model.source
     name, choice = without_knot(variant.new[0]), partial(thinned, sign=CHOICE, seed=state.setting.seed)
     model = state.model.fit
     null = identification_at(choice(source.load()), model.values, model.local, model.steps)
@@ -73,12 +73,12 @@ def with_few_jumps(state: State) -> State | None:
     sizes = dict(zip([every.new[k] for k in chosen], scores.together(chosen).tolist(), strict=True))
     edits = free_edits(source.document(), bare, variant, {"course": "jumps",
                                                           "jump_frames": [frames[k] for k in chosen]})
-    return refitted_as(state, replace(_jumping(winner, edits, list(sizes)), probe=sizes))
+    return None if edits is None else refitted_as(selected, replace(_jumping(winner, edits, list(sizes)), probe=sizes))
 
 
-def explains_more(state: State, tried: State) -> bool:
+def explains_more(selected: Selected, tried: State) -> bool:
     """Whether the jumps have more evidence than the former course."""
-    return tried.winner.evidence > state.winner.evidence
+    return tried.winner is not None and tried.winner.evidence > selected.winner.evidence
 
 
 def few_jumps(scores: Scores) -> list[int]:
@@ -104,43 +104,41 @@ def few_jumps(scores: Scores) -> list[int]:
                                 key=lambda k: gain([*companions, k]))
 
 
-def idle_jumps(state: State) -> list[str]:
+def idle_jumps(cause: Selected) -> list[str]:
     """Jumps of the last cause that stand below the root of `MIN_JUMP_CHI2` standard deviations from zero in the last
     fit; none where all do."""
-    fit, variant = state.model.fit, state.rounds[-1].winner.ranked.variant
+    fit, variant = cause.state.model.fit, cause.winner.ranked.variant
     jumps = [name for name in variant.new if jump_frame(name) is not None]
-    idle = [name for name in jumps if fit.stds.get(name)
-            and (fit.values[name] / fit.stds[name]) ** 2 < MIN_JUMP_CHI2]
+    idle = [name for name in jumps if (std := fit.stds.get(name)) and (fit.values[name] / std) ** 2 < MIN_JUMP_CHI2]
     return idle if len(idle) < len(jumps) else []
 
 
-def without_idle_jumps(state: State) -> State | None:
+def without_idle_jumps(cause: Selected) -> State | None:
     """The last cause without its idle jumps; None where the fit fails."""
-    entry, fit, idle = state.rounds[-1], state.model.fit, idle_jumps(state)
-    winner = entry.winner
-    variant = winner.ranked.variant
+    state, entry, winner = cause.state, cause.round, cause.winner
+    fit, idle, variant = state.model.fit, idle_jumps(cause), winner.ranked.variant
     jumps = tuple(name for name in variant.new if name not in idle)
     label = _label(jumps)
     fewer = replace(variant, label=label, edits=_without_frames(variant.edits, {jump_frame(name) for name in idle}),
                     new=jumps, **{part: {name: value for name, value in getattr(variant, part).items() if name in jumps}
                                   for part in ("null", "probe")})
-    rival = replace(winner, ranked=replace(winner.ranked, variant=fewer, label=label),
-                    refitted=replace(winner.refitted, label=label))
-    source = entry.source.with_edits(edits_of(rival, entry.screening))
+    former = replace(winner, ranked=replace(winner.ranked, variant=fewer, label=label),
+                     refitted=replace(winner.refitted, label=label))
+    source = entry.source.with_edits(edits_of(former, entry.screening))
     start = replace(fit, values={name: value for name, value in fit.values.items() if name not in idle})
     (refit,) = state.setting.refits([refit_of_one(source, winner.name, start, state.setting.grid,
                                                   state.setting.seed)])
-    rival = refitted_again(rival, replace(refit, label=label)) if refit.usable else None
+    rival = refitted_again(former, replace(refit, label=label)) if refit.usable else None
     if rival is None:
         return None
-    rivals = tuple(rival if former is winner else former for former in entry.rivals)
+    rivals = tuple(rival if member is winner else member for member in entry.rivals)
     return state.with_last(replace(entry, winner=rival, rivals=rivals), FittedModel(source, rival.refitted))
 
 
-def loses_nothing(state: State, tried: State) -> bool:
+def loses_nothing(cause: Selected, tried: State) -> bool:
     """Whether the whole loses no more than what a jump must bring, for each that is gone."""
-    jumps = len(idle_jumps(state))
-    loss = tried.model.fit.judgement.chi2 - state.model.fit.judgement.chi2
+    jumps = len(idle_jumps(cause))
+    loss = tried.model.fit.judgement.chi2 - cause.state.model.fit.judgement.chi2
     return not loss > MIN_JUMP_CHI2 * jumps
 
 
@@ -166,7 +164,6 @@ def _label(names: Sequence[str]) -> str:
     return f"{edge} slips in {len(names)} jump{'s' if len(names) > 1 else ''}"
 
 
-FEW_JUMPS = Move("few jumps", "refits_s", edit=with_few_jumps, accept=explains_more,
-                 applies=lambda state: has_winner(state) and may_jump(state))
-IDLE_JUMPS = Move("idle jumps", "revision_s", edit=without_idle_jumps, accept=loses_nothing,
-                  applies=lambda state: state.has_changed and bool(idle_jumps(state)))
+FEW_JUMPS = Move("few jumps", "refits_s", improvable, with_few_jumps, may_jump, explains_more)
+IDLE_JUMPS = Move("idle jumps", "revision_s", changed_cause, without_idle_jumps, lambda cause: bool(idle_jumps(cause)),
+                  loses_nothing)

@@ -22,27 +22,25 @@ from idic.diagnose.selection.move import Move
 from idic.diagnose.selection.moves.rivals_again import refitted_again
 from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival, Round, judge
 from idic.diagnose.selection.rivals import edits_of, finite
-from idic.diagnose.selection.state import State
+from idic.diagnose.selection.state import JoinedCause, State, joined_cause
 from idic.identification import Identification
 from idic.simulation_error import strain_error
 
 
-def are_asked_for(state: State) -> bool:
+def are_asked_for(cause: JoinedCause) -> bool:
     """Whether the recording asks for finite strains beside the last cause: a course that was freed may hide them."""
-    if state.joined is None:
-        return False
-    entry = state.rounds[-1]
-    winner = _fitted(entry, entry.winner).identification()
-    return is_asked_for(winner, state.model.residual) or (
+    entry = cause.round
+    winner = _fitted(entry, cause.winner).identification()
+    return is_asked_for(winner, cause.state.model.residual) or (
         entry.plain is not None and _asks(entry, entry.plain))
 
 
-def with_finite_strains(state: State) -> State | None:
+def with_finite_strains(cause: JoinedCause) -> State | None:
     """The finite form of every law of small strains: its cause, the former course of that, and the rivals that cannot
     be told from it are fitted again; None where the cause finds no equilibrium or passes no more."""
-    entry = state.rounds[-1]
-    materials = _fitted(entry, entry.winner).source.load().materials
-    models = [rival for rival in (entry.winner, entry.plain) if rival is not None]
+    state, entry = cause.state, cause.round
+    materials = _fitted(entry, cause.winner).source.load().materials
+    models = [rival for rival in (cause.winner, entry.plain) if rival is not None]
     edits = {f"material.{material.element_set}.kinematics": "finite" for material in materials}
     rounds = [replace(former, source=former.source.with_edits(edits)) for former in state.rounds]
     tried = [_again(state, rounds[-1], finite(rival, entry.screening)) for rival in models]
@@ -54,17 +52,17 @@ def with_finite_strains(state: State) -> State | None:
     chosen, equals = judge([best, *finite_rivals.values()], entry.screening)
     if chosen is None:
         return None
-    finite_rivals |= {entry.winner: best}
+    finite_rivals |= {cause.winner: best}
     plain = next((rival for rival in tried[1:] if chosen is tried[0] and rival.refitted.usable), None)
     counted = replace(rounds[-1], winner=chosen, equals=equals, plain=plain,
                       rivals=tuple(finite_rivals.get(rival, rival) for rival in entry.rivals))
-    joined = replace(state.joined, is_finite=True)
+    joined = replace(cause.joined, is_finite=True)
     return replace(state, rounds=(*rounds[:-1], counted), model=_fitted(counted, chosen), joined=joined)
 
 
-def explains_more(state: State, tried: State) -> bool:
+def explains_more(cause: JoinedCause, tried: State) -> bool:
     """Whether the model explains more of the copy for judging: finite strains bring no unknown."""
-    return tried.model.fit.judgement.chi2 < state.model.fit.judgement.chi2
+    return tried.model.fit.judgement.chi2 < cause.state.model.fit.judgement.chi2
 
 
 def _fitted(entry: Round, rival: Rival) -> FittedModel:
@@ -112,5 +110,4 @@ def _again(state: State, entry: Round, rival: Rival) -> Rival:
     return refitted_again(rival, refit) or replace(rival, refitted=refit)
 
 
-FINITE_STRAINS = Move("finite strains", "mesh_s", applies=are_asked_for, edit=with_finite_strains,
-                      accept=explains_more)
+FINITE_STRAINS = Move("finite strains", "mesh_s", joined_cause, with_finite_strains, are_asked_for, explains_more)

@@ -24,7 +24,7 @@ from idic.diagnose.refits.refit_job import ExperimentSource, RefitJob
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.screen.free_courses import KNOTTED
 from idic.diagnose.selection.free_model import EndMotion, FreeEnd
-from idic.diagnose.selection.move import Move
+from idic.diagnose.selection.move import Move, itself
 from idic.diagnose.selection.rival import (
     COPIES, MIN_DROP_DIFFERENCE, MIN_FURTHER_SHARE, MIN_SEPARATION_CHI2, Round, leaves_something,
 )
@@ -148,6 +148,6 @@ def told(state: State, end: FreeEnd) -> State:
                    rounds=(replace(state.rounds[0], winner=None, equals=(), passed_over=None),))
 
 
-FREE_END = Move("free end", "free_end_s", applies=may_have_free_end, edit=with_free_end, accept=is_the_last_word,
+FREE_END = Move("free end", "free_end_s", itself, with_free_end, may_have_free_end, is_the_last_word,
                 part="the free motion of an end",
                 stage=lambda state: "free motion of every end, as a rival of what was selected")

@@ -10,16 +10,15 @@ stays while further ones are looked for, and the set is judged as a whole.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from idic.diagnose.residual.measured_motion import holds_motion
 from idic.diagnose.screen.local_residual import local_residual_tests
 from idic.diagnose.selection.block_step import BlockJudgement, holds, judged_by_step
 from idic.diagnose.selection.move import Move
 from idic.diagnose.selection.moves.revision import model_of
-from idic.diagnose.selection.moves.shortlist import has_winner, is_under_way
 from idic.diagnose.selection.rival import Round, causes_of, leaves_something
-from idic.diagnose.selection.state import Doubted, State
+from idic.diagnose.selection.state import Doubted, OpenRound, Selected, State, improvable, open_round
 
 
 def judged_alone(entry: Round, judged: Sequence[BlockJudgement], formal: bool = False) -> Round:
@@ -29,7 +28,7 @@ def judged_alone(entry: Round, judged: Sequence[BlockJudgement], formal: bool = 
     """
     if not formal and holds(judged):
         return replace(entry, blocks=tuple(judged))
-    if not formal and leaves_something(entry.winner.refitted.judgement):
+    if not formal and entry.winner is not None and leaves_something(entry.winner.refitted.judgement):
         return replace(entry, blocks=tuple(judged), awaits_others=True)
     return without_winner(entry, judged)
 
@@ -40,10 +39,10 @@ def judged_together(state: State, judged: Sequence[BlockJudgement]) -> State:
 
     judged : the model that the doubted cause joins, and the last one
     """
-    if holds(judged):
+    doubted = state.doubted
+    if doubted is None or holds(judged):
         rounds = [replace(entry, blocks=tuple(judged)) if entry.awaits_others else entry for entry in state.rounds]
         return replace(state, rounds=tuple(rounds))
-    doubted = state.doubted
     return replace(state, rounds=(*doubted.rounds, without_winner(doubted.round, judged)),
                    model=doubted.model)
 
@@ -53,14 +52,15 @@ def without_winner(entry: Round, judged: Sequence[BlockJudgement]) -> Round:
     return replace(entry, winner=None, equals=(), passed_over=entry.winner, blocks=tuple(judged))
 
 
-def on_blocks(state: State) -> State:
+def on_blocks(selected: Selected) -> State:
     """The round after the judgement of blocks of the recording, which had no part in the fit of its winner; the model
     has the residual of a winner that stays.
 
     On a measured motion, an inclusion beside another cause that leaves motion at its own place describes a flaw of that
     cause and is none itself. Blocks measure motions and readings: of a cause that acts on grey values they say nothing.
     """
-    setting, model, entry, winner = state.setting, state.model, state.round, state.winner
+    state, entry, winner = selected.state, selected.round, selected.winner
+    setting, model = state.setting, state.model
     joined = model_of(entry).simulated()
     if joined is None:
         return replace(state, round=replace(entry, winner=None, equals=(), passed_over=winner))
@@ -75,26 +75,40 @@ def on_blocks(state: State) -> State:
         return replace(state, round=entry)
     doubted = state.doubted
     if doubted is None and entry.awaits_others:
-        doubted = Doubted(state.round, state.rounds, model)
+        doubted = Doubted(selected.round, state.rounds, model)
     return replace(state, round=entry, model=replace(model, residual=residual), doubted=doubted)
 
 
-def ended(state: State) -> State:
+def ended(under_way: OpenRound) -> State:
     """The round ends: its winner joins the model, or there is none."""
-    entry = state.round
+    state, entry = under_way.state, under_way.round
     model = state.model if entry.winner is None else replace(
         model_of(entry), residual=state.model.residual)
     return replace(state, rounds=(*state.rounds, entry), round=None, announced=None, model=model)
 
 
-def confirmed_together(state: State) -> State:
+@dataclass(frozen=True, eq=False)
+class Doubt:
+    """A state whose causes from a doubted one on await their judgement."""
+
+    state: State
+    doubted: Doubted
+
+
+def doubt(state: State) -> Doubt | None:
+    """The doubt about the causes of a state."""
+    return None if state.doubted is None else Doubt(state, state.doubted)
+
+
+def confirmed_together(doubt: Doubt) -> State:
     """All causes from the doubted one on, judged by blocks of the recording."""
-    return judged_together(state, judged_by_step(state.doubted.model.residual,
+    state = doubt.state
+    return judged_together(state, judged_by_step(doubt.doubted.model.residual,
                                                  state.model.residual, state.setting.grid))
 
 
-ON_BLOCKS = Move("blocks of the recording", "blocks_s", applies=has_winner, edit=on_blocks,
-                 stage=lambda state: "judgement on parts of the recording")
-END_OF_ROUND = Move("end of the round", "refits_s", applies=is_under_way, edit=ended)
-TOGETHER = Move("causes together", "blocks_s", applies=lambda state: state.doubted is not None,
-                edit=confirmed_together, stage=lambda state: "judgement of all causes on parts of the recording")
+ON_BLOCKS = Move("blocks of the recording", "blocks_s", improvable, on_blocks,
+                 stage=lambda selected: "judgement on parts of the recording")
+END_OF_ROUND = Move("end of the round", "refits_s", open_round, ended)
+TOGETHER = Move("causes together", "blocks_s", doubt, confirmed_together,
+                stage=lambda doubt: "judgement of all causes on parts of the recording")

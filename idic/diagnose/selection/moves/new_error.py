@@ -17,24 +17,26 @@ from idic.diagnose.refits.refit_job import refit_of_one
 from idic.diagnose.selection.move import Move
 from idic.diagnose.selection.moves.rivals_again import near_rivals
 from idic.diagnose.selection.rival import Round
-from idic.diagnose.selection.state import Joined, State
+from idic.diagnose.selection.state import Joined, JoinedCause, Selected, State, joined_cause, last_cause
 from idic.model import MotionError
 
 
-def has_joined(state: State) -> bool:
-    """Whether a cause has joined the model, which is looked at again before a further one, or beside others."""
-    return state.has_cause and (state.number < state.setting.max_rounds or len(state.rounds) > 1)
+def is_looked_at_again(cause: Selected) -> bool:
+    """Whether the model that a cause has joined is looked at again: before a further one, or beside others."""
+    state = cause.state
+    return state.number < state.setting.max_rounds or len(state.rounds) > 1
 
 
-def as_joined(state: State) -> State:
+def as_joined(cause: Selected) -> State:
     """Keeps the model as the cause has joined it."""
-    rivals = tuple(near_rivals(state.rounds[-1]))
+    state, rivals = cause.state, tuple(near_rivals(cause.round))
     return replace(state, joined=Joined(state.model.fit, state.model.error, rivals))
 
 
-def with_new_error(state: State) -> State | None:
+def with_new_error(cause: JoinedCause) -> State | None:
     """The model fitted with the error of its own mesh, where that differs from the one before, and of plane stress,
     where the recording asks for it now that the cause does not hide it."""
+    state = cause.state
     setting, model, renewed = state.setting, state.model, new_error(state)
     if renewed is None:
         return None
@@ -64,8 +66,9 @@ def new_error(state: State) -> tuple[MotionError, ErrorWeight] | None:
     return (error, change) if change.matters else None
 
 
-def known_to_rounds(state: State) -> State:
+def known_to_rounds(cause: JoinedCause) -> State:
     """All rounds with the error of the last model, for their refits in a revised set."""
+    state = cause.state
     return replace(state, rounds=tuple(_knowing(entry, state.model.error) for entry in state.rounds))
 
 
@@ -75,11 +78,7 @@ def _knowing(entry: Round, error: MotionError | None) -> Round:
     return replace(entry, source=entry.source.with_motion_error(error))
 
 
-def _again(state: State) -> bool:
-    return state.joined is not None
-
-
-AS_JOINED = Move("model with the cause", "mesh_s", applies=has_joined, edit=as_joined)
-NEW_ERROR = Move("error of the simulation", "mesh_s", applies=_again, edit=with_new_error, stage=lambda state:
+AS_JOINED = Move("model with the cause", "mesh_s", last_cause, as_joined, is_looked_at_again)
+NEW_ERROR = Move("error of the simulation", "mesh_s", joined_cause, with_new_error, stage=lambda cause:
                  "error of the mesh, plane stress and finite strains, tested beside the cause")
-KNOWN_ERROR = Move("error known to all rounds", "mesh_s", applies=_again, edit=known_to_rounds)
+KNOWN_ERROR = Move("error known to all rounds", "mesh_s", joined_cause, known_to_rounds)

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic.diagnose.physics.candidate import Variant
+from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.refits.refit import Fit
 from idic.diagnose.refits.refit_job import RefitJob
 from idic.diagnose.screen.select import MIN_SEPARATION_CHI2
@@ -25,10 +26,10 @@ MIN_DIFFERENCE_STD = 3.0  # of a parameter of two fits, in standard deviations o
 MIN_CHI2 = COPIES * MIN_SEPARATION_CHI2  # of the whole recording between two models that it tells apart
 
 
-def fit_from_other_axes(state: State) -> Fit | None:
+def fit_from_other_axes(state: State, model: FittedModel) -> Fit | None:
     """The best fit of the last model to the recording that begins at another axis; None without an axis or an
     answer."""
-    setting, source, final = state.setting, state.final.source, state.final.fit
+    setting, source, final = state.setting, model.source, model.fit
     entry = next((candidate for candidate in state.rounds if candidate.winner is not None
                   and _angle_of(candidate.winner.ranked.variant)), None)
     if entry is None or final.choice is None:

@@ -21,30 +21,31 @@ from idic.diagnose.physics.candidate import Variant
 from idic.diagnose.physics.enrich import comes_back
 from idic.diagnose.refits.refit_job import RefitJob
 from idic.diagnose.screen.courses import course_of
-from idic.diagnose.selection.move import Move
-from idic.diagnose.selection.moves.shortlist import has_winner, with_winner
+from idic.diagnose.selection.move import Move, itself
+from idic.diagnose.selection.moves.shortlist import with_winner
 from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival, Round, leaves_something, within_noise
 from idic.diagnose.selection.rivals import edits_of
-from idic.diagnose.selection.state import State
+from idic.diagnose.selection.state import Selected, State, improvable
 from idic.model import without_knot
 
 MIN_IMITATED_SHARE = 0.9  # of the held-out drop of the winner: what the rival leaves would be a flaw of its description
 
 
-def may_have_own_course(state: State) -> bool:
+def may_have_own_course(selected: Selected) -> bool:
     """Whether the winner leaves something that another course of its pattern may explain."""
-    winner = state.winner
-    if winner is None or winner.copies > 1 or winner.refitted.choice is None:
+    winner = selected.winner
+    if winner.copies > 1 or winner.refitted.choice is None:
         return False
-    return (leaves_something(winner.refitted.choice) and not winner.ranked.variant.free_course
-            and state.round.screening.free_course_of(winner.ranked.variant) is not None)
+    return leaves_something(winner.refitted.choice) and not winner.ranked.variant.free_course
 
 
-def with_own_course(state: State) -> State | None:
-    """The winner with a course that the data give; None where the refit fails."""
-    source, winner, screening = state.model.source, state.winner, state.round.screening
+def with_own_course(selected: Selected) -> State | None:
+    """The winner with a course that the data give; None where its pattern has none, or the refit fails."""
+    source, winner, screening = selected.state.model.source, selected.winner, selected.round.screening
     variant = winner.ranked.variant
     free_variant = screening.free_course_of(variant)
+    if free_variant is None:
+        return None
     screened, freed = source.load(edits_of(winner, screening)), source.load(free_variant.edits)
     (name,) = variant.new
     course, size, start = course_of(screened, name), winner.refitted.values[name], {}
@@ -53,23 +54,25 @@ def with_own_course(state: State) -> State | None:
         top = int(np.argmax(np.abs(hat)))
         start[knot] = size * float(course[top] / hat[top])
     label = f"{variant.label}, with an identified time course"
-    return refitted_as(state, replace(free_variant, label=label, probe=start))
+    return refitted_as(selected, replace(free_variant, label=label, probe=start))
 
 
-def is_worth_its_knots(state: State, tried: State) -> bool:
+def is_worth_its_knots(selected: Selected, tried: State) -> bool:
     """Whether every further knot brings on the copy for judging what an unknown must."""
+    if tried.winner is None:
+        return False
     knots = len(tried.winner.ranked.variant.new) - 1
-    return tried.winner.heldout - state.winner.heldout > MIN_HELDOUT_DROP + knots
+    return tried.winner.heldout - selected.winner.heldout > MIN_HELDOUT_DROP + knots
 
 
-def refitted_as(state: State, variant: Variant) -> State | None:
+def refitted_as(selected: Selected, variant: Variant) -> State | None:
     """The round whose winner is another variant of its cause, which may give way to the former one in a revised set;
     None where its refit fails."""
-    rival = refit_as(state, variant, state.winner)
+    rival = refit_as(selected.state, variant, selected.winner)
     if rival is None:
         return None
-    plain = state.round.plain or state.winner
-    return with_winner(replace(state, round=replace(state.round, plain=plain)), rival)
+    plain = selected.round.plain or selected.winner
+    return with_winner(replace(selected, round=replace(selected.round, plain=plain)), rival)
 
 
 def refit_as(state: State, variant: Variant, rival: Rival) -> Rival | None:
@@ -118,6 +121,5 @@ def imitated(state: State) -> State:
     return replace(state, rounds=tuple(with_imitated(entry, u) for entry in state.rounds))
 
 
-OWN_COURSE = Move("own course", "refits_s", edit=with_own_course, accept=is_worth_its_knots,
-                  applies=lambda state: has_winner(state) and may_have_own_course(state))
-IMITATED = Move("imitated rivals", "refits_s", applies=lambda state: True, edit=imitated)
+OWN_COURSE = Move("own course", "refits_s", improvable, with_own_course, may_have_own_course, is_worth_its_knots)
+IMITATED = Move("imitated rivals", "refits_s", itself, imitated)

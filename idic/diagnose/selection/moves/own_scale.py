@@ -14,26 +14,27 @@ import numpy as np
 
 from idic.diagnose.selection.move import Move
 from idic.diagnose.selection.moves.own_course import refit_as
-from idic.diagnose.selection.moves.shortlist import has_winner, with_winner
+from idic.diagnose.selection.moves.shortlist import with_winner
 from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival, leaves_something
-from idic.diagnose.selection.state import State
+from idic.diagnose.selection.state import Selected, State, improvable
 
 STEP = 0.5  # of log(scale): half the way to the next one that is screened
 MAX_REFITS, SETTLED = 6, 0.02  # of log(scale): another step says no more
 
 
-def may_have_own_scale(state: State) -> bool:
-    """Whether the winner has a scale, and leaves something."""
-    winner = state.winner
-    if winner is None or winner.ranked.candidate.rescaled is None or winner.copies > 1:
-        return False
-    return winner.refitted.choice is not None and leaves_something(winner.refitted.choice)
+def may_have_own_scale(selected: Selected) -> bool:
+    """Whether the winner may have another scale: it leaves something."""
+    choice = selected.winner.refitted.choice
+    return selected.winner.copies == 1 and choice is not None and leaves_something(choice)
 
 
-def with_own_scale(state: State) -> State | None:
-    """The winner with the scale that explains most on the copy for choosing; None where its own one does."""
-    winner = state.winner
+def with_own_scale(selected: Selected) -> State | None:
+    """The winner with the scale that explains most on the copy for choosing; None where it has no scale, or its own one
+    does."""
+    winner = selected.winner
     rescaled = winner.ranked.candidate.rescaled
+    if rescaled is None:
+        return None
     tried: dict[float, Rival] = {0.0: winner}
     while len(tried) <= MAX_REFITS:
         place = next_scale({x: _chi2(rival) for x, rival in tried.items()})
@@ -42,17 +43,17 @@ def with_own_scale(state: State) -> State | None:
         variant = rescaled(winner.ranked.variant, float(np.exp(place)))
         nearest = tried[min(tried, key=lambda x: abs(x - place))]
         probe = {name: nearest.refitted.values[name] for name in variant.new}
-        rival = refit_as(state, replace(variant, probe=probe), winner)
+        rival = refit_as(selected.state, replace(variant, probe=probe), winner)
         if rival is None:
             break
         tried[place] = rival
     best = min(tried.values(), key=_chi2)
-    return None if best is winner else with_winner(state, best)
+    return None if best is winner else with_winner(selected, best)
 
 
-def is_worth_its_scale(state: State, tried: State) -> bool:
+def is_worth_its_scale(selected: Selected, tried: State) -> bool:
     """Whether the scale brings on the copy for judging what an unknown must."""
-    return tried.winner.heldout - state.winner.heldout > MIN_HELDOUT_DROP + 1
+    return tried.winner is not None and tried.winner.heldout - selected.winner.heldout > MIN_HELDOUT_DROP + 1
 
 
 def next_scale(losses: dict[float, float]) -> float | None:
@@ -72,5 +73,4 @@ def _chi2(rival: Rival) -> float:
     return rival.refitted.choice.chi2
 
 
-OWN_SCALE = Move("own scale", "refits_s", edit=with_own_scale, accept=is_worth_its_scale,
-                 applies=lambda state: has_winner(state) and may_have_own_scale(state))
+OWN_SCALE = Move("own scale", "refits_s", improvable, with_own_scale, may_have_own_scale, is_worth_its_scale)

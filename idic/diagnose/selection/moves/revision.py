@@ -32,7 +32,7 @@ from idic.diagnose.selection.rival import (
     MIN_DROP_DIFFERENCE, MIN_FURTHER_SHARE, MIN_HELDOUT_DROP, Rival, Round, causes_of, judge,
 )
 from idic.diagnose.selection.rivals import edits_of, refit_of_candidate
-from idic.diagnose.selection.state import Clock, State
+from idic.diagnose.selection.state import Clock, Selected, State, changed_cause, last_cause, leading
 from idic.model import jump_frame
 
 MAX_EXCHANGES = 2  # rivals that are tried in the place of one cause
@@ -65,25 +65,25 @@ def earns_its_place(rival: Rival, first: Misfit, without: Misfit, together: Misf
             and explains_a_channel(first.channels, without.channels, together.channels))
 
 
-def earning_alone(state: State) -> State | None:
+def earning_alone(selected: Selected) -> State | None:
     """The round with a winner among the rivals that earn a place beside the causes before; None where its winner does.
 
     The winner that is passed over is kept for the record.
     """
-    entry, null = state.round, state.model.fit.judgement
+    state, entry, null = selected.state, selected.round, selected.state.model.fit.judgement
     first = causes_of(state.rounds)[0].null.judgement
     earning = [rival for rival in entry.rivals if rival.passes
                and earns_its_place(rival, first, null, rival.refitted.judgement)]
-    if state.winner in earning:
+    if selected.winner in earning:
         return None
     winner, equals = judge(earning, entry.screening)
     return replace(state, round=replace(entry, winner=winner, equals=equals, plain=None,
-                                        passed_over=state.winner))
+                                        passed_over=selected.winner))
 
 
-def with_revised_rounds(state: State) -> State:
+def with_revised_rounds(cause: Selected) -> State:
     """The state after removals and exchanges, and the model of the revised set."""
-    rounds = revised(state)
+    state, rounds = cause.state, revised(cause.state)
     if [entry.winner for entry in rounds] == [entry.winner for entry in state.rounds]:
         return state
     revision = replace(state, rounds=tuple(rounds), model=model_of(rounds[-1]))
@@ -212,27 +212,35 @@ def _starts(values: Mapping[str, float], excluded: Sequence[str]) -> dict[str, f
     return {name: value for name, value in values.items() if name not in excluded}
 
 
-def without_last_cause(state: State) -> State | None:
+def without_last_cause(cause: Selected) -> State | None:
     """The model before the last cause fitted with the errors that have joined since; None where the fit fails."""
-    setting, entry = state.setting, state.rounds[-1]
+    state, setting, entry = cause.state, cause.state.setting, cause.round
     (fit,) = setting.refits([refit_of_one(entry.source, "null", entry.null, setting.grid,
                                           setting.seed)])
     return replace(state, rounds=state.rounds[:-1],
                    model=FittedModel(entry.source, fit)) if fit.usable else None
 
 
-def earns_nothing(state: State, tried: State) -> bool:
+def earns_nothing(cause: Selected, tried: State) -> bool:
     """Whether the last cause brings less, beside the errors that have joined since, than a further one must."""
-    first = next(iter(causes_of(state.rounds)), state.rounds[0])
-    return not earns_its_place(state.rounds[-1].winner, first.null.judgement,
-                               tried.model.fit.judgement, state.model.fit.judgement)
+    rounds = cause.state.rounds
+    first = next(iter(causes_of(rounds)), rounds[0])
+    return not earns_its_place(cause.winner, first.null.judgement,
+                               tried.model.fit.judgement, cause.state.model.fit.judgement)
 
 
-FURTHER_CAUSE = Move("place of a further cause", "refits_s", edit=earning_alone,
-                     applies=lambda state: state.winner is not None and bool(causes_of(state.rounds)))
-REVISION = Move("removal and exchange", "revision_s", edit=with_revised_rounds,
-                applies=lambda state: state.has_cause and len(state.rounds) > 1,
-                stage=lambda state: "every selected cause tested for removal and exchange")
-LAST_CAUSE = Move("removal of the last cause", "revision_s", edit=without_last_cause, accept=earns_nothing,
-                  applies=lambda state: state.has_changed and len(state.rounds) > 1,
-                  stage=lambda state: "the last cause tested anew, as the model has changed beside it")
+def has_others(selected: Selected) -> bool:
+    """Whether a cause was selected before, finite strains aside."""
+    return bool(causes_of(selected.state.rounds))
+
+
+def is_one_of_several(cause: Selected) -> bool:
+    """Whether rounds before the last one have ended."""
+    return len(cause.state.rounds) > 1
+
+
+FURTHER_CAUSE = Move("place of a further cause", "refits_s", leading, earning_alone, has_others)
+REVISION = Move("removal and exchange", "revision_s", last_cause, with_revised_rounds, is_one_of_several,
+                stage=lambda cause: "every selected cause tested for removal and exchange")
+LAST_CAUSE = Move("removal of the last cause", "revision_s", changed_cause, without_last_cause, is_one_of_several,
+                  earns_nothing, stage=lambda cause: "the last cause tested anew, as the model has changed beside it")

@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-
 from idic.diagnose.discretisation.following import following
 from idic.diagnose.discretisation.known_error import known_error
 from idic.diagnose.refits.fitted_model import FittedModel
@@ -27,7 +26,7 @@ from idic.diagnose.residual.heldout import misfit_of
 from idic.diagnose.selection.move import Move
 from idic.diagnose.selection.rival import Rival, Round, judge, noise_of_evidence
 from idic.diagnose.selection.rivals import FIRST_ORDER_ERROR_SHARE, edits_of, finite
-from idic.diagnose.selection.state import State
+from idic.diagnose.selection.state import JoinedCause, State, changed_cause
 from idic.identification import ORDINARY
 from idic.model import MotionError
 from idic.simulation_error import thickness_error
@@ -52,28 +51,23 @@ class Foreseen:
     gain: float
 
 
-def has_near_rivals(state: State) -> bool:
-    """Whether the model has changed beside a cause that had near rivals."""
-    return state.has_changed and bool(state.joined.close_rivals)
-
-
-def with_rivals_again(state: State) -> State | None:
+def with_rivals_again(cause: JoinedCause) -> State | None:
     """The last cause and its nearest rivals, as they were before, compared in the present model; None where no rival
     has an answer there."""
-    entry, fit = state.rounds[-1], state.model.fit
-    former = entry.winner.refitted
-    winner = refitted_again(entry.winner, replace(fit, name=former.name, label=former.label))
+    state, entry, fit = cause.state, cause.round, cause.state.model.fit
+    former = cause.winner.refitted
+    winner = refitted_again(cause.winner, replace(fit, name=former.name, label=former.label))
     if winner is None:
         return None
     models, refitted_rivals, is_any_behind, remaining = {}, [], False, chi2_of_following(state)
-    for rival in state.joined.close_rivals:
-        formed = finite(rival, entry.screening) if state.joined.is_finite else rival
+    for rival in cause.joined.close_rivals:
+        formed = finite(rival, entry.screening) if cause.joined.is_finite else rival
         model = FittedModel(entry.source.with_edits(edits_of(formed, entry.screening)), rival.refitted)
-        estimate = foreseen(state, model, formed)
+        estimate = foreseen(cause, model, formed)
         if estimate is not None and is_behind(estimate, rival, winner, remaining):
             is_any_behind = True
             continue
-        model = fitted_beside(state, model, estimate)
+        model = fitted_beside(cause, model, estimate)
         later = refitted_again(formed, replace(model.fit, label=rival.refitted.label)) if model.fit.usable else None
         if later is not None:
             models[later.ranked.key] = model
@@ -92,13 +86,13 @@ def with_rivals_again(state: State) -> State | None:
                            FittedModel(models[chosen.ranked.key].source, chosen.refitted))
 
 
-def fitted_beside(state: State, model: FittedModel, estimate: Foreseen | None) -> FittedModel:
+def fitted_beside(cause: JoinedCause, model: FittedModel, estimate: Foreseen | None) -> FittedModel:
     """A rival fitted beside the errors that have joined, from where first order sees it."""
+    setting = cause.state.setting
     source, moved = (model.source, None) if estimate is None else (estimate.source, estimate.moved)
-    is_near = estimate is not None and not state.joined.is_finite
-    (fit,) = state.setting.refits([refit_of_one(source, model.fit.name, model.fit, state.setting.grid,
-                                                state.setting.seed, moved,
-                                                estimator=model.fit.estimator if is_near else ORDINARY)])
+    is_near = estimate is not None and not cause.joined.is_finite
+    (fit,) = setting.refits([refit_of_one(source, model.fit.name, model.fit, setting.grid, setting.seed, moved,
+                                          estimator=model.fit.estimator if is_near else ORDINARY)])
     return FittedModel(source, fit)
 
 
@@ -117,12 +111,12 @@ def is_behind(estimate: Foreseen, rival: Rival, winner: Rival, remaining: float)
     return gap > noise_of_evidence(winner) + FIRST_ORDER_ERROR_SHARE * estimate.gain
 
 
-def foreseen(state: State, model: FittedModel, rival: Rival) -> Foreseen | None:
+def foreseen(cause: JoinedCause, model: FittedModel, rival: Rival) -> Foreseen | None:
     """A rival beside its own error, from the end of its fit without it; None where it finds no equilibrium.
 
     model : of the rival, with the error of the winner
     """
-    error, former = state.model.error, state.joined.error
+    error, former = cause.state.model.error, cause.joined.error
     if error is not None:
         error = error_of_rival(model, error, former)
         model = replace(model, source=model.source.with_motion_error(error))
@@ -130,12 +124,15 @@ def foreseen(state: State, model: FittedModel, rival: Rival) -> Foreseen | None:
     if simulation is None:
         return None
     moved, gain = following(simulation.residual)
-    return Foreseen(simulation.source, moved, misfit_of(simulation.residual, state.setting.grid).chi2 - gain, gain)
+    chi2 = misfit_of(simulation.residual, cause.state.setting.grid).chi2 - gain
+    return Foreseen(simulation.source, moved, chi2, gain)
 
 
 def near_rivals(entry: Round) -> list[Rival]:
     """Rivals of a round whose evidence comes near that of its winner, the nearest first."""
     winner = entry.winner
+    if winner is None:
+        return []
     close_rivals = [r for r in entry.rivals if r.ranked.key != winner.ranked.key and r.passes
                     and r.copies == winner.copies == 1 and winner.name not in r.ranked.candidate.limits
                     and winner.evidence - r.evidence < max(NEAR_SHARE * winner.evidence, NEAR_CHI2)]
@@ -164,5 +161,6 @@ def error_of_rival(model: FittedModel, winner_error: MotionError, former: Motion
     return known_error(identified, winner_error) or winner_error
 
 
-RIVALS_AGAIN = Move("rivals again", "refits_s", applies=has_near_rivals, edit=with_rivals_again, stage=lambda state:
+RIVALS_AGAIN = Move("rivals again", "refits_s", changed_cause, with_rivals_again,
+                    lambda cause: bool(cause.joined.close_rivals), stage=lambda cause:
                     "rivals of the cause compared again, as the model has changed beside it")

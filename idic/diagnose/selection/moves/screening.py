@@ -21,7 +21,7 @@ from idic.diagnose.screen.score_columns import score_columns
 from idic.diagnose.screen.select import MIN_CHANNEL_EFFECT_STD, Screening, screen_candidates
 from idic.diagnose.screen.situation import situation
 from idic.diagnose.selection import stages
-from idic.diagnose.selection.move import Move
+from idic.diagnose.selection.move import Move, itself
 from idic.diagnose.selection.rival import Round, causes_of
 from idic.diagnose.selection.state import State, Watch, unwatched
 
@@ -90,5 +90,5 @@ def _trials(library: Sequence[Candidate], is_measured: bool, place: Situation, r
     return trials, untestable
 
 
-SCREENING = Move("screening", "screening_s", applies=lambda state: state.is_open, edit=opened,
+SCREENING = Move("screening", "screening_s", itself, opened, lambda state: state.is_open,
                  stage=lambda state: f"{stages.SCREENING}, round {state.number + 1}")

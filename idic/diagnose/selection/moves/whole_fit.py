@@ -9,7 +9,7 @@ with the fit to the copy.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from idic.diagnose.discretisation.following import is_at
 from idic.diagnose.discretisation.known_error import renewed_error
@@ -19,7 +19,7 @@ from idic.diagnose.discretisation.thickness_std import std_factors
 from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.refits.refit import Fit
 from idic.diagnose.refits.refit_job import ExperimentSource, refit_of_one
-from idic.diagnose.selection.move import Move, moved
+from idic.diagnose.selection.move import Move, itself, moved
 from idic.diagnose.selection.moves.other_axis import fit_from_other_axes, is_another_answer, is_better
 from idic.diagnose.selection.stages import ENRICHED_RESIDUAL, WHOLE_FIT
 from idic.diagnose.selection.state import Setting, State
@@ -86,9 +86,24 @@ def whole_fit(setting: Setting, model: FittedModel, settled: Identification | No
     return fit
 
 
-def with_renewed_errors(state: State) -> State:
+@dataclass(frozen=True, eq=False)
+class OnRecording:
+    """A state with its last model on the recording itself, simulated there."""
+
+    state: State
+    final: FittedModel
+
+
+def on_recording(state: State) -> OnRecording | None:
+    """The last model on the recording; None where it finds no equilibrium, and in a quick diagnosis."""
+    final = None if state.setting.quick else state.final
+    return None if final is None or final.residual is None else OnRecording(state, final)
+
+
+def with_renewed_errors(recorded: OnRecording) -> State:
     """The fit repeated while the known error follows it, and with bricks where the recording asks for them now."""
-    setting, final, settled = state.setting, state.final, state.settled
+    state, final = recorded.state, recorded.final
+    setting, settled = state.setting, state.settled
     for turn in range(MAX_RENEWALS):
         if settled is not None and is_at(final.fit.values, settled, final.fit.stds):
             break
@@ -108,15 +123,15 @@ def with_renewed_errors(state: State) -> State:
     return replace(state, final=final, settled=settled)
 
 
-def with_other_axis(state: State) -> State | None:
+def with_other_axis(recorded: OnRecording) -> State | None:
     """The better one of two axes, and the other one where the recording does not tell them apart."""
-    final, other_fit = state.final, fit_from_other_axes(state)
+    final, other_fit = recorded.final, fit_from_other_axes(recorded.state, recorded.final)
     if other_fit is None:
         return None
     if is_better(other_fit, final.fit):
         turned = FittedModel(final.source, other_fit).simulated()
         final, other_fit = (final, None) if turned is None else (turned, final.fit)
-    return replace(state, final=final, other_axis=other_fit)
+    return replace(recorded.state, final=final, other_axis=other_fit)
 
 
 def with_std_of_bricks(model: FittedModel) -> FittedModel:
@@ -126,11 +141,11 @@ def with_std_of_bricks(model: FittedModel) -> FittedModel:
     return replace(model, fit=replace(model.fit, stds=stds))
 
 
-def with_stds(state: State) -> State:
+def with_stds(recorded: OnRecording) -> State:
     """The last fit with its standard deviations, and another axis only where it is another answer."""
-    final, other_fit = with_std_of_bricks(state.final), state.other_axis
+    final, other_fit = with_std_of_bricks(recorded.final), recorded.state.other_axis
     is_other = other_fit is not None and is_another_answer(other_fit, final.fit)
-    return replace(state, final=final, other_axis=other_fit if is_other else None)
+    return replace(recorded.state, final=final, other_axis=other_fit if is_other else None)
 
 
 def _stage(state: State) -> str:
@@ -139,14 +154,13 @@ def _stage(state: State) -> str:
     return WHOLE_FIT
 
 
-def _is_simulated(state: State) -> bool:
-    return not state.setting.quick and state.final is not None and state.final.residual is not None
+def _has_changed(state: State) -> bool:
+    return state.model.fit is not state.first.fit
 
 
 TO_RECORDING = (
-    Move("fit to the recording", "final_s", applies=lambda state: state.model.fit is not state.first.fit, edit=fitted,
-         stage=_stage),
-    Move("renewed error", "final_s", applies=_is_simulated, edit=with_renewed_errors),
-    Move("other axis", "final_s", applies=_is_simulated, edit=with_other_axis),
-    Move("standard deviations", "final_s", applies=_is_simulated, edit=with_stds),
+    Move("fit to the recording", "final_s", itself, fitted, _has_changed, stage=_stage),
+    Move("renewed error", "final_s", on_recording, with_renewed_errors),
+    Move("other axis", "final_s", on_recording, with_other_axis),
+    Move("standard deviations", "final_s", on_recording, with_stds),
 )
