@@ -20,7 +20,7 @@ from idic.diagnose.residual.channel_left import ChannelLeft
 from idic.diagnose.residual.excess_left import MAX_EXCESS_LEFT, MAX_LOCAL_EXCESS_LEFT, MIN_EXCESS_Z, ExcessLeft
 from idic.diagnose.residual.heldout import Misfit
 from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
-from idic.diagnose.selection.rival import NO_CAUSE, Round
+from idic.diagnose.selection.rival import NO_CAUSE, Round, winners, with_winners
 from idic.identification import Identification, z_text
 from idic.laws import get_law
 from idic.model import pixel_size
@@ -260,23 +260,23 @@ def search_cautions(status: str, base_excess: float, enriched_excess: float, std
 
 def refits_given_up(rounds: Sequence[Round]) -> list[str]:
     """Rivals whose simulations found no equilibrium, and whose score promised to come near the selected candidate."""
-    return [f"{rival.ranked.called} was not compared with {entry.winner.ranked.called}: its refit was given up, as "
+    return [f"{rival.ranked.called} was not compared with {winner.ranked.called}: its refit was given up, as "
             f"{MAX_FAILED_SIMULATIONS} of its simulations found no equilibrium. By its score it explains "
-            f"{100.0 * min(rival.predicted / entry.winner.achieved, 1.0):.0f} % of the same drop in chi-square. The "
+            f"{100.0 * min(rival.predicted / winner.achieved, 1.0):.0f} % of the same drop in chi-square. The "
             "recording neither confirms nor excludes it."
-            for entry in rounds if entry.winner is not None for rival in entry.rivals
-            if rival.refitted.given_up and rival.predicted > MIN_RIVAL_SHARE * entry.winner.achieved]
+            for entry, winner in with_winners(rounds) for rival in entry.rivals
+            if rival.refitted.given_up and rival.predicted > MIN_RIVAL_SHARE * winner.achieved]
 
 
 def refits_cut_short(rounds: Sequence[Round]) -> list[str]:
     """Where the order of a winner and its nearest rivals was decided before their refits had converged."""
     texts = []
-    for entry in (r for r in rounds if r.winner is not None):
+    for entry, winner in with_winners(rounds):
         close_rivals = [rival for rival in entry.rivals
-                        if rival.refitted.usable and rival.achieved > MIN_RIVAL_SHARE * entry.winner.achieved]
+                        if rival.refitted.usable and rival.achieved > MIN_RIVAL_SHARE * winner.achieved]
         names = [rival.ranked.called for rival in close_rivals if rival.refitted.status == "max_iterations"]
         if len(close_rivals) > 1 and names:
-            texts.append(f"{entry.winner.ranked.called} was selected after at most {MAX_EVALUATIONS} evaluations of "
+            texts.append(f"{winner.ranked.called} was selected after at most {MAX_EVALUATIONS} evaluations of "
                          f"every refit. Not converged by then: {', '.join(names)}. Their order may change.")
     return texts
 
@@ -289,8 +289,8 @@ def rivals_not_ruled_out(rounds: Sequence[Round], misfit: Misfit) -> list[str]:
     if not misfit.excess_z > MIN_EXCESS_Z:
         return []
     excess, texts = float(misfit.gain.sum() - misfit.rank.sum()), []
-    for entry in (r for r in rounds if r.winner is not None):
-        winner, selected = entry.winner, entry.winner.ranked
+    for entry, winner in with_winners(rounds):
+        selected = winner.ranked
         for rival in entry.rivals:
             ranked = rival.ranked
             reason = (selected.candidate.rivals.get(ranked.candidate.name)
@@ -308,7 +308,7 @@ def rivals_not_ruled_out(rounds: Sequence[Round], misfit: Misfit) -> list[str]:
 
 def softening_caution(rounds: Sequence[Round]) -> list[str]:
     """What a selected law of damage owes to the mesh."""
-    selected = [entry.winner.ranked.candidate for entry in rounds if entry.winner is not None]
+    selected = [winner.ranked.candidate for winner in winners(rounds)]
     if all(candidate.family != "damage" for candidate in selected):
         return []
     return ["Damage localises in one row of elements: beyond the highest load force, motion and damage parameters "
@@ -334,9 +334,8 @@ def _few_elements(diagnosis: Diagnosis) -> list[str]:
     carrying = float(active.amount.sum() ** 2 / max((active.amount**2).sum(), 1e-300))
     if carrying > MIN_CARRYING_ELEMENTS:
         return []
-    parameters = [name for entry in diagnosis.rounds if entry.winner is not None
-                  and entry.winner.ranked.candidate.side == "bulk"
-                  for name in entry.winner.refitted.stds if name not in entry.null.stds]
+    parameters = [name for entry, winner in with_winners(diagnosis.rounds) if winner.ranked.candidate.side == "bulk"
+                  for name in winner.refitted.stds if name not in entry.null.stds]
     if not parameters:
         return []
     one_set = len({name.partition(".")[0] for name in parameters}) == 1

@@ -16,7 +16,7 @@ from idic.diagnose.residual.measured_motion import OutOfRegister
 from idic.diagnose.residual.spots import LeftOut
 from idic.diagnose.screen.courses import Course, courses_of
 from idic.diagnose.selection.moves.shortlist import has_state
-from idic.diagnose.selection.rival import Round, causes_of
+from idic.diagnose.selection.rival import Round, causes_of, with_winners
 from idic.diagnose.selection.state import State
 from idic.diagnose.selection.verdict import Verdict
 from idic.identification import Identification
@@ -92,7 +92,7 @@ class Diagnosis:
     def first_cause(self) -> Round | None:
         """The round of the first selected candidate, None without one; finite strains belong to the description, and
         are no cause where there is another."""
-        won = [entry for entry in self.rounds if entry.winner is not None]
+        won = [entry for entry, _ in with_winners(self.rounds)]
         return next(iter(causes_of(won) or won), None)
 
     @property

@@ -11,7 +11,7 @@ from idic.diagnose.locate.mismatch_words import MOTION, mismatch_words
 from idic.diagnose.locate.place import clusters, element_centres, in_words
 from idic.diagnose.residual.excess_left import effect
 from idic.diagnose.screen.select import MAX_FAMILYWISE_P, Ranked
-from idic.diagnose.selection.rival import Rival
+from idic.diagnose.selection.rival import Rival, winners
 from idic.identification import p_text
 
 MAX_PLACE_SHARE = 0.5  # of the elements: a larger source is the whole body
@@ -55,7 +55,7 @@ def shown_by(diagnosis: Diagnosis) -> str | None:
 
     A pattern is one unknown or a few: it sees less than free motions need.
     """
-    won = [entry.winner for entry in diagnosis.rounds if entry.winner is not None]
+    won = winners(diagnosis.rounds)
     if not won or diagnosis.mismatch is None or diagnosis.mismatch.is_significant:
         return None
     weakest = max(rival.ranked.p_familywise for rival in won)
@@ -67,7 +67,7 @@ def shown_by(diagnosis: Diagnosis) -> str | None:
 
 def _titles(diagnosis: Diagnosis) -> str:
     """Selected candidates in standard words, with their verb: "grip slip shows"."""
-    titles = [entry.winner.ranked.candidate.title for entry in diagnosis.rounds if entry.winner is not None]
+    titles = [winner.ranked.candidate.title for winner in winners(diagnosis.rounds)]
     return f"{' and '.join(titles)} {'shows' if len(titles) == 1 else 'show'}"
 
 
@@ -97,7 +97,7 @@ def _active(diagnosis: Diagnosis) -> dict | None:
 
 
 def _labels(diagnosis: Diagnosis, elements: np.ndarray) -> list[int]:
-    return [int(label) for label in diagnosis.identification.experiment.mesh.element_labels[elements]]
+    return list(diagnosis.identification.experiment.mesh.labels_of(elements))
 
 
 def place_in_words(diagnosis: Diagnosis) -> str | None:

@@ -20,7 +20,7 @@ from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.refits.refit_job import RefitJob
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.selection.free_model import FreeModel
-from idic.diagnose.selection.rival import Round
+from idic.diagnose.selection.rival import Round, winners
 from idic.diagnose.selection.state import State
 from idic.diagnose.selection.verdict import Verdict
 from idic.laws import knots, rubber_level_names, weight_names
@@ -104,13 +104,12 @@ def is_offered(verdict: Verdict, mismatch: Mismatch | None, rounds: Sequence[Rou
     if verdict.word != "outside_library" or mismatch is None or not any(
             material.law in classes for material in experiment.materials):
         return False
-    return BULK in (mismatch.side,
-                    *(entry.winner.ranked.candidate.side for entry in rounds if entry.winner is not None))
+    return BULK in (mismatch.side, *(winner.ranked.candidate.side for winner in winners(rounds)))
 
 
 def has_other_sides(rounds: Sequence[Round]) -> bool:
     """Whether a selected cause is not of the specimen: a free law does not replace it."""
-    return any(entry.winner is not None and entry.winner.ranked.candidate.side != BULK for entry in rounds)
+    return any(winner.ranked.candidate.side != BULK for winner in winners(rounds))
 
 
 def free_form(state: State, bases: Sequence[FittedModel]) -> FreeForm | None:

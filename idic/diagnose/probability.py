@@ -24,7 +24,7 @@ import numpy as np
 
 from idic.diagnose.residual.channel_left import ChannelLeft
 from idic.diagnose.residual.excess_left import MIN_EXCESS_Z, ExcessLeft
-from idic.diagnose.selection.rival import Round
+from idic.diagnose.selection.rival import Round, winners
 from idic.diagnose.selection.verdict import Verdict
 
 STRENGTHS_Z = (3.0, 8.0, 30.0)  # standard deviations of the weakest selected cause (root of `Rival.evidence`)
@@ -48,7 +48,7 @@ def probability(verdict: Verdict, rounds: Sequence[Round], remainder: ExcessLeft
         return P_NONE_BESIDE_A_SCORE if has_score else P_NONE
     if verdict.word == "outside_library":
         return P_UNEXPLAINED if verdict.selected else None
-    weakest = min(entry.winner.evidence for entry in rounds if entry.winner is not None)
+    weakest = min(winner.evidence for winner in winners(rounds))
     strength = float(np.interp(np.sqrt(max(weakest, 0.0)), STRENGTHS_Z, P_OF_STRENGTH))
     leaves = remainder.after.excess_z > MIN_EXCESS_Z or any(channel.is_significant for channel in channels)
     return min(strength, P_WITH_LEFTOVER) if leaves else strength

@@ -180,7 +180,7 @@ def locate(identification: Identification, residual: ResidualEvidence, null: Nul
     effect = effect_px(residual, first if first is not None else int(evidence.frames[0]))
     follows = fingerprint(begins.amplitude, begins.std, times, load, begins.frame)
     constant = dict(zip(null.names, parameter_cusum(record)[1].tolist(), strict=True))
-    labels = () if place is None else tuple(int(i) for i in experiment.mesh.element_labels[place.elements])
+    labels = () if place is None else experiment.mesh.labels_of(place.elements)
     centroid, centroid_std, extent = (_numbers(place, name) for name in ("centroid", "centroid_std", "extent"))
     return Mismatch(p_value, nested_tests.side if real else "", effect, first, interval, visible,
                     labels, centroid, centroid_std, extent, frames,

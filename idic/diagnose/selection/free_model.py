@@ -88,7 +88,7 @@ class FreeEnd(FreeModel):
     def shapes(self) -> list[dict[str, Any]]:
         """Significant shapes, the largest first: component, degree, in words, amplitude and its std where the amplitude
         is largest."""
-        shapes = {}
+        shapes: dict[tuple[str, str], dict[str, Any]] = {}
         for name in self.motion.names:
             stem, _, degree = name.partition("_knot[")[0].rpartition("shape")
             value, std = self.refitted.values[name], self.refitted.stds.get(name)

@@ -141,10 +141,20 @@ class Round:
         return pooled(null_misfit, self.crossed_judgement), pooled(rival_misfit, rival.crossed_judgement)
 
 
+def with_winners(rounds: Sequence[Round]) -> list[tuple[Round, Rival]]:
+    """Rounds that have a winner, with it."""
+    return [(entry, entry.winner) for entry in rounds if entry.winner is not None]
+
+
+def winners(rounds: Sequence[Round]) -> list[Rival]:
+    """Of all rounds that have one."""
+    return [winner for _, winner in with_winners(rounds)]
+
+
 def causes_of(rounds: Sequence[Round]) -> list[Round]:
     """Rounds that have added a cause: finite strains belong to the description of every body, and what joins them first
     is no further cause."""
-    return [entry for entry in rounds if entry.winner is not None and entry.winner.name != NO_CAUSE]
+    return [entry for entry, winner in with_winners(rounds) if winner.name != NO_CAUSE]
 
 
 def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, tuple[str, ...]]:

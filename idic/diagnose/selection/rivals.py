@@ -42,7 +42,9 @@ def refitted(source: ExperimentSource, null: Fit, screening: Screening, refits: 
     is_alone : only the most promising candidate is refitted, with the standard deviations of a last model
     is_far : the null is pixels off: what first order promises of a law says nothing (`other_laws`)
     """
-    waiting, rivals, early_stop, best, laws = alternatives(screening.shortlist), {}, None, 0.0, set()
+    waiting, early_stop, best = alternatives(screening.shortlist), None, 0.0
+    rivals: dict[tuple[str, str], Rival] = {}
+    laws: set[tuple[str, str]] = set()
     reserve = [r for r in alternatives([*screening.shortlist, *screening.reserve]) if r in screening.reserve]
     starts = {r.key: starting_variants(screening, r.candidate, r.variant) for r in [*waiting, *reserve]}
 

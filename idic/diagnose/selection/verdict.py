@@ -21,7 +21,7 @@ from idic.diagnose.residual.channel_left import ChannelLeft
 from idic.diagnose.residual.excess_left import MIN_EXCESS_Z, ExcessLeft
 from idic.diagnose.residual.heldout import Misfit, share_recovered
 from idic.diagnose.screen.select import MAX_HIDDEN_VISIBILITY, MIN_PROBE_Z, Ranked, Screening
-from idic.diagnose.selection.rival import Round
+from idic.diagnose.selection.rival import Rival, Round, with_winners
 from idic.parameters import Parameter
 
 MIN_RECOVERED_SHARE = 0.7  # of the explainable share; below, the library does not hold the missing effect
@@ -70,7 +70,7 @@ def conclude(rounds: Sequence[Round], base: Misfit, enriched: Misfit, real: bool
     channels : what the last model leaves in them on the whole recording
     freedom : the degree of freedom of a direct candidate, whose unit its bound has
     """
-    won = [r for r in rounds if r.winner is not None]
+    won = with_winners(rounds)
     first, final = rounds[0].screening, rounds[-1].screening
     readings = bool(excess) and is_of_readings(excess[0], channels)
     share = share_recovered(base, enriched, camera_chi2) if won else float("nan")
@@ -79,9 +79,9 @@ def conclude(rounds: Sequence[Round], base: Misfit, enriched: Misfit, real: bool
     in_motions = (real and not won) or (bool(won) and any(
         _is_unexplained(entry, share, readings) for entry in excess))
     word = _word(won, first, bool(in_channels) or in_motions)
-    selected = tuple(r.winner.name for r in won)
-    sets = tuple((r.winner.name, *r.equals) for r in won if r.equals)
-    in_model = set(selected).union(*(r.equals for r in won)) if won else set()
+    selected = tuple(winner.name for _, winner in won)
+    sets = tuple((winner.name, *entry.equals) for entry, winner in won if entry.equals)
+    in_model = set(selected).union(*(entry.equals for entry, _ in won))
     shown_names = in_model | {r.candidate.name for r in final.ranked
                               if r.standing in ("significant", "small", "inadmissible")}
     excluded = tuple({"name": r.candidate.name, "bound": bound_text(r, freedom(r))} for r in final.ranked
@@ -92,7 +92,7 @@ def conclude(rounds: Sequence[Round], base: Misfit, enriched: Misfit, real: bool
     return Verdict(word, selected, sets, excluded, cannot, advice, share, base, enriched, in_motions, in_channels)
 
 
-def _word(won: Sequence[Round], first: Screening, unexplained: bool) -> str:
+def _word(won: Sequence[tuple[Round, Rival]], first: Screening, unexplained: bool) -> str:
     if not won:
         if unexplained:
             return "outside_library"
@@ -102,7 +102,7 @@ def _word(won: Sequence[Round], first: Screening, unexplained: bool) -> str:
         return "outside_library"
     if len(won) > 1:
         return "multiple"
-    return "set" if won[0].equals else "single"
+    return "set" if won[0][0].equals else "single"
 
 
 def is_insensitive(screening: Screening) -> bool:
@@ -142,16 +142,16 @@ def _is_unexplained(excess: ExcessLeft, share: float, readings: bool = False) ->
     return share < MIN_RECOVERED_SHARE or excess.matters
 
 
-def _next(word: str, won: Sequence[Round], first: Screening, unloads: bool | None, in_motions: bool,
+def _next(word: str, won: Sequence[tuple[Round, Rival]], first: Screening, unloads: bool | None, in_motions: bool,
           channels: Sequence[ChannelLeft]) -> str | None:
     """The next test: it separates the members of a set (cheapest first), makes a blind test sensitive, locates the side
     of an unexplained mismatch, or confirms a cause.
 
     channels : channels in which a part remains
     """
-    for entry in won:
+    for entry, winner in won:
         if entry.equals:
-            return _separating(entry.winner.ranked.candidate)
+            return _separating(winner.ranked.candidate)
     if word == "outside_library" and not in_motions and channels and not any(channel.is_load for channel in channels):
         return ("measure a known motion with the extensometer and repeat the test at another speed: a reading without "
                 "a corresponding motion comes from the gauge, its mounting or its clock")
@@ -167,7 +167,7 @@ def _next(word: str, won: Sequence[Round], first: Screening, unloads: bool | Non
         return _more_sensitive(first) if is_insensitive(first) else (
             "lock parameters that are known from another test, and diagnose again")
     if won:
-        cause = won[0].winner.ranked.candidate
+        cause = won[0][1].ranked.candidate
         test = next((test for test in cause.separating_tests if not (unloads and test.startswith(UNLOADING))), None)
         return None if test is None else f"to confirm {cause.title}, {test}"
     return None

@@ -91,6 +91,10 @@ class Mesh:
         """Largest extent along an axis."""
         return float(np.ptp(self.nodes, axis=0).max())
 
+    def labels_of(self, elements: np.ndarray) -> tuple[int, ...]:
+        """Labels of elements in the mesh file."""
+        return tuple(int(label) for label in self.element_labels[elements])
+
     def block_of(self, element_index: int) -> Block:
         """The block that holds a global element index."""
         for block in self.blocks:

@@ -84,7 +84,8 @@ def explains_more(selected: Selected, tried: State) -> bool:
 def few_jumps(scores: Scores) -> list[int]:
     """The fewest columns of which each lowers chi-square by `MIN_JUMP_CHI2`, and by a share of what they explain
     together, beside the others, in their order; at most `MAX_JUMPS`, none where more would be needed."""
-    everyone, chosen = range(len(scores.U)), []
+    everyone = range(len(scores.U))
+    chosen: list[int] = []
 
     def gain(members: list[int]) -> float:
         return scores.gain(sorted(members)) if members else 0.0
@@ -93,7 +94,7 @@ def few_jumps(scores: Scores) -> list[int]:
         candidates = [k for k in everyone if k not in chosen and scores.own[k] > 0]
         best = max(candidates, key=lambda k: gain([*chosen, k]), default=None)
         together = 0.0 if best is None else gain([*chosen, best])
-        if together - gain(chosen) < max(MIN_JUMP_CHI2, MIN_FURTHER_SHARE * together):
+        if best is None or together - gain(chosen) < max(MIN_JUMP_CHI2, MIN_FURTHER_SHARE * together):
             return sorted(chosen)
         if len(chosen) == MAX_JUMPS:
             return []
@@ -119,9 +120,10 @@ def without_idle_jumps(cause: Selected) -> State | None:
     fit, idle, variant = state.model.fit, idle_jumps(cause), winner.ranked.variant
     jumps = tuple(name for name in variant.new if name not in idle)
     label = _label(jumps)
+    null, probe = ({name: value for name, value in values.items() if name in jumps}
+                   for values in (variant.null, variant.probe))
     fewer = replace(variant, label=label, edits=_without_frames(variant.edits, {jump_frame(name) for name in idle}),
-                    new=jumps, **{part: {name: value for name, value in getattr(variant, part).items() if name in jumps}
-                                  for part in ("null", "probe")})
+                    new=jumps, null=null, probe=probe)
     former = replace(winner, ranked=replace(winner.ranked, variant=fewer, label=label),
                      refitted=replace(winner.refitted, label=label))
     source = entry.source.with_edits(edits_of(former, entry.screening))

@@ -26,7 +26,7 @@ from idic.diagnose.screen.free_courses import KNOTTED
 from idic.diagnose.selection.free_model import EndMotion, FreeEnd
 from idic.diagnose.selection.move import Move, itself
 from idic.diagnose.selection.rival import (
-    COPIES, MIN_DROP_DIFFERENCE, MIN_FURTHER_SHARE, MIN_SEPARATION_CHI2, Round, leaves_something,
+    COPIES, MIN_DROP_DIFFERENCE, MIN_FURTHER_SHARE, MIN_SEPARATION_CHI2, Round, leaves_something, winners,
 )
 from idic.diagnose.selection.state import State
 from idic.diagnose.selection.verdict import MIN_RECOVERED_SHARE
@@ -44,7 +44,7 @@ def may_be_an_end(mismatch: Mismatch | None, rounds: Sequence[Round], remainder:
         return False
     if not mismatch.nested_tests.share("boundary") >= MIN_RECOVERED_SHARE:
         return False
-    won = [entry.winner.ranked.candidate.side for entry in rounds if entry.winner is not None]
+    won = [winner.ranked.candidate.side for winner in winners(rounds)]
     return len(won) != 1 or won[0] in ("bulk", "boundary") or remainder.matters
 
 
@@ -87,7 +87,7 @@ def refitted_ends(state: State, motions: Sequence[EndMotion]) -> list[FreeEnd]:
 
 def selected_causes(state: State) -> list[Candidate]:
     """Of all rounds."""
-    return [entry.winner.ranked.candidate for entry in state.rounds if entry.winner is not None]
+    return [winner.ranked.candidate for winner in winners(state.rounds)]
 
 
 def is_the_last_word(state: State, tried: State) -> bool:

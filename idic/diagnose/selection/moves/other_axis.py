@@ -16,7 +16,7 @@ from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.refits.refit import Fit
 from idic.diagnose.refits.refit_job import RefitJob
 from idic.diagnose.screen.select import MIN_SEPARATION_CHI2
-from idic.diagnose.selection.rival import COPIES
+from idic.diagnose.selection.rival import COPIES, with_winners
 from idic.diagnose.selection.state import State
 
 ANGLE = "angle"
@@ -30,15 +30,16 @@ def fit_from_other_axes(state: State, model: FittedModel) -> Fit | None:
     """The best fit of the last model to the recording that begins at another axis; None without an axis or an
     answer."""
     setting, source, final = state.setting, model.source, model.fit
-    entry = next((candidate for candidate in state.rounds if candidate.winner is not None
-                  and _angle_of(candidate.winner.ranked.variant)), None)
-    if entry is None or final.choice is None:
+    turned = next(((entry, winner) for entry, winner in with_winners(state.rounds)
+                   if _angle_of(winner.ranked.variant)), None)
+    if turned is None or final.choice is None:
         return None
-    variant = entry.winner.ranked.variant
+    entry, winner = turned
+    variant = winner.ranked.variant
     name = _angle_of(variant)
     scores = {trial.variant.label: (abs(entry.screening.scores.z[k]), trial.variant)
               for k, trial in enumerate(entry.screening.trials)
-              if trial.candidate.name == entry.winner.name and trial.variant.new == variant.new}
+              if trial.candidate.name == winner.name and trial.variant.new == variant.new}
     distant = [v for _, v in sorted(scores.values(), key=lambda score: -score[0])
                if _apart(v.probe[name], final.values[name]) > MIN_OTHER_DEG][:MAX_OTHER_AXES]
     if not distant:
@@ -60,8 +61,8 @@ def is_another_answer(trial: Fit, final: Fit) -> bool:
     if not trial.choice.chi2 < final.choice.chi2 + MIN_CHI2:
         return False
     values = same_axes(trial.values, final.values)
-    stds = {name: (std, trial.stds[name]) for name, std in final.stds.items()
-            if not name.endswith(f".{ANGLE}") and None not in (std, trial.stds.get(name))}
+    stds = {name: (std, trial_std) for name, std in final.stds.items() if not name.endswith(f".{ANGLE}")
+            and std is not None and (trial_std := trial.stds.get(name)) is not None}
     return any(abs(values[name] - final.values[name]) > MIN_DIFFERENCE_STD * float(np.hypot(*pair))
                for name, pair in stds.items())
 
