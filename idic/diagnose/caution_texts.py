@@ -100,7 +100,7 @@ def thickness_caution(diagnosis: Diagnosis) -> list[str]:
     shares = [f", {100.0 * np.abs(change).max() / channel.largest:.2g} % of {channel.column}"
               for channel, change in zip(experiment.channels, error.thickness.channels.T, strict=True)]
     identified, first = diagnosis.identification.parameters, diagnosis.rounds[0]
-    first_error = None if first.source is None else first.source.motion_error
+    first_error = first.source.motion_error
     bricks = first.null if diagnosis.corrected is None else diagnosis.corrected.fit
     values = "; ".join(f"{name} {identified[name].shown:.4g}, about "
                        f"{bricks.values[name] / identified[name].factor:.4g} {_unit(identified[name])}with bricks"

@@ -113,7 +113,7 @@ def _active(state: State) -> Activity | None:
     if state.final is None or state.final.residual is None:
         return None
     first = next(iter(causes_of(state.rounds)), state.rounds[0])
-    if first.winner.ranked.candidate.kind.active:
+    if first.winner is not None and first.winner.ranked.candidate.kind.active:
         with suppress(NotConverged), state.setting.clock.step("final_s"):  # the residual chose its own increments
             return activity(state.final.identification())
     return None

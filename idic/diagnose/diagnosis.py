@@ -102,11 +102,12 @@ class Diagnosis:
         It acts from the start unless it, or a candidate indistinguishable from it, has an onset.
         """
         first = self.first_cause
-        if first is None:
+        winner = None if first is None else first.winner
+        if first is None or winner is None:
             return None
-        candidate, active = first.winner.ranked.candidate, self.active
+        candidate, active = winner.ranked.candidate, self.active
         has_onset = any(rival.ranked.candidate.has_onset for rival in first.rivals
-                        if rival is first.winner or rival.name in first.equals)
+                        if rival is winner or rival.name in first.equals)
         is_monotone = active is not None and not candidate.shows_at_reversal
         modifies = is_monotone and has_state(self.identification, ACTIVE_STATES)
         began = [course.onset for course in self.courses(first) if course.onset and course.onset[0] > 0]

@@ -3,15 +3,19 @@ inclusion."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy import stats
 
 from idic.diagnose.diagnosis import Diagnosis
+from idic.diagnose.locate.active_elements import Activity
 from idic.diagnose.locate.mismatch_words import MOTION, mismatch_words
 from idic.diagnose.locate.place import clusters, element_centres, in_words
 from idic.diagnose.residual.excess_left import effect
 from idic.diagnose.screen.select import MAX_FAMILYWISE_P, Ranked
 from idic.diagnose.selection.rival import Rival, winners
+from idic.fe import Mesh
 from idic.identification import p_text
 
 MAX_PLACE_SHARE = 0.5  # of the elements: a larger source is the whole body
@@ -30,8 +34,9 @@ def mismatch_content(diagnosis: Diagnosis) -> dict:
     if diagnosis.mismatch is None:
         misfit = diagnosis.identified.misfit
         keys = ("side", "onset_frame", "onset_ci", "visible_frame", "centroid_mm", "frames")
-        content = dict.fromkeys(keys) | {"elements": [], "effect_px_rms": effect(misfit, diagnosis.state.power),
-                                         "p_value": float(stats.chi2.sf(misfit.gain.sum(), misfit.rank.sum()))}
+        content: dict[str, Any] = dict.fromkeys(keys) | {
+            "elements": [], "effect_px_rms": effect(misfit, diagnosis.state.power),
+            "p_value": float(stats.chi2.sf(misfit.gain.sum(), misfit.rank.sum()))}
     else:
         content = diagnosis.mismatch.content(selected)
     content["located_side"] = content["side"]
@@ -93,7 +98,7 @@ def _active(diagnosis: Diagnosis) -> dict | None:
     return {"verb": active.verb, "first_frame": active.first_frame, "elements": int((active.since >= 0).sum()),
             "of": diagnosis.identification.experiment.mesh.n_elements,
             "first_elements": _labels(diagnosis, active.first),
-            "first_mm": first_active_place(diagnosis)}
+            "first_mm": first_active_place(diagnosis.identification.experiment.mesh, active)}
 
 
 def _labels(diagnosis: Diagnosis, elements: np.ndarray) -> list[int]:
@@ -103,12 +108,14 @@ def _labels(diagnosis: Diagnosis, elements: np.ndarray) -> list[int]:
 def place_in_words(diagnosis: Diagnosis) -> str | None:
     """Place of the mismatch where it is a part of the body; None for the whole body and for no place."""
     mismatch = diagnosis.mismatch
-    if mismatch is None or not mismatch.has_place(diagnosis.selected_effect) or _everywhere(diagnosis):
+    if mismatch is None or mismatch.place is None or not mismatch.has_place(diagnosis.selected_effect):
+        return None
+    if _everywhere(diagnosis):
         return None
     mesh, unit = diagnosis.identification.experiment.mesh, diagnosis.identification.experiment.length_unit
     if len(mismatch.elements) > MAX_PLACE_SHARE * mesh.n_elements:
         return (None if diagnosis.active is None else
-                f"first at {in_words(first_active_place(diagnosis), size=mesh.size)} {unit}")
+                f"first at {in_words(first_active_place(mesh, diagnosis.active), size=mesh.size)} {unit}")
     parts = clusters(mesh, mismatch.place.elements)
     centres = [element_centres(mesh)[part].mean(axis=0) for part in parts
                if len(part) > MIN_CLUSTER_SHARE * len(parts[0])]
@@ -117,8 +124,9 @@ def place_in_words(diagnosis: Diagnosis) -> str | None:
 
 
 def _everywhere(diagnosis: Diagnosis) -> bool:
-    first = diagnosis.first_cause
-    return first is not None and diagnosis.selected_effect.from_start and acts_everywhere(first.winner.ranked)
+    first, effect = diagnosis.first_cause, diagnosis.selected_effect
+    winner = None if first is None else first.winner
+    return effect is not None and effect.from_start and winner is not None and acts_everywhere(winner.ranked)
 
 
 def acts_everywhere(ranked: Ranked) -> bool:
@@ -129,10 +137,9 @@ def acts_everywhere(ranked: Ranked) -> bool:
     return not ranked.candidate.kind.placed or ranked.candidate.everywhere or ranked.variant.form == "gradient"
 
 
-def first_active_place(diagnosis: Diagnosis) -> list[float]:
+def first_active_place(mesh: Mesh, active: Activity) -> list[float]:
     """Centre of the most active of the elements that are active first  # (dim,) mm"""
-    active = diagnosis.active
-    centres = element_centres(diagnosis.identification.experiment.mesh)[active.first]
+    centres = element_centres(mesh)[active.first]
     return centres[np.argmax(active.amount[active.first])].tolist()
 
 

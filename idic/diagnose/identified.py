@@ -55,12 +55,11 @@ def as_identified(source: ExperimentSource, identification: Identification, marg
         misfit = misfit_of(residual, grid)
     stage(PLACE)
     with clock.step("locate_s"):
-        first = Identified(source, identification, residual, grid, misfit, located(identification, residual, margin),
-                           {})
-        if first.is_mismatched or not quick:
-            first = replace(first, neglected=neglected_errors(identification))
-        source, bricks = with_thickness(source, identification, residual, misfit, grid,
-                                        first.neglected, first.is_mismatched)
+        mismatch = located(identification, residual, margin)
+        is_mismatched = mismatch is not None and mismatch.is_significant
+        neglected = neglected_errors(identification) if is_mismatched or not quick else {}
+        first = Identified(source, identification, residual, grid, misfit, mismatch, neglected)
+        source, bricks = with_thickness(source, identification, residual, misfit, grid, neglected, is_mismatched)
         if bricks is identification:
             return first
         residual = residual_evidence(bricks, light=False)

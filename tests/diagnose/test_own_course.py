@@ -99,7 +99,7 @@ def test_where_the_load_only_grows_a_free_drift_is_not_told_from_a_rival_that_ex
     drop = share * MIN_IMITATED_SHARE * 1e4
     rival = Rival(ranked("nonlinear_elasticity"), refit(("nonlinear_elasticity",), 1e4 - drop), drop, drop, drop)
     u = np.array(way)[:, None, None] * np.ones((3, 4, 2))
-    one = Round(screening(), refit((), 1e4), (drift, rival), drift)
+    one = Round(screening(), refit((), 1e4), (drift, rival), drift, source=Folder())
     found = with_imitated(one, u)
     assert found.winner is drift and found.equals == told
     for factor, equals in ((0.98, told), (1.02, ())):  # less and more than the rival before the course was freed

@@ -295,7 +295,7 @@ def test_the_second_copy_adds_its_drop():
     (a, b), there, null, asked = swapped(rivals, {"a": 20.0})
     assert [(one.name, one.swapped) for one in asked] == [("null", True), ("a", True), ("b", True)]
     assert a.heldout == pytest.approx(26.0) and a.crossed_judgement is not None
-    before, after = Round(None, null, (a, b), a, (), there).heldout_fits(a)
+    before, after = Round(None, null, (a, b), a, (), there, source=Source("nowhere", {})).heldout_fits(a)
     assert before.chi2 - after.chi2 == pytest.approx(a.heldout)
     assert before.excess == pytest.approx(100.0 / 600.0)  # 50 on each of two copies with 300 free motions
 

@@ -53,7 +53,8 @@ def screening(*entries):
 def round_of(entries, rivals=(), null=None):
     winner, equals = judge(rivals, entries)
     nothing = Fit("null", "null", "converged", {}, {}, np.zeros((T, 0)), None, left(0.0), left(0.0))
-    return Round(entries, null or nothing, tuple(rivals), winner, equals)
+    source = SimpleNamespace(motion_error=None)
+    return Round(entries, null or nothing, tuple(rivals), winner, equals, source=source)
 
 
 LEFT = [ExcessLeft(left(300.0), left(300.0), POWER)]

@@ -76,11 +76,10 @@ class BlockJudgement:
 
 def block_judgement(name: str, base: Misfit | None, enriched: Misfit | None) -> BlockJudgement:
     """Both models on one block; None where a fit failed."""
-    is_complete = base is not None and enriched is not None
     nan = float("nan")
+    drop = nan if base is None or enriched is None else base.chi2 - enriched.chi2
     return BlockJudgement(name, base.excess if base else nan, enriched.excess if enriched else nan,
-                          base.excess_std if base else nan,
-                          base.chi2 - enriched.chi2 if is_complete else nan)
+                          base.excess_std if base else nan, drop)
 
 
 def judged_by_step(base: ResidualEvidence, enriched: ResidualEvidence, grid: Grid) -> tuple[BlockJudgement, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -124,9 +124,9 @@ class Round:
     null: Fit
     rivals: tuple[Rival, ...]
     winner: Rival | None
+    source: ExperimentSource = field(kw_only=True)
     equals: tuple[str, ...] = ()  # rivals that cannot be told from the winner
     crossed_judgement: Misfit | None = None
-    source: ExperimentSource | None = None
     passed_over: Rival | None = None
     blocks: tuple[BlockJudgement, ...] = ()
     plain: Rival | None = None

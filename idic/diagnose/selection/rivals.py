@@ -109,7 +109,7 @@ def same_family_rivals(screening: Screening, rivals: Sequence[Rival], bends: boo
                                     and r.candidate.family == best.ranked.candidate.family
                                     and r.material == best.ranked.material]
     hidden = [r for r in laws if r.candidate.hidden_by_yield_law and r not in akin]
-    stands_in = bool(passing) and best.ranked.candidate.changes_law and not explains_all(best)
+    stands_in = best is not None and bool(passing) and best.ranked.candidate.changes_law and not explains_all(best)
     return akin + (hidden if bends and rivals and (not passing or stands_in) else [])
 
 

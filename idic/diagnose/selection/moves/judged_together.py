@@ -61,7 +61,7 @@ def on_blocks(selected: Selected) -> State:
     """
     state, entry, winner = selected.state, selected.round, selected.winner
     setting, model = state.setting, state.model
-    joined = model_of(entry).simulated()
+    joined = model_of(entry, winner).simulated()
     if joined is None:
         return replace(state, round=replace(entry, winner=None, equals=(), passed_over=winner))
     residual = joined.residual
@@ -83,7 +83,7 @@ def ended(under_way: OpenRound) -> State:
     """The round ends: its winner joins the model, or there is none."""
     state, entry = under_way.state, under_way.round
     model = state.model if entry.winner is None else replace(
-        model_of(entry), residual=state.model.residual)
+        model_of(entry, entry.winner), residual=state.model.residual)
     return replace(state, rounds=(*state.rounds, entry), round=None, announced=None, model=model)
 
 

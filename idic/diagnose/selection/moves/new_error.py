@@ -73,7 +73,7 @@ def known_to_rounds(cause: JoinedCause) -> State:
 
 
 def _knowing(entry: Round, error: MotionError | None) -> Round:
-    if error is None or entry.source is None:
+    if error is None:
         return entry
     return replace(entry, source=entry.source.with_motion_error(error))
 

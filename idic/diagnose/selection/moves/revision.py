@@ -29,7 +29,7 @@ from idic.diagnose.selection.moves.few_jumps import FEW_JUMPS
 from idic.diagnose.selection.moves.own_course import OWN_COURSE, has_own_course
 from idic.diagnose.selection.moves.own_scale import OWN_SCALE
 from idic.diagnose.selection.rival import (
-    MIN_DROP_DIFFERENCE, MIN_FURTHER_SHARE, MIN_HELDOUT_DROP, Rival, Round, causes_of, judge,
+    MIN_DROP_DIFFERENCE, MIN_FURTHER_SHARE, MIN_HELDOUT_DROP, Rival, Round, causes_of, judge, winners, with_winners,
 )
 from idic.diagnose.selection.rivals import edits_of, refit_of_candidate
 from idic.diagnose.selection.state import Clock, Selected, State, changed_cause, last_cause, leading
@@ -84,17 +84,16 @@ def earning_alone(selected: Selected) -> State | None:
 def with_revised_rounds(cause: Selected) -> State:
     """The state after removals and exchanges, and the model of the revised set."""
     state, rounds = cause.state, revised(cause.state)
-    if [entry.winner for entry in rounds] == [entry.winner for entry in state.rounds]:
+    if winners(rounds) == winners(state.rounds):
         return state
-    revision = replace(state, rounds=tuple(rounds), model=model_of(rounds[-1]))
+    revision = replace(state, rounds=tuple(rounds), model=model_of(*with_winners(rounds)[-1]))
     residual = (revision.simulated() or state).model.residual
     return replace(revision, model=replace(revision.model, residual=residual))
 
 
-def model_of(entry: Round) -> FittedModel:
+def model_of(entry: Round, winner: Rival) -> FittedModel:
     """The model that the winner of a round has joined."""
-    source = entry.source.with_edits(edits_of(entry.winner, entry.screening))
-    return FittedModel(source, entry.winner.refitted)
+    return FittedModel(entry.source.with_edits(edits_of(winner, entry.screening)), winner.refitted)
 
 
 def revised(state: State) -> list[Round]:
@@ -110,21 +109,21 @@ def revised(state: State) -> list[Round]:
 
 def _better(state: State, rounds: list[Round]) -> list[Round] | None:
     """The first removal or exchange that is accepted, of all causes but the last, which has just earned its place."""
-    last_fit = rounds[-1].winner.refitted
+    won = with_winners(rounds)
+    last_fit = won[-1][1].refitted
     first = rounds[0].null.judgement
     whole_drop = first.chi2 - last_fit.judgement.chi2
-    for number in range(len(rounds) - 1):
-        winner = rounds[number].winner
+    for number, (entry, winner) in enumerate(won[:-1]):
         allowed = min_further_drop(winner, whole_drop)
         if not is_needed(winner.ranked, last_fit, allowed):
             without = _rebuilt(state, rounds, number, None)
             if without is not None and not earns_its_place(winner, first, _judged(without), last_fit.judgement):
                 return without
         gap = max(MIN_SEPARATION_CHI2, MIN_DROP_DIFFERENCE * whole_drop)
-        for rival in exchangeable(rounds[number]):
+        for rival in exchangeable(entry):
             exchanged = _rebuilt(state, rounds, number, rival)
             fewer = len(winner.ranked.variant.new) - len(rival.ranked.variant.new)
-            least = -(MIN_HELDOUT_DROP + fewer) if rival is rounds[number].plain else gap
+            least = -(MIN_HELDOUT_DROP + fewer) if rival is entry.plain else gap
             if exchanged is not None and last_fit.judgement.chi2 - _judged(exchanged).chi2 > least:
                 return exchanged
     return None
@@ -144,14 +143,17 @@ def exchangeable(entry: Round) -> list[Rival]:
     """The winner of a round with the course it was screened with, then rivals that come near it, or cannot be told from
     it, the best first.
     """
-    close_rivals = [r for r in entry.rivals if r is not entry.winner and r.refitted.usable and r.determined
-                    and (r.name in entry.equals or r.achieved > MIN_EXCHANGE_SHARE * entry.winner.achieved)]
+    winner = entry.winner
+    if winner is None:
+        return []
+    close_rivals = [r for r in entry.rivals if r is not winner and r.refitted.usable and r.determined
+                    and (r.name in entry.equals or r.achieved > MIN_EXCHANGE_SHARE * winner.achieved)]
     plain = [] if entry.plain is None else [entry.plain]
     return plain + sorted(close_rivals, key=lambda r: -r.achieved)[:MAX_EXCHANGES]
 
 
 def _judged(rounds: Sequence[Round]) -> Misfit:
-    return rounds[-1].winner.refitted.judgement
+    return winners(rounds)[-1].refitted.judgement
 
 
 def _rebuilt(state: State, rounds: Sequence[Round], number: int, instead: Rival | None) -> list[Round] | None:
@@ -159,15 +161,15 @@ def _rebuilt(state: State, rounds: Sequence[Round], number: int, instead: Rival 
     apply."""
     revised_rounds, entry = list(rounds[:number]), rounds[number]
     model = FittedModel(entry.source, entry.null)
-    values, names = rounds[-1].winner.refitted.values, ()
+    values: Mapping[str, float] = winners(rounds)[-1].refitted.values
+    names: tuple[str, ...] = ()
     if instead is not None:
         revised_rounds.append(replace(entry, winner=instead, equals=(), crossed_judgement=None, plain=None))
-        model, names = model_of(revised_rounds[-1]), instead.ranked.variant.new
-    for later in rounds[number + 1:]:
+        model, names = model_of(revised_rounds[-1], instead), instead.ranked.variant.new
+    for later in winners(rounds[number + 1:]):
         is_first = instead is None and model.fit is entry.null
-        screening = entry.screening if is_first else state.setting.screen(
-            model, [later.winner.ranked.candidate])
-        starts = _starts({**later.winner.refitted.values, **values}, names)
+        screening = entry.screening if is_first else state.setting.screen(model, [later.ranked.candidate])
+        starts = _starts({**later.refitted.values, **values}, names)
         rival = _added(state, model, later, screening, starts)
         if rival is None:
             return None
@@ -175,18 +177,18 @@ def _rebuilt(state: State, rounds: Sequence[Round], number: int, instead: Rival 
         revised_rounds.append(Round(screening, model.fit,
                                     (rival, *(member for member in members if member.ranked.key != rival.ranked.key)),
                                     rival, source=model.source))
-        model = model_of(revised_rounds[-1])
+        model = model_of(revised_rounds[-1], rival)
     return revised_rounds
 
 
-def _added(state: State, model: FittedModel, later: Round, screening: Screening,
+def _added(state: State, model: FittedModel, winner: Rival, screening: Screening,
            starts: Mapping[str, float]) -> Rival | None:
     """The cause of a later round refitted on top of a model, in the form that it had; None where it does not apply, or
     its refit fails.
 
     starts : values of parameters where the refit begins
     """
-    setting, winner = state.setting, later.winner
+    setting = state.setting
     ranked = next((r for r in screening.ranked if r.key == winner.ranked.key
                    and np.isfinite(r.std)), None)
     if ranked is None:
