@@ -9,7 +9,8 @@ Pixel centres are at integers, rows count downwards. A 3D point is seen along z 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -55,14 +56,14 @@ class Camera:
     matrix: np.ndarray
     origin_px: np.ndarray
     k1: float = 0.0
-    centre_px: np.ndarray = (0.0, 0.0)  # type: ignore[assignment]
-    tilt: np.ndarray = (0.0, 0.0)  # type: ignore[assignment]
+    centre_px: np.ndarray = field(default_factory=partial(np.zeros, 2))
+    tilt: np.ndarray = field(default_factory=partial(np.zeros, 2))
     rotation_deg: float = 0.0
-    shift_px: np.ndarray = (0.0, 0.0)  # type: ignore[assignment]
+    shift_px: np.ndarray = field(default_factory=partial(np.zeros, 2))
     motion: CameraMotion | None = None
     frame: int | None = None
-    frame_map: np.ndarray = ((1.0, 0.0), (0.0, 1.0))  # type: ignore[assignment]
-    frame_shift: np.ndarray = (0.0, 0.0)  # type: ignore[assignment]
+    frame_map: np.ndarray = field(default_factory=partial(np.eye, 2))
+    frame_shift: np.ndarray = field(default_factory=partial(np.zeros, 2))
 
     def __post_init__(self):
         for name in ("matrix", "origin_px", "centre_px", "tilt", "shift_px", "frame_map", "frame_shift"):

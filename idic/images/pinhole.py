@@ -8,7 +8,8 @@ coordinates (k1 without unit), not of pixels. Unlike the telecentric `Camera` it
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -56,9 +57,9 @@ class PinholeCamera:
     k3: float = 0.0
     p1: float = 0.0
     p2: float = 0.0
-    rotation: np.ndarray = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))  # type: ignore[assignment]
-    translation_mm: np.ndarray = (0.0, 0.0, 0.0)  # type: ignore[assignment]
-    turned_deg: np.ndarray = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    rotation: np.ndarray = field(default_factory=partial(np.eye, 3))
+    translation_mm: np.ndarray = field(default_factory=partial(np.zeros, 3))
+    turned_deg: np.ndarray = field(default_factory=partial(np.zeros, 3))
 
     def __post_init__(self):
         for name, shape in (("rotation", (3, 3)), ("translation_mm", (3,)), ("turned_deg", (3,))):

@@ -14,7 +14,8 @@ after the calibration turns about its own centre. Placement and motion are commo
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -51,13 +52,13 @@ class PlacedCamera:
     """
 
     lens: PinholeCamera
-    rotation: np.ndarray = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))  # type: ignore[assignment]
-    translation_mm: np.ndarray = (0.0, 0.0, 0.0)  # type: ignore[assignment]
-    placement: np.ndarray = (0.0,) * 6  # type: ignore[assignment]
-    pivot_mm: np.ndarray = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    rotation: np.ndarray = field(default_factory=partial(np.eye, 3))
+    translation_mm: np.ndarray = field(default_factory=partial(np.zeros, 3))
+    placement: np.ndarray = field(default_factory=partial(np.zeros, 6))
+    pivot_mm: np.ndarray = field(default_factory=partial(np.zeros, 3))
     motion: RigidMotion | None = None
     frame: int | None = None
-    turn_deg: np.ndarray = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    turn_deg: np.ndarray = field(default_factory=partial(np.zeros, 3))
 
     def __post_init__(self):
         for name in ("rotation", "translation_mm", "placement", "pivot_mm", "turn_deg"):

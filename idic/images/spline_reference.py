@@ -42,7 +42,7 @@ def spline_slopes(image: np.ndarray, points: np.ndarray, degree: int, step: floa
 
 def inside(points: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     """Which points (n, 2) (column, row) lie in an image of this shape (ny, nx)  # (n,) bool"""
-    return ((points >= 0) & (points <= [shape[1] - 1, shape[0] - 1])).all(axis=1)  # type: ignore[return-value]
+    return np.all((points >= 0) & (points <= [shape[1] - 1, shape[0] - 1]), axis=1)
 
 
 def _coefficients(image: np.ndarray, degree: int) -> np.ndarray:

@@ -58,10 +58,11 @@ class Variation:
         elif self.kind == "layers":
             factor = self.values["stiffness_ratio"] ** (0.5 * self._layer(points)[0])
         else:
-            factor = 1.0 + sum(value * self._along(points, name) for name, value in self.values.items())
+            factor = 1.0 + sum((value * self._along(points, name) for name, value in self.values.items()),
+                               start=np.zeros(len(points)))
         if len(factor) and not factor.min() > MIN_STIFFNESS_FACTOR:
             raise NotConverged(f"a stiffness of {factor.min():.3g} times its own in {self.section}")
-        return factor  # type: ignore[return-value]
+        return factor
 
     def slope(self, points: np.ndarray, name: str) -> np.ndarray:
         """Derivative of the factor by one of `values`  # (n,)"""

@@ -48,8 +48,8 @@ def terms_of(law: str, values: Mapping[str, float]) -> tuple[WrittenTerm, ...] |
         return None
     in_law = {composed: older for older, composed in renamed.items()}
     written, counted = [], dict.fromkeys(GROUPS, 0)
-    for term in sorted((term_of(kind) for kind in kinds), key=lambda term: GROUPS.index(term.group)):  # type: ignore
-        assert term is not None  # the law exists
+    terms = [term for kind in kinds if (term := term_of(kind)) is not None]  # all: the law exists
+    for term in sorted(terms, key=lambda term: GROUPS.index(term.group)):
         counted[term.group] += 1
         names = {parameter.name: in_law.get(f"{term.stem(counted[term.group])}_{parameter.name}",
                                             f"{term.stem(counted[term.group])}_{parameter.name}")

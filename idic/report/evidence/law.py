@@ -45,7 +45,7 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
         missing = tuple(name for name, entry in zip(names, entries, strict=True)
                         if entry.get("free") and entry.get("std") is None)
         seconds = float(experiment.times[-1] - experiment.times[experiment.reference])
-        empty = LawCurve(material.element_set, material.law, *[NOTHING] * 4, seconds, missing)  # type: ignore[call-arg]
+        empty = LawCurve(material.element_set, material.law, NOTHING, NOTHING, NOTHING, NOTHING, seconds, missing)
         if missing:
             yield empty
             continue
