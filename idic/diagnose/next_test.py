@@ -27,7 +27,8 @@ from idic.errors import InputError, NotConverged
 from idic.identification import Identification
 from idic.images import Camera
 from idic.model import (
-    Column, Controlled, Correction, Experiment, Measured, Parametrised, Temperature, TemperatureField, build_forward,
+    CORRECTION_TERMS, Column, Controlled, Correction, Experiment, Measured, Parametrised, Temperature, TemperatureField,
+    build_forward,
 )
 
 MIN_SEPARATING_CHI2 = 25.0  # D of a reliable separation: five standard deviations
@@ -191,7 +192,8 @@ def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
         return None if rates is None else np.concatenate([rates, np.zeros(n)])
 
     def correction(entry: Correction) -> Correction:
-        return replace(entry, course=(held if entry.kind == "slip" or entry.knot is not None else scaled)(entry.course))
+        stays = CORRECTION_TERMS[entry.kind].stays or entry.knot is not None
+        return replace(entry, course=(held if stays else scaled)(entry.course))
 
     def carried(entry):
         drive = entry.drive

@@ -6,7 +6,7 @@ Every array is in internal units (mm, s, MPa, N; pixels for images). Records onl
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -32,29 +32,38 @@ class Material:
     kinematics: str  # "small" | "finite"
 
 
+def uniform(correction: Correction, mesh: Mesh, nodes: np.ndarray, component: str) -> tuple[str, np.ndarray]:
+    """All nodes alike, along the motion."""
+    return component, np.ones(len(nodes))
+
+
+Pattern = Callable[["Correction", Mesh, np.ndarray, str], tuple[str, np.ndarray]]
+
+
 @dataclass(frozen=True)
 class Correction:
-    """What a drive may lack: ``amplitude * course(t)`` times a pattern on its set; see `idic.model.corrections`.
+    """What a drive may lack: ``amplitude * course(t) * pattern(X)``.
 
-    kind : "slip" | "rotation" | "compliance" | "misalignment" | "seating" | "shape"; reach : largest value of the
-    pattern (mm for a rotation); degree : of a shape; towards : the component that a misalignment moves; knot : frame of
-    its knot, of an identified time course (`idic.model.free_course`); jumps : whether it is the frame of a jump
-    instead.
+    kind : of a term of `idic.model.terms.corrections`; reach : largest value of the pattern (mm for a rotation);
+    pattern : (correction, mesh, nodes of the set, component) -> the component that it moves, (n,) on the nodes;
+    keys : entries of its table that no other kind has; number : that ends its name; knot : frame of its knot, of an
+    identified time course (`idic.model.free_course`); jumps : whether it is the frame of a jump instead.
     """
 
     kind: str
     course: np.ndarray  # (n_frames,), zero at the reference
     unit: str
     reach: float = 1.0
-    towards: str | None = None
+    pattern: Pattern = uniform
+    keys: Mapping[str, Any] = field(default_factory=dict)
+    number: int | None = None
     knot: int | None = None
     jumps: bool = False
-    degree: int | None = None
 
     @property
     def name(self) -> str:
         """Last word of its degree of freedom."""
-        stem = self.kind if self.degree is None else f"{self.kind}{self.degree}"
+        stem = self.kind if self.number is None else f"{self.kind}{self.number}"
         if self.knot is None:
             return stem
         return (jump_name if self.jumps else knot_name)(stem, self.knot)
@@ -121,6 +130,11 @@ class Controlled:
 
 
 Drive = Constant | Column | Measured | Parametrised | Controlled
+
+
+def corrections_of(drive: Drive) -> tuple[Correction, ...]:
+    """The corrections that a drive has; only logged motions and fixed values have any."""
+    return getattr(drive, "corrections", ())
 
 
 @dataclass(frozen=True)

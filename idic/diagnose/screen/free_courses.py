@@ -19,10 +19,10 @@ from typing import Any
 from idic.diagnose.physics.candidate import Candidate, Variant
 from idic.diagnose.residual.score import Scores
 from idic.diagnose.residual.thinning import drop_on_copy
-from idic.diagnose.screen.courses import SUPPOSED_EXPANSION_PER_K, TIMED
+from idic.diagnose.screen.courses import SUPPOSED_EXPANSION_PER_K
 from idic.errors import InputError
 from idic.laws import EXPANSION
-from idic.model import Experiment, KNOTS, TEMPERATURE, channel_term, without_knot
+from idic.model import CorrectionTerm, Experiment, KNOTS, TEMPERATURE, channel_term, term_of_motion, without_knot
 
 MIN_KNOT_CHI2 = 9.0  # drop of chi-square that a knot must bring
 KNOTTED = {"course": "free", "knots": KNOTS}
@@ -80,13 +80,13 @@ def free_edits(document: Mapping[str, Any], edits: Mapping[str, Any], variant: V
         return None
     name, made = without_knot(variant.new[0]), {"dof": [dict(entry) for entry in document.get("dof", ())], **edits}
     stem, _, last = name.rpartition(".")
-    if name.startswith("boundary.") and last in TIMED:
+    if (correction := term_of_motion(name)) is not None and correction.is_timed:
         tables = copy.deepcopy(list(made["boundary"]))
         for table in tables:
             for component in "xyz":
                 named = stem == f"boundary.{table.get('nodes')}.{component}"
                 if named and isinstance(table.get(f"u{component}"), Mapping):
-                    _free(table[f"u{component}"]["corrections"], last, course)
+                    _free(table[f"u{component}"]["corrections"], correction, course)
         return made | {"boundary": tables}
     term = channel_term(last) if name.startswith("channel.") else None
     if term is not None and term.course is not None:
@@ -119,10 +119,11 @@ def course_stem(variant: Variant) -> str:
     return f"{stem}.{kind}" if stem else name
 
 
-def _free(corrections: list[dict], kind: str, course: Mapping[str, Any]) -> None:
+def _free(corrections: list[dict], term: CorrectionTerm, course: Mapping[str, Any]) -> None:
     """Knots or jumps in the place of the course of the last correction of a kind."""
-    number = max(i for i, entry in enumerate(corrections) if entry["kind"] == kind)
-    kept = {key: value for key, value in corrections[number].items() if key in ("kind", "towards")}
+    number = max(i for i, entry in enumerate(corrections) if entry["kind"] == term.kind)
+    of_pattern = {"kind", *(key.name for key in term.keys)}
+    kept = {key: value for key, value in corrections[number].items() if key in of_pattern}
     corrections[number] = kept | dict(course)
 
 

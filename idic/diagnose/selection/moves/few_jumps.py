@@ -35,22 +35,22 @@ from idic.diagnose.selection.moves.shortlist import has_winner
 from idic.diagnose.selection.rival import MIN_FURTHER_SHARE, Rival, leaves_something
 from idic.diagnose.selection.rivals import edits_of
 from idic.diagnose.selection.state import State
-from idic.model import jump_frame, jump_name, without_knot
+from idic.model import jump_frame, jump_name, term_of_motion, without_knot
 
 MIN_JUMP_CHI2 = 18.0  # that a jump must bring; the best of 100 frames reaches it under noise in 2 of 1000 recordings
 MAX_JUMPS = 5  # more are a course
 
 
 def may_jump(state: State) -> bool:
-    """Whether the winner is a slip that leaves something, as it was screened, or follows a course between knots."""
+    """Whether the winner may jump, and leaves something, as it was screened, or follows a course between knots."""
     winner = state.winner
-    if winner is None or winner.name != "grip_slip" or winner.copies > 1 or winner.refitted.choice is None:
+    if winner is None or not _verb(winner.ranked.variant.new) or winner.copies > 1 or winner.refitted.choice is None:
         return False
     return winner.ranked.variant.free_course or leaves_something(winner.refitted.choice)
 
 
 def with_few_jumps(state: State) -> State | None:
-    """The winner as a slip in a few jumps, whose frames the copy for choosing tells; None where it tells none."""
+    """The winner in a few jumps, whose frames the copy for choosing tells; None where it tells none."""
     source, winner, variant = state.model.source, state.winner, state.winner.ranked.variant  # type: ignore[union-attr]
     name, choice = without_knot(variant.new[0]), partial(thinned, sign=CHOICE, seed=state.setting.seed)
     model = state.model.fit
@@ -163,7 +163,13 @@ def _jumping(winner: Rival, edits: Mapping[str, Any], names: list[str]) -> Varia
 
 def _label(names: Sequence[str]) -> str:
     last = names[0].rpartition(".")[0].removeprefix("boundary.")
-    return f"{last} slips in {len(names)} jump{'s' if len(names) > 1 else ''}"
+    return f"{last} {_verb(names)} in {len(names)} jump{'s' if len(names) > 1 else ''}"
+
+
+def _verb(names: Sequence[str]) -> str:
+    """What a cause does at jumps; "" where it has none."""
+    term = term_of_motion(names[0]) if names else None
+    return "" if term is None else term.jumps
 
 
 FEW_JUMPS = Move("few jumps", "refits_s", edit=with_few_jumps, accept=explains_more,

@@ -9,7 +9,7 @@ import numpy as np
 from idic.model.experiment import Channel, Experiment, Prescribed
 from idic.model.free_course import knot_name
 from idic.model.load_train import way_of
-from idic.model.terms.channel_term import ChannelTerm, Course, Probe, Reading, Step, logged_size
+from idic.model.terms.channels.channel_term import ChannelTerm, Course, Probe, Reading, Step, logged_size
 from idic.parameters import Parameter
 
 CONSTANT, SHARE = "friction", "friction_share"  # of any force, and in proportion to it

@@ -8,7 +8,7 @@ import numpy as np
 
 from idic.model.experiment import Channel, Experiment, Prescribed
 from idic.model.free_course import knot_name
-from idic.model.terms.channel_term import ChannelTerm, Course, Probe, Reading, Step, logged_size
+from idic.model.terms.channels.channel_term import ChannelTerm, Course, Probe, Reading, Step, logged_size
 from idic.parameters import Parameter
 
 PROBE_FORCE_SHARE = 0.05  # of the largest force, over the test
