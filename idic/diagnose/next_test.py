@@ -209,7 +209,7 @@ def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
         return replace(entry, drive=replace(drive, **changes)) if changes else entry
 
     channels = tuple(replace(c, values=np.concatenate([c.values, np.zeros(n)]), rates=steady(c.rates),
-                             drift_hats=_further(c.drift_hats, n), friction_hats=_further(c.friction_hats, n))
+                             hats={name: held(hat) for name, hat in c.hats.items()})
                      for c in experiment.channels)
     prescribed = tuple(carried(entry) for entry in experiment.prescribed)
     return replace(experiment, motion_error=None, times=np.concatenate([experiment.times, times]),

@@ -113,8 +113,8 @@ def _unit(experiment: Experiment, name: str) -> str:
     unit = experiment.parameters[name].unit
     if name.rpartition(".")[2] == EXPANSION.name:
         return "K"
-    if name.endswith(".friction_share"):
-        return next(one.unit for one in experiment.channels if name.startswith(f"channel.{one.column}."))
+    if name.startswith("channel.") and not unit:  # a share of the reading
+        return next(channel.unit for channel in experiment.channels if name.startswith(f"channel.{channel.column}."))
     if unit.startswith("rad"):
         return "rad"
     if name.startswith("boundary."):

@@ -93,8 +93,7 @@ def free_edits(document: Mapping[str, Any], edits: Mapping[str, Any], variant: V
         tables = copy.deepcopy(list(made.get("channel", document["channel"])))
         for table in tables:
             if stem == f"channel.{table['column']}":
-                for key in term.course.replaced:
-                    table.pop(key, None)
+                table.pop(term.course.start, None)
                 table[term.course.knots] = KNOTS
         return _without(made, name) | {"channel": tables}
     if last == EXPANSION.name and (made.get("boundary") or [{}])[-1].get("temperature", {}).get("course"):

@@ -31,7 +31,7 @@ from pydantic import BeforeValidator, Field, create_model, model_validator
 
 from idic.experiment_file.schema.base import (Component, NotNegative, Pair, Positive, Strict, as_list, as_value_table,
                                               exactly_one, refuse)
-from idic.model import CORRECTION_TERMS
+from idic.model import CHANNEL_TERMS, CORRECTION_TERMS
 
 
 def _as_drive_table(value: object) -> object:
@@ -295,20 +295,32 @@ class SimulatedTable(Strict):
         return self
 
 
-class ChannelTable(Strict):
+class ChannelKeys(Strict):
+    """A measured channel; the keys of the courses of its terms join these."""
+
     column: str
     simulated: SimulatedTable
     noise_std: Positive | None = None
     unit: str | None = None
-    drift_from_s: float | None = None
-    drift_knots: Annotated[int, Field(ge=1, le=100)] | None = None
-    friction_knots: Annotated[int, Field(ge=1, le=100)] | None = None
 
     @model_validator(mode="after")
     def _one_course(self):
-        if self.friction_knots is not None and self.simulated.reaction is None:
-            raise refuse("friction of a channel that is no force", "friction_knots of a reaction",
-                         "leave friction_knots out", "no reaction")
-        if self.drift_knots is not None and self.drift_from_s is not None:
-            raise refuse("two courses of one drift", "drift_knots or drift_from_s", "leave one of them out", "both")
+        for course in COURSES:
+            has_knots = getattr(self, course.knots) is not None
+            if has_knots and course.is_directed and self.simulated.reaction is None:
+                raise refuse(f"{course.stem} of a channel that is no force", f"{course.knots} of a reaction",
+                             f"leave {course.knots} out", "no reaction")
+            if has_knots and course.start and getattr(self, course.start) is not None:
+                raise refuse(f"two courses of one {course.stem}", f"{course.knots} or {course.start}",
+                             "leave one of them out", "both")
         return self
+
+
+COURSES = tuple(term.course for term in CHANNEL_TERMS if term.course)
+if TYPE_CHECKING:
+    ChannelTable = ChannelKeys
+else:
+    ChannelTable = create_model(
+        "ChannelTable", __base__=ChannelKeys, __module__=__name__,
+        **{course.start: (float | None, None) for course in COURSES if course.start},
+        **{course.knots: (Annotated[int, Field(ge=1, le=100)] | None, None) for course in COURSES})
