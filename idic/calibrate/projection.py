@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from idic.calibrate.records import Lens, Pose, State
-from idic.images import INTRINSIC_PARAMETERS, PINHOLE_PARAMETERS, PinholeCamera, left_jacobian, rotation_of
+from idic.images import PinholeCamera, left_jacobian, rotation_of
 
 N_POSE = 6
 _RING = np.sqrt(2.0 / 3.0) * np.column_stack([np.cos(np.pi / 3 * np.arange(6)), np.sin(np.pi / 3 * np.arange(6))])
@@ -58,7 +58,7 @@ def moved(state: State, lens: Lens, step: np.ndarray, points_free: bool) -> Stat
             rotation = rotation_of(np.degrees(step[at : at + 3])) @ rotation
             translation = translation + step[at + 3 : at + 6]
             at += N_POSE
-        cameras.append(PinholeCamera(**({n: intrinsic[n] for n in INTRINSIC_PARAMETERS} | moved_intrinsic),
+        cameras.append(PinholeCamera(**({n: intrinsic[n] for n in camera.intrinsics} | moved_intrinsic),
                                      rotation=rotation, translation_mm=translation))
     for pose in state.poses:
         poses.append(Pose(rotation_of(np.degrees(step[at : at + 3])) @ pose.rotation,
@@ -87,9 +87,9 @@ def derivatives(state: State, lens: Lens, step: np.ndarray, points_free: bool, v
     rows = np.zeros((len(chosen), 2, n_unknowns(state, lens, points_free)))
     at = number * first + N_POSE * max(number - 1, 0)
     for k, name in enumerate(lens.identified):
-        rows[:, :, at + k] = all_columns[:, :, PINHOLE_PARAMETERS.index(name)]
+        rows[:, :, at + k] = all_columns[:, :, camera.parameters.index(name)]
         if name == "fx" and lens.square:
-            rows[:, :, at + k] += all_columns[:, :, PINHOLE_PARAMETERS.index("fy")]
+            rows[:, :, at + k] += all_columns[:, :, camera.parameters.index("fy")]
     if number:
         turn = left_jacobian(np.degrees(step[at + first : at + first + 3]))
         turned = space @ camera.rotation.T  # about the camera's own centre

@@ -19,7 +19,7 @@ class Lens:
     Attributes
     ----------
     identified : tuple of str
-        Names of `idic.images.pinhole.INTRINSIC_PARAMETERS`.
+        Names of `PinholeCamera.intrinsics`.
     """
 
     identified: tuple[str, ...] = ("fx", "fy", "cx", "cy", "k1", "k2")

@@ -65,7 +65,7 @@ def calibration_table(run: CalibrationRun) -> Table:
     from rich.table import Table
 
     from idic.cli.tables import number_with_std
-    from idic.images import PINHOLE_UNITS
+    from idic.images import PinholeCamera
 
     rig = run.result.rig
     table = Table(box=None, header_style="bold")
@@ -74,7 +74,7 @@ def calibration_table(run: CalibrationRun) -> Table:
         table.add_column(head, justify="right", no_wrap=True)
     table.add_column("unit")
     stds: tuple = rig.std or ()
-    for name, unit in PINHOLE_UNITS.items():
+    for name, unit in PinholeCamera.units.items():
         if not any(f"{c}.{name}" in rig.names for c in range(len(rig.cameras))):
             continue
         cells = []
@@ -119,12 +119,12 @@ def _grid(text: str | None) -> tuple[int, int] | None:
 
 
 def _names(text: str) -> tuple[str, ...]:
-    from idic.images import INTRINSIC_PARAMETERS
+    from idic.images import PinholeCamera
 
     names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
-    wrong = [name for name in names if name not in INTRINSIC_PARAMETERS]
+    wrong = [name for name in names if name not in PinholeCamera.intrinsics]
     if wrong or "fx" not in names:
         raise InputError("not intrinsic values of a camera", key="--free",
-                         expected=f"fx and any of {', '.join(INTRINSIC_PARAMETERS)}",
+                         expected=f"fx and any of {', '.join(PinholeCamera.intrinsics)}",
                          found=text, remedy="name them with commas between")
-    return tuple(name for name in INTRINSIC_PARAMETERS if name in names)
+    return tuple(name for name in PinholeCamera.intrinsics if name in names)

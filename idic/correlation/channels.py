@@ -1,7 +1,7 @@
 """Channels of a frame: forces, pressures and extensometers as the log would show them (docs/method.md, equation 1.5).
 
 A simulated value passes through the terms of the measuring chain: load cell, friction in the load train, offset, drift
-(`idic.model.terms.channel_terms`).
+(`idic.model.terms.channels.channel_terms`).
 """
 
 from __future__ import annotations

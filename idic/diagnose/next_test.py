@@ -28,7 +28,8 @@ from idic.errors import InputError, NotConverged
 from idic.identification import Identification
 from idic.images import Camera
 from idic.model import (
-    Column, Controlled, Correction, Experiment, Measured, Parametrised, Temperature, TemperatureField, build_forward,
+    CORRECTION_TERMS, Column, Controlled, Correction, Experiment, Measured, Parametrised, Temperature, TemperatureField,
+    build_forward,
 )
 
 MIN_SEPARATING_CHI2 = 25.0  # D of a reliable separation: five standard deviations
@@ -191,7 +192,8 @@ def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
         return None if rates is None else np.concatenate([rates, np.zeros(n)])
 
     def correction(entry: Correction) -> Correction:
-        return replace(entry, course=(held if entry.kind == "slip" or entry.knot is not None else scaled)(entry.course))
+        stays = CORRECTION_TERMS[entry.kind].stays or entry.knot is not None
+        return replace(entry, course=(held if stays else scaled)(entry.course))
 
     def carried(entry):
         drive = entry.drive
@@ -208,7 +210,7 @@ def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
         return replace(entry, drive=replace(drive, **changes)) if changes else entry
 
     channels = tuple(replace(c, values=np.concatenate([c.values, np.zeros(n)]), rates=steady(c.rates),
-                             drift_hats=_further(c.drift_hats, n), friction_hats=_further(c.friction_hats, n))
+                             hats={name: held(hat) for name, hat in c.hats.items()})
                      for c in experiment.channels)
     prescribed = tuple(carried(entry) for entry in experiment.prescribed)
     return replace(experiment, motion_error=None, times=np.concatenate([experiment.times, times]),

@@ -178,7 +178,7 @@ class ExperimentTables:
         tables = camera_tables(self.config)
         if frames.points is not None:  # a rigid motion of fields is an unknown of the frame
             tables[0] = tables[0].model_copy(update={"motion": None})
-        rigid = next((table for table in tables if table.model == "pinhole"), None)
+        rigid = next((table for table in tables if table.lens), None)
         compared = [k for k in range(frames.reference + 1, frames.stack.n_frames) if k not in frames.excluded]
         moved = [moving_camera(still_camera, rigid if lens.cameras[i] is not None else tables[i], context, times,
                                compared)

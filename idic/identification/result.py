@@ -41,7 +41,7 @@ from idic.identification.step.parameter_covariance import (
     undetermined_share,
 )
 from idic.identification.step.state import Evaluation, LoopState
-from idic.images import CAMERA_PARAMETERS, PINHOLE_PARAMETERS as LENS_PARAMETERS, PLACED_TURNS
+from idic.images import CAMERA_PARAMETERS, LENS_PARAMETERS, PLACED_TURNS
 from idic.laws import get_law
 from idic.model import Experiment, in_words, strayed
 from idic.parameters import ParameterSet

@@ -5,12 +5,11 @@ from .gaussian_lowpass import (
 )
 from .interpolate import DEGREES, Spline, evaluate, gradient_at_pixels, noise_gain, noise_gain_1d, prefilter
 from .inverse_mapping import CODES, EDGE_TOLERANCE, MAX_NODES, carry, locate, shape_functions
+from .lens_camera import LensCamera, POSE_PARAMETERS, left_jacobian, rotation_of
+from .lenses.brown import PinholeCamera
+from .lenses.lens_models import LENS_MODELS, LENS_PARAMETERS
 from .matched_blur import PIXEL_BLUR_PX, derivative_maps, fineness_of, matched_gain, matching_weights, mean_shift
 from .pattern import DOT_RADIUS, Pattern, dense_speckle, sparse_speckle
-from .pinhole import (
-    INTRINSIC_PARAMETERS, PINHOLE_PARAMETERS, PINHOLE_UNITS, POSE_PARAMETERS, PinholeCamera, left_jacobian,
-    rotation_of,
-)
 from .placed_camera import AnyCamera, PLACED_TURNS, PLACEMENT_STEM, PlacedCamera
 from .quality.compression import BLOCK_PX, compressed_at
 from .quality.drift import MIN_TOLD_SHIFT_PX, drift_note, shifts
@@ -36,11 +35,11 @@ from .taps import cubic_value, quintic_value, weight_polynomials
 
 __all__ = [
     "BLOCK_PX", "CAMERA_PARAMETERS", "CODES", "COLUMN", "DEGREES", "DOT_RADIUS", "EDGE_TOLERANCE",
-    "INTRINSIC_PARAMETERS", "MAGNIFICATION", "MARGIN_PX", "MAX_NODES", "MIN_GOOD_TILES", "MIN_POINTS", "MIN_STAGES",
-    "MIN_TOLD_SHIFT_PX", "MIRROR_PAD_PX", "PINHOLE_PARAMETERS", "PINHOLE_UNITS", "PIXEL_BLUR_PX", "PLACED_TURNS",
+    "LENS_MODELS", "LENS_PARAMETERS", "MAGNIFICATION", "MARGIN_PX", "MAX_NODES", "MIN_GOOD_TILES", "MIN_POINTS",
+    "MIN_STAGES", "MIN_TOLD_SHIFT_PX", "MIRROR_PAD_PX", "PIXEL_BLUR_PX", "PLACED_TURNS",
     "PLACEMENT_STEM", "POLES", "POSE_PARAMETERS", "REACH_STDS", "RIGID", "RIGID_UNITS", "ROW", "TURN", "AnyCamera",
-    "ArrayStack", "Camera", "CameraMotion", "FieldNoise", "LeadingFrames", "LitStack", "NoiseCovariance", "NoiseModel",
-    "NoisyStack", "Pattern", "PinholeCamera", "PlacedCamera", "RigidMotion", "RoundedStack", "Spline",
+    "ArrayStack", "Camera", "CameraMotion", "FieldNoise", "LeadingFrames", "LensCamera", "LitStack", "NoiseCovariance",
+    "NoiseModel", "NoisyStack", "Pattern", "PinholeCamera", "PlacedCamera", "RigidMotion", "RoundedStack", "Spline",
     "StabilisedStack", "Stabiliser", "Stack", "StackView", "TileNoise", "blur_column", "carry", "coloured",
     "compressed_at", "cubic_value", "dense_speckle", "derivative_maps", "drift_note", "edge_blur", "evaluate",
     "field_noise", "filter_block", "fineness_of", "fixed_pixel_sensitivity", "gap_mark", "gradient_at_pixels",

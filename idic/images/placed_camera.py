@@ -21,8 +21,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.images.camera import Camera
-from idic.images.pinhole import PINHOLE_PARAMETERS as LENS_PARAMETERS
-from idic.images.pinhole import INTRINSIC_PARAMETERS, POSE_PARAMETERS, PinholeCamera, left_jacobian, rotation_of
+from idic.images.lens_camera import LensCamera, POSE_PARAMETERS, left_jacobian, rotation_of
 from idic.images.rigid_motion import RIGID, RigidMotion, displaced, rigid_slope
 
 PLACEMENT_STEM = "placement"
@@ -35,7 +34,7 @@ class PlacedCamera:
 
     Attributes
     ----------
-    lens : PinholeCamera
+    lens : LensCamera
         In the frame of the calibration.
     rotation, translation_mm : arrays (3, 3), (3,)
         R0 and d0, from the mesh frame to that of the calibration.
@@ -51,7 +50,7 @@ class PlacedCamera:
         That this is the camera of; None: the reference.
     """
 
-    lens: PinholeCamera
+    lens: LensCamera
     rotation: np.ndarray = field(default_factory=partial(np.eye, 3))
     translation_mm: np.ndarray = field(default_factory=partial(np.zeros, 3))
     placement: np.ndarray = field(default_factory=partial(np.zeros, 6))
@@ -76,7 +75,7 @@ class PlacedCamera:
         return np.zeros(6) if self.motion is None or self.frame is None else self.motion.at(self.frame)
 
     @property
-    def aimed(self) -> PinholeCamera:
+    def aimed(self) -> LensCamera:
         """The lens in the frame of the calibration, turned about its own centre."""
         if not self.turn_deg.any():
             return self.lens
@@ -84,7 +83,7 @@ class PlacedCamera:
         return self.lens.placed(turn @ self.lens.rotation, turn @ self.lens.translation_mm)
 
     @property
-    def effective(self) -> PinholeCamera:
+    def effective(self) -> LensCamera:
         """The equivalent camera in the mesh frame."""
         place, move = self.placement, self.moved
         turn = rotation_of(move[:3])
@@ -154,7 +153,7 @@ class PlacedCamera:
     def parameter_jacobian(self, points: np.ndarray, name: str) -> np.ndarray:
         """d (column, row) of fixed mesh points by a degree of freedom  # (n, 2|3) mm -> (n, 2) px per unit"""
         points = _space(points)
-        if name in (*LENS_PARAMETERS, *PLACED_TURNS):
+        if name in (*self.lens.parameters, *PLACED_TURNS):
             return self._lens_slope(self._in_rig(points), name)
         motion_name = name.removeprefix(f"{PLACEMENT_STEM}.")
         placed = displaced(points, self.placement, self.pivot_mm)
@@ -168,14 +167,14 @@ class PlacedCamera:
             slope = course * rigid_slope(placed, self.moved, self.pivot_mm, k)
         else:
             raise InputError("no such camera parameter", key=name,
-                             expected=", ".join([*LENS_PARAMETERS, *PLACED_TURNS, *RIGID]),
-        remedy="use one of these names")
+                             expected=", ".join([*self.lens.parameters, *PLACED_TURNS, *RIGID]),
+                             remedy="use one of these names")
         return np.einsum("nij,nj->ni", self.aimed.jacobian(self._in_rig(points)), slope @ self.rotation.T)
 
     def _lens_slope(self, points: np.ndarray, name: str) -> np.ndarray:
         """d (column, row) by a value of lens, pose or turn  # points (n, 3) mm of the rig -> (n, 2)"""
         lens = self.lens
-        if name in INTRINSIC_PARAMETERS or not (self.turn_deg.any() or name in PLACED_TURNS):
+        if name in lens.intrinsics or not (self.turn_deg.any() or name in PLACED_TURNS):
             return self.aimed.parameter_jacobian(points, name)
         turn, rotated = rotation_of(self.turn_deg), points @ lens.rotation.T
         if name in PLACED_TURNS:

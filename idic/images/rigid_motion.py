@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.images.pinhole import POSE_PARAMETERS, left_jacobian, rotation_of
+from idic.images.lens_camera import POSE_PARAMETERS, left_jacobian, rotation_of
 
 RIGID = POSE_PARAMETERS  # rotation_x, rotation_y, rotation_z (deg), t_x, t_y, t_z (mm)
 RIGID_UNITS = dict(zip(RIGID, ("deg",) * 3 + ("mm",) * 3, strict=True))

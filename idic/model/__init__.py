@@ -5,7 +5,6 @@ In the order of reading:
 ``experiment.py``       the record `Experiment`: images, times, channels, mesh, cameras, materials, boundaries, options
 ``drives.py``           prescribed displacements: logged, fixed, measured (`DriveTable`)
 ``boundary_modes.py``   virtual boundaries: shapes along an edge times courses in time; ``mode_words.py``: their names
-``corrections.py``      grip slip, grip rotation, machine compliance, misalignment
 ``loads.py``            forces, tractions, pressures (`LoadHistories`)
 ``temperature.py``      the temperature of every node (`NodalTemperature`)
 ``heterogeneity.py``    stiffness that varies over the body

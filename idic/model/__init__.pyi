@@ -1,4 +1,3 @@
-from .corrections import along_the_motion, corrections_of, end_sign, reach, slip_course
 from .drives import (
     COMPONENTS, DriveTable, boundary_parameters, build_drives, is_stereo, mode_names, mode_shapes, pixel_size,
     rates_since_reference, set_nodes,
@@ -6,7 +5,7 @@ from .drives import (
 from .experiment import (
     Channel, Column, Constant, Controlled, Correction, CorrelatedNoise, Depth, Drive, Experiment, FieldPoints,
     FurtherCamera, Heterogeneity, Load, Material, Measured, Noise, Options, Parametrised, Prescribed, Stage,
-    Temperature, TemperatureField,
+    Temperature, TemperatureField, corrections_of,
 )
 from .first_frames import leading_frames, selected_frames
 from .forward import ForwardModel, build_forward, solve, tried_increments
@@ -18,17 +17,19 @@ from .mode_words import in_words, is_mode, motions
 from .motion_error import MotionError
 from .readings import Readings
 from .temperature import nodal_temperature
-from .terms.channel_term import ChannelTerm
-from .terms.channel_terms import CHANNEL_TERMS, channel_term, shown_value
+from .terms.channels.channel_term import ChannelTerm
+from .terms.channels.channel_terms import CHANNEL_TERMS, channel_term, shown_value
+from .terms.corrections.correction_term import CorrectedMotion, CorrectionTerm
+from .terms.corrections.correction_terms import CORRECTION_TERMS, term_of_motion
 
 __all__ = [
-    "CHANNEL_TERMS", "COMPONENTS", "KINDS", "KNOTS", "TEMPERATURE", "Channel", "ChannelTerm", "Column", "Constant",
-    "Controlled", "Correction", "CorrelatedNoise", "Depth", "Drive", "DriveTable", "Experiment", "FieldPoints",
-    "ForwardModel", "FurtherCamera", "Gauge", "Heterogeneity", "Load", "Material", "Measured", "MotionError", "Noise",
-    "Options", "Parametrised", "Prescribed", "Readings", "Stage", "Temperature", "TemperatureField",
-    "along_the_motion", "boundary_parameters", "build_drives", "build_forward", "channel_term", "corrections_of",
-    "end_sign", "hats", "in_words", "is_mode", "is_stereo", "jump_frame", "jump_name", "knot_frames", "knot_name",
-    "leading_frames", "load_parameters", "mode_names", "mode_shapes", "motions", "nodal_temperature", "nodes_of",
-    "pixel_size", "rates_since_reference", "reach", "selected_frames", "set_nodes", "shown_value", "slip_course",
-    "solve", "strayed", "tried_increments", "without_knot",
+    "CHANNEL_TERMS", "COMPONENTS", "CORRECTION_TERMS", "KINDS", "KNOTS", "TEMPERATURE", "Channel", "ChannelTerm",
+    "Column", "Constant", "Controlled", "CorrectedMotion", "Correction", "CorrectionTerm", "CorrelatedNoise",
+    "Depth", "Drive", "DriveTable", "Experiment", "FieldPoints", "ForwardModel", "FurtherCamera", "Gauge",
+    "Heterogeneity", "Load", "Material", "Measured", "MotionError", "Noise", "Options", "Parametrised",
+    "Prescribed", "Readings", "Stage", "Temperature", "TemperatureField", "boundary_parameters", "build_drives",
+    "build_forward", "channel_term", "corrections_of", "hats", "in_words", "is_mode", "is_stereo", "jump_frame",
+    "jump_name", "knot_frames", "knot_name", "leading_frames", "load_parameters", "mode_names", "mode_shapes",
+    "motions", "nodal_temperature", "nodes_of", "pixel_size", "rates_since_reference", "selected_frames",
+    "set_nodes", "shown_value", "solve", "strayed", "term_of_motion", "tried_increments", "without_knot",
 ]

@@ -17,8 +17,9 @@ from idic.fe import (
 )
 from idic.images import PlacedCamera
 from idic.model.boundary_modes import edge_shapes, start_and_middle, time_courses
-from idic.model.corrections import correction_parameter, corrections_of, pattern
-from idic.model.experiment import Column, Constant, Controlled, Experiment, Measured, Parametrised, Prescribed
+from idic.model.experiment import (
+    Column, Constant, Controlled, Correction, Experiment, Measured, Parametrised, Prescribed, corrections_of,
+)
 from idic.model.loads import LoadHistories, build_loads
 from idic.parameters import Parameter, ParameterSet
 
@@ -95,12 +96,18 @@ def boundary_parameters(prescribed: tuple[Prescribed, ...], pixel_size: float,
         stem = f"boundary.{entry.nodes}.{entry.component}"
         if isinstance(entry.drive, Column) and entry.drive.identify_offset:
             parameters.append(Parameter(f"{stem}.offset", 0.0, length_unit, True, scale=10.0 * pixel_size))
-        parameters.extend(correction_parameter(stem, correction, pixel_size)
+        parameters.extend(_correction_parameter(stem, correction, pixel_size)
                           for correction in corrections_of(entry.drive))
         if isinstance(entry.drive, Parametrised):
             parameters.extend(Parameter(name, 0.0, length_unit, True, scale=10.0 * pixel_size)
                               for name in mode_names(entry))
     return tuple(parameters)
+
+
+def _correction_parameter(stem: str, correction: Correction, pixel_size: float) -> Parameter:
+    """The amplitude as a degree of freedom; a unit of its scale moves the set by ten pixels at most (mm per px)."""
+    reach = correction.reach * float(np.abs(correction.course).max(initial=0.0))
+    return Parameter(f"{stem}.{correction.name}", 0.0, correction.unit, True, scale=10.0 * pixel_size / (reach or 1.0))
 
 
 def mode_names(entry: Prescribed) -> list[str]:
@@ -200,7 +207,7 @@ class _Builder:
         nodes = set_nodes(self.experiment, prescribed.nodes)
         stem = f"boundary.{prescribed.nodes}.{prescribed.component}"
         for correction in corrections_of(prescribed.drive):
-            component, shape = pattern(correction, self.experiment.mesh, nodes, prescribed.component)
+            component, shape = correction.pattern(correction, self.experiment.mesh, nodes, prescribed.component)
             dofs = nodes * self.experiment.n_dim + COMPONENTS.index(component)
             if not all(int(dof) in self.dof_index for dof in dofs):
                 raise InputError("a correction of a motion that is free", file="experiment.toml",

@@ -6,7 +6,7 @@ Every array is in internal units (mm, s, MPa, N; pixels for images). Records onl
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.fe import ExternalSetup, Mesh, Morph, morphed
 from idic.images import AnyCamera, PlacedCamera, Stabiliser, Stack, normal_sign
-from idic.model.free_course import jump_name, knot_name
+from idic.model.free_course import jump_name, knot_name, without_knot
 from idic.model.gauges import Gauge
 from idic.parameters import ParameterSet
 
@@ -32,29 +32,38 @@ class Material:
     kinematics: str  # "small" | "finite"
 
 
+def uniform(correction: Correction, mesh: Mesh, nodes: np.ndarray, component: str) -> tuple[str, np.ndarray]:
+    """All nodes alike, along the motion."""
+    return component, np.ones(len(nodes))
+
+
+Pattern = Callable[["Correction", Mesh, np.ndarray, str], tuple[str, np.ndarray]]
+
+
 @dataclass(frozen=True)
 class Correction:
-    """What a drive may lack: ``amplitude * course(t)`` times a pattern on its set; see `idic.model.corrections`.
+    """What a drive may lack: ``amplitude * course(t) * pattern(X)``.
 
-    kind : "slip" | "rotation" | "compliance" | "misalignment" | "seating" | "shape"; reach : largest value of the
-    pattern (mm for a rotation); degree : of a shape; towards : the component that a misalignment moves; knot : frame of
-    its knot, of an identified time course (`idic.model.free_course`); jumps : whether it is the frame of a jump
-    instead.
+    kind : of a term of `idic.model.terms.corrections`; reach : largest value of the pattern (mm for a rotation);
+    pattern : (correction, mesh, nodes of the set, component) -> the component that it moves, (n,) on the nodes;
+    keys : entries of its table that no other kind has; number : that ends its name; knot : frame of its knot, of an
+    identified time course (`idic.model.free_course`); jumps : whether it is the frame of a jump instead.
     """
 
     kind: str
     course: np.ndarray  # (n_frames,), zero at the reference
     unit: str
     reach: float = 1.0
-    towards: str | None = None
+    pattern: Pattern = uniform
+    keys: Mapping[str, Any] = field(default_factory=dict)
+    number: int | None = None
     knot: int | None = None
     jumps: bool = False
-    degree: int | None = None
 
     @property
     def name(self) -> str:
         """Last word of its degree of freedom."""
-        stem = self.kind if self.degree is None else f"{self.kind}{self.degree}"
+        stem = self.kind if self.number is None else f"{self.kind}{self.number}"
         if self.knot is None:
             return stem
         return (jump_name if self.jumps else knot_name)(stem, self.knot)
@@ -121,6 +130,11 @@ class Controlled:
 
 
 Drive = Constant | Column | Measured | Parametrised | Controlled
+
+
+def corrections_of(drive: Drive) -> tuple[Correction, ...]:
+    """The corrections that a drive has; only logged motions and fixed values have any."""
+    return getattr(drive, "corrections", ())
 
 
 @dataclass(frozen=True)
@@ -212,13 +226,11 @@ class Channel:
     kind "reaction": factor x sum of the reactions of a node set along ``component`` (N); "displacement": mean
     displacement of a node set along ``component``, less that of the set ``minus`` (mm: an extensometer, an LVDT);
     "pressure": the pressure on the edge set ``nodes`` (MPa).
-    drift_from : s, when its drift begins, None: at the reference frame; drift_knots : frames of the knots of a drift
-    whose
-    course the data give, drift_hats : (n_knots, n_frames) their courses; friction_knots, friction_hats : the same of
-    the friction in the load train; full_scale : largest reading of the test that
-    these frames are a part of, None: these are all; times : (n_frames,) s of the readings among those of other
-    experiments, None: those of the experiment; shown_unit, shown_factor : unit of the column, which tables and results
-    for the user have, and internal units per such unit
+    starts : s, when the course of a term begins, by the last word of its degree of freedom, others at the reference
+    frame; hats : (n_frames,) course of every knot, by the last word of its degree of freedom; full_scale : largest
+    reading of the test that these frames are a part of, None: these are all; times : (n_frames,) s of the readings
+    among those of other experiments, None: those of the experiment; shown_unit, shown_factor : unit of the column,
+    which tables and results for the user have, and internal units per such unit
     """
 
     column: str
@@ -231,11 +243,8 @@ class Channel:
     unit: str = "N"
     kind: str = "reaction"
     minus: str | None = None
-    drift_from: float | None = None
-    drift_knots: tuple[int, ...] = ()
-    friction_knots: tuple[int, ...] = ()
-    friction_hats: np.ndarray | None = None
-    drift_hats: np.ndarray | None = None
+    starts: Mapping[str, float] = field(default_factory=dict)
+    hats: Mapping[str, np.ndarray] = field(default_factory=dict)
     full_scale: float | None = None
     times: np.ndarray | None = None
     shown_unit: str = ""
@@ -248,6 +257,10 @@ class Channel:
     def dof(self, name: str) -> str:
         """Full name of its degree of freedom with this last word."""
         return f"channel.{self.column}.{name}"
+
+    def hats_of(self, stem: str) -> dict[str, np.ndarray]:
+        """The courses of the knots of one degree of freedom, by its last word  # (n_frames,) each"""
+        return {name: hat for name, hat in self.hats.items() if without_knot(name) == stem}
 
     @property
     def is_load(self) -> bool:

@@ -73,9 +73,8 @@ def _drive(drive, pick: np.ndarray):
 
 
 def _channel(channel: Channel, pick: np.ndarray) -> Channel:
-    drift, friction = (None if hats is None else hats[:, pick] for hats in (channel.drift_hats, channel.friction_hats))
     return replace(channel, values=channel.values[pick], rates=_cut(channel.rates, pick), full_scale=channel.largest,
-                   drift_hats=drift, friction_hats=friction)
+                   hats={name: hat[pick] for name, hat in channel.hats.items()})
 
 
 def _temperature(entry: Temperature, pick: np.ndarray) -> Temperature:

@@ -14,7 +14,7 @@ from idic.diagnose.refits.refit import warm_start
 from idic.diagnose.residual.heldout import grid_of, misfit_of
 from idic.experiment_file import load_experiment, read_toml
 from idic.laws import compile, point_stresses
-from idic.model import CHANNEL_TERMS
+from idic.model import CHANNEL_TERMS, CORRECTION_TERMS
 from idic.virtual_tests import strip_with_hole, write_inp
 
 MATERIAL = {"plasticity", "hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
@@ -107,8 +107,9 @@ def variants_of(situation):
 def test_every_candidate_has_a_file_and_a_description_and_names_rivals_that_exist():
     known = {c.name for c in candidate_library()}
     assert MATERIAL | CONTRACT <= known
-    files = {file.stem for file in Path(library.__file__).parent.glob("[a-z]*.py")} - {"measuring_chain"}
-    assert known == files | {term.name for term in CHANNEL_TERMS}
+    files = {file.stem for file in Path(library.__file__).parent.glob("[a-z]*.py")} - {"measuring_chain", "grips"}
+    causes = {term.cause.name for term in CORRECTION_TERMS.values() if term.cause}
+    assert known == files | causes | {term.name for term in CHANNEL_TERMS}
     for candidate in candidate_library():
         assert candidate.title and candidate.null and candidate.rivals and candidate.separating_tests
         assert set(candidate.rivals) <= known - {candidate.name}

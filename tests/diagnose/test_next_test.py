@@ -118,7 +118,7 @@ def test_courses_that_the_data_give_stay_as_they_are_in_the_last_frame(models):
     recorded = models[0].identification.experiment
     n, more = recorded.n_frames, 2
     hat = np.linspace(0.0, 1.0, n)[None]
-    channel = replace(recorded.channels[0], friction_knots=(n - 1,), friction_hats=hat)
+    channel = replace(recorded.channels[0], hats={knot_name("friction", n - 1): hat[0]})
     warm = TemperatureField(np.outer(hat[0], np.ones(recorded.mesh.n_nodes)), "course")
     controlled = Load("RIGHT", "force", Controlled("strain", hat[0], "RIGHT", "x", rates=hat[0]), "x")
     before = replace(recorded, channels=(channel,), loads=(controlled,),

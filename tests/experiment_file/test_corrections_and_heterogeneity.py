@@ -16,7 +16,7 @@ from idic.fe import Variation
 from idic.model import boundary_parameters, build_drives, build_forward, strayed
 from idic.model.heterogeneity import variations_at
 from idic.model.load_train import directions
-from idic.model.terms.force_drift import drifting
+from idic.model.terms.channels.force_drift import drifting
 
 GRIP = 'uy = { column = "grip_um", noise_std = 0.2 }'
 

@@ -13,8 +13,8 @@ from idic.experiment_file.tables.geometry import holes_of
 from idic.fe import boundary_faces, make_mesh
 from idic.images import ArrayStack, COLUMN, Camera, CameraMotion, MAGNIFICATION, ROW, TURN, dense_speckle
 from idic.model import (
-    Channel, Column, Constant, Correction, Experiment, Heterogeneity, Load, Material, Noise, Options, Parametrised,
-    Prescribed, boundary_parameters, build_forward, solve,
+    CORRECTION_TERMS, Channel, Column, Constant, Correction, Experiment, Heterogeneity, Load, Material, Noise, Options,
+    Parametrised, Prescribed, boundary_parameters, build_forward, solve,
 )
 from idic.parameters import Parameter, ParameterSet
 from idic.virtual_tests import Sensor, painted, strip_with_hole
@@ -66,6 +66,10 @@ def pulled(top=0.05, offset=True, noise_std=0.0):
     return (*held_left(), Prescribed("RIGHT", "x", drive), Prescribed("RIGHT", "y", Constant(0.0)))
 
 
+def correction(kind, course, unit, reach=1.0):
+    return Correction(kind, course, unit, reach, CORRECTION_TERMS[kind].pattern)
+
+
 def corrected_grips():
     """The same with everything that may be wrong about a log: slip, compliance, seating, rotation, motion askew; both
     ends."""
@@ -74,9 +78,9 @@ def corrected_grips():
     corrections = (Correction("slip", -np.array([0.0, 0.0, 0.2, 0.6, 1.0]), "mm"),
                    Correction("compliance", -force, "mm/N"),
                    Correction("seating", -(1.0 - np.exp(-force / 4.0)), "mm"),
-                   Correction("rotation", drive.values, "rad/mm", WIDTH / 2.0),
-                   Correction("misalignment", drive.values, ""))
-    return (Prescribed("LEFT", "x", Constant(0.0, (Correction("rotation", force / 12.0, "rad", WIDTH / 2.0),))),
+                   correction("rotation", drive.values, "rad/mm", WIDTH / 2.0),
+                   correction("misalignment", drive.values, ""))
+    return (Prescribed("LEFT", "x", Constant(0.0, (correction("rotation", force / 12.0, "rad", WIDTH / 2.0),))),
             Prescribed("LEFT", "y", Constant(0.0)),
             Prescribed("RIGHT", "x", replace(drive, corrections=corrections)), Prescribed("RIGHT", "y", Constant(0.0)))
 

@@ -6,7 +6,7 @@ import pytest
 from camera_contract import CameraContract
 
 from idic.errors import InputError
-from idic.images import PINHOLE_PARAMETERS, PinholeCamera, rotation_of
+from idic.images import PinholeCamera, rotation_of
 
 RNG = np.random.default_rng(25)
 POINTS = RNG.uniform([-30, -25, -8], [30, 25, 8], (200, 3))
@@ -32,13 +32,13 @@ def test_skew_moves_columns_by_the_normalised_row():
 
 def turned(*degrees):
     """The camera as it was calibrated, at a rotation by the degrees of freedom."""
-    return PinholeCamera(**{name: getattr(CAMERA, name) for name in PINHOLE_PARAMETERS[:10]},
+    return PinholeCamera(**{name: getattr(CAMERA, name) for name in PinholeCamera.intrinsics},
                          rotation=rotation_of(degrees), turned_deg=degrees, translation_mm=CAMERA.translation_mm)
 
 
 class TestPinhole(CameraContract):
     cameras = {"calibrated": CAMERA, "slightly turned": turned(0.3, -0.2, 0.5), "turned": turned(20.0, -35.0, 50.0)}
-    parameters, points = PINHOLE_PARAMETERS, POINTS
+    parameters, points = PinholeCamera.parameters, POINTS
 
 
 def test_undistortion_returns_to_the_pixel_within_1e_10():

@@ -20,9 +20,9 @@ def plate():
     """A plate whose channel has courses of friction and drift that the data give."""
     body = experiment()
     n = body.n_frames
-    hat = np.linspace(0.0, 1.0, n)[None]
-    channel = replace(body.channels[0], drift_knots=(n - 1,), drift_hats=hat,
-                      friction_knots=(n - 1,), friction_hats=hat)
+    hat = np.linspace(0.0, 1.0, n)
+    stems = [term.course.stem for term in CHANNEL_TERMS if term.course]
+    channel = replace(body.channels[0], hats={knot_name(stem, n - 1): hat for stem in stems})
     return replace(body, channels=(channel,))
 
 
@@ -77,10 +77,10 @@ def test_a_term_is_a_candidate_with_words_and_probes(term):
 @pytest.mark.parametrize("term", [term for term in CHANNEL_TERMS if term.course], ids=lambda term: term.name)
 def test_a_course_is_given_for_every_degree_of_freedom_of_its_term(term):
     body = plate()
-    knot = knot_name(term.names[0], body.n_frames - 1)
+    knot = knot_name(term.course.stem, body.n_frames - 1)
     for name in (*term.names, knot):
         assert term.course.amplitude(body, body.channels[0], name).shape == (body.n_frames,)
-    assert term.course.amplitude(body, body.channels[0], knot_name(term.names[0], 1)) is None
+    assert term.course.amplitude(body, body.channels[0], knot_name(term.course.stem, 1)) is None
 
 
 def test_scale_and_offset_are_probed_on_applied_loads_too():

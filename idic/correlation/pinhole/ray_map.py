@@ -22,7 +22,7 @@ from idic.correlation.pixels.cells import (N_MONOMIALS, N_NODES, TRANSFORMS, mon
 from idic.correlation.pixels.pixel_map import (EDGE_TOLERANCE, PixelMap, checked_mask, element_boxes, flat_elements,
                                                nothing_visible)
 from idic.fe import Block, Mesh, boundary_faces, face_cells
-from idic.images import PinholeCamera, PlacedCamera
+from idic.images import LensCamera, PlacedCamera
 
 MIN_COSINE = 0.17  # of line of sight and normal, 80 degrees: a pixel covers six times its width there
 SAME_DEPTH = 1e-7  # relative: two faces that meet at an edge
@@ -85,12 +85,12 @@ def build_ray_map(mesh: Mesh, cells: Sequence[Block], camera: PlacedCamera, imag
     )
 
 
-def _in_camera(nodes: np.ndarray, camera: PinholeCamera) -> np.ndarray:
+def _in_camera(nodes: np.ndarray, camera: LensCamera) -> np.ndarray:
     """Nodes in the frame of the camera  # (n, 2|3) mm -> (n, 3) mm"""
     return nodes @ camera.rotation[:, : nodes.shape[1]].T + camera.translation_mm
 
 
-def _slopes(geometry: np.ndarray, at: np.ndarray, camera: PinholeCamera) -> np.ndarray:
+def _slopes(geometry: np.ndarray, at: np.ndarray, camera: LensCamera) -> np.ndarray:
     """d (column, row) / d (a, b) of every face at one place of it  # (n, 3, 8), (n, 2) -> (n, 2, 2) px"""
     points = np.einsum("eck,ek->ec", geometry, monomials(at[:, 0], at[:, 1]))
     tangents = np.einsum("eck,ekd->ecd", geometry, monomial_slopes(at[:, 0], at[:, 1]))

@@ -20,8 +20,7 @@ from idic.model import COMPONENTS, Experiment, set_nodes
 
 EDGE_MODE_DEGREE = 3  # of the modes along an edge
 FACE_MODE_DEGREE = 2  # of those on a face
-LENS = ("fx", "cx", "cy", "k1", *(f"{PLACEMENT_STEM}.{name}" for name in RIGID))
-CONSTANT_LENS = ("k1", "fx", f"{PLACEMENT_STEM}.rotation_x", f"{PLACEMENT_STEM}.rotation_y")
+PLACED = tuple(f"{PLACEMENT_STEM}.{name}" for name in RIGID)
 CONSTANT_CAMERA_PARAMETERS = ("k1", "tilt_x", "tilt_y")  # of the camera in all frames, the reference included
 
 
@@ -104,7 +103,8 @@ def _of_camera(camera: CameraResidual, frame: int, u: np.ndarray) -> np.ndarray:
         return _of_instrument(experiment, view, u)
     frame_view = view.at(frame)
     if isinstance(view.camera, PlacedCamera):
-        names, constant = LENS, CONSTANT_LENS
+        distortion, tilts = view.camera.lens.leading, PLACED[:2]
+        names, constant = ("fx", "cx", "cy", distortion, *PLACED), (distortion, "fx", *tilts)
     else:
         names, constant = CAMERA_PARAMETERS, CONSTANT_CAMERA_PARAMETERS
     deformed = frame_view.deformed(nodes, u)

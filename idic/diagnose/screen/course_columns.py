@@ -1,7 +1,7 @@
 """Columns of causes at the ends of a specimen: the response to a pattern of unit amplitude, times courses in time.
 
 A change of a prescribed motion enters a first-order response at the present frame only (`idic.fe.response`), so that
-all courses of one pattern (slip, rotation, misalignment) share the response to the unit amplitude: du_t = c(t) s_t.
+all courses of one pattern (of a slip, a rotation) share the response to the unit amplitude: du_t = c(t) s_t.
 """
 
 from __future__ import annotations
@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.diagnose.physics.candidate import Variant
-from idic.diagnose.screen.courses import TIMED
-from idic.model import Correction, Experiment, TEMPERATURE, TemperatureField, corrections_of, knot_name, without_knot
+from idic.model import (
+    CORRECTION_TERMS, Correction, Experiment, TEMPERATURE, TemperatureField, corrections_of, knot_name, without_knot,
+)
 
-Pattern = tuple[str, str, str, str | None]  # node set, component, kind, component that a misalignment moves
+Pattern = tuple[str, str, str, tuple]  # node set, component, kind, keys that this kind alone has
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +47,7 @@ def timed(experiment: Experiment, variant: Variant) -> TimedVariant | None:
         return None
     number, first = terms[0]
     entry = experiment.prescribed[number]
-    pattern = (entry.nodes, entry.component, first.kind, first.towards)
+    pattern = (entry.nodes, entry.component, first.kind, tuple(sorted(first.keys.items())))
     courses = np.array([correction.course for _, correction in terms]).T
     names = variant.new if variant.free_course else (variant.label,)
     if not variant.free_course:
@@ -69,7 +70,7 @@ def _warmth(experiment: Experiment, variant: Variant) -> TimedVariant | None:
     warm[:experiment.reference + 1] = 0.0
     steady = tuple(replace(entry, drive=TemperatureField(warm), knots=(), hats=None) if entry is free_entry else entry
                    for entry in experiment.temperatures)
-    return TimedVariant(variant, (TEMPERATURE, "", "warmth", None), variant.new,
+    return TimedVariant(variant, (TEMPERATURE, "", "warmth", ()), variant.new,
                         np.array([of_name[name] for name in variant.new]).T, replace(experiment, temperatures=steady))
 
 
@@ -95,6 +96,6 @@ def _correction(experiment: Experiment, name: str) -> tuple[int, Correction] | N
     for number, entry in enumerate(experiment.prescribed):
         if stem == f"boundary.{entry.nodes}.{entry.component}":
             for correction in corrections_of(entry.drive):
-                if correction.name == word and correction.kind in TIMED:
+                if correction.name == word and CORRECTION_TERMS[correction.kind].is_timed:
                     return number, correction
     return None

@@ -14,10 +14,10 @@ import numpy as np
 from idic.images import PlacedCamera
 from idic.laws import EXPANSION
 from idic.model import (
-    Experiment, TEMPERATURE, TemperatureField, channel_term, corrections_of, jump_frame, knot_name, without_knot,
+    CORRECTION_TERMS, Experiment, TEMPERATURE, TemperatureField, channel_term, corrections_of, jump_frame, knot_name,
+    without_knot,
 )
 
-TIMED = ("slip", "rotation", "misalignment")  # corrections that may have a course of their own
 SUPPOSED_EXPANSION_PER_K = 1e-5  # 1/K: without a log of the temperature the data give its product with that
 MIN_ONSET_STD = 3.0  # standard deviations: a cause has begun
 
@@ -58,7 +58,8 @@ def course_of(experiment: Experiment, name: str) -> np.ndarray | None:
         return _of_warmth(experiment, name)
     for entry in experiment.prescribed:
         if stem == f"boundary.{entry.nodes}.{entry.component}":
-            return next((c.course for c in corrections_of(entry.drive) if c.name == word and c.kind in TIMED), None)
+            return next((c.course for c in corrections_of(entry.drive)
+                         if c.name == word and CORRECTION_TERMS[c.kind].is_timed), None)
     for channel in experiment.channels:
         term = channel_term(without_knot(word))
         if stem == f"channel.{channel.column}" and term is not None and term.course is not None:
@@ -113,7 +114,7 @@ def _unit(experiment: Experiment, name: str) -> str:
     unit = experiment.parameters[name].unit
     if name.rpartition(".")[2] == EXPANSION.name:
         return "K"
-    if name.endswith(".friction_share"):
+    if name.startswith("channel.") and not unit:  # a share of the reading
         return next(channel.unit for channel in experiment.channels if name.startswith(f"channel.{channel.column}."))
     if unit.startswith("rad"):
         return "rad"

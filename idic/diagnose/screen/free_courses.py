@@ -19,10 +19,10 @@ from typing import Any
 from idic.diagnose.physics.candidate import Candidate, Variant
 from idic.diagnose.residual.score import Scores
 from idic.diagnose.residual.thinning import drop_on_copy
-from idic.diagnose.screen.courses import SUPPOSED_EXPANSION_PER_K, TIMED
+from idic.diagnose.screen.courses import SUPPOSED_EXPANSION_PER_K
 from idic.errors import InputError
 from idic.laws import EXPANSION
-from idic.model import Experiment, KNOTS, TEMPERATURE, channel_term, without_knot
+from idic.model import CorrectionTerm, Experiment, KNOTS, TEMPERATURE, channel_term, term_of_motion, without_knot
 
 MIN_KNOT_CHI2 = 9.0  # drop of chi-square that a knot must bring
 KNOTTED = {"course": "free", "knots": KNOTS}
@@ -85,21 +85,20 @@ def free_edits(document: Mapping[str, Any], edits: Mapping[str, Any], variant: V
     name = without_knot(variant.new[0])
     tables_of_edits = {"dof": [dict(entry) for entry in document.get("dof", ())], **edits}
     stem, _, word = name.rpartition(".")
-    if name.startswith("boundary.") and word in TIMED:
+    if (correction := term_of_motion(name)) is not None and correction.is_timed:
         tables = copy.deepcopy(list(tables_of_edits["boundary"]))
         for table in tables:
             for component in "xyz":
                 named = stem == f"boundary.{table.get('nodes')}.{component}"
                 if named and isinstance(table.get(f"u{component}"), Mapping):
-                    _free(table[f"u{component}"]["corrections"], word, course)
+                    _free(table[f"u{component}"]["corrections"], correction, course)
         return tables_of_edits | {"boundary": tables}
     term = channel_term(word) if name.startswith("channel.") else None
     if term is not None and term.course is not None:
         tables = copy.deepcopy(list(tables_of_edits.get("channel", document["channel"])))
         for table in tables:
             if stem == f"channel.{table['column']}":
-                for key in term.course.replaced:
-                    table.pop(key, None)
+                table.pop(term.course.start, None)
                 table[term.course.knots] = KNOTS
         return _without(tables_of_edits, name) | {"channel": tables}
     if word == EXPANSION.name and (tables_of_edits.get("boundary") or [{}])[-1].get("temperature", {}).get("course"):
@@ -124,10 +123,11 @@ def course_stem(variant: Variant) -> str:
     return f"{stem}.{kind}" if stem else name
 
 
-def _free(corrections: list[dict], kind: str, course: Mapping[str, Any]) -> None:
+def _free(corrections: list[dict], term: CorrectionTerm, course: Mapping[str, Any]) -> None:
     """Knots or jumps in the place of the course of the last correction of a kind."""
-    number = max(i for i, entry in enumerate(corrections) if entry["kind"] == kind)
-    entries = {key: value for key, value in corrections[number].items() if key in ("kind", "towards")}
+    number = max(i for i, entry in enumerate(corrections) if entry["kind"] == term.kind)
+    of_pattern = {"kind", *(key.name for key in term.keys)}
+    entries = {key: value for key, value in corrections[number].items() if key in of_pattern}
     corrections[number] = entries | dict(course)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 
 from idic.errors import InputError
-from idic.images import PinholeCamera, PlacedCamera, rotation_of
+from idic.images import LensCamera, PlacedCamera, rotation_of
 
 MAX_CLICK_ERROR_PX = 5.0   # rms: more is another point, another image, or left and right swapped
 NOTED_CLICK_ERROR_PX = 1.0
@@ -27,7 +27,7 @@ class Clicks:
     """Points of the mesh frame (n, 3) mm and their places (n, 2) px in the image of a camera; key : in the file."""
 
     key: str
-    camera: PinholeCamera
+    camera: LensCamera
     points_mm: np.ndarray
     points_px: np.ndarray
 

@@ -14,16 +14,14 @@ from idic.experiment_file.schema.experiment_file import ExperimentFile
 from idic.experiment_file.schema.cameras import CameraTable
 from idic.experiment_file.pinhole.alignment import Clicks, aligned
 from idic.fe import Mesh
-from idic.images import INTRINSIC_PARAMETERS, PINHOLE_PARAMETERS as LENS_PARAMETERS, PinholeCamera, PlacedCamera
+from idic.images import LENS_PARAMETERS, LensCamera, PlacedCamera
 from idic.parameters import JointPrior, Parameter
 from idic.readers import CameraRig, Conventions, existing_file, read_calibration
-
-PINHOLE = "pinhole"
 
 
 @dataclass(frozen=True, eq=False)
 class Lenses:
-    """The pinhole cameras of an experiment, one entry per [[camera]] table; None where that one is telecentric.
+    """The cameras with a lens of an experiment, one entry per [[camera]] table; None where that one is telecentric.
 
     cameras : with the place of the mesh; sizes : (width, height) px that the calibration is of, None where not known;
     prior : of the calibrated values by the names of their degrees of freedom, None without deviations; freed : names
@@ -49,8 +47,8 @@ def camera_tables(config: ExperimentFile) -> list[CameraTable]:
 
 
 def has_lens(config: ExperimentFile) -> bool:
-    """Whether any camera is a pinhole camera."""
-    return any(table.model == PINHOLE for table in camera_tables(config))
+    """Whether any camera has a lens."""
+    return any(table.lens for table in camera_tables(config))
 
 
 def calibration_files(config: ExperimentFile, folder: Path) -> list[Path]:
@@ -72,7 +70,7 @@ def calibrations(config: ExperimentFile, folder: Path, file) -> dict[str, Camera
                          remedy='use model = "telecentric"')
     tables, rigs = camera_tables(config), {}
     for i, table in enumerate(tables):
-        if table.model == PINHOLE and table.calibration is not None and table.calibration not in rigs:
+        if table.lens and table.calibration is not None and table.calibration not in rigs:
             path = existing_file(folder, table.calibration, file=file, key=_key(tables, i, "calibration"))
             rigs[table.calibration] = read_calibration(path,
                                                        Conventions(**table.calibration_conventions.model_dump()))
@@ -142,7 +140,7 @@ class _LensTables:
     def _number(self, i: int) -> int | None:
         """Which camera of its calibration file a table is."""
         table = self.tables[i]
-        if table.model != PINHOLE or table.calibration is None:
+        if table.lens is None or table.calibration is None:
             return None
         stated_number = table.calibration_camera
         number = stated_number if stated_number is not None else sum(
@@ -156,14 +154,14 @@ class _LensTables:
     def _rig(self, i: int) -> CameraRig:
         return self.rigs[self.tables[i].calibration]
 
-    def _lens(self, i: int, placed: bool) -> PinholeCamera | None:
+    def _lens(self, i: int, placed: bool) -> LensCamera | None:
         """The lens with the pose of its calibration, values of the table in the place of the file's."""
         table, number = self.tables[i], self._number(i)
-        if table.model != PINHOLE:
+        if table.lens is None:
             return None
         values = {}
-        for name in INTRINSIC_PARAMETERS:
-            key = name if name[0] in "kp" else f"{name}_px"
+        for name in table.lens.intrinsics:
+            key = name if name in table.lens.coefficients else f"{name}_px"
             if key in table.model_fields_set and getattr(table, key) is not None:
                 values[name] = float(getattr(table, key))
         if number is not None:
@@ -172,12 +170,12 @@ class _LensTables:
             raise InputError("a pinhole camera without a pose", file=self.file, key=self.key(i, "rotation"),
                              expected="rotation and translation_mm, an alignment, or a calibration file with a pose",
                              found="none of them", remedy="say where the mesh is before this camera")
-        return PinholeCamera(**values)
+        return table.lens(**values)
 
     def _single(self) -> bool:
-        return sum(table.model == PINHOLE for table in self.tables) == 1
+        return sum(table.lens is not None for table in self.tables) == 1
 
-    def _place(self, lens: Sequence[PinholeCamera | None]) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    def _place(self, lens: Sequence[LensCamera | None]) -> tuple[np.ndarray, np.ndarray, list[str]]:
         """Rotation and translation from the mesh frame to that of the calibration, and notes."""
         self._check_common_frame()
         for camera, table in zip(lens, self.tables, strict=True):
@@ -196,7 +194,7 @@ class _LensTables:
         return np.eye(3), np.zeros(3), ["the mesh is in the frame of the calibration: no alignment, no rotation given"]
 
     def _check_common_frame(self) -> None:
-        files = {table.calibration for table in self.tables if table.model == PINHOLE and table.rotation is None}
+        files = {table.calibration for table in self.tables if table.lens and table.rotation is None}
         if len(files) > 1:
             raise InputError("cameras of different calibrations have no common frame", file=self.file,
                              key=self.key(1, "calibration"), expected="one file for all cameras, or rotation and "
@@ -220,7 +218,7 @@ class _LensTables:
                 if int(number) not in stems or parameter not in LENS_PARAMETERS or not rig.covariance[k, k] > 0.0:
                     continue  # not of these cameras, or held
                 table, camera = stems[int(number)]
-                if camera is None or (table.rotation is not None and parameter not in INTRINSIC_PARAMETERS):
+                if camera is None or (table.rotation is not None and parameter not in camera.lens.intrinsics):
                     continue  # a pose of its own
                 rows.append(k)
                 names.append(f"{table.name}.{parameter}")

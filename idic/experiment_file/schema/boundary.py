@@ -17,23 +17,21 @@
     (a ``value`` under [[dof]] wins). "dic": the N and M strongest of the measured motion itself, see
     docs/virtual-boundaries.md.
     ``corrections`` of a logged or fixed displacement: effects at the grip that the log lacks. Each entry adds a degree
-    of freedom ``boundary.SET.COMPONENT.KIND``, zero if the log is right: ``{ kind = "slip", start_s = 12.0 }`` (mm
-    by which the specimen moves less than the log in the end; ``course`` = ramp | jump | travel), ``{ kind =
-    "compliance", column = "force_N" }`` (mm/N: the log contains the deflection of the machine), ``{ kind = "rotation"
-    }`` (rad/mm: the set turns with the motion; with ``column`` rad at the column's largest value), ``{ kind =
-    "misalignment" }`` (it moves across in proportion; ``towards`` = x, y or z), ``{ kind = "shape", degree = 2 }`` (mm:
-    it moves by a Legendre polynomial along the set).
+    of freedom ``boundary.SET.COMPONENT.KIND``, zero if the log is right. The kinds and their keys are the terms of
+    `idic.model.terms.corrections`. Some follow a ``column`` of the log; some may begin at ``start_s`` with a ``course``
+    (ramp, jump, travel), or have one that the data give (free with ``knots``, jumps at ``jump_frames``).
 """
 
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, create_model, model_validator
 
 from idic.experiment_file.schema.base import (Component, NotNegative, Pair, Positive, Strict, as_list, as_value_table,
                                               exactly_one, refuse)
+from idic.model import CHANNEL_TERMS, CORRECTION_TERMS
 
 
 def _as_drive_table(value: object) -> object:
@@ -55,28 +53,34 @@ class SetTable(Strict):
         return self
 
 
-class CorrectionTable(Strict):
+class CorrectionKeys(Strict):
     """A correction of a logged or fixed motion; its amplitude ``boundary.SET.COMPONENT.KIND`` is identified."""
 
-    kind: Literal["slip", "rotation", "compliance", "misalignment", "seating", "shape"]
+    kind: str
     start_s: float | None = None
     course: Literal["ramp", "jump", "travel", "free", "jumps"] | None = None
     knots: Annotated[int, Field(ge=1, le=100)] | None = None
     jump_frames: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1, max_length=10_000)] | None = None
     column: str | None = None
     unit: str | None = None
-    towards: Component | None = None
-    seated_at: Positive | None = None
-    degree: Annotated[int, Field(ge=0, le=9)] | None = None
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """The entries of the table."""
+        return {name: value for name in type(self).model_fields if (value := getattr(self, name)) is not None}
+
+    @property
+    def title(self) -> str:
+        """Its kind, with the number that tells it from others of that kind."""
+        number = CORRECTION_TERMS[self.kind].number
+        return f"{self.kind} of {number} {getattr(self, number)}" if number else self.kind
 
     @model_validator(mode="after")
-    def _own_keys(self):
-        timed = ("slip", "rotation", "misalignment", "shape")
-        logged = ("rotation", "compliance", "misalignment", "seating", "shape")
+    def _has_own_keys(self):
+        timed = [term.kind for term in CORRECTION_TERMS.values() if term.is_timed]
+        logged = [term.kind for term in CORRECTION_TERMS.values() if term.is_logged]
         kinds = {"start_s": timed, "course": timed, "knots": timed, "jump_frames": timed, "column": logged,
-                 "unit": logged,
-                 "towards": ("misalignment",),
-                 "seated_at": ("seating",), "degree": ("shape",)}
+                 "unit": logged, **{key.name: [term.kind] for term in CORRECTION_TERMS.values() for key in term.keys}}
         for key in sorted(self.model_fields_set & set(kinds)):
             if self.kind not in kinds[key]:
                 raise refuse(f"{key} does not belong here", f"{key} of a {' or '.join(kinds[key])}", f"leave out {key}",
@@ -90,20 +94,29 @@ class CorrectionTable(Strict):
         if (self.course == "jumps") != (self.jump_frames is not None):
             raise refuse("jumps and their frames belong together", 'course = "jumps" with jump_frames = [6, 12]',
                          "give both, or neither", f"course = {self.course}, jump_frames = {self.jump_frames}")
-        if self.kind == "compliance" and self.column is None:
-            raise refuse("machine compliance without a force", 'the measured force, e.g. column = "force_N"',
-                         'write { kind = "compliance", column = "force_N" }', "no column")
-        if self.kind == "seating" and None in (self.column, self.seated_at):
-            raise refuse("seating without its force", 'the measured force and the load at which the grips have seated',
-                         'write { kind = "seating", column = "force_N", seated_at = 20.0 }',
-                         "no column" if self.column is None else "no seated_at")
-        if self.kind == "shape" and self.degree is None:
-            raise refuse("a shape without its degree", "the degree of the polynomial along the set",
-                         'write { kind = "shape", degree = 2 }', "no degree")
-        if self.kind != "slip" and self.column is not None and self.model_fields_set & {"start_s", "course"}:
+        term = CORRECTION_TERMS[self.kind]
+        missing = [key for key in term.required.keys if getattr(self, key) is None] if term.required else []
+        if missing:
+            raise refuse(term.required.fault, term.required.expected, f"write {term.required.example}",
+                         f"no {missing[0]}")
+        if term.is_timed and self.column is not None and self.model_fields_set & {"start_s", "course"}:
             raise refuse("two courses of one correction", "a column, or start_s and course", "leave one of them out",
                          f"column = {self.column!r} and a course in time")
         return self
+
+
+def _own_keys() -> dict[str, Any]:
+    """The keys that single kinds have, as fields."""
+    return {key.name: (Literal[key.words] if key.words
+                       else Annotated[key.type, Field(gt=key.above, ge=key.least, le=key.most)] | None, None)
+            for term in CORRECTION_TERMS.values() for key in term.keys}
+
+
+if TYPE_CHECKING:
+    CorrectionTable = CorrectionKeys
+else:
+    CorrectionTable = create_model("CorrectionTable", __base__=CorrectionKeys, __module__=__name__,
+                                   kind=(Literal[tuple(CORRECTION_TERMS)], ...), **_own_keys())
 
 
 class ControlTable(Strict):
@@ -147,8 +160,7 @@ class DriveTable(Strict):
         if self.corrections and self.value is None and self.column is None:
             raise refuse("corrections do not belong here", "corrections next to column or value",
                          "leave out corrections: this motion is measured or identified already", "corrections")
-        kinds = [entry.kind if entry.degree is None else f"{entry.kind} of degree {entry.degree}"
-                 for entry in self.corrections]
+        kinds = [entry.title for entry in self.corrections]
         if len(set(kinds)) < len(kinds):
             raise refuse("a correction is given twice", "every kind once", "remove one of them", ", ".join(kinds))
         return self
@@ -283,20 +295,32 @@ class SimulatedTable(Strict):
         return self
 
 
-class ChannelTable(Strict):
+class ChannelKeys(Strict):
+    """A measured channel; the keys of the courses of its terms join these."""
+
     column: str
     simulated: SimulatedTable
     noise_std: Positive | None = None
     unit: str | None = None
-    drift_from_s: float | None = None
-    drift_knots: Annotated[int, Field(ge=1, le=100)] | None = None
-    friction_knots: Annotated[int, Field(ge=1, le=100)] | None = None
 
     @model_validator(mode="after")
     def _one_course(self):
-        if self.friction_knots is not None and self.simulated.reaction is None:
-            raise refuse("friction of a channel that is no force", "friction_knots of a reaction",
-                         "leave friction_knots out", "no reaction")
-        if self.drift_knots is not None and self.drift_from_s is not None:
-            raise refuse("two courses of one drift", "drift_knots or drift_from_s", "leave one of them out", "both")
+        for course in COURSES:
+            has_knots = getattr(self, course.knots) is not None
+            if has_knots and course.is_directed and self.simulated.reaction is None:
+                raise refuse(f"{course.stem} of a channel that is no force", f"{course.knots} of a reaction",
+                             f"leave {course.knots} out", "no reaction")
+            if has_knots and course.start and getattr(self, course.start) is not None:
+                raise refuse(f"two courses of one {course.stem}", f"{course.knots} or {course.start}",
+                             "leave one of them out", "both")
         return self
+
+
+COURSES = tuple(term.course for term in CHANNEL_TERMS if term.course)
+if TYPE_CHECKING:
+    ChannelTable = ChannelKeys
+else:
+    ChannelTable = create_model(
+        "ChannelTable", __base__=ChannelKeys, __module__=__name__,
+        **{course.start: (float | None, None) for course in COURSES if course.start},
+        **{course.knots: (Annotated[int, Field(ge=1, le=100)] | None, None) for course in COURSES})

@@ -14,26 +14,30 @@
     ``surface`` (another face set of a solid), ``plane`` (the two mesh axes it sees, ``["x", "z"]`` for a side view),
     ``still_frames`` (a glob), ``noise_std_gv``. Their degrees of freedom are ``NAME.rotation_deg`` and so on.
 ``model = "pinhole"``
-    An ordinary lens: ``calibration`` (a file) and ``calibration_camera``, or ``fx_px`` … ``p2``, which win over the
-    file; the pose of the mesh by ``rotation`` and ``translation_mm`` (mesh to camera), by an ``alignment`` (clicked
-    points, holes, edges, the surface measured by two cameras), or as the calibration has it. Degrees of freedom
-    ``camera.fx``, ``camera.t_z`` …, and ``placement.t_z`` … of the mesh before all cameras. Of a specimen that moves as
-    a rigid body: ``placement.t_z_drift`` …, ``motion = "free"``, ``motion_column``.
+    An ordinary lens; other models are files of `idic.images.lenses`. ``calibration`` (a file) and
+    ``calibration_camera``, or ``fx_px`` … ``p2``, which win over the file; the pose of the mesh by ``rotation`` and
+    ``translation_mm`` (mesh to camera), by an ``alignment`` (clicked points, holes, edges, the surface measured by two
+    cameras), or as the calibration has it. Degrees of freedom ``camera.fx``, ``camera.t_z`` …, and ``placement.t_z`` …
+    of the mesh before all cameras. Of a specimen that moves as a rigid body: ``placement.t_z_drift`` …, ``motion =
+    "free"``, ``motion_column``.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, create_model, model_validator
 
 from idic.experiment_file.schema.base import Component, Pair, Positive, Strict, as_list, refuse
+from idic.images import LENS_MODELS, LensCamera
 
 _TELECENTRIC = ("pixel_size_mm", "origin_px", "origin_mm", "axes", "rotation_deg", "centre_px", "matrix_px_per_unit",
                 "magnification_column", "magnification_knots")
-_PINHOLE = ("calibration", "calibration_camera", "calibration_conventions", "identify_calibration", "fx_px", "fy_px",
-            "skew_px", "cx_px", "cy_px", "k2", "k3", "p1", "p2", "rotation", "translation_mm", "alignment",
-            "motion_column")
+_CALIBRATED = ("calibration", "calibration_camera", "calibration_conventions", "identify_calibration")
+_COEFFICIENTS = tuple(dict.fromkeys(name for lens in LENS_MODELS.values() for name in lens.coefficients))
+_LENS = (*_CALIBRATED, "fx_px", "fy_px", "skew_px", "cx_px", "cy_px",
+         *(name for name in _COEFFICIENTS if name != "k1"),  # a telecentric camera has one, too
+         "rotation", "translation_mm", "alignment", "motion_column")
 Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
 
 
@@ -101,10 +105,10 @@ class AlignmentTable(Strict):
         return self
 
 
-class LensTable(Strict):
-    """The keys of a camera with a lens."""
+class LensKeys(Strict):
+    """The keys of a camera with a lens; the coefficients of the models join them."""
 
-    model: Literal["telecentric", "pinhole"] = "telecentric"
+    model: str = "telecentric"
     calibration: str | None = None
     calibration_camera: Annotated[int, Field(ge=0)] | None = None
     calibration_conventions: ConventionsTable = ConventionsTable()
@@ -114,26 +118,27 @@ class LensTable(Strict):
     skew_px: float | None = None
     cx_px: float | None = None
     cy_px: float | None = None
-    k2: float | None = None
-    k3: float | None = None
-    p1: float | None = None
-    p2: float | None = None
     rotation: Annotated[list[Triple], Field(min_length=3, max_length=3)] | None = None
     translation_mm: Triple | None = None
     alignment: AlignmentTable | None = None
     motion_column: str | None = None
 
+    @property
+    def lens(self) -> type[LensCamera] | None:
+        """The model of its lens; None of a telecentric camera."""
+        return LENS_MODELS.get(self.model)
+
     @model_validator(mode="after")
     def _one_model(self):
-        pinhole = self.model == "pinhole"
-        foreign = [name for name in (_TELECENTRIC if pinhole else _PINHOLE) if name in self.model_fields_set]
+        foreign = [name for name in self._foreign_keys() if name in self.model_fields_set]
         if foreign:
             raise refuse("keys of another camera model", f"the keys of a {self.model} camera",
-                         f"leave out {', '.join(foreign)}" + ("" if pinhole else ', or write model = "pinhole"'),
+                         f"leave out {', '.join(foreign)}" + ("" if self.lens else ', or write model = "pinhole"'),
                          ", ".join(foreign))
-        if pinhole and self.calibration is None and None in (self.fx_px, self.fy_px, self.cx_px, self.cy_px):
-            raise refuse("a pinhole camera without its calibration", "calibration = \"cal.xml\", or fx_px, fy_px, "
-                         "cx_px, cy_px", "calibrate the camera, or give the values", "neither")
+        if self.lens and self.calibration is None and None in (self.fx_px, self.fy_px, self.cx_px, self.cy_px):
+            file = 'calibration = "cal.xml", or ' if self.lens.is_calibrated else ""
+            raise refuse(f"a {self.model} camera without its calibration", f"{file}fx_px, fy_px, cx_px, cy_px",
+                         "calibrate the camera, or give the values", "neither")
         if (self.rotation is None) != (self.translation_mm is None):
             raise refuse("half of a pose", "rotation and translation_mm, from the mesh frame to the camera's",
                          "give both, or neither", "one of them")
@@ -144,6 +149,22 @@ class LensTable(Strict):
             raise refuse("identify_calibration without a calibration", "a file with deviations", "name the file",
                          "none")
         return self
+
+
+    def _foreign_keys(self) -> list[str]:
+        """The keys that belong to other models."""
+        if self.lens is None:
+            return list(_LENS)
+        coefficients = [name for name in _COEFFICIENTS if name not in self.lens.coefficients]
+        return [*_TELECENTRIC, *coefficients, *(() if self.lens.is_calibrated else _CALIBRATED)]
+
+
+if TYPE_CHECKING:
+    LensTable = LensKeys
+else:
+    LensTable = create_model("LensTable", __base__=LensKeys, __module__=__name__,
+                             model=(Literal[("telecentric", *LENS_MODELS)], "telecentric"),
+                             **dict.fromkeys(_COEFFICIENTS, (float | None, None)))
 
 
 class CameraTable(LensTable):

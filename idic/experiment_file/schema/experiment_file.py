@@ -73,7 +73,7 @@ class ExperimentFile(Strict):
     @model_validator(mode="after")
     def _textures(self):
         tables = {table.name: table for table in (self.camera or CameraTable(), *self.further_cameras)}
-        pinhole = [name for name, table in tables.items() if table.model == "pinhole"]
+        pinhole = [name for name, table in tables.items() if table.lens]
         for name, table in tables.items():
             if table.texture is None:
                 continue

@@ -16,7 +16,8 @@ from idic.experiment_file.tables.corrections import (
 from idic.experiment_file.tables.mesh_sets import with_edge_set, with_node_set
 from idic.fe import Mesh
 from idic.model import (
-    Channel, Column, Constant, Controlled, Drive, Load, Measured, Parametrised, Prescribed, corrections_of,
+    CHANNEL_TERMS, Channel, Column, Constant, Controlled, Drive, Load, Measured, Parametrised, Prescribed,
+    corrections_of, knot_name,
 )
 from idic.readers import MatchedLog, column_factor, factor_between
 
@@ -101,26 +102,28 @@ def _channel(motion: Motion, table: ChannelTable, key: str, context: Context) ->
     noise = None if table.noise_std is None else table.noise_std * factor
     if kind == "displacement":
         values = _from_rest(motion, values, table.column, factor, noise or 0.0, key, context)
-    courses = [((), None) if number is None else free_course(number, context)
-               for number in (table.drift_knots, table.friction_knots)]
-    if table.drift_from_s is not None:
-        motion.notes += counted_in_frames(f"{key}.drift_from_s", context)
+    starts, courses = {}, {}
+    for course in (term.course for term in CHANNEL_TERMS if term.course):
+        start, knots = getattr(table, course.start) if course.start else None, getattr(table, course.knots)
+        if start is not None:
+            motion.notes += counted_in_frames(f"{key}.{course.start}", context)
+            starts[course.stem] = _start_of(course.stem, start, f"{key}.{course.start}", context)
+        if knots is not None:
+            courses |= {knot_name(course.stem, frame): hat
+                        for frame, hat in zip(*free_course(knots, context), strict=True)}
     return Channel(table.column, values, noise, name, simulated.component, simulated.factor, rates, unit, kind,
-                   simulated.minus, drift_from=_drift_from(table, key, context), drift_knots=courses[0][0],
-                   drift_hats=courses[0][1], friction_knots=courses[1][0], friction_hats=courses[1][1],
-                   shown_unit=_unit_of(table.column, table.unit, context) or unit, shown_factor=factor)
+                   simulated.minus, starts, courses, shown_factor=factor,
+                   shown_unit=_unit_of(table.column, table.unit, context) or unit)
 
 
-def _drift_from(table: ChannelTable, key: str, context: Context) -> float | None:
-    """Time at which the drift of a channel begins, within the test."""
+def _start_of(stem: str, start: float, key: str, context: Context) -> float:
+    """Time at which the course of a channel begins, within the test, s."""
     times = times_or_frames(context)
-    if table.drift_from_s is None:
-        return None
-    if not times[0] <= table.drift_from_s < times[-1]:
-        raise InputError("the drift begins outside the test", file=context.file, key=f"{key}.drift_from_s",
-                         expected=f"{times[0]:g} <= drift_from_s < {times[-1]:g}, {of_what(context)}",
-                         found=f"{table.drift_from_s:g}", remedy="correct drift_from_s")
-    return table.drift_from_s
+    if not times[0] <= start < times[-1]:
+        raise InputError(f"the {stem} begins outside the test", file=context.file, key=key,
+                         expected=f"{times[0]:g} <= {key.rpartition('.')[2]} < {times[-1]:g}, {of_what(context)}",
+                         found=f"{start:g}", remedy=f"correct {key.rpartition('.')[2]}")
+    return start
 
 
 def _from_rest(motion: Motion, values: np.ndarray, column: str, factor: float, noise: float, key: str,

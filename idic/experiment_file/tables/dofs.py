@@ -285,14 +285,15 @@ def _channel_dofs(channels: tuple[Channel, ...], times: np.ndarray | None,
 
 def _require_way(channels: tuple[Channel, ...], catalogue: Mapping[str, Parameter], prescribed: tuple[Prescribed, ...],
                  file) -> None:
-    knotted = [number for number, channel in enumerate(channels)
-               if channel.friction_knots and channel.dof("friction") not in catalogue]
-    if knotted:
+    undirected = [(number, term.course) for term in CHANNEL_TERMS if term.course and term.course.is_directed
+                  for number, channel in enumerate(channels)
+                  if any(channel.dof(name) not in catalogue for name in channel.hats_of(term.course.stem))]
+    for number, course in undirected[:1]:
         logged = [entry.drive.column for entry in prescribed if isinstance(entry.drive, Column)]
-        raise InputError("friction without a logged motion", file=file, key=f"channel[{knotted[0]}].friction_knots",
-                         expected="a boundary that a column of the log moves: friction opposes its direction",
+        raise InputError(f"{course.stem} without a logged motion", file=file, key=f"channel[{number}].{course.knots}",
+                         expected=f"a boundary that a column of the log moves: {course.stem} opposes its direction",
                          found=f"{', '.join(logged)} without motion" if logged else "none",
-                         remedy='leave friction_knots out, or drive a [[boundary]] with { column = "grip_mm" }')
+                         remedy=f'leave {course.knots} out, or drive a [[boundary]] with {{ column = "grip_mm" }}')
 
 
 def _other_dofs(thickness: float | None, times: np.ndarray | None, length_unit: str) -> dict[str, Parameter]:

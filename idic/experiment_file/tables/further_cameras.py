@@ -154,7 +154,7 @@ class _Camera:
         order = tuple("xyz".index(axis) for axis in self.table.plane)
         if order == (0, 1):
             return ()
-        if self.table.model == "pinhole":
+        if self.table.lens:
             raise InputError("a plane of mesh axes next to a pose", file=self.file, key=f"{self.key}.plane",
                              expected="no plane: the pose says how the camera looks", found=str(self.table.plane),
                              remedy="leave plane out")

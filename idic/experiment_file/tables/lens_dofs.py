@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from idic.experiment_file.tables.camera_motion import rigid_parameters
-from idic.images import (
-    PINHOLE_PARAMETERS, PINHOLE_UNITS, PLACED_TURNS, PLACEMENT_STEM, PlacedCamera, RIGID, RIGID_UNITS,
-)
+from idic.images import PLACED_TURNS, PLACEMENT_STEM, PlacedCamera, RIGID, RIGID_UNITS
 from idic.parameters import Parameter
 
 MOVED_PX = 3.0  # by a unit of the scale, at most, over the image
@@ -16,11 +14,11 @@ MAX_STEP = 3.5  # units of the scale, as of other cameras: 10 px
 
 def lens_dofs(name: str, camera: PlacedCamera, image_shape: tuple[int, int]) -> dict[str, Parameter]:
     """The values of a calibration and a turn of the camera as degrees of freedom, none of them free."""
-    every = (*PINHOLE_PARAMETERS, *PLACED_TURNS)
+    every = (*camera.lens.parameters, *PLACED_TURNS)
     scales, values = _scales(camera, image_shape, every), camera.values()
     dofs = {}
     for parameter in every:
-        unit = PINHOLE_UNITS.get(parameter, "deg")
+        unit = camera.lens.units.get(parameter, "deg")
         bounds = (1e-3 * values[parameter], 1e3 * values[parameter]) if parameter in ("fx", "fy") else (-np.inf, np.inf)
         dofs[f"{name}.{parameter}"] = Parameter(f"{name}.{parameter}", values[parameter], "" if unit == "1" else unit,
                                                 bounds=bounds, scale=scales[parameter], max_step=MAX_STEP)

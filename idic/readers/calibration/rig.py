@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from idic.errors import InputError
-from idic.images import PINHOLE_PARAMETERS, PinholeCamera
+from idic.images import PinholeCamera
 
 SKEW_UNITS = ("px", "deg")
 DISTORTION_UNITS = ("normalised", "px")
@@ -73,7 +73,7 @@ class CameraStd:
     t_z: float = 0.0
 
     def of(self, name: str) -> float:
-        """The one of a parameter of `idic.images.pinhole.PINHOLE_PARAMETERS`."""
+        """The one of a parameter of `PinholeCamera.parameters`."""
         return float(getattr(self, name))
 
 
@@ -104,7 +104,7 @@ class CameraRig:
         if self.covariance is None:
             return None
         deviations = dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
-        return tuple(CameraStd(**{name: deviations.get(f"{number}.{name}", 0.0) for name in PINHOLE_PARAMETERS})
+        return tuple(CameraStd(**{name: deviations.get(f"{number}.{name}", 0.0) for name in PinholeCamera.parameters})
                      for number in range(len(self.cameras)))
 
     def in_frame_of(self, camera: int = 0) -> CameraRig:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 
-from idic.images import CAMERA_PARAMETERS, PINHOLE_PARAMETERS as LENS_PARAMETERS, PLACED_TURNS
+from idic.images import CAMERA_PARAMETERS, LENS_PARAMETERS, PLACED_TURNS
 from idic.report.figures.style import CYCLE, FAINT, Picture, look, new_figure, to_picture
 from idic.report.result.record import RunRecord
 

@@ -34,22 +34,22 @@ from idic.diagnose.selection.moves.rivals_again import refitted_again
 from idic.diagnose.selection.rival import MIN_FURTHER_SHARE, Rival, leaves_something
 from idic.diagnose.selection.rivals import edits_of
 from idic.diagnose.selection.state import Selected, State, changed_cause, improvable
-from idic.model import jump_frame, jump_name, without_knot
+from idic.model import jump_frame, jump_name, term_of_motion, without_knot
 
 MIN_JUMP_CHI2 = 18.0  # that a jump must bring; the best of 100 frames reaches it under noise in 2 of 1000 recordings
 MAX_JUMPS = 5  # more are a course
 
 
 def may_jump(selected: Selected) -> bool:
-    """Whether the winner is a slip that leaves something, as it was screened, or follows a course between knots."""
+    """Whether the winner may jump, and leaves something, as it was screened, or follows a course between knots."""
     winner = selected.winner
-    if winner.name != "grip_slip" or winner.copies > 1 or winner.refitted.choice is None:
+    if not _verb(winner.ranked.variant.new) or winner.copies > 1 or winner.refitted.choice is None:
         return False
     return winner.ranked.variant.free_course or leaves_something(winner.refitted.choice)
 
 
 def with_few_jumps(selected: Selected) -> State | None:
-    """The winner as a slip in a few jumps, whose frames the copy for choosing tells; None where it tells none."""
+    """The winner in a few jumps, whose frames the copy for choosing tells; None where it tells none."""
     state, winner, variant = selected.state, selected.winner, selected.winner.ranked.variant
     source = state.model.source
     name, choice = without_knot(variant.new[0]), partial(thinned, sign=CHOICE, seed=state.setting.seed)
@@ -163,7 +163,13 @@ def _jumping(winner: Rival, edits: Mapping[str, Any], names: list[str]) -> Varia
 
 def _label(names: Sequence[str]) -> str:
     edge = names[0].rpartition(".")[0].removeprefix("boundary.")
-    return f"{edge} slips in {len(names)} jump{'s' if len(names) > 1 else ''}"
+    return f"{edge} {_verb(names)} in {len(names)} jump{'s' if len(names) > 1 else ''}"
+
+
+def _verb(names: Sequence[str]) -> str:
+    """What a cause does at jumps; "" where it has none."""
+    term = term_of_motion(names[0]) if names else None
+    return "" if term is None else term.jumps
 
 
 FEW_JUMPS = Move("few jumps", "refits_s", improvable, with_few_jumps, may_jump, explains_more)

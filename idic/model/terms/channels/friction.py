@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from idic.model.experiment import Channel, Experiment, Prescribed
-from idic.model.free_course import knot_name
 from idic.model.load_train import way_of
-from idic.model.terms.channel_term import ChannelTerm, Course, Probe, Reading, Step, logged_size
+from idic.model.terms.channels.channel_term import ChannelTerm, Course, Probe, Reading, Step, logged_size
 from idic.parameters import Parameter
 
 CONSTANT, SHARE = "friction", "friction_share"  # of any force, and in proportion to it
@@ -20,15 +19,14 @@ def parameters(channel: Channel, times: np.ndarray | None, prescribed: Sequence[
     if way_of(prescribed) is None or channel.kind != "reaction":
         return []
     size = 0.1 * logged_size(channel)
-    knots = (knot_name(CONSTANT, frame) for frame in channel.friction_knots)
     return [Parameter(channel.dof(CONSTANT), 0.0, channel.unit, scale=size),
-            *(Parameter(channel.dof(name), 0.0, channel.unit, True, scale=size) for name in knots),
+            *(Parameter(channel.dof(name), 0.0, channel.unit, True, scale=size) for name in channel.hats_of(CONSTANT)),
             Parameter(channel.dof(SHARE), 0.0, "", scale=0.1)]
 
 
 def step(reading: float, at: Reading) -> Step:
     """r -> r + (friction + friction_share |F|) way, or a course that the data give in the place of friction"""
-    hats = _hats(at.channel)
+    hats = at.channel.hats_of(CONSTANT)
     if not (hats or at.has(CONSTANT) or at.has(SHARE)):
         return Step(reading, {})
     way, share, force = at.way, at.value(SHARE), at.simulated
@@ -49,12 +47,7 @@ def probes(experiment: Experiment, channel: Channel) -> list[Probe]:
 def amplitude(experiment: Experiment, channel: Channel, name: str) -> np.ndarray | None:
     if name == CONSTANT:
         return (np.arange(experiment.n_frames) > experiment.reference).astype(float)
-    return np.abs(channel.values) if name == SHARE else _hats(channel).get(name)
-
-
-def _hats(channel: Channel) -> dict[str, np.ndarray]:
-    hats = () if channel.friction_hats is None else channel.friction_hats
-    return {knot_name(CONSTANT, frame): hat for frame, hat in zip(channel.friction_knots, hats, strict=False)}
+    return np.abs(channel.values) if name == SHARE else channel.hats_of(CONSTANT).get(name)
 
 
 FRICTION = ChannelTerm(
@@ -67,4 +60,4 @@ FRICTION = ChannelTerm(
             "force_offset": "both are present at zero load; friction changes sign with the direction of motion"},
     separating_tests=("stop and reverse slightly: friction reverses the force at once", "repeat at another speed",
                       "mount the load cell next to the specimen, before guides and seals"),
-    course=Course(amplitude, "friction_knots"))
+    course=Course(amplitude, CONSTANT, "friction_knots", is_directed=True))

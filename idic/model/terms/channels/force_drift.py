@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from idic.model.experiment import Channel, Experiment, Prescribed
-from idic.model.free_course import knot_name
-from idic.model.terms.channel_term import ChannelTerm, Course, Probe, Reading, Step, logged_size
+from idic.model.terms.channels.channel_term import ChannelTerm, Course, Probe, Reading, Step, logged_size
 from idic.parameters import Parameter
 
 PROBE_FORCE_SHARE = 0.05  # of the largest force, over the test
@@ -18,25 +17,24 @@ ONSETS = (0.2, 0.35, 0.5, 0.65, 0.8)  # of the test, of a drift that begins late
 def parameters(channel: Channel, times: np.ndarray | None, prescribed: Sequence[Prescribed]) -> list[Parameter]:
     size, steady = 0.1 * logged_size(channel), []
     if times is not None and len(times) > 1:
-        duration = float(times[-1] - (times[0] if channel.drift_from is None else channel.drift_from))
+        duration = float(times[-1] - channel.starts.get("drift", times[0]))
         steady.append(Parameter(channel.dof("drift"), 0.0, f"{channel.unit}/s", scale=size / duration))
-    return steady + [Parameter(channel.dof(knot_name("drift", frame)), 0.0, channel.unit, True, scale=size)
-                   for frame in channel.drift_knots]
+    return steady + [Parameter(channel.dof(name), 0.0, channel.unit, True, scale=size)
+                   for name in channel.hats_of("drift")]
 
 
 def step(reading: float, at: Reading) -> Step:
-    """r -> r + drift (t - t_0), or a course that the data give; t_0 : the reference frame, or `drift_from`"""
+    """r -> r + drift (t - t_0), or a course that the data give; t_0 : the reference frame, or `drift_from_s`"""
     seconds = drifting(at.experiment, at.channel, at.frame)
-    knots = {name: float(hat[at.frame]) for name, hat in _hats(at.channel).items()}
+    knots = {name: float(hat[at.frame]) for name, hat in at.channel.hats_of("drift").items()}
     drifted = at.value("drift") * seconds
     return Step(reading + drifted + sum(at.value(name) * by for name, by in knots.items()), {"drift": seconds} | knots)
 
 
 def drifting(experiment: Experiment, channel: Channel, frame: int) -> float:
     """Seconds for which the reading of a channel has drifted."""
-    start = experiment.times[experiment.reference] if channel.drift_from is None else channel.drift_from
-    seconds = float(experiment.times[frame] - start)
-    return seconds if channel.drift_from is None else max(seconds, 0.0)
+    seconds = float(experiment.times[frame] - channel.starts.get("drift", experiment.times[experiment.reference]))
+    return max(seconds, 0.0) if "drift" in channel.starts else seconds
 
 
 def probes(experiment: Experiment, channel: Channel) -> list[Probe]:
@@ -55,12 +53,7 @@ def probes(experiment: Experiment, channel: Channel) -> list[Probe]:
 def amplitude(experiment: Experiment, channel: Channel, name: str) -> np.ndarray | None:
     if name == "drift":
         return np.array([drifting(experiment, channel, frame) for frame in range(experiment.n_frames)])
-    return _hats(channel).get(name)
-
-
-def _hats(channel: Channel) -> dict[str, np.ndarray]:
-    hats = () if channel.drift_hats is None else channel.drift_hats
-    return {knot_name("drift", frame): hat for frame, hat in zip(channel.drift_knots, hats, strict=False)}
+    return channel.hats_of("drift").get(name)
 
 
 FORCE_DRIFT = ChannelTerm(
@@ -71,4 +64,4 @@ FORCE_DRIFT = ChannelTerm(
             "creep": "both let the force go down while the motion is held",
             "thermal_expansion": "a temperature that rises with time strains a held specimen"},
     separating_tests=("record the force at zero load, before and after", "repeat the test at another speed"),
-    course=Course(amplitude, "drift_knots", replaced=("drift_from_s",)))
+    course=Course(amplitude, "drift", "drift_knots", start="drift_from_s"))

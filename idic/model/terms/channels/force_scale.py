@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from idic.model.experiment import Channel, Experiment, Load, Prescribed
-from idic.model.terms.channel_term import ChannelTerm, Probe, Reading, Step
+from idic.model.terms.channels.channel_term import ChannelTerm, Probe, Reading, Step
 from idic.parameters import Parameter
 
 PROBE_FORCE_FACTOR = 1.02

@@ -9,12 +9,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from idic.model.experiment import Channel, Experiment
-from idic.model.terms.channel_term import ChannelTerm, Reading
-from idic.model.terms.force_drift import FORCE_DRIFT
-from idic.model.terms.force_offset import FORCE_OFFSET
-from idic.model.terms.force_scale import FORCE_SCALE
-from idic.model.terms.friction import FRICTION
-from idic.model.terms.load_cell_curvature import LOAD_CELL_CURVATURE
+from idic.model.terms.channels.channel_term import ChannelTerm, Reading
+from idic.model.terms.channels.force_drift import FORCE_DRIFT
+from idic.model.terms.channels.force_offset import FORCE_OFFSET
+from idic.model.terms.channels.force_scale import FORCE_SCALE
+from idic.model.terms.channels.friction import FRICTION
+from idic.model.terms.channels.load_cell_curvature import LOAD_CELL_CURVATURE
 from idic.parameters import ParameterSet
 
 CHANNEL_TERMS: tuple[ChannelTerm, ...] = (FORCE_SCALE, LOAD_CELL_CURVATURE, FRICTION, FORCE_OFFSET, FORCE_DRIFT)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from idic.model.experiment import Channel, Column, Experiment, Load, Prescribed
-from idic.model.terms.channel_term import ChannelTerm, Probe, Reading, Step, logged_size
+from idic.model.terms.channels.channel_term import ChannelTerm, Probe, Reading, Step, logged_size
 from idic.parameters import Parameter
 
 PROBE_FORCE_SHARE = 0.02  # of the largest force

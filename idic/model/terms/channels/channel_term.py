@@ -78,13 +78,16 @@ class Course:
     """The time course of a term.
 
     amplitude : (experiment, channel, last word) -> (n_frames,) per unit of the degree of freedom, None of one that the
-    channel does not have; knots : key of [[channel]] that makes the data give it; replaced : keys that this one
-    replaces
+    channel does not have; stem : last word of the degree of freedom that has it; knots : key of [[channel]] that makes
+    the data give it, `Channel.hats`; start : key of when it begins, `Channel.starts`, "" for none; is_directed : its
+    sign is that of a logged motion: of reactions, where one is logged
     """
 
     amplitude: Callable[[Experiment, Channel, str], np.ndarray | None]
+    stem: str
     knots: str
-    replaced: tuple[str, ...] = ()
+    start: str = ""
+    is_directed: bool = False
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,1 @@
+"""Lens models, one file each: the distortion between a central projection and the sensor."""

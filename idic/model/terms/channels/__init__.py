@@ -1,0 +1,1 @@
+"""What changes a reading between specimen and log, one file each."""
