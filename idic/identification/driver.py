@@ -1,7 +1,7 @@
 """The identification loop: simulates, correlates and judges trial parameters until the search ends.
 
 One driver for every identification. Where the evaluated points are kept is the business of a `PointStore`: in memory
-(`MemoryPoints`), in a RUN folder (`idic.run.points`), or in several RUN folders at once (`idic.run.joint_run`).
+(`MemoryPoints`) or in a RUN folder (`idic.run.points`).
 """
 
 from __future__ import annotations

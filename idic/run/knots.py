@@ -24,30 +24,38 @@ from idic.identification import (
 from idic.laws import RINGS, TERM
 from idic.model import Experiment
 from idic.parameters import ParameterSet, SmoothnessPrior
+from idic.run.part import RunPart
 from idic.run.prepared.context import experiments_of
 from idic.run.prepared.in_memory import prepare_in_memory
-from idic.run.runs import SingleRun
 
 Say = Callable[[str], None]
 
 
-def refuse_evidence(experiments: Iterable[Experiment]) -> None:
-    """Refuse the choice where several experiments share a material (`InputError`)."""
+def with_chosen_knots(parts: Mapping[str, RunPart], say: Say = lambda text: None) -> dict[str, RunPart]:
+    """The part of a run with the knots that the evidence leaves; those of an earlier process where there was one.
+
+    Raises
+    ------
+    InputError
+        Where several experiments share a material.
+    """
+    if len(parts) > 1:
+        _refuse_evidence(part.experiment for part in parts.values())
+    (name, part), = parts.items()
+    if part.prepared:
+        return {name: replace(part, overrides=dict(experiments_of(part.store.run)[0].overrides))}
+    tables = with_overrides(read_toml(locate(part.path)), part.overrides)
+    with threadpool_limits(1, user_api="blas"):
+        return {name: replace(part, overrides=part.overrides | chosen_tables(part.experiment, tables, say))}
+
+
+def _refuse_evidence(experiments: Iterable[Experiment]) -> None:
     for experiment in experiments:
         for curve in by_evidence(experiment):
             raise InputError("knots by evidence work for one experiment only",
                              key=f"material.{curve.names[0].partition('.')[0]}", found=f'knots = "{BY_EVIDENCE}"',
                              expected="a number of knots where several experiments are identified together",
                              remedy="identify one of them alone, and write the knots and the smoothness of its report")
-
-
-def with_chosen_knots(run: SingleRun, say: Say = lambda text: None) -> SingleRun:
-    """The run with the knots that the evidence leaves; those of an earlier process where there was one."""
-    if run.prepared:
-        return replace(run, overrides=dict(experiments_of(run.store.run)[0].overrides))
-    tables = with_overrides(read_toml(locate(run.path)), run.overrides)
-    with threadpool_limits(1, user_api="blas"):
-        return replace(run, overrides=run.overrides | chosen_tables(run.experiment, tables, say))
 
 
 def chosen_tables(experiment: Experiment, tables: Mapping, say: Say = lambda text: None) -> dict[str, dict]:

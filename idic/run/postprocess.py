@@ -17,8 +17,7 @@ import numpy as np
 from idic.correlation import GREY, SPACE, correlated_frames, texture_pairs
 from idic.identification import (
     ElementSums, Evaluation, FrameFit, LoopState, build_result, camera_entries, chunk_frames, element_sums,
-    frame_entries,
-    residual_summary, resolve_stages,
+    frame_entries, residual_summary,
 )
 from idic.model import Experiment, Stage
 from idic.run.judgement.accepted_point import channel_table, solver_notes
@@ -36,7 +35,6 @@ from idic.run.store.arrays import FrameArrays, write_array
 from idic.run.store.camera_groups import group_of
 from idic.run.store.layout import BASE, group_name
 from idic.run.store.result_file import write_result
-from idic.run.store.state_file import load_state
 from idic.run.store.system_store import load_evaluation
 from idic.run.workers.dask_settings import cpu_seconds
 from idic.run.workers.peak_memory import peak_memory_mb
@@ -46,6 +44,7 @@ MAPS = "final"
 KEPT_OF_THE_END = {"u": None, "channels": None, "steps": None, "du": 24, "dchannels": None}
 KEPT_OF_THE_START = {"u": 17, "channels": None, "steps": None}  # for a picture of the residual before
 KEPT_OF_THE_DIC = {"u_px": 24}  # to 1e-6 px; the noise is 1e-3 px
+INTERRUPTED = "the run was interrupted: std counts noise alone"
 MAP_STEPS = 4  # of a residual map in a standard deviation of the noise
 
 
@@ -73,13 +72,13 @@ def fit_frames(job: FitJob) -> tuple[list[FrameFit], ElementSums | None]:
     fits, sums = [], None
     correlated = set(correlated_frames(at.experiment, job.frames))
     for frame in job.frames:
-        found = at.compare(frame)
-        fits.append(FrameFit.of(frame, found, sigma, job.fitted.get(frame, 0.0)))
+        pixels = at.compare(frame)
+        fits.append(FrameFit.of(frame, pixels, sigma, job.fitted.get(frame, 0.0)))
         if maps is not None and frame in job.shown:
-            maps.write(job.shown.index(frame), _in_steps(at.as_image(found), sigma)[None])
+            maps.write(job.shown.index(frame), _in_steps(at.as_image(pixels), sigma)[None])
         if kind in (GREY, SPACE) and frame in correlated and sigma and fits[-1].n_pixels:
-            own = element_sums(at.reference.pixel_map, found, sigma)
-            sums = own if sums is None else sums + own
+            frame_sums = element_sums(at.reference.pixel_map, pixels, sigma)
+            sums = frame_sums if sums is None else sums + frame_sums
     return fits, sums
 
 
@@ -91,13 +90,12 @@ def _in_steps(residual: np.ndarray, sigma: float | None) -> np.ndarray:
     return (np.round(residual / step) * step).astype(residual.dtype)
 
 
-def postprocess(session: Session, state: LoopState, timing: Timing, began: float, stage: Stage | None = None) -> dict:
-    """Write ``RUN/result.json``; returns its content.
+def postprocess(session: Session, state: LoopState, timing: Timing, began: float, stage: Stage) -> dict:
+    """Write the ``result.json`` of an experiment; returns its content.
 
-    stage : as which the images are seen; None: the one of the state in the experiment's own schedule
+    stage : as which the images are seen
     """
     context, experiment = session.context, session.experiment
-    stage = stage or resolve_stages(experiment)[state.schedule.stage]
     point = None
     fits: list[dict[int, FrameFit]] = [{} for _ in experiment.views]
     channels, judgement = np.zeros((0, len(experiment.channels))), Judgement()
@@ -158,22 +156,18 @@ def _thin(context: RunContext, state: LoopState) -> None:
             context.store.remove(name)
 
 
-def write_interrupted(session: Session, timing: Timing, began: float) -> dict | None:
-    """Write the accepted parameters of an interrupted run to ``RUN/result.json``, status "interrupted".
+def write_interrupted(session: Session, state: LoopState, timing: Timing, began: float) -> dict:
+    """Write the accepted parameters of an interrupted run to the ``result.json`` of an experiment; returns its content.
 
-    Without residual maps, so that the command ends at once. Nothing is written where no point is accepted yet.
+    Without residual maps, so that the command ends at once.
     """
-    state = load_state(session.run)
-    if state is None or state.accepted is None:
-        return None
     context, experiment = session.context, session.experiment
     point = load_evaluation(context.store, state.accepted.number, context.names)
-    state = replace(state, status="interrupted")
     fits: list[dict[int, FrameFit]] = [{} for _ in experiment.views]
     result = build_result(experiment, state, point, context.weights.image_noise,
                           _residual_summary(context, point, fits, _channel_residual(context, state)),
                           frame_entries(experiment, {}, context.settings["excluded_by_user"]),
-                          _cost(state, timing, began), "the run was interrupted: std counts noise alone")
+                          _cost(state, timing, began), INTERRUPTED)
     if experiment.cameras:
         result["cameras"] = camera_entries(experiment, point, fits, context.settings["excluded_by_user"],
                                            [None for _ in fits])

@@ -22,13 +22,13 @@ from idic.identification import (
 )
 from idic.measure import boundary_start, dic_stack, with_boundary_start
 from idic.model import Experiment, Measured, is_mode
-from idic.run.joint_run import is_joint
 from idic.run.orchestrator import DIRECT, Command, Console, Hooks, Orchestrator
 from idic.run.prepared.context import RunContext, experiments_of, open_run
 from idic.run.store.arrays import read_array
 from idic.run.store.camera_groups import with_stored_images, with_stored_noise
 from idic.run.store.layout import group_name
 from idic.run.store.result_file import RESULT_FILE, read_result, write_result
+from idic.run.store.run_folders import is_joint
 from idic.run.store.run_lock import run_lock
 from idic.run.store.state_file import load_state
 from idic.run.store.system_store import load_evaluation
