@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -91,11 +90,8 @@ class Identification:
         NotConverged
             If equilibrium is not found however small the increments.
         """
-        ways = {}
-        if isinstance(self.forward, ForwardModel):
-            known = (at.u for at in self.path.frames) if self.path is not None else self.stored and self.stored()
-            ways = {"warm_start": known, "may_cut": True}
-        return self.forward.march(self.parameters, names, self.local, self.steps, influence, **ways)
+        motion = (at.u for at in self.path.frames) if self.path is not None else self.stored and self.stored()
+        return self.forward.march(self.parameters, names, self.local, self.steps, influence, motion, may_cut=True)
 
     @property
     def result(self) -> dict:
@@ -292,10 +288,9 @@ def _responses(setup: _Setup, parameters: ParameterSet, local: np.ndarray, steps
         for response in known.frames:
             yield response, known.steps  # type: ignore[misc]
         return
-    ways: dict[str, Any] = {}
-    if isinstance(forward, ForwardModel):
-        ways = {"warm_start": None if known is None else known.predicted_at(values, local), "increments": increments}
-    for at in forward.march(parameters, setup.moving, local, steps, forward.drives.n_local > 0, **ways):
+    prediction = None if known is None else known.predicted_at(values, local)
+    for at in forward.march(parameters, setup.moving, local, steps, forward.drives.n_local > 0, prediction,
+                            increments=increments):
         yield response_of(at, setup.experiment.reference), at.steps.times
 
 

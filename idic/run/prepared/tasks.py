@@ -147,8 +147,8 @@ def _write_frames(context: RunContext, job: SimulationJob, parameters: Parameter
         forward = replace(forward, scratch=context.store.run / SCRATCH,
                           label=path_name(f"it{job.evaluation:03d}-{job.label}"))  # type: ignore[call-arg]
         local = local if job.shifted is None else forward.shifted(local, job.shifted)  # type: ignore[attr-defined]
-    ways = {} if context.external else {"warm_start": _warm_start(context, job), "increments": job.increments}
-    for state in forward.march(parameters, job.names, local, steps, influence, **ways):
+    for state in forward.march(parameters, job.names, local, steps, influence, _warm_start(context, job),
+                               increments=job.increments):
         fields = {"u": state.seen_u, "channels": state.channels}
         if job.names:
             fields |= {"du": state.seen_du, "dchannels": state.dchannels}
