@@ -51,7 +51,6 @@ def write_joint_result(folders: RunFolders, joint: Joint, state: LoopState, poin
         whole["specimens"] = specimens_content(joint, state, point.parts, noises, discrepancies)
     whole["has_force"] = any(result.get("has_force", True) for result in results.values())
     whole["sensitivity"] = next(iter(results.values())).get("sensitivity")
-    whole["history"] = [dict(entry) for entry in state.history]
     write_result(folders.run, whole)
     for name, folder in folders.parts.items():
         result_of_part(folder, results[name], whole, name, joint.names[name])
