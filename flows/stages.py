@@ -81,10 +81,10 @@ def publish_residual(run: Path) -> None:
 
 def schedule_table(experiment: Experiment) -> list[dict[str, str]]:
     """A row per stage of the schedule."""
-    everything = experiment.parameters.free
+    names = experiment.parameters.free
     return [{"stage": str(number),
              "free": ", ".join(stage.free),
-             "locked": ", ".join(name for name in everything if name not in stage.free) or "none",
+             "locked": ", ".join(name for name in names if name not in stage.free) or "none",
              "low-pass [px]": "as the options" if stage.lowpass_px is None else f"{stage.lowpass_px:g}",
              "until [s]": "end" if stage.until_s is None else f"{stage.until_s:g}"}
             for number, stage in enumerate(resolve_stages(experiment), start=1)]

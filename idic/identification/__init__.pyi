@@ -1,7 +1,7 @@
 from .coarse import CoarseFit, coarse_fit
 from .design import Design, JointDesign, design_test, join_designs
 from .discrepancy.normal_equations import Component, DiscrepancySystem, joined, reason_against
-from .driver import PointStore, StageHook, describe_evaluation, log_progress, next_local, run_loop
+from .driver import StageHook, describe_evaluation, log_progress, next_local, run_loop
 from .frame_fit import FrameFit, PointFit, experiment_result, mean_chi2, used_fits
 from .free_form.evidence import ChosenKnots, choose_knots
 from .free_form.forms import FreeCurve, FreeForm, FreeSpectrum, FreeSurface
@@ -46,7 +46,7 @@ __all__ = [
     "VIRTUAL_SPECKLE", "AcceptedPoint", "Activation", "Analysis", "Assessment", "ChosenKnots", "CoarseFit", "Component",
     "Design", "DiscrepancySystem", "ElementSums", "Ending", "EstimatorChoice", "Evaluation", "FoundStart", "FrameFit",
     "FreeCurve", "FreeForm", "FreeSpectrum", "FreeSurface", "Identification", "IncrementChoice", "Joint", "JointDesign",
-    "LocalResidual", "LoopState", "ParallelTrial", "Plan", "PointFit", "PointStore", "Remedy", "SchedulePosition",
+    "LocalResidual", "LoopState", "ParallelTrial", "Plan", "PointFit", "Remedy", "SchedulePosition",
     "StageHook", "StartTrial", "Treatment", "Trial", "TrustRegion", "build_result", "check_method",
     "checked_sensitivity", "choose_knots", "choose_sensitivity", "chooses_increments", "chunk_frames", "chunk_system",
     "closed_evaluation", "coarse_fit", "covariance", "describe_evaluation", "design_test", "determined_values",

@@ -239,10 +239,11 @@ def _check_laws(experiments: Mapping[str, Experiment], name: str) -> None:
 
 def _check_alike(first: Parameter, other: Parameter, experiment: Experiment, any_unit: bool) -> None:
     """Refuse two statements of a shared parameter that differ in more than its start."""
-    one, two = ((p.free, p.transform, _dimension(p.unit) if any_unit else p.unit,
-                 *map(_without_rounding, (*p.bounds, p.prior_mean, p.prior_std, 0.0 if p.free else p.value)))
-                for p in (first, other))
-    if one != two:
+    first_statement, other_statement = (
+        (p.free, p.transform, _dimension(p.unit) if any_unit else p.unit,
+         *map(_without_rounding, (*p.bounds, p.prior_mean, p.prior_std, 0.0 if p.free else p.value)))
+        for p in (first, other))
+    if first_statement != other_statement:
         raise InputError(f"{first.name} is shared, but stated in two ways", file=experiment.folder, key=first.name,
                          expected=f"as in the first experiment: {_statement(first)}", found=_statement(other),
                          remedy="make value (if it is not identified), unit, identify, bounds and prior the same, or "
@@ -255,8 +256,8 @@ def _without_rounding(value: float | None) -> float | None:
 
 
 def _dimension(unit: str) -> object:
-    known = parse_unit(unit)
-    return unit if known is None else known.powers
+    parsed = parse_unit(unit)
+    return unit if parsed is None else parsed.powers
 
 
 def _statement(p: Parameter) -> str:
@@ -324,9 +325,9 @@ def _sum(systems: Sequence[CorrelationSystem]) -> CorrelationSystem:
     predicted = None
     if any(system.predicted is not None for system in systems):
         predicted = sum(system.M if system.predicted is None else system.predicted for system in systems)
-    known = [system.end_noise for system in systems if system.end_noise is not None]
+    end_noises = [system.end_noise for system in systems if system.end_noise is not None]
     return replace(systems[0], M=sum(s.M for s in systems), b=sum(s.b for s in systems),
                    phi=sum(s.phi for s in systems), phi_image=sum(s.phi_image for s in systems),
                    spread=sum(s.spread for s in systems), frames=tuple(r for s in systems for r in s.frames),
                    generalised=any(s.generalised for s in systems), predicted=predicted,
-                   end_noise=sum(known) if known else None)
+                   end_noise=sum(end_noises) if end_noises else None)

@@ -41,40 +41,40 @@ def write_joint_result(folders: RunFolders, joint: Joint, state: LoopState, poin
             "image_s": max(c["image_s"] for c in costs), "peak_rss_mb": max(c["peak_rss_mb"] for c in costs)}
     discrepancy = INTERRUPTED if discrepancies is None else joined(discrepancies, joint.whole.parameters.free,
                                                                    joint.names)
-    whole = build_result(joint.whole, state, point, noises[next(iter(results))], _residual(results), frames, cost,
-                         discrepancy, joint)
-    whole["experiments"] = {
+    content = build_result(joint.whole, state, point, noises[next(iter(results))], _residual(results), frames, cost,
+                           discrepancy, joint)
+    content["experiments"] = {
         name: {"title": result["title"], "noise": result["noise"], "residual": result["residual"],
                "folder": joint.experiments[name].folder, "report": f"experiments/{name}/report.html"}
         for name, result in results.items()}
     if point is not None and discrepancies is not None and not state.failed:
-        whole["specimens"] = specimens_content(joint, state, point.parts, noises, discrepancies)
-    whole["has_force"] = any(result.get("has_force", True) for result in results.values())
-    whole["sensitivity"] = next(iter(results.values())).get("sensitivity")
-    write_result(folders.run, whole)
+        content["specimens"] = specimens_content(joint, state, point.parts, noises, discrepancies)
+    content["has_force"] = any(result.get("has_force", True) for result in results.values())
+    content["sensitivity"] = next(iter(results.values())).get("sensitivity")
+    write_result(folders.run, content)
     for name, folder in folders.parts.items():
-        result_of_part(folder, results[name], whole, name, joint.names[name])
-    return whole
+        result_of_part(folder, results[name], content, name, joint.names[name])
+    return content
 
 
-def result_of_part(folder: Path, result: dict, whole: Mapping, experiment: str, names: Mapping[str, str]) -> None:
+def result_of_part(folder: Path, result: dict, content: Mapping, experiment: str, names: Mapping[str, str]) -> None:
     """Give the result of one experiment the standard deviations that all of them have together."""
     for name, entry in result["parameters"].items():
-        shared = whole["parameters"][names[name]]
+        shared = content["parameters"][names[name]]
         entry.update({key: shared[key] for key in OF_ALL if key in shared})
-    result["has_force"] = whole["has_force"]
+    result["has_force"] = content["has_force"]
     short = {joint: name for name, joint in names.items()}
     for key in ("correlation", "M"):
-        if key in whole:
-            places = [i for i, name in enumerate(whole[key]["names"]) if name in short]
-            matrix = np.array(whole[key]["matrix"]).reshape(len(whole[key]["names"]), -1)
-            result[key] = {"names": [short[whole[key]["names"][i]] for i in places],
+        if key in content:
+            places = [i for i, name in enumerate(content[key]["names"]) if name in short]
+            matrix = np.array(content[key]["matrix"]).reshape(len(content[key]["names"]), -1)
+            result[key] = {"names": [short[content[key]["names"][i]] for i in places],
                            "matrix": matrix[np.ix_(places, places)].tolist()}
-    result["derived"] = derived_of_part(whole["derived"], experiment, whole["experiments"])
-    result["not_identifiable"] = [entry | {"name": short[entry["name"]]} for entry in whole["not_identifiable"]
+    result["derived"] = derived_of_part(content["derived"], experiment, content["experiments"])
+    result["not_identifiable"] = [entry | {"name": short[entry["name"]]} for entry in content["not_identifiable"]
                                   if entry["name"] in short]
     result["notes"] = [*result["notes"], "Identified together with other experiments ("
-                       + ", ".join(whole["experiments"])
+                       + ", ".join(content["experiments"])
                        + "): standard deviations and correlations are those of all."]
     write_result(folder, result)
 
@@ -84,9 +84,9 @@ def derived_of_part(derived: Mapping[str, dict], experiment: str, experiments: I
 
     derived : of the whole, ``NAME.SET.K`` and ``NAME.SET.E1/E2`` those of an experiment
     """
-    others = tuple(f"{name}." for name in experiments if name != experiment)
+    prefixes = tuple(f"{name}." for name in experiments if name != experiment)
     return {"/".join(side.removeprefix(f"{experiment}.") for side in label.split("/")): entry
-            for label, entry in derived.items() if not any(side.startswith(others) for side in label.split("/"))}
+            for label, entry in derived.items() if not any(side.startswith(prefixes) for side in label.split("/"))}
 
 
 def _residual(results: Mapping[str, dict]) -> dict:

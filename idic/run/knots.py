@@ -80,19 +80,20 @@ def chosen_tables(experiment: Experiment, tables: Mapping, say: Say = lambda tex
     most = ", ".join(f"{len(curve.names)} values of {curve.key}" for curve in stated)
     say(f"number of knots by evidence: a first identification with the most, {most}")
     prepared = prepare_in_memory(experiment, say)
-    found = identify(prepared.start, prepared.local, progress=log_progress(say), motion=prepared.motion,
-                     searched=prepared.begin is not None)
-    if found.point is None or found.point.system is None:
+    identification = identify(prepared.start, prepared.local, progress=log_progress(say), motion=prepared.motion,
+                              searched=prepared.begin is not None)
+    if identification.point is None or identification.point.system is None:
         return {}
-    made: dict[str, dict] = {}
+    overrides: dict[str, dict] = {}
     for curve in stated:
-        chosen = evidence_of(found, curve)
+        chosen = evidence_of(identification, curve)
         element_set = curve.names[0].partition(".")[0]
         key = f"material.{element_set}"
-        made[key] = _with_knots(made.get(key, tables["material"][element_set]), curve, chosen, found.parameters)
+        table = overrides.get(key, tables["material"][element_set])
+        overrides[key] = _with_knots(table, curve, chosen, identification.parameters)
         what = {SPECTRUM: "relaxation times", SURFACE: "knots on a ring"}.get(curve.key, "knots")
         say(f"{element_set}.{curve.key}: {chosen.n} {what}, smoothness {chosen.smoothness.strength:g}")
-    return made
+    return overrides
 
 
 def evidence_of(found: Identification, curve: StatedCurve) -> ChosenKnots:

@@ -115,16 +115,16 @@ def simulate_trials(trials: Sequence[tuple[Session, LoopState]], timing: Timing)
     reports = _reports(session, "simulate", jobs)
     repetitions = [_with_other_increments(point, first) for point, first in zip(jobs, reports, strict=True)]
     if any(repetitions):
-        further = _reports(session, "simulate-again", repetitions)
-        reports = [[*first, *second] for first, second in zip(reports, further, strict=True)]
+        repeats = _reports(session, "simulate-again", repetitions)
+        reports = [[*first, *second] for first, second in zip(reports, repeats, strict=True)]
     timing.forward_s += time.perf_counter() - began
     timing.forward_runs += sum(map(len, jobs))
     return [next((f"{report.label}: {report.failed}" for report in point if report.failed), "") for point in reports]
 
 
-def _reports(session: Session, what: str, jobs: Sequence[Sequence[SimulationJob]]) -> list[list[SimulationReport]]:
+def _reports(session: Session, name: str, jobs: Sequence[Sequence[SimulationJob]]) -> list[list[SimulationReport]]:
     """The reports of the simulations of every point, all made side by side."""
-    reports = iter(list(session.stream(what, simulate, [job for point in jobs for job in point])))
+    reports = iter(list(session.stream(name, simulate, [job for point in jobs for job in point])))
     return [[next(reports) for _ in point] for point in jobs]
 
 

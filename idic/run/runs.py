@@ -119,8 +119,7 @@ class Run:
     def finished_result(self) -> dict | None:
         """The result of a run that has ended and whose files are whole; None where something is still to be done."""
         result = result_of_state(self.store)
-        whole = result is not None and all(part.finished for part in self.parts.values())
-        return result if whole else None
+        return result if result is not None and all(part.finished for part in self.parts.values()) else None
 
     def ingest(self, runner: TaskRunner, progress: Callable[[int, int], None] | None = None) -> None:
         """Copy the images of all experiments into their folders; progress : called as progress(done, total)."""

@@ -91,13 +91,13 @@ def _assessed(run: str | Path, runner: TaskRunner, bias: bool, spread: bool, pro
     if spread:
         jobs += [AssessmentJob(str(run), treatment) for treatment in treatments(context.experiment, _tables(context))]
     labels = [f"systematic-{number}" for number in range(len(jobs))]
-    found = runner.map(assess, jobs, labels, progress=progress)
+    assessments = runner.map(assess, jobs, labels, progress=progress)
     if n_biases > 1:
-        result = with_time_bias(result, found[1])
+        result = with_time_bias(result, assessments[1])
     if bias:
-        result = with_bias(result, found[0])
+        result = with_bias(result, assessments[0])
     if spread:
-        result = with_spread(result, found[n_biases:])
+        result = with_spread(result, assessments[n_biases:])
     write_result(run, result)
     return result
 
@@ -110,11 +110,11 @@ def assess(job: AssessmentJob) -> Assessment:
     boundary, camera = job.treatment.boundary, job.treatment.camera
     try:
         experiment, local = _treated(context, state, job.treatment)
-        found = identify(experiment, local)
+        identification = identify(experiment, local)
     except (InputError, NotConverged) as problem:
         return Assessment(boundary, camera, "failed", {}, str(problem).splitlines()[0])
-    result = found.result
-    return Assessment(boundary, camera, found.state.status, determined_values(result, context.names),
+    result = identification.result
+    return Assessment(boundary, camera, identification.state.status, determined_values(result, context.names),
                       added=_added(result, context.names))
 
 
