@@ -9,7 +9,7 @@ from typing import Any
 
 from idic.identification import LoopState, resolve_stages
 from idic.model import Experiment
-from idic.run import Points
+from idic.run import RunPoints
 
 SCHEDULE, EVALUATIONS, RESIDUAL = "idic-schedule", "idic-evaluations", "idic-residual"  # keys of the artifacts
 
@@ -32,14 +32,14 @@ class Publication:
         self._points: list[int] = []
         self._scheduled = False
 
-    def __call__(self, points: Points, state: LoopState) -> None:
+    def __call__(self, points: RunPoints, state: LoopState) -> None:
         if not self._scheduled:
             publish_schedule(points.experiment)
             self._scheduled = True
         publish_evaluations(points.experiment, state)
         if state.accepted is not None and state.accepted.number not in self._points:
             self._points.append(state.accepted.number)
-            for folder in points.folders:
+            for folder in points.folders.parts.values():
                 publish_residual(folder)
 
 
@@ -81,10 +81,10 @@ def publish_residual(run: Path) -> None:
 
 def schedule_table(experiment: Experiment) -> list[dict[str, str]]:
     """A row per stage of the schedule."""
-    everything = experiment.parameters.free
+    names = experiment.parameters.free
     return [{"stage": str(number),
              "free": ", ".join(stage.free),
-             "locked": ", ".join(name for name in everything if name not in stage.free) or "none",
+             "locked": ", ".join(name for name in names if name not in stage.free) or "none",
              "low-pass [px]": "as the options" if stage.lowpass_px is None else f"{stage.lowpass_px:g}",
              "until [s]": "end" if stage.until_s is None else f"{stage.until_s:g}"}
             for number, stage in enumerate(resolve_stages(experiment), start=1)]
@@ -100,5 +100,5 @@ def evaluations_table(experiment: Experiment, state: LoopState) -> list[dict[str
              "residual rms": "" if entry["rms_gv"] is None else f"{entry['rms_gv']:.4g}",
              "step": "accepted" if entry["accepted"] else "passed over" if entry["passed_over"] else "rejected",
              "damping": f"{entry['damping']:.3g}",
-             **{f"{one.name} [{one.unit or '-'}]": f"{entry['values'][one.name] / one.factor:.6g}" for one in free}}
+             **{f"{p.name} [{p.unit or '-'}]": f"{entry['values'][p.name] / p.factor:.6g}" for p in free}}
             for entry in state.history]

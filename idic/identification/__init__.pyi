@@ -1,8 +1,8 @@
 from .coarse import CoarseFit, coarse_fit
 from .design import Design, JointDesign, design_test, join_designs
 from .discrepancy.normal_equations import Component, DiscrepancySystem, joined, reason_against
-from .driver import PointStore, StageHook, describe_evaluation, log_progress, next_local, run_loop
-from .frame_fit import FrameFit, camera_entries, frame_entries, mean_chi2, residual_summary, used_fits
+from .driver import StageHook, describe_evaluation, log_progress, next_local, run_loop
+from .frame_fit import FrameFit, PointFit, experiment_result, mean_chi2, used_fits
 from .free_form.evidence import ChosenKnots, choose_knots
 from .free_form.forms import FreeCurve, FreeForm, FreeSpectrum, FreeSurface
 from .free_motion.free_motion_start import (
@@ -43,21 +43,22 @@ from .weights import noise_weights, paper_weights
 
 __all__ = [
     "DOT_SIGMA_PER_SPECKLE", "GENERALISED", "HALF_RATE", "MIN_STEP_SHARE", "ORDINARY", "STRESS_UNITS",
-    "VIRTUAL_SPECKLE", "AcceptedPoint", "Activation", "Analysis", "Assessment", "ChosenKnots", "CoarseFit",
-    "Component", "Design", "DiscrepancySystem", "ElementSums", "Ending", "EstimatorChoice", "Evaluation", "FoundStart",
-    "FrameFit", "FreeCurve", "FreeForm", "FreeSpectrum", "FreeSurface", "Identification", "IncrementChoice", "Joint",
-    "JointDesign", "LocalResidual", "LoopState", "ParallelTrial", "Plan", "PointStore", "Remedy", "SchedulePosition",
-    "StageHook", "StartTrial", "Treatment", "Trial", "TrustRegion", "build_result", "camera_entries", "check_method",
+    "VIRTUAL_SPECKLE", "AcceptedPoint", "Activation", "Analysis", "Assessment", "ChosenKnots", "CoarseFit", "Component",
+    "Design", "DiscrepancySystem", "ElementSums", "Ending", "EstimatorChoice", "Evaluation", "FoundStart", "FrameFit",
+    "FreeCurve", "FreeForm", "FreeSpectrum", "FreeSurface", "Identification", "IncrementChoice", "Joint", "JointDesign",
+    "LocalResidual", "LoopState", "ParallelTrial", "Plan", "PointFit", "Remedy", "SchedulePosition",
+    "StageHook", "StartTrial", "Treatment", "Trial", "TrustRegion", "build_result", "check_method",
     "checked_sensitivity", "choose_knots", "choose_sensitivity", "chooses_increments", "chunk_frames", "chunk_system",
     "closed_evaluation", "coarse_fit", "covariance", "describe_evaluation", "design_test", "determined_values",
-    "discretisation_bias", "element_sums", "evaluate_at", "experiment_of", "first_free", "frame_entries", "identify",
-    "image_unit", "is_two_step", "join", "join_designs", "joined", "joint_names", "load_plan", "local_residual",
-    "log_progress", "logged_noise", "may_begin_generalised", "mean_chi2", "measured_nodes", "measured_noise",
-    "measured_reference", "measured_start", "misfit", "motion_in_space", "needs_free_dic", "needs_motion_in_space",
-    "next_local", "noise_weights", "p_text", "paper_weights", "path_dependent_laws", "perturbations",
-    "planned_increments", "planned_speckle", "point_context", "point_discrepancy", "rate_dependent_laws", "ratios_of",
-    "reason_against", "recorded_or_planned", "regularisation_of", "repeated_readings", "residual_summary",
-    "resolve_stages", "response_of", "run_loop", "scaled_system", "search", "seen_in", "specimens_content", "spectrum",
-    "start", "starts_from_dic", "time_step_bias", "treatments", "trial_states", "try_remedies", "used_fits",
-    "wants_search", "with_bias", "with_measured_noise", "with_spread", "with_time_bias", "without_edges", "z_text",
+    "discretisation_bias", "element_sums", "evaluate_at", "experiment_of", "experiment_result", "first_free",
+    "identify", "image_unit", "is_two_step", "join", "join_designs", "joined", "joint_names", "load_plan",
+    "local_residual", "log_progress", "logged_noise", "may_begin_generalised", "mean_chi2", "measured_nodes",
+    "measured_noise", "measured_reference", "measured_start", "misfit", "motion_in_space", "needs_free_dic",
+    "needs_motion_in_space", "next_local", "noise_weights", "p_text", "paper_weights", "path_dependent_laws",
+    "perturbations", "planned_increments", "planned_speckle", "point_context", "point_discrepancy",
+    "rate_dependent_laws", "ratios_of", "reason_against", "recorded_or_planned", "regularisation_of",
+    "repeated_readings", "resolve_stages", "response_of", "run_loop", "scaled_system", "search", "seen_in",
+    "specimens_content", "spectrum", "start", "starts_from_dic", "time_step_bias", "treatments", "trial_states",
+    "try_remedies", "used_fits", "wants_search", "with_bias", "with_measured_noise", "with_spread", "with_time_bias",
+    "without_edges", "z_text",
 ]

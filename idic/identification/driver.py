@@ -1,7 +1,7 @@
 """The identification loop: simulates, correlates and judges trial parameters until the search ends.
 
 One driver for every identification. Where the evaluated points are kept is the business of a `PointStore`: in memory
-(`MemoryPoints`), in a RUN folder (`idic.run.points`), or in several RUN folders at once (`idic.run.joint_run`).
+(`MemoryPoints`) or in a RUN folder (`idic.run.points`).
 """
 
 from __future__ import annotations
@@ -135,15 +135,15 @@ class MemoryPoints(Generic[P]):
 
     def correlate(self, trials: Sequence[LoopState], failed: Sequence[str]) -> list[Evaluation]:
         self._tried = [self._evaluate(trial, self.point) for trial in trials]
-        return [own.evaluation for own in self._tried]
+        return [point.evaluation for point in self._tried]
 
     def accepted(self, state: LoopState) -> Evaluation | None:
         return self.point.evaluation
 
     def keep(self, state: LoopState, points: Sequence[Evaluation], previous: Evaluation | None) -> None:
-        for own in self._tried:
-            if state.has_accepted(own.evaluation.number):
-                self.point = own
+        for point in self._tried:
+            if state.has_accepted(point.evaluation.number):
+                self.point = point
         self._tried = []
 
 
@@ -151,8 +151,8 @@ def describe_evaluation(entry: Mapping) -> str:
     """One line for an entry of the history of an identification."""
     if entry.get("phi") is None:
         reason = entry.get("message") or "not converged"
-        then = "" if entry.get("passed_over") else "; step halved"
-        return f"evaluation {entry['evaluation']:3d}  no simulation: {reason}{then}"
+        consequence = "" if entry.get("passed_over") else "; step halved"
+        return f"evaluation {entry['evaluation']:3d}  no simulation: {reason}{consequence}"
     rms = "" if entry.get("rms_gv") is None else f"  residual {entry['rms_gv']:.4g} (rms)"
     judged = ("" if entry.get("accepted") else "  with other increments, for comparison" if entry.get("compared")
               else "  passed over" if entry.get("passed_over") else "  rejected")

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.correlation import ResidualMap, TexturePair, correlated_frames
+from idic.correlation import ResidualMap, TexturePair, Weights, correlated_frames
+from idic.identification.discrepancy.normal_equations import DiscrepancySystem
 from idic.identification.noise.input_noise import noise_content
-from idic.identification.step.state import Evaluation
+from idic.identification.result import build_result
+from idic.identification.step.state import Evaluation, LoopState
 from idic.model import Experiment
 
 MIN_UNEXPLAINED_CHI2 = 2.0  # per pixel; a frame below is explained
@@ -27,11 +29,58 @@ class FrameFit:
     chi2_dof: float
 
     @classmethod
-    def of(cls, frame: int, found: ResidualMap, sigma: float, n_fitted: float = 0.0) -> FrameFit:
+    def of(cls, frame: int, residual: ResidualMap, sigma: float, n_fitted: float = 0.0) -> FrameFit:
         """The fit of a frame with this residual; sigma : noise of one image (GV); n_fitted : `FrameRecord.n_fitted`."""
-        r = found.r[found.valid].astype(float)
-        chi2 = found.chi2_dof(sigma) * (len(r) / max(len(r) - n_fitted, 1.0) if n_fitted else 1.0)
+        r = residual.r[residual.valid].astype(float)
+        chi2 = residual.chi2_dof(sigma) * (len(r) / max(len(r) - n_fitted, 1.0) if n_fitted else 1.0)
         return cls(frame, len(r), float(np.sqrt(np.mean(r**2))) if len(r) else float("nan"), chi2)
+
+
+@dataclass(frozen=True)
+class PointFit:
+    """How well a point explains a recording.
+
+    frames : per camera, the fits of its frames
+    channels : (n_frames, n_channels) measured minus simulated, of the correlated frames
+    free : per camera, ``chi2_dof`` and ``rms_gv`` of every frame of a free FE-DIC  # (n_frames,), None without one
+    textures : pairs of cameras that were compared; notes : on the simulation
+    """
+
+    frames: Sequence[Mapping[int, FrameFit]]
+    channels: np.ndarray
+    free: Sequence[Mapping[str, np.ndarray] | None]
+    textures: Sequence[TexturePair] = ()
+    notes: Sequence[str] = ()
+
+    @property
+    def free_chi2(self) -> list[np.ndarray | None]:
+        """Per camera, chi² per pixel that a free FE-DIC leaves in every frame  # (n_frames,)"""
+        return [None if free is None else free["chi2_dof"] for free in self.free]
+
+
+def experiment_result(experiment: Experiment, state: LoopState, point: Evaluation | None, weights: Weights,
+                      fit: PointFit, excluded_by_user: Collection[int], cost: Mapping,
+                      discrepancy: DiscrepancySystem | str) -> dict:
+    """The result of one experiment: `build_result` with its fit.
+
+    Parameters
+    ----------
+    point : the accepted evaluation; None, or without a system, where no simulation converged
+    weights : with the noise figures behind them
+    excluded_by_user : frames
+    cost, discrepancy : as of `build_result`
+    """
+    compared = None if point is None or point.system is None else point
+    residual = residual_summary(experiment, fit.frames, fit.channels, weights.channel_noise,
+                                None if compared is None else compared.system.n_lost, fit.free[0])
+    result = build_result(experiment, state, compared, weights.image_noise, residual,
+                          frame_entries(experiment, fit.frames[0], excluded_by_user, fit.free_chi2[0]), cost,
+                          discrepancy)
+    result["notes"] += fit.notes
+    if experiment.cameras:
+        result["cameras"] = camera_entries(experiment, compared, fit, excluded_by_user)
+        result["notes"] += [pair.note() for pair in fit.textures]
+    return result
 
 
 def frame_entries(experiment: Experiment, fits: Mapping[int, FrameFit], excluded_by_user: Collection[int],
@@ -71,20 +120,18 @@ def frame_entries(experiment: Experiment, fits: Mapping[int, FrameFit], excluded
     return entries
 
 
-def camera_entries(experiment: Experiment, point: Evaluation | None, fits: Sequence[Mapping[int, FrameFit]],
-                   excluded_by_user: Collection[int], free_chi2: Sequence[np.ndarray | None],
-                   textures: Sequence[TexturePair] = ()) -> dict:
-    """Noise, fit and frames of every camera of several, by name; fits, free_chi2 : per camera, as for
-    `frame_entries`; textures : pairs that were compared."""
+def camera_entries(experiment: Experiment, point: Evaluation | None, fit: PointFit,
+                   excluded_by_user: Collection[int]) -> dict:
+    """Noise, fit and frames of every camera of several, by name."""
     entries = {}
     for number, view in enumerate(experiment.views):
-        used = used_fits(view, fits[number])
+        used = used_fits(view, fit.frames[number])
         lost = None if point is None else int(sum(record.cameras[number, 1] for record in point.system.frames))
         entries[view.camera_name] = {
             "noise": noise_content(view),
             "residual": {"image_rms_gv": mean_rms(used), "image_chi2_dof": mean_chi2(used), "lost_pixels": lost},
-            "frames": frame_entries(view, fits[number], excluded_by_user, free_chi2[number])}
-    for pair in textures:
+            "frames": frame_entries(view, fit.frames[number], excluded_by_user, fit.free_chi2[number])}
+    for pair in fit.textures:
         entries[pair.second]["texture"] = pair.entry()
     return entries
 
@@ -124,7 +171,7 @@ def residual_summary(experiment: Experiment, fits: Sequence[Mapping[int, FrameFi
     shown = [(i, channel.column) for i, channel in enumerate(experiment.channels) if len(channels)]
     summary = {
         "image_rms_gv": mean_rms(used),
-        "image_chi2_dof": mean_chi2([fit for own in fits for fit in used_fits(experiment, own)]),
+        "image_chi2_dof": mean_chi2([fit for camera in fits for fit in used_fits(experiment, camera)]),
         "lost_pixels": lost_pixels,
         "channel_rms": {column: float(np.sqrt(np.mean(channels[:, i] ** 2))) / factors[i] for i, column in shown},
         "channel_chi2_dof": {column: float(np.mean(channels[:, i] ** 2) / channel_noise[i] ** 2)

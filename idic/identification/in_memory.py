@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -91,11 +90,8 @@ class Identification:
         NotConverged
             If equilibrium is not found however small the increments.
         """
-        ways = {}
-        if isinstance(self.forward, ForwardModel):
-            known = (at.u for at in self.path.frames) if self.path is not None else self.stored and self.stored()
-            ways = {"warm_start": known, "may_cut": True}
-        return self.forward.march(self.parameters, names, self.local, self.steps, influence, **ways)
+        motion = (at.u for at in self.path.frames) if self.path is not None else self.stored and self.stored()
+        return self.forward.march(self.parameters, names, self.local, self.steps, influence, motion, may_cut=True)
 
     @property
     def result(self) -> dict:
@@ -251,10 +247,10 @@ def _prepare(experiment: Experiment, motion: Mapping[str, np.ndarray] | None = N
 
 
 def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray, steps: np.ndarray | None,
-              known: Path | None = None) -> tuple[Evaluation, np.ndarray | None, Path | None]:
+              path: Path | None = None) -> tuple[Evaluation, np.ndarray | None, Path | None]:
     """Simulate and correlate the trial frame by frame, with the increments of the accepted point where they hold.
 
-    known : the accepted point's simulation: this one begins at it, or is it where only weights or images have changed
+    path : the accepted point's simulation: this one begins at it, or is it where only weights or images have changed
     """
     experiment, forward = experiment_of(setup.experiment, state), setup.forward
     try:
@@ -267,7 +263,7 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray, steps: np.ndar
     for frozen in tried_increments(forward, times, state.increments.per_frame, steps):
         try:
             keeper = PathKeeper(1 + experiment.options.trial_steps)
-            responses = keeper.passed_on(_responses(setup, context.parameters, local, frozen, known,
+            responses = keeper.passed_on(_responses(setup, context.parameters, local, frozen, path,
                                                     state.increments.per_frame))
             system = streamed_system(context, responses, local)
             evaluation = closed_evaluation(state.evaluations, context, forward, system, len(keeper.steps))
@@ -281,32 +277,31 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray, steps: np.ndar
 
 
 def _responses(setup: _Setup, parameters: ParameterSet, local: np.ndarray, steps: Sequence[float] | None,
-               known: Path | None,
+               path: Path | None,
                increments: int | None) -> Iterator[tuple[FrameResponse, Sequence[float] | np.ndarray]]:
     """Every frame of the simulation, and the increments (s) so far; of a known point without simulating it."""
     forward, values = setup.forward, parameters.as_values()
     if increments == HALF_RATE:
-        yield from _without_time_error(forward, parameters, local, known)
+        yield from _without_time_error(forward, parameters, local, path)
         return
-    if known is not None and known.is_at(values, local, steps):
-        for response in known.frames:
-            yield response, known.steps
+    if path is not None and path.is_at(values, local, steps):
+        for response in path.frames:
+            yield response, path.steps
         return
-    ways: dict[str, Any] = {}
-    if isinstance(forward, ForwardModel):
-        ways = {"warm_start": None if known is None else known.predicted_at(values, local), "increments": increments}
-    for at in forward.march(parameters, setup.moving, local, steps, forward.drives.n_local > 0, **ways):
+    prediction = None if path is None else path.predicted_at(values, local)
+    for at in forward.march(parameters, setup.moving, local, steps, forward.drives.n_local > 0, prediction,
+                            increments=increments):
         yield response_of(at, setup.experiment.reference), at.steps.times
 
 
 def _without_time_error(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray,
-                        known: Path | None) -> Iterator[tuple[FrameResponse, np.ndarray]]:
+                        path: Path | None) -> Iterator[tuple[FrameResponse, np.ndarray]]:
     """Every frame of the known simulation of this point, extrapolated in time; its derivatives are kept."""
-    if known is None or not known.is_at(parameters.as_values(), local, known.steps):
+    if path is None or not path.is_at(parameters.as_values(), local, path.steps):
         raise NotConverged("the simulation of the accepted point was not kept")
-    moved = forward.without_time_error(parameters, local, lambda: ((at.u, at.channels) for at in known.frames))
-    for response, (u, channels) in zip(known.frames, moved, strict=True):
-        yield replace(response, u=u, channels=channels), known.steps
+    moved = forward.without_time_error(parameters, local, lambda: ((at.u, at.channels) for at in path.frames))
+    for response, (u, channels) in zip(path.frames, moved, strict=True):
+        yield replace(response, u=u, channels=channels), path.steps
 
 
 def _context(setup: _Setup, parameters: ParameterSet, generalised: bool) -> CorrelationContext:

@@ -14,6 +14,7 @@ as no two experiments share an image. Frame-local unknowns stay inside their exp
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -37,7 +38,7 @@ LOOP_OPTIONS = ("estimator", "weighting", "interpolation", "schedule", "max_iter
 
 @dataclass(frozen=True)
 class Joint:
-    """Experiments that are identified together.
+    """Experiments that are identified together, or a single one, which is its own whole.
 
     Attributes
     ----------
@@ -50,19 +51,38 @@ class Joint:
     names: Mapping[str, Mapping[str, str]]
     whole: Experiment
 
+    @property
+    def single(self) -> bool:
+        """Whether it is one experiment alone."""
+        return len(self.experiments) == 1
+
+    @property
+    def identity(self) -> str:
+        """What all experiments say, as a digest; that of the experiment where it is a single one."""
+        if self.single:
+            return self.whole.identity
+        return hashlib.sha256("\n".join(f"{name} {experiment.identity}" for name, experiment in
+                                        self.experiments.items()).encode()).hexdigest()
+
+    def reason(self, reasons: Mapping[str, str]) -> str:
+        """Why the whole failed, out of the reasons of the experiments; "" where none of them did."""
+        return "; ".join(reason if self.single else f"{name}: {reason}" for name, reason in reasons.items() if reason)
+
     def values_of(self, name: str, values: Mapping[str, float]) -> dict[str, float]:
         """One experiment's parameters out of those of the whole."""
         return {own: values[joint] for own, joint in self.names[name].items()}
 
     def state_of(self, name: str, state: LoopState) -> LoopState:
         """The state of the whole as one experiment sees it."""
-        own = partial(self.values_of, name)
-        parallel = tuple(replace(other, values=own(other.values)) for other in state.trial.parallel)
-        chosen = {key: value and own(value) for key in ("coarser", "change")
+        if self.single:
+            return state
+        part = partial(self.values_of, name)
+        parallel = tuple(replace(other, values=part(other.values)) for other in state.trial.parallel)
+        chosen = {key: value and part(value) for key in ("coarser", "change")
                   for value in (getattr(state.increments, key),)}
-        history = tuple(entry | {"values": own(entry["values"])} for entry in state.history)
-        return replace(state, trial=replace(state.trial, values=own(state.trial.values), parallel=parallel),
-                       accepted=state.accepted and replace(state.accepted, values=own(state.accepted.values)),
+        history = tuple(entry | {"values": part(entry["values"])} for entry in state.history)
+        return replace(state, trial=replace(state.trial, values=part(state.trial.values), parallel=parallel),
+                       accepted=state.accepted and replace(state.accepted, values=part(state.accepted.values)),
                        history=history, increments=replace(state.increments, **chosen))
 
     def channels_of(self, name: str) -> np.ndarray:
@@ -76,11 +96,17 @@ class Joint:
         return sum(n_intervals(experiment) for experiment in self.experiments.values())
 
     def combine(self, evaluations: Mapping[str, Evaluation], image_noise: Mapping[str, float]) -> Evaluation:
-        """The evaluation of the whole; its image noise is that of the first experiment."""
-        number = next(iter(evaluations.values())).number
-        failed = [f"{name}: {part.message}" for name, part in evaluations.items() if part.system is None]
-        if failed:
-            return Evaluation(number, None, None, "; ".join(failed))
+        """The evaluation of the whole; its image noise is that of the first experiment.
+
+        A single one is returned as it is.
+        """
+        first_part = next(iter(evaluations.values()))
+        if self.single:
+            return first_part
+        number = first_part.number
+        if any(part.system is None for part in evaluations.values()):
+            reason = self.reason({name: part.message for name, part in evaluations.items()})
+            return Evaluation(number, None, None, reason, parts=evaluations)
         free = self.whole.parameters.free
         first = image_noise[next(iter(self.experiments))]
         gram, systems = np.zeros((len(free), len(free))), []
@@ -89,17 +115,21 @@ class Joint:
             gram[np.ix_(place, place)] += (image_noise[name] / first) ** 2 * part.reference_gram
             systems.append(_among(part.system, free, place, self.channels_of(name)))
         increments = sum(part.increments for part in evaluations.values())
-        return Evaluation(number, _sum(systems), gram, increments=increments, intervals=self.intervals)
+        return Evaluation(number, _sum(systems), gram, increments=increments, intervals=self.intervals,
+                          parts=evaluations)
 
 
 def join(experiments: Mapping[str, Experiment]) -> Joint:
-    """The experiments as one.
+    """The experiments as one; a single one keeps its names.
 
     Raises
     ------
     InputError
         If materials of one name differ in law, in what is identified, or in values that are not.
     """
+    if len(experiments) == 1:
+        (name, experiment), = experiments.items()
+        return Joint(experiments, {name: {parameter: parameter for parameter in experiment.parameters}}, experiment)
     names = joint_names(experiments)
     parameters: dict[str, Parameter] = {}
     notes = []
@@ -209,10 +239,11 @@ def _check_laws(experiments: Mapping[str, Experiment], name: str) -> None:
 
 def _check_alike(first: Parameter, other: Parameter, experiment: Experiment, any_unit: bool) -> None:
     """Refuse two statements of a shared parameter that differ in more than its start."""
-    one, two = ((p.free, p.transform, _dimension(p.unit) if any_unit else p.unit,
-                 *map(_without_rounding, (*p.bounds, p.prior_mean, p.prior_std, 0.0 if p.free else p.value)))
-                for p in (first, other))
-    if one != two:
+    first_statement, other_statement = (
+        (p.free, p.transform, _dimension(p.unit) if any_unit else p.unit,
+         *map(_without_rounding, (*p.bounds, p.prior_mean, p.prior_std, 0.0 if p.free else p.value)))
+        for p in (first, other))
+    if first_statement != other_statement:
         raise InputError(f"{first.name} is shared, but stated in two ways", file=experiment.folder, key=first.name,
                          expected=f"as in the first experiment: {_statement(first)}", found=_statement(other),
                          remedy="make value (if it is not identified), unit, identify, bounds and prior the same, or "
@@ -225,8 +256,8 @@ def _without_rounding(value: float | None) -> float | None:
 
 
 def _dimension(unit: str) -> object:
-    known = parse_unit(unit)
-    return unit if known is None else known.powers
+    parsed = parse_unit(unit)
+    return unit if parsed is None else parsed.powers
 
 
 def _statement(p: Parameter) -> str:
@@ -294,9 +325,9 @@ def _sum(systems: Sequence[CorrelationSystem]) -> CorrelationSystem:
     predicted = None
     if any(system.predicted is not None for system in systems):
         predicted = sum(system.M if system.predicted is None else system.predicted for system in systems)
-    known = [system.end_noise for system in systems if system.end_noise is not None]
+    end_noises = [system.end_noise for system in systems if system.end_noise is not None]
     return replace(systems[0], M=sum(s.M for s in systems), b=sum(s.b for s in systems),
                    phi=sum(s.phi for s in systems), phi_image=sum(s.phi_image for s in systems),
                    spread=sum(s.spread for s in systems), frames=tuple(r for s in systems for r in s.frames),
                    generalised=any(s.generalised for s in systems), predicted=predicted,
-                   end_noise=sum(known) if known else None)
+                   end_noise=sum(end_noises) if end_noises else None)

@@ -102,7 +102,8 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
               "at_bound": at_bound(parameters), "stages": state.schedule.stage + 1,
               "notes": [*experiment.notes, *estimator_notes(experiment, state.estimator.kind),
                         *increment_notes(experiment, state.increments)],
-              "increments": increments_entry(experiment, state.increments)}
+              "increments": increments_entry(experiment, state.increments),
+              "history": [dict(entry) for entry in state.history]}
     analysis = None
     if point is not None and point.system is not None:
         result["notes"] += record_notes(experiment, parameters) if joint is None else joint_record_notes(joint,

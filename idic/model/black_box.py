@@ -13,7 +13,7 @@ is of second order, and the unknown itself is a fraction of a micrometre.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -105,11 +105,12 @@ class ExternalForward:
                 if np.any(histories[:, k]) and np.any(drives.basis[:, k] == 1.0)}
 
     def march(self, parameters: ParameterSet, names: Sequence[str] = (), local: np.ndarray | None = None,
-              steps: np.ndarray | None = None, influence: bool = False) -> Iterator[FrameState]:
+              steps: np.ndarray | None = None, influence: bool = False, warm_start: Iterable[np.ndarray] | None = None,
+              may_cut: bool = False, increments: int | None = None) -> Iterator[FrameState]:
         """As `idic.model.forward.ForwardModel.march`, with one more run per derivative.
 
-        The whole test is simulated before the first frame is yielded; the solver chooses its own increments, `steps`
-        have no effect.
+        The whole test is simulated before the first frame is yielded; the solver chooses its start and its increments:
+        `steps`, `warm_start`, `may_cut` and `increments` have no effect.
         """
         u, channels = self.respond(parameters, local)
         perturbed = []

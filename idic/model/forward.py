@@ -360,9 +360,14 @@ def build_forward(experiment: Experiment) -> ForwardModel | ExternalForward:
                         build_readings(experiment, drives.loads))
 
 
-def tried_increments(forward: ForwardModel, times: np.ndarray, increments: int | None,
+def tried_increments(forward: ForwardModel | ExternalForward, times: np.ndarray, increments: int | None,
                      steps: Sequence[float] | None) -> list[tuple[float, ...] | None]:
-    """Lists of increments to try; see `idic.fe.extrapolation.increments_to_try` and `ForwardModel.march`."""
+    """Lists of increments to try; see `idic.fe.extrapolation.increments_to_try` and `ForwardModel.march`.
+
+    An external solver is tried once: it chooses its own.
+    """
+    if not isinstance(forward, ForwardModel):
+        return [None]
     per_frame = increments or forward.experiment.options.substeps or 1
     return increments_to_try(forward.model, times, per_frame, steps, extrapolated=increments is not None)
 
@@ -374,8 +379,7 @@ def solve(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray | N
     local, steps, increments : as for `ForwardModel.march`
     """
     u, channels, state = [], [], None
-    extrapolation = {} if increments is None else {"increments": increments}  # an external solver takes its own
-    for state in forward.march(parameters, local=local, steps=steps, **extrapolation):
+    for state in forward.march(parameters, local=local, steps=steps, increments=increments):
         u.append(state.seen_u.copy())
         channels.append(state.channels.copy())
     return Solution(np.array(u), np.array(channels), np.array(state.steps.times))

@@ -21,7 +21,7 @@ from idic.identification import Identification, response_of
 from idic.images import AnyCamera, Camera
 from idic.model import Experiment
 from idic.run import (
-    BASE, FrameArrays, RunContext, channels_of, correlation_context, folders_of, group_name, is_joint, open_run,
+    BASE, FrameArrays, RunContext, channels_of, correlation_context, folders_of, group_name, open_run,
     refuse_passed_point, residuals_of,
 )
 
@@ -133,10 +133,10 @@ class FieldsOfRun:
     @cached_property
     def context(self) -> RunContext:
         """The RUN, opened."""
-        if is_joint(self.run):
-            names = ", ".join(str(folder) for folder in folders_of(self.run).values())
+        folders = folders_of(self.run).values()
+        if len(folders) > 1:
             raise InputError("several experiments were identified together", file=self.run, expected="the RUN of one",
-                             found="a joint RUN", remedy=f"load one of {names}")
+                             found="a joint RUN", remedy=f"load one of {', '.join(map(str, folders))}")
         context = open_run(str(self.run))
         _ = self._accepted
         refuse_passed_point(context, self.result)

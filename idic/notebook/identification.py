@@ -16,8 +16,7 @@ from idic.correlation import correlated_frames, texture_pairs
 from idic.errors import InputError
 from idic.experiment_file import by_evidence, with_overrides
 from idic.identification import (
-    FrameFit, Identification, build_result, camera_entries, frame_entries, identify as identify_record, log_progress,
-    residual_summary,
+    FrameFit, Identification, PointFit, experiment_result, identify as identify_record, log_progress,
 )
 from idic.notebook.experiment import Experiment
 from idic.notebook.fields import FieldsInMemory, FieldsOfRun
@@ -97,51 +96,45 @@ def load_result(run: str | os.PathLike) -> Result:
     return Result(content, FieldsOfRun(Path(run), content))
 
 
-def _in_memory(given: Experiment, say: Callable[[str], None]) -> Result:
+def _in_memory(experiment: Experiment, say: Callable[[str], None]) -> Result:
     began, cpu = time.perf_counter(), time.process_time()
     with threadpool_limits(1, user_api="blas"):
-        if by_evidence(given.record):
-            given = given.changed(chosen_tables(given.record, with_overrides(given.tables, None), say))
-        prepared = prepare_in_memory(given.record, say)
-        found = identify_record(prepared.start, prepared.local, progress=log_progress(say), motion=prepared.motion,
-                                searched=prepared.begin is not None)
-        fields = FieldsInMemory(found)
-        content = _content(given, prepared, found, fields)
+        if by_evidence(experiment.record):
+            experiment = experiment.changed(chosen_tables(experiment.record, with_overrides(experiment.tables, None),
+                                                          say))
+        prepared = prepare_in_memory(experiment.record, say)
+        identification = identify_record(prepared.start, prepared.local, progress=log_progress(say),
+                                         motion=prepared.motion, searched=prepared.begin is not None)
+        fields = FieldsInMemory(identification)
+        content = experiment_result(prepared.experiment, identification.state, identification.point,
+                                    identification.weights, _fit(prepared, identification, fields),
+                                    experiment.record.excluded, {"forward_runs": identification.state.evaluations},
+                                    identification.discrepancy)
+    content["has_force"] = has_force(prepared.experiment)
     content["cost"] |= {"wall_s": time.perf_counter() - began, "cpu_s": time.process_time() - cpu}
     say(content["status"])
     return Result(finite(content), fields)
 
 
-def _content(given: Experiment, prepared: Prepared, found: Identification, fields: FieldsInMemory) -> dict:
-    """The keys of ``result.json``."""
-    experiment, state, point = prepared.experiment, found.state, found.point
-    simulated = point is not None and point.system is not None
-    fits = [_fits(found, fields, number) if simulated else {} for number in range(len(experiment.views))]
-    channels = np.zeros((0, len(experiment.channels)))
-    if simulated:
-        channels = (fields.measured - fields.simulated)[correlated_frames(experiment, range(experiment.n_frames))]
-    free = [prepared.free.get(view.camera_name) for view in experiment.views]
-    free_chi2, excluded = [None if own is None else own.chi2_dof for own in free], given.record.excluded
-    measured = None if free[0] is None else {"chi2_dof": free[0].chi2_dof, "rms_gv": free[0].rms_gv}
-    residual = residual_summary(experiment, fits, channels, found.weights.channel_noise,
-                                point.system.n_lost if simulated else None, measured)
-    content = build_result(experiment, state, point, found.weights.image_noise, residual,
-                           frame_entries(experiment, fits[0], excluded, free_chi2[0]),
-                           {"forward_runs": state.evaluations}, found.discrepancy)
-    if experiment.cameras:
-        textures = texture_pairs(fields.context) if simulated else ()
-        content["cameras"] = camera_entries(experiment, point if simulated else None, fits, excluded, free_chi2,
-                                            textures)
-        content["notes"] += [pair.note() for pair in textures]
-    return content | {"has_force": has_force(experiment), "history": [dict(entry) for entry in state.history]}
+def _fit(prepared: Prepared, identification: Identification, fields: FieldsInMemory) -> PointFit:
+    """How well the accepted point explains the recording."""
+    experiment, point = prepared.experiment, identification.point
+    stacks = [prepared.free.get(view.camera_name) for view in experiment.views]
+    free = [None if stack is None else {"chi2_dof": stack.chi2_dof, "rms_gv": stack.rms_gv} for stack in stacks]
+    if point is None or point.system is None:
+        return PointFit([{} for _ in experiment.views], np.zeros((0, len(experiment.channels))), free)
+    frames = [_frame_fits(identification, fields, number) for number in range(len(experiment.views))]
+    channels = (fields.measured - fields.simulated)[correlated_frames(experiment, range(experiment.n_frames))]
+    return PointFit(frames, channels, free, texture_pairs(fields.context) if experiment.cameras else ())
 
 
-def _fits(found: Identification, fields: FieldsInMemory, number: int) -> dict[int, FrameFit]:
+def _frame_fits(identification: Identification, fields: FieldsInMemory, number: int) -> dict[int, FrameFit]:
     """How well every frame of a camera is explained."""
-    experiment, fits = found.experiment, {}
+    experiment, fits = identification.experiment, {}
     sigma = fields.context.cameras[number].experiment.noise.std_gv
-    lost = {record.frame for record in found.point.system.frames if record.cameras[number, 0] == 0}
-    fitted = {record.frame: record.n_fitted for record in found.point.system.frames}
+    records = identification.point.system.frames
+    lost = {record.frame for record in records if record.cameras[number, 0] == 0}
+    fitted = {record.frame: record.n_fitted for record in records}
     for frame in range(experiment.reference + 1, experiment.n_frames):
         fit = FrameFit.of(frame, fields.pixels(frame, number), sigma, fitted.get(frame, 0.0))
         fits[frame] = replace(fit, n_pixels=0) if frame in lost else fit

@@ -10,12 +10,12 @@ from .diagnosis.files import diagnosis_content, free_parameters
 from .diagnosis.refits import run_refits
 from .diagnosis.source import open_source
 from .diagnosis.spotless import without_spots
-from .identify import Folders, identify_run
-from .joint_run import folders_of, is_joint
+from .identify import identify_run
 from .judgement.accepted_point import channels_of, refuse_passed_point
 from .judgement.residual_maps import residuals_of
 from .knots import chosen_tables
 from .orchestrator import Command, Console, DIRECT, Hooks, Orchestrator
+from .points import RunPoints
 from .postprocess import has_force
 from .prepared.context import RunContext, correlation_context, open_run
 from .prepared.in_memory import Prepared, prepare_in_memory
@@ -27,12 +27,13 @@ from .reporting.export import export_fields
 from .reporting.law_files import export_laws
 from .reporting.second_process import SecondProcess, drawing_beside
 from .reporting.write import write_report
-from .runs import Points
+from .runs import Folders
 from .store.arrays import FrameArrays, read_array, write_array
 from .store.clean import clean_run
 from .store.layout import BASE, FROM_PYTHON, group_name
 from .store.replace import replace_file
 from .store.result_file import RESULT_FILE, finite, read_result, write_json
+from .store.run_folders import folders_of
 from .store.run_lock import is_held, process_lives, run_lock, this_process
 from .store.run_store import RunStore
 from .store.stack import ZarrStack, ingest
@@ -52,15 +53,15 @@ from .workers.workplace import Workplace
 __all__ = [
     "BASE", "DIRECT", "FROM_PYTHON", "PAGE_FILE", "PASSWORD", "RESULT_FILE", "STATE_FILE", "Batch", "BatchJob",
     "BatchOutcome", "CalibrationRun", "Command", "Console", "CorrelationJob", "Folders", "FrameArrays", "Hooks",
-    "JobKillsWorkers", "Orchestrator", "Points", "PrefectServer", "Prepared", "RunContext", "RunStore", "SecondProcess",
-    "SerialRunner", "SimulationJob", "TaskRunner", "Timing", "Workplace", "ZarrStack", "accepted_residual",
-    "channels_of", "check_scheduler", "checked_memory_limit", "chosen_tables", "clean_run", "compare_runs",
-    "compiling_meanwhile", "correlation_context", "cpu_seconds", "diagnose_run", "diagnosis_content", "drawing_beside",
-    "empty_folder", "export_fields", "export_laws", "finite", "folders_of", "free_parameters", "group_name",
-    "has_force", "headlines", "identify_batch", "identify_run", "identify_whole", "import_meanwhile", "in_empty_folder",
-    "ingest", "is_held", "is_joint", "open_cluster", "open_run", "open_source", "peak_memory_mb", "prepare_in_memory",
-    "process_lives", "read_array", "read_batch", "read_result", "refuse_passed_point", "refuse_store", "replace_file",
-    "residuals_of", "run_calibration", "run_lock", "run_refits", "start_server", "systematic", "this_process",
-    "use_one_thread", "with_starts", "without_spots", "write_array", "write_comparison", "write_design", "write_json",
-    "write_report",
+    "JobKillsWorkers", "Orchestrator", "PrefectServer", "Prepared", "RunContext", "RunPoints", "RunStore",
+    "SecondProcess", "SerialRunner", "SimulationJob", "TaskRunner", "Timing", "Workplace", "ZarrStack",
+    "accepted_residual", "channels_of", "check_scheduler", "checked_memory_limit", "chosen_tables", "clean_run",
+    "compare_runs", "compiling_meanwhile", "correlation_context", "cpu_seconds", "diagnose_run", "diagnosis_content",
+    "drawing_beside", "empty_folder", "export_fields", "export_laws", "finite", "folders_of", "free_parameters",
+    "group_name", "has_force", "headlines", "identify_batch", "identify_run", "identify_whole", "import_meanwhile",
+    "in_empty_folder", "ingest", "is_held", "open_cluster", "open_run", "open_source", "peak_memory_mb",
+    "prepare_in_memory", "process_lives", "read_array", "read_batch", "read_result", "refuse_passed_point",
+    "refuse_store", "replace_file", "residuals_of", "run_calibration", "run_lock", "run_refits", "start_server",
+    "systematic", "this_process", "use_one_thread", "with_starts", "without_spots", "write_array", "write_comparison",
+    "write_design", "write_json", "write_report",
 ]

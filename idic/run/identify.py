@@ -10,26 +10,22 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from idic.errors import InputError
-from idic.experiment_file import by_evidence
 from idic.identification import LoopState, StageHook, run_loop
 from idic.run.orchestrator import DIRECT, Command, Console, Hooks, Orchestrator
+from idic.run.points import RunPoints
 from idic.run.prepared.session import Timing
-from idic.run.runs import Points, Run, SingleRun, check_pause
+from idic.run.runs import Folders, Run
 from idic.run.store.arrays import leave_stuck_io
-from idic.run.store.run_store import RunStore
 from idic.run.warm_up import compile_image_kernels, compile_stress_kernel
 from idic.run.workers.runner import SerialRunner, TaskRunner
 from idic.run.workers.workplace import IN_PROCESS, Workplace
-
-Folders = str | os.PathLike | Sequence[str | os.PathLike]
 
 
 def identify_run(experiments: Folders, out: str | os.PathLike, *, resume: bool = False,
@@ -62,9 +58,9 @@ def identify_run(experiments: Folders, out: str | os.PathLike, *, resume: bool =
         If anything in the input is not what was expected; nothing has been written then.
     """
     began, console = time.perf_counter(), console or Console()
-    run = plan_run(experiments, out, dict(overrides or {}), console.stage)
+    run = Run.planned(experiments, out, dict(overrides or {}), console.stage)
     run.check(sensitivity)
-    check_pause(run, pause_after)
+    run.check_pause(pause_after)
     workplace = workplace.worthwhile(run.worth_workers)
     workplace.check(out, run.to_see, console.stage)
     with orchestrator.opened(), threadpool_limits(1, user_api="blas"), run.claim(resume):
@@ -82,40 +78,9 @@ def identify_run(experiments: Folders, out: str | os.PathLike, *, resume: bool =
             runner.background(compile_stress_kernel, None, "compile-stress")
             work = _Work(run, sensitivity, console, began, compiled, pause_after)
             command = Command("identify", "the identification", {
-                "experiments": [one.path for one in run.to_see], "out": str(out), "sensitivity": sensitivity,
-                "workers": runner.workers, "pause_after": pause_after})
+                "experiments": [experiment.path for experiment in run.to_see], "out": str(out),
+                "sensitivity": sensitivity, "workers": runner.workers, "pause_after": pause_after})
             return orchestrator.conduct(command, runner, console, work.identify)
-
-
-def plan_run(experiments: Folders, out: str | os.PathLike, overrides: Mapping[str, Any],
-             say: Callable[[str], None] = lambda text: None) -> Run:
-    """The run of one experiment, or of several with shared materials; everything is read, nothing written.
-
-    say : called with the progress of what comes first: the choice of knots of free curves
-
-    Raises
-    ------
-    InputError
-        If anything in the input is not what was expected.
-    """
-    folders = [experiments] if isinstance(experiments, (str, os.PathLike)) else list(experiments)
-    paths, out = [os.path.abspath(path) for path in folders], os.path.abspath(out)  # workers have folders of their own
-    if not paths:
-        raise InputError("no experiment", expected="an experiment folder, or several", found="none",
-                         remedy="name the folder that holds experiment.toml")
-    if len(paths) == 1:
-        run = SingleRun(RunStore(out), paths[0], dict(overrides))
-        if not by_evidence(run.experiment):
-            return run
-        from idic.run.knots import with_chosen_knots  # here: most runs begin sooner without
-
-        return with_chosen_knots(run, say)
-    from idic.run.knots import refuse_evidence
-    from idic.run.joint_run import JointRun
-
-    joint = JointRun.planned(paths, out, dict(overrides))
-    refuse_evidence(part.experiment for part in joint.parts.values())
-    return joint
 
 
 def _earlier_result(run: Run, console: Console, runner: TaskRunner) -> dict | None:
@@ -142,7 +107,7 @@ class _Work:
 
     def identify(self, hooks: Hooks) -> dict:
         """Prepare, iterate, write; what an earlier process has finished is not repeated."""
-        with self._kept_when_interrupted():
+        with self._written_when_interrupted():
             earlier = self.run.finished_result()
             if earlier is not None:
                 return earlier
@@ -160,10 +125,10 @@ class _Work:
             state = run_loop(points, _with_kernels(hooks.stage, self.compiled), progress, self.pause_after)
             return hooks.stage("postprocess", self._written, points, state)
 
-    def _points(self, runner: TaskRunner) -> Points:
+    def _points(self, runner: TaskRunner) -> RunPoints:
         return self.run.open_points(runner, self.sensitivity, self.timing, self.console.tasks, self.console.said)
 
-    def _written(self, points: Points, state: LoopState) -> dict:
+    def _written(self, points: RunPoints, state: LoopState) -> dict:
         """The result of the loop's last state; status "interrupted" where the run pauses."""
         self.console.stage("residual maps and result")
         if not state.running:
@@ -172,7 +137,7 @@ class _Work:
         return result | {"paused_after_stage": self.pause_after}
 
     @contextmanager
-    def _kept_when_interrupted(self) -> Iterator[None]:
+    def _written_when_interrupted(self) -> Iterator[None]:
         """On Ctrl-C, or a request to end, the accepted point becomes a result with the status "interrupted"."""
         try:
             yield

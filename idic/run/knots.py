@@ -24,30 +24,38 @@ from idic.identification import (
 from idic.laws import RINGS, TERM
 from idic.model import Experiment
 from idic.parameters import ParameterSet, SmoothnessPrior
+from idic.run.part import RunPart
 from idic.run.prepared.context import experiments_of
 from idic.run.prepared.in_memory import prepare_in_memory
-from idic.run.runs import SingleRun
 
 Say = Callable[[str], None]
 
 
-def refuse_evidence(experiments: Iterable[Experiment]) -> None:
-    """Refuse the choice where several experiments share a material (`InputError`)."""
+def with_chosen_knots(parts: Mapping[str, RunPart], say: Say = lambda text: None) -> dict[str, RunPart]:
+    """The part of a run with the knots that the evidence leaves; those of an earlier process where there was one.
+
+    Raises
+    ------
+    InputError
+        Where several experiments share a material.
+    """
+    if len(parts) > 1:
+        _refuse_evidence(part.experiment for part in parts.values())
+    (name, part), = parts.items()
+    if part.prepared:
+        return {name: replace(part, overrides=dict(experiments_of(part.store.run)[0].overrides))}
+    tables = with_overrides(read_toml(locate(part.path)), part.overrides)
+    with threadpool_limits(1, user_api="blas"):
+        return {name: replace(part, overrides=part.overrides | chosen_tables(part.experiment, tables, say))}
+
+
+def _refuse_evidence(experiments: Iterable[Experiment]) -> None:
     for experiment in experiments:
         for curve in by_evidence(experiment):
             raise InputError("knots by evidence work for one experiment only",
                              key=f"material.{curve.names[0].partition('.')[0]}", found=f'knots = "{BY_EVIDENCE}"',
                              expected="a number of knots where several experiments are identified together",
                              remedy="identify one of them alone, and write the knots and the smoothness of its report")
-
-
-def with_chosen_knots(run: SingleRun, say: Say = lambda text: None) -> SingleRun:
-    """The run with the knots that the evidence leaves; those of an earlier process where there was one."""
-    if run.prepared:
-        return replace(run, overrides=dict(experiments_of(run.store.run)[0].overrides))
-    tables = with_overrides(read_toml(locate(run.path)), run.overrides)
-    with threadpool_limits(1, user_api="blas"):
-        return replace(run, overrides=run.overrides | chosen_tables(run.experiment, tables, say))
 
 
 def chosen_tables(experiment: Experiment, tables: Mapping, say: Say = lambda text: None) -> dict[str, dict]:
@@ -72,19 +80,20 @@ def chosen_tables(experiment: Experiment, tables: Mapping, say: Say = lambda tex
     most = ", ".join(f"{len(curve.names)} values of {curve.key}" for curve in stated)
     say(f"number of knots by evidence: a first identification with the most, {most}")
     prepared = prepare_in_memory(experiment, say)
-    found = identify(prepared.start, prepared.local, progress=log_progress(say), motion=prepared.motion,
-                     searched=prepared.begin is not None)
-    if found.point is None or found.point.system is None:
+    identification = identify(prepared.start, prepared.local, progress=log_progress(say), motion=prepared.motion,
+                              searched=prepared.begin is not None)
+    if identification.point is None or identification.point.system is None:
         return {}
-    made: dict[str, dict] = {}
+    overrides: dict[str, dict] = {}
     for curve in stated:
-        chosen = evidence_of(found, curve)
+        chosen = evidence_of(identification, curve)
         element_set = curve.names[0].partition(".")[0]
         key = f"material.{element_set}"
-        made[key] = _with_knots(made.get(key, tables["material"][element_set]), curve, chosen, found.parameters)
+        table = overrides.get(key, tables["material"][element_set])
+        overrides[key] = _with_knots(table, curve, chosen, identification.parameters)
         what = {SPECTRUM: "relaxation times", SURFACE: "knots on a ring"}.get(curve.key, "knots")
         say(f"{element_set}.{curve.key}: {chosen.n} {what}, smoothness {chosen.smoothness.strength:g}")
-    return made
+    return overrides
 
 
 def evidence_of(found: Identification, curve: StatedCurve) -> ChosenKnots:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
 from idic.identification import LoopState, StageHook, log_progress
-from idic.run.runs import Points
+from idic.run.points import RunPoints
 from idic.run.workers.runner import TaskRunner
 
 T = TypeVar("T")
@@ -70,7 +70,7 @@ class Hooks:
 
     runner: TaskRunner
     stage: StageHook = _called
-    watch: Callable[[Points, LoopState], None] = _ignore
+    watch: Callable[[RunPoints, LoopState], None] = _ignore
 
 
 class Orchestrator(Protocol):

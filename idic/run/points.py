@@ -1,4 +1,4 @@
-"""The evaluated points of an identification in a RUN folder: simulated and correlated by the workers, kept in Zarr.
+"""The evaluated points of an identification in a RUN folder, of one experiment or of several.
 
 The state and the RUN folder decide the next step, never this process: a run that was killed resumes where it stood and
 ends with the same bits.
@@ -6,214 +6,118 @@ ends with the same bits.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
-import numpy as np
-
-from idic.correlation import CorrelationSystem, generalised_weights, reduce_systems
-from idic.identification import (
-    Evaluation, LoopState, Trial, chunk_frames, closed_evaluation, next_local, paper_weights, perturbations,
-    resolve_stages, start, trial_states,
-)
-from idic.model import Experiment, Stage
-from idic.run.prepared.context import correlation_context
-from idic.run.prepared.prepare import write_description
-from idic.run.prepared.session import Session, Timing
-from idic.run.prepared.tasks import CorrelationJob, SimulationJob, correlate, simulate
+from idic.identification import DiscrepancySystem, Evaluation, Joint, LoopState, Trial, resolve_stages, start
+from idic.model import Experiment
+from idic.run.part_points import PartPoints, simulate_trials
+from idic.run.prepared.session import Timing
 from idic.run.search import start_values
-from idic.run.spool import Spool, open_spool
-from idic.run.store.arrays import read_array, write_array
-from idic.run.store.layout import BASE, group_name, local_label
+from idic.run.store.run_folders import RunFolders
 from idic.run.store.state_file import load_state, save_state
-from idic.run.store.system_store import load_evaluation, save_evaluation
 
 
 @dataclass(frozen=True)
 class RunPoints:
-    """The points of one RUN folder. See `idic.identification.driver.PointStore`."""
+    """The points of a prepared RUN, and the files written at its end. See `idic.identification.driver.PointStore`."""
 
-    session: Session
+    folders: RunFolders
+    parts: Mapping[str, PartPoints]
+    joint: Joint
     timing: Timing
 
     @property
     def experiment(self) -> Experiment:
-        return self.session.experiment
-
-    @property
-    def folders(self) -> list[Path]:
-        return [Path(self.session.run)]
+        return self.joint.whole
 
     @property
     def image_noise(self) -> float:
-        return self.session.context.weights.image_noise
+        """That of the first experiment."""
+        return next(iter(self.noises.values()))
+
+    @property
+    def noises(self) -> dict[str, float]:
+        """The noise of the images of every experiment, GV after the low-pass."""
+        return {name: part.image_noise for name, part in self.parts.items()}
 
     def state(self) -> LoopState:
-        state = load_state(self.session.run)
-        return self.first_state(start_values(self.session)) if state is None else state
-
-    def first_state(self, values: Mapping[str, float] | None = None) -> LoopState:
-        """The state at the start, with the frame-local unknowns as prepared; stored at once.
-
-        values : found by a search, to begin at in place of the experiment's start; internal units
-        """
-        store, context = self.session.context.store, self.session.context
-        prepared = store.finished("prepared")
-        local = np.zeros((context.experiment.n_frames, context.forward.drives.n_local))
-        if prepared is not None and (prepared / "local").exists():
-            local = read_array(prepared, "local")
-        state = start(context.experiment, searched=values is not None)
-        if values is not None:
-            state = replace(state, trial=Trial(dict(values)))
-        self._write_start(0, local)
-        save_state(self.session.run, state)
+        state = load_state(self.folders.run)
+        if state is None:
+            state = self._first_state()
+            self._save(state)
+        elif any(load_state(folder) != self.joint.state_of(name, state)
+                 for name, folder in self.folders.below.items()):
+            self._save(state)  # a kill came between the state of all and those of the parts
         return state
 
+    def _first_state(self) -> LoopState:
+        """The state at the start, which a search moves where there is one experiment."""
+        part = next(iter(self.parts.values()))
+        values = start_values(part.session) if self.joint.single else None
+        state = start(self.joint.whole, searched=values is not None)
+        for part in self.parts.values():
+            part.write_first_start()
+        return state if values is None else replace(state, trial=Trial(dict(values)))
+
     def simulate(self, trials: Sequence[LoopState]) -> list[str]:
-        return simulate_trials([(self.session, trial) for trial in trials], self.timing)
+        reasons = iter(simulate_trials([(part.session, self.joint.state_of(name, trial)) for trial in trials
+                                        for name, part in self.parts.items()], self.timing))
+        return [self.joint.reason({name: next(reasons) for name in self.parts}) for _ in trials]
 
     def correlate(self, trials: Sequence[LoopState], failed: Sequence[str]) -> list[Evaluation]:
-        return [Evaluation(trial.evaluations, None, None, why) if why else self.correlate_trial(trial)
-                for trial, why in zip(trials, failed, strict=True)]
+        return [Evaluation(trial.evaluations, None, None, reason) if reason else self._correlated(trial)
+                for trial, reason in zip(trials, failed, strict=True)]
 
-    def correlate_trial(self, trial: LoopState, stage: Stage | None = None) -> Evaluation:
-        """The system of a simulated trial: chunks of frames as tasks, added in frame order.
-
-        stage : as which the images are seen; None: the one of the state in the experiment's own schedule
-        """
-        session, began = self.session, time.perf_counter()
-        if session.context.settings["weights"]["kind"] == "paper (not yet scaled)":
-            _scale_paper_weights(session, trial)
-        stage = stage or resolve_stages(session.experiment)[trial.schedule.stage]
-        context = session.context.at_stage(stage)
-        weights = generalised_weights(context.weights) if trial.generalised else context.weights
-        shared = correlation_context(context, context.experiment.parameters.with_values(trial.trial.values), weights)
-        increments = len(read_array(context.store.group(group_name(trial.evaluations, BASE)), "steps"))
-        with open_spool(context.store.run) as spool:
-            system = sum_system(session, trial, weights, stage, spool)
-            evaluation = closed_evaluation(trial.evaluations, shared, context.forward, system, increments)
-        self.timing.image_s += time.perf_counter() - began
-        return evaluation
+    def _correlated(self, trial: LoopState) -> Evaluation:
+        stage = resolve_stages(self.joint.whole)[trial.schedule.stage]
+        return self.joint.combine({name: part.correlate(self.joint.state_of(name, trial), stage)
+                                   for name, part in self.parts.items()}, self.noises)
 
     def accepted(self, state: LoopState) -> Evaluation | None:
-        context = self.session.context
-        return None if state.accepted is None else load_evaluation(context.store, state.accepted.number, context.names)
+        if state.accepted is None:
+            return None
+        return self.joint.combine({name: part.accepted(state) for name, part in self.parts.items()}, self.noises)
 
     def keep(self, state: LoopState, points: Sequence[Evaluation], previous: Evaluation | None) -> None:
-        self.write_points(state, points, previous)
-        save_state(self.session.run, state)
-        self.remove_points(state)
+        for name, part in self.parts.items():
+            part.write_points(self.joint.state_of(name, state), [point.part(name) for point in points],
+                              None if previous is None else previous.part(name))
+        self._save(state)
+        for part in self.parts.values():
+            part.remove_points(state)
 
-    def write_points(self, state: LoopState, points: Sequence[Evaluation], previous: Evaluation | None) -> None:
-        """Store evaluated points, and where the next trials start; previous : the point accepted before them."""
-        context = self.session.context
-        for point in points:
-            save_evaluation(context.store, point)
-        if not state.running:
-            return
-        accepted = next((point for point in points if state.has_accepted(point.number)), previous)
-        local = read_array(context.store.group(group_name(accepted.number, "start")), "local")
-        for trial in trial_states(state):
-            self._write_start(trial.evaluations, next_local(trial, accepted, local, context.names))
-
-    def remove_points(self, state: LoopState) -> None:
-        """Delete the points that the checkpointed state no longer needs: all but the first, the accepted and the open
-        point."""
-        for number in range(state.evaluations):
-            if number != 0 and not state.has_accepted(number):
-                self.session.context.store.remove(f"evaluations/{number:03d}")
-
-    def postprocess(self, state: LoopState, began: float, stage: Stage | None = None) -> dict:
-        """See `idic.run.postprocess.postprocess`."""
+    def postprocess(self, state: LoopState, began: float) -> dict:
+        """Residual maps and a result per experiment; of several then that of all in ``RUN/result.json``."""
         from idic.run.postprocess import postprocess  # here: an identification begins sooner
 
-        return postprocess(self.session, state, self.timing, began, stage)
+        stage = resolve_stages(self.joint.whole)[state.schedule.stage]
+        results = {name: postprocess(part.session, self.joint.state_of(name, state), self.timing, began, stage)
+                   for name, part in self.parts.items()}
+        if self.joint.single:
+            return next(iter(results.values()))
+        return self._joint_result(state, results, {name: part.discrepancy(state) for name, part in self.parts.items()})
 
     def write_interrupted(self, began: float) -> dict | None:
+        """The accepted point as a result; nothing where there is none."""
         from idic.run.postprocess import write_interrupted
 
-        return write_interrupted(self.session, self.timing, began)
+        running = load_state(self.folders.run)
+        if running is None or running.accepted is None:
+            return None
+        state = replace(running, status="interrupted")
+        results = {name: write_interrupted(part.session, self.joint.state_of(name, state), self.timing, began)
+                   for name, part in self.parts.items()}
+        return next(iter(results.values())) if self.joint.single else self._joint_result(state, results, None)
 
-    def _write_start(self, evaluation: int, local: np.ndarray) -> None:
-        with self.session.context.store.building(group_name(evaluation, "start")) as folder:
-            write_array(folder, "local", local)
+    def _joint_result(self, state: LoopState, results: Mapping[str, dict],
+                      discrepancies: Mapping[str, DiscrepancySystem | str] | None) -> dict:
+        from idic.run.joint_result import write_joint_result  # here: most runs are of one experiment
 
+        return write_joint_result(self.folders, self.joint, state, self.accepted(state), self.noises, results,
+                                  discrepancies)
 
-def simulate_trials(trials: Sequence[tuple[Session, LoopState]], timing: Timing) -> list[str]:
-    """All simulations of several trials side by side; returns why each failed, or "".
-
-    trials : of one experiment or of several, each a state that tries one point (`trial_states`)
-    """
-    began = time.perf_counter()
-    jobs = [_simulations(session, state) for session, state in trials]
-    threads = trials[0][0].runner.threads_for(sum(map(len, jobs)))
-    jobs = [[replace(job, threads=threads) for job in own] for own in jobs]
-    reports = iter(list(trials[0][0].stream("simulate", simulate, [job for own in jobs for job in own])))
-    reports = [[next(reports) for _ in own] for own in jobs]
-    repeated = [_with_other_increments(own, said) for own, said in zip(jobs, reports, strict=True)]
-    if any(repeated):
-        more = iter(list(trials[0][0].stream("simulate-again", simulate, [job for own in repeated for job in own])))
-        reports = [[*said, *(next(more) for _ in own)] for own, said in zip(repeated, reports, strict=True)]
-    timing.forward_s += time.perf_counter() - began
-    timing.forward_runs += sum(map(len, jobs))
-    return [next((f"{report.label}: {report.failed}" for report in said if report.failed), "") for said in reports]
-
-
-def _simulations(session: Session, state: LoopState) -> list[SimulationJob]:
-    """The simulation of a trial, and those that its sensitivities need."""
-    context = session.context
-    jobs = [SimulationJob(session.run, state.evaluations, BASE, state.trial.values,
-                          context.moving if session.sensitivity == "direct" else (),
-                          steps=_frozen_steps(session, state), increments=state.increments.per_frame,
-                          warm_start=None if state.accepted is None
-                          else (state.accepted.number, state.accepted.values))]
-    for name, change in _changes(session, state).items():
-        values = dict(state.trial.values) | {name: state.trial.values[name] + change}
-        jobs.append(replace(jobs[0], label=name, values=values, names=(), influence=False))
-    shifted = range(context.forward.drives.n_local if context.external else 0)
-    return [*jobs, *(replace(jobs[0], label=local_label(i), influence=False, shifted=i) for i in shifted)]
-
-
-def _with_other_increments(jobs: Sequence[SimulationJob], reports: Sequence) -> list[SimulationJob]:
-    """Perturbed runs whose increments differ from those of the base, which would put time error into the difference."""
-    base = reports[0]
-    if base.failed:
-        return []
-    return [replace(job, steps=base.steps) for job, report in zip(jobs[1:], reports[1:], strict=True)
-            if not report.failed and report.steps != base.steps]
-
-
-def _changes(session: Session, state: LoopState) -> dict[str, float]:
-    return perturbations(session.experiment, session.sensitivity, state.trial.values, session.context.moving)
-
-
-def _frozen_steps(session: Session, state: LoopState) -> tuple[float, ...] | None:
-    """The increments of the accepted point: every later simulation follows them (further cuts are still allowed)."""
-    if state.accepted is None or state.trial.new_increments:
-        return None
-    group = session.context.store.group(group_name(state.accepted.number, BASE))
-    return tuple(float(t) for t in read_array(group, "steps"))
-
-
-def sum_system(session: Session, state: LoopState, weights=None, stage: Stage | None = None,
-               spool: Spool | None = None) -> CorrelationSystem:
-    """M, b and the functional of the stored trial; spool : takes the large arrays of generalised least squares."""
-    n, size = session.experiment.n_frames, chunk_frames(session.experiment.n_frames)
-    jobs = [CorrelationJob(session.run, state.evaluations, first, min(first + size, n), state.trial.values,
-                           _changes(session, state), weights, stage) for first in range(0, n, size)]
-    parts = session.stream("correlate", correlate, jobs)
-    kept = (part if spool is None else spool.kept(part) for part in parts if part is not None)
-    return reduce_systems(kept)  # one at a time: they hold sums over all nodes
-
-
-def _scale_paper_weights(session: Session, state: LoopState) -> None:
-    """Scale the paper's weights at the starting point and write them to the description of the run."""
-    context = session.context
-    slopes = np.array([context.experiment.parameters[name].slope() for name in context.names])
-    scaled = paper_weights(context.weights, session.experiment.options.alpha, slopes,
-                           lambda weights: sum_system(session, state, weights).M)
-    weights = dict(context.settings["weights"]) | {
-        "kind": "paper", "cameras": list(scaled.cameras), "channels": scaled.channels.tolist()}
-    write_description(session.run, dict(context.settings) | {"weights": weights})
+    def _save(self, state: LoopState) -> None:
+        save_state(self.folders.run, state)
+        for name, folder in self.folders.below.items():
+            save_state(folder, self.joint.state_of(name, state))

@@ -8,17 +8,15 @@ computes those of any frame from the stored motion and images.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from idic.correlation import GREY, SPACE, correlated_frames, texture_pairs
+from idic.correlation import GREY, SPACE, TexturePair, correlated_frames, texture_pairs
 from idic.identification import (
-    ElementSums, Evaluation, FrameFit, LoopState, build_result, camera_entries, chunk_frames, element_sums,
-    frame_entries,
-    residual_summary, resolve_stages,
+    ElementSums, Evaluation, FrameFit, LoopState, PointFit, chunk_frames, element_sums, experiment_result,
 )
 from idic.model import Experiment, Stage
 from idic.run.judgement.accepted_point import channel_table, solver_notes
@@ -36,7 +34,6 @@ from idic.run.store.arrays import FrameArrays, write_array
 from idic.run.store.camera_groups import group_of
 from idic.run.store.layout import BASE, group_name
 from idic.run.store.result_file import write_result
-from idic.run.store.state_file import load_state
 from idic.run.store.system_store import load_evaluation
 from idic.run.workers.dask_settings import cpu_seconds
 from idic.run.workers.peak_memory import peak_memory_mb
@@ -46,6 +43,7 @@ MAPS = "final"
 KEPT_OF_THE_END = {"u": None, "channels": None, "steps": None, "du": 24, "dchannels": None}
 KEPT_OF_THE_START = {"u": 17, "channels": None, "steps": None}  # for a picture of the residual before
 KEPT_OF_THE_DIC = {"u_px": 24}  # to 1e-6 px; the noise is 1e-3 px
+INTERRUPTED = "the run was interrupted: std counts noise alone"
 MAP_STEPS = 4  # of a residual map in a standard deviation of the noise
 
 
@@ -73,13 +71,13 @@ def fit_frames(job: FitJob) -> tuple[list[FrameFit], ElementSums | None]:
     fits, sums = [], None
     correlated = set(correlated_frames(at.experiment, job.frames))
     for frame in job.frames:
-        found = at.compare(frame)
-        fits.append(FrameFit.of(frame, found, sigma, job.fitted.get(frame, 0.0)))
+        pixels = at.compare(frame)
+        fits.append(FrameFit.of(frame, pixels, sigma, job.fitted.get(frame, 0.0)))
         if maps is not None and frame in job.shown:
-            maps.write(job.shown.index(frame), _in_steps(at.as_image(found), sigma)[None])
+            maps.write(job.shown.index(frame), _in_steps(at.as_image(pixels), sigma)[None])
         if kind in (GREY, SPACE) and frame in correlated and sigma and fits[-1].n_pixels:
-            own = element_sums(at.reference.pixel_map, found, sigma)
-            sums = own if sums is None else sums + own
+            frame_sums = element_sums(at.reference.pixel_map, pixels, sigma)
+            sums = frame_sums if sums is None else sums + frame_sums
     return fits, sums
 
 
@@ -91,44 +89,29 @@ def _in_steps(residual: np.ndarray, sigma: float | None) -> np.ndarray:
     return (np.round(residual / step) * step).astype(residual.dtype)
 
 
-def postprocess(session: Session, state: LoopState, timing: Timing, began: float, stage: Stage | None = None) -> dict:
-    """Write ``RUN/result.json``; returns its content.
+def postprocess(session: Session, state: LoopState, timing: Timing, began: float, stage: Stage) -> dict:
+    """Write the ``result.json`` of an experiment; returns its content.
 
-    stage : as which the images are seen; None: the one of the state in the experiment's own schedule
+    stage : as which the images are seen
     """
     context, experiment = session.context, session.experiment
-    stage = stage or resolve_stages(experiment)[state.schedule.stage]
-    point = None
-    fits: list[dict[int, FrameFit]] = [{} for _ in experiment.views]
-    channels, judgement = np.zeros((0, len(experiment.channels))), Judgement()
-    sums: list[ElementSums] = []
+    point, judgement = None, Judgement()
+    fit = PointFit([{} for _ in experiment.views], np.zeros((0, len(experiment.channels))), _free_dics(context))
     if state.accepted is not None:
         point = load_evaluation(context.store, state.accepted.number, context.names)
-        fits, sums = _fits_of_cameras(session, state, point)
-        channels = _channel_residual(context, state)
+        frames, sums = _fits_of_cameras(session, state, point)
+        fit = replace(fit, frames=frames, channels=_channel_residual(context, state),
+                      textures=_textures(context, state) if experiment.cameras else (),
+                      notes=solver_notes(context, state.accepted.values, state.accepted.number))
         _write_channels(context, state)
         job = PointJob(session.run, state.accepted.number, state.accepted.values)
         remove_damaged_judgement(context.store)
-        judgement = judged(job, fits[0], sums, session.runner, discrepancy_job(session, state, point, stage))
+        judgement = judged(job, frames[0], sums, session.runner, discrepancy_job(session, state, point, stage))
         write_fields(job, session.runner)
-    result = build_result(experiment, state, point, context.weights.image_noise,
-                          _residual_summary(context, point, fits, channels),
-                          frame_entries(experiment, fits[0], context.settings["excluded_by_user"],
-                                        _free_chi2(context, 0)),
-                          _cost(state, timing, began), discrepancy_of(session, state, point, stage))
-    if point is not None:
-        result["notes"] += solver_notes(context, state.accepted.values, state.accepted.number)
-    if experiment.cameras:
-        free = [_free_chi2(context, number) for number in range(len(fits))]
-        textures = () if point is None else texture_pairs(
-            correlation_context(context, context.experiment.parameters.with_values(state.accepted.values)))
-        result["cameras"] = camera_entries(experiment, point, fits, context.settings["excluded_by_user"], free,
-                                           textures)
-        result["notes"] += [pair.note() for pair in textures]
-    result |= judgement.top | {"has_force": has_force(experiment)}
+    result = experiment_result(experiment, state, point, context.weights, fit, context.settings["excluded_by_user"],
+                               _cost(state, timing, began), discrepancy_of(session, state, point, stage))
+    result |= judgement.top | {"has_force": has_force(experiment), "sensitivity": session.sensitivity}
     result["residual"] |= judgement.residual
-    result["sensitivity"] = session.sensitivity
-    result["history"] = [dict(entry) for entry in state.history]
     write_result(session.run, result)
     if state.status != "interrupted" and state.accepted is not None:
         _thin(context, state)
@@ -158,27 +141,17 @@ def _thin(context: RunContext, state: LoopState) -> None:
             context.store.remove(name)
 
 
-def write_interrupted(session: Session, timing: Timing, began: float) -> dict | None:
-    """Write the accepted parameters of an interrupted run to ``RUN/result.json``, status "interrupted".
+def write_interrupted(session: Session, state: LoopState, timing: Timing, began: float) -> dict:
+    """Write the accepted parameters of an interrupted run to the ``result.json`` of an experiment; returns its content.
 
-    Without residual maps, so that the command ends at once. Nothing is written where no point is accepted yet.
+    Without residual maps, so that the command ends at once.
     """
-    state = load_state(session.run)
-    if state is None or state.accepted is None:
-        return None
     context, experiment = session.context, session.experiment
     point = load_evaluation(context.store, state.accepted.number, context.names)
-    state = replace(state, status="interrupted")
-    fits: list[dict[int, FrameFit]] = [{} for _ in experiment.views]
-    result = build_result(experiment, state, point, context.weights.image_noise,
-                          _residual_summary(context, point, fits, _channel_residual(context, state)),
-                          frame_entries(experiment, {}, context.settings["excluded_by_user"]),
-                          _cost(state, timing, began), "the run was interrupted: std counts noise alone")
-    if experiment.cameras:
-        result["cameras"] = camera_entries(experiment, point, fits, context.settings["excluded_by_user"],
-                                           [None for _ in fits])
+    fit = PointFit([{} for _ in experiment.views], _channel_residual(context, state), _free_dics(context))
+    result = experiment_result(experiment, state, point, context.weights, fit, context.settings["excluded_by_user"],
+                               _cost(state, timing, began), INTERRUPTED)
     result["sensitivity"] = session.sensitivity
-    result["history"] = [dict(entry) for entry in state.history]
     write_result(session.run, result)
     return result
 
@@ -223,6 +196,11 @@ def _fits_of(session: Session, state: LoopState, point: Evaluation,
             [sums for _, sums in parts if sums is not None])
 
 
+def _textures(context: RunContext, state: LoopState) -> tuple[TexturePair, ...]:
+    parameters = context.experiment.parameters.with_values(state.accepted.values)
+    return texture_pairs(correlation_context(context, parameters))
+
+
 def _channel_residual(context, state: LoopState) -> np.ndarray:
     """Measured minus simulated of the correlated frames at the accepted point  # (n_frames, n_channels)"""
     experiment = context.experiment
@@ -238,17 +216,10 @@ def _write_channels(context, state: LoopState) -> None:
         write_array(folder, "measured", measured)
 
 
-def _free_chi2(context, number: int) -> np.ndarray | None:
-    """chi² per pixel that a free FE-DIC leaves in every frame of a camera, where one was made  # (n_frames,)"""
-    name = group_of(context.experiment, number, "dic")
-    return None if context.store.finished(name) is None else read_free_dic(context.store, name)["chi2_dof"]
-
-
-def _residual_summary(context, point: Evaluation | None, fits: Sequence[Mapping[int, FrameFit]],
-                      channels: np.ndarray) -> dict:
-    lost = point.system.n_lost if point else None
-    free = read_free_dic(context.store) if context.store.finished("dic") is not None else None
-    return residual_summary(context.experiment, fits, channels, context.weights.channel_noise, lost, free)
+def _free_dics(context: RunContext) -> list[dict[str, np.ndarray] | None]:
+    """What a free FE-DIC leaves in every frame, per camera; None where none was made."""
+    groups = [group_of(context.experiment, number, "dic") for number in range(len(context.experiment.views))]
+    return [None if context.store.finished(name) is None else read_free_dic(context.store, name) for name in groups]
 
 
 def _cost(state: LoopState, timing: Timing, began: float) -> dict:

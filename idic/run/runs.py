@@ -1,180 +1,165 @@
 """The stages of an identification in a RUN folder, of one experiment or of several together.
 
-    plan_run → check, claim → [recover] → ingest → prepare → open_points → run_loop → postprocess
+    planned → check, claim → [recover] → ingest → prepare → open_points → run_loop → postprocess
 
-`SingleRun` is here, `JointRun` in ``joint_run.py``; `idic.run.identify_run` uses either of them.
+``RUN/state.json`` is the state that counts. Of several experiments each has a folder of its own with its view of the
+state; all together choose the steps.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import cached_property
-from pathlib import Path
-from typing import Protocol
+from typing import Any
 
 from idic.errors import InputError
-from idic.experiment_file import load_experiment
-from idic.identification import LoopState, PointStore, checked_sensitivity, needs_free_dic, resolve_stages
-from idic.model import Experiment
-from idic.path_names import refuse_names_that_are_one
-from idic.report import expected_cost
-from idic.run.points import RunPoints
-from idic.run.prepared.prepare import check_before_writing, ingest, prepare
+from idic.experiment_file import by_evidence
+from idic.identification import Joint, join, resolve_stages, start
+from idic.run.part import RunPart
+from idic.run.points import PartPoints, RunPoints
 from idic.run.prepared.session import Timing, open_session
-from idic.run.recovery.recover import finished_result, recover
-from idic.run.recovery.scan import BYTES_FOR_WORKERS, stored_bytes
-from idic.run.store.camera_groups import refuse_changed_images
-from idic.run.store.layout import DESCRIPTION
+from idic.run.recovery.recover import restored, result_of_state, start_over
+from idic.run.store.run_folders import RunFolders
 from idic.run.store.run_store import RunStore
+from idic.run.store.state_file import STATE_FILE
 from idic.run.workers.probe import ExperimentToSee
 from idic.run.workers.runner import TaskRunner
 
+Folders = str | os.PathLike | Sequence[str | os.PathLike]
 Progress = Callable[[str, int, int], None]
 
 
-class Points(PointStore, Protocol):
-    """The points of a prepared run, and the files written at its end.
-
-    folders : of its experiments, in their order
-    postprocess : residual maps and result; write_interrupted : the accepted point as a result, nothing where there is
-    none
-    """
-
-    @property
-    def folders(self) -> Sequence[Path]: ...
-    def postprocess(self, state: LoopState, began: float) -> dict: ...
-    def write_interrupted(self, began: float) -> dict | None: ...
-
-
-class Run(Protocol):
-    """A RUN folder and what is identified in it.
-
-    prepared : whether `prepare` is behind it; measures : whether it begins with a free FE-DIC;
-    worth_workers : whether worker processes save more time than their start takes;
-    first_job : (folder, experiment, overrides) for the compilation of the image kernels;
-    worth_scanning_by_workers : whether it stores so much that they read it before it is resumed;
-    to_see : the experiments that every worker must find; n_stages : stages of the schedule.
-    """
-
-    @property
-    def store(self) -> RunStore: ...
-    @property
-    def prepared(self) -> bool: ...
-    @property
-    def measures(self) -> bool: ...
-    @property
-    def worth_workers(self) -> bool: ...
-    @property
-    def first_job(self) -> tuple[str, str, dict]: ...
-    @property
-    def to_see(self) -> tuple[ExperimentToSee, ...]: ...
-    @property
-    def n_stages(self) -> int: ...
-    def check(self, sensitivity: str) -> None: ...
-    def claim(self, resume: bool): ...
-    def recover(self, runner: TaskRunner) -> list[str]: ...
-    @property
-    def worth_scanning_by_workers(self) -> bool: ...
-    def finished_result(self) -> dict | None: ...
-    def ingest(self, runner: TaskRunner, progress: Callable[[int, int], None] | None = None) -> None: ...
-    def prepare(self, runner: TaskRunner) -> None: ...
-    def open_points(self, runner: TaskRunner, sensitivity: str, timing: Timing, tasks: Progress | None = None,
-                    say: Callable[[str], None] | None = None) -> Points: ...
-
-
 @dataclass(frozen=True)
-class SingleRun:
-    """One experiment in one RUN folder. See `Run`."""
+class Run:
+    """A RUN folder and the experiments that are identified in it: one, or several with shared materials."""
 
-    store: RunStore
-    path: str
-    overrides: dict
+    folders: RunFolders
+    parts: Mapping[str, RunPart]
+    joint: Joint
 
-    def __post_init__(self):
-        _ = self.experiment  # read now: an error in it ends the command
+    @classmethod
+    def planned(cls, experiments: Folders, out: str | os.PathLike, overrides: Mapping[str, Any],
+                say: Callable[[str], None] = lambda text: None) -> Run:
+        """The run of these experiments; everything is read, nothing written.
 
-    @cached_property
-    def experiment(self) -> Experiment:
-        return load_experiment(self.path, self.overrides)
+        experiments : folder or experiment.toml, or a list of them; overrides : dotted keys as of ``--set``
+        say : called with the progress of what comes first: the choice of knots of free curves
+
+        Raises
+        ------
+        InputError
+            If anything in the input is not what was expected.
+        """
+        listed = [experiments] if isinstance(experiments, (str, os.PathLike)) else list(experiments)
+        paths, out = [os.path.abspath(path) for path in listed], os.path.abspath(out)  # workers have folders of theirs
+        if not paths:
+            raise InputError("no experiment", expected="an experiment folder, or several", found="none",
+                             remedy="name the folder that holds experiment.toml")
+        folders = RunFolders.planned(out, paths)
+        parts = {name: RunPart(RunStore(folder), path, dict(overrides))
+                 for (name, folder), path in zip(folders.parts.items(), paths, strict=True)}
+        if any(by_evidence(part.experiment) for part in parts.values()):
+            from idic.run.knots import with_chosen_knots  # here: most runs begin sooner without
+
+            parts = with_chosen_knots(parts, say)
+        return cls(folders, parts, join({name: part.experiment for name, part in parts.items()}))
+
+    @property
+    def store(self) -> RunStore:
+        return RunStore(self.folders.run)
 
     def check(self, sensitivity: str) -> None:
-        """Everything that can be wrong before something is written."""
-        check_before_writing(self.experiment)
-        checked_sensitivity(sensitivity, self.experiment)
-        refuse_names_that_are_one(self.experiment.parameters, self.store.run)
-        refuse_names_that_are_one((channel.column for channel in self.experiment.channels), self.store.run)
+        """Everything that can be wrong before something is written (`InputError`)."""
+        for part in self.parts.values():
+            part.check(sensitivity)
+        start(self.joint.whole)
+
+    def check_pause(self, pause_after: int | None) -> None:
+        """Refuse a pause after a stage that does not exist or is the last one (`InputError`)."""
+        n = len(resolve_stages(self.joint.whole))
+        if pause_after is None or 1 <= pause_after < n:
+            return
+        raise InputError("no stage to pause after", key="--pause-after", found=str(pause_after),
+                         expected="a schedule of several stages ([[stage]])" if n == 1 else
+                         f"a stage from 1 to {n - 1}: the schedule has {n}",
+                         remedy="choose another number, or leave it out")
 
     @contextmanager
     def claim(self, resume: bool) -> Iterator[None]:
-        """Lock the folder; an existing run is resumed with --resume only."""
-        if not resume and self.prepared:
-            raise earlier_run(self.store.run)
-        with self.store.claim(self.experiment.identity, title=self.experiment.title):
+        """Lock the folders; an existing run is resumed with --resume only."""
+        if not resume and self.folders.begun:
+            raise InputError("this RUN exists already", file=self.folders.run,
+                             expected="a new folder, or --resume", found="an earlier run",
+                             remedy="add --resume to continue it, or choose another --out")
+        with ExitStack() as stack:
+            stack.enter_context(self.store.claim(self.joint.identity, title=self.joint.whole.title))
+            for name in self.folders.below:
+                stack.enter_context(self.parts[name].claim())
+            self.folders.write()
             yield
 
     def recover(self, runner: TaskRunner) -> list[str]:
-        refuse_changed_images(self.store, self.experiment)
-        return recover(self.store, self.path, runner)
+        """See `recovery.recover`; where one experiment has to start over, all do."""
+        lines = restored(self.store, (STATE_FILE,)) if self.folders.below else []
+        for name, part in self.parts.items():
+            lines += [f"{name}: {line}" if self.folders.below else line for line in part.recover(runner)]
+        begun = (self.folders.run / STATE_FILE).exists()
+        if begun and not all((folder / STATE_FILE).exists() for folder in self.folders.below.values()):
+            for store in (self.store, *(part.store for part in self.parts.values())):
+                start_over(store)
+        return lines
 
     @property
     def worth_scanning_by_workers(self) -> bool:
-        return stored_bytes(self.store) > BYTES_FOR_WORKERS
+        """Whether it stores so much that workers read it before it is resumed."""
+        return any(part.worth_scanning_by_workers for part in self.parts.values())
 
     def finished_result(self) -> dict | None:
-        return finished_result(self.store)
+        """The result of a run that has ended and whose files are whole; None where something is still to be done."""
+        result = result_of_state(self.store)
+        return result if result is not None and all(part.finished for part in self.parts.values()) else None
 
     def ingest(self, runner: TaskRunner, progress: Callable[[int, int], None] | None = None) -> None:
-        ingest(self.store, self.experiment, runner, progress)
+        """Copy the images of all experiments into their folders; progress : called as progress(done, total)."""
+        for part in self.parts.values():
+            part.ingest(runner, progress)
 
     @property
     def prepared(self) -> bool:
-        return (self.store.run / DESCRIPTION).exists()
+        """Whether `prepare` is behind it."""
+        return all(part.prepared for part in self.parts.values())
 
     @property
     def measures(self) -> bool:
-        return needs_free_dic(self.experiment)
+        """Whether it begins with a free FE-DIC."""
+        return any(part.measures for part in self.parts.values())
 
     @property
     def worth_workers(self) -> bool:
-        return self.experiment.solver is not None or expected_cost(self.experiment).worth_workers
+        """Whether worker processes save more time than their start takes."""
+        return any(part.worth_workers for part in self.parts.values())
 
     @property
     def first_job(self) -> tuple[str, str, dict]:
-        return str(self.store.run), self.path, self.overrides
+        """(folder, experiment, overrides) for the compilation of the image kernels."""
+        part = next(iter(self.parts.values()))
+        return str(part.store.run), part.path, part.overrides
 
     @property
     def to_see(self) -> tuple[ExperimentToSee, ...]:
-        solver = self.experiment.solver
-        program = "" if solver is None else solver.arguments[0]
-        return (ExperimentToSee(self.path, self.overrides, self.experiment.identity, program),)
-
-    @property
-    def n_stages(self) -> int:
-        return len(resolve_stages(self.experiment))
+        """The experiments that every worker must find."""
+        return tuple(part.to_see for part in self.parts.values())
 
     def prepare(self, runner: TaskRunner) -> None:
-        prepare(str(self.store.run), self.path, self.overrides, runner)
+        """Prepare every experiment that is not prepared yet."""
+        for part in self.parts.values():
+            part.prepare(runner)
 
     def open_points(self, runner: TaskRunner, sensitivity: str, timing: Timing, tasks: Progress | None = None,
                     say: Callable[[str], None] | None = None) -> RunPoints:
-        return RunPoints(open_session(self.store.run, runner, sensitivity, tasks, say), timing)
-
-
-def check_pause(run: Run, pause_after: int | None) -> None:
-    """Refuse a pause after a stage that does not exist or is the last one (`InputError`)."""
-    if pause_after is None or 1 <= pause_after < run.n_stages:
-        return
-    n = run.n_stages
-    raise InputError("no stage to pause after", key="--pause-after", found=str(pause_after),
-                     expected="a schedule of several stages ([[stage]])" if n == 1 else
-                     f"a stage from 1 to {n - 1}: the schedule has {n}",
-                     remedy="choose another number, or leave it out")
-
-
-def earlier_run(folder: Path) -> InputError:
-    """The refusal to write over a run."""
-    return InputError("this RUN exists already", file=folder, expected="a new folder, or --resume",
-                      found="an earlier run", remedy="add --resume to continue it, or choose another --out")
-
+        """The points of the prepared run, new or resumed."""
+        parts = {name: PartPoints(open_session(folder, runner, sensitivity, tasks, say), timing)
+                 for name, folder in self.folders.parts.items()}
+        return RunPoints(self.folders, parts, join({name: part.experiment for name, part in parts.items()}), timing)

@@ -40,18 +40,18 @@ def start_values(session: Session) -> Mapping[str, float] | None:
     if context.experiment.quantity != "height" and context.store.finished("dic") is None:
         job = (session.run, context.settings["experiment"], context.settings["overrides"], 0)
         session.runner.map(run_free_dic, [job], ["free-dic"], retries=1)
-    made = [0]
+    number = [0]
 
     def fit_all(trials: Sequence[StartTrial]) -> list[CoarseFit]:
-        jobs = [TrialJob(session.run, made[0] + k, trial) for k, trial in enumerate(trials)]
-        made[0] += len(jobs)
+        jobs = [TrialJob(session.run, number[0] + k, trial) for k, trial in enumerate(trials)]
+        number[0] += len(jobs)
         return session.runner.map(fit_trial, jobs, [f"search-{job.number:02d}" for job in jobs], retries=1,
                                   progress=lambda done, total: session.progress("search", done, total))
 
     session.say("searching for start values")
-    found = search(context.experiment, fit_all, session.say)
-    write_json(context.store.run / SEARCH_FILE, _summary(context.experiment, found))
-    return found.values if found.moved else None
+    start = search(context.experiment, fit_all, session.say)
+    write_json(context.store.run / SEARCH_FILE, _summary(context.experiment, start))
+    return start.values if start.moved else None
 
 
 def fit_trial(job: TrialJob) -> CoarseFit:
@@ -63,9 +63,9 @@ def fit_trial(job: TrialJob) -> CoarseFit:
     ident = {"values": {key: to_hex(value) for key, value in sorted(trial.values.items())},
              "evaluations": trial.evaluations, "simplified": trial.simplified, "free": list(first_free(experiment)),
              "edges": "measured" if any(isinstance(p.drive, Measured) for p in experiment.prescribed) else "given"}
-    kept = _kept(context.store.finished(name, ident), names)
-    if kept is not None:
-        return kept
+    finished = _kept(context.store.finished(name, ident), names)
+    if finished is not None:
+        return finished
     u_px = read_free_motion(context.store) if context.store.finished("dic") is not None else None
     fit = coarse_fit(replace(experiment, stack=None), u_px, trial.values, trial.evaluations, trial.simplified)
     with context.store.building(name, ident) as folder:
@@ -86,10 +86,10 @@ def _kept(folder: Path | None, names: Sequence[str]) -> CoarseFit | None:
     return CoarseFit(dict(zip(names, values, strict=True)), float(phi), int(points), int(evaluations), float(part))
 
 
-def _summary(experiment: Experiment, found: FoundStart) -> dict:
+def _summary(experiment: Experiment, start: FoundStart) -> dict:
     shown = lambda values: {name: values[name] / experiment.parameters[name].factor  # noqa: E731
                             for name in experiment.parameters.free}
-    return {"schema": SCHEMA, "begins_at": shown(found.values),
+    return {"schema": SCHEMA, "begins_at": shown(start.values),
             "tried": [{"label": label, "misfit": fit.misfit if np.isfinite(fit.phi) else None,
                        "simulated_part": fit.part, "evaluations": fit.evaluations, "values": shown(fit.values)}
-                      for label, fit in found.tried]}
+                      for label, fit in start.tried]}

@@ -22,13 +22,13 @@ from idic.identification import (
 )
 from idic.measure import boundary_start, dic_stack, with_boundary_start
 from idic.model import Experiment, Measured, is_mode
-from idic.run.joint_run import is_joint
 from idic.run.orchestrator import DIRECT, Command, Console, Hooks, Orchestrator
 from idic.run.prepared.context import RunContext, experiments_of, open_run
 from idic.run.store.arrays import read_array
 from idic.run.store.camera_groups import with_stored_images, with_stored_noise
 from idic.run.store.layout import group_name
 from idic.run.store.result_file import RESULT_FILE, read_result, write_result
+from idic.run.store.run_folders import is_joint
 from idic.run.store.run_lock import run_lock
 from idic.run.store.state_file import load_state
 from idic.run.store.system_store import load_evaluation
@@ -91,13 +91,13 @@ def _assessed(run: str | Path, runner: TaskRunner, bias: bool, spread: bool, pro
     if spread:
         jobs += [AssessmentJob(str(run), treatment) for treatment in treatments(context.experiment, _tables(context))]
     labels = [f"systematic-{number}" for number in range(len(jobs))]
-    found = runner.map(assess, jobs, labels, progress=progress)
+    assessments = runner.map(assess, jobs, labels, progress=progress)
     if n_biases > 1:
-        result = with_time_bias(result, found[1])
+        result = with_time_bias(result, assessments[1])
     if bias:
-        result = with_bias(result, found[0])
+        result = with_bias(result, assessments[0])
     if spread:
-        result = with_spread(result, found[n_biases:])
+        result = with_spread(result, assessments[n_biases:])
     write_result(run, result)
     return result
 
@@ -110,11 +110,11 @@ def assess(job: AssessmentJob) -> Assessment:
     boundary, camera = job.treatment.boundary, job.treatment.camera
     try:
         experiment, local = _treated(context, state, job.treatment)
-        found = identify(experiment, local)
+        identification = identify(experiment, local)
     except (InputError, NotConverged) as problem:
         return Assessment(boundary, camera, "failed", {}, str(problem).splitlines()[0])
-    result = found.result
-    return Assessment(boundary, camera, found.state.status, determined_values(result, context.names),
+    result = identification.result
+    return Assessment(boundary, camera, identification.state.status, determined_values(result, context.names),
                       added=_added(result, context.names))
 
 

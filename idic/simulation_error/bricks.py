@@ -114,7 +114,7 @@ def simulated_sheet(point: ModelPoint, names: Sequence[str] = (),
         While iterating, if equilibrium is not found.
     """
     forward = build_forward(point.experiment)
-    return forward.march(point.parameters, names, point.local, point.steps,  # type: ignore[call-arg]
+    return forward.march(point.parameters, names, point.local, point.steps,
                          bool(names) and forward.drives.n_local > 0, guesses, may_cut=True)
 
 

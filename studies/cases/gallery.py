@@ -10,7 +10,7 @@ from pathlib import Path
 
 from idic.errors import InputError
 from idic.report import result_verdict, undetermined
-from idic.run import cpu_seconds, diagnose_run, identify_run, is_joint, write_report
+from idic.run import cpu_seconds, diagnose_run, identify_run, write_report
 from idic_studies.pages.gallery_page import key_numbers, render_gallery, thumbnail
 from idic_studies.cases.gallery_examples import GalleryExample, gallery_examples
 
@@ -71,8 +71,7 @@ def _make(folder: Path, example: GalleryExample, say: Callable[[str], None]) -> 
     say(f"{example.name}: identifying")
     began = time.perf_counter()
     run = folder / RUN
-    result = identify_run(paths, run, resume=(run / "run.zarr").exists() or is_joint(run),
-                                 overrides=example.overrides)
+    result = identify_run(paths, run, resume=True, overrides=example.overrides)
     ended = result["status"].replace("_", " ")
     say(f"{example.name}: {ended} in {time.perf_counter() - began:.0f} s; writing the report")
     write_report(run)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from idic.report import derived_names, short_names, with_std
-from idic.run import folders_of, is_joint
+from idic.run import folders_of
 from idic_studies.pages.study_page import render_template
 
 MAX_VALUES = 10  # of one experiment; its report lists all
@@ -51,9 +51,9 @@ def _row(name: str, value: float, std: float | None, unit: str, truth: float | N
 
 def thumbnail(run: Path, top: Path) -> str | None:
     """The picture that represents a run on the page, as a path below the gallery `top`."""
-    folders = list(folders_of(run).values()) if is_joint(run) else [run]
+    first = next(iter(folders_of(run).values()))
     for pattern in THUMBNAILS:
-        pictures = sorted((folders[0] / "figures").glob(pattern))
+        pictures = sorted((first / "figures").glob(pattern))
         if pictures:
             return pictures[-1].relative_to(top).as_posix()
     return None

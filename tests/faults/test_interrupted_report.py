@@ -15,7 +15,7 @@ from virtual_tests.small_strip import write_small_strip
 import idic
 from idic.errors import InputError
 from idic.run import BASE, RunStore, SerialRunner, Timing, group_name, write_array
-from idic.run.points import RunPoints
+from idic.run.postprocess import write_interrupted
 from idic.run.prepared.session import open_session
 from idic.run.reporting.write import load_record
 from idic.run.store.state_file import load_state, save_state
@@ -28,7 +28,8 @@ def interrupted(finished, run):
     for group in ("channels", "final", "cameras/second/final"):
         store.remove(group)
     save_state(run, replace(state, status="running", end=None))
-    RunPoints(open_session(run, SerialRunner(), "direct"), Timing()).write_interrupted(time.perf_counter())
+    write_interrupted(open_session(run, SerialRunner(), "direct"), replace(state, status="interrupted", end=None),
+                      Timing(), time.perf_counter())
     assert json.loads((run / "result.json").read_text())["status"] == "interrupted"
     return store, state.accepted.number
 

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.usefixtures("shared_server")
 # what an identification begins without: the methods of SciPy load where they are used, files of few experiments where
 # they are read, and the end of a run where it is reached
 LATE = ("scipy.interpolate", "scipy.io", "scipy.ndimage", "scipy.optimize", "scipy.spatial", "scipy.special", "h5py",
-        "meshio", "cv2", "matplotlib", "pandas", "xarray", "jinja2", "dask", "idic.run.joint_run",
+        "meshio", "cv2", "matplotlib", "pandas", "xarray", "jinja2", "dask", "idic.run.joint_result",
         "idic.run.postprocess", "idic.report.result.record")
 WITHOUT = """
     import sys

@@ -11,7 +11,8 @@ from twin_bodies import PIXEL
 from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, clean_images, judged, solved, write_folder
 
 from idic.experiment_file import load_experiment
-from idic.identification import FrameFit, frame_entries, identify, without_edges
+from idic.identification import FrameFit, identify, without_edges
+from idic.identification.frame_fit import frame_entries
 from idic.identification.result import shift_notes
 from idic.images import Camera
 from idic.model import Column, build_drives, build_forward, solve

@@ -11,14 +11,14 @@ from twin_runs import TRUTH, identify, solved
 from idic.errors import NotConverged
 from idic.experiment_file import load_experiment
 from idic.identification import (
-    Evaluation, LoopState, ParallelTrial, Trial, describe_evaluation, in_memory, trial_states,
+    Evaluation, LoopState, ParallelTrial, Trial, describe_evaluation, in_memory, resolve_stages, trial_states,
 )
 from idic.identification.loop import _best, advance
 from idic.identification.step.next_step import MAX_REJECTIONS
 from idic.identification.step.parallel_steps import damping_after
 from idic.model import ForwardModel
 from idic.run import SerialRunner, Timing
-from idic.run.points import RunPoints
+from idic.run.part_points import PartPoints
 from idic.run.prepared.session import open_session
 from idic.run.store.state_file import load_state, save_state
 
@@ -148,7 +148,7 @@ def test_a_round_without_an_accepted_step_counts_as_the_rejections_that_it_saves
     session = open_session(tmp_path / "run", SerialRunner(), "direct")
     open_again = replace(state, status="running")
     here = replace(open_again, trial=Trial(state.accepted.values), evaluations=state.accepted.number)
-    (accepted,) = RunPoints(session, Timing()).correlate([here], [""])
+    accepted = PartPoints(session, Timing()).correlate(here, resolve_stages(session.experiment)[0])
     patient = replace(session.experiment.options, trial_steps=4, max_iterations=100)
     experiment, state, rounds = replace(session.experiment, options=patient), open_again, 0
     while state.running:

@@ -17,10 +17,8 @@ from idic.fe import Constraints, Model, Reaction, Section, march
 from idic.identification import in_memory, run_loop
 from idic.images import Camera, dense_speckle
 from idic.laws import compile as compile_law
-from idic.run import RunStore, SerialRunner, Timing
-from idic.run.points import RunPoints
-from idic.run.prepared.prepare import ingest, prepare
-from idic.run.prepared.session import open_session
+from idic.run import SerialRunner, Timing
+from idic.run.runs import Run
 from idic.virtual_tests import Sensor, clean_image, painted, record, write_images, write_inp, write_loads
 
 SHAPE, ORIGIN, THICKNESS = (100, 140), (69.3, 49.6), 1.5
@@ -156,11 +154,10 @@ def _dotted(overrides):
 def identify(path, run, sensitivity="direct", **overrides):
     """The whole identification with its RUN, in this process: frames, residual and files, too  # state, result"""
     overrides = _dotted(overrides)
-    began, experiment = time.perf_counter(), load_experiment(path, overrides)
-    store, runner = RunStore(run), SerialRunner()
-    with store.claim(experiment.identity, title=experiment.title):
-        ingest(store, experiment, SerialRunner())
-        prepare(str(run), str(path), overrides, runner)
-        points = RunPoints(open_session(run, runner, sensitivity), Timing())
+    began, runner, whole = time.perf_counter(), SerialRunner(), Run.planned(path, run, overrides)
+    with whole.claim(resume=True):
+        whole.ingest(runner)
+        whole.prepare(runner)
+        points = whole.open_points(runner, sensitivity, Timing())
         state = run_loop(points)
         return state, points.postprocess(state, began)

@@ -18,8 +18,7 @@ import idic  # noqa: E402
 from idic.errors import InputError  # noqa: E402
 from idic.experiment_file import load_experiment  # noqa: E402
 from idic.identification import identify, join  # noqa: E402
-from idic.run import joint_run  # noqa: E402
-from idic.run import compare_runs, write_comparison, write_report  # noqa: E402
+from idic.run import compare_runs, folders_of, points, write_comparison, write_report  # noqa: E402
 from idic.run.store.state_file import load_state, save_state  # noqa: E402
 
 TURNED = """
@@ -143,13 +142,13 @@ def test_a_kill_between_the_states_of_a_run_leaves_no_part_behind(pair, tmp_path
             raise Kill
         save_state(run, state)
 
-    monkeypatch.setattr(joint_run, "save_state", killed)
+    monkeypatch.setattr(points, "save_state", killed)
     short = {"options.max_iterations": 1}
     with pytest.raises(Kill):
         idic.identify(pair, tmp_path / "run", overrides=short)
     monkeypatch.undo()
     result = idic.identify(pair, tmp_path / "run", overrides=short, resume=True)
-    parts = [load_state(folder) for folder in joint_run.folders_of(tmp_path / "run").values()]
+    parts = [load_state(folder) for folder in folders_of(tmp_path / "run").values()]
     assert {(part.status, part.evaluations) for part in parts} == {(result["status"], result["evaluations"])}
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -182,7 +182,8 @@ class Evaluation:
     """An evaluated trial: the system over every free parameter, or None where the simulation failed.
 
     reference_gram : (n, n) S^T H S of the system's shared columns; increments : of its simulation, 0 where unknown;
-    intervals : between the frames that the increments lie in, of several experiments, None: those of the one.
+    intervals : between the frames that the increments lie in, of several experiments, None: those of the one;
+    parts : of several experiments, the evaluation of each.
     """
 
     number: int
@@ -191,3 +192,8 @@ class Evaluation:
     message: str = ""
     increments: int = 0
     intervals: int | None = None
+    parts: Mapping[str, Evaluation] = field(default_factory=dict)
+
+    def part(self, name: str) -> Evaluation:
+        """The evaluation of an experiment: itself where it is the only one, or where no simulation of all converged."""
+        return self.parts.get(name, self)

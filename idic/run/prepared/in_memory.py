@@ -11,11 +11,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from idic.identification import (
-    coarse_fit, is_two_step, measured_noise, measured_start, motion_in_space, needs_free_dic, needs_motion_in_space,
-    regularisation_of, search, wants_search, without_edges,
+    coarse_fit, is_two_step, motion_in_space, needs_free_dic, needs_motion_in_space, regularisation_of, search,
+    wants_search,
 )
-from idic.measure import DicStack, boundary_start, dic_stack, with_boundary_start
-from idic.model import Experiment, Noise, build_drives
+from idic.measure import DicStack, dic_stack, with_boundary_start
+from idic.model import Experiment
+from idic.run.prepared.measured_beginning import FreeMotion, beginning_of, camera_noises, cameras_to_measure
 from idic.run.prepared.prepare import check_before_writing
 
 
@@ -58,32 +59,21 @@ def prepare_in_memory(experiment: Experiment, say: Callable[[str], None] = lambd
     """
     check_before_writing(experiment)
     views, free = experiment.views, {}
+    for number in [*([0] if needs_free_dic(experiment) else []), *cameras_to_measure(experiment)]:
+        free[views[number].camera_name] = dic_stack(views[number], regularisation_of(experiment))
+    motion = None
     if needs_free_dic(experiment):
-        free[views[0].camera_name] = dic_stack(views[0], regularisation_of(experiment))
-    for view in views[1:]:
-        if view.noise.std_gv is None or is_two_step(experiment):
-            free[view.camera_name] = dic_stack(view, regularisation_of(experiment))
-    found, local = free.get(views[0].camera_name), np.zeros((experiment.n_frames, build_drives(experiment).n_local))
-    excluded, seen = list(experiment.excluded), experiment
-    if found is not None:
-        excluded += [k for k, status in enumerate(found.status) if status == "unexplained" and k not in excluded]
-        in_space = motion_in_space(experiment) if needs_motion_in_space(experiment) else None
-        lost = np.array([status == "lost" for status in found.status])
-        excluded += [k for k in without_edges(experiment, lost, in_space) if k not in excluded]
-        local = measured_start(experiment, found.u_px, excluded, in_space)
-        seen = with_boundary_start(seen, boundary_start(experiment, found.u_px, excluded, in_space))
-    noises = [_noise(view, free, tuple(excluded)) for view in views]
-    cameras = tuple(replace(camera, noise=noise) for camera, noise in zip(seen.cameras, noises[1:], strict=True))
-    seen = replace(seen, noise=noises[0], cameras=cameras, excluded=tuple(sorted(excluded)))
-    return _searched(Prepared(seen, local, free), say)
-
-
-def _noise(view: Experiment, free: Mapping[str, DicStack], excluded: tuple[int, ...]) -> Noise:
-    """The noise of a camera: given, else of its free FE-DIC; and its covariance where consecutive images show one."""
-    noise = view.noise
-    if noise.std_gv is None:
-        noise = replace(noise, std_gv=float(free[view.camera_name].noise_gv), source="residual_of_free_dic")
-    return measured_noise(replace(view, noise=noise, excluded=excluded))
+        main = free[views[0].camera_name]
+        unexplained, lost = (np.array([status == name for status in main.status]) for name in ("unexplained", "lost"))
+        motion = FreeMotion(main.u_px, unexplained, lost,
+                            in_space=motion_in_space(experiment) if needs_motion_in_space(experiment) else None)
+    beginning = beginning_of(experiment, motion)
+    measured = with_boundary_start(experiment, beginning.boundary)
+    noises = camera_noises(experiment, {number: free[view.camera_name].noise_gv for number, view in enumerate(views)
+                                        if view.camera_name in free}, beginning.excluded)
+    cameras = tuple(replace(camera, noise=noise) for camera, noise in zip(measured.cameras, noises[1:], strict=True))
+    measured = replace(measured, noise=noises[0], cameras=cameras, excluded=tuple(sorted(beginning.excluded)))
+    return _searched(Prepared(measured, beginning.local, free), say)
 
 
 def _searched(prepared: Prepared, say: Callable[[str], None]) -> Prepared:
@@ -97,6 +87,6 @@ def _searched(prepared: Prepared, say: Callable[[str], None]) -> Prepared:
             free[name] = dic_stack(experiment, regularisation_of(experiment))
         u_px = free[name].u_px
     bare = replace(experiment, stack=None)
-    found = search(experiment, lambda trials: [coarse_fit(bare, u_px, trial.values, trial.evaluations, trial.simplified)
+    start = search(experiment, lambda trials: [coarse_fit(bare, u_px, trial.values, trial.evaluations, trial.simplified)
                                                for trial in trials], say)
-    return replace(prepared, free=free, begin=found.values if found.moved else None)
+    return replace(prepared, free=free, begin=start.values if start.moved else None)

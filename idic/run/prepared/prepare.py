@@ -16,14 +16,15 @@ from idic.correlation import build_experiment_reference, camera_at
 from idic.errors import InputError
 from idic.experiment_file import load_experiment, recorded
 from idic.identification import (
-    check_method, is_two_step, measured_nodes, measured_noise, measured_start, motion_in_space, needs_free_dic,
-    needs_motion_in_space, noise_weights, regularisation_of, resolve_stages, without_edges,
+    check_method, measured_nodes, motion_in_space, needs_free_dic, needs_motion_in_space, noise_weights,
+    regularisation_of, resolve_stages,
 )
 from idic.images import Stack
-from idic.measure import BoundaryStart, boundary_start, virtual_boundaries
-from idic.model import Experiment, Measured, Parametrised, build_drives, build_forward, set_nodes
+from idic.measure import virtual_boundaries
+from idic.model import Experiment, Measured, Parametrised, build_forward, set_nodes
 from idic.path_names import path_name
 from idic.readers import FieldStack, FileStack, check_stages
+from idic.run.prepared.measured_beginning import FreeMotion, beginning_of, camera_noises, cameras_to_measure
 from idic.run.store.arrays import FrameArrays, read_array, write_array
 from idic.run.store.camera_groups import group_of, ingest_all, noise_entry, with_stored_images
 from idic.run.store.checkpoint import save_checkpoint, to_hex
@@ -135,38 +136,28 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
     """
     store = RunStore(run)
     experiment = with_stored_images(store, load_experiment(path, overrides))
-    std, source, excluded = experiment.noise.std_gv, experiment.noise.source, list(experiment.excluded)
     if needs_free_dic(experiment) and store.finished("dic") is None:
         runner.map(run_free_dic, [(run, path, overrides, 0)], ["free-dic"], retries=1)
     if needs_motion_in_space(experiment) and store.finished("motion") is None:
         runner.map(run_stereo_dic, [(run, path, overrides)], ["free-stereo-dic"], retries=1)
-    begin = BoundaryStart()
     with store.building("prepared") as folder:
-        local = np.zeros((experiment.n_frames, build_drives(experiment).n_local))
-        if needs_free_dic(experiment):
-            found = read_free_dic(store)
-            nodes = None if virtual_boundaries(experiment) else measured_nodes(experiment)
-            u_px = read_free_motion(store, nodes=nodes)
-            excluded += [int(k) for k in np.flatnonzero(found["unexplained"]) if int(k) not in excluded]
-            in_space = read_array(store.group("motion"), "u_mm") if needs_motion_in_space(experiment) else None
-            excluded += [k for k in without_edges(experiment, found["lost"], in_space) if k not in excluded]
-            local = measured_start(experiment, u_px, excluded, in_space, nodes if in_space is None else None)
-            begin = boundary_start(experiment, u_px, excluded, in_space)
-            if std is None:
-                std, source = float(found["noise_gv"]), "residual_of_free_dic"
-        write_array(folder, "local", local)
-        for name, (shapes, courses) in begin.modes.items():
+        beginning = beginning_of(experiment, _free_motion(store, experiment) if needs_free_dic(experiment) else None)
+        write_array(folder, "local", beginning.local)
+        for name, (shapes, courses) in beginning.boundary.modes.items():
             write_array(folder, path_name(f"{name}.shapes"), shapes)
             write_array(folder, path_name(f"{name}.courses"), courses)
-    further = _further_noises(run, path, overrides, experiment, runner)
-    entries = [{"std_gv": std, "source": source}, *further]
-    noises = [measured_noise(replace(view, noise=replace(view.noise, **entry), excluded=tuple(excluded)))
-              for entry, view in zip(entries, experiment.views, strict=True)]
+    missing = [number for number in cameras_to_measure(experiment)
+               if store.finished(group_of(experiment, number, "dic")) is None]
+    runner.map(run_free_dic, [(run, path, overrides, number) for number in missing],
+               [f"free-dic-{experiment.cameras[number - 1].name}" for number in missing], retries=1)
+    noises = camera_noises(experiment, {
+        number: read_free_dic(store, group_of(experiment, number, "dic"))["noise_gv"]
+        for number, view in enumerate(experiment.views) if view.noise.std_gv is None}, beginning.excluded)
     views = [replace(view, noise=noise) for noise, view in zip(noises, experiment.views, strict=True)]
     weights = noise_weights(experiment, views)
     write_description(run, {
         "experiment": str(Path(path).resolve()), "overrides": overrides, "identity": experiment.identity,
-        "excluded": sorted(excluded), "excluded_by_user": list(experiment.excluded),
+        "excluded": sorted(beginning.excluded), "excluded_by_user": list(experiment.excluded),
         "noise": noise_entry(noises[0]), "camera_noises": [noise_entry(noise) for noise in noises[1:]],
         "channel_noise_source": ["given" if channel.noise_std
                                  else "differences" for channel in experiment.channels],
@@ -175,8 +166,8 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
                     "channels": [1.0 / noise**2 for noise in weights.channel_noise.tolist()],
                     "channel_noise": weights.channel_noise.tolist(),
                     "cameras": list(weights.cameras), "camera_noise": list(weights.camera_noise)},
-        "boundary": {"values": {name: to_hex(value) for name, value in begin.values.items()},
-                     "modes": list(begin.modes), "notes": list(begin.notes)},
+        "boundary": {"values": {name: to_hex(value) for name, value in beginning.boundary.values.items()},
+                     "modes": list(beginning.boundary.modes), "notes": list(beginning.boundary.notes)},
     })
 
 
@@ -185,22 +176,12 @@ def write_description(run: str | Path, description: dict) -> None:
     save_checkpoint(Path(run) / DESCRIPTION, DESCRIPTION_SCHEMA, description)
 
 
-def _further_noises(run: str, path: str, overrides: dict, experiment: Experiment, runner: TaskRunner) -> list[dict]:
-    """Noise of the further cameras as ``{"std_gv", "source"}``: as known, else from a free FE-DIC of each."""
-    store, unknown = RunStore(run), []
-    for number, camera in enumerate(experiment.cameras, 1):
-        needed = camera.noise.std_gv is None or is_two_step(experiment)
-        if needed and store.finished(group_of(experiment, number, "dic")) is None:
-            unknown.append(number)
-    runner.map(run_free_dic, [(run, path, overrides, number) for number in unknown],
-               [f"free-dic-{experiment.cameras[number - 1].name}" for number in unknown], retries=1)
-    noises = []
-    for number, camera in enumerate(experiment.cameras, 1):
-        std, source = camera.noise.std_gv, camera.noise.source
-        if std is None:
-            std, source = read_free_dic(store, group_of(experiment, number, "dic"))["noise_gv"], "residual_of_free_dic"
-        noises.append({"std_gv": std, "source": source})
-    return noises
+def _free_motion(store: RunStore, experiment: Experiment) -> FreeMotion:
+    """What the stored free FE-DIC of the main camera says of the frames."""
+    frames = read_free_dic(store)
+    nodes = None if virtual_boundaries(experiment) else measured_nodes(experiment)
+    in_space = read_array(store.group("motion"), "u_mm") if needs_motion_in_space(experiment) else None
+    return FreeMotion(read_free_motion(store, nodes=nodes), frames["unexplained"], frames["lost"], nodes, in_space)
 
 
 def run_free_dic(job: tuple[str, str, dict, int]) -> None:
@@ -218,12 +199,12 @@ def run_free_dic(job: tuple[str, str, dict, int]) -> None:
         array = FrameArrays.create(folder, "u_px", experiment.n_frames, shape,
                                    stored_frames(experiment.n_frames, 16 * shape[0]), compressed=True)
         with array.writer() as writer:
-            found = dic_stack(view, regularisation_of(experiment), keep=writer.append)
-        write_array(folder, "rms_gv", found.rms_gv)
-        write_array(folder, "chi2_dof", found.chi2_dof)
+            stack = dic_stack(view, regularisation_of(experiment), keep=writer.append)
+        write_array(folder, "rms_gv", stack.rms_gv)
+        write_array(folder, "chi2_dof", stack.chi2_dof)
         for name in ("unexplained", "lost"):
-            write_array(folder, name, np.array([status == name for status in found.status]))
-        write_array(folder, "noise_gv", np.array([found.noise_gv]))
+            write_array(folder, name, np.array([status == name for status in stack.status]))
+        write_array(folder, "noise_gv", np.array([stack.noise_gv]))
 
 
 def run_stereo_dic(job: tuple[str, str, dict]) -> None:
@@ -241,9 +222,9 @@ def run_stereo_dic(job: tuple[str, str, dict]) -> None:
 def read_free_dic(store: RunStore, name: str = "dic") -> dict[str, Any]:
     """What `run_free_dic` stored of the frames but their motion; noise_gv as a number."""
     folder = store.group(name)
-    found = {name: read_array(folder, name) for name in ("rms_gv", "chi2_dof", "unexplained", "noise_gv")}
-    lost = read_array(folder, "lost") if (folder / "lost").exists() else np.zeros_like(found["unexplained"])
-    return found | {"noise_gv": float(found["noise_gv"][0]), "lost": lost}
+    arrays = {name: read_array(folder, name) for name in ("rms_gv", "chi2_dof", "unexplained", "noise_gv")}
+    lost = read_array(folder, "lost") if (folder / "lost").exists() else np.zeros_like(arrays["unexplained"])
+    return arrays | {"noise_gv": float(arrays["noise_gv"][0]), "lost": lost}
 
 
 def read_free_motion(store: RunStore, name: str = "dic", nodes: np.ndarray | None = None) -> np.ndarray:

@@ -60,5 +60,5 @@ def open_session(run: Path | str, runner: TaskRunner, sensitivity: str, progress
     n_shape = sum(name in context.forward.morphs for name in context.moving)
     sensitivity = checked_sensitivity(sensitivity, context.experiment)
     chosen = choose_sensitivity(sensitivity, len(context.moving), runner.workers, n_shape)
-    told = {name: call for name, call in (("progress", progress), ("say", say)) if call is not None}
-    return Session(str(run), runner, chosen, **told)
+    callbacks = {name: call for name, call in (("progress", progress), ("say", say)) if call is not None}
+    return Session(str(run), runner, chosen, **callbacks)

@@ -92,9 +92,9 @@ def simulate(job: SimulationJob) -> SimulationReport:
     """
     context = open_run(job.run)
     name, ident = group_name(job.evaluation, job.label), simulation_ident(job)
-    done = context.store.finished(name, ident) or _repeated(context.store, job, ident)
-    if done is not None:
-        return SimulationReport(job.label, "", tuple(read_array(done, "steps")), 0.0)
+    finished = context.store.finished(name, ident) or _repeated(context.store, job, ident)
+    if finished is not None:
+        return SimulationReport(job.label, "", tuple(read_array(finished, "steps")), 0.0)
     local = read_array(context.store.group(group_name(job.evaluation, "start")), "local")
     parameters = context.experiment.parameters.with_values(job.values)
     began = time.perf_counter()
@@ -103,8 +103,8 @@ def simulate(job: SimulationJob) -> SimulationReport:
         try:
             with solver_threads(job.threads), context.store.building(name, ident, once=True) as folder:
                 if attempt.increments == HALF_RATE:
-                    near = context.store.finished(group_name(attempt.warm_start[0], attempt.label))
-                    steps = write_without_time_error(context.forward, near, parameters, local, folder)
+                    simulation = context.store.finished(group_name(attempt.warm_start[0], attempt.label))
+                    steps = write_without_time_error(context.forward, simulation, parameters, local, folder)
                 else:
                     steps = _write_frames(context, attempt, parameters, local, folder)
                     write_array(folder, "steps", steps)
@@ -147,8 +147,8 @@ def _write_frames(context: RunContext, job: SimulationJob, parameters: Parameter
         forward = replace(forward, scratch=context.store.run / SCRATCH,
                           label=path_name(f"it{job.evaluation:03d}-{job.label}"))  # type: ignore[call-arg]
         local = local if job.shifted is None else forward.shifted(local, job.shifted)  # type: ignore[attr-defined]
-    ways = {} if context.external else {"warm_start": _warm_start(context, job), "increments": job.increments}
-    for state in forward.march(parameters, job.names, local, steps, influence, **ways):
+    for state in forward.march(parameters, job.names, local, steps, influence, _warm_start(context, job),
+                               increments=job.increments):
         fields = {"u": state.seen_u, "channels": state.channels}
         if job.names:
             fields |= {"du": state.seen_du, "dchannels": state.dchannels}
@@ -266,8 +266,8 @@ def _read_block(context: RunContext, job: CorrelationJob, base: Path, span: tupl
         local_dchannels = _read(base, "local_dchannels", span)
     for i in range(n):
         frame = context.experiment.reference + span[0] + i
-        own = local_du[i] if influence is None else influence.frame(span[0] + i)
-        yield FrameResponse(frame, u[i], channels[i], du[i], dchannels[i], own, local_dchannels[i])
+        frame_influence = local_du[i] if influence is None else influence.frame(span[0] + i)
+        yield FrameResponse(frame, u[i], channels[i], du[i], dchannels[i], frame_influence, local_dchannels[i])
 
 
 def _shifted_quotients(context: RunContext, evaluation: int, span, u, channels) -> tuple[np.ndarray, np.ndarray]:

@@ -39,7 +39,7 @@ def recover(store: RunStore, path: Path | str, runner: TaskRunner) -> list[str]:
     InputError
         The description or the state of the run is damaged, and so is its copy (they are small texts with a checksum).
     """
-    found = restored(store, (DESCRIPTION, STATE_FILE))
+    lines = restored(store, (DESCRIPTION, STATE_FILE))
     sweep(store.run / SCRATCH)
     settings = load_checkpoint(store.run / DESCRIPTION, DESCRIPTION_SCHEMA)
     state = load_state(store.run)
@@ -49,7 +49,7 @@ def recover(store: RunStore, path: Path | str, runner: TaskRunner) -> list[str]:
     damaged = damaged_groups(store, [*measured, *needed, *tried], _image_groups(store), runner)
     for name in [name for name in _image_groups(store) if name in damaged]:
         store.remove(name)
-        found.append("stored images are damaged: they are read again")
+        lines.append("stored images are damaged: they are read again")
     if settings is not None and settings["experiment"] != str(Path(path).resolve()):
         write_description(store.run, settings | {"experiment": str(Path(path).resolve())})
     spoilt = [name for name in measured if name in damaged]
@@ -58,16 +58,16 @@ def recover(store: RunStore, path: Path | str, runner: TaskRunner) -> list[str]:
             store.remove(name)
         remove_checkpoint(store.run / DESCRIPTION)
         start_over(store)
-        return [*found, "the preparation (noise, measured motion) is damaged: the run starts over, with the same end"]
+        return [*lines, "the preparation (noise, measured motion) is damaged: the run starts over, with the same end"]
     if state is None:
-        return found
+        return lines
     if damaged.intersection(needed):
         start_over(store)
-        return [*found, "the accepted point is damaged: the run starts over, with the same end"]
+        return [*lines, "the accepted point is damaged: the run starts over, with the same end"]
     for name in [name for name in tried if name in damaged]:
         store.remove(name)
-        found.append(f"{name} is damaged: it is computed again")
-    return found
+        lines.append(f"{name} is damaged: it is computed again")
+    return lines
 
 
 def restored(store: RunStore, names: Iterable[str]) -> list[str]:

@@ -18,9 +18,9 @@ from idic.errors import InputError
 from idic.model import is_mode
 from idic.readers import factor_to
 from idic.report import comparison_picture, comparison_tables, of_fields, render_tables
-from idic.run.joint_run import folders_of, is_joint
 from idic.run.prepared.context import open_run
 from idic.run.store.result_file import read_result, write_json
+from idic.run.store.run_folders import folders_of
 
 SCHEMA = "idic.compare/1"
 IN_UNIT = ("value", "std", "systematic_std", "start")  # of a parameter
@@ -108,17 +108,19 @@ def _run_record(run: Path, name: str) -> dict:
 
 
 def _models_and_data(run: Path) -> tuple[dict[str, str], list | None]:
-    """Law per element set, and the differences of the recordings; nothing where the experiment is no longer there."""
-    if is_joint(run):
-        parts = [_models_and_data(folder) for folder in folders_of(run).values()]
-        data = [entry for _, own in parts for entry in own or [None]]
-        return {name: law for models, _ in parts for name, law in models.items()}, None if None in data else data
-    try:
-        experiment = open_run(str(run)).experiment
-    except (InputError, OSError):
-        return {}, None
-    return ({m.element_set: m.law for m in experiment.materials},
-            [experiment.folder, list(experiment.labels), list(experiment.excluded)])
+    """Law per element set, and the differences of the recordings; None where an experiment is no longer there."""
+    models: dict[str, str] = {}
+    data: list | None = []
+    for folder in folders_of(run).values():
+        try:
+            experiment = open_run(str(folder)).experiment
+        except (InputError, OSError):
+            data = None
+            continue
+        models |= {m.element_set: m.law for m in experiment.materials}
+        if data is not None:
+            data += [experiment.folder, list(experiment.labels), list(experiment.excluded)]
+    return models, data
 
 
 def _parameter(name: str, entries: Sequence[Mapping | None]) -> dict:

@@ -21,7 +21,6 @@ from idic.report import (
     hardening_curves, in_turn, joint_page, render_page, shown_step, temperature_factors, time_label, without_modes,
     yield_surfaces,
 )
-from idic.run.joint_run import folders_of, is_joint
 from idic.run.judgement.accepted_point import channel_table, channels_of, refuse_passed_point
 from idic.run.judgement.floor import read_floor
 from idic.run.judgement.residual_maps import residuals_of
@@ -34,6 +33,7 @@ from idic.run.reporting.series import gauges_of, series_of
 from idic.run.store.arrays import FrameArrays
 from idic.run.store.layout import BASE, group_name
 from idic.run.store.result_file import RESULT_FILE, read_result
+from idic.run.store.run_folders import folders_of, is_joint
 from idic.run.store.system_store import load_evaluation
 
 REPORT_FILE = "report.html"

@@ -1,0 +1,75 @@
+"""What a free FE-DIC leaves an identification to begin with: excluded frames, frame-local unknowns, edges, noise.
+
+A RUN reads the FE-DIC from its store (`prepare`), an identification in memory has just made it (`in_memory`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from idic.identification import is_two_step, measured_noise, measured_start, without_edges
+from idic.measure import BoundaryStart, boundary_start
+from idic.model import Experiment, Noise, build_drives
+
+
+@dataclass(frozen=True, eq=False)
+class FreeMotion:
+    """What the free FE-DIC of the main camera says of the frames.
+
+    u_px : (n_frames, n, 2) px of `nodes`, None: of all; unexplained, lost : (n_frames,) bool
+    in_space : (n_frames, n_nodes, 3) mm by a free stereo FE-DIC; None where it is not needed
+    """
+
+    u_px: np.ndarray
+    unexplained: np.ndarray
+    lost: np.ndarray
+    nodes: np.ndarray | None = None
+    in_space: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Beginning:
+    """What is known before the first simulation.
+
+    excluded : frames, by the user or because they show nothing; local : (n_frames, m) mm, start of the frame-local
+    unknowns; boundary : of virtual boundaries
+    """
+
+    excluded: tuple[int, ...]
+    local: np.ndarray
+    boundary: BoundaryStart = field(default_factory=BoundaryStart)
+
+
+def beginning_of(experiment: Experiment, motion: FreeMotion | None) -> Beginning:
+    """What to begin with; motion : None where no free FE-DIC is needed."""
+    if motion is None:
+        return Beginning(tuple(experiment.excluded), np.zeros((experiment.n_frames, build_drives(experiment).n_local)))
+    excluded = list(experiment.excluded)
+    excluded += [int(k) for k in np.flatnonzero(motion.unexplained) if int(k) not in excluded]
+    excluded += [k for k in without_edges(experiment, motion.lost, motion.in_space) if k not in excluded]
+    local = measured_start(experiment, motion.u_px, excluded, motion.in_space,
+                           motion.nodes if motion.in_space is None else None)
+    return Beginning(tuple(excluded), local, boundary_start(experiment, motion.u_px, excluded, motion.in_space))
+
+
+def cameras_to_measure(experiment: Experiment) -> list[int]:
+    """The numbers of the further cameras (from 1) that need a free FE-DIC of their own."""
+    return [number for number, camera in enumerate(experiment.cameras, 1)
+            if camera.noise.std_gv is None or is_two_step(experiment)]
+
+
+def camera_noises(experiment: Experiment, free_noises: Mapping[int, float], excluded: tuple[int, ...]) -> list[Noise]:
+    """The noise of every camera: given, else of its free FE-DIC; and its covariance where consecutive images show one.
+
+    free_noises : GV, by the number of the camera (0: the main one)
+    """
+    noises = []
+    for number, view in enumerate(experiment.views):
+        noise = view.noise
+        if noise.std_gv is None:
+            noise = replace(noise, std_gv=float(free_noises[number]), source="residual_of_free_dic")
+        noises.append(measured_noise(replace(view, noise=noise, excluded=excluded)))
+    return noises
