@@ -6,14 +6,17 @@ import csv
 import json
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from idic_studies.ablation.inventory import Constant
+from idic_studies.ablation.inventory import Constant, constants
 
-DECISIONS = Path(__file__).with_name("decisions.csv")
+TABLE, DECISIONS = Path(__file__).with_name("table.md"), Path(__file__).with_name("decisions.csv")
+ELSEWHERE, ROOM = "idic/", "idic/diagnose/"  # in other rooms a constant is a number like any other
 CONFIDENCE = 0.95
+MEASURES = ("verdict", "reported", "alarm", "false_physics", "inside", "side_right", "onset_error", "intervals",
+            "probability")  # of the blind trial (`idic_studies.trial.evaluation.TrialRecord`)
 
 NOT_READ, ONE_OUTCOME, DECIDES, VALUE = "not read", "one outcome", "decides", "value"
 
@@ -23,12 +26,14 @@ class Asked:
     """What the worlds of a sample asked of a constant.
 
     reads : how often it was read; compared : comparisons it took part in; places : {place: (n_true, n_false)}
+    usual : {place: the outcome that occurred in most worlds, or most often}
     worlds : in which it was read; minority : worlds in which a comparison had the rarer outcome of its place
     """
 
     reads: int = 0
     compared: int = 0
-    places: Mapping[str, tuple[int, int]] = None  # type: ignore[assignment]
+    places: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    usual: Mapping[str, bool] = field(default_factory=dict)
     worlds: tuple[str, ...] = ()
     minority: tuple[str, ...] = ()
 
@@ -53,17 +58,20 @@ def asked_of(ledgers: Mapping[str, Mapping[str, Mapping[str, int]]]) -> dict[str
                 read_in[name].append(world)
         for key, n in ledger["outcomes"].items():
             name, place, outcome = key.split()
+            if place.startswith(ELSEWHERE) and not place.startswith(ROOM):
+                continue
             total[name][place][outcome == "True"] += n
             outcomes_in[name][place, outcome == "True"].append(world)
     found = {}
     for name in {*reads, *total}:
-        rare: dict[str, None] = {}
+        usual, rare = {}, dict[str, None]()
         for place, number in total[name].items():
-            if min(number[True], number[False]):
-                minority = len(outcomes_in[name][place, True]) < len(outcomes_in[name][place, False])
-                rare |= dict.fromkeys(outcomes_in[name][place, minority])
+            counts = [(len(outcomes_in[name][place, outcome]), number[outcome]) for outcome in (False, True)]
+            usual[place] = counts[True] > counts[False]
+            rare |= dict.fromkeys(outcomes_in[name][place, not usual[place]])
         places = {place: (number[True], number[False]) for place, number in total[name].items()}
-        found[name] = Asked(reads[name], sum(map(sum, places.values())), places, tuple(read_in[name]), tuple(rare))
+        found[name] = Asked(reads[name], sum(map(sum, places.values())), places, usual, tuple(read_in[name]),
+                            tuple(rare))
     return found
 
 
@@ -95,12 +103,95 @@ def decisions(path: Path = DECISIONS) -> dict[str, tuple[str, str]]:
         return {row["name"]: (row["decision"], row["reason"]) for row in csv.DictReader(file)}
 
 
-def rows(constants: Sequence[Constant], asked: Mapping[str, Asked]) -> list[tuple[str, ...]]:
-    """One row per constant: name, value, what it bounds, reads, comparisons, worlds, worlds with the rarer outcome,
-    status."""
-    found = []
-    for constant in constants:
+def changed(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
+    """Measures of the blind trial that differ between two answers to one world."""
+    return [name for name in MEASURES if before[name] != after[name]]
+
+
+def tried_without(out: Path) -> dict[str, dict[str, list[str]]]:
+    """{constant, move or CONSTANT=NUMBER: {world: measures that differ}}."""
+    found: dict[str, dict[str, list[str]]] = defaultdict(dict)
+    for path in sorted(out.glob("without/*/*.json")):
+        found[path.parent.name][path.stem] = changed(_record(out / path.stem / "trace.json"), _record(path))
+    return dict(found)
+
+
+def _record(path: Path) -> dict[str, Any]:
+    return json.loads(path.read_text(encoding="utf-8"))["record"]
+
+
+def write_table(out: Path) -> Path:
+    """Write `TABLE` from the traces in a folder and from `DECISIONS`."""
+    TABLE.write_text(table_text(out), encoding="utf-8")
+    return TABLE
+
+
+def table_text(out: Path) -> str:
+    """The table in Markdown."""
+    worlds, tried, decided = ledgers(out), tried_without(out), decisions()
+    asked, listed = asked_of(worlds), list(constants())
+    number = Counter(asked.get(constant.name, Asked()).status for constant in listed)
+    lines = ["# Ablation of the diagnosis", "",
+             "`python -m idic_studies.ablation table OUT` writes this page; `sample`, `trace` and `without` make OUT.",
+             "",
+             f"{len(worlds)} drawn worlds. What decided in none of them decides, with 95 % confidence, in fewer than "
+             f"{100 * largest_share_unseen(len(worlds)):.0f} % of such worlds.", "",
+             f"{len(listed)} constants: {number[NOT_READ]} are not read, {number[ONE_OUTCOME]} are compared with one "
+             f"outcome at every place, {number[DECIDES]} decide, {number[VALUE]} are values that nothing is compared "
+             "with (grids, probes, priors, tolerances of a search). Going without those of the first two kinds changes "
+             "no answer to these worlds.", "",
+             *_worlds(out, list(worlds)), *_moves(worlds.values(), tried, decided),
+             *_constants(listed, asked, tried, decided)]
+    return "\n".join(lines) + "\n"
+
+
+def _worlds(out: Path, names: Sequence[str]) -> list[str]:
+    records = {name: _record(out / name / "trace.json") for name in names}
+    cells = [(name, record["verdict"], ", ".join(record["reported"]), _yes(record["alarm"]),
+              _yes(record["false_physics"]), _yes(record["inside"])) for name, record in records.items()]
+    return _lines("The sample", ("world", "verdict", "reported", "alarm", "false physics", "cause in the set"), cells)
+
+
+def _yes(value: bool) -> str:
+    return "yes" if value else "–"
+
+
+def _moves(worlds: Iterable[Mapping[str, Any]], tried: Mapping, decided: Mapping) -> list[str]:
+    cells = [(name, str(number["asked"]), str(number["applied"]), str(number["accepted"]),
+              f"{number['worlds applied']}, {number['worlds accepted']}", *_decision(name, tried, decided))
+             for name, number in moves_of(worlds).items()]
+    return _lines("Moves of the selection", ("move", "asked", "applied", "accepted", "worlds applied, accepted",
+                                             "without it", "decision"), cells)
+
+
+def _constants(listed: Sequence[Constant], asked: Mapping[str, Asked], tried: Mapping, decided: Mapping) -> list[str]:
+    cells = []
+    for constant in listed:
         answer = asked.get(constant.name, Asked())
-        found.append((constant.name, constant.value, constant.bounds, str(answer.reads), str(answer.compared),
-                      str(len(answer.worlds)), str(len(answer.minority)), answer.status))
-    return found
+        cells.append((constant.name, constant.value, constant.bounds, answer.status, str(answer.compared),
+                      f"{len(answer.worlds)}, {len(answer.minority)}", *_decision(constant.name, tried, decided)))
+    cells += [(name, "", "", "", "", "", *_decision(name, tried, decided)) for name, (decision, _) in decided.items()
+              if decision == "gone" and name not in {constant.name for constant in listed}]
+    return _lines("Constants", ("constant", "value", "bounds", "status", "compared", "worlds read, decided",
+                                "without it", "decision"), cells)
+
+
+def _decision(name: str, tried: Mapping[str, Mapping[str, Sequence[str]]],
+              decided: Mapping[str, tuple[str, str]]) -> tuple[str, str]:
+    """What changed without something, in words; what is done with it, and why."""
+    changes = [f"{key.partition('=')[2]}{': ' if '=' in key else ''}{_changes(worlds)}"
+               for key, worlds in tried.items() if key.partition("=")[0] == name]
+    decision, reason = decided.get(name, ("stays", ""))
+    return "; ".join(changes), f"{decision}: {reason}" if reason else decision
+
+
+def _changes(worlds: Mapping[str, Sequence[str]]) -> str:
+    differing = {world: measures for world, measures in worlds.items() if measures}
+    words = "; ".join(f"{world}: {', '.join(measures)}" for world, measures in differing.items())
+    return f"{len(differing)} of {len(worlds)} answers change{f' ({words})' if words else ''}"
+
+
+def _lines(title: str, heads: Sequence[str], cells: Iterable[Sequence[str]]) -> list[str]:
+    """A section with a table."""
+    body = ["| " + " | ".join(cell.replace("|", "/") for cell in row) + " |" for row in cells]
+    return [f"## {title}", "", "| " + " | ".join(heads) + " |", "|" + "---|" * len(heads), *body, ""]
