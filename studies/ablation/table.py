@@ -13,7 +13,7 @@ from typing import Any
 from idic_studies.ablation.inventory import Constant, constants
 
 TABLE, DECISIONS = Path(__file__).with_name("table.md"), Path(__file__).with_name("decisions.csv")
-ELSEWHERE, ROOM = "idic/", "idic/diagnose/"  # in other rooms a constant is a number like any other
+ROOM = "idic/diagnose/"  # elsewhere a constant is a number like any other
 CONFIDENCE = 0.95
 MEASURES = ("verdict", "reported", "alarm", "false_physics", "inside", "side_right", "onset_error", "intervals",
             "probability")  # of the blind trial (`idic_studies.trial.evaluation.TrialRecord`)
@@ -58,7 +58,7 @@ def asked_of(ledgers: Mapping[str, Mapping[str, Mapping[str, int]]]) -> dict[str
                 read_in[name].append(world)
         for key, n in ledger["outcomes"].items():
             name, place, outcome = key.split()
-            if place.startswith(ELSEWHERE) and not place.startswith(ROOM):
+            if not place.startswith(ROOM):
                 continue
             total[name][place][outcome == "True"] += n
             outcomes_in[name][place, outcome == "True"].append(world)

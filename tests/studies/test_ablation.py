@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ from idic_studies.ablation.inventory import constants
 from idic_studies.ablation.table import DECIDES, NOT_READ, ONE_OUTCOME, VALUE, Asked, asked_of, largest_share_unseen
 from idic_studies.ablation.trace import Ledger, Omission, Rewriting, constants_of, traced_loop
 
+FILE = "idic/diagnose/module.py"
 MODULE = """
 LIMIT, STEP = 0.25, 2
 
@@ -36,9 +36,9 @@ def every(values):
 def rewritten(ledger: Ledger) -> dict:
     """The module under a trace."""
     tree = ast.parse(MODULE)
-    tree = Rewriting("module.py", "idic.diagnose.module", constants_of(tree, "idic.diagnose.module")).visit(tree)
+    tree = Rewriting(FILE, "idic.diagnose.module", constants_of(tree, "idic.diagnose.module")).visit(tree)
     namespace = {"ledger__": ledger}
-    exec(compile(tree, "module.py", "exec"), namespace)  # noqa: S102  (this is what an import does)
+    exec(compile(tree, FILE, "exec"), namespace)  # noqa: S102  (this is what an import does)
     return namespace
 
 
@@ -63,21 +63,22 @@ def test_a_comparison_is_counted_for_every_constant_behind_it():
     assert compared == {"9": (2, 1), "13": (1, 2)}  # the loop over values; of the clipped ones one is cut
     assert asked["module.STEP"].compared == 3  # it stands behind the upper limit
     assert ledger.content["calls"] == {"module.larger": 1, "module.cut": 1, "module.every": 1}
-    assert ledger.content["conditions"]["module.py:7:7 False"] == 1
+    assert ledger.content["conditions"][f"{FILE}:7:7 False"] == 1
 
 
 def test_an_omission_answers_a_comparison_and_gives_another_value():
-    place = str(Path("module.py")) + ":9"
+    place = f"{FILE}:9"
     forced = rewritten(Ledger(Omission({("module.LIMIT", place): True})))
     assert forced["larger"]([0.1, 0.3]) == [0.1, 0.3]
     assert rewritten(Ledger(Omission(values={"module.LIMIT": 0.2})))["larger"]([0.1, 0.22]) == [0.22]
 
 
 def test_a_constant_decides_where_one_place_has_both_outcomes():
-    worlds = {"one": {"reads": {"A m:1": 1, "B m:2": 1, "C m:3": 4},
-                      "outcomes": {"A m:1 True": 3, "B m:2 True": 1, "B m:5 False": 1}},
-              "two": {"reads": {"A m:1": 1}, "outcomes": {"A m:1 False": 1}},
-              "three": {"reads": {"A m:1": 1}, "outcomes": {"A m:1 True": 1}}}
+    worlds = {"one": {"reads": {"A idic/diagnose/m:1": 1, "B idic/diagnose/m:2": 1, "C idic/diagnose/m:3": 4},
+                      "outcomes": {"A idic/diagnose/m:1 True": 3, "B idic/diagnose/m:2 True": 1,
+                                   "B idic/diagnose/m:5 False": 1}},
+              "two": {"reads": {"A idic/diagnose/m:1": 1}, "outcomes": {"A idic/diagnose/m:1 False": 1}},
+              "three": {"reads": {"A idic/diagnose/m:1": 1}, "outcomes": {"A idic/diagnose/m:1 True": 1}}}
     asked = asked_of(worlds)
     assert [asked[name].status for name in "ABC"] == [DECIDES, ONE_OUTCOME, VALUE]
     assert asked["A"].minority == ("two",)
