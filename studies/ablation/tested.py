@@ -18,7 +18,8 @@ from idic_studies.ablation.trace import traced
 LEDGER = traced()
 
 
-def pytest_sessionfinish(session: Any) -> None:
-    """Write the ledger of all tests of this process."""
-    if target := os.environ.get("IDIC_TRACE"):
+def pytest_runtest_teardown(item: Any, nextitem: Any) -> None:
+    """Write the ledger of all tests of this process so far, after the last test of every file."""
+    target = os.environ.get("IDIC_TRACE")
+    if target and (nextitem is None or nextitem.path != item.path):
         Path(target).write_text(json.dumps(LEDGER.content, indent=0, sort_keys=True), encoding="utf-8")
