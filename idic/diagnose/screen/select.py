@@ -290,13 +290,3 @@ def _probe_size(variant: Variant) -> float:
         return 1.0
     return max((abs(variant.probe[n] - variant.null.get(n, 0.0)) for n in variant.new if n in variant.probe),
                default=np.inf)
-
-
-def sets(screening: Screening, ranked: Sequence[Ranked]) -> list[list[str]]:
-    """Groups of candidates that this record cannot tell apart, D < 9 in pairs, chained."""
-    groups: list[list[Ranked]] = []
-    for candidate in ranked:
-        close_groups = [g for g in groups
-                        if any(screening.separation_chi2(candidate, member) < MIN_SEPARATION_CHI2 for member in g)]
-        groups = [g for g in groups if g not in close_groups] + [[*(r for g in close_groups for r in g), candidate]]
-    return [[r.candidate.name for r in g] for g in groups if len(g) > 1]

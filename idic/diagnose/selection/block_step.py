@@ -33,7 +33,6 @@ SQUARES_PER_SIDE = 4  # along the longer side of the visible region
 FITTED_FRAME_SHARES = (0.5, 0.75)  # of the frames that fit; the following ones up to the next part judge
 # of the whole recording's information on every direction: a smaller part does not determine the model
 MIN_PART_SHARE = 0.05
-MIN_SEEN_NODES = 8  # of a part
 # of chi-square: two models that differ by D lower it by D +- 2 sqrt(D) with the right one; however large D is, noise
 # raises it by as much in one of 700 cases
 MAX_LUCK_OF_BLOCKS = 9.0
@@ -113,7 +112,7 @@ def parts_of(evidence: Evidence, grid: Grid) -> tuple[Part, ...]:
     parts = []
     for name, colour in (("squares 1", black), ("squares 2", ~black)):
         judge = ~colour & ~_beside(evidence, colour)
-        if min(colour.sum(), judge.sum()) >= MIN_SEEN_NODES * evidence.n_components:
+        if colour.any() and judge.any():
             parts.append(Part(name, colour, judge, frames, frames))
     number = np.arange(len(frames))
     ends = [int(np.ceil(share * len(frames))) for share in FITTED_FRAME_SHARES]
