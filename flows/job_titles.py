@@ -47,6 +47,6 @@ def _perturbed(job: SimulationJob, base: SimulationJob | None) -> str:
         return job.label
     change, unit = job.values[job.label] - base.values[job.label], ""
     with suppress(Exception):  # a name only: the job itself says what is wrong with its RUN
-        parameter = open_run(job.run).experiment.parameters[job.label]
+        parameter = open_run(job.run).experiment.model.parameters[job.label]
         change, unit = change / parameter.factor, parameter.unit
     return f"{job.label} {'-' if change < 0 else '+'} {abs(change):.3g} {unit}".rstrip()

@@ -81,7 +81,7 @@ def publish_residual(run: Path) -> None:
 
 def schedule_table(experiment: Experiment) -> list[dict[str, str]]:
     """A row per stage of the schedule."""
-    names = experiment.parameters.free
+    names = experiment.model.parameters.free
     return [{"stage": str(number),
              "free": ", ".join(stage.free),
              "locked": ", ".join(name for name in names if name not in stage.free) or "none",
@@ -93,7 +93,7 @@ def schedule_table(experiment: Experiment) -> list[dict[str, str]]:
 def evaluations_table(experiment: Experiment, state: LoopState) -> list[dict[str, str]]:
     """A row per evaluated point: stage, objective, residual, outcome, damping, and the free parameters in their
     units."""
-    free = [experiment.parameters[name] for name in experiment.parameters.free]
+    free = [experiment.model.parameters[name] for name in experiment.model.parameters.free]
     return [{"evaluation": str(entry["evaluation"]),
              "stage": str(entry["stage"] + 1),
              "objective": "no simulation" if entry["phi"] is None else f"{entry['phi']:.6g}",

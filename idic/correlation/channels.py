@@ -17,24 +17,24 @@ from idic.parameters import ParameterSet
 def channel_values(experiment: Experiment, parameters: ParameterSet, simulated: np.ndarray, frame: int) -> np.ndarray:
     """What the channels would show for these simulated forces  # (n_channels,)"""
     return np.array([shown_value(experiment, channel, parameters, frame, float(force)).value
-                     for channel, force in zip(experiment.channels, simulated, strict=True)], float)
+                     for channel, force in zip(experiment.model.channels, simulated, strict=True)], float)
 
 
 def measured_values(experiment: Experiment, parameters: ParameterSet) -> np.ndarray:
     """The logged channels of all frames, at the times of the images  # (n_frames, n_channels)"""
-    shift = experiment.log_shift(parameters)
+    shift = experiment.model.log_shift(parameters)
     columns = [channel.values + (shift * channel.rates if channel.rates is not None else 0.0)
-               for channel in experiment.channels]
-    return np.stack(columns, axis=1) if columns else np.zeros((experiment.n_frames, 0))
+               for channel in experiment.model.channels]
+    return np.stack(columns, axis=1) if columns else np.zeros((experiment.model.n_frames, 0))
 
 
 def channel_equations(context: CorrelationContext, response: FrameResponse) -> ChannelEquations:
     """Residual of every channel and its derivative: by its terms, by the simulation, and by the time offset."""
     experiment, parameters, frame = context.experiment, context.parameters, response.frame
-    n_channels, n = len(experiment.channels), len(context.names)
+    n_channels, n = len(experiment.model.channels), len(context.names)
     residual, d_global, slopes = np.zeros(n_channels), np.zeros((n_channels, n)), np.ones(n_channels)
-    shift = experiment.log_shift(parameters)
-    for c, channel in enumerate(experiment.channels):
+    shift = experiment.model.log_shift(parameters)
+    for c, channel in enumerate(experiment.model.channels):
         shown = shown_value(experiment, channel, parameters, frame, float(response.channels[c]))
         rate, slopes[c] = 0.0 if channel.rates is None else channel.rates[frame], shown.slope
         residual[c] = channel.values[frame] + shift * rate - shown.value

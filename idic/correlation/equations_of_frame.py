@@ -63,7 +63,7 @@ def frame_equations(context: CorrelationContext, response: FrameResponse,
     """
     experiment, reference = context.experiment, context.reference
     response = turned_response(experiment, response)
-    nodes, view = experiment.mesh.nodes, view_of(experiment, context.camera).at(response.frame)
+    nodes, view = experiment.model.mesh.nodes, view_of(experiment, context.camera).at(response.frame)
     motion, jacobian = view.motion(nodes, response.u), view.jacobian(nodes, response.u)
     nodal, columns = reference.compare(experiment, response.frame, motion), _columns(context, response, view, jacobian)
     if isinstance(reference, FieldReference) and isinstance(nodal, FieldEquations):
@@ -85,10 +85,10 @@ def frame_equations(context: CorrelationContext, response: FrameResponse,
 
 def turned_response(experiment: Experiment, response: FrameResponse) -> FrameResponse:
     """The motion in the axes of this camera."""
-    if not (experiment.axis_order or experiment.sees_back):
+    if not (experiment.model.axis_order or experiment.model.sees_back):
         return response
-    return replace(response, u=experiment.turned(response.u), du=experiment.turned(response.du),
-                   local_du=experiment.turned(response.local_du))
+    return replace(response, u=experiment.model.turned(response.u), du=experiment.model.turned(response.du),
+                   local_du=experiment.model.turned(response.local_du))
 
 
 def _without_pixels(reference: Reference, nodal: NodalEquations) -> NodalEquations:
@@ -106,18 +106,18 @@ def global_columns(context: CorrelationContext, response: FrameResponse,
     gradient : `nodal_gradient` of the motion, where it is known already
     """
     view = view_of(context.experiment, context.camera).at(response.frame)
-    return _columns(context, response, view, view.jacobian(context.experiment.mesh.nodes, response.u), gradient)
+    return _columns(context, response, view, view.jacobian(context.experiment.model.mesh.nodes, response.u), gradient)
 
 
 def _columns(context: CorrelationContext, response: FrameResponse, view: View | PinholeView, jacobian: np.ndarray,
              gradient: np.ndarray | None = None) -> np.ndarray:
     """The same; view, jacobian : of the frame."""
-    experiment, nodes = context.experiment, context.experiment.mesh.nodes
+    experiment, nodes = context.experiment, context.experiment.model.mesh.nodes
     of_camera = [name for name in context.names if name not in context.moving and _is_of_camera(context, name)]
     if gradient is None and (of_camera or _moves_nodes(experiment, context.moving)):
         gradient = nodal_gradient(experiment, response.u)
     moved = view.projected(jacobian, at_fixed_pixels(experiment, response.u, response.du, context.moving, gradient))
-    columns, stem = np.zeros((len(moved), len(context.names))), f"{experiment.camera_name}."
+    columns, stem = np.zeros((len(moved), len(context.names))), f"{experiment.recording.camera_name}."
     for i, name in enumerate(context.names):
         if name in context.moving:
             columns[:, i] = moved[:, context.moving.index(name)]
@@ -129,12 +129,12 @@ def _columns(context: CorrelationContext, response: FrameResponse, view: View | 
 def _is_of_camera(context: CorrelationContext, name: str) -> bool:
     """Whether a degree of freedom is one of this camera, or of the place of the specimen before it."""
     placed = isinstance(context.camera, PlacedCamera) and name.startswith(f"{PLACEMENT_STEM}.")
-    return placed or name.startswith(f"{context.experiment.camera_name}.")
+    return placed or name.startswith(f"{context.experiment.recording.camera_name}.")
 
 
 def _moves_nodes(experiment: Experiment, moving: Sequence[str]) -> bool:
     """Whether one of these degrees of freedom moves the nodes of the undeformed mesh."""
-    return any(morph.name in moving for morph in experiment.morphs)
+    return any(morph.name in moving for morph in experiment.model.morphs)
 
 
 def at_fixed_pixels(experiment: Experiment, u: np.ndarray, du: np.ndarray, moving: Sequence[str],
@@ -146,11 +146,11 @@ def at_fixed_pixels(experiment: Experiment, u: np.ndarray, du: np.ndarray, movin
     """
     if not _moves_nodes(experiment, moving):
         return du
-    velocity = {morph.name: morph.velocity for morph in experiment.morphs}
+    velocity = {morph.name: morph.velocity for morph in experiment.model.morphs}
     du, gradient = du.copy(), nodal_gradient(experiment, u) if gradient is None else gradient
     for i, name in enumerate(moving):
         if name in velocity:
-            v = experiment.turned(velocity[name])
+            v = experiment.model.turned(velocity[name])
             du[:, :, i] -= np.einsum("nij,nj->ni", gradient, v)
             du[:, :v.shape[1], i] += v
     return du
@@ -158,10 +158,10 @@ def at_fixed_pixels(experiment: Experiment, u: np.ndarray, du: np.ndarray, movin
 
 def nodal_gradient(experiment: Experiment, u: np.ndarray) -> np.ndarray:
     """Deformation gradient at the nodes  # (n_nodes, dim, dim), of a motion with a third component (n_nodes, 3, 2)"""
-    gradient = nodal_deformation(experiment.mesh, u)
+    gradient = nodal_deformation(experiment.model.mesh, u)
     return np.where(np.isnan(gradient), np.eye(*gradient.shape[1:]), gradient)  # nodes of no element do not matter
 
 
 def correlated_frames(experiment: Experiment, frames: Sequence[int]) -> list[int]:
     """Frames that enter the sums: later than the reference and not excluded."""
-    return [int(k) for k in frames if k > experiment.reference and k not in experiment.excluded]
+    return [int(k) for k in frames if k > experiment.model.reference and k not in experiment.recording.excluded]

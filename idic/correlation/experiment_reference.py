@@ -30,14 +30,14 @@ _traced: dict[tuple, tuple[PixelMap, np.ndarray | None]] = {}
 
 def camera_at(experiment: Experiment, parameters: ParameterSet) -> AnyCamera:
     """The camera with the camera degrees of freedom of these parameters."""
-    stem = experiment.camera_name
-    if isinstance(experiment.camera, PlacedCamera):
+    stem = experiment.recording.camera_name
+    if isinstance(experiment.model.camera, PlacedCamera):
         lens = {name.removeprefix(f"{stem}."): at.value for name, at in parameters.items()
                 if name.startswith(f"{stem}.")}
         common = {name: at.value for name, at in parameters.items() if name.startswith(f"{PLACEMENT_STEM}.")}
-        return experiment.camera.with_parameters(lens | common)
+        return experiment.model.camera.with_parameters(lens | common)
     values = {name: parameters[f"{stem}.{name}"].value for name in CAMERA_PARAMETERS if f"{stem}.{name}" in parameters}
-    camera = experiment.camera.with_parameters(values) if values else experiment.camera
+    camera = experiment.model.camera.with_parameters(values) if values else experiment.model.camera
     if camera.motion is None:
         return camera
     amplitudes = {name: parameters[f"{stem}.{name}"].value for name in camera.motion.names}
@@ -55,20 +55,20 @@ def build_experiment_reference(experiment: Experiment, camera: AnyCamera) -> Ref
     InputError
         If no part of the mesh is visible.
     """
-    if experiment.points is not None:
+    if experiment.recording.points is not None:
         return build_field_reference(experiment, camera)
     view = view_of(experiment, camera)
     if view.kind == SECTION:
         return _section_reference(experiment, camera)
-    options, stack = experiment.options, experiment.stack
-    mask = _inside_borders(experiment.mask, stack.shape, options.border_px if view.kind == GREY else 0)
+    options, stack = experiment.options, experiment.recording.stack
+    mask = _inside_borders(experiment.recording.mask, stack.shape, options.border_px if view.kind == GREY else 0)
     pixel_map, mask = _kept_pixels(experiment, camera, mask)
     if options.left_out_px:
         mask = _outside_circles(mask, stack.shape, options.left_out_px)
         pixel_map = mapped_pixels(experiment, camera, mask)
-    image = stack.frame(experiment.reference)
+    image = stack.frame(experiment.model.reference)
     if view.kind == GREY:
-        images = [stack.frame(k) for k in experiment.averaged] or image
+        images = [stack.frame(k) for k in experiment.recording.averaged] or image
         return grey_reference(pixel_map, images, experiment)
     degree = DEGREES[options.interpolation]
     gaps = pixels_at_gaps(height_frame(image, 0.0, degree, options.lowpass_px))
@@ -94,14 +94,14 @@ def _kept_pixels(experiment: Experiment, camera: AnyCamera,
 
     if not isinstance(camera, PlacedCamera):
         return found()
-    mesh, one = experiment.mesh, camera.effective
-    faces = [] if experiment.surface is None else mesh.edge_sets[experiment.surface]
+    mesh, one = experiment.model.mesh, camera.effective
+    faces = [] if experiment.model.surface is None else mesh.edge_sets[experiment.model.surface]
     digest = blake2b()
     for part in (mesh.nodes, *(block.connectivity for block in mesh.blocks), faces, one.intrinsic, one.rotation,
                  one.translation_mm, () if mask is None else mask):
         digest.update(np.ascontiguousarray(part))
         digest.update(str(np.shape(part)).encode())
-    key = digest.digest(), experiment.stack.shape, mask is None, experiment.options.edge_margin_px
+    key = digest.digest(), experiment.recording.stack.shape, mask is None, experiment.options.edge_margin_px
     kept = _traced.get(key)
     if kept is None:
         kept = _traced[key] = found()
@@ -112,19 +112,19 @@ def _kept_pixels(experiment: Experiment, camera: AnyCamera,
 
 def mapped_pixels(experiment: Experiment, camera: AnyCamera, mask: np.ndarray | None) -> PixelMap:
     """The pixels of the seen surface within a mask (ny, nx), bool, None: everywhere."""
-    mesh, shape = experiment.mesh, experiment.stack.shape
-    cells = surface_cells(mesh, experiment.surface)
+    mesh, shape = experiment.model.mesh, experiment.recording.stack.shape
+    cells = surface_cells(mesh, experiment.model.surface)
     if isinstance(camera, PlacedCamera):
-        return build_ray_map(mesh, cells, camera, shape, mask, experiment.surface)
+        return build_ray_map(mesh, cells, camera, shape, mask, experiment.model.surface)
     return build_pixel_map(mesh.nodes, cells, camera, shape, mask)
 
 
 def _section_reference(experiment: Experiment, camera: Camera) -> SectionReference:
     """The reference of a cross-section: its columns instead of its pixels."""
-    options, stack = experiment.options, experiment.stack
-    section = build_section_map(experiment.mesh, experiment.surface, camera, stack.shape, experiment.mask,
-                                experiment.symmetry is not None, options.edge_margin_px)
-    return build_section_reference(section, stack.frame(experiment.reference), DEGREES[options.interpolation],
+    options, stack = experiment.options, experiment.recording.stack
+    section = build_section_map(experiment.model.mesh, experiment.model.surface, camera, stack.shape, experiment.recording.mask,
+                                experiment.model.symmetry is not None, options.edge_margin_px)
+    return build_section_reference(section, stack.frame(experiment.model.reference), DEGREES[options.interpolation],
                                    options.lowpass_px)
 
 

@@ -74,7 +74,7 @@ class MeasuredReference:
 
     def compare(self, experiment: Experiment, frame: int, motion: np.ndarray) -> NodalEquations | MeasuredEquations:
         """Equations of one frame for a simulated motion (n_nodes, 2) px; of the reference frame, those of its image."""
-        if frame == experiment.reference:
+        if frame == experiment.model.reference:
             return self.image.compare(experiment, frame, motion)
         return self.equations(self.image.compare(experiment, frame, self.filled(frame)), frame, motion)
 

@@ -98,7 +98,7 @@ def thickness_caution(diagnosis: Diagnosis) -> list[str]:
         return []
     moved = float(np.sqrt((error.thickness.u**2).sum(axis=2).mean(axis=1)).max()) / pixel_size(experiment)
     shares = [f", {100.0 * np.abs(change).max() / channel.largest:.2g} % of {channel.column}"
-              for channel, change in zip(experiment.channels, error.thickness.channels.T, strict=True)]
+              for channel, change in zip(experiment.model.channels, error.thickness.channels.T, strict=True)]
     identified, first = diagnosis.identification.parameters, diagnosis.rounds[0]
     first_error = first.source.motion_error
     bricks = first.null if diagnosis.corrected is None else diagnosis.corrected.fit
@@ -109,7 +109,7 @@ def thickness_caution(diagnosis: Diagnosis) -> list[str]:
     is_first = first_error is not None and first_error.thickness is not None  # counted before any cause
     value_text = f" ({values})" if is_first and values else ""
     addition = "" if diagnosis.state.final is None else ", nor does the enriched experiment"
-    return [f"The specimen is not in plane stress: the motion of bricks of its thickness ({experiment.thickness:.3g} "
+    return [f"The specimen is not in plane stress: the motion of bricks of its thickness ({experiment.model.thickness:.3g} "
             f"mm) differs from the model by up to {moved:.2g} px (rms of a frame){''.join(shares)}, and the recording "
             f"shows it. The diagnosis counts the difference; the identified parameters do not{value_text}{addition}. "
             "Identify again with a mesh of bricks (kind = \"solid\")."]
@@ -125,7 +125,7 @@ def untested_thickness(identification: Identification) -> list[str]:
     if reason is None:
         return []
     return [f"Plane stress was not tested: {reason}. Bricks of the specimen's thickness "
-            f"({identification.experiment.thickness:.3g} mm) may move otherwise, most at grips, notches and in "
+            f"({identification.experiment.model.thickness:.3g} mm) may move otherwise, most at grips, notches and in "
             "bending; no error bar counts it. Diagnose with "
             "quadrilaterals or triangles of second order alone, and not too many, or identify with a mesh of bricks "
             "(kind = \"solid\")."]
@@ -137,11 +137,11 @@ def finite_caution(diagnosis: Diagnosis) -> list[str]:
     enriched = diagnosis.enriched
     if enriched is None or NO_CAUSE in diagnosis.verdict.selected:
         return []
-    small = {material.element_set for material in diagnosis.identification.experiment.materials
+    small = {material.element_set for material in diagnosis.identification.experiment.model.materials
              if material.kinematics == "small"}
     if not any(material.element_set in small and material.kinematics == "finite"
                and "small" in get_law(material.law).kinematics
-               for material in enriched.residual.context.experiment.materials):
+               for material in enriched.residual.context.experiment.model.materials):
         return []
     return ["The recording shows finite strains and rotations, which the identified model neglects. The diagnosis and "
             "the enriched experiment count them; the identified parameters do not. Identify again with finite strains "
@@ -173,7 +173,7 @@ def neglected_cautions(diagnosis: Diagnosis) -> list[str]:
     parameters = diagnosis.last_parameters
     ends = " with ends that keep theirs" if gripped_ends(experiment) else ""
     assumptions = {
-        BRICKS: (f"Plane stress is an assumption: bricks of the specimen's thickness ({experiment.thickness:.3g} "
+        BRICKS: (f"Plane stress is an assumption: bricks of the specimen's thickness ({experiment.model.thickness:.3g} "
                  f"mm){ends}", 'a mesh of bricks (kind = "solid")'),
         FINITE_STRAINS: ("Small strains are an assumption: the same law with finite strains and rotations",
                          'finite strains (kinematics = "finite")')}

@@ -138,7 +138,7 @@ def _verdict(identification: Identification, state: State, remainder: Remainder)
 
 def _freedom(source: ExperimentSource, ranked: Ranked) -> Parameter | None:
     """The degree of freedom that the amplitude of a direct candidate is the value of."""
-    return source.load(ranked.variant.edits).parameters.get(ranked.label) if ranked.variant.direct else None
+    return source.load(ranked.variant.edits).model.parameters.get(ranked.label) if ranked.variant.direct else None
 
 
 def _corrected(state: State) -> FittedModel | None:

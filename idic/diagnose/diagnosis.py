@@ -86,7 +86,7 @@ class Diagnosis:
         enriched = self.enriched
         experiment = self.identification.experiment if enriched is None else (
             enriched.residual.context.experiment)
-        return experiment.parameters
+        return experiment.model.parameters
 
     @property
     def first_cause(self) -> Round | None:

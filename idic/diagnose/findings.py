@@ -48,7 +48,7 @@ def mismatch_content(diagnosis: Diagnosis) -> dict:
         content["elements"] = _labels(diagnosis, diagnosis.active.since >= 0)
     found_by = shown_by(diagnosis)
     words = mismatch_words(diagnosis.mismatch, selected, found_by and f"{_titles(diagnosis)} by {found_by}",
-                           unexplained(diagnosis), diagnosis.identification.experiment.length_unit)
+                           unexplained(diagnosis), diagnosis.identification.experiment.model.length_unit)
     return content | {"place": place_in_words(diagnosis), "figure": figure, "active": _active(diagnosis),
                       "located": None if diagnosis.mismatch is None else diagnosis.mismatch.is_significant,
                       "shown_by": found_by, "words": list(words)}
@@ -95,13 +95,13 @@ def _active(diagnosis: Diagnosis) -> dict | None:
     if active is None:
         return None
     return {"verb": active.verb, "first_frame": active.first_frame, "elements": int((active.since >= 0).sum()),
-            "of": diagnosis.identification.experiment.mesh.n_elements,
+            "of": diagnosis.identification.experiment.model.mesh.n_elements,
             "first_elements": _labels(diagnosis, active.first),
-            "first_mm": first_active_place(diagnosis.identification.experiment.mesh, active)}
+            "first_mm": first_active_place(diagnosis.identification.experiment.model.mesh, active)}
 
 
 def _labels(diagnosis: Diagnosis, elements: np.ndarray) -> list[int]:
-    return list(diagnosis.identification.experiment.mesh.labels_of(elements))
+    return list(diagnosis.identification.experiment.model.mesh.labels_of(elements))
 
 
 def place_in_words(diagnosis: Diagnosis) -> str | None:
@@ -111,7 +111,7 @@ def place_in_words(diagnosis: Diagnosis) -> str | None:
         return None
     if _everywhere(diagnosis):
         return None
-    mesh, unit = diagnosis.identification.experiment.mesh, diagnosis.identification.experiment.length_unit
+    mesh, unit = diagnosis.identification.experiment.model.mesh, diagnosis.identification.experiment.model.length_unit
     if len(mismatch.elements) > MAX_PLACE_SHARE * mesh.n_elements:
         return (None if diagnosis.active is None else
                 f"first at {in_words(first_active_place(mesh, diagnosis.active), size=mesh.size)} {unit}")

@@ -102,7 +102,7 @@ def is_offered(verdict: Verdict, mismatch: Mismatch | None, rounds: Sequence[Rou
     """
     classes = ("elastic", *YIELDING, *RUBBERS, *RELAXING)
     if verdict.word != "outside_library" or mismatch is None or not any(
-            material.law in classes for material in experiment.materials):
+            material.law in classes for material in experiment.model.materials):
         return False
     return BULK in (mismatch.side, *(winner.ranked.candidate.side for winner in winners(rounds)))
 
@@ -141,7 +141,7 @@ def _without(values: Mapping[str, float], law: FreeLaw) -> dict[str, float]:
 
 def free_laws(situation: Situation) -> Iterator[FreeLaw]:
     """Of every material the free laws of its class."""
-    for material in situation.experiment.materials:
+    for material in situation.experiment.model.materials:
         name, law = material.element_set, material.law
         if law == "elastic" or law in YIELDING:
             yield _hardening(situation, name)
@@ -181,7 +181,7 @@ def _rubber(situation: Situation, name: str) -> FreeLaw:
 
 
 def _relaxation(situation: Situation, name: str) -> FreeLaw:
-    shortest = float(np.median(np.diff(situation.experiment.times))) / 3.0
+    shortest = float(np.median(np.diff(situation.experiment.model.times))) / 3.0
     names = weight_names(N_TIMES)
     edits = enriched(situation, name, f"free_relaxation({N_TIMES})", shortest=locked(shortest, "s"),
                      longest=locked(situation.duration, "s"),

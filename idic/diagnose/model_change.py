@@ -76,11 +76,11 @@ def law_pairs(diagnosis: Diagnosis) -> tuple[LawPair, ...]:
         return ()
     base, enriched = diagnosis.identification.experiment, diagnosis.enriched.residual.context.experiment
     pairs = []
-    for material in base.materials:
-        replacement = enriched.material_of(material.element_set)
+    for material in base.model.materials:
+        replacement = enriched.model.material_of(material.element_set)
         if EXTERNAL in (material.law, replacement.law):
             continue
-        strain = _largest_strain(base, material.element_set, diagnosis.identified.residual.u[..., :base.n_dim])
+        strain = _largest_strain(base, material.element_set, diagnosis.identified.residual.u[..., :base.model.n_dim])
         base_curve = _curve(base, material, diagnosis.identification.parameters.as_values(), strain)
         enriched_curve = _curve(enriched, replacement, _parameters(diagnosis).as_values(), strain)
         if base_curve is None or enriched_curve is None:
@@ -94,9 +94,9 @@ def law_pairs(diagnosis: Diagnosis) -> tuple[LawPair, ...]:
 
 def _largest_strain(experiment: Experiment, element_set: str, motions: np.ndarray) -> float:
     """Largest stretch less one over all frames, at `STRAIN_PERCENTILE` of the nodes of a set."""
-    nodes, largest = nodes_of(experiment.mesh, element_set), 0.0
+    nodes, largest = nodes_of(experiment.model.mesh, element_set), 0.0
     for u in motions:
-        F = nodal_deformation(experiment.mesh, u)[nodes]
+        F = nodal_deformation(experiment.model.mesh, u)[nodes]
         stretch = np.linalg.svd(F[np.isfinite(F).all(axis=(1, 2))], compute_uv=False)
         largest = max(largest, float(np.percentile(np.abs(stretch - 1.0).max(axis=1), STRAIN_PERCENTILE)))
     return largest
@@ -108,7 +108,7 @@ def _words(law: str) -> str:
 
 def _curve(experiment: Experiment, material, values: Mapping[str, float], strain: float) -> np.ndarray | None:
     """Nominal stress (STEPS,) MPa; None where the point finds no equilibrium."""
-    seconds = float(experiment.times[-1] - experiment.times[experiment.reference])
+    seconds = float(experiment.model.times[-1] - experiment.model.times[experiment.model.reference])
     constants = [values.get(f"{material.element_set}.{p.name}", p.null) for p in get_law(material.law).parameters]
     if any(value is None for value in constants):
         return None

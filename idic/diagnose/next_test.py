@@ -146,7 +146,7 @@ def reason_against_continuation(experiment: Experiment) -> str | None:
 
     Images that were never taken say nothing of how a measured edge or a virtual boundary would move.
     """
-    edges = sorted({f"{entry.nodes} along {entry.component}" for entry in experiment.prescribed
+    edges = sorted({f"{entry.nodes} along {entry.component}" for entry in experiment.model.prescribed
                     if isinstance(entry.drive, Measured | Parametrised)})
     if edges:
         return f"the motion of {', '.join(edges)} is known from images alone"
@@ -168,7 +168,7 @@ def recommended(tried: Sequence[Separation]) -> Separation | None:
 
 def _programme(experiment: Experiment) -> np.ndarray | None:
     """The largest logged motion or load over its largest value  # (n_frames,)"""
-    logged = [drive.values for drive in experiment.drives if isinstance(drive, Column)]
+    logged = [drive.values for drive in experiment.model.drives if isinstance(drive, Column)]
     moving = [values for values in logged if np.abs(values).max() > 0.0]
     if not moving:
         return None
@@ -179,7 +179,7 @@ def _programme(experiment: Experiment) -> np.ndarray | None:
 def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
     """The experiment with the frames of a continuation behind its own; their measurements are zero."""
     n, course = len(continuation.motion), _programme(experiment)
-    times = experiment.times[-1] + np.cumsum(continuation.seconds) * (experiment.times[-1] - experiment.times[0])
+    times = experiment.model.times[-1] + np.cumsum(continuation.seconds) * (experiment.model.times[-1] - experiment.model.times[0])
     peak, factors = int(np.argmax(np.abs(course))), np.array(continuation.motion)
 
     def scaled(values: np.ndarray) -> np.ndarray:
@@ -211,15 +211,10 @@ def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
 
     channels = tuple(replace(c, values=np.concatenate([c.values, np.zeros(n)]), rates=steady(c.rates),
                              hats={name: held(hat) for name, hat in c.hats.items()})
-                     for c in experiment.channels)
-    prescribed = tuple(carried(entry) for entry in experiment.prescribed)
-    return replace(experiment, motion_error=None, times=np.concatenate([experiment.times, times]),
-                   camera=_held(experiment.camera, n),
-                   channels=channels, prescribed=prescribed,
-                   loads=tuple(carried(entry) for entry in experiment.loads),
-                   temperatures=tuple(replace(carried(entry), hats=_further(entry.hats, n))
-                                      for entry in experiment.temperatures),
-                   labels=(*experiment.labels, *(f"next {k}" for k in range(n))))
+                     for c in experiment.model.channels)
+    prescribed = tuple(carried(entry) for entry in experiment.model.prescribed)
+    return replace(experiment, recording=replace(experiment.recording, labels=(*experiment.recording.labels, *(f"next {k}" for k in range(n)))), model=replace(experiment.model, motion_error=None, times=np.concatenate([experiment.model.times, times]), camera=_held(experiment.model.camera, n), channels=channels, prescribed=prescribed, loads=tuple(carried(entry) for entry in experiment.model.loads), temperatures=tuple(replace(carried(entry), hats=_further(entry.hats, n))
+                                      for entry in experiment.model.temperatures)))
 
 
 def _further(hats: np.ndarray | None, n: int) -> np.ndarray | None:
@@ -254,8 +249,8 @@ def _shown(model: Model, continuation: Continuation, dofs: np.ndarray) -> _Shown
     recorded_frames = {int(k) for k in evidence.frames}
     fields, channels, motion, channel_residual = [], [], [], []
     for at in forward.march(context.parameters, context.moving, local, None, forward.drives.n_local > 0):
-        frame = at.frame + experiment.reference
-        if frame in recorded_frames or frame >= context.experiment.n_frames:  # of the recording: what follows is new
+        frame = at.frame + experiment.model.reference
+        if frame in recorded_frames or frame >= context.experiment.model.n_frames:  # of the recording: what follows is new
             response = FrameResponse(frame, at.seen_u, at.channels, at.seen_du, at.dchannels, at.seen_local_du,
                                      at.local_dchannels)
             rows = channel_equations(cameras[0].context, response)
@@ -264,7 +259,7 @@ def _shown(model: Model, continuation: Continuation, dofs: np.ndarray) -> _Shown
                                           for camera, camera_response in seen_by])[dofs])
             channels.append(rows.d_global)
             motion.append(np.concatenate([
-                camera.view.at(frame).motion(camera.context.experiment.mesh.nodes, camera_response.u).ravel()
+                camera.view.at(frame).motion(camera.context.experiment.model.mesh.nodes, camera_response.u).ravel()
                 for camera, camera_response in seen_by
             ])[dofs])
             channel_residual.append(rows.residual)
@@ -276,7 +271,7 @@ def _later(camera: CameraResidual, experiment: Experiment, n: int) -> CameraResi
     """A camera before `n` further frames; experiment : the continued one."""
     held_camera = _held(camera.context.camera, n)
     camera_experiment = next(view for view in experiment.views
-                             if view.camera_name == camera.context.experiment.camera_name)
+                             if view.recording.camera_name == camera.context.experiment.recording.camera_name)
     return replace(camera, context=replace(camera.context, experiment=camera_experiment, camera=held_camera),
                    view=replace(camera.view, camera=held_camera))
 

@@ -21,7 +21,7 @@ from idic.experiment_file.measured_fields.noise import noise_of_fields, with_dep
 from idic.experiment_file.pinhole.lenses import Lenses, camera_tables, joint_priors
 from idic.experiment_file.pinhole.pairing import pairing_notes
 from idic.experiment_file.placed_mesh import PlacedMesh, placed_mesh
-from idic.experiment_file.recording import Frames, Recording
+from idic.experiment_file.recording import Frames, RecordedFiles
 from idic.experiment_file.schema.experiment_file import ExperimentFile
 from idic.experiment_file.tables import boundaries as boundary_tables, dofs
 from idic.experiment_file.tables.camera_motion import moving_camera, with_identified_motions
@@ -38,7 +38,9 @@ from idic.experiment_file.tables.temperatures import Body, knots_of_temperature,
 from idic.experiment_file.toml_file import validated, with_overrides
 from idic.fe import Mesh, can_raise_order, curved, is_raised_by_default, raise_order
 from idic.images import AnyCamera, Camera, mirrored_rim_px
-from idic.model import Column, Experiment, FieldPoints, FurtherCamera, Material, Noise, Options, Prescribed, Stage
+from idic.model import (
+    Column, Experiment, FieldPoints, FurtherCamera, Material, Model, Noise, Options, Prescribed, Recording, Stage,
+)
 from idic.parameters import Parameter, ParameterSet
 from idic.readers import FieldStack, MatchedLog
 
@@ -58,12 +60,12 @@ class ExperimentTables:
     file: Path
     raw: Mapping
     config: ExperimentFile
-    recording: Recording
+    recording: RecordedFiles
     placed: PlacedMesh
     original: Experiment | None = None
 
     @classmethod
-    def of(cls, file: Path, raw: Mapping, config: ExperimentFile, recording: Recording) -> ExperimentTables:
+    def of(cls, file: Path, raw: Mapping, config: ExperimentFile, recording: RecordedFiles) -> ExperimentTables:
         """The tables on a recording; InputError where the mesh does not fit its images."""
         return cls(file, raw, config, recording, placed_mesh(config, recording, file))
 
@@ -136,31 +138,29 @@ class ExperimentTables:
         body = Body(mesh, table.kind, table.surface, scale, frames.shape, tuple(motion.prescribed), times)
         warmth, warm_notes = temperatures(self.config, body, context, recording.infrared, parameters)
         noise, points, noise_notes = self.noise(frames, mesh, scale)
-        stack = frames.stack if points is None else frames.stack.with_components(points.n_components)
-        experiment = Experiment(
-            title=table.title or recording.folder.name, folder=str(recording.folder), kind=table.kind, mesh=mesh,
-            thickness=thickness, materials=materials,
+        model = Model(
+            kind=table.kind, mesh=mesh, thickness=thickness, materials=materials,
             parameters=ParameterSet(parameters,
                                     (*joint_priors(lens, parameters), *smoothness_priors(curves, parameters))),
             prescribed=tuple(motion.prescribed), loads=tuple(motion.loads), channels=tuple(motion.channels),
-            camera=camera, stack=stack, labels=frames.labels, times=times,
-            reference=frames.reference, excluded=frames.excluded, mask=frames.mask, surface=table.surface,
-            symmetry=table.symmetry, quantity=table.quantity,
-            height_unit=_HEIGHT_MM[table.height_unit] if table.height_unit else 1.0,
-            noise=noise, stages=self.stages(parameters, known_times), options=self.options(), length_unit=scale.unit,
-            identity=recording.identity,
-            camera_name=self.config.camera.name if self.config.camera else "camera", cameras=cameras,
-            heterogeneities=varied, morphs=geometry.morphs, temperatures=warmth, solver=recording.solver,
-            notes=(*scale.notes, *lens.notes, *camera_notes, *frames.notes, *(log.notes if log is not None else ()),
-                   *self.placed.notes, *law_notes, *motion.notes, *order_notes,
-                   *geometry.notes, *warm_notes, *solver_notes(recording.solver), *noise_notes,
-                   *self.force_notes(parameters, motion), *knot_notes(self.config.material),
-                   *course_notes(materials, parameters, _courses(motion)),
-                   *spectrum_notes(materials, parameters, known_times),
-                   *softening_notes(materials, parameters, mesh, scale.unit)),
-            extras=self._extras(frames, scale, log, known_times) | {"free_curves": curves},
-            averaged=frames.averaged, points=points, log_offset=0.0 if log is None else log.late,
-            gauges=gauges(self.config, mesh, scale.unit, scale.camera, self.file))
+            camera=camera, times=times, reference=frames.reference, has_times=known_times is not None,
+            surface=table.surface, symmetry=table.symmetry, length_unit=scale.unit, temperatures=warmth,
+            heterogeneities=varied, solver=recording.solver, morphs=geometry.morphs,
+            log_offset=0.0 if log is None else log.late,
+            stated_values=tuple(entry.name for entry in self.config.dof if entry.value is not None),
+            free_curves=curves, outline_share=outline_share(self.config, frames.stack, scale.camera, self.file))
+        notes = (*scale.notes, *lens.notes, *camera_notes, *frames.notes, *(log.notes if log is not None else ()),
+                 *self.placed.notes, *law_notes, *motion.notes, *order_notes, *geometry.notes, *warm_notes,
+                 *solver_notes(recording.solver), *noise_notes, *self.force_notes(parameters, motion),
+                 *knot_notes(self.config.material), *course_notes(materials, parameters, _courses(motion)),
+                 *spectrum_notes(materials, parameters, known_times),
+                 *softening_notes(materials, parameters, mesh, scale.unit))
+        experiment = Experiment(
+            title=table.title or recording.folder.name, folder=str(recording.folder),
+            recording=self.compared(frames, log, noise, points), model=model, cameras=cameras,
+            stages=self.stages(parameters, known_times), options=self.options(),
+            gauges=gauges(self.config, mesh, scale.unit, scale.camera, self.file), notes=notes,
+            setup=self.config.setup.entries)
         if self.original is not None:
             return self._on_images_of(self.original, experiment)
         return checked_heights(with_notes_on_references(with_stabilised_images(experiment), self.file), self.file)
@@ -169,7 +169,9 @@ class ExperimentTables:
         """The edited experiment with the images that the original one compares; it is not stored under a name."""
         cameras = tuple(replace(camera, stack=original_camera.stack)
                         for camera, original_camera in zip(experiment.cameras, original.cameras, strict=True))
-        return replace(experiment, stack=original.stack, cameras=cameras, excluded=original.excluded, identity="")
+        return replace(experiment, recording=replace(experiment.recording, stack=original.recording.stack,
+                                                     excluded=original.recording.excluded, identity=""),
+                       cameras=cameras)
 
     def _moving(self, camera: AnyCamera, cameras: tuple[FurtherCamera, ...], lens: Lenses, frames: Frames,
                 context: boundary_tables.Context,
@@ -188,7 +190,7 @@ class ExperimentTables:
     def noise(self, frames: Frames, mesh: Mesh, scale: Lengths) -> tuple[Noise, FieldPoints | None, tuple[str, ...]]:
         """Noise of the main camera, or of the measured fields; their points, weighed by it; and notes."""
         if self.original is not None:
-            return self.original.noise, self.original.points, ()
+            return self.original.recording.noise, self.original.recording.points, ()
         if not isinstance(frames.stack, FieldStack) or frames.points is None:
             noise, notes = camera_noise(self.config, frames, mesh, scale.camera, self.file)
             return noise, None, notes
@@ -204,17 +206,20 @@ class ExperimentTables:
                                   bool(table.fields_thickness_change), table.thickness_mm)
         return noise, points, (note,)
 
-    def _extras(self, frames: Frames, scale: Lengths, log: MatchedLog | None, times: np.ndarray | None) -> dict:
-        """Further data for the checks, the reports and the warm start."""
-        return {"given": tuple(entry.name for entry in self.config.dof if entry.value is not None),
-                "mesh_unit_factor": scale.factor, "height_unit": self.config.experiment.height_unit,
-                "still_frames": frames.still, "still_stack": frames.still_stack, "setup": self.config.setup.entries,
-                "has_times": times is not None,
-                "interpolated_log": log is not None and log.is_interpolated,
-                "columns": () if log is None else tuple(log.names),
-                "units": {} if log is None else {name: unit for name in log.names if (unit := log.unit(name))},
-                "files": tuple(str(path) for path in self.recording.files),
-                "outline_share": outline_share(self.config, frames.stack, scale.camera, self.file)}
+    def compared(self, frames: Frames, log: MatchedLog | None, noise: Noise,
+                 points: FieldPoints | None) -> Recording:
+        """What the main camera recorded, with its noise."""
+        table = self.config.experiment
+        stack = frames.stack if points is None else frames.stack.with_components(points.n_components)
+        return Recording(
+            stack=stack, labels=frames.labels, excluded=frames.excluded, mask=frames.mask, quantity=table.quantity,
+            height_unit=_HEIGHT_MM[table.height_unit] if table.height_unit else 1.0, noise=noise,
+            camera_name=self.config.camera.name if self.config.camera else "camera", averaged=frames.averaged,
+            points=points, still_frames=frames.still, still_stack=frames.still_stack, still_labels=()
+            if frames.still_stack is None else frames.still_stack.labels,
+            is_log_interpolated=log is not None and log.is_interpolated,
+            column_units={} if log is None else {name: log.unit(name) for name in log.names},
+            identity=self.recording.identity)
 
     def element_order(self, mesh: Mesh, camera: Camera, frames: Frames) -> tuple[Mesh, tuple[str, ...]]:
         """The mesh with the element order of the options, on the arcs of a drawing, and a note if the order was
@@ -274,7 +279,7 @@ class ExperimentTables:
         """See `check_supported`; an edit that holds the body as before needs no check."""
         components = {(entry.nodes, entry.component) for entry in prescribed}
         if self.original is None or components != {(entry.nodes, entry.component)
-                                                   for entry in self.original.prescribed}:
+                                                   for entry in self.original.model.prescribed}:
             check_supported(mesh, prescribed, self.file)
 
     def stages(self, parameters: list[Parameter], times: np.ndarray | None) -> tuple[Stage, ...]:

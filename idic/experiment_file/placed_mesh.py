@@ -10,7 +10,7 @@ from idic.experiment_file.checks.model import check_surface
 from idic.experiment_file.measured_fields.placement import field_camera, laid_on_outline
 from idic.experiment_file.pinhole.lenses import Lenses, camera_tables, check_image, lenses, middle_of
 from idic.experiment_file.pinhole.placed_lenses import placed_lenses
-from idic.experiment_file.recording import Recording
+from idic.experiment_file.recording import RecordedFiles
 from idic.experiment_file.schema.experiment_file import ExperimentFile
 from idic.experiment_file.tables.further_cameras import with_surfaces
 from idic.experiment_file.tables.lengths import Lengths, lengths
@@ -44,7 +44,7 @@ def tables_of(config: ExperimentFile) -> tuple:
     return config.experiment, config.sets, config.camera is None, still
 
 
-def placed_mesh(config: ExperimentFile, recording: Recording, file: Path) -> PlacedMesh:
+def placed_mesh(config: ExperimentFile, recording: RecordedFiles, file: Path) -> PlacedMesh:
     """Mesh and cameras on the images of a recording.
 
     Raises
@@ -59,7 +59,7 @@ def placed_mesh(config: ExperimentFile, recording: Recording, file: Path) -> Pla
 @dataclass(frozen=True)
 class _Placement:
     config: ExperimentFile
-    recording: Recording
+    recording: RecordedFiles
     file: Path
 
     def placed(self) -> PlacedMesh:

@@ -70,7 +70,7 @@ class Frames:
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class RecordedFiles:
     """What the files of an experiment hold; no model changes it, and images are opened on demand.
 
     folder : of the files, `files` : all that are read whole; frames, cameras : images of the main camera (or stages of
@@ -103,7 +103,7 @@ class RecordedFolder:
     config: ExperimentFile
     raw: Mapping
 
-    def recording(self) -> Recording:
+    def recording(self) -> RecordedFiles:
         """Read the files; of images only the headers.
 
         Raises
@@ -116,7 +116,7 @@ class RecordedFolder:
         mesh = None if name is None else self.meshed(name)
         solver = external_solver(self.config, self.folder, self.file)
         log = self.log(frames)
-        return Recording(self.folder, frames, camera_frames(self.config, self.folder, self.file), log,
+        return RecordedFiles(self.folder, frames, camera_frames(self.config, self.folder, self.file), log,
                          self.frame_times(frames) if log is None else log.times, mesh, rigs,
                          infrared_stacks(self.config, self.folder, self.file), solver, tuple(self.small_files()),
                          self.identity(frames))

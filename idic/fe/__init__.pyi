@@ -2,7 +2,7 @@ from .assembly.assembly import (
     Evaluation, System, discretise, evaluate_system, stiffness_times, transposed_stiffness_times,
 )
 from .body.boundary import constrain, dead_pressure, dofs_of, drives_at, face_area, traction
-from .body.model import Constraints, Direction, Loads, Model, PathControl, Reaction, Section, validate
+from .body.model import Constraints, Direction, Loads, Body, PathControl, Reaction, Section, validate
 from .body.variation import Variation
 from .conduction import conductance, conducted, unreached, volume
 from .equilibrium import Control, factorise_tangent
@@ -47,7 +47,7 @@ __all__ = [
     "MAX_HALF_BANDWIDTH_OF_BAND_LU", "MIN_OPERATIONS_PER_ENTRY", "OUTLINE", "PERMISSION", "REASON_FILE", "TET_EDGES",
     "Alternative", "Block", "Boundary", "Coarse", "Constraints", "Control", "Direction", "Evaluation",
     "ExpectedOutput", "ExternalSetup", "ExternalSolver", "Factor", "Fill", "Filling", "FrameState", "FreePart", "Hole",
-    "Loads", "Mesh", "Model", "Morph", "Motion", "PathControl", "PerMesh", "PointValues", "Reaction", "Responses",
+    "Loads", "Mesh", "Body", "Morph", "Motion", "PathControl", "PerMesh", "PointValues", "Reaction", "Responses",
     "Section", "Segments", "Solution", "StepList", "System", "Variation", "admissible", "at_frames", "bodies",
     "boundary_edges", "boundary_faces", "can_halve", "can_raise_order", "cell_edges", "cell_type", "check_elements",
     "check_environment", "coarsen", "conductance", "conducted", "constrain", "curved", "dead_pressure", "discretise",

@@ -23,10 +23,10 @@ import numpy as np
 
 from idic.fe.equilibrium import Control
 from idic.fe.time_march import FrameState, StepList, march
-from idic.fe.body.model import Direction, Model
+from idic.fe.body.model import Direction, Body
 
 
-def march_extrapolated(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray,
+def march_extrapolated(model: Body, params: Mapping[str, np.ndarray], times: np.ndarray,
                        directions: Sequence[Direction] = (), steps: StepList | None = None, increments: int = 2,
                        control: Control | None = None, warm_start: Iterable[np.ndarray] | None = None,
                        may_cut: bool = False) -> Iterator[FrameState]:
@@ -53,7 +53,7 @@ def march_extrapolated(model: Model, params: Mapping[str, np.ndarray], times: np
         yield _extrapolated(fine_state, coarse_state, order)
 
 
-def time_order(model: Model) -> int:
+def time_order(model: Body) -> int:
     """Order of the error of a simulation in the length of its increments: the lowest among its laws with a history."""
     return min((section.law.spec.time_order for section in model.sections if section.law.spec.n_state), default=1)
 
@@ -85,7 +85,7 @@ def whole_increments(times: np.ndarray, number: int) -> tuple[float, ...]:
                  for t in np.append(a + (b - a) / number * np.arange(1, number), b))
 
 
-def increments_to_try(model: Model, times: np.ndarray, substeps: int, last_ends: Sequence[float] | None,
+def increments_to_try(model: Body, times: np.ndarray, substeps: int, last_ends: Sequence[float] | None,
                       extrapolated: bool = False) -> list[tuple[float, ...] | None]:
     """Lists of increments for a model whose parameters moved since it was last solved, in the order to try them.
 

@@ -13,12 +13,12 @@ from idic.fe.assembly.point_means import add_point_values, quotient
 from idic.fe.time_march import FrameState, PointValues
 from idic.fe.mesh.element import cell_type, shape_gradients
 from idic.fe.mesh.mesh import Mesh
-from idic.fe.body.model import Model
+from idic.fe.body.model import Body
 
 QUANTITIES = ("F", "strain", "stress", "plastic_strain")
 
 
-def nodal_field(model: Model, frame: FrameState, quantity: str) -> np.ndarray:
+def nodal_field(model: Body, frame: FrameState, quantity: str) -> np.ndarray:
     """A quantity at the nodes of a simulated frame.
 
     Parameters
@@ -43,7 +43,7 @@ def nodal_field(model: Model, frame: FrameState, quantity: str) -> np.ndarray:
     return quotient(total, weight)
 
 
-def nodal_state(model: Model, frame: FrameState, name: str) -> np.ndarray:
+def nodal_state(model: Body, frame: FrameState, name: str) -> np.ndarray:
     """A scalar state of the laws at the nodes; NaN at nodes of no element whose law has it  # (n_nodes,)"""
     total, weight = np.zeros(model.mesh.n_nodes), np.zeros(model.mesh.n_nodes)
     for values in frame.points:
@@ -54,7 +54,7 @@ def nodal_state(model: Model, frame: FrameState, name: str) -> np.ndarray:
     return quotient(total, weight)
 
 
-def point_values(model: Model, values: PointValues, quantity: str) -> np.ndarray:
+def point_values(model: Body, values: PointValues, quantity: str) -> np.ndarray:
     """A quantity at the integration points of one group  # (n_points, ...) as `nodal_field`"""
     law = model.sections[values.section].law
     if quantity == "F":
@@ -79,7 +79,7 @@ def green_strain(F: np.ndarray) -> np.ndarray:
     return (np.einsum("nki,nkj->nij", F, F) - np.eye(F.shape[1])) / 2
 
 
-def cauchy_stress(model: Model, values: PointValues) -> np.ndarray:
+def cauchy_stress(model: Body, values: PointValues) -> np.ndarray:
     """Cauchy stress P F^T / J of a finite-strain group, in plane for 2D  # (n_points, d, d) MPa"""
     J = np.linalg.det(values.F)
     if model.kind == "plane_stress":

@@ -18,7 +18,7 @@ import numpy as np
 
 from idic.fe.extrapolation import time_order
 from idic.fe.time_march import FrameState
-from idic.fe.body.model import Model
+from idic.fe.body.model import Body
 
 Motion = tuple[np.ndarray, np.ndarray]  # (n_nodes, d) mm and channels (n_channels,) of a frame
 
@@ -28,7 +28,7 @@ def every_second(n_frames: int) -> np.ndarray:
     return np.unique(np.append(np.arange(0, n_frames, 2), n_frames - 1))
 
 
-def at_frames(model: Model, frames: np.ndarray) -> Model:
+def at_frames(model: Body, frames: np.ndarray) -> Body:
     """The model with its histories at some frames."""
     def sampled(histories: np.ndarray | None) -> np.ndarray | None:
         return None if histories is None else histories[frames]
@@ -40,7 +40,7 @@ def at_frames(model: Model, frames: np.ndarray) -> Model:
     return replace(model, control=control, constraints=constraints, loads=loads, temperature=sampled(model.temperature))
 
 
-def without_time_error(model: Model, fine: Iterable[Motion], coarse: Iterable[FrameState]) -> Iterator[Motion]:
+def without_time_error(model: Body, fine: Iterable[Motion], coarse: Iterable[FrameState]) -> Iterator[Motion]:
     """Motion and channels of every frame, extrapolated in time from a simulation and one in steps of two frames.
 
     Parameters

@@ -28,7 +28,7 @@ from idic.fe.assembly.assembly import System, discretise
 from idic.fe.assembly.linear import kept_response
 from idic.fe.body.boundary import Drives, drives_at
 from idic.fe.equilibrium import kept_factor
-from idic.fe.body.model import Model
+from idic.fe.body.model import Body
 from idic.fe.sensitivity import answer_to_control
 
 
@@ -36,7 +36,7 @@ from idic.fe.sensitivity import answer_to_control
 class Alternative:
     """Another model on the same mesh with the same held dofs; params as for `march`."""
 
-    model: Model
+    model: Body
     params: Mapping[str, np.ndarray]
 
 
@@ -98,7 +98,7 @@ def first_responses(base: Alternative, times: np.ndarray, frames: Sequence[int],
         yield responses
 
 
-def like(base: System, model: Model) -> System:
+def like(base: System, model: Body) -> System:
     """`discretise` of a model; numbering and shape functions of `base` are used again where they are the same."""
     base_model = base.model
     alike = _numbered_alike(model, base_model)
@@ -122,7 +122,7 @@ def like(base: System, model: Model) -> System:
     return replace(base, model=model, groups=tuple(groups))
 
 
-def _numbered_alike(first: Model, second: Model) -> bool:
+def _numbered_alike(first: Body, second: Body) -> bool:
     """Whether elements, sections and held dofs of two models are the same."""
     return (np.array_equal(first.constraints.dofs, second.constraints.dofs)
             and len(first.sections) == len(second.sections) and len(first.mesh.blocks) == len(second.mesh.blocks)

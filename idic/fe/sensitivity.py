@@ -25,7 +25,7 @@ from idic.fe.thickness_change import influence_on_rise
 from idic.fe.body.boundary import drive_changes, pressure_force
 from idic.fe.equilibrium import Converged, consistent_factor
 from idic.fe.solver.linear import Factor
-from idic.fe.body.model import Direction, Model
+from idic.fe.body.model import Direction, Body
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Influence:
     rise: np.ndarray | None = None
 
 
-def check_directions(model: Model, directions: Sequence[Direction], n_frames: int) -> None:
+def check_directions(model: Body, directions: Sequence[Direction], n_frames: int) -> None:
     """Raise InputError for a direction that is not exactly one of the kinds or does not fit the model."""
     n_drives = model.constraints.histories.shape[1]
     n_loads = (0 if model.loads.dead is None else model.loads.dead.shape[1]) + len(model.loads.pressure_faces)

@@ -21,7 +21,7 @@ from idic.fe.assembly.assembly import System, discretise
 from idic.fe.body.boundary import drives_at
 from idic.fe.equilibrium import Control
 from idic.fe.time_march import FrameState, PointValues, StepList, march
-from idic.fe.body.model import Constraints, Direction, Model, validate
+from idic.fe.body.model import Constraints, Direction, Body, validate
 from idic.fe.sensitivity import check_directions
 
 MAX_BYTES = 3e8  # of the answers and their derivatives
@@ -67,7 +67,7 @@ class _Points:
 class _Body:
     """The model at its parameters."""
 
-    model: Model
+    model: Body
     params: Mapping[str, np.ndarray]
     times: np.ndarray
 
@@ -76,7 +76,7 @@ class _Body:
         return discretise(self.model)
 
 
-def superposed(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, directions: Sequence[Direction] = (),
+def superposed(model: Body, params: Mapping[str, np.ndarray], times: np.ndarray, directions: Sequence[Direction] = (),
                steps: StepList | None = None, substeps: int = 1,
                control: Control | None = None) -> Iterator[FrameState] | None:
     """The frames of `idic.fe.time_march.march`; None where the body is not linear or a sum would not be cheaper.
@@ -109,14 +109,14 @@ def superposed(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray
                    place, _increments(times, steps, substeps))
 
 
-def is_linear(model: Model) -> bool:
+def is_linear(model: Body) -> bool:
     """Whether displacements and forces are linear in the histories of drives and loads."""
     laws = [section.law for section in model.sections]
     return (all(law.small and law.spec.linear for law in laws) and not model.loads.pressure_faces
             and model.temperature is None and model.control is None)
 
 
-def _histories(model: Model) -> np.ndarray:
+def _histories(model: Body) -> np.ndarray:
     """Of drives and dead loads, zero at the first frame  # (n_frames, n_drives + n_dead)"""
     drives, dead = model.constraints.histories, model.loads.dead_histories
     histories = drives.copy() if dead is None else np.hstack([drives, dead])
@@ -124,7 +124,7 @@ def _histories(model: Model) -> np.ndarray:
     return histories
 
 
-def _slopes(model: Model, direction: Direction) -> np.ndarray:
+def _slopes(model: Body, direction: Direction) -> np.ndarray:
     """Derivative of the histories along a direction  # as `_histories`"""
     slopes = np.zeros_like(_histories(model))
     n_drives = model.constraints.histories.shape[1]
@@ -136,7 +136,7 @@ def _slopes(model: Model, direction: Direction) -> np.ndarray:
     return slopes
 
 
-def _answers(model: Model, params: Mapping[str, np.ndarray], directions: Sequence[Direction], columns: np.ndarray,
+def _answers(model: Body, params: Mapping[str, np.ndarray], directions: Sequence[Direction], columns: np.ndarray,
              control: Control | None) -> _Answers:
     """The answers by a march whose frames are the units, one after the other."""
     units, n_drives = _units(model, columns), model.constraints.histories.shape[1]
@@ -164,7 +164,7 @@ def _answers(model: Model, params: Mapping[str, np.ndarray], directions: Sequenc
     return _Answers(columns, u, du, channels, dchannels, rise if has_surface else None, d_rise if has_surface else None)
 
 
-def _units(model: Model, columns: np.ndarray) -> np.ndarray:
+def _units(model: Body, columns: np.ndarray) -> np.ndarray:
     """Size of each unit: a small motion of the body, or the largest value of a load  # (q,)"""
     basis, n_drives = np.abs(model.constraints.basis), model.constraints.histories.shape[1]
     extent = float(np.linalg.norm(np.ptp(model.mesh.nodes, axis=0)))

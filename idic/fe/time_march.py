@@ -16,7 +16,7 @@ from idic.fe.body.boundary import drives_at
 from idic.fe.controlled import solve_controlled
 from idic.fe.equilibrium import Control, Converged, Effort, consistent_factor, serves, solve_increment
 from idic.fe.increment_size import IncrementSize
-from idic.fe.body.model import Direction, Model, Reaction, validate
+from idic.fe.body.model import Direction, Body, Reaction, validate
 from idic.fe.predictor import WarmStart, extrapolated
 from idic.fe.thickness_change import surface_rise
 from idic.fe.solver.linear import Factor
@@ -72,7 +72,7 @@ class FrameState:
     steps : StepList
         Increments so far; at the last frame the list for frozen steps.
     rise, d_rise, local_rise : (n_nodes,) mm, (n_nodes, nd), (n_nodes, m)
-        Plane stress with `Model.surface_side`: motion of the seen surface out of the plane; else None.
+        Plane stress with `Body.surface_side`: motion of the seen surface out of the plane; else None.
     """
 
     frame: int
@@ -108,7 +108,7 @@ class FrameState:
         return np.concatenate([self.local_du, self.local_rise[:, None]], axis=1)
 
 
-def march(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, directions: Sequence[Direction] = (),
+def march(model: Body, params: Mapping[str, np.ndarray], times: np.ndarray, directions: Sequence[Direction] = (),
           steps: StepList | None = None, substeps: int = 1, control: Control | None = None,
           warm_start: Iterable[np.ndarray] | None = None, may_cut: bool = False) -> Iterator[FrameState]:
     """Simulate the whole test and yield one `FrameState` per frame, the undeformed reference first.
@@ -152,7 +152,7 @@ def march(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, dir
                    None if warm_start is None else WarmStart(u[:, :model.mesh.n_dim] for u in warm_start), may_cut)
 
 
-def _check_run(model: Model, params, times: np.ndarray, substeps: int) -> None:
+def _check_run(model: Body, params, times: np.ndarray, substeps: int) -> None:
     if times.ndim != 1 or len(times) == 0 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
         raise InputError("frame times must increase", expected="one finite time per frame, in increasing order",
                          found=str(times[:10]), remedy="check the time column of the log")

@@ -77,13 +77,10 @@ def coarse_fit(experiment: Experiment, u_px: np.ndarray | None, values: Mapping[
     values : where to begin, internal units
     simplified : on a mesh of fewer elements
     """
-    asked = experiment.parameters.with_free(first_free(experiment))  # the others keep their values
-    setup = _prepare(replace(experiment, parameters=asked), u_px, simplified)
-    here = {**setup.experiment.parameters.as_values(), **values}
-    setup = replace(setup, experiment=replace(
-        setup.experiment, parameters=setup.experiment.parameters.with_values(here),
-        stages=(Stage("all"),),
-        options=replace(setup.experiment.options, max_iterations=evaluations, estimator="ordinary",
+    asked = experiment.model.parameters.with_free(first_free(experiment))  # the others keep their values
+    setup = _prepare(replace(experiment, model=replace(experiment.model, parameters=asked)), u_px, simplified)
+    here = {**setup.experiment.model.parameters.as_values(), **values}
+    setup = replace(setup, experiment=replace(setup.experiment, model=replace(setup.experiment.model, parameters=setup.experiment.model.parameters.with_values(here)), stages=(Stage("all"),), options=replace(setup.experiment.options, max_iterations=evaluations, estimator="ordinary",
                         schedule="all", search="never", step_limit=None, trial_steps=1)))
     points = MemoryPoints(setup.experiment, setup.weights.image_noise, start(setup.experiment), _Point(None, None, 0.0),
                           partial(_evaluate, setup))
@@ -118,59 +115,59 @@ class _Point:
 
 def _prepare(experiment: Experiment, u_px: np.ndarray | None, simplified: bool) -> _Setup:
     if u_px is None:
-        u_px = np.full((experiment.n_frames, experiment.mesh.n_nodes, 2), np.nan)
+        u_px = np.full((experiment.model.n_frames, experiment.model.mesh.n_nodes, 2), np.nan)
     frames = coarse_frames(experiment)
-    if simplified or len(frames) < experiment.n_frames - experiment.reference:
+    if simplified or len(frames) < experiment.model.n_frames - experiment.model.reference:
         experiment = replace(experiment, options=replace(experiment.options, substeps=1))
     experiment, u_px = selected_frames(experiment, frames), u_px[frames]
     if simplified and (coarse := coarse_mesh(experiment)) is not None:
         experiment, u_px = on_coarse_mesh(experiment, coarse), u_px[:, coarse.nodes]
-    u_px[[experiment.reference, *experiment.excluded]] = np.nan
+    u_px[[experiment.model.reference, *experiment.recording.excluded]] = np.nan
     forward = replace(build_forward(experiment), control=FAST_FAILURE)
-    moving = tuple(name for name in experiment.parameters.free if forward.moves(name))
-    local = np.zeros((experiment.n_frames, forward.drives.n_local))
+    moving = tuple(name for name in experiment.model.parameters.free if forward.moves(name))
+    local = np.zeros((experiment.model.n_frames, forward.drives.n_local))
     if np.isfinite(u_px).any():
         at_rest = u_px.copy()
-        at_rest[experiment.reference] = 0.0
-        local = measured_start(experiment, at_rest, experiment.excluded)
+        at_rest[experiment.model.reference] = 0.0
+        local = measured_start(experiment, at_rest, experiment.recording.excluded)
     noises = np.array([CHANNEL_STD_SHARE * max(np.abs(channel.values).max(), 1e-300)
-                       for channel in experiment.channels])
+                       for channel in experiment.model.channels])
     weights = Weights(MOTION_STD_PX**-2, MOTION_STD_PX, noises**-2.0, noises)
-    points = int(np.isfinite(u_px).sum()) + (experiment.n_frames - experiment.reference) * len(noises)
+    points = int(np.isfinite(u_px).sum()) + (experiment.model.n_frames - experiment.model.reference) * len(noises)
     return _Setup(experiment, forward, moving, u_px, local, weights, points)
 
 
 def coarse_mesh(experiment: Experiment) -> Coarse | None:
     """A mesh of about `COARSE_ELEMENTS` for the experiment; None where there is none, or shapes on its nodes are
     parameters."""
-    shaped = experiment.morphs or any(isinstance(entry.drive, Parametrised) for entry in experiment.prescribed)
-    return None if shaped else coarsen(experiment.mesh, COARSE_ELEMENTS)
+    shaped = experiment.model.morphs or any(isinstance(entry.drive, Parametrised) for entry in experiment.model.prescribed)
+    return None if shaped else coarsen(experiment.model.mesh, COARSE_ELEMENTS)
 
 
 def on_coarse_mesh(experiment: Experiment, coarse: Coarse) -> Experiment:
     """The experiment on a mesh whose nodes are a subset of the present ones."""
     temperatures = tuple(
         replace(entry, drive=replace(entry.drive, values=entry.drive.values[:, coarse.nodes]))
-        if isinstance(entry.drive, TemperatureField) else entry for entry in experiment.temperatures)
-    return replace(experiment, mesh=coarse.mesh, temperatures=temperatures)
+        if isinstance(entry.drive, TemperatureField) else entry for entry in experiment.model.temperatures)
+    return replace(experiment, model=replace(experiment.model, mesh=coarse.mesh, temperatures=temperatures))
 
 
 def coarse_frames(experiment: Experiment) -> list[int]:
     """The simulated frames: the reference and at most `MAX_FRAMES` evenly after it, with the last one."""
-    if experiment.camera.motion is not None:
-        return list(range(experiment.n_frames))  # its courses are known by the number of the frame
-    first, last = experiment.reference, experiment.n_frames - 1
+    if experiment.model.camera.motion is not None:
+        return list(range(experiment.model.n_frames))  # its courses are known by the number of the frame
+    first, last = experiment.model.reference, experiment.model.n_frames - 1
     number = min(last - first, MAX_FRAMES)
     return np.unique(np.rint(np.linspace(first, last, number + 1)).astype(int)).tolist()
 
 
 def _evaluate(setup: _Setup, state: LoopState, accepted: _Point) -> _Point:
     experiment, forward = setup.experiment, setup.forward
-    parameters = experiment.parameters.with_values(state.trial.values)
+    parameters = experiment.model.parameters.with_values(state.trial.values)
     context = CorrelationContext(
-        experiment, parameters, experiment.parameters.free, setup.moving, camera_at(experiment, parameters), None,
+        experiment, parameters, experiment.model.parameters.free, setup.moving, camera_at(experiment, parameters), None,
         setup.weights, forward.drives.local_precision, local_scatter=forward.drives.local_scatter)
-    times = experiment.times[experiment.reference:]
+    times = experiment.model.times[experiment.model.reference:]
     farthest, problem = [], None
     for frozen in tried_increments(forward, times, None, accepted.steps):
         came, taken, problem = _simulate(setup, parameters, frozen)
@@ -179,7 +176,7 @@ def _evaluate(setup: _Setup, state: LoopState, accepted: _Point) -> _Point:
             break
     if problem is not None and len(farthest) < MIN_FRAMES:
         return _Point(Evaluation(state.evaluations, None, None, str(problem)), None, 0.0)
-    still = [_standing(farthest[-1], frame) for frame in range(farthest[-1].frame + 1, experiment.n_frames)]
+    still = [_standing(farthest[-1], frame) for frame in range(farthest[-1].frame + 1, experiment.model.n_frames)]
     system = reduce_systems([_frame(context, response, setup.u_px[response.frame], setup.local[response.frame])
                              for response in (*farthest, *still)])
     nothing = np.zeros((len(system.names),) * 2)
@@ -198,7 +195,7 @@ def _simulate(setup: _Setup, parameters: ParameterSet,
     try:
         for at in forward.march(parameters, setup.moving, setup.local, frozen, forward.drives.n_local > 0):
             taken = at.steps.times
-            came.append(FrameResponse(at.frame + experiment.reference, at.seen_u, at.channels, at.seen_du, at.dchannels,
+            came.append(FrameResponse(at.frame + experiment.model.reference, at.seen_u, at.channels, at.seen_du, at.dchannels,
                                       at.local_du, at.local_dchannels))
     except NotConverged as problem:
         return came, taken, problem
@@ -216,7 +213,7 @@ def _frame(context: CorrelationContext, response: FrameResponse, u_px: np.ndarra
     """The contribution of a frame to M and b: nodes take the place of pixels; local : its own unknowns, mm"""
     experiment = context.experiment
     view = view_of(experiment, context.camera).at(response.frame)
-    nodes = experiment.mesh.nodes
+    nodes = experiment.model.mesh.nodes
     columns = np.hstack([global_columns(context, response), view.columns(nodes, response.u, response.local_du)])
     gap = u_px.ravel() - view.motion(nodes, response.u)[:, :2].ravel()
     columns = columns.reshape(len(nodes), view.n_components, -1)[:, :2].reshape(2 * len(nodes), -1)

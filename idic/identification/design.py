@@ -116,21 +116,21 @@ def design_test(name: str, experiment: Experiment, local: np.ndarray | None = No
     NotConverged
         If the simulation does not reach the end.
     """
-    names = experiment.parameters.free
+    names = experiment.model.parameters.free
     if not names:
         raise InputError("no parameter is to be identified", file="experiment.toml", key="[material]",
                          expected="identify = true at one parameter or more", found="none",
                          remedy="write for instance  E = { value = 70e3, identify = true }")
     forward = build_forward(experiment)
     moving = tuple(name for name in names if forward.moves(name))
-    parameters, weights = experiment.parameters, noise_weights(experiment)
+    parameters, weights = experiment.model.parameters, noise_weights(experiment)
     experiment = experiment.at_geometry(parameters)
     camera = camera_at(experiment, parameters)
     context = with_all_cameras(CorrelationContext(
         experiment, parameters, names, moving, camera, build_experiment_reference(experiment, camera), weights,
         forward.drives.local_precision, local_scatter=forward.drives.local_scatter))
     walk = _Walk(context, forward, view_of(experiment, camera))
-    local = np.zeros((experiment.n_frames, forward.drives.n_local)) if local is None else local
+    local = np.zeros((experiment.model.n_frames, forward.drives.n_local)) if local is None else local
     walk.run(local)
     if walk.motion_px.max(initial=0.0) < MIN_MOTION_PX:
         raise InputError("nothing moves in this plan", file="experiment.toml", key="[[boundary]]",
@@ -170,7 +170,7 @@ def join_designs(designs: Sequence[Design]) -> JointDesign:
                                for design, group in zip(designs, renamed, strict=True)
                                for prior in design.parameters.joint))
     system = CorrelationSystem(names, M, b, 0.0, 0.0, noise, np.zeros((0, len(names))), ())
-    with_force = next((d.experiment for d in designs if d.experiment.channels), designs[0].experiment)
+    with_force = next((d.experiment for d in designs if d.experiment.model.channels), designs[0].experiment)
     nothing_more = np.zeros_like(M)  # the reference images' noise is in `noise` already: every plan has its own
     analysis = Analysis(with_force, ParameterSet(known.values(), joint), Evaluation(0, system, nothing_more), 0.0)
     return JointDesign(analysis, tuple(dict.fromkeys(notes)))
@@ -186,7 +186,7 @@ class _Walk:
         self.image_only: CorrelationSystem | None = None
         self.fields: dict[str, Field] = {}
         self.motion: list[float] = []
-        self.peak = np.zeros(len(self.experiment.channels))
+        self.peak = np.zeros(len(self.experiment.model.channels))
         self.growth: list[tuple[int, np.ndarray]] = []
         self.seen = context.reference.pixel_map.visible_nodes
 
@@ -196,12 +196,12 @@ class _Walk:
 
     def run(self, local: np.ndarray) -> None:
         experiment, context = self.experiment, self.context
-        frames = correlated_frames(experiment, range(experiment.n_frames))
+        frames = correlated_frames(experiment, range(experiment.model.n_frames))
         stops = {frames[i] for i in np.linspace(0, len(frames) - 1, min(GROWTH_POINTS, len(frames))).astype(int)}
         silent = replace(context, weights=replace(context.weights, channels=0.0 * context.weights.channels))
         influence = self.forward.drives.n_local > 0
         for state in self.forward.march(context.parameters, context.moving, local, influence=influence):
-            frame = state.frame + experiment.reference
+            frame = state.frame + experiment.model.reference
             self._look(frame, state)
             if frame not in frames:
                 continue
@@ -209,14 +209,14 @@ class _Walk:
                                      state.seen_local_du,
                                      state.local_dchannels)
             self.total = _added(self.total, frame_system(context, response, local[frame]))
-            if experiment.channels:
+            if experiment.model.channels:
                 self.image_only = _added(self.image_only, frame_system(silent, response, local[frame]))
             if frame in stops:
                 self.growth.append((frame, self._stds(self.total)))
 
     def _look(self, frame: int, state) -> None:
         """Image motion of a frame and where each parameter moves it most."""
-        nodes = self.experiment.mesh.nodes
+        nodes = self.experiment.model.mesh.nodes
         moved = self.view.motion(nodes, state.seen_u)[self.seen]
         self.motion.append(float(np.linalg.norm(moved, axis=1).max()))
         self.peak = np.maximum(self.peak, np.abs(state.channels))
@@ -239,10 +239,10 @@ class _Walk:
     def _parameters(self) -> ParameterSet:
         """Offsets and drifts of channels are scaled by the predicted readings, as with a measured log."""
         experiment, scaled = self.experiment, {}
-        for channel, peak in zip(experiment.channels, self.peak, strict=True):
+        for channel, peak in zip(experiment.model.channels, self.peak, strict=True):
             size = 0.1 * (peak or 1.0)
             scaled[f"channel.{channel.column}.offset"] = size
-            scaled[f"channel.{channel.column}.drift"] = size / (float(np.ptp(experiment.times)) or 1.0)
+            scaled[f"channel.{channel.column}.drift"] = size / (float(np.ptp(experiment.model.times)) or 1.0)
         return ParameterSet((replace(p, scale=scaled.get(p.name, p.scale)) for p in self.context.parameters.values()),
                             self.context.parameters.joint)
 
@@ -256,7 +256,7 @@ class _Walk:
         full = self._analysis(evaluation, experiment)
         image = materials = None
         if self.image_only is not None:
-            image = self._analysis(self._evaluation(self.image_only), replace(experiment, channels=()))
+            image = self._analysis(self._evaluation(self.image_only), replace(experiment, model=replace(experiment.model, channels=())))
         kept = [i for i, own in enumerate(context.names) if of_material(own, experiment)]
         if 0 < len(kept) < len(context.names):
             part = Evaluation(0, evaluation.system.restrict([context.names[i] for i in kept]),

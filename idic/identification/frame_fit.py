@@ -92,19 +92,19 @@ def frame_entries(experiment: Experiment, fits: Mapping[int, FrameFit], excluded
 
     free_chi2 : (n_frames,) chi² per pixel of a free FE-DIC, NaN where it is unknown
     """
-    references = experiment.averaged or (experiment.reference,)
-    correlated = [k for k in fits if k not in experiment.excluded and fits[k].n_pixels]
+    references = experiment.recording.averaged or (experiment.model.reference,)
+    correlated = [k for k in fits if k not in experiment.recording.excluded and fits[k].n_pixels]
     typical = float(np.median([fits[k].chi2_dof for k in correlated])) if correlated else float("nan")
     entries = []
-    for frame in range(experiment.n_frames):
+    for frame in range(experiment.model.n_frames):
         fit, reference = fits.get(frame), frame in references
         of_free = np.inf if free_chi2 is None else MAX_CHI2_OVER_FREE_DIC * free_chi2[frame]
         allowed = max(MIN_UNEXPLAINED_CHI2, np.fmin(MAX_CHI2_OVER_MEDIAN * typical, of_free))
         if reference:
             status = "ok"
-        elif frame < experiment.reference or frame in excluded_by_user:
+        elif frame < experiment.model.reference or frame in excluded_by_user:
             status = "excluded"
-        elif frame in experiment.excluded:
+        elif frame in experiment.recording.excluded:
             status = "lost" if fit is not None and fit.n_pixels == 0 else "unexplained"
         elif fit is not None and fit.n_pixels == 0:
             status = "lost"
@@ -113,8 +113,8 @@ def frame_entries(experiment: Experiment, fits: Mapping[int, FrameFit], excluded
         else:
             status = "ok"
         entries.append({
-            "frame": frame, "label": experiment.labels[frame], "status": status, "reference": reference,
-            "rms_gv": 0.0 if frame == experiment.reference else fit.rms_gv if fit else None,
+            "frame": frame, "label": experiment.recording.labels[frame], "status": status, "reference": reference,
+            "rms_gv": 0.0 if frame == experiment.model.reference else fit.rms_gv if fit else None,
             "chi2_dof": None if reference or fit is None else fit.chi2_dof,
             "n_pixels": None if fit is None else fit.n_pixels, "used": frame in correlated})
     return entries
@@ -127,7 +127,7 @@ def camera_entries(experiment: Experiment, point: Evaluation | None, fit: PointF
     for number, view in enumerate(experiment.views):
         used = used_fits(view, fit.frames[number])
         lost = None if point is None else int(sum(record.cameras[number, 1] for record in point.system.frames))
-        entries[view.camera_name] = {
+        entries[view.recording.camera_name] = {
             "noise": noise_content(view),
             "residual": {"image_rms_gv": mean_rms(used), "image_chi2_dof": mean_chi2(used), "lost_pixels": lost},
             "frames": frame_entries(view, fit.frames[number], excluded_by_user, fit.free_chi2[number])}
@@ -138,7 +138,7 @@ def camera_entries(experiment: Experiment, point: Evaluation | None, fit: PointF
 
 def used_fits(experiment: Experiment, fits: Mapping[int, FrameFit]) -> list[FrameFit]:
     """The fits of the correlated frames in which the pattern is seen."""
-    frames = correlated_frames(experiment, range(experiment.n_frames))
+    frames = correlated_frames(experiment, range(experiment.model.n_frames))
     return [fits[k] for k in frames if k in fits and fits[k].n_pixels]
 
 
@@ -167,8 +167,8 @@ def residual_summary(experiment: Experiment, fits: Sequence[Mapping[int, FrameFi
     free_dic : ``chi2_dof`` and ``rms_gv`` of every frame of a free FE-DIC  # (n_frames,)
     """
     used = used_fits(experiment, fits[0])
-    factors = [channel.shown_factor for channel in experiment.channels]
-    shown = [(i, channel.column) for i, channel in enumerate(experiment.channels) if len(channels)]
+    factors = [channel.shown_factor for channel in experiment.model.channels]
+    shown = [(i, channel.column) for i, channel in enumerate(experiment.model.channels) if len(channels)]
     summary = {
         "image_rms_gv": mean_rms(used),
         "image_chi2_dof": mean_chi2([fit for camera in fits for fit in used_fits(experiment, camera)]),
@@ -177,7 +177,7 @@ def residual_summary(experiment: Experiment, fits: Sequence[Mapping[int, FrameFi
         "channel_chi2_dof": {column: float(np.mean(channels[:, i] ** 2) / channel_noise[i] ** 2)
                              for i, column in shown},
         "channel_noise_std": {c.column: float(channel_noise[i]) / factors[i]
-                              for i, c in enumerate(experiment.channels)},
+                              for i, c in enumerate(experiment.model.channels)},
     }
     if free_dic is not None:
         frames = [fit.frame for fit in used]

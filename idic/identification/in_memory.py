@@ -73,7 +73,7 @@ class Identification:
     @property
     def model_point(self) -> ModelPoint:
         """The model there without a known error, to compare it with another one (`idic.simulation_error`)."""
-        return ModelPoint(replace(self.experiment, motion_error=None), self.parameters, self.local, self.steps)
+        return ModelPoint(replace(self.experiment, model=replace(self.experiment.model, motion_error=None)), self.parameters, self.local, self.steps)
 
     def march(self, names: Sequence[str] = (), influence: bool = False) -> Iterator[FrameState]:
         """Simulate the accepted point once more, beginning at its solution where that is at hand.
@@ -111,10 +111,10 @@ class Identification:
         reason = reason_against(experiment, self.point)
         if reason:
             return reason
-        moving = tuple(name for name in experiment.parameters.free if self.forward.moves(name))
+        moving = tuple(name for name in experiment.model.parameters.free if self.forward.moves(name))
         setup = _Setup(experiment, self.forward, moving, self.weights, {}, {})
         context = _context(setup, self.parameters, self.point.system.generalised)
-        start = experiment.reference
+        start = experiment.model.reference
 
         def frames(names: Sequence[str]) -> Iterator[FrameResponse]:
             if self.path is not None:
@@ -177,7 +177,7 @@ def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.
     setup = _prepare(experiment, motion)
     if control is not None and isinstance(setup.forward, ForwardModel):
         setup = replace(setup, forward=replace(setup.forward, control=control))
-    local = np.zeros((experiment.n_frames, setup.forward.drives.n_local)) if local is None else local
+    local = np.zeros((experiment.model.n_frames, setup.forward.drives.n_local)) if local is None else local
     points = MemoryPoints(experiment, setup.weights.image_noise, start(experiment, searched, estimator),
                           _Point(None, local, steps), partial(_next_point, setup))
     state, end = run_loop(points, progress=progress), points.point
@@ -198,7 +198,7 @@ class _Point:
 def _next_point(setup: _Setup, trial: LoopState, accepted: _Point) -> _Point:
     local = accepted.local
     if accepted.evaluation is not None:
-        local = next_local(trial, accepted.evaluation, local, setup.experiment.parameters.free)
+        local = next_local(trial, accepted.evaluation, local, setup.experiment.model.parameters.free)
     steps = None if trial.trial.new_increments else accepted.steps
     evaluation, steps, path = _evaluate(setup, trial, local, steps, accepted.path)
     return _Point(evaluation, local, steps, path)
@@ -239,10 +239,10 @@ def _prepare(experiment: Experiment, motion: Mapping[str, np.ndarray] | None = N
                          expected='"noise"', found=repr(experiment.options.weighting),
                          remedy="identify it into a RUN folder: idic.identify(..., out=...)")
     forward = build_forward(experiment)
-    moving = tuple(name for name in experiment.parameters.free if forward.moves(name))
+    moving = tuple(name for name in experiment.model.parameters.free if forward.moves(name))
     check_method(experiment)
     if is_two_step(experiment) and motion is None:
-        motion = {view.camera_name: measure(view) for view in experiment.views}
+        motion = {view.recording.camera_name: measure(view) for view in experiment.views}
     return _Setup(experiment, forward, moving, noise_weights(experiment), {}, motion or {})
 
 
@@ -254,12 +254,12 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray, steps: np.ndar
     """
     experiment, forward = experiment_of(setup.experiment, state), setup.forward
     try:
-        parameters = experiment.parameters.with_values(state.trial.values)
+        parameters = experiment.model.parameters.with_values(state.trial.values)
         context = _context(replace(setup, experiment=experiment), parameters, state.generalised)
     except NotConverged as found:  # a mesh that does not follow its geometry
         return Evaluation(state.evaluations, None, None, str(found)), None, None
     problem: NotConverged | None = None
-    times = experiment.times[experiment.reference:]
+    times = experiment.model.times[experiment.model.reference:]
     for frozen in tried_increments(forward, times, state.increments.per_frame, steps):
         try:
             keeper = PathKeeper(1 + experiment.options.trial_steps)
@@ -291,7 +291,7 @@ def _responses(setup: _Setup, parameters: ParameterSet, local: np.ndarray, steps
     prediction = None if path is None else path.predicted_at(values, local)
     for at in forward.march(parameters, setup.moving, local, steps, forward.drives.n_local > 0, prediction,
                             increments=increments):
-        yield response_of(at, setup.experiment.reference), at.steps.times
+        yield response_of(at, setup.experiment.model.reference), at.steps.times
 
 
 def _without_time_error(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray,
@@ -309,12 +309,12 @@ def _context(setup: _Setup, parameters: ParameterSet, generalised: bool) -> Corr
 
     def attach(view: Experiment, camera: Camera) -> Reference:
         key = (*camera.values().values(), *shape, view.options.lowpass_px)
-        if setup.references.get(view.camera_name, (None,))[0] != key:
+        if setup.references.get(view.recording.camera_name, (None,))[0] != key:
             image = build_experiment_reference(view, camera)
-            motion = setup.motions.get(view.camera_name)
-            setup.references[view.camera_name] = (
+            motion = setup.motions.get(view.recording.camera_name)
+            setup.references[view.recording.camera_name] = (
                 key, image if motion is None else measured_reference(view, image, motion))
-        return setup.references[view.camera_name][1]
+        return setup.references[view.recording.camera_name][1]
 
     weights = generalised_weights(setup.weights) if generalised else setup.weights
     return point_context(setup.experiment, parameters, setup.forward, setup.moving, weights, attach)

@@ -60,8 +60,8 @@ class Joint:
     def identity(self) -> str:
         """What all experiments say, as a digest; that of the experiment where it is a single one."""
         if self.single:
-            return self.whole.identity
-        return hashlib.sha256("\n".join(f"{name} {experiment.identity}" for name, experiment in
+            return self.whole.recording.identity
+        return hashlib.sha256("\n".join(f"{name} {experiment.recording.identity}" for name, experiment in
                                         self.experiments.items()).encode()).hexdigest()
 
     def reason(self, reasons: Mapping[str, str]) -> str:
@@ -87,7 +87,7 @@ class Joint:
 
     def channels_of(self, name: str) -> np.ndarray:
         """Which channels of the whole are one experiment's  # (n_channels,) bool"""
-        return np.concatenate([np.full(len(experiment.channels), other == name)
+        return np.concatenate([np.full(len(experiment.model.channels), other == name)
                                for other, experiment in self.experiments.items()])
 
     @property
@@ -107,7 +107,7 @@ class Joint:
         if any(part.system is None for part in evaluations.values()):
             reason = self.reason({name: part.message for name, part in evaluations.items()})
             return Evaluation(number, None, None, reason, parts=evaluations)
-        free = self.whole.parameters.free
+        free = self.whole.model.parameters.free
         first = image_noise[next(iter(self.experiments))]
         gram, systems = np.zeros((len(free), len(free))), []
         for name, part in evaluations.items():
@@ -129,12 +129,12 @@ def join(experiments: Mapping[str, Experiment]) -> Joint:
     """
     if len(experiments) == 1:
         (name, experiment), = experiments.items()
-        return Joint(experiments, {name: {parameter: parameter for parameter in experiment.parameters}}, experiment)
+        return Joint(experiments, {name: {parameter: parameter for parameter in experiment.model.parameters}}, experiment)
     names = joint_names(experiments)
     parameters: dict[str, Parameter] = {}
     notes = []
     for name, experiment in experiments.items():
-        for own, parameter in experiment.parameters.items():
+        for own, parameter in experiment.model.parameters.items():
             joint = names[name][own]
             if joint not in parameters:
                 parameters[joint] = replace(parameter, name=joint)
@@ -142,19 +142,12 @@ def join(experiments: Mapping[str, Experiment]) -> Joint:
                 notes.append(f"{joint} starts from {parameters[joint].shown:g} {parameter.unit}, as in the first "
                              f"experiment; {name} says {parameter.shown:g}")
     joint_priors = list(dict.fromkeys(prior.renamed(names[name]) for name, experiment in experiments.items()
-                                      for prior in experiment.parameters.joint))  # that of a shared curve counts once
+                                      for prior in experiment.model.parameters.joint))  # that of a shared curve counts once
     first = next(iter(experiments.values()))
     every = list(experiments.values())
     _check_options(experiments)
-    whole = replace(
-        first, title=" + ".join(e.title for e in every), parameters=ParameterSet(parameters.values(), joint_priors),
-        prescribed=tuple(entry for e in every for entry in e.prescribed),
-        materials=tuple({m.element_set: m for e in reversed(every) for m in e.materials}.values()),
-        loads=tuple(load for e in every for load in e.loads),
-        channels=tuple(replace(c, column=f"{name}.{c.column}", times=e.times)
-                       for name, e in experiments.items() for c in e.channels),
-        stages=_stages(experiments, names), cameras=(),
-        notes=tuple(dict.fromkeys([*(f"{name}: {note}" for name, e in experiments.items() for note in e.notes),
+    whole = replace(first, model=replace(first.model, parameters=ParameterSet(parameters.values(), joint_priors), prescribed=tuple(entry for e in every for entry in e.model.prescribed), materials=tuple({m.element_set: m for e in reversed(every) for m in e.model.materials}.values()), loads=tuple(load for e in every for load in e.model.loads), channels=tuple(replace(c, column=f"{name}.{c.column}", times=e.model.times)
+                       for name, e in experiments.items() for c in e.model.channels)), title=" + ".join(e.title for e in every), stages=_stages(experiments, names), cameras=(), notes=tuple(dict.fromkeys([*(f"{name}: {note}" for name, e in experiments.items() for note in e.notes),
                                    *notes])))
     return Joint(experiments, names, whole)
 
@@ -177,11 +170,11 @@ def joint_names(experiments: Mapping[str, Experiment], separator: str = ".",
         return of_material(parameter.name, experiment) and parameter.shared and parameter.name not in own_directions
 
     names = {name: {own: own if shared(parameter, experiment) else f"{name}{separator}{own}"
-                    for own, parameter in experiment.parameters.items()} for name, experiment in experiments.items()}
+                    for own, parameter in experiment.model.parameters.items()} for name, experiment in experiments.items()}
     stated: dict[str, Parameter] = {}
     for name, experiment in experiments.items():
         _check_laws(experiments, name)
-        for own, parameter in experiment.parameters.items():
+        for own, parameter in experiment.model.parameters.items():
             first = stated.setdefault(names[name][own], parameter)
             if first is not parameter:
                 _check_alike(first, parameter, experiment, any_unit)
@@ -191,7 +184,7 @@ def joint_names(experiments: Mapping[str, Experiment], separator: str = ".",
 def of_material(name: str, experiment: Experiment) -> bool:
     """Whether a degree of freedom belongs to a material rather than to the test."""
     element_set, _, parameter = name.partition(".")
-    return any(element_set == material.element_set for material in experiment.materials) and "." not in parameter
+    return any(element_set == material.element_set for material in experiment.model.materials) and "." not in parameter
 
 
 def _check_options(experiments: Mapping[str, Experiment]) -> None:
@@ -218,16 +211,16 @@ def _own_directions(experiments: Mapping[str, Experiment]) -> frozenset[str]:
     axes."""
     stated: dict[str, set[tuple[float, bool]]] = {}
     for experiment in experiments.values():
-        for name, p in experiment.parameters.items():
+        for name, p in experiment.model.parameters.items():
             if p.unit == "deg" and of_material(name, experiment):
                 stated.setdefault(name, set()).add((p.value, p.free))
     return frozenset(name for name, ways in stated.items() if len(ways) > 1)
 
 
 def _check_laws(experiments: Mapping[str, Experiment], name: str) -> None:
-    for material in experiments[name].materials:
+    for material in experiments[name].model.materials:
         for other, record in experiments.items():
-            for rival in record.materials:
+            for rival in record.model.materials:
                 if rival.element_set == material.element_set and (rival.law, rival.kinematics) != (
                         material.law, material.kinematics):
                     raise InputError(f"the material {material.element_set} has another law in {other} than in {name}",
@@ -279,7 +272,7 @@ def _stages(experiments: Mapping[str, Experiment], names: Mapping[str, Mapping[s
         for name, experiment in experiments.items():
             own = experiment.stages[min(k, len(experiment.stages) - 1)] if experiment.stages else Stage("all")
             shared = set(names[name].values()) - {f"{name}.{n}" for n in names[name]}
-            listed = experiment.parameters.free if own.free == "all" else own.free
+            listed = experiment.model.parameters.free if own.free == "all" else own.free
             # an experiment without a schedule does not free shared parameters
             wanted = [names[name][n] for n in listed if experiment.stages or names[name][n] not in shared]
             free |= dict.fromkeys(wanted)

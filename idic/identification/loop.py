@@ -57,7 +57,7 @@ def start(experiment: Experiment, searched: bool = False, estimator: str = ORDIN
     resolve_stages(experiment)
     check_estimator(experiment)
     skipped = 1 if begins_blurred(experiment) and not searched else 0
-    return LoopState(Trial(experiment.parameters.as_values()), schedule=SchedulePosition(skipped),
+    return LoopState(Trial(experiment.model.parameters.as_values()), schedule=SchedulePosition(skipped),
                      estimator=EstimatorChoice(estimator))
 
 
@@ -141,7 +141,7 @@ def _trust_after_rejection(trust: TrustRegion, damping: float, length: float, ha
 def _length_and_gain(tried: LoopState, trial: Evaluation, previous: Evaluation, experiment: Experiment, stage: Stage,
                      image_noise: float) -> tuple[float, float | None]:
     """Length of the step to `tried`, and its gain over the predicted one (`idic.identification.step.trust_radius`)."""
-    here = experiment.parameters.with_values(tried.accepted.values)
+    here = experiment.model.parameters.with_values(tried.accepted.values)
     parameters, there = (stage_parameters(at, stage) for at in (here, here.with_values(tried.trial.values)))
     scaled = scaled_at(previous, parameters, stage, image_noise)
     delta = np.array([there[name].to_scaled() - parameters[name].to_scaled() for name in scaled.names])
@@ -193,4 +193,4 @@ def experiment_of(experiment: Experiment, state: LoopState) -> Experiment:
 
 def parameters_at(experiment: Experiment, state: LoopState) -> ParameterSet:
     """The accepted parameters (the start where no point was accepted)."""
-    return experiment.parameters.with_values({} if state.accepted is None else state.accepted.values)
+    return experiment.model.parameters.with_values({} if state.accepted is None else state.accepted.values)

@@ -33,7 +33,7 @@ def point_context(experiment: Experiment, parameters: ParameterSet, forward: For
     placed = experiment.at_geometry(parameters)
     camera = camera_at(placed, parameters)
     return with_all_cameras(CorrelationContext(
-        placed, parameters, experiment.parameters.free, tuple(moving), camera, attach(placed, camera), weights,
+        placed, parameters, experiment.model.parameters.free, tuple(moving), camera, attach(placed, camera), weights,
         forward.drives.local_precision, local_scatter=forward.drives.local_scatter), attach)
 
 
@@ -58,7 +58,7 @@ def chunk_system(context: CorrelationContext, responses: Iterable[FrameResponse]
 def streamed_system(context: CorrelationContext, responses: Iterable[FrameResponse],
                     local: np.ndarray) -> CorrelationSystem:
     """The sum over all frames, which come one at a time in their order; local : as of `chunk_system`"""
-    size = chunk_frames(context.experiment.n_frames)
+    size = chunk_frames(context.experiment.model.n_frames)
     sums = []
     for _, chunk in groupby(responses, lambda response: response.frame // size):
         system = chunk_system(context, chunk, local)

@@ -92,7 +92,7 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
               "title": experiment.title, "parameters": {}, "derived": {},
               "iterations": state.iteration, "evaluations": state.evaluations, "rounds": state.rounds,
               "forward_runs": int(cost.get("forward_runs", state.evaluations)),
-              "quantity": experiment.quantity, "noise": noise_content(experiment),
+              "quantity": experiment.recording.quantity, "noise": noise_content(experiment),
               "residual": dict(residual),
               "correlation": {"names": [], "matrix": []}, "eigenvalues": [], "eigenvectors": [],
               "not_identifiable": [], "frames": [dict(frame) for frame in frames],
@@ -113,12 +113,12 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
         if analysis.channels and not state.failed:
             result["noise"] |= {"channels": channel_noise_content(experiment, analysis.channels)}
             result["notes"] += channel_noise_notes(experiment, analysis.channels)
-        if not state.failed and experiment.solver is None and (is_raised_by_default(experiment.mesh) or (
-                experiment.n_dim == 3 and (can_raise_order(experiment.mesh) or can_halve(experiment.mesh)))):
+        if not state.failed and experiment.model.solver is None and (is_raised_by_default(experiment.model.mesh) or (
+                experiment.model.n_dim == 3 and (can_raise_order(experiment.model.mesh) or can_halve(experiment.model.mesh)))):
             result["notes"].append(MESH_COUNTED if analysis.mesh_bias is not None else MESH_CONTRADICTED
                                    if analysis.mesh_contradicted else MESH_NOT_COUNTED)
     for p in parameters.values():
-        entry = _parameter_entry(p, experiment.parameters, analysis, state.failed)
+        entry = _parameter_entry(p, experiment.model.parameters, analysis, state.failed)
         bias = time_bias(experiment, state.increments).get(p.name)
         entry["time_bias"] = None if bias is None or entry["std"] is None else bias / p.factor
         if analysis is not None and p.free and entry["std"] is not None and analysis.mesh_bias is not None:
@@ -141,18 +141,18 @@ def joint_record_notes(joint: Joint, parameters: ParameterSet) -> list[str]:
     """The same of every experiment, each judged by its own frames; parameters : of the whole."""
     values = parameters.as_values()
     return [f"{name}: {note}" for name, experiment in joint.experiments.items() for note in
-            record_notes(experiment, experiment.parameters.with_values(joint.values_of(name, values)))]
+            record_notes(experiment, experiment.model.parameters.with_values(joint.values_of(name, values)))]
 
 
 def shift_notes(experiment: Experiment, parameters: ParameterSet, entries: Mapping[str, Mapping]) -> list[str]:
     """Where the columns of the log count far from the times that they were read at: they are straight in between."""
-    entry, shift = entries.get("time.offset"), experiment.log_shift(parameters)
-    interval = float(np.median(np.diff(experiment.times))) if experiment.n_frames > 1 else np.inf
+    entry, shift = entries.get("time.offset"), experiment.model.log_shift(parameters)
+    interval = float(np.median(np.diff(experiment.model.times))) if experiment.model.n_frames > 1 else np.inf
     if entry is None or not entry["free"] or entry["std"] is None or abs(shift) < max(
             MAX_STRAIGHT_SHARE * interval, MIN_SHIFT_STD * entry["std"] * parameters["time.offset"].factor):
         return []
     remedy = (f"write value = {entry['value']:.4g} in its [[dof]] and identify again, until this note is gone"
-              if experiment.extras.get("interpolated_log") else
+              if experiment.recording.is_log_interpolated else
               "give a log with times of its own, faster than the images (time_s, and image_times or frame_interval_s "
               "under [experiment])")
     return [f"time.offset: the log counts {abs(shift):.3g} s {'earlier' if shift < 0.0 else 'later'} than it was read, "
@@ -293,7 +293,7 @@ class Analysis:
 
     def _has_force(self) -> bool:
         """Whether a force or a load is known: a displacement alone gives no stress."""
-        return bool(self.experiment.loads) or any(c.kind != "displacement" for c in self.experiment.channels)
+        return bool(self.experiment.model.loads) or any(c.kind != "displacement" for c in self.experiment.model.channels)
 
     def _reason(self, i: int, partners: list[str]) -> tuple[str, float | None]:
         """Why the data leave parameter i open: it has no effect, or one that its partners can imitate, with the
@@ -358,7 +358,7 @@ class Analysis:
         Of several experiments, where a parameter belongs to one: under the name of that experiment.
         """
         constants: dict[str, dict] = {}
-        for experiment, material in product(self.joint_names, self.experiment.materials):
+        for experiment, material in product(self.joint_names, self.experiment.model.materials):
             known, stem = self.joint_names[experiment], material.element_set
             derived = {} if material.law == EXTERNAL else get_law(material.law).derived
             for name, quantity in derived.items():

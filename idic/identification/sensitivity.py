@@ -39,10 +39,10 @@ def checked_sensitivity(wanted: str, experiment: Experiment) -> str:
     InputError
         Direct differentiation with an external solver.
     """
-    if experiment.solver is None:
+    if experiment.model.solver is None:
         return wanted
     if wanted == DIRECT:
-        raise InputError("an external solver gives no derivatives", file=experiment.solver.experiment_file,
+        raise InputError("an external solver gives no derivatives", file=experiment.model.solver.experiment_file,
                          key="--sensitivity", expected="perturbed (or auto)", found="direct",
                          remedy="leave --sensitivity out: idic makes one perturbed run per parameter")
     return PERTURBED
@@ -53,5 +53,5 @@ def perturbations(experiment: Experiment, sensitivity: str, values: Mapping[str,
     """Change of each moving parameter in its perturbed run (internal units); empty with direct differentiation."""
     if sensitivity == DIRECT:
         return {}
-    here = experiment.parameters.with_values(values)
+    here = experiment.model.parameters.with_values(values)
     return {name: here[name].perturbation(experiment.options.perturbation) for name in moving}

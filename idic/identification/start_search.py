@@ -71,7 +71,7 @@ def search(experiment: Experiment, fit_all: Callable[[Sequence[StartTrial]], Seq
             say(f"search {len(tried)}: {describe_trial(trial.label, fit)}")
         return fits
 
-    start = experiment.parameters.as_values()
+    start = experiment.model.parameters.as_values()
     (here,) = made([StartTrial("start", {}, 1)])
     if here.misfit < MAX_PROMISING_COARSE_MISFIT and _inside(experiment):
         (exact,) = made([StartTrial("start, given model", {}, 1, simplified=False)])
@@ -113,7 +113,7 @@ def trials_of_law(experiment: Experiment) -> list[StartTrial]:
     """One trial per start value that a law names for a free parameter."""
     points = []
     for name in first_free(experiment):
-        parameter = experiment.parameters[name]
+        parameter = experiment.model.parameters[name]
         low, high = parameter.bounds
         points += [StartTrial(f"{name} = {value:g}", {name: value},
                    TRIAL_EVALUATIONS) for value in parameter.start_values if low <= value <= high]
@@ -122,12 +122,12 @@ def trials_of_law(experiment: Experiment) -> list[StartTrial]:
 
 def stabilised_start(experiment: Experiment, power: int) -> dict[str, float]:
     """Values at which the body is more stable than at its start, of the parameters with a stabilising factor."""
-    parameters = [experiment.parameters[name] for name in first_free(experiment)]
+    parameters = [experiment.model.parameters[name] for name in first_free(experiment)]
     return {p.name: float(np.clip(p.value * p.stabilising_factor**power, *p.bounds)) for p in parameters
             if p.stabilising_factor != 1.0}
 
 
 def _inside(experiment: Experiment) -> bool:
     """Whether the given start lies among the start values of the laws."""
-    asking = [experiment.parameters[name] for name in first_free(experiment)]
+    asking = [experiment.model.parameters[name] for name in first_free(experiment)]
     return all(min(p.start_values) <= p.value <= max(p.start_values) for p in asking if p.start_values)

@@ -25,13 +25,13 @@ def noise_weights(experiment: Experiment, views: Sequence[Experiment] = ()) -> W
         If the noise of the images is not known.
     """
     views = views or experiment.views
-    if any(view.noise.std_gv is None for view in views):
+    if any(view.recording.noise.std_gv is None for view in views):
         raise InputError("the noise of the images is not known", key="[camera] noise_std_gv",
                          expected="its standard deviation", found="nothing",
                          remedy="give it, or use idic.identify, which measures it")
-    seen, *others = (float(view.noise.in_sums_gv * np.sqrt(gradient_noise_share(view))) for view in views)
-    noises = np.array([logged_noise(experiment, channel) for channel in experiment.channels], dtype=float)
-    share = ordinary_variance(experiment.n_references)
+    seen, *others = (float(view.recording.noise.in_sums_gv * np.sqrt(gradient_noise_share(view))) for view in views)
+    noises = np.array([logged_noise(experiment, channel) for channel in experiment.model.channels], dtype=float)
+    share = ordinary_variance(experiment.recording.n_references)
     return Weights(1.0 / (share * seen**2), seen, noises**-2.0, noises,
                    tuple(1.0 / (share * other**2) for other in others), tuple(others))
 
@@ -41,16 +41,16 @@ def gradient_noise_share(experiment: Experiment) -> float:
 
     All of it for height images, whose sums against the rise are as smooth as the rise, and for measured fields.
     """
-    if experiment.quantity != "grey":
+    if experiment.recording.quantity != "grey":
         return 1.0
     std_px = experiment.options.lowpass_px
     # the sums weigh by another gradient than the image's
     if std_px > 0.0 and gradient_noise(experiment) > MAX_GRADIENT_NOISE:
-        reference = build_experiment_reference(experiment, experiment.camera)
+        reference = build_experiment_reference(experiment, experiment.model.camera)
         parts = (reference.fx, reference.fy)  # type: ignore[attr-defined]
         return noise_share(*(reference.pixel_map.to_image(part, 0.0) for part in parts),
                            std_px)  # type: ignore[call-arg]
-    image = lowpass(experiment.stack.frame(experiment.reference).astype(np.float32), std_px)
+    image = lowpass(experiment.recording.stack.frame(experiment.model.reference).astype(np.float32), std_px)
     rows, columns = np.gradient(image)
     return noise_share(columns, rows, std_px)
 

@@ -2,11 +2,13 @@ from .drives import (
     COMPONENTS, DriveTable, boundary_parameters, build_drives, is_stereo, mode_names, mode_shapes, pixel_size,
     rates_since_reference, set_nodes,
 )
-from .experiment import (
-    Channel, Column, Constant, Controlled, Correction, CorrelatedNoise, Depth, Drive, Experiment, FieldPoints,
-    FurtherCamera, Heterogeneity, Load, Material, Measured, Noise, Options, Parametrised, Prescribed, Stage,
-    Temperature, TemperatureField, corrections_of,
+from .experiment import Experiment
+from .model import Model
+from .options import Options, Stage
+from .parts import (
+    Channel, Column, Constant, Controlled, Correction, Drive, Heterogeneity, Load, Material, Measured, Parametrised, Prescribed, Temperature, TemperatureField, corrections_of,
 )
+from .recording import CorrelatedNoise, Depth, FieldPoints, FurtherCamera, Noise, Recording
 from .first_frames import leading_frames, selected_frames
 from .forward import ForwardModel, build_forward, solve, tried_increments
 from .free_course import KNOTS, TEMPERATURE, hats, jump_frame, jump_name, knot_frames, knot_name, without_knot
@@ -16,6 +18,7 @@ from .loads import load_parameters
 from .mode_words import in_words, is_mode, motions
 from .motion_error import MotionError
 from .readings import Readings
+from .stated_curve import StatedCurve
 from .temperature import nodal_temperature
 from .terms.channels.channel_term import ChannelTerm
 from .terms.channels.channel_terms import CHANNEL_TERMS, channel_term, shown_value
@@ -26,8 +29,8 @@ __all__ = [
     "CHANNEL_TERMS", "COMPONENTS", "CORRECTION_TERMS", "KINDS", "KNOTS", "TEMPERATURE", "Channel", "ChannelTerm",
     "Column", "Constant", "Controlled", "CorrectedMotion", "Correction", "CorrectionTerm", "CorrelatedNoise",
     "Depth", "Drive", "DriveTable", "Experiment", "FieldPoints", "ForwardModel", "FurtherCamera", "Gauge",
-    "Heterogeneity", "Load", "Material", "Measured", "MotionError", "Noise", "Options", "Parametrised",
-    "Prescribed", "Readings", "Stage", "Temperature", "TemperatureField", "boundary_parameters", "build_drives",
+    "Heterogeneity", "Load", "Material", "Measured", "Model", "MotionError", "Noise", "Options", "Parametrised",
+    "Prescribed", "Readings", "Recording", "Stage", "StatedCurve", "Temperature", "TemperatureField", "boundary_parameters", "build_drives",
     "build_forward", "channel_term", "corrections_of", "hats", "in_words", "is_mode", "is_stereo", "jump_frame",
     "jump_name", "knot_frames", "knot_name", "leading_frames", "load_parameters", "mode_names", "mode_shapes",
     "motions", "nodal_temperature", "nodes_of", "pixel_size", "rates_since_reference", "selected_frames",

@@ -23,7 +23,8 @@ import numpy as np
 from idic.errors import InputError, NotConverged
 from idic.fe import ExternalSetup, ExternalSolver, FrameState, Solution, StepList, ExpectedOutput, inp_text
 from idic.model.drives import DriveTable, build_drives, set_nodes
-from idic.model.experiment import Experiment, Measured, Parametrised
+from idic.model.experiment import Experiment
+from idic.model.parts import Measured, Parametrised
 from idic.model.readings import Readings, build_readings, controlled
 from idic.parameters import ParameterSet
 
@@ -44,17 +45,17 @@ class ExternalForward:
 
     @property
     def setup(self) -> ExternalSetup:
-        return self.experiment.solver
+        return self.experiment.model.solver
 
     @property
     def frames(self) -> np.ndarray:
         """Frame numbers that are simulated: the reference and all later ones  # (n_simulated,)"""
-        return np.arange(self.experiment.reference, self.experiment.n_frames)
+        return np.arange(self.experiment.model.reference, self.experiment.model.n_frames)
 
     @property
     def morphs(self) -> tuple[str, ...]:
         """Degrees of freedom that move the nodes of the mesh."""
-        return tuple(morph.name for morph in self.experiment.morphs)
+        return tuple(morph.name for morph in self.experiment.model.morphs)
 
     @property
     def model(self):
@@ -88,7 +89,7 @@ class ExternalForward:
         request = replace(self._request, motions=self.motions(parameters, local))
         solver, texts = ExternalSolver(self.setup, request), self._tables(parameters, local)
         if self.setup.mesh_file is not None:
-            texts[self.setup.mesh_file] = inp_text(at.mesh, "idic", self.setup.element_types)
+            texts[self.setup.mesh_file] = inp_text(at.model.mesh, "idic", self.setup.element_types)
         if self.scratch is not None:
             solution = solver.run(self._values(parameters), texts, self.scratch, self.label)
         else:
@@ -122,14 +123,14 @@ class ExternalForward:
         local_runs = [(self.respond(parameters, self.shifted(local, i)), change) for i, change in shifts]
         du, dchannels = self._quotients(u, channels, perturbed)
         local_du, local_dchannels = self._quotients(u, channels, local_runs)
-        step_list = StepList(tuple(float(t) for t in self.experiment.times[self.experiment.reference:]))
+        step_list = StepList(tuple(float(t) for t in self.experiment.model.times[self.experiment.model.reference:]))
         for k, time in enumerate(step_list.times):
             yield FrameState(k, time, u[k], channels[k], du[k], dchannels[k], local_du[k], local_dchannels[k], 0, (),
                              step_list)
 
     def shifted(self, local: np.ndarray | None, index: int) -> np.ndarray:
         """Frame-local values with one of them shifted in all frames  # (n_frames, n_local)"""
-        moved = np.zeros((self.experiment.n_frames, self.drives.n_local)) if local is None else local.copy()
+        moved = np.zeros((self.experiment.model.n_frames, self.drives.n_local)) if local is None else local.copy()
         moved[:, index] += self.local_changes()[index]
         return moved
 
@@ -144,19 +145,19 @@ class ExternalForward:
     @cached_property
     def _request(self) -> ExpectedOutput:
         experiment = self.experiment
-        mesh, reactions = experiment.mesh, [c for c in experiment.channels if c.kind == "reaction"]
-        return ExpectedOutput(np.asarray(mesh.node_labels), experiment.n_dim, self._clock()[1:],
+        mesh, reactions = experiment.model.mesh, [c for c in experiment.model.channels if c.kind == "reaction"]
+        return ExpectedOutput(np.asarray(mesh.node_labels), experiment.model.n_dim, self._clock()[1:],
                       tuple(dict.fromkeys(f"{c.nodes}.{c.component}" for c in reactions)),
                       {c.nodes: set_nodes(experiment, c.nodes) for c in reactions},
                       float(np.linalg.norm(np.ptp(mesh.nodes, axis=0))))
 
     def _clock(self) -> np.ndarray:
         """Times of the deck, 0 at the reference  # (n_simulated,)"""
-        times = self.experiment.times[self.experiment.reference:]
+        times = self.experiment.model.times[self.experiment.model.reference:]
         return np.arange(len(times), dtype=float) if self.setup.clock == "frames" else times - times[0]
 
     def _values(self, parameters: ParameterSet) -> dict[str, float]:
-        return {THICKNESS: self.experiment.thickness or 1.0, "TIME.end": float(self._clock()[-1]),
+        return {THICKNESS: self.experiment.model.thickness or 1.0, "TIME.end": float(self._clock()[-1]),
                 "TIME.frames": float(len(self.frames) - 1), **{n: float(v) for n, v in parameters.as_values().items()}}
 
     def _histories(self, parameters: ParameterSet, local: np.ndarray | None) -> np.ndarray:
@@ -178,8 +179,8 @@ class ExternalForward:
 
     def _channels(self, solution: Solution, parameters: ParameterSet, local: np.ndarray | None) -> np.ndarray:
         """What the channels read  # (n_simulated, n_channels)"""
-        forces = np.zeros((len(self.frames), len(self.experiment.channels)))
-        for column, channel in enumerate(self.experiment.channels):
+        forces = np.zeros((len(self.frames), len(self.experiment.model.channels)))
+        for column, channel in enumerate(self.experiment.model.channels):
             if channel.kind == "reaction":
                 forces[:, column] = channel.factor * solution.forces[f"{channel.nodes}.{channel.component}"]
         if self.readings is None:
@@ -200,9 +201,9 @@ def build_external(experiment: Experiment) -> ExternalForward:
     """
     drives = build_drives(experiment)
     forward = ExternalForward(experiment, drives, build_readings(experiment, drives.loads))
-    setup, file = experiment.solver, experiment.solver.experiment_file
+    setup, file = experiment.model.solver, experiment.model.solver.experiment_file
     _check_drives(forward)
-    tables, values = forward._tables(experiment.parameters, None), forward._values(experiment.parameters)
+    tables, values = forward._tables(experiment.model.parameters, None), forward._values(experiment.model.parameters)
     setup.deck.check(set(tables) | set(values))
     try:
         setup.deck.render(values | tables)
@@ -216,13 +217,13 @@ def build_external(experiment: Experiment) -> ExternalForward:
             raise InputError("a motion or load that the deck does not read", file=setup.deck.file,
                              expected=f"{{{TABLE}{name}}}: lines of time and value", found="nowhere in the deck",
                              remedy="write it as the data of an *AMPLITUDE, or remove the [[boundary]]")
-    for name in experiment.parameters.free:
-        material = name.rpartition(".")[0] in {m.element_set for m in experiment.materials}
+    for name in experiment.model.parameters.free:
+        material = name.rpartition(".")[0] in {m.element_set for m in experiment.model.materials}
         if (material or name == THICKNESS) and name not in setup.deck.names:
             raise InputError("a parameter to be identified that the deck does not read", file=setup.deck.file,
                              expected=f"{{{name}}}", found="nowhere in the deck",
                              remedy="write it where the deck has its value, or lock it with identify = false")
-    morphs = any(morph.name in experiment.parameters for morph in experiment.morphs)
+    morphs = any(morph.name in experiment.model.parameters for morph in experiment.model.morphs)
     if morphs and setup.mesh_file is None:
         raise InputError("a geometry that changes, but the deck has its own mesh", file=file, key="solver.mesh",
                          expected="the name under which idic writes the mesh", found="nothing",
@@ -233,13 +234,13 @@ def build_external(experiment: Experiment) -> ExternalForward:
 def _check_drives(forward: ExternalForward) -> None:
     """Refuse drives that are not one history for a whole node set."""
     experiment, basis = forward.experiment, forward.drives.basis
-    file = experiment.solver.experiment_file
+    file = experiment.model.solver.experiment_file
     if (drive := controlled(experiment)) is not None:
         raise InputError("a gauge that controls a motion or force", file=file, key="[[boundary]] controlled_by",
                          expected="numbers or columns: an external solver is given the motion before it starts",
                          found=f"controlled_by, column {drive.column}",
                          remedy="use the built-in solver, or give the motion as a column")
-    for entry in experiment.prescribed:
+    for entry in experiment.model.prescribed:
         if isinstance(entry.drive, (Measured, Parametrised)):
             raise InputError("a motion that differs from node to node", file=file,
                              key=f"[[boundary]] nodes = {entry.nodes}, u{entry.component}",
@@ -250,6 +251,6 @@ def _check_drives(forward: ExternalForward) -> None:
         raise InputError("a motion that differs from node to node", file=file, key="[[boundary]]",
                          expected="one history per node set", found="corrections or overlapping motions",
                          remedy="use the built-in solver, or leave them out")
-    if experiment.temperatures:
+    if experiment.model.temperatures:
         raise InputError("temperatures with an external solver", file=file, key="[[boundary]] temperature",
                          expected="none: the deck has its own", found="a temperature", remedy="write it in the deck")

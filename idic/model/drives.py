@@ -17,8 +17,9 @@ from idic.fe import (
 )
 from idic.images import PlacedCamera
 from idic.model.boundary_modes import edge_shapes, start_and_middle, time_courses
-from idic.model.experiment import (
-    Column, Constant, Controlled, Correction, Experiment, Measured, Parametrised, Prescribed, corrections_of,
+from idic.model.experiment import Experiment
+from idic.model.parts import (
+    Column, Constant, Controlled, Correction, Measured, Parametrised, Prescribed, corrections_of,
 )
 from idic.model.loads import LoadHistories, build_loads
 from idic.parameters import Parameter, ParameterSet
@@ -78,9 +79,9 @@ def build_drives(experiment: Experiment) -> DriveTable:
         If one degree of freedom is driven in two different ways.
     """
     builder = _Builder(experiment)
-    for prescribed in experiment.prescribed:
+    for prescribed in experiment.model.prescribed:
         builder.add(prescribed)
-    for prescribed in experiment.prescribed:
+    for prescribed in experiment.model.prescribed:
         builder.correct(prescribed)
     return builder.table()
 
@@ -125,8 +126,8 @@ def mode_shapes(experiment: Experiment, nodes: np.ndarray, drive: Parametrised,
     if drive.shapes is not None:
         return drive.shapes, drive.courses
     kind = "polynomial" if drive.kind == "polynomial" else "bspline"
-    return (edge_shapes(experiment.mesh, nodes, kind, drive.modes, stem),
-            time_courses(experiment.times, experiment.reference, kind, drive.time_modes))
+    return (edge_shapes(experiment.model.mesh, nodes, kind, drive.modes, stem),
+            time_courses(experiment.model.times, experiment.model.reference, kind, drive.time_modes))
 
 
 def set_nodes(experiment: Experiment, name: str) -> np.ndarray:
@@ -137,7 +138,7 @@ def set_nodes(experiment: Experiment, name: str) -> np.ndarray:
     InputError
         If the mesh has no such node set.
     """
-    sets = experiment.mesh.node_sets
+    sets = experiment.model.mesh.node_sets
     if name not in sets:
         raise InputError(f"no node set {name}", file="experiment.toml", key="[[boundary]] nodes",
                          expected=f"one of {', '.join(sorted(sets)) or '(the mesh has no node sets)'}", found=name,
@@ -148,18 +149,18 @@ def set_nodes(experiment: Experiment, name: str) -> np.ndarray:
 def is_stereo(experiment: Experiment) -> bool:
     """Whether two cameras with a lens see the specimen."""
     return sum(isinstance(camera, PlacedCamera) for camera in
-               (experiment.camera, *(view.camera for view in experiment.cameras))) > 1
+               (experiment.model.camera, *(view.camera for view in experiment.cameras))) > 1
 
 
 def sees_space(experiment: Experiment) -> bool:
     """Whether all three components of a motion are observed: by two cameras with a lens, or in measured fields."""
-    points = experiment.points
+    points = experiment.recording.points
     return is_stereo(experiment) if points is None else points.n_components == 3
 
 
 def pixel_size(experiment: Experiment) -> float:
     """Length of one pixel in mesh units (mm)."""
-    return experiment.camera.pixel_size
+    return experiment.model.camera.pixel_size
 
 
 class _Builder:
@@ -167,7 +168,7 @@ class _Builder:
 
     def __init__(self, experiment: Experiment):
         self.experiment = experiment
-        self.frames = experiment.n_frames
+        self.frames = experiment.model.n_frames
         self.dof_index: dict[int, int] = {}
         self.owner: dict[int, str] = {}
         self.entries: list[tuple[int, int, float]] = []  # row, drive, coefficient
@@ -186,7 +187,7 @@ class _Builder:
         drive = prescribed.drive
         if isinstance(drive, Measured):
             nodes = self._measurable(stem, nodes, component)
-        dofs = nodes * self.experiment.n_dim + component
+        dofs = nodes * self.experiment.model.n_dim + component
         rows, positions = self._claim(dofs, stem, drive)
         if isinstance(drive, Constant):
             if drive.value:
@@ -207,8 +208,8 @@ class _Builder:
         nodes = set_nodes(self.experiment, prescribed.nodes)
         stem = f"boundary.{prescribed.nodes}.{prescribed.component}"
         for correction in corrections_of(prescribed.drive):
-            component, shape = correction.pattern(correction, self.experiment.mesh, nodes, prescribed.component)
-            dofs = nodes * self.experiment.n_dim + COMPONENTS.index(component)
+            component, shape = correction.pattern(correction, self.experiment.model.mesh, nodes, prescribed.component)
+            dofs = nodes * self.experiment.model.n_dim + COMPONENTS.index(component)
             if not all(int(dof) in self.dof_index for dof in dofs):
                 raise InputError("a correction of a motion that is free", file="experiment.toml",
                                  key=f"{stem} corrections", expected=f"u{component} of {prescribed.nodes} prescribed",
@@ -252,13 +253,13 @@ class _Builder:
 
     def _add_column(self, stem, rows, drive: Column) -> None:
         late = None
-        if "time.offset" in self.experiment.parameters and drive.rates is not None:
+        if "time.offset" in self.experiment.model.parameters and drive.rates is not None:
             late = rates_since_reference(self.experiment, drive.rates)
-        index = self._drive(stem, drive.values if late is None else drive.values - self.experiment.log_offset * late)
+        index = self._drive(stem, drive.values if late is None else drive.values - self.experiment.model.log_offset * late)
         self._pattern(rows, index, np.ones(len(rows)))
         if drive.identify_offset:
             moved = np.ones(self.frames)
-            moved[self.experiment.reference] = 0.0
+            moved[self.experiment.model.reference] = 0.0
             self._derivative(f"{stem}.offset", index, moved)
         if late is not None:
             self._derivative("time.offset", index, late)
@@ -271,7 +272,7 @@ class _Builder:
         self._require_edge(stem, nodes)
         if not len(nodes):
             return
-        mesh, surface = self.experiment.mesh, self.experiment.surface
+        mesh, surface = self.experiment.model.mesh, self.experiment.model.surface
         leaders = np.arange(len(nodes)) if mesh.n_dim == 2 else seen_first(mesh, surface, nodes)
         if not len(leaders):
             raise InputError("hidden nodes without a visible node to follow", file="experiment.toml", key=stem,
@@ -286,7 +287,7 @@ class _Builder:
             self._pattern(rows[moved], index, weight[moved])
             self.local.append(index)
             self.measured.append(True)
-        pixel = pixel_size(self.experiment) / (1.0 if self.experiment.points is None else PX_PER_POINT)
+        pixel = pixel_size(self.experiment) / (1.0 if self.experiment.recording.points is None else PX_PER_POINT)
         std = drive.smoothing * MEASURED_ROUGHNESS_PX * pixel
         second = (second_differences(mesh, nodes) if mesh.n_dim == 2 else
                   rim_second_differences(mesh, surface, nodes[unique_leaders]))
@@ -296,26 +297,26 @@ class _Builder:
         """The nodes of a set whose motion the images tell: all of a plane mesh. Of a solid, hidden nodes move with the
         seen ones; across a flat surface they are free, as the thickness changes."""
         experiment = self.experiment
-        if experiment.n_dim == 2:
+        if experiment.model.n_dim == 2:
             return nodes
-        if component == normal_axis(experiment.mesh, experiment.surface) and not sees_space(experiment):
+        if component == normal_axis(experiment.model.mesh, experiment.model.surface) and not sees_space(experiment):
             raise InputError("a measured motion along the line of sight", file="experiment.toml", key=stem,
                              expected="a motion in the plane of the image, or two cameras with a lens",
                              found=f"u{COMPONENTS[component]} of a surface with normal {COMPONENTS[component]}",
                              remedy=f"give u{COMPONENTS[component]}, or leave it free; measure the other two")
-        leaders = seen_first(experiment.mesh, experiment.surface, nodes)
+        leaders = seen_first(experiment.model.mesh, experiment.model.surface, nodes)
         if not len(leaders):
             raise InputError("a measured motion that no camera sees", file="experiment.toml", key=stem,
-                             expected=f"a set with nodes on the surface {experiment.surface}",
+                             expected=f"a set with nodes on the surface {experiment.model.surface}",
                              found=f"none of {len(nodes)} nodes", remedy="measure an edge of the seen surface, or "
                              "give the motion by a number or a column")
-        if component == normal_axis(experiment.mesh, experiment.surface):
+        if component == normal_axis(experiment.model.mesh, experiment.model.surface):
             return nodes[np.unique(leaders)]
         return nodes
 
     def _require_edge(self, stem: str, nodes: np.ndarray) -> None:
         """Refuse measured nodes inside the body: the simulation determines their motion."""
-        mesh = self.experiment.mesh
+        mesh = self.experiment.model.mesh
         inside = np.setdiff1d(nodes, face_set_nodes(mesh, boundary_faces(mesh)))
         if len(inside):
             raise InputError("a measured motion inside the body", file="experiment.toml", key=stem,
@@ -355,7 +356,7 @@ def rates_since_reference(experiment: Experiment, rates: np.ndarray) -> np.ndarr
 
     A later reading of the log has a later zero, too, unless the reference is the first frame, where the test begins.
     """
-    return rates - rates[experiment.reference] if experiment.reference > 0 else rates
+    return rates - rates[experiment.model.reference] if experiment.model.reference > 0 else rates
 
 
 def second_differences(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:

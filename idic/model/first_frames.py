@@ -10,7 +10,8 @@ import numpy as np
 from idic.errors import InputError
 from idic.images import LeadingFrames
 from idic.model.drives import rates_since_reference
-from idic.model.experiment import Channel, Column, Constant, Controlled, Experiment, Parametrised, Temperature
+from idic.model.experiment import Experiment
+from idic.model.parts import Channel, Column, Constant, Controlled, Parametrised, Temperature
 
 
 def leading_frames(experiment: Experiment, n_frames: int) -> Experiment:
@@ -24,17 +25,17 @@ def leading_frames(experiment: Experiment, n_frames: int) -> Experiment:
     InputError
         If no frame after the reference would remain.
     """
-    n_recorded = experiment.n_frames
-    if not experiment.reference + 2 <= n_frames <= n_recorded:
+    n_recorded = experiment.model.n_frames
+    if not experiment.model.reference + 2 <= n_frames <= n_recorded:
         raise InputError("a window of frames outside the test", key="n_frames",
-                         expected=f"{experiment.reference + 2} to {n_recorded} frames", found=f"{n_frames}",
+                         expected=f"{experiment.model.reference + 2} to {n_recorded} frames", found=f"{n_frames}",
                          remedy="keep the reference and at least one frame after it")
     if n_frames == n_recorded:
         return experiment
     cut = selected_frames(experiment, range(n_frames))
     cameras = tuple(replace(camera, stack=_images(camera.stack, n_frames), labels=camera.labels[:n_frames])
                     for camera in experiment.cameras)
-    return replace(cut, stack=_images(experiment.stack, n_frames), cameras=cameras)
+    return replace(cut, recording=replace(cut.recording, stack=_images(experiment.recording.stack, n_frames)), cameras=cameras)
 
 
 def selected_frames(experiment: Experiment, frames: Sequence[int]) -> Experiment:
@@ -42,15 +43,8 @@ def selected_frames(experiment: Experiment, frames: Sequence[int]) -> Experiment
     the simulation of a test with fewer frames needs."""
     pick = np.asarray(frames)
     place = {int(frame): k for k, frame in enumerate(pick)}
-    return replace(
-        experiment, times=experiment.times[pick], labels=tuple(experiment.labels[k] for k in pick), stack=None,
-        reference=place[experiment.reference], averaged=tuple(place[k] for k in experiment.averaged if k in place),
-        excluded=tuple(place[k] for k in experiment.excluded if k in place),
-        prescribed=tuple(replace(p, drive=_drive(_from_zero(experiment, p.drive), pick))
-                         for p in experiment.prescribed),
-        loads=tuple(replace(load, drive=_drive(load.drive, pick)) for load in experiment.loads),
-        channels=tuple(_channel(channel, pick) for channel in experiment.channels),
-        temperatures=tuple(_temperature(entry, pick) for entry in experiment.temperatures), cameras=())
+    return replace(experiment, recording=replace(experiment.recording, labels=tuple(experiment.recording.labels[k] for k in pick), stack=None, averaged=tuple(place[k] for k in experiment.recording.averaged if k in place), excluded=tuple(place[k] for k in experiment.recording.excluded if k in place)), model=replace(experiment.model, times=experiment.model.times[pick], reference=place[experiment.model.reference], prescribed=tuple(replace(p, drive=_drive(_from_zero(experiment, p.drive), pick))
+                         for p in experiment.model.prescribed), loads=tuple(replace(load, drive=_drive(load.drive, pick)) for load in experiment.model.loads), channels=tuple(_channel(channel, pick) for channel in experiment.model.channels), temperatures=tuple(_temperature(entry, pick) for entry in experiment.model.temperatures)), cameras=())
 
 
 def _from_zero(experiment: Experiment, drive):

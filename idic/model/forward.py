@@ -14,14 +14,15 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe import (
-    Constraints, Control, Direction, FrameState, Loads, Model, Motion, PathControl, Reaction, Section, StepList,
+    Constraints, Control, Direction, FrameState, Loads, Body, Motion, PathControl, Reaction, Section, StepList,
     at_frames, dead_pressure, every_second, face_area, increments_to_try, is_extrapolated, march, march_extrapolated,
     superposed, traction, validate, without_time_error,
 )
 from idic.laws import EXPANSION, compile as compile_law
 from idic.model.black_box import ExternalForward, build_external
 from idic.model.drives import COMPONENTS, DriveTable, build_drives, rates_since_reference, set_nodes
-from idic.model.experiment import Experiment, Load
+from idic.model.experiment import Experiment
+from idic.model.parts import Load
 from idic.model.heterogeneity import variation_of, variations_at
 from idic.model.loads import LoadHistories, is_follower
 from idic.model.readings import Readings, build_readings, controlled, from_reference, path_control
@@ -48,7 +49,7 @@ class ForwardModel:
 
     experiment: Experiment
     drives: DriveTable
-    model: Model  # with the histories of the experiment's starting values
+    model: Body  # with the histories of the experiment's starting values
     temperature: NodalTemperature | None = None  # None where no material knows it
     readings: Readings | None = None  # None where all channels are reactions
     control: Control | None = None  # None: as `idic.fe` has it
@@ -56,7 +57,7 @@ class ForwardModel:
     @property
     def frames(self) -> np.ndarray:
         """Frame numbers that are simulated: the reference and all later ones  # (n_simulated,)"""
-        return np.arange(self.experiment.reference, self.experiment.n_frames)
+        return np.arange(self.experiment.model.reference, self.experiment.model.n_frames)
 
     def moves(self, name: str) -> bool:
         """Whether a degree of freedom changes the simulation (and not only camera or channels)."""
@@ -71,7 +72,7 @@ class ForwardModel:
     @property
     def morphs(self) -> tuple[str, ...]:
         """Degrees of freedom that move the nodes of the mesh."""
-        return tuple(morph.name for morph in self.experiment.morphs)
+        return tuple(morph.name for morph in self.experiment.model.morphs)
 
     def _material(self, name: str) -> tuple[int, int] | None:
         for index, section in enumerate(self.model.sections):
@@ -93,7 +94,7 @@ class ForwardModel:
         """Derivative of the temperature by `time.offset` (K/s) or a knot of its course  # (n_simulated, n_nodes)"""
         if self.temperature is not None and name in self.temperature.knots:
             hat = self._from_reference(self.temperature.knots[name])
-            return np.repeat(hat[:, None], self.experiment.mesh.n_nodes, axis=1)
+            return np.repeat(hat[:, None], self.experiment.model.mesh.n_nodes, axis=1)
         if name != "time.offset" or self.temperature is None or self.temperature.rates is None:
             return None
         return self._from_reference(self.temperature.rates)
@@ -115,7 +116,7 @@ class ForwardModel:
             return Direction(name, **parts)
         return Direction(name, material=self._material(name))
 
-    def model_at(self, parameters: ParameterSet, local: np.ndarray | None = None) -> Model:
+    def model_at(self, parameters: ParameterSet, local: np.ndarray | None = None) -> Body:
         """The finite-element model with drives, mesh, thickness and local values (n_frames, m) of these parameters.
 
         Raises
@@ -135,7 +136,7 @@ class ForwardModel:
         if loads.dead is not None and thickness != self.model.thickness:
             growth = np.where(self._per_thickness(), thickness / self.model.thickness, 1.0)
             loads = replace(loads, dead_histories=loads.dead_histories * growth)
-        return replace(self.model, mesh=experiment.mesh, constraints=constraints, thickness=thickness, loads=loads,
+        return replace(self.model, mesh=experiment.model.mesh, constraints=constraints, thickness=thickness, loads=loads,
                        control=self._control(parameters), variations=variations_at(experiment, parameters),
                        **self._thermal(parameters))
 
@@ -143,7 +144,7 @@ class ForwardModel:
         """What of the model follows from the temperature: its history, the sections with their expansion."""
         if self.temperature is None:
             return {}
-        offset = self.experiment.log_shift(parameters)
+        offset = self.experiment.model.log_shift(parameters)
         sections = tuple(
             replace(section, expansion=parameters[name].value)
             if (name := f"{section.name}.{EXPANSION.name}") in parameters else section
@@ -153,7 +154,7 @@ class ForwardModel:
 
     def _per_thickness(self) -> np.ndarray:
         """Which dead loads are stresses on an edge, so that their force grows with the thickness  # (n_dead,) bool"""
-        dead = [load for load in self.experiment.loads if not is_follower(load)]
+        dead = [load for load in self.experiment.model.loads if not is_follower(load)]
         return np.array([load.kind != "force" for load in dead], dtype=bool)
 
     def _load_growth(self, parameters: ParameterSet) -> np.ndarray | None:
@@ -169,11 +170,11 @@ class ForwardModel:
         """Histories of the loads as the solver numbers them, simulated frames  # (n_simulated, n_loads)"""
         loads, of_drives = self.drives.loads, len(self.drives.local)
         values = loads.values(parameters, None if local is None else local[:, of_drives:])
-        return values[self.experiment.reference:, loads.solver_order]
+        return values[self.experiment.model.reference:, loads.solver_order]
 
     def _load_change(self, name: str, parameters: ParameterSet) -> np.ndarray:
         loads = self.drives.loads
-        return loads.derivative(name, parameters)[self.experiment.reference:, loads.solver_order]
+        return loads.derivative(name, parameters)[self.experiment.model.reference:, loads.solver_order]
 
     def _from_reference(self, histories: np.ndarray) -> np.ndarray:
         """Histories of the simulated frames; at the reference frame nothing has moved."""
@@ -191,7 +192,7 @@ class ForwardModel:
         control, rates = self.model.control, self._late_readings()
         if rates is None or "time.offset" not in parameters:
             return control
-        return replace(control, readings=control.readings + self.experiment.log_shift(parameters) * rates)
+        return replace(control, readings=control.readings + self.experiment.model.log_shift(parameters) * rates)
 
     def law_values(self, parameters: ParameterSet) -> dict[str, np.ndarray]:
         """Law parameters per section, in the law's order."""
@@ -294,7 +295,7 @@ class ForwardModel:
             model = replace(model, local_drives=self.drives.local,
                             local_loads=tuple(int(places[load]) for load in self.drives.loads.local))
         directions = tuple(self.direction(name, parameters) for name in names)
-        times = self.experiment.times[self.experiment.reference:]
+        times = self.experiment.model.times[self.experiment.model.reference:]
         if frames is not None:
             model, times = at_frames(model, frames), times[frames]
         frozen = None if steps is None else StepList(tuple(float(t) for t in steps))
@@ -310,14 +311,14 @@ class ForwardModel:
             states = (replace(state, frame=int(frames[state.frame])) for state in states)
         if self.readings is not None:
             states = self._with_readings(states, self.readings, parameters, names, local, influence)
-        error, first = self.experiment.motion_error, self.experiment.reference
+        error, first = self.experiment.model.motion_error, self.experiment.model.reference
         for state in states:  # the error of a channel is that of the whole reading
             yield state if error is None else error.added(state, first + state.frame)
 
     def _with_readings(self, states: Iterable[FrameState], readings: Readings, parameters: ParameterSet,
                        names: Sequence[str], local: np.ndarray | None, influence: bool) -> Iterator[FrameState]:
         """The states with the channels that are no reactions."""
-        loads, first = self.drives.loads, self.experiment.reference
+        loads, first = self.drives.loads, self.experiment.model.reference
         values = loads.values(parameters, None if local is None else local[:, len(self.drives.local):])
         changes = [loads.derivative(name, parameters) if name in loads.names() else np.zeros_like(values)
                    for name in names]
@@ -337,24 +338,24 @@ def build_forward(experiment: Experiment) -> ForwardModel | ExternalForward:
     InputError
         If sets are missing, a body is unconstrained, or a force is compared without a thickness.
     """
-    if experiment.solver is not None:
+    if experiment.model.solver is not None:
         return build_external(experiment)
     drives = build_drives(experiment)
-    mesh = experiment.mesh
+    mesh = experiment.model.mesh
     sections = tuple(
         Section(material.element_set, compile_law(material.law, material.kinematics),
                 np.asarray(mesh.element_sets[material.element_set]))
-        for material in experiment.materials)
-    histories = drives.histories(experiment.parameters)[experiment.reference:].copy()
+        for material in experiment.model.materials)
+    histories = drives.histories(experiment.model.parameters)[experiment.model.reference:].copy()
     histories[0] = 0.0
-    model = Model(
-        mesh=mesh, kind=experiment.kind, sections=sections,
+    model = Body(
+        mesh=mesh, kind=experiment.model.kind, sections=sections,
         constraints=Constraints(drives.dofs, drives.basis, histories),
-        thickness=experiment.thickness or 1.0, loads=_loads(experiment, drives.loads), channels=_reactions(experiment),
+        thickness=experiment.model.thickness or 1.0, loads=_loads(experiment, drives.loads), channels=_reactions(experiment),
         locking=experiment.options.locking, surface_side=experiment.surface_side,
         control=path_control(experiment, drives))
     validate(model, len(histories))
-    warmed = any(f"{section.name}.{EXPANSION.name}" in experiment.parameters or section.law.spec.temperature is not None
+    warmed = any(f"{section.name}.{EXPANSION.name}" in experiment.model.parameters or section.law.spec.temperature is not None
                  for section in sections)
     return ForwardModel(experiment, drives, model, nodal_temperature(experiment) if warmed else None,
                         build_readings(experiment, drives.loads))
@@ -386,24 +387,24 @@ def solve(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray | N
 
 
 def _reactions(experiment: Experiment) -> tuple[Reaction, ...]:
-    forces = [channel for channel in experiment.channels if channel.kind == "reaction"]
-    if forces and experiment.kind != "solid" and experiment.thickness is None:
+    forces = [channel for channel in experiment.model.channels if channel.kind == "reaction"]
+    if forces and experiment.model.kind != "solid" and experiment.model.thickness is None:
         raise InputError("a force is compared but no thickness is given", file="experiment.toml",
                          key="[experiment] thickness_mm", expected="the thickness of the specimen", found="nothing",
                          remedy="add thickness_mm, or take the [[channel]] out")
     return tuple(
-        Reaction(set_nodes(experiment, channel.nodes) * experiment.n_dim + COMPONENTS.index(channel.component),
+        Reaction(set_nodes(experiment, channel.nodes) * experiment.model.n_dim + COMPONENTS.index(channel.component),
                  channel.factor) if channel.kind == "reaction" else Reaction(np.zeros(0, dtype=int))
-        for channel in experiment.channels)  # other channels than reactions are read elsewhere (`idic.model.readings`)
+        for channel in experiment.model.channels)  # other channels than reactions are read elsewhere (`idic.model.readings`)
 
 
 def _loads(experiment: Experiment, histories: LoadHistories) -> Loads:
     """Follower pressures on their faces, everything else as dead nodal forces."""
-    edges = experiment.mesh.edge_sets
-    faces = tuple(edges[load.edges] for load in experiment.loads if is_follower(load))
-    dead = [_dead_load(experiment, load, edges[load.edges]) for load in experiment.loads if not is_follower(load)]
+    edges = experiment.model.mesh.edge_sets
+    faces = tuple(edges[load.edges] for load in experiment.model.loads if is_follower(load))
+    dead = [_dead_load(experiment, load, edges[load.edges]) for load in experiment.model.loads if not is_follower(load)]
     loads = Loads(dead=np.array(dead).T if dead else None, pressure_faces=faces)
-    values = histories.values(experiment.parameters)[experiment.reference:, histories.solver_order]
+    values = histories.values(experiment.model.parameters)[experiment.model.reference:, histories.solver_order]
     return _with_histories(loads, values)
 
 
@@ -416,10 +417,10 @@ def _with_histories(loads: Loads, values: np.ndarray) -> Loads:
 
 def _dead_load(experiment: Experiment, load: Load, edges: np.ndarray) -> np.ndarray:
     """Nodal forces (n_dof,) per unit of the load's history."""
-    mesh, thickness = experiment.mesh, experiment.thickness or 1.0
+    mesh, thickness = experiment.model.mesh, experiment.model.thickness or 1.0
     if load.kind == "pressure":
         return dead_pressure(mesh, edges, thickness)
-    vector = np.eye(experiment.n_dim)[COMPONENTS.index(load.component)]
+    vector = np.eye(experiment.model.n_dim)[COMPONENTS.index(load.component)]
     if load.kind == "force":
         vector = load.share * vector / face_area(mesh, edges, thickness)
     return traction(mesh, edges, vector, thickness)

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.model.experiment import Column, Constant, Experiment, Load
+from idic.model.experiment import Experiment
+from idic.model.parts import Column, Constant, Load
 from idic.parameters import Parameter, ParameterSet
 
 UNITS = {"pressure": "MPa", "traction": "MPa", "force": "N"}
@@ -67,19 +68,19 @@ class LoadHistories:
 
 def build_loads(experiment: Experiment) -> LoadHistories:
     """The load histories of an experiment."""
-    columns, rates = np.zeros((2, experiment.n_frames, len(experiment.loads)))
+    columns, rates = np.zeros((2, experiment.model.n_frames, len(experiment.model.loads)))
     local, stds = [], []
-    for i, load in enumerate(experiment.loads):
+    for i, load in enumerate(experiment.model.loads):
         logged = isinstance(load.drive, Column)
         columns[:, i] = load.drive.values if logged else _constant(load)
-        if logged and load.drive.rates is not None and "time.offset" in experiment.parameters:
+        if logged and load.drive.rates is not None and "time.offset" in experiment.model.parameters:
             rates[:, i] = load.drive.rates
-            columns[:, i] -= experiment.log_offset * rates[:, i]  # of an offset of zero
+            columns[:, i] -= experiment.model.log_offset * rates[:, i]  # of an offset of zero
         if logged and load.drive.noise_std > 0:
             local.append(i)
             stds.append(load.drive.noise_std)
-    follower = np.array([is_follower(load) for load in experiment.loads], dtype=bool)
-    return LoadHistories(tuple(load.stem for load in experiment.loads), columns, rates, follower, tuple(local),
+    follower = np.array([is_follower(load) for load in experiment.model.loads], dtype=bool)
+    return LoadHistories(tuple(load.stem for load in experiment.model.loads), columns, rates, follower, tuple(local),
                          np.diag(np.array(stds, dtype=float) ** -2.0))
 
 

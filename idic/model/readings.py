@@ -11,7 +11,8 @@ import numpy as np
 
 from idic.fe import FrameState, PathControl
 from idic.model.drives import COMPONENTS, DriveTable, set_nodes
-from idic.model.experiment import Channel, Controlled, Experiment
+from idic.model.experiment import Experiment
+from idic.model.parts import Channel, Controlled
 from idic.model.loads import LoadHistories
 
 
@@ -41,10 +42,10 @@ class Readings:
 
 def build_readings(experiment: Experiment, loads: LoadHistories) -> Readings | None:
     """The rows of an experiment's channels; None where all of them are reactions."""
-    channels = experiment.channels
+    channels = experiment.model.channels
     if all(channel.kind == "reaction" for channel in channels):
         return None
-    motion, load = np.zeros((len(channels), experiment.mesh.nodes.size)), np.zeros((len(channels), len(loads.stems)))
+    motion, load = np.zeros((len(channels), experiment.model.mesh.nodes.size)), np.zeros((len(channels), len(loads.stems)))
     for row, channel in enumerate(channels):
         if channel.kind == "displacement":
             motion[row] = channel.factor * _mean_displacement(experiment, channel)
@@ -55,17 +56,17 @@ def build_readings(experiment: Experiment, loads: LoadHistories) -> Readings | N
 
 def _mean_displacement(experiment: Experiment, place: Channel | Controlled) -> np.ndarray:
     """Weights of a mean displacement of a node set, less that of another  # (n_dof,)"""
-    weights = np.zeros(experiment.mesh.nodes.size)
+    weights = np.zeros(experiment.model.mesh.nodes.size)
     for name, sign in ((place.nodes, 1.0), (place.minus, -1.0)):
         if name is not None:
             nodes = set_nodes(experiment, name)
-            weights[nodes * experiment.n_dim + COMPONENTS.index(place.component)] += sign / len(nodes)
+            weights[nodes * experiment.model.n_dim + COMPONENTS.index(place.component)] += sign / len(nodes)
     return weights
 
 
 def controlled(experiment: Experiment) -> Controlled | None:
     """The motion or load whose size a gauge decides."""
-    return next((drive for drive in experiment.drives if isinstance(drive, Controlled)), None)
+    return next((drive for drive in experiment.model.drives if isinstance(drive, Controlled)), None)
 
 
 def path_control(experiment: Experiment, drives: DriveTable) -> PathControl | None:
@@ -75,7 +76,7 @@ def path_control(experiment: Experiment, drives: DriveTable) -> PathControl | No
         return None
     load = None
     if drives.controlled is None:
-        place = next(i for i, entry in enumerate(experiment.loads) if isinstance(entry.drive, Controlled))
+        place = next(i for i, entry in enumerate(experiment.model.loads) if isinstance(entry.drive, Controlled))
         load = int(np.argsort(drives.loads.solver_order)[place])
     return PathControl(_mean_displacement(experiment, drive), from_reference(experiment, drive.course),
                        drives.controlled, load)
@@ -83,7 +84,7 @@ def path_control(experiment: Experiment, drives: DriveTable) -> PathControl | No
 
 def from_reference(experiment: Experiment, course: np.ndarray) -> np.ndarray:
     """A course of the simulated frames, zero at the reference  # (n_simulated, ...)"""
-    cut = course[experiment.reference:].copy()
+    cut = course[experiment.model.reference:].copy()
     cut[0] = 0.0
     return cut
 

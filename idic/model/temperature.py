@@ -15,7 +15,8 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe import conducted
-from idic.model.experiment import Column, Experiment
+from idic.model.experiment import Experiment
+from idic.model.parts import Column
 from idic.model.free_course import TEMPERATURE, knot_name
 from idic.parameters import ParameterSet
 
@@ -48,13 +49,13 @@ def nodal_temperature(experiment: Experiment) -> NodalTemperature | None:
     InputError
         Values of another size than frames and nodes, or a piece of the mesh that no temperature reaches.
     """
-    if not experiment.temperatures:
+    if not experiment.model.temperatures:
         return None
-    shape = (experiment.n_frames, experiment.mesh.n_nodes)
+    shape = (experiment.model.n_frames, experiment.model.mesh.n_nodes)
     values, rates, shifts = np.full(shape, np.nan), np.full(shape, np.nan), False
     above = np.zeros(shape)  # °C
-    for entry in experiment.temperatures:
-        nodes = np.arange(shape[1]) if entry.nodes is None else np.asarray(experiment.mesh.node_sets[entry.nodes])
+    for entry in experiment.model.temperatures:
+        nodes = np.arange(shape[1]) if entry.nodes is None else np.asarray(experiment.model.mesh.node_sets[entry.nodes])
         if isinstance(entry.drive, Column):
             nodal_values = np.broadcast_to(np.asarray(entry.drive.values, float)[:, None], (shape[0], len(nodes)))
             rate = entry.drive.rates
@@ -67,11 +68,11 @@ def nodal_temperature(experiment: Experiment) -> NodalTemperature | None:
         slope = np.zeros(shape[0]) if rate is None else rate
         rates[:, nodes] = np.where(has_value, slope[:, None], rates[:, nodes])
         shifts = shifts or rate is not None
-    reference = experiment.reference
-    start = conducted(experiment.mesh, (values - above)[reference][None])[0]
-    values = conducted(experiment.mesh, values)
-    rates = conducted(experiment.mesh, rates) if shifts else None
-    knots = {knot_name(TEMPERATURE, frame): hat for entry in experiment.temperatures
+    reference = experiment.model.reference
+    start = conducted(experiment.model.mesh, (values - above)[reference][None])[0]
+    values = conducted(experiment.model.mesh, values)
+    rates = conducted(experiment.model.mesh, rates) if shifts else None
+    knots = {knot_name(TEMPERATURE, frame): hat for entry in experiment.model.temperatures
              for frame, hat in zip(entry.knots, () if entry.hats is None else entry.hats, strict=True)}
     return NodalTemperature(values - values[reference], None if rates is None else rates - rates[reference], start,
                             knots)

@@ -147,7 +147,7 @@ class Experiment:
     @property
     def parameters(self) -> ParameterSet:
         """All parameters with their start values."""
-        return self.record.parameters
+        return self.record.model.parameters
 
     @property
     def title(self) -> str:
@@ -184,8 +184,8 @@ class Experiment:
 
     def __repr__(self) -> str:
         record = self.record
-        identified = ", ".join(record.parameters.free) or "nothing"
-        return (f"Experiment({record.title!r}, {record.recorded}, {record.mesh.n_elements} elements, "
+        identified = ", ".join(record.model.parameters.free) or "nothing"
+        return (f"Experiment({record.title!r}, {record.recording.in_words()}, {record.model.mesh.n_elements} elements, "
                 f"identifies {identified})")
 
     def _repr_html_(self) -> str:
@@ -282,7 +282,7 @@ def _save_mesh(folder: Path, name: Any, mesh: RawMesh | None, record: Record) ->
     if mesh.file != MESH_OBJECT:
         shutil.copyfile(mesh.file, folder / name)
         return
-    internal_mesh, _ = to_mesh(mesh, record.n_dim, 1.0)
+    internal_mesh, _ = to_mesh(mesh, record.model.n_dim, 1.0)
     (folder / name).write_text(inp_text(internal_mesh, record.title), encoding="utf-8")
 
 
@@ -300,8 +300,8 @@ def _save_log(file: Path, log: Log) -> None:
 
 def _named_frames(tables: Mapping, record: Record, labels: Sequence[str]) -> dict:
     """The keys that name frames, by the labels of the images as they are written."""
-    frames_by_key = {"reference": list(record.averaged) or [record.reference], "exclude_frames": list(record.excluded),
-             "still_frames": list(record.extras["still_frames"])}
+    frames_by_key = {"reference": list(record.recording.averaged) or [record.model.reference], "exclude_frames": list(record.recording.excluded),
+             "still_frames": list(record.recording.still_frames)}
     named = tables["experiment"]
     return {key: [labels[k] for k in numbers] for key, numbers in frames_by_key.items() if key in named
             and not (key == "still_frames" and isinstance(named[key], str))}

@@ -86,7 +86,7 @@ class FieldsInMemory:
         """The simulation of the accepted point, by frame."""
         if self.found.point is None or self.found.point.system is None:
             raise nothing_simulated(self.found.state.history)
-        reference = self.found.experiment.reference
+        reference = self.found.experiment.model.reference
         path = self.found.path
         states: Iterable[FrameResponse] = (path.frames if path is not None
                                            else (response_of(state, reference) for state in self.found.march()))
@@ -107,13 +107,13 @@ class FieldsInMemory:
         response, of = self.responses[frame], self.context.cameras[number]
         light = {record.frame: record.brightness_of(number) for record in self.found.point.system.frames}
         view = view_of(of.experiment, of.camera).at(frame)
-        motion = view.motion(of.experiment.mesh.nodes, of.experiment.turned(response.u))
+        motion = view.motion(of.experiment.model.mesh.nodes, of.experiment.model.turned(response.u))
         return of.reference.compare_pixels(of.experiment, frame, motion, light.get(frame, np.zeros(0)))
 
     @cached_property
     def simulated(self) -> np.ndarray:
         experiment, parameters = self.experiment, self.found.parameters
-        table = np.full((experiment.n_frames, len(experiment.channels)), np.nan)
+        table = np.full((experiment.model.n_frames, len(experiment.model.channels)), np.nan)
         for frame, response in self.responses.items():
             table[frame] = channel_values(experiment, parameters, response.channels, frame)
         return table
@@ -153,19 +153,19 @@ class FieldsOfRun:
     @cached_property
     def experiment(self) -> Experiment:
         experiment = self.context.experiment
-        return experiment.at_geometry(experiment.parameters.with_values(self._accepted["values"]))
+        return experiment.at_geometry(experiment.model.parameters.with_values(self._accepted["values"]))
 
     @property
     def camera(self) -> AnyCamera:
-        return camera_at(self.experiment, self.experiment.parameters.with_values(self._accepted["values"]))
+        return camera_at(self.experiment, self.experiment.model.parameters.with_values(self._accepted["values"]))
 
     def u(self, frame: int) -> np.ndarray:
-        k = checked_frame(self.experiment, frame) - self.experiment.reference
+        k = checked_frame(self.experiment, frame) - self.experiment.model.reference
         return FrameArrays.open(self.context.store.group(group_name(self._accepted["evaluation"], BASE)),
                                 "u").read(k, k + 1)[0]
 
     def u_measured(self, frame: int) -> np.ndarray:
-        parameters = self.experiment.parameters.with_values(self._accepted["values"])
+        parameters = self.experiment.model.parameters.with_values(self._accepted["values"])
         return _freely_measured(correlation_context(self.context, parameters), checked_frame(self.experiment, frame),
                                 self.u)
 
@@ -196,15 +196,15 @@ def _freely_measured(context: CorrelationContext, frame: int, simulated: Callabl
     if inputs is None or not isinstance(camera, Camera):
         raise InputError("no free FE-DIC of these images", key="source",
                          expected="grey images of a surface by a telecentric camera, or measured fields",
-                         found=f"{experiment.quantity} images" if inputs is None
+                         found=f"{experiment.recording.quantity} images" if inputs is None
                          else "a camera with a lens, which sees "
                          "motion towards it as motion in the plane",
                          remedy="use the simulated fields" if inputs is None else
                          "use the simulated fields, or idic.measure.dic.stereo.surface_motion with two cameras")
-    nodes, view = experiment.mesh.nodes, view_of(experiment, camera)
+    nodes, view = experiment.model.mesh.nodes, view_of(experiment, camera)
 
     def start_px(k: int) -> np.ndarray:
-        return view.at(k).motion(nodes, experiment.turned(simulated(k)))[:, :2]
+        return view.at(k).motion(nodes, experiment.model.turned(simulated(k)))[:, :2]
 
     motion = free_motion(inputs, (frame,), start_px)[0]
     return in_mm(motion, nodes, camera, camera.at(frame))
@@ -225,7 +225,7 @@ def checked_frame(experiment: Experiment, frame: int, later: bool = False) -> in
     InputError
         There is no such frame.
     """
-    first, n = experiment.reference + later, experiment.n_frames
+    first, n = experiment.model.reference + later, experiment.model.n_frames
     try:
         is_whole = int(frame) == frame  # a time of 2.7 s is no frame
     except (TypeError, ValueError):

@@ -15,18 +15,18 @@ PICTURE_PX = 480  # width
 
 def experiment_html(experiment: Experiment) -> str:
     """What was recorded, what is identified, the mesh on the reference image, notes."""
-    facts = [experiment.recorded.replace(" x ", " × "),
-             f"{experiment.mesh.n_elements} elements, {experiment.mesh.n_nodes} nodes",
-             experiment.kind.replace("_", " ")]
-    if experiment.thickness is not None:
-        facts.append(f"{experiment.thickness:g} {experiment.length_unit} thick")
-    facts.append("noise to be measured" if experiment.noise.std_gv is None
-                 else f"noise {experiment.noise.std_gv:.3g} {escape(experiment.value_unit)}")
-    drives = [f"{entry.nodes}: u{entry.component} {_drive(entry.drive, experiment.length_unit)}"
-              for entry in experiment.prescribed]
-    drives += [f"{load.edges}: {load.kind} {_drive(load.drive, '')}" for load in experiment.loads]
-    channels = [f"{channel.column}: {channel.kind} of {channel.nodes}" for channel in experiment.channels]
-    picture = "" if experiment.stack is None else (
+    facts = [experiment.recording.in_words().replace(" x ", " × "),
+             f"{experiment.model.mesh.n_elements} elements, {experiment.model.mesh.n_nodes} nodes",
+             experiment.model.kind.replace("_", " ")]
+    if experiment.model.thickness is not None:
+        facts.append(f"{experiment.model.thickness:g} {experiment.model.length_unit} thick")
+    facts.append("noise to be measured" if experiment.recording.noise.std_gv is None
+                 else f"noise {experiment.recording.noise.std_gv:.3g} {escape(experiment.recording.value_unit)}")
+    drives = [f"{entry.nodes}: u{entry.component} {_drive(entry.drive, experiment.model.length_unit)}"
+              for entry in experiment.model.prescribed]
+    drives += [f"{load.edges}: {load.kind} {_drive(load.drive, '')}" for load in experiment.model.loads]
+    channels = [f"{channel.column}: {channel.kind} of {channel.nodes}" for channel in experiment.model.channels]
+    picture = "" if experiment.recording.stack is None else (
         f"<img alt='mesh on the reference image' style='max-width:100%;width:{PICTURE_PX}px' "
         f"src='{overlay(experiment).data_uri}'>")
     return (f"<div><b>{escape(experiment.title)}</b><p>{', '.join(facts)}</p>{_start_values(experiment)}"
@@ -45,7 +45,7 @@ def result_html(content: Mapping, estimates: Estimates, failure: str | None = No
 def _start_values(experiment: Experiment) -> str:
     rows = "".join(f"<tr><td style='text-align:left'>{escape(p.name)}</td>"
                    f"<td>{escape(with_std(p.shown, None, p.unit))}</td>"
-                   f"<td style='text-align:left'>{_role(p)}</td></tr>" for p in experiment.parameters.values())
+                   f"<td style='text-align:left'>{_role(p)}</td></tr>" for p in experiment.model.parameters.values())
     return (f"<table><thead><tr><th "
             f"style='text-align:left'>parameter</th><th>start</th><th></th></tr></thead><tbody>{rows}</tbody></table>")
 

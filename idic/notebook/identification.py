@@ -108,7 +108,7 @@ def _in_memory(experiment: Experiment, say: Callable[[str], None]) -> Result:
         fields = FieldsInMemory(identification)
         content = experiment_result(prepared.experiment, identification.state, identification.point,
                                     identification.weights, _fit(prepared, identification, fields),
-                                    experiment.record.excluded, {"forward_runs": identification.state.evaluations},
+                                    experiment.record.recording.excluded, {"forward_runs": identification.state.evaluations},
                                     identification.discrepancy)
     content["has_force"] = has_force(prepared.experiment)
     content["cost"] |= {"wall_s": time.perf_counter() - began, "cpu_s": time.process_time() - cpu}
@@ -119,23 +119,23 @@ def _in_memory(experiment: Experiment, say: Callable[[str], None]) -> Result:
 def _fit(prepared: Prepared, identification: Identification, fields: FieldsInMemory) -> PointFit:
     """How well the accepted point explains the recording."""
     experiment, point = prepared.experiment, identification.point
-    stacks = [prepared.free.get(view.camera_name) for view in experiment.views]
+    stacks = [prepared.free.get(view.recording.camera_name) for view in experiment.views]
     free = [None if stack is None else {"chi2_dof": stack.chi2_dof, "rms_gv": stack.rms_gv} for stack in stacks]
     if point is None or point.system is None:
-        return PointFit([{} for _ in experiment.views], np.zeros((0, len(experiment.channels))), free)
+        return PointFit([{} for _ in experiment.views], np.zeros((0, len(experiment.model.channels))), free)
     frames = [_frame_fits(identification, fields, number) for number in range(len(experiment.views))]
-    channels = (fields.measured - fields.simulated)[correlated_frames(experiment, range(experiment.n_frames))]
+    channels = (fields.measured - fields.simulated)[correlated_frames(experiment, range(experiment.model.n_frames))]
     return PointFit(frames, channels, free, texture_pairs(fields.context) if experiment.cameras else ())
 
 
 def _frame_fits(identification: Identification, fields: FieldsInMemory, number: int) -> dict[int, FrameFit]:
     """How well every frame of a camera is explained."""
     experiment, fits = identification.experiment, {}
-    sigma = fields.context.cameras[number].experiment.noise.std_gv
+    sigma = fields.context.cameras[number].experiment.recording.noise.std_gv
     records = identification.point.system.frames
     lost = {record.frame for record in records if record.cameras[number, 0] == 0}
     fitted = {record.frame: record.n_fitted for record in records}
-    for frame in range(experiment.reference + 1, experiment.n_frames):
+    for frame in range(experiment.model.reference + 1, experiment.model.n_frames):
         fit = FrameFit.of(frame, fields.pixels(frame, number), sigma, fitted.get(frame, 0.0))
         fits[frame] = replace(fit, n_pixels=0) if frame in lost else fit
     return fits

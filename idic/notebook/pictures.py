@@ -50,7 +50,7 @@ class Plots:
         frame : later than the reference; negative: counted from the last
         """
         number = checked_frame(self._fields.experiment, frame, later=True)
-        entry, unit = self._content["frames"][number], self._fields.experiment.value_unit
+        entry, unit = self._content["frames"][number], self._fields.experiment.recording.value_unit
         noise = _noise_level(entry)
         values = self._fields.residual(number) / (noise or 1.0)
         reach = RESIDUAL_RANGE if noise else float(np.nanpercentile(np.abs(values), 99)) or 1.0
@@ -70,12 +70,12 @@ class Plots:
         """Every channel as measured and simulated, and their difference with a band of two standard deviations."""
         fields = self._fields
         simulated, measured, experiment = fields.simulated, fields.measured, fields.experiment
-        x, stds = experiment.times, self._content["residual"].get("channel_noise_std", {})
-        n = max(len(experiment.channels), 1)
+        x, stds = experiment.model.times, self._content["residual"].get("channel_noise_std", {})
+        n = max(len(experiment.model.channels), 1)
         with look():
             figure = _figure(6.4, 3.6 * n)
             axes = figure.subplots(2 * n, 1, sharex=True, squeeze=False, height_ratios=(2.2, 1.0) * n)[:, 0]
-            for i, channel in enumerate(experiment.channels):
+            for i, channel in enumerate(experiment.model.channels):
                 top, bottom = axes[2 * i:2 * i + 2]
                 read, modelled = measured[:, i] / channel.shown_factor, simulated[:, i] / channel.shown_factor
                 difference, std, unit = read - modelled, stds.get(channel.column), channel.shown_unit
@@ -90,7 +90,7 @@ class Plots:
                 bottom.plot(x, difference, "-o", color=BLUE, lw=0.8, ms=3.5)
                 reach = 1.25 * max(float(np.nanmax(np.abs(difference))), 2.0 * (std or 0.0), 1e-12)
                 bottom.set(ylabel=f"difference [{unit}]", ylim=(-reach, reach))
-            if not experiment.channels:
+            if not experiment.model.channels:
                 axes[0].set_title("no channel is compared")
             axes[-1].set_xlabel(time_label(x))
             axes[-1].xaxis.set_major_locator(MaxNLocator(steps=[1, 2, 5, 10], integer=time_label(x) == "frame"))

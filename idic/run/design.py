@@ -150,10 +150,10 @@ def plan_names(paths: Sequence[Path | str]) -> list[str]:
 def pictures_of(design: Design, pattern: str) -> PlanPictures:
     """Data of the figures of a plan that are not in its summary."""
     experiment = design.experiment
-    grey = view_of(experiment, experiment.camera).n_components == 2
-    cells = tuple((block.cell, block.connectivity) for block in surface_cells(experiment.mesh, experiment.surface)) \
+    grey = view_of(experiment, experiment.model.camera).n_components == 2
+    cells = tuple((block.cell, block.connectivity) for block in surface_cells(experiment.model.mesh, experiment.model.surface)) \
         if grey else ()
-    reference = None if pattern == VIRTUAL_SPECKLE else experiment.picture(experiment.reference)
-    return PlanPictures(reference, experiment.camera.project(experiment.mesh.nodes),
+    reference = None if pattern == VIRTUAL_SPECKLE else experiment.recording.picture(experiment.model.reference)
+    return PlanPictures(reference, experiment.model.camera.project(experiment.model.mesh.nodes),
                         cells, tuple((f.name, f.frame, f.phi, f.step / abs(design.parameters[f.name].factor))
                                      for f in design.fields) if grey else ())

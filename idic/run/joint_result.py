@@ -39,7 +39,7 @@ def write_joint_result(folders: RunFolders, joint: Joint, state: LoopState, poin
     cost = {"forward_runs": max(result["forward_runs"] for result in results.values()),
             "wall_s": max(c["wall_s"] for c in costs), "forward_s": max(c["forward_s"] for c in costs),
             "image_s": max(c["image_s"] for c in costs), "peak_rss_mb": max(c["peak_rss_mb"] for c in costs)}
-    discrepancy = INTERRUPTED if discrepancies is None else joined(discrepancies, joint.whole.parameters.free,
+    discrepancy = INTERRUPTED if discrepancies is None else joined(discrepancies, joint.whole.model.parameters.free,
                                                                    joint.names)
     content = build_result(joint.whole, state, point, noises[next(iter(results))], _residual(results), frames, cost,
                            discrepancy, joint)

@@ -72,7 +72,7 @@ def chosen_tables(experiment: Experiment, tables: Mapping, say: Say = lambda tex
     """
     stated = by_evidence(experiment)
     for curve in stated:
-        locked = [name for name in curve.names if not experiment.parameters[name].free]
+        locked = [name for name in curve.names if not experiment.model.parameters[name].free]
         if locked:
             raise InputError("knots by evidence need values that are all identified", key=f"material.{locked[0]}",
                              expected="identify = true", found="a locked value",

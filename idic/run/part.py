@@ -44,12 +44,12 @@ class RunPart:
         """Everything that can be wrong before something is written."""
         check_before_writing(self.experiment)
         checked_sensitivity(sensitivity, self.experiment)
-        refuse_names_that_are_one(self.experiment.parameters, self.store.run)
-        refuse_names_that_are_one((channel.column for channel in self.experiment.channels), self.store.run)
+        refuse_names_that_are_one(self.experiment.model.parameters, self.store.run)
+        refuse_names_that_are_one((channel.column for channel in self.experiment.model.channels), self.store.run)
 
     def claim(self) -> AbstractContextManager[RunStore]:
         """Lock the folder; see `RunStore.claim`."""
-        return self.store.claim(self.experiment.identity, title=self.experiment.title)
+        return self.store.claim(self.experiment.recording.identity, title=self.experiment.title)
 
     def recover(self, runner: TaskRunner) -> list[str]:
         """Remove damaged data; a line per finding."""
@@ -80,14 +80,14 @@ class RunPart:
 
     @property
     def worth_workers(self) -> bool:
-        return self.experiment.solver is not None or expected_cost(self.experiment).worth_workers
+        return self.experiment.model.solver is not None or expected_cost(self.experiment).worth_workers
 
     @property
     def to_see(self) -> ExperimentToSee:
         """What every worker must find."""
-        solver = self.experiment.solver
+        solver = self.experiment.model.solver
         program = "" if solver is None else solver.arguments[0]
-        return ExperimentToSee(self.path, self.overrides, self.experiment.identity, program)
+        return ExperimentToSee(self.path, self.overrides, self.experiment.recording.identity, program)
 
     def prepare(self, runner: TaskRunner) -> None:
         """Measure noise, weights and starting values; nothing where that is done."""

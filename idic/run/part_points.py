@@ -45,7 +45,7 @@ class PartPoints:
         """Store the frame-local unknowns of the first trial, as prepared."""
         store, context = self.session.context.store, self.session.context
         prepared = store.finished("prepared")
-        local = np.zeros((context.experiment.n_frames, context.forward.drives.n_local))
+        local = np.zeros((context.experiment.model.n_frames, context.forward.drives.n_local))
         if prepared is not None and (prepared / "local").exists():
             local = read_array(prepared, "local")
         self._write_start(0, local)
@@ -60,7 +60,7 @@ class PartPoints:
             _scale_paper_weights(session, trial)
         context = session.context.at_stage(stage)
         weights = generalised_weights(context.weights) if trial.generalised else context.weights
-        shared = correlation_context(context, context.experiment.parameters.with_values(trial.trial.values), weights)
+        shared = correlation_context(context, context.experiment.model.parameters.with_values(trial.trial.values), weights)
         increments = len(read_array(context.store.group(group_name(trial.evaluations, BASE)), "steps"))
         with open_spool(context.store.run) as spool:
             system = sum_system(session, trial, weights, stage, spool)
@@ -167,7 +167,7 @@ def _frozen_steps(session: Session, state: LoopState) -> tuple[float, ...] | Non
 def sum_system(session: Session, state: LoopState, weights=None, stage: Stage | None = None,
                spool: Spool | None = None) -> CorrelationSystem:
     """M, b and the functional of the stored trial; spool : takes the large arrays of generalised least squares."""
-    n, size = session.experiment.n_frames, chunk_frames(session.experiment.n_frames)
+    n, size = session.experiment.model.n_frames, chunk_frames(session.experiment.model.n_frames)
     jobs = [CorrelationJob(session.run, state.evaluations, first, min(first + size, n), state.trial.values,
                            _changes(session, state), weights, stage) for first in range(0, n, size)]
     parts = session.stream("correlate", correlate, jobs)
@@ -178,7 +178,7 @@ def sum_system(session: Session, state: LoopState, weights=None, stage: Stage | 
 def _scale_paper_weights(session: Session, state: LoopState) -> None:
     """Scale the paper's weights at the starting point and write them to the description of the run."""
     context = session.context
-    slopes = np.array([context.experiment.parameters[name].slope() for name in context.names])
+    slopes = np.array([context.experiment.model.parameters[name].slope() for name in context.names])
     scaled = paper_weights(context.weights, session.experiment.options.alpha, slopes,
                            lambda weights: sum_system(session, state, weights).M)
     weights = dict(context.settings["weights"]) | {

@@ -67,7 +67,7 @@ def fit_frames(job: FitJob) -> tuple[list[FrameFit], ElementSums | None]:
     in elements)."""
     at = PointResiduals(open_run(job.run), job.evaluation, job.values, job.brightness, job.camera)
     maps = FrameArrays.open(Path(job.target).parent, Path(job.target).name, "r+") if job.shown else None
-    sigma, kind = at.experiment.noise.std_gv, at.kind
+    sigma, kind = at.experiment.recording.noise.std_gv, at.kind
     fits, sums = [], None
     correlated = set(correlated_frames(at.experiment, job.frames))
     for frame in job.frames:
@@ -96,7 +96,7 @@ def postprocess(session: Session, state: LoopState, timing: Timing, began: float
     """
     context, experiment = session.context, session.experiment
     point, judgement = None, Judgement()
-    fit = PointFit([{} for _ in experiment.views], np.zeros((0, len(experiment.channels))), _free_dics(context))
+    fit = PointFit([{} for _ in experiment.views], np.zeros((0, len(experiment.model.channels))), _free_dics(context))
     if state.accepted is not None:
         point = load_evaluation(context.store, state.accepted.number, context.names)
         frames, sums = _fits_of_cameras(session, state, point)
@@ -158,7 +158,7 @@ def write_interrupted(session: Session, state: LoopState, timing: Timing, began:
 
 def has_force(experiment: Experiment) -> bool:
     """Whether a force or a pressure is known: motion alone gives no stress."""
-    return bool(experiment.loads) or any(channel.is_load for channel in experiment.channels)
+    return bool(experiment.model.loads) or any(channel.is_load for channel in experiment.model.channels)
 
 
 def _fits_of_cameras(session: Session, state: LoopState,
@@ -171,8 +171,8 @@ def _fits_of_cameras(session: Session, state: LoopState,
 def _fits_of(session: Session, state: LoopState, point: Evaluation,
              number: int) -> tuple[dict[int, FrameFit], list[ElementSums]]:
     """The same of one camera, as tasks over chunks of frames."""
-    experiment, size = session.experiment, chunk_frames(session.experiment.n_frames)
-    frames = tuple(range(experiment.reference + 1, experiment.n_frames))
+    experiment, size = session.experiment, chunk_frames(session.experiment.model.n_frames)
+    frames = tuple(range(experiment.model.reference + 1, experiment.model.n_frames))
     if not frames:
         return {}, []
     brightness = {record.frame: tuple(record.brightness_of(number).tolist()) for record in point.system.frames}
@@ -182,13 +182,13 @@ def _fits_of(session: Session, state: LoopState, point: Evaluation,
                                         {"evaluation": state.accepted.number}) as folder:
         write_array(folder, "frames", np.array(shown, dtype=np.int64))
         # three digits are enough to look at
-        dtype = "f2" if np.asarray(view.stack.frame(view.reference)).dtype == np.uint8 else "f4"
-        FrameArrays.create(folder, "residual", len(shown), view.image_shape, 1, dtype, compressed=True)
+        dtype = "f2" if np.asarray(view.recording.stack.frame(view.model.reference)).dtype == np.uint8 else "f4"
+        FrameArrays.create(folder, "residual", len(shown), view.recording.image_shape, 1, dtype, compressed=True)
         jobs = [FitJob(session.run, state.accepted.number, chunk, state.accepted.values,
                        {k: brightness[k] for k in chunk if k in brightness}, number, str(folder / "residual"), shown,
                        {k: fitted[k] for k in chunk if k in fitted})
                 for chunk in (frames[i:i + size] for i in range(0, len(frames), size))]
-        labels = [f"residual-{view.camera_name}-frames{job.frames[0]}-{job.frames[-1]}" for job in jobs]
+        labels = [f"residual-{view.recording.camera_name}-frames{job.frames[0]}-{job.frames[-1]}" for job in jobs]
         parts = session.runner.map(fit_frames, jobs, labels, retries=1)
     fits = {fit.frame: fit for part, _ in parts for fit in part}
     lost = {r.frame for r in point.system.frames if r.cameras[number, 0] == 0}  # nothing of the pattern in them
@@ -197,7 +197,7 @@ def _fits_of(session: Session, state: LoopState, point: Evaluation,
 
 
 def _textures(context: RunContext, state: LoopState) -> tuple[TexturePair, ...]:
-    parameters = context.experiment.parameters.with_values(state.accepted.values)
+    parameters = context.experiment.model.parameters.with_values(state.accepted.values)
     return texture_pairs(correlation_context(context, parameters))
 
 
@@ -205,7 +205,7 @@ def _channel_residual(context, state: LoopState) -> np.ndarray:
     """Measured minus simulated of the correlated frames at the accepted point  # (n_frames, n_channels)"""
     experiment = context.experiment
     simulated, measured = channel_table(context, state.accepted.values, state.accepted.number)
-    frames = correlated_frames(experiment, range(experiment.n_frames))
+    frames = correlated_frames(experiment, range(experiment.model.n_frames))
     return (measured - simulated)[frames]
 
 

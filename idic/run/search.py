@@ -37,7 +37,7 @@ def start_values(session: Session) -> Mapping[str, float] | None:
     context = session.context
     if not wants_search(context.experiment):
         return None
-    if context.experiment.quantity != "height" and context.store.finished("dic") is None:
+    if context.experiment.recording.quantity != "height" and context.store.finished("dic") is None:
         job = (session.run, context.settings["experiment"], context.settings["overrides"], 0)
         session.runner.map(run_free_dic, [job], ["free-dic"], retries=1)
     number = [0]
@@ -58,16 +58,16 @@ def fit_trial(job: TrialJob) -> CoarseFit:
     """Make a coarse fit; a finished one of exactly this trial is kept (a task)."""
     context = open_run(job.run)
     experiment, trial = context.experiment, job.trial
-    names = list(experiment.parameters)
+    names = list(experiment.model.parameters)
     name = f"search/{job.number:02d}"
     ident = {"values": {key: to_hex(value) for key, value in sorted(trial.values.items())},
              "evaluations": trial.evaluations, "simplified": trial.simplified, "free": list(first_free(experiment)),
-             "edges": "measured" if any(isinstance(p.drive, Measured) for p in experiment.prescribed) else "given"}
+             "edges": "measured" if any(isinstance(p.drive, Measured) for p in experiment.model.prescribed) else "given"}
     finished = _kept(context.store.finished(name, ident), names)
     if finished is not None:
         return finished
     u_px = read_free_motion(context.store) if context.store.finished("dic") is not None else None
-    fit = coarse_fit(replace(experiment, stack=None), u_px, trial.values, trial.evaluations, trial.simplified)
+    fit = coarse_fit(replace(experiment, recording=replace(experiment.recording, stack=None)), u_px, trial.values, trial.evaluations, trial.simplified)
     with context.store.building(name, ident) as folder:
         write_array(folder, "values", np.array([fit.values[key] for key in names]))
         write_array(folder, "facts", np.array([fit.phi, fit.points, fit.evaluations, fit.part], float))
@@ -87,8 +87,8 @@ def _kept(folder: Path | None, names: Sequence[str]) -> CoarseFit | None:
 
 
 def _summary(experiment: Experiment, start: FoundStart) -> dict:
-    shown = lambda values: {name: values[name] / experiment.parameters[name].factor  # noqa: E731
-                            for name in experiment.parameters.free}
+    shown = lambda values: {name: values[name] / experiment.model.parameters[name].factor  # noqa: E731
+                            for name in experiment.model.parameters.free}
     return {"schema": SCHEMA, "begins_at": shown(start.values),
             "tried": [{"label": label, "misfit": fit.misfit if np.isfinite(fit.phi) else None,
                        "simulated_part": fit.part, "evaluations": fit.evaluations, "values": shown(fit.values)}

@@ -134,7 +134,7 @@ def _finer(context: RunContext, state: LoopState, increments: bool) -> Assessmen
         biases, how = (time_step_bias(*at), "shorter increments") if increments else discretisation_bias(*at)
     except (InputError, NotConverged) as problem:
         return Assessment("", "", "failed", {}, str(problem).splitlines()[0])
-    parameters = context.experiment.parameters
+    parameters = context.experiment.model.parameters
     return Assessment("", "", how, {name: value / parameters[name].factor for name, value in biases.items()})
 
 
@@ -152,17 +152,17 @@ def _treated(context: RunContext, state: LoopState, treatment: Treatment) -> tup
     options = {"options.estimator": "generalised" if state.generalised else "ordinary"}
     experiment = load_experiment(settings["experiment"], dict(settings["overrides"]) | options | treatment.overrides)
     experiment = with_stored_noise(with_stored_images(context.store, experiment), settings)
-    experiment = replace(experiment, excluded=tuple(settings["excluded"]), stages=())
+    experiment = replace(experiment, recording=replace(experiment.recording, excluded=tuple(settings["excluded"])), stages=())
     same = {name: value for name, value in state.accepted.values.items()
-            if name in experiment.parameters and not name.startswith("boundary.")}
-    experiment = replace(experiment, parameters=experiment.parameters.with_values(same))
-    measured = any(isinstance(entry.drive, Measured) for entry in experiment.prescribed)
+            if name in experiment.model.parameters and not name.startswith("boundary.")}
+    experiment = replace(experiment, model=replace(experiment.model, parameters=experiment.model.parameters.with_values(same)))
+    measured = any(isinstance(entry.drive, Measured) for entry in experiment.model.prescribed)
     if not measured and not starts_from_dic(experiment):
         as_given = "boundary" not in treatment.overrides
-        return experiment, _local(context, state) if as_given and given.prescribed else None
+        return experiment, _local(context, state) if as_given and given.model.prescribed else None
     u_px = dic_stack(experiment).u_px
-    local = measured_start(experiment, u_px, experiment.excluded)
-    return with_boundary_start(experiment, boundary_start(experiment, u_px, experiment.excluded)), local
+    local = measured_start(experiment, u_px, experiment.recording.excluded)
+    return with_boundary_start(experiment, boundary_start(experiment, u_px, experiment.recording.excluded)), local
 
 
 def _finished(run: str | Path) -> dict:

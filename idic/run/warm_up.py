@@ -38,19 +38,19 @@ def compile_image_kernels(job: tuple[str, str, dict]) -> None:
 def _correlate_at_rest(job: tuple[str, str, dict]) -> None:
     run, path, overrides = job
     experiment = with_stored_images(RunStore(run), load_experiment(path, overrides))
-    frames = correlated_frames(experiment, range(experiment.n_frames))
+    frames = correlated_frames(experiment, range(experiment.model.n_frames))
     if not frames:
         return
-    forward, parameters = build_forward(experiment), experiment.parameters
+    forward, parameters = build_forward(experiment), experiment.model.parameters
     camera = camera_at(experiment, parameters)
     moving = tuple(name for name in parameters.free if forward.moves(name))
-    n_channels, m = len(experiment.channels), forward.drives.n_local
+    n_channels, m = len(experiment.model.channels), forward.drives.n_local
     context = CorrelationContext(
         experiment=experiment, parameters=parameters, names=parameters.free, moving=moving, camera=camera,
         reference=build_experiment_reference(experiment, camera),
         weights=Weights(1.0, 1.0, np.ones(n_channels), np.ones(n_channels)),
         local_precision=forward.drives.local_precision)
-    at_rest = np.zeros((len(experiment.mesh.nodes), experiment.n_dim))
+    at_rest = np.zeros((len(experiment.model.mesh.nodes), experiment.model.n_dim))
     response = FrameResponse(
         frames[0], at_rest, np.zeros(n_channels), np.zeros((*at_rest.shape, len(moving))),
         np.zeros((n_channels, len(moving))), np.zeros((*at_rest.shape, m)), np.zeros((n_channels, m)))

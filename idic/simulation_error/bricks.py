@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from idic.errors import NotConverged
-from idic.fe import FrameState, Model, is_linear
+from idic.fe import FrameState, Body, is_linear
 from idic.model import Experiment, ForwardModel, MotionError, build_forward
 from idic.simulation_error.comparison import LOOSE, ModelPoint, compared_increments
 from idic.simulation_error.limits import LIMITS
@@ -75,9 +75,9 @@ def bricks_of(point: ModelPoint, sheet: Iterable[SheetFrame], neighbour: Bricks 
     model = _brick_model(point.experiment)
     if model is None:
         return None
-    experiment, n, path = point.experiment, point.experiment.mesh.n_nodes, []
-    u = np.zeros((experiment.n_frames, *experiment.mesh.nodes.shape))
-    channels = np.zeros((experiment.n_frames, len(experiment.channels)))
+    experiment, n, path = point.experiment, point.experiment.model.mesh.n_nodes, []
+    u = np.zeros((experiment.model.n_frames, *experiment.model.mesh.nodes.shape))
+    channels = np.zeros((experiment.model.n_frames, len(experiment.model.channels)))
     linear, names = is_linear(model.model), _of_the_laws(experiment, of_sheet or ())
     columns = [(of_sheet or ()).index(name) for name in names]
     changes = None if of_sheet is None else ErrorChanges(names, np.zeros((*u.shape, len(names))),
@@ -89,7 +89,7 @@ def bricks_of(point: ModelPoint, sheet: Iterable[SheetFrame], neighbour: Bricks 
                          warm_start=neighbour.path or None if neighbour is not None else None, may_cut=True)
     try:
         for sheet_state, state in zip(sheet, states, strict=True):
-            frame = experiment.reference + state.frame
+            frame = experiment.model.reference + state.frame
             u[frame] = state.u[:n, :2] - sheet_state.u
             channels[frame] = state.channels - sheet_state.channels
             if changes is not None:
@@ -120,8 +120,8 @@ def simulated_sheet(point: ModelPoint, names: Sequence[str] = (),
 
 def reason_against_bricks(experiment: Experiment) -> str | None:
     """Why a sheet of known, even thickness is not compared with bricks; None where it is, and of all other bodies."""
-    cells = {block.cell for block in experiment.mesh.blocks}
-    if experiment.solver is not None or experiment.kind != "plane_stress" or experiment.thickness is None:
+    cells = {block.cell for block in experiment.model.mesh.blocks}
+    if experiment.model.solver is not None or experiment.model.kind != "plane_stress" or experiment.model.thickness is None:
         return None
     if len(cells) > 1:
         return f"the mesh mixes elements ({', '.join(sorted(cells))})"
@@ -129,14 +129,14 @@ def reason_against_bricks(experiment: Experiment) -> str | None:
         return 'the elements are of first order (element_order under [options])'
     if not can_be_thick(experiment):
         return None
-    nodes = extruded(experiment.mesh, 0.5 * float(experiment.thickness)).n_nodes
+    nodes = extruded(experiment.model.mesh, 0.5 * float(experiment.model.thickness)).n_nodes
     limit = _max_bricks(build_forward(experiment).model)
     return f"bricks behind this mesh would have {nodes} nodes, more than {limit}" if nodes > limit else None
 
 
 def _of_the_laws(experiment: Experiment, names: Sequence[str]) -> tuple[str, ...]:
     """The parameters that the error of plane stress may follow: those of the laws."""
-    sets = {material.element_set for material in experiment.materials}
+    sets = {material.element_set for material in experiment.model.materials}
     return tuple(name for name in names if name.partition(".")[0] in sets)
 
 
@@ -146,10 +146,10 @@ def _brick_model(experiment: Experiment) -> ForwardModel | None:
         return None
     forward = build_forward(thick(experiment))
     assert isinstance(forward, ForwardModel)  # a sheet of an external solver is not made thick
-    if forward.experiment.mesh.n_nodes > _max_bricks(forward.model):
+    if forward.experiment.model.mesh.n_nodes > _max_bricks(forward.model):
         return None
     return replace(forward, control=LOOSE)
 
 
-def _max_bricks(model: Model) -> int:
+def _max_bricks(model: Body) -> int:
     return LIMITS.superposed if is_linear(model) else LIMITS.solid

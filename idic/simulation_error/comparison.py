@@ -90,14 +90,14 @@ class ErrorInFrames:
 def error_in_every_frame(point: ModelPoint, better: BetterModel) -> MotionError | None:
     """What the simulation at a point lacks of a better one; None where one of them finds no equilibrium."""
     experiment = point.experiment
-    u = np.zeros((experiment.n_frames, *experiment.mesh.nodes.shape))
-    channels = np.zeros((experiment.n_frames, len(experiment.channels)))
+    u = np.zeros((experiment.model.n_frames, *experiment.model.mesh.nodes.shape))
+    channels = np.zeros((experiment.model.n_frames, len(experiment.model.channels)))
     steps = compared_increments(point)
     try:
         pair = (_forward(test).march(point.parameters, (), local, steps, may_cut=True)
                 for test, local in ((experiment, point.local), (better.experiment, better.local)))
         for state, better_state in zip(*pair, strict=True):
-            frame = experiment.reference + state.frame
+            frame = experiment.model.reference + state.frame
             u[frame] = better.difference(state, better_state)
             channels[frame] = better_state.channels - state.channels
     except NotConverged:
@@ -112,7 +112,7 @@ def error_in_frames(point: ModelPoint, better: BetterModel, frames: np.ndarray,
     frames : the reference and later ones; guesses : (n_nodes, d) mm of each of them, of the model, then of the better
     one
     """
-    first, guesses = point.experiment.reference, (*guesses, None, None)[:2]
+    first, guesses = point.experiment.model.reference, (*guesses, None, None)[:2]
     u, channels = [], []
     try:
         pair = (replace(_forward(test), control=LOOSE).march_at(point.parameters, local, frames - first, guess)
@@ -131,8 +131,8 @@ def compared_increments(point: ModelPoint) -> np.ndarray | None:
 
     A few are one per frame, of a law without time; 2 and 1, extrapolated (`idic.fe.extrapolation`), of another one.
     """
-    ends = point.experiment.times[point.experiment.reference:]
-    in_time = any(get_law(material.law).rate_dependent for material in point.experiment.materials)
+    ends = point.experiment.model.times[point.experiment.model.reference:]
+    in_time = any(get_law(material.law).rate_dependent for material in point.experiment.model.materials)
     few = MAX_INCREMENTS if in_time else MAX_INCREMENTS_WITHOUT_TIME
     if point.steps is None or len(point.steps) < (few + 1) * (len(ends) - 1):  # one per frame, some of them cut
         return point.steps

@@ -22,7 +22,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from idic.fe import Model, can_halve, can_raise_order, is_linear
+from idic.fe import Body, can_halve, can_raise_order, is_linear
 from idic.model import Experiment, ForwardModel, MotionError, build_forward
 from idic.simulation_error.comparison import (
     ErrorInFrames, ModelPoint, BetterModel, error_in_every_frame, error_in_frames,
@@ -40,12 +40,12 @@ STILL_SHARE = 0.05  # of the largest rate of a motion: a slower one is taken as 
 
 def can_be_refined(experiment: Experiment) -> bool:
     """Whether a finer mesh of this experiment can be made and is not too large."""
-    if experiment.solver is not None:
+    if experiment.model.solver is not None:
         return False
-    mesh, raised = experiment.mesh, can_raise_order(experiment.mesh)
+    mesh, raised = experiment.model.mesh, can_raise_order(experiment.model.mesh)
     if not (raised or can_halve(mesh)):
         return False
-    plane = experiment.n_dim == 2
+    plane = experiment.model.n_dim == 2
     growth = (3 if plane else 4) if raised else (4 if plane else 7)
     return growth * mesh.n_nodes <= (LIMITS.plane if plane else LIMITS.solid)
 
@@ -79,42 +79,42 @@ def brick_mesh_error(point: ModelPoint) -> MotionError | None:
     finer = refined(experiment)
     bricks, finer_bricks = thick(experiment), thick(finer.experiment)
     forward = build_forward(bricks)
-    linear, n_nodes = is_linear(forward.model), finer_bricks.mesh.n_nodes
+    linear, n_nodes = is_linear(forward.model), finer_bricks.model.mesh.n_nodes
     if n_nodes > (LIMITS.superposed if linear else LIMITS.solid_in_few_frames):
         elastic = None if linear or n_nodes > LIMITS.superposed else as_elastic(experiment)
         return None if elastic is None else _of_elastic_bricks(point, elastic)
-    n, m, difference = experiment.mesh.n_nodes, finer.experiment.mesh.n_nodes, finer.difference()
-    n_simulated = experiment.n_frames - experiment.reference
+    n, m, difference = experiment.model.mesh.n_nodes, finer.experiment.model.mesh.n_nodes, finer.difference()
+    n_simulated = experiment.model.n_frames - experiment.model.reference
     frames = np.arange(n_simulated) if linear else compared_frames(forward.model_at(point.parameters, point.local))
     error = error_in_frames(
         replace(point, experiment=bricks),
         BetterModel(finer_bricks, finer.carried_local(point.local),
-                    lambda state, better: difference(state.u[:n, :2], better.u[:m, :2])), experiment.reference + frames)
+                    lambda state, better: difference(state.u[:n, :2], better.u[:m, :2])), experiment.model.reference + frames)
     if error is None:
         return None
-    of_mesh = error.in_every_frame(experiment.n_frames)
+    of_mesh = error.in_every_frame(experiment.model.n_frames)
     return of_mesh if finer.is_raised else _with_reactions_of_the_limit(of_mesh, experiment)
 
 
 def as_elastic(experiment: Experiment) -> Experiment | None:
     """The experiment with linear elasticity of small strains in the place of laws that have E and nu; None where one
     has other constants, or where pressures follow the surface and temperatures the body."""
-    named = experiment.parameters.keys()
+    named = experiment.model.parameters.keys()
     if any(f"{material.element_set}.{constant}" not in named
-           for material in experiment.materials for constant in ("E", "nu")):
+           for material in experiment.model.materials for constant in ("E", "nu")):
         return None
-    materials = tuple(replace(material, law="elastic", kinematics="small") for material in experiment.materials)
-    elastic = replace(experiment, materials=materials)
+    materials = tuple(replace(material, law="elastic", kinematics="small") for material in experiment.model.materials)
+    elastic = replace(experiment, model=replace(experiment.model, materials=materials))
     return elastic if is_linear(build_forward(thick(elastic)).model) else None
 
 
 def without_reactions(error: MotionError, experiment: Experiment) -> MotionError:
     """The same error of motions and other channels: reactions are at their limit, whatever else is lacking."""
-    factor = np.array([0.0 if channel.kind == "reaction" else 1.0 for channel in experiment.channels])
+    factor = np.array([0.0 if channel.kind == "reaction" else 1.0 for channel in experiment.model.channels])
     return replace(error, channels=factor * error.channels)
 
 
-def compared_frames(model: Model) -> np.ndarray:
+def compared_frames(model: Body) -> np.ndarray:
     """Frames between which a path is nearly straight, the reference first: where a prescribed motion or a load turns,
     and others in between, at most `MAX_STRIDE_SHARE` of the frames apart."""
     histories = model.constraints.histories
@@ -146,8 +146,8 @@ def _of_elastic_bricks(point: ModelPoint, elastic: Experiment) -> MotionError | 
         return None
     simulated = np.zeros_like(error.channels)
     for state in forward.march(point.parameters, (), point.local):
-        simulated[elastic.reference + state.frame] = state.channels
-    measured = np.array([channel.values for channel in elastic.channels]).reshape(len(elastic.channels), -1).T
+        simulated[elastic.model.reference + state.frame] = state.channels
+    measured = np.array([channel.values for channel in elastic.model.channels]).reshape(len(elastic.model.channels), -1).T
     size = (simulated**2).sum(axis=0)
     share = np.divide((simulated * measured).sum(axis=0), size, out=np.zeros_like(size), where=size > 0.0)
     return replace(error, channels=error.channels * np.clip(share, 0.0, 1.0))
@@ -156,5 +156,5 @@ def _of_elastic_bricks(point: ModelPoint, elastic: Experiment) -> MotionError | 
 def _with_reactions_of_the_limit(error: MotionError, experiment: Experiment) -> MotionError:
     """With what still smaller elements would change in reactions. Motions converge faster: of six specimens of the
     trial the second halving changed them by a tenth of the first, and the force by 0.17 to 0.5."""
-    factor = np.array([1.0 + REACTION_LEFT if channel.kind == "reaction" else 1.0 for channel in experiment.channels])
+    factor = np.array([1.0 + REACTION_LEFT if channel.kind == "reaction" else 1.0 for channel in experiment.model.channels])
     return replace(error, channels=factor * error.channels)

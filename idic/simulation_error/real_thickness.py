@@ -34,12 +34,12 @@ MAX_LAYERS = 3
 def can_be_thick(experiment: Experiment) -> bool:
     """Whether bricks of its thickness can be made: a sheet of eight-node quadrilaterals, or of six-node triangles, in
     plane stress, of known thickness."""
-    plain = (experiment.solver is None and experiment.kind == "plane_stress" and experiment.thickness is not None
-             and experiment.length_unit == "mm" and experiment.symmetry is None and experiment.surface_side == 0
-             and "geometry.thickness" not in experiment.parameters)
-    uneven = any(entry.form == "thickness" for entry in experiment.heterogeneities)
+    plain = (experiment.model.solver is None and experiment.model.kind == "plane_stress" and experiment.model.thickness is not None
+             and experiment.model.length_unit == "mm" and experiment.model.symmetry is None and experiment.surface_side == 0
+             and "geometry.thickness" not in experiment.model.parameters)
+    uneven = any(entry.form == "thickness" for entry in experiment.model.heterogeneities)
     return (plain and not uneven
-            and {block.cell for block in experiment.mesh.blocks} in ({"quad8"}, {"tri6"}))
+            and {block.cell for block in experiment.model.mesh.blocks} in ({"quad8"}, {"tri6"}))
 
 
 def thick(experiment: Experiment) -> Experiment:
@@ -47,21 +47,17 @@ def thick(experiment: Experiment) -> Experiment:
 
     experiment : of which `can_be_thick` holds
     """
-    mesh = extruded(experiment.mesh, 0.5 * float(experiment.thickness))
-    front, flat = in_front(experiment.mesh, mesh), [MIDDLE, *gripped_ends(experiment)]
-    prescribed = (*(_moved_through(experiment, entry, mesh, front) for entry in experiment.prescribed),
+    mesh = extruded(experiment.model.mesh, 0.5 * float(experiment.model.thickness))
+    front, flat = in_front(experiment.model.mesh, mesh), [MIDDLE, *gripped_ends(experiment)]
+    prescribed = (*(_moved_through(experiment, entry, mesh, front) for entry in experiment.model.prescribed),
                   *(Prescribed(name, "z", Constant(0.0)) for name in flat))
-    return replace(experiment, kind="solid", mesh=mesh, thickness=None, prescribed=prescribed, motion_error=None,
-                   surface=SEEN, loads=tuple(replace(load, share=0.5 * load.share) for load in experiment.loads),
-                   temperatures=tuple(_through(entry, front) for entry in experiment.temperatures),
-                   morphs=tuple(_flat(morph, front) for morph in experiment.morphs),
-                   channels=tuple(_of_solid(channel) for channel in experiment.channels))
+    return replace(experiment, model=replace(experiment.model, kind="solid", mesh=mesh, thickness=None, prescribed=prescribed, motion_error=None, surface=SEEN, loads=tuple(replace(load, share=0.5 * load.share) for load in experiment.model.loads), temperatures=tuple(_through(entry, front) for entry in experiment.model.temperatures), morphs=tuple(_flat(morph, front) for morph in experiment.model.morphs), channels=tuple(_of_solid(channel) for channel in experiment.model.channels)))
 
 
 def gripped_ends(experiment: Experiment) -> list[str]:
     """Node sets that keep their thickness: held or moved in both components, not measured."""
     components: dict[str, set[str]] = {}
-    for entry in experiment.prescribed:
+    for entry in experiment.model.prescribed:
         if not isinstance(entry.drive, (Measured, Parametrised)):
             components.setdefault(entry.nodes, set()).add(entry.component)
     return [name for name, directions in components.items() if directions >= {"x", "y"}]
@@ -204,7 +200,7 @@ def _moved_through(experiment: Experiment, entry: Prescribed, solid: Mesh, front
         return entry
     edge = set_nodes(experiment, entry.nodes)
     shapes, courses = mode_shapes(experiment, edge, drive, f"boundary.{entry.nodes}.{entry.component}")
-    place = np.full(experiment.mesh.n_nodes, -1)
+    place = np.full(experiment.model.mesh.n_nodes, -1)
     place[edge] = np.arange(len(edge))
     return replace(entry, drive=replace(drive, shapes=shapes[place[front[solid.node_sets[entry.nodes]]]],
                                         courses=courses))

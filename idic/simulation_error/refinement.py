@@ -43,8 +43,8 @@ class Refined:
     def carried_local(self, local: np.ndarray) -> np.ndarray:
         """Frame-local unknowns on the finer mesh: measured edges interpolated along them, all others as they are
         # (n_frames, m) mm -> (n_frames, m_fine)"""
-        coarse, finer, dim = build_drives(self.coarse), build_drives(self.experiment), self.coarse.n_dim
-        motion = np.zeros((len(local), self.coarse.mesh.n_nodes * dim))
+        coarse, finer, dim = build_drives(self.coarse), build_drives(self.experiment), self.coarse.model.n_dim
+        motion = np.zeros((len(local), self.coarse.model.mesh.n_nodes * dim))
         measured = np.flatnonzero(coarse.measured[:len(coarse.local)])
         motion[:, coarse.dofs] = local[:, measured] @ coarse.basis[:, np.array(coarse.local, dtype=int)[measured]].T
         nodal = motion.reshape(len(local), -1, dim)
@@ -58,7 +58,7 @@ class Refined:
     def difference(self) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
         """Function of a motion on the given mesh and one on the finer mesh, (n, k) mm each: the second one less the
         first one, on the given mesh  # (n_coarse, k) mm"""
-        on_coarse = projection(self.experiment.mesh, self.carry)
+        on_coarse = projection(self.experiment.model.mesh, self.carry)
         return lambda coarse, finer: on_coarse(finer - self.carry @ coarse)
 
 
@@ -72,8 +72,8 @@ def refined(experiment: Experiment, raise_bricks: bool = False) -> Refined:
     InputError
         An external solver, whose mesh is its own; tetrahedra of second order.
     """
-    mesh = experiment.mesh
-    if experiment.solver is not None:
+    mesh = experiment.model.mesh
+    if experiment.model.solver is not None:
         raise InputError("an external solver has its own mesh", expected="the built-in solver", found="external",
                          remedy="refine the mesh of the external solver and identify again")
     if is_raised_by_default(mesh) or (raise_bricks and can_raise_order(mesh)):
@@ -86,13 +86,13 @@ def refined(experiment: Experiment, raise_bricks: bool = False) -> Refined:
         raise InputError("these elements are not refined", expected="triangles, quadrilaterals, bricks, tet4",
                          found=", ".join(block.cell for block in mesh.blocks),
                          remedy="use such elements, or compare with an identification on a finer mesh")
-    remeshed = replace(experiment, mesh=fine, motion_error=None)
-    prescribed = tuple(_carried_shapes(experiment, remeshed, carry, entry) for entry in experiment.prescribed)
+    remeshed = replace(experiment, model=replace(experiment.model, mesh=fine, motion_error=None))
+    prescribed = tuple(_carried_shapes(experiment, remeshed, carry, entry) for entry in experiment.model.prescribed)
     temperatures = tuple(
         replace(entry, drive=replace(entry.drive, values=(carry @ entry.drive.values.T).T))
-        if isinstance(entry.drive, TemperatureField) else entry for entry in experiment.temperatures)
-    morphs = tuple(replace(morph, velocity=carry @ morph.velocity) for morph in experiment.morphs)
-    finer = replace(remeshed, prescribed=prescribed, temperatures=temperatures, morphs=morphs)
+        if isinstance(entry.drive, TemperatureField) else entry for entry in experiment.model.temperatures)
+    morphs = tuple(replace(morph, velocity=carry @ morph.velocity) for morph in experiment.model.morphs)
+    finer = replace(remeshed, model=replace(remeshed.model, prescribed=prescribed, temperatures=temperatures, morphs=morphs))
     return Refined(experiment, finer, carry, way)
 
 
@@ -135,7 +135,7 @@ def _carried_shapes(experiment: Experiment, finer: Experiment, carry: sparse.csr
     drive = entry.drive
     if not isinstance(drive, Parametrised) or drive.shapes is None:
         return entry
-    nodal = np.zeros((experiment.mesh.n_nodes, drive.shapes.shape[1]))
+    nodal = np.zeros((experiment.model.mesh.n_nodes, drive.shapes.shape[1]))
     nodal[set_nodes(experiment, entry.nodes)] = drive.shapes
     return replace(entry, drive=replace(drive, shapes=(carry @ nodal)[set_nodes(finer, entry.nodes)]))
 

@@ -21,13 +21,13 @@ from idic.simulation_error.limits import LIMITS
 def with_finite_strains(experiment: Experiment) -> Experiment | None:
     """The experiment with the finite form of every law of small strains; None where there is none, or a law has no
     such form."""
-    small = [material for material in experiment.materials if material.kinematics == "small"]
-    if experiment.solver is not None or not small:
+    small = [material for material in experiment.model.materials if material.kinematics == "small"]
+    if experiment.model.solver is not None or not small:
         return None
     if any("finite" not in get_law(material.law).kinematics for material in small):
         return None
-    return replace(experiment, motion_error=None, materials=tuple(
-        replace(material, kinematics="finite") for material in experiment.materials))
+    return replace(experiment, model=replace(experiment.model, motion_error=None, materials=tuple(
+        replace(material, kinematics="finite") for material in experiment.model.materials)))
 
 
 def strain_error(point: ModelPoint) -> MotionError | None:
@@ -45,7 +45,7 @@ def strain_error_in(point: ModelPoint, frames: np.ndarray, motions: Sequence[np.
     frames : the reference and later ones; motions : (n_nodes, dim) mm of each of them: first guesses
     """
     finite = with_finite_strains(point.experiment)
-    if finite is None or point.experiment.mesh.n_nodes > LIMITS.solid:
+    if finite is None or point.experiment.model.mesh.n_nodes > LIMITS.solid:
         return None
     finite_model = BetterModel(finite, point.local, lambda state, better: better.seen_u - state.seen_u)
     return error_in_frames(point, finite_model, frames, motions, motions)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from idic.fe import Constraints, Mesh, Model, Reaction, Section, march
+from idic.fe import Constraints, Mesh, Body, Reaction, Section, march
 from idic.images import Camera
 from idic.laws import compile as compile_law
 from idic.virtual_tests.meshes import strip_with_hole
@@ -150,7 +150,7 @@ def _solve(mesh: Mesh, grip: np.ndarray, times: np.ndarray, substeps: int) -> tu
     basis = np.zeros((len(dofs), 1))
     basis[: len(right_end)] = 1.0
     law = compile_law("j2_linear", "finite")
-    model = Model(
+    model = Body(
         mesh=mesh,
         kind="plane_stress",
         sections=(Section("sheet", law, mesh.element_sets["sheet"]),),

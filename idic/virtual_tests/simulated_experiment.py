@@ -78,32 +78,32 @@ def simulate(
     experiment = recorded_or_planned(path, overrides)
     _check(experiment)
     forward = build_forward(experiment)
-    solution = solve(forward, experiment.parameters,
+    solution = solve(forward, experiment.model.parameters,
                      increments=INCREMENTS if chooses_increments(experiment) else None)
-    bits = 0 if experiment.quantity == "height" else bits
+    bits = 0 if experiment.recording.quantity == "height" else bits
     planned = planned_speckle(path, overrides)
     sensors = [_sensor(view, bits, noise_std_gv, planned is not None) for view in experiment.views]
     sensor = sensors[0]
     folder = empty_folder(out)
     speckle_rng, camera_rng, channel_rng = np.random.default_rng(seed).spawn(3)
-    camera = camera_at(experiment, experiment.parameters)
-    still = [np.zeros_like(solution.u[0])] * experiment.reference
-    speckle = common_speckle([view.camera for view in experiment.views], speckle_rng, 2.0**bits, planned)
+    camera = camera_at(experiment, experiment.model.parameters)
+    still = [np.zeros_like(solution.u[0])] * experiment.model.reference
+    speckle = common_speckle([view.model.camera for view in experiment.views], speckle_rng, 2.0**bits, planned)
     write_images(folder, _images(experiment, camera, [*still, *solution.u], sensor, bits, speckle_rng, camera_rng,
                                  speckle, planned))
     for view, sensor_of_view in zip(experiment.views[1:], sensors[1:], strict=True):
-        (folder / view.camera_name).mkdir()
-        motion = [view.turned(u) for u in (*still, *solution.u)]
-        write_images(folder, _images(view, camera_at(view, experiment.parameters), motion, sensor_of_view, bits,
-                                     speckle_rng, camera_rng, speckle, planned), view.camera_name)
+        (folder / view.recording.camera_name).mkdir()
+        motion = [view.model.turned(u) for u in (*still, *solution.u)]
+        write_images(folder, _images(view, camera_at(view, experiment.model.parameters), motion, sensor_of_view, bits,
+                                     speckle_rng, camera_rng, speckle, planned), view.recording.camera_name)
     columns = _columns(experiment, forward, solution.channels, channel_rng)
-    in_log = experiment.extras.get("units", {})
+    in_log = {name: unit for name, unit in experiment.recording.column_units.items() if unit}
     column_units = in_log | _stated_units(with_overrides(read_toml(locate(path)), overrides))
-    write_loads(folder, experiment.times,
+    write_loads(folder, experiment.model.times,
                 {name: values / _factor(name, column_units) for name, values in columns.items()},
                 {name: column_units[name] for name in columns if name in in_log and unit_in_name(name) is None})
     _write_toml(locate(path), overrides, experiment, sensors, folder)
-    truth = {p.name: 0.0 if p.name == TIME_OFFSET else p.shown for p in experiment.parameters.values() if p.free}
+    truth = {p.name: 0.0 if p.name == TIME_OFFSET else p.shown for p in experiment.model.parameters.values() if p.free}
     write_truth(folder, truth, sensor.total_noise_std, added_noise_std_gv=sensor.noise_std, seed=seed, bits=bits)
     return folder / "experiment.toml"
 
@@ -112,11 +112,11 @@ def _images(experiment: Experiment, camera: AnyCamera, motion: Sequence[np.ndarr
             speckle_rng: np.random.Generator, camera_rng: np.random.Generator,
             speckle: SolidSpeckle | None = None, planned: DesignTable | None = None) -> Iterator[np.ndarray]:
     """The images of the nodal displacements `motion` (n_nodes, dim) mm, one at a time; the speckle as it is planned."""
-    rise, mesh = None, experiment.mesh
+    rise, mesh = None, experiment.model.mesh
     if isinstance(camera, PlacedCamera):
-        yield from traced_images(mesh, experiment.surface, camera, motion, sensor, speckle, camera_rng)
+        yield from traced_images(mesh, experiment.model.surface, camera, motion, sensor, speckle, camera_rng)
         return
-    if experiment.quantity == "height":
+    if experiment.recording.quantity == "height":
         rise = view_of(experiment, camera).rise
         if is_section(experiment):
             yield from _section_images(experiment, camera, motion, sensor, rise, speckle_rng, camera_rng)
@@ -126,32 +126,32 @@ def _images(experiment: Experiment, camera: AnyCamera, motion: Sequence[np.ndarr
         texture = stated_speckle(camera, sensor.shape, planned.speckle_px, planned.contrast_gv)(speckle_rng, 2.0**bits)
     else:
         texture = medium_speckle(camera, sensor.shape)(speckle_rng, 2.0**bits)
-    cells = surface_cells(mesh, experiment.surface)
+    cells = surface_cells(mesh, experiment.model.surface)
     for frame, u in enumerate(motion):
         yield from render([u], mesh.nodes, cells, camera.at(frame), texture, sensor, camera_rng, rise)
 
 
 def _section_images(experiment, camera, motion, sensor, rise, speckle_rng, camera_rng):
     """Height images of a cross-section: lengths in the unit of the heights."""
-    scale, (ny, nx) = 1.0 / experiment.height_unit, sensor.shape
+    scale, (ny, nx) = 1.0 / experiment.recording.height_unit, sensor.shape
     pixel = scale * camera.pixel_size
     pattern = roughness(speckle_rng, _roughness(experiment), SECTION_LENGTH_PX * pixel)
     column = scale * camera.inverse(np.column_stack([np.arange(nx), np.zeros(nx)]))[:, 0]
     for u in motion:
-        section = seen_section(experiment.mesh, experiment.surface, u, scale, rise, experiment.symmetry is not None)
+        section = seen_section(experiment.model.mesh, experiment.model.surface, u, scale, rise, experiment.model.symmetry is not None)
         yield record(height_image(section, pattern, column, -pixel * np.arange(ny)), sensor, camera_rng)
 
 
 def _check(experiment: Experiment) -> None:
-    if experiment.points is not None:
+    if experiment.recording.points is not None:
         raise InputError(
             "the fields of another DIC system cannot be simulated",
             key="experiment.fields",
             expected="an experiment with images",
-            found=experiment.recorded,
+            found=experiment.recording.in_words(),
             remedy="describe camera and mesh of the test with images; idic design predicts the error bars of fields",
         )
-    measured = [p for p in experiment.prescribed
+    measured = [p for p in experiment.model.prescribed
                 if isinstance(p.drive, Measured) or (isinstance(p.drive, Parametrised) and p.drive.kind == "dic")]
     if measured:
         raise InputError(
@@ -161,12 +161,12 @@ def _check(experiment: Experiment) -> None:
             found='"measured"' if isinstance(measured[0].drive, Measured) else '{ virtual = "dic" }',
             remedy='give the motion, for instance uy = { column = "grip_displacement_mm" }',
         )
-    if is_section(experiment) and experiment.quantity != "height":
+    if is_section(experiment) and experiment.recording.quantity != "height":
         raise InputError(
             "grey images of a cross-section seen from above cannot be simulated",
             key="experiment.surface",
             expected='a plane specimen, a solid with its face set, or quantity = "height"',
-            found=f"kind = {experiment.kind!r} with the edge set {experiment.surface}",
+            found=f"kind = {experiment.model.kind!r} with the edge set {experiment.model.surface}",
             remedy="leave surface out, or simulate height images",
         )
 
@@ -174,26 +174,26 @@ def _check(experiment: Experiment) -> None:
 def _sensor(experiment: Experiment, bits: int, noise_std_gv: float | None, planned: bool = False) -> Sensor:
     """planned : the noise is stated in grey values of the images that are written"""
     levels = 2.0**bits
-    if experiment.quantity == "height":  # a height is taken at a point, not gathered over the area of a pixel
-        std = noise_std_gv if noise_std_gv is not None else experiment.noise.std_gv
+    if experiment.recording.quantity == "height":  # a height is taken at a point, not gathered over the area of a pixel
+        std = noise_std_gv if noise_std_gv is not None else experiment.recording.noise.std_gv
         std = HEIGHT_NOISE_SHARE * _roughness(experiment) if std is None else std
-        return Sensor(experiment.stack.shape, bits=0, noise_std=std, supersampling=1)
+        return Sensor(experiment.recording.stack.shape, bits=0, noise_std=std, supersampling=1)
     if noise_std_gv is None:
-        noise_of_file = experiment.noise.std_gv
-        image = np.asarray(recorded(experiment.stack).frame(experiment.reference))
+        noise_of_file = experiment.recording.noise.std_gv
+        image = np.asarray(recorded(experiment.recording.stack).frame(experiment.model.reference))
         factor = 1.0 if planned else levels / sensor_levels(image)
         noise_std_gv = factor * noise_of_file if noise_of_file else DEFAULT_NOISE_GV * levels / 256.0
-    return Sensor(experiment.stack.shape, bits=bits, noise_std=noise_std_gv, background=BACKGROUND_SHARE * levels)
+    return Sensor(experiment.recording.stack.shape, bits=bits, noise_std=noise_std_gv, background=BACKGROUND_SHARE * levels)
 
 
 def _roughness(experiment: Experiment) -> float:
     """Standard deviation of the reference heights about their mean plane, in their unit; of flat ones: one pixel."""
-    image = np.asarray(experiment.stack.frame(experiment.reference), dtype=float)
+    image = np.asarray(experiment.recording.stack.frame(experiment.model.reference), dtype=float)
     row, column = np.nonzero(np.isfinite(image))
     plane = np.column_stack([np.ones(len(row)), row, column])
     heights = image[row, column]
     rms = float(np.std(heights - plane @ np.linalg.lstsq(plane, heights, rcond=None)[0]))
-    pixel = experiment.camera.pixel_size / experiment.height_unit
+    pixel = experiment.model.camera.pixel_size / experiment.recording.height_unit
     return rms if rms > 1e-6 * pixel else pixel
 
 
@@ -202,30 +202,30 @@ def _columns(
 ) -> dict[str, np.ndarray]:
     """Every column of the new log in internal units: channels and drives as simulated, with their noise."""
     columns: dict[str, np.ndarray] = {}
-    drives = (*experiment.drives, *(entry.drive for entry in experiment.temperatures))
+    drives = (*experiment.model.drives, *(entry.drive for entry in experiment.model.temperatures))
     for number, drive in enumerate(drives):
-        is_motion = number < len(experiment.prescribed)
+        is_motion = number < len(experiment.model.prescribed)
         if isinstance(drive, Column):
             course = _on_time(experiment, drive.values, drive.rates, is_motion)
             columns[drive.column] = noisy_channel(course, drive.noise_std, rng)
         elif isinstance(drive, Controlled):
             columns[drive.column] = _on_time(experiment, drive.course, drive.rates, True)
-    values = np.zeros((experiment.n_frames, len(experiment.channels)))
+    values = np.zeros((experiment.model.n_frames, len(experiment.model.channels)))
     for i, frame in enumerate(forward.frames):
-        values[frame] = channel_values(experiment, experiment.parameters, simulated[i], frame)
-    for i, channel in enumerate(experiment.channels):
+        values[frame] = channel_values(experiment, experiment.model.parameters, simulated[i], frame)
+    for i, channel in enumerate(experiment.model.channels):
         columns[channel.column] = noisy_channel(values[:, i], channel.noise_std or 0.0, rng)
     return columns
 
 
 def _on_time(experiment: Experiment, values: np.ndarray, rates: np.ndarray | None, is_motion: bool) -> np.ndarray:
     """A logged course at `time.offset`; a motion counts from the reference frame  # (n_frames,)"""
-    shift = experiment.log_shift(experiment.parameters)
+    shift = experiment.model.log_shift(experiment.model.parameters)
     if rates is None or not shift:
         return values
     late = rates_since_reference(experiment, rates).copy() if is_motion else rates
     if is_motion:
-        late[experiment.reference] = 0.0
+        late[experiment.model.reference] = 0.0
     return values + shift * late
 
 
@@ -252,8 +252,8 @@ def _write_toml(source: Path, overrides, experiment: Experiment, sensors: Sequen
     table |= {
         "images": f"{IMAGES}/*.tif",
         "loads": LOADS,
-        "reference": experiment.reference,
-        "exclude_frames": list(experiment.excluded),
+        "reference": experiment.model.reference,
+        "exclude_frames": list(experiment.recording.excluded),
     }
     for key in ("mesh", "mask"):
         name = table.get(key, {}).get("file") if isinstance(table.get(key), dict) else table.get(key)
@@ -292,17 +292,17 @@ def _camera_tables(raw: Mapping, experiment: Experiment, sensors: Sequence[Senso
             calibration = source.parent / table["calibration"]
             if calibration not in copied:
                 is_used = calibration.name in copied.values()
-                copied[calibration] = f"{view.camera_name}_{calibration.name}" if is_used else calibration.name
+                copied[calibration] = f"{view.recording.camera_name}_{calibration.name}" if is_used else calibration.name
                 shutil.copy(calibration, folder / copied[calibration])
             table["calibration"] = copied[calibration]
         std = sensor.total_noise_std or MIN_NOISE * _roughness(view)
         table["noise_std_gv"] = float(f"{std:.4g}")
         table.pop("noise_model", None)  # the noise that was added is even
         if number:
-            table["images"] = f"{view.camera_name}/*.tif"
+            table["images"] = f"{view.recording.camera_name}/*.tif"
             table.pop("still_frames", None)
             if "mask" in table:
                 mask = Path(table["mask"])
-                table["mask"] = f"{view.camera_name}_{mask.name}"
+                table["mask"] = f"{view.recording.camera_name}_{mask.name}"
                 shutil.copy(source.parent / mask, folder / table["mask"])
     return tables if isinstance(raw_cameras, list) else tables[0]

@@ -8,7 +8,7 @@ from string import Template
 
 import numpy as np
 
-from idic.fe import Constraints, Mesh, Model, Reaction, Section, boundary_faces, face_cells, make_mesh, march
+from idic.fe import Constraints, Mesh, Body, Reaction, Section, boundary_faces, face_cells, make_mesh, march
 from idic.images import PinholeCamera
 from idic.laws import compile as compile_law
 from idic.virtual_tests.experiment_files import empty_folder, write_images, write_loads, write_truth
@@ -207,7 +207,7 @@ def _solve(mesh: Mesh, grip: np.ndarray, increments: int) -> tuple[np.ndarray, n
     basis = np.zeros((len(dofs), 1))
     basis[:len(right_end)] = 1.0
     law = compile_law("j2_linear", "finite")
-    model = Model(mesh=mesh, kind="solid", sections=(Section("BODY", law, mesh.element_sets["BODY"]),),
+    model = Body(mesh=mesh, kind="solid", sections=(Section("BODY", law, mesh.element_sets["BODY"]),),
                   constraints=Constraints(dofs, basis, fine[:, None]), channels=(Reaction(3 * right_end),))
     values = np.array([TRUTH[f"BODY.{name}"] for name in law.spec.parameter_names])
     frames = range(0, len(fine), increments)

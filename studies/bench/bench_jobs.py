@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from idic.fe import Block, Constraints, Direction, Mesh, Model, Reaction, Section, march
+from idic.fe import Block, Constraints, Direction, Mesh, Body, Reaction, Section, march
 from idic.laws import compile as compile_law
 
 PLASTIC = {"E": 70000.0, "nu": 0.3, "yield_stress": 200.0, "hardening_modulus": 1500.0}
@@ -36,7 +36,7 @@ def brick(nx: int, ny: int, nz: int) -> Mesh:
     return Mesh(nodes, (Block("hex8", conn, 0),), sets, {"body": np.arange(len(conn))})
 
 
-def stretched(mesh: Mesh, kind: str, length: float, n_frames: int) -> tuple[Model, dict, np.ndarray]:
+def stretched(mesh: Mesh, kind: str, length: float, n_frames: int) -> tuple[Body, dict, np.ndarray]:
     """A body clamped at LEFT and pulled by 1.2 % at RIGHT, half of the frames beyond yielding: model, values, times."""
     dim = mesh.nodes.shape[1]
     left_end, right_end = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
@@ -46,7 +46,7 @@ def stretched(mesh: Mesh, kind: str, length: float, n_frames: int) -> tuple[Mode
     grip = 0.012 * length * np.linspace(0.0, 1.0, n_frames)[:, None]
     law = compile_law("j2_linear", "finite")
     name = next(iter(mesh.element_sets))
-    model = Model(mesh=mesh, kind=kind, sections=(Section(name, law, mesh.element_sets[name]),), thickness=2.0,
+    model = Body(mesh=mesh, kind=kind, sections=(Section(name, law, mesh.element_sets[name]),), thickness=2.0,
                   constraints=Constraints(dofs, basis, grip), channels=(Reaction(dim * right_end),))  # fmt: skip
     return model, {name: np.array([PLASTIC[p] for p in law.spec.parameter_names])}, np.arange(n_frames, dtype=float)
 

@@ -97,9 +97,9 @@ def solution(folder) -> tuple[np.ndarray, float]:
         parameters=parameters,
         boundary=GRIPS, force="force_N") + "noise_std = 1.0\n")
     experiment = load_experiment(folder)
-    solved = solve(build_forward(experiment), experiment.parameters)
-    pm = build_point_map(experiment.mesh.nodes, surface_cells(experiment.mesh, None), experiment.camera,
-                         experiment.points.positions_px, experiment.points.shape)
+    solved = solve(build_forward(experiment), experiment.model.parameters)
+    pm = build_point_map(experiment.model.mesh.nodes, surface_cells(experiment.model.mesh, None), experiment.model.camera,
+                         experiment.recording.points.positions_px, experiment.recording.points.shape)
     u = np.full((len(at), 2), np.nan)
     u[pm.point] = pm.interpolate(solved.u[-1])
     assert np.isfinite(u).all()

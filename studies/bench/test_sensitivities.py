@@ -28,7 +28,7 @@ def test_sensitivities_of_solid_elements_cost_a_fraction_of_a_run(measured):
 
 def test_sensitivities_of_the_open_case_cost_a_fraction_of_a_run(measured, shared_data):
     forward = build_forward(load_experiment(shared_data("open-case-1-plate-with-hole-elastoplastic")))
-    parameters = forward.experiment.parameters
+    parameters = forward.experiment.model.parameters
     names = [name for name in parameters.free if forward.moves(name)]
 
     def run(names):

@@ -54,7 +54,7 @@ def run_case(job: CaseJob) -> str:
     case = next(case for case in study.cases if case.key == job.key)
     rendering = study.rendering(case.images)
     experiment = case_experiment(store, rendering, case)
-    truth = experiment.parameters.with_values(_known(experiment.parameters, true_values(job.out, rendering.name)
+    truth = experiment.model.parameters.with_values(_known(experiment.model.parameters, true_values(job.out, rendering.name)
                                                      | case.truth))
     began, cpu = time.perf_counter(), time.process_time()
     if case.identify:
@@ -65,14 +65,14 @@ def run_case(job: CaseJob) -> str:
         identification = identify(used_part, local, searched=searched)
         cost = _cost(began, cpu)
         facts, arrays = outcome_of(identification, truth)
-        arrays["start"] = np.array([experiment.parameters[name].shown for name in facts["names"]])  # before the search
+        arrays["start"] = np.array([experiment.model.parameters[name].shown for name in facts["names"]])  # before the search
         end = identification.parameters
     else:
-        facts, arrays, cost, end = {"names": list(experiment.parameters.free), "status": "simulated"}, {}, {}, truth
+        facts, arrays, cost, end = {"names": list(experiment.model.parameters.free), "status": "simulated"}, {}, {}, truth
     arrays |= stored_fields(case.keep, experiment, end, truth)
-    arrays["times"] = experiment.times
-    facts |= {"case": asdict(case), "noise": experiment.noise.std_gv, "value_unit": experiment.value_unit,
-              "pixel_mm": experiment.camera.pixel_size, **cost}
+    arrays["times"] = experiment.model.times
+    facts |= {"case": asdict(case), "noise": experiment.recording.noise.std_gv, "value_unit": experiment.recording.value_unit,
+              "pixel_mm": experiment.model.camera.pixel_size, **cost}
     store.write_case(case.key, case.ident(rendering), facts, arrays)
     return case.key
 
@@ -99,7 +99,7 @@ def true_values(out: Path | str, rendering: str) -> dict[str, float]:
 def outcome_of(identification: Identification, truth: ParameterSet) -> tuple[dict, dict[str, np.ndarray]]:
     """Facts and arrays of an identification, as `CaseRecord` names them."""
     result, state, experiment = identification.result, identification.state, identification.experiment
-    names = experiment.parameters.free
+    names = experiment.model.parameters.free
     entries = [result["parameters"][name] for name in names]
     arrays = {
         "start": np.array([entry["start"] for entry in entries]),
@@ -110,7 +110,7 @@ def outcome_of(identification: Identification, truth: ParameterSet) -> tuple[dic
         "history": np.array([[h["values"][name] / truth[name].factor for name in names] for h in state.history]),
         "accepted": np.array([h["accepted"] for h in state.history]),
         "history_rms": np.array([np.nan if h["rms_gv"] is None else h["rms_gv"] for h in state.history]),
-        "frame_rms": np.full(experiment.n_frames, np.nan),
+        "frame_rms": np.full(experiment.model.n_frames, np.nan),
     }
     facts = {"names": list(names), "units": [entry["unit"] for entry in entries], "status": state.status,
              "estimator": result["estimator"],
@@ -138,11 +138,11 @@ def with_searched_start(experiment: Experiment) -> tuple[Experiment, bool]:
     """The experiment with the start of the global search, where a run would search; and whether the start moved."""
     if not wants_search(experiment):
         return experiment, False
-    u_px = dic_stack(experiment).u_px if experiment.quantity != "height" else None
-    bare = replace(experiment, stack=None)
+    u_px = dic_stack(experiment).u_px if experiment.recording.quantity != "height" else None
+    bare = replace(experiment, recording=replace(experiment.recording, stack=None))
     outcome = search(experiment, lambda trials: [coarse_fit(bare, u_px, t.values, t.evaluations, t.simplified)
                                              for t in trials])
-    return replace(experiment, parameters=experiment.parameters.with_values(outcome.values)), outcome.moved
+    return replace(experiment, model=replace(experiment.model, parameters=experiment.model.parameters.with_values(outcome.values))), outcome.moved
 
 
 def with_measured_start(experiment: Experiment) -> tuple[Experiment, np.ndarray | None]:
@@ -153,12 +153,12 @@ def with_measured_start(experiment: Experiment) -> tuple[Experiment, np.ndarray 
     experiment : with start values and modes of virtual boundaries
     local : (n_frames, m) mm, frame-local unknowns; None where no boundary is measured
     """
-    measured = any(isinstance(entry.drive, Measured) for entry in experiment.prescribed)
+    measured = any(isinstance(entry.drive, Measured) for entry in experiment.model.prescribed)
     if not measured and not starts_from_dic(experiment):
         return experiment, None
     u_px = dic_stack(experiment).u_px
-    local = measured_start(experiment, u_px, experiment.excluded)
-    return with_boundary_start(experiment, boundary_start(experiment, u_px, experiment.excluded)), local
+    local = measured_start(experiment, u_px, experiment.recording.excluded)
+    return with_boundary_start(experiment, boundary_start(experiment, u_px, experiment.recording.excluded)), local
 
 
 def _known(parameters: ParameterSet, values: Mapping[str, float]) -> dict[str, float]:

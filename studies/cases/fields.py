@@ -38,9 +38,9 @@ def stored_fields(names: tuple[str, ...], experiment: Experiment, identified: Pa
 
 def surface_nodes(experiment: Experiment) -> np.ndarray:
     """Nodes in view, ordered by x  # (n,)"""
-    mesh, camera = experiment.mesh, experiment.camera
-    _, cells = seen_nodes(mesh, experiment.kind, experiment.surface)
-    inside = visible_cells(mesh, experiment.kind, experiment.surface, camera, experiment.image_shape)
+    mesh, camera = experiment.model.mesh, experiment.model.camera
+    _, cells = seen_nodes(mesh, experiment.model.kind, experiment.model.surface)
+    inside = visible_cells(mesh, experiment.model.kind, experiment.model.surface, camera, experiment.recording.image_shape)
     nodes = np.unique(np.concatenate([cell for cell, is_visible in zip(cells, inside, strict=True) if is_visible]))
     return nodes[np.argsort(mesh.nodes[nodes, 0], kind="stable")]
 
@@ -49,7 +49,7 @@ def _displacements(experiment: Experiment, identified: ParameterSet, truth: Para
     """``x`` (n, dim) mm; ``u_true``, ``u_error`` (n_frames, n, dim) mm: identified less true."""
     nodes = surface_nodes(experiment)
     true = np.array([state.u[nodes] for state in _march(experiment, truth)])
-    arrays = {"x": experiment.mesh.nodes[nodes], "u_true": true}
+    arrays = {"x": experiment.model.mesh.nodes[nodes], "u_true": true}
     if identified is not truth:
         arrays["u_error"] = np.array([state.u[nodes] for state in _march(experiment, identified)]) - true
     return arrays
@@ -60,23 +60,23 @@ def _sensitivities(experiment: Experiment, identified: ParameterSet, truth: Para
 
     With channels also ``channels`` (n_frames, c) and ``rho`` (n_frames, c, m), lambda dF/dlambda.
     """
-    nodes, names = surface_nodes(experiment), experiment.parameters.free
+    nodes, names = surface_nodes(experiment), experiment.model.parameters.free
     slopes = np.array([truth[name].slope() for name in names])
     phi, channels, rho = [], [], []
     for state in _march(experiment, truth, names):
         phi.append(state.du[nodes] * slopes)
         channels.append(state.channels.copy())
         rho.append(state.dchannels * slopes)
-    arrays = {"x": experiment.mesh.nodes[nodes], "phi": np.array(phi)}
-    return arrays if not experiment.channels else arrays | {"channels": np.array(channels), "rho": np.array(rho)}
+    arrays = {"x": experiment.model.mesh.nodes[nodes], "phi": np.array(phi)}
+    return arrays if not experiment.model.channels else arrays | {"channels": np.array(channels), "rho": np.array(rho)}
 
 
 def _residuals(experiment: Experiment, identified: ParameterSet, truth: ParameterSet) -> dict[str, np.ndarray]:
     """``residual_start``, ``residual_end`` (n_shown, ny, nx), NaN off the specimen; ``residual_frames`` (n_shown,)."""
-    last_frame = experiment.n_frames - 1
+    last_frame = experiment.model.n_frames - 1
     frames = [round(part * last_frame) for part in SHOWN_TIME_SHARES]
     arrays: dict[str, np.ndarray] = {"residual_frames": np.array(frames)}
-    for name, parameters in (("residual_start", experiment.parameters), ("residual_end", identified)):
+    for name, parameters in (("residual_start", experiment.model.parameters), ("residual_end", identified)):
         maps = {frame: image for frame, image, _ in _residual_maps(experiment, parameters, frames)}
         arrays[name] = np.array([maps[frame] for frame in frames], dtype=np.float32)
     return arrays
@@ -87,8 +87,8 @@ def _levels(experiment: Experiment, identified: ParameterSet, truth: ParameterSe
 
     Every frame has a level, also those that took no part in the identification.
     """
-    frames = correlated_frames(experiment, range(experiment.n_frames))
-    mean, size = np.full(experiment.n_frames, np.nan), np.full(experiment.n_frames, np.nan)
+    frames = correlated_frames(experiment, range(experiment.model.n_frames))
+    mean, size = np.full(experiment.model.n_frames, np.nan), np.full(experiment.model.n_frames, np.nan)
     for frame, _, r in _residual_maps(experiment, identified, frames):
         mean[frame], size[frame] = r.mean(), np.abs(r).mean()
     return {"level_mean": mean, "level_abs": size}
@@ -108,10 +108,10 @@ def _residual_maps(experiment: Experiment, parameters: ParameterSet,
     camera = camera_at(experiment, parameters)
     reference, view = build_experiment_reference(experiment, camera), view_of(experiment, camera)
     for state in _march(experiment, parameters):
-        frame = state.frame + experiment.reference
+        frame = state.frame + experiment.model.reference
         if frame not in frames:
             continue
-        motion = view.at(frame).motion(experiment.mesh.nodes, state.u)
+        motion = view.at(frame).motion(experiment.model.mesh.nodes, state.u)
         residual = reference.compare_pixels(experiment, frame, motion, np.zeros(0))
         image = reference.pixel_map.to_image(np.where(residual.valid, residual.r, np.nan)).astype(np.float32)
         yield frame, image, residual.r[residual.valid].astype(float)

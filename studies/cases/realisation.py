@@ -45,22 +45,22 @@ def realisation(experiment: Experiment, noise_gv: float, disturbance: Disturbanc
 
     noise_gv : standard deviation added to every image, the reference included
     """
-    stack = experiment.stack
+    stack = experiment.recording.stack
     if disturbance.gain or disturbance.offset_gv:
         rng = np.random.default_rng((seed, LIGHT_STREAM))
-        n = experiment.n_frames
+        n = experiment.model.n_frames
         gains, offsets = 1.0 + disturbance.gain * rng.standard_normal(n), disturbance.offset_gv * rng.standard_normal(n)
-        gains[experiment.reference], offsets[experiment.reference] = 1.0, 0.0
+        gains[experiment.model.reference], offsets[experiment.model.reference] = 1.0, 0.0
         stack = LitStack(stack, gains, offsets)
     if disturbance.exposure_gv:
         rng = np.random.default_rng((seed, EXPOSURE_STREAM))
-        brighter = np.full(experiment.n_frames, disturbance.exposure_gv * rng.uniform(-1.0, 1.0))
-        stack = LitStack(stack, np.ones(experiment.n_frames), brighter)
+        brighter = np.full(experiment.model.n_frames, disturbance.exposure_gv * rng.uniform(-1.0, 1.0))
+        stack = LitStack(stack, np.ones(experiment.model.n_frames), brighter)
     if noise_gv:
         stack = recorded_by(disturbance.sensor, stack, noise_gv, seed)
-        total = disturbance.stated * float(np.hypot(noise_gv, experiment.noise.std_gv or 0.0))
-        experiment = replace(experiment, noise=Noise(total, "given"))
-    experiment = replace(experiment, stack=stack)
+        total = disturbance.stated * float(np.hypot(noise_gv, experiment.recording.noise.std_gv or 0.0))
+        experiment = replace(experiment, recording=replace(experiment.recording, noise=Noise(total, "given")))
+    experiment = replace(experiment, recording=replace(experiment.recording, stack=stack))
     if disturbance.subsets:
         experiment = as_measured_fields(experiment, *disturbance.subsets)
     return _with_noisy_records(experiment, seed, disturbance.channel_correlation) if disturbance.records else experiment
@@ -71,45 +71,45 @@ def as_measured_fields(experiment: Experiment, half: int, step: int) -> Experime
 
     Subsets are 2 half + 1 px wide and `step` px apart. Their noise is estimated from the displacements.
     """
-    stack, pm = experiment.stack, build_experiment_reference(experiment, experiment.camera).pixel_map
+    stack, pm = experiment.recording.stack, build_experiment_reference(experiment, experiment.model.camera).pixel_map
     specimen = pm.to_image(np.ones(pm.n_pixels), 0.0) > 0.0
     centres = subset_grid(specimen, half, step)
-    frames = range(experiment.reference, experiment.n_frames)
-    moved = np.zeros((experiment.n_frames, len(centres), 2))
+    frames = range(experiment.model.reference, experiment.model.n_frames)
+    moved = np.zeros((experiment.model.n_frames, len(centres), 2))
     moved[frames.start:] = subset_displacements([stack.frame(k) for k in frames], centres,
                                                 half)
-    size = experiment.camera.pixel_size
+    size = experiment.model.camera.pixel_size
     points = FieldPoints(centres.astype(float), stack.shape, size, 2.0 * half + 1.0)
     fields = ArrayStack((points.um_per_px * moved).astype(np.float32))
-    estimate = field_noise(fields, points.positions_px / step, frames, experiment.reference)
+    estimate = field_noise(fields, points.positions_px / step, frames, experiment.model.reference)
     assert estimate is not None
     rows = tuple(tuple(row) for row in estimate.correlation.tolist())
     noise = Noise(estimate.std, "stage_differences",
                   correlated=CorrelatedNoise(estimate.std, estimate.sum_std, rows, estimate.std))
     options = replace(experiment.options, brightness="none", lowpass_px=0.0, edge_margin_px=0, border_px=0,
                       estimator="auto")
-    return replace(experiment, stack=fields, points=points, quantity="displacement", noise=noise, options=options)
+    return replace(experiment, recording=replace(experiment.recording, stack=fields, points=points, quantity="displacement", noise=noise), options=options)
 
 
 def quantised(experiment: Experiment, bits: int) -> Experiment:
     """The experiment with images of 256 grey values quantised to `bits`; its stated noise includes the rounding."""
-    stack = RoundedStack(experiment.stack, bits)
-    total = float(np.hypot(stack.step / np.sqrt(12.0), experiment.noise.std_gv or 0.0))
-    return replace(experiment, stack=stack, noise=Noise(total, "given"))
+    stack = RoundedStack(experiment.recording.stack, bits)
+    total = float(np.hypot(stack.step / np.sqrt(12.0), experiment.recording.noise.std_gv or 0.0))
+    return replace(experiment, recording=replace(experiment.recording, stack=stack, noise=Noise(total, "given")))
 
 
 def _with_noisy_records(experiment: Experiment, seed: int, correlation: float) -> Experiment:
     rng = np.random.default_rng((seed, RECORDS_STREAM))
     channels = tuple(replace(channel, values=channel.values + (channel.noise_std or 0.0) * autoregression(
-        rng.standard_normal(len(channel.values)), correlation)) for channel in experiment.channels)
+        rng.standard_normal(len(channel.values)), correlation)) for channel in experiment.model.channels)
     prescribed = []
-    for entry in experiment.prescribed:
+    for entry in experiment.model.prescribed:
         if isinstance(entry.drive, Column) and entry.drive.noise_std:
             noise = entry.drive.noise_std * rng.standard_normal(len(entry.drive.values))
-            noise[experiment.reference] = 0.0  # motions are relative to the reference
+            noise[experiment.model.reference] = 0.0  # motions are relative to the reference
             entry = replace(entry, drive=replace(entry.drive, values=entry.drive.values + noise))
         prescribed.append(entry)
-    return replace(experiment, channels=channels, prescribed=tuple(prescribed))
+    return replace(experiment, model=replace(experiment.model, channels=channels, prescribed=tuple(prescribed)))
 
 
 def autoregression(white: np.ndarray, correlation: float) -> np.ndarray:

@@ -70,8 +70,8 @@ def strip() -> Experiment:
     with tempfile.TemporaryDirectory() as folder, redirect_stdout(StringIO()):
         write_recorded(Workshop(Path(folder), Counter({})), "test", Strip(), seed=5)
         experiment = load_experiment(Path(folder) / "test")
-        stack = ArrayStack(np.array([experiment.stack.frame(k) for k in range(experiment.n_frames)]))
-    return replace(experiment, stack=stack)
+        stack = ArrayStack(np.array([experiment.recording.stack.frame(k) for k in range(experiment.model.n_frames)]))
+    return replace(experiment, recording=replace(experiment.recording, stack=stack))
 
 
 def followed(experiment: Experiment) -> FrameWay:

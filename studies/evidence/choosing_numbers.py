@@ -103,7 +103,7 @@ def free_displacement(folder: Path) -> None:
     sys.stdout.write("\n**free FE-DIC**\n\n| elements | displacement [px] | strain [µm/m] |\n| --- | --- | --- |\n")
     for number, (label, division, cell, overrides) in enumerate(groups()["elements"]):
         experiment = experiment_of(folder / f"free-{number}", division, cell, overrides)
-        inputs = seen_by(experiment, build_experiment_reference(experiment, experiment.camera))
+        inputs = seen_by(experiment, build_experiment_reference(experiment, experiment.model.camera))
         floor = noise_floor(inputs, None, {}, inputs.reference)
         sys.stdout.write(f"| {label} | {floor.free_px:.3f} | {1e6 * floor.free_strain:.0f} |\n")
 

@@ -89,8 +89,8 @@ def _misfits(test, stack, overrides: Mapping[str, object]) -> dict[str, list[flo
     with TemporaryDirectory() as folder:
         write_virtual_model(Path(folder), test, floor_gv=SPLINE_FLOOR)
         experiment = load_experiment(folder, {"options.element_order": "as_given", **overrides}, stack=stack)
-    nodes, project = experiment.mesh.nodes, experiment.camera.project
-    matched_reference = build_experiment_reference(experiment, experiment.camera)
+    nodes, project = experiment.model.mesh.nodes, experiment.model.camera.project
+    matched_reference = build_experiment_reference(experiment, experiment.model.camera)
     chi2: dict[str, list[float]] = {"blur matched": [], "blur as it is": []}
     for frame in range(7, stack.n_frames, 7):
         u = project(nodes + np.pad(test.displacements[frame][:len(nodes)], ((0, 0), (0, 1)))) - project(nodes)
@@ -124,10 +124,10 @@ def _print_step(label: str, images, n_bits: int, overrides: Mapping[str, object]
     if n_bits:
         rounded = RoundedStack(stack, n_bits)
         std = float(np.hypot(SPLINE_FLOOR, rounded.step / np.sqrt(12.0)))
-        experiment = replace(experiment, stack=rounded, noise=replace(experiment.noise, std_gv=std))
+        experiment = replace(experiment, recording=replace(experiment.recording, stack=rounded, noise=replace(experiment.recording.noise, std_gv=std)))
     identification = identify(experiment)
     system = identification.point.system
-    parameters, noise = identification.experiment.parameters, identification.weights.image_noise
+    parameters, noise = identification.experiment.model.parameters, identification.weights.image_noise
     scaled_up = scaled_system(system, parameters, identification.point.reference_gram, noise)
     directions = spectrum(scaled_up)
     step, stds = directions.inverse @ scaled_up.b, np.sqrt(np.diagonal(covariance(scaled_up, directions)))

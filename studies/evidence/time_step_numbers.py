@@ -12,7 +12,7 @@ import sys
 
 import numpy as np
 
-from idic.fe import Constraints, Direction, Model, Reaction, Section, march, march_extrapolated
+from idic.fe import Constraints, Direction, Body, Reaction, Section, march, march_extrapolated
 from idic.laws import compile as compile_law
 from idic.virtual_tests import strip_with_hole
 
@@ -41,14 +41,14 @@ CASES = {  # law, parameters that differ from their defaults, identified ones, c
 
 
 def problem(law, stated_values, identified, grip):
-    """Model, its parameters, directions of the identified ones and their values."""
+    """Body, its parameters, directions of the identified ones and their values."""
     mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad4", 2, 3, 2, name="B")
     left_end, right_end = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
     dofs = np.concatenate([2 * right_end, 2 * right_end + 1, 2 * left_end, 2 * left_end + 1])
     basis = np.zeros((len(dofs), 1))
     basis[:len(right_end)] = 1.0
     compiled = compile_law(law, "finite")
-    model = Model(mesh=mesh, kind="plane_stress", sections=(Section("B", compiled, mesh.element_sets["B"]),),
+    model = Body(mesh=mesh, kind="plane_stress", sections=(Section("B", compiled, mesh.element_sets["B"]),),
                   thickness=1.0, constraints=Constraints(dofs, basis, LENGTH * grip[:, None]),
                   channels=(Reaction(2 * right_end),))
     names = compiled.spec.parameter_names

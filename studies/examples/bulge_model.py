@@ -11,7 +11,7 @@ from string import Template
 
 import numpy as np
 
-from idic.fe import Direction, Loads, Mesh, Model, Section, constrain, dofs_of, march
+from idic.fe import Direction, Loads, Mesh, Body, Section, constrain, dofs_of, march
 from idic.laws import compile as compile_law
 from idic_studies.examples.bulge_mesh import FULL, Columns, bulge_mesh
 
@@ -81,13 +81,13 @@ def model_toml(start: float = 1.3) -> str:
     return f"{Template(MATERIALS).substitute(values)}\n{BOUNDARIES}"
 
 
-def bulge_model(test: BulgeTest) -> Model:
+def bulge_model(test: BulgeTest) -> Body:
     """The finite-element model of the test."""
     mesh = test.mesh
     none = np.zeros((len(test.times), 0))
     clamp, axis = mesh.node_sets["CLAMP"], mesh.node_sets["AXIS"]
     fixed_dofs = [dofs_of(axis, "x", 2), dofs_of(clamp, "x", 2), dofs_of(clamp, "y", 2)]
-    return Model(
+    return Body(
         mesh=mesh,
         kind="plane_strain",
         sections=(
@@ -102,12 +102,12 @@ def bulge_model(test: BulgeTest) -> Model:
     )
 
 
-def law_values(values: dict[str, float], model: Model) -> dict[str, np.ndarray]:
+def law_values(values: dict[str, float], model: Body) -> dict[str, np.ndarray]:
     """Parameters per section, in the order of its law."""
     return {s.name: np.array([values[f"{s.name}.{p}"] for p in s.law.spec.parameter_names]) for s in model.sections}
 
 
-def directions(model: Model, names: tuple[str, ...]) -> tuple[Direction, ...]:
+def directions(model: Body, names: tuple[str, ...]) -> tuple[Direction, ...]:
     """Directions of differentiation by parameters ``SECTION.name``."""
     sections = [s.name for s in model.sections]
     of_names = []

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from idic.fe import Block, Constraints, Mesh, Model, Reaction, Section, make_mesh, march
+from idic.fe import Block, Constraints, Mesh, Body, Reaction, Section, make_mesh, march
 from idic.laws import CompiledLaw, compile as compile_law
 from idic.virtual_tests import (
     DEMO_TRUTH, DemoSize, LENGTH, LoggedColumn, RADIUS, THICKNESS, VirtualTest, WIDTH, medium_speckle, strip,
@@ -184,7 +184,7 @@ def _solved(truth: _Truth, grip: np.ndarray, times: np.ndarray, thickness: float
     basis[:n, 0], basis[:n, 1], basis[n:2 * n, 1] = 1.0, -y, x - x.mean()
     law = compile_law(truth.law, "finite")
     sections, values = _sections(truth, law)
-    model = Model(mesh=mesh, kind=truth.kind, sections=sections,
+    model = Body(mesh=mesh, kind=truth.kind, sections=sections,
                   thickness=thickness, channels=(Reaction(d * right_end, 2.0 if d == 3 else 1.0),),
                   constraints=Constraints(dofs, basis, np.column_stack([grip, truth.rotation * grip / grip[-1]])))
     states = [(state.u.copy(), state.channels[0]) for state in march(model, values, times)]

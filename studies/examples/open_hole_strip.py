@@ -8,7 +8,7 @@ from string import Template
 
 import numpy as np
 
-from idic.fe import Constraints, Model, Reaction, Section, march
+from idic.fe import Constraints, Body, Reaction, Section, march
 from idic.images import ArrayStack
 from idic.laws import compile as compile_law
 from idic.virtual_tests import (
@@ -39,7 +39,7 @@ def polymer(size: DemoSize, grip_mm: float = HIDDEN_GRIP_MM) -> VirtualTest:
     basis = np.zeros((len(dofs), 1))
     basis[:len(right_end)] = 1.0
     law = compile_law("elastic", "finite")
-    model = Model(mesh=mesh, kind="plane_stress", sections=(Section("sheet", law, mesh.element_sets["sheet"]),),
+    model = Body(mesh=mesh, kind="plane_stress", sections=(Section("sheet", law, mesh.element_sets["sheet"]),),
                   thickness=THICKNESS, constraints=Constraints(dofs, basis, grip[:, None]),
                   channels=(Reaction(2 * right_end),))
     values = np.array([POLYMER[f"sheet.{name}"] for name in law.spec.parameter_names])

@@ -11,7 +11,7 @@ from string import Template
 
 import numpy as np
 
-from idic.fe import Direction, Mesh, Model, Reaction, Section, boundary_faces, constrain, dofs_of, make_mesh, march
+from idic.fe import Direction, Mesh, Body, Reaction, Section, boundary_faces, constrain, dofs_of, make_mesh, march
 from idic.laws import compile as compile_law
 
 HALF_LENGTH, WIDTH, HALF_THICKNESS = 50.0, 21.0, 0.25  # mm
@@ -107,7 +107,7 @@ def strip_mesh(n: Divisions) -> Mesh:
                      edge_sets={"FRONT": front})
 
 
-def strip_model(mesh: Mesh, times: np.ndarray, law: str = "egp") -> Model:
+def strip_model(mesh: Mesh, times: np.ndarray, law: str = "egp") -> Body:
     """The finite-element model of the test at these frame times (n_frames,) s."""
     sets = mesh.node_sets
     none = np.zeros((len(times), 0))
@@ -115,11 +115,11 @@ def strip_model(mesh: Mesh, times: np.ndarray, law: str = "egp") -> Model:
     pulled = dofs_of(sets["GRIP"], "x", 3)
     rows = [(dofs, np.zeros((len(dofs), 0)), none) for dofs in fixed_dofs]
     rows.append((pulled, np.ones((len(pulled), 1)), GRIP_SPEED_MM_PER_S * times[:, None]))
-    return Model(mesh, "solid", (Section("strip", compile_law(law, "finite"), mesh.element_sets["strip"]),),
+    return Body(mesh, "solid", (Section("strip", compile_law(law, "finite"), mesh.element_sets["strip"]),),
                  constrain(rows, len(times)), channels=(Reaction(pulled, 2.0),))
 
 
-def directions(model: Model) -> tuple[Direction, ...]:
+def directions(model: Body) -> tuple[Direction, ...]:
     """Derivatives by every parameter of the law."""
     names = model.sections[0].law.spec.parameter_names
     return tuple(Direction(name, material=(0, k)) for k, name in enumerate(names))

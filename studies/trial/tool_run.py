@@ -50,11 +50,11 @@ class FolderSource:
     def load(self, edits: Mapping[str, Any] | None = None) -> Experiment:
         """The experiment with further edits."""
         edited = self.tables.edited({**self.edits, **(edits or {})}, self.original).experiment()
-        return replace(edited, motion_error=self.motion_error)
+        return replace(edited, model=replace(edited.model, motion_error=self.motion_error))
 
     def with_measured_noise(self) -> FolderSource:
         """With the noise that a RUN of this folder would count (`idic.identification.noise.input_noise`)."""
-        return replace(self, original=replace(self.original, noise=measured_noise(self.original)))
+        return replace(self, original=replace(self.original, recording=replace(self.original.recording, noise=measured_noise(self.original))))
 
     def with_edits(self, edits: Mapping[str, Any]) -> FolderSource:
         return replace(self, edits={**self.edits, **edits})

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from side_twins import GRIP_NOISE, LENGTH, NOISE, ORIGIN, PIXEL, RADIUS, SHAPE, THICKNESS, WIDTH
 
-from idic.fe import Constraints, Model, Reaction, Section, march
+from idic.fe import Constraints, Body, Reaction, Section, march
 from idic.images import Camera, dense_speckle
 from idic.laws import compile as compile_law
 from idic.virtual_tests import (
@@ -149,7 +149,7 @@ def truth(name: str):
     heat = {}
     if body.warmth is not None:
         heat["temperature"] = np.tile(body.warmth[:, None], (1, mesh.n_nodes))
-    model = Model(mesh=mesh, kind="plane_stress",
+    model = Body(mesh=mesh, kind="plane_stress",
                   sections=(Section("BODY", law, mesh.element_sets["BODY"], **({"expansion": 1.0} if heat else {})),),
                   thickness=THICKNESS, constraints=Constraints(dofs, basis, grip[:, None]),
                   channels=(Reaction(2 * right),), **heat)

@@ -20,7 +20,7 @@ from idic.diagnose.screen.situation import situation
 from idic.diagnose.screen.free_courses import with_free_courses
 from idic.diagnose.screen.score_columns import score_columns
 from idic.experiment_file import load_experiment, read_toml
-from idic.fe import Constraints, Model, Reaction, Section, march
+from idic.fe import Constraints, Body, Reaction, Section, march
 from idic.identification import identify
 from idic.images import Camera, dense_speckle
 from idic.laws import compile as compile_law
@@ -121,7 +121,7 @@ def truth(side: Side):
         name = f"BODY{f}"
         sections.append(Section(name, law, np.flatnonzero(factor == f)))
         values[name] = np.array([{"E": TRUTH["E"] * f, "nu": TRUTH["nu"]}[p] for p in law.spec.parameter_names])
-    model = Model(mesh=mesh, kind="plane_stress", sections=tuple(sections), thickness=THICKNESS,
+    model = Body(mesh=mesh, kind="plane_stress", sections=tuple(sections), thickness=THICKNESS,
                   constraints=Constraints(dofs, pattern, np.array(load_histories).T),
                   channels=(Reaction(2 * mesh.node_sets["RIGHT"]),))
     states = [(s.u.copy(), s.channels[0]) for s in march(model, values, TIMES)]

@@ -7,7 +7,7 @@ from itertools import permutations
 import numpy as np
 
 from idic.fe import (
-    Constraints, Control, Loads, Model, Section, TET_EDGES, boundary_faces, cell_type, constrain, dofs_of,
+    Constraints, Control, Loads, Body, Section, TET_EDGES, boundary_faces, cell_type, constrain, dofs_of,
     face_set_nodes, make_mesh, march, n_face_corners, quadrature_rule, shape_functions, shape_gradients,
 )
 from idic.fe.mesh.element import HEX_EDGES
@@ -105,7 +105,7 @@ def faces_where(mesh, condition):
 
 def body(mesh, kind, law="elastic", kinematics=None, constraints=None, **more):
     section = Section("BODY", compile(law, kinematics), np.arange(mesh.n_elements))
-    return Model(mesh, kind, (section,), constraints, **more)
+    return Body(mesh, kind, (section,), constraints, **more)
 
 
 def affine_constraints(mesh, nodes, H, n_frames=2):

@@ -10,7 +10,7 @@ import pytest
 from fe_bodies import grid, held, where
 
 from idic.errors import NotConverged
-from idic.fe import Direction, Model, Reaction, Section, dofs_of, march
+from idic.fe import Direction, Body, Reaction, Section, dofs_of, march
 from idic.laws import compile, directional_stresses, element_sizes, point_stresses
 
 LENGTH, STIFF, THRESHOLD, SOFTENING = 3.0, 1000.0, 0.004, 100.0
@@ -28,7 +28,7 @@ def bar(n, law="elastic_damage", kinematics="small", cell="quad4", end=TORN, fra
     middle, compiled = n // 2, compile(law, kinematics)
     rest = np.delete(np.arange(n), middle)
     sections = (Section("WEAK", compiled, np.array([middle])), Section("BODY", compiled, rest))
-    return Model(mesh=mesh, kind="plane_stress", sections=sections, thickness=n / LENGTH, constraints=constraints,
+    return Body(mesh=mesh, kind="plane_stress", sections=sections, thickness=n / LENGTH, constraints=constraints,
                  channels=(Reaction(dofs_of(right, "x", 2)),)), drive
 
 

@@ -8,7 +8,7 @@ import pytest
 from idic.errors import InputError
 from idic.fe.extrapolation import split, time_order
 from idic.fe import (
-    Constraints, Direction, Model, Reaction, Section, StepList, at_frames, every_second, increments_to_try, make_mesh,
+    Constraints, Direction, Body, Reaction, Section, StepList, at_frames, every_second, increments_to_try, make_mesh,
     march, march_extrapolated, without_time_error,
 )
 from idic.laws import all_laws, compile as compile_law
@@ -28,7 +28,7 @@ def bar(name):
     mesh = make_mesh(nodes, [("quad4", np.array([[0, 1, 2, 3]]))], element_sets={"B": np.arange(1)})
     law = compile_law(name)
     held = Constraints(np.array([2, 4, 0, 6, 1]), np.array([[1.0], [1.0], [0.0], [0.0], [0.0]]), GRIP[:, None])
-    model = Model(mesh=mesh, kind="plane_stress", sections=(Section("B", law, np.arange(1)),), thickness=1.0,
+    model = Body(mesh=mesh, kind="plane_stress", sections=(Section("B", law, np.arange(1)),), thickness=1.0,
                   constraints=held, channels=(Reaction(np.array([2, 4])),))
     return model, {"B": np.array([LAWS[name][parameter] for parameter in law.spec.parameter_names])}
 

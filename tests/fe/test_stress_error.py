@@ -5,7 +5,7 @@ import pytest
 
 from idic.fe.assembly.assembly import points_of
 from idic.fe import (
-    Alternative, Constraints, Model, Reaction, Section, discretise, drives_at, evaluate_system, march,
+    Alternative, Constraints, Body, Reaction, Section, discretise, drives_at, evaluate_system, march,
     stress_error_responses,
 )
 from idic.laws import compile as compile_law
@@ -22,7 +22,7 @@ def pulled():
     dofs = np.concatenate([2 * right, 2 * right + 1, 2 * left, 2 * left + 1])
     basis = np.zeros((len(dofs), 1))
     basis[:len(right)] = 1.0
-    model = Model(mesh=mesh, kind="plane_stress", thickness=1.0,
+    model = Body(mesh=mesh, kind="plane_stress", thickness=1.0,
                   sections=(Section("sheet", compile_law("elastic", "small"), mesh.element_sets["sheet"]),),
                   constraints=Constraints(dofs, basis, np.array([[0.0], [GRIP]])), channels=(Reaction(2 * right),))
     params, times = {"sheet": np.array([70000.0, 0.3])}, np.array([0.0, 1.0])

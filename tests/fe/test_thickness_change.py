@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.fe import Constraints, Direction, Model, Section, march
+from idic.fe import Constraints, Direction, Body, Section, march
 from idic.laws import compile as compile_law
 from idic.virtual_tests import strip_with_hole
 
@@ -20,7 +20,7 @@ def model(law, kinematics=None, side=1):
     dofs = np.concatenate([2 * right, 2 * left, [2 * middle + 1]])
     basis = np.zeros((len(dofs), 1))
     basis[:len(right)] = 1.0
-    return Model(mesh=MESH, kind="plane_stress", thickness=2.0, surface_side=side,
+    return Body(mesh=MESH, kind="plane_stress", thickness=2.0, surface_side=side,
                  sections=(Section("sheet", compile_law(law, kinematics), MESH.element_sets["sheet"]),),
                  constraints=Constraints(dofs, basis, PULL[:, None]))
 

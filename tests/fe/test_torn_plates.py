@@ -11,7 +11,7 @@ import pytest
 from fe_bodies import grid, held, where
 from test_crack_band import work
 
-from idic.fe import Model, PathControl, Reaction, Section, dofs_of, make_mesh, march
+from idic.fe import Body, PathControl, Reaction, Section, dofs_of, make_mesh, march
 from idic.laws import compile
 
 pytestmark = pytest.mark.slow
@@ -46,7 +46,7 @@ def notched(n, law, kinematics, course):
     gauge = np.zeros(2 * mesh.n_nodes)
     gauge[dofs_of(above, "y", 2)] = 1.0 / len(above)
     return replace(
-        Model(mesh=mesh, kind="plane_stress", thickness=1.0, constraints=constraints,
+        Body(mesh=mesh, kind="plane_stress", thickness=1.0, constraints=constraints,
               sections=(Section("LIGAMENT", compiled, crack), Section("BODY", compiled, np.delete(every, crack))),
               channels=(Reaction(dofs_of(top, "y", 2)),)),
         control=PathControl(gauge, course, drive=0)), dofs_of(top, "y", 2)

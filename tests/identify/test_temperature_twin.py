@@ -13,7 +13,7 @@ from twin_runs import (
     FORCE, GRIPS, SHAPE, THICKNESS, Twin, clean_image, dense_speckle, judged, painted, solved, write_folder,
 )
 
-from idic.fe import Constraints, Direction, Model, Reaction, Section, march
+from idic.fe import Constraints, Direction, Body, Reaction, Section, march
 from idic.images import Camera
 from idic.laws import compile as compile_law
 from idic.virtual_tests import Sensor
@@ -47,7 +47,7 @@ def records():
     basis = np.zeros((len(dofs), 1))
     basis[:len(right)] = 1.0
     section = Section("BODY", compile_law("elastic", None), np.arange(mesh.n_elements), TRUTH["BODY.alpha"])
-    model = Model(mesh, "plane_stress", (section,), Constraints(dofs, basis, np.array(TWIN.grip)[:, None]), THICKNESS,
+    model = Body(mesh, "plane_stress", (section,), Constraints(dofs, basis, np.array(TWIN.grip)[:, None]), THICKNESS,
                   channels=(Reaction(2 * right),), temperature=np.array([heated(mesh.nodes, t) for t in TWIN.times]))
     states = [(s.u.copy(), s.channels[0])
               for s in march(model, {"BODY": np.array([TRUTH["BODY.E"], TRUTH["BODY.nu"]])}, np.array(TWIN.times))]
@@ -105,7 +105,7 @@ def expansion_seen(field):
     corner, other = int(mesh.node_sets["LEFT"][0]), int(mesh.node_sets["LEFT"][-1])
     dofs = np.array([2 * corner, 2 * corner + 1, 2 * other])
     section = Section("BODY", compile_law("elastic", None), np.arange(mesh.n_elements), 8e-5)
-    model = Model(mesh, "plane_stress", (section,), Constraints(dofs, np.zeros((3, 0)), np.zeros((2, 0))), THICKNESS,
+    model = Body(mesh, "plane_stress", (section,), Constraints(dofs, np.zeros((3, 0)), np.zeros((2, 0))), THICKNESS,
                   temperature=np.array([0.0 * field, field]))
     frame = list(march(model, {"BODY": np.array([2000.0, 0.35])}, np.array([0.0, 1.0]),
                        [Direction("alpha", expansion=0)]))[-1]

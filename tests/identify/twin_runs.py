@@ -13,7 +13,7 @@ from twin_bodies import PIXEL, plate
 
 import idic
 from idic.experiment_file import load_experiment
-from idic.fe import Constraints, Model, Reaction, Section, march
+from idic.fe import Constraints, Body, Reaction, Section, march
 from idic.identification import in_memory, run_loop
 from idic.images import Camera, dense_speckle
 from idic.laws import compile as compile_law
@@ -94,7 +94,7 @@ def simulate(twin: Twin, grip: np.ndarray):
     law = compile_law(twin.law, None)
     frames, fine = np.arange(len(grip)), np.linspace(0, len(grip) - 1, (len(grip) - 1) * twin.increments + 1)
     grip, times = np.interp(fine, frames, grip), np.interp(fine, frames, np.array(twin.times))
-    model = Model(mesh=mesh, kind="plane_stress", sections=(Section("BODY", law, mesh.element_sets["BODY"]),),
+    model = Body(mesh=mesh, kind="plane_stress", sections=(Section("BODY", law, mesh.element_sets["BODY"]),),
                   thickness=THICKNESS, constraints=Constraints(dofs, basis, grip[:, None]),
                   channels=(Reaction(2 * right),))
     values = np.array([twin.truth[name] for name in law.spec.parameter_names])

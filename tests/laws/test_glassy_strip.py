@@ -4,7 +4,7 @@ history."""
 import numpy as np
 import pytest
 
-from idic.fe import Constraints, Direction, Model, Reaction, Section, dofs_of, make_mesh, march
+from idic.fe import Constraints, Direction, Body, Reaction, Section, dofs_of, make_mesh, march
 from idic.laws import compile, get_law
 
 LENGTH, WIDTH, THICKNESS = 50.0, 21.0, 0.5  # mm: the right half of the specimen, 2.5 % narrower at its middle
@@ -34,7 +34,7 @@ def pulled(mesh, times):
                            dofs_of(np.flatnonzero(np.isclose(z, THICKNESS / 2)), "z", 3)])
     basis = np.concatenate([np.zeros(len(held)), np.ones(len(grip))])[:, None]
     constraints = Constraints(np.concatenate([held, grip]), basis, SPEED * times[:, None])
-    return Model(mesh, "solid", (Section("strip", compile("egp"), np.arange(mesh.n_elements)),), constraints,
+    return Body(mesh, "solid", (Section("strip", compile("egp"), np.arange(mesh.n_elements)),), constraints,
                  channels=(Reaction(grip),))
 
 

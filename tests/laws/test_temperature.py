@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError, NotConverged
-from idic.fe import Constraints, Control, Direction, Loads, Model, Reaction, Section, make_mesh, march
+from idic.fe import Constraints, Control, Direction, Loads, Body, Reaction, Section, make_mesh, march
 from idic.laws import compile, get_law
 
 LAW = "elastoplastic(linear+linear*E+johnson_cook*flow_stress)"
@@ -21,7 +21,7 @@ def model(law, warming, start, grip):
     """A quadrilateral, homogeneous in tension; temperatures (n_frames, n_nodes)."""
     nodes = np.array([(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0)])
     mesh = make_mesh(nodes, [("quad4", np.array([[0, 1, 2, 3]]))], element_sets={"BODY": np.array([0])})
-    return Model(mesh, "plane_stress", (Section("BODY", compile(law), np.array([0])),),
+    return Body(mesh, "plane_stress", (Section("BODY", compile(law), np.array([0])),),
                  Constraints(np.array([0, 6, 1, 2, 4]), np.array([[0.0], [0.0], [0.0], [1.0], [1.0]]), grip[:, None]),
                  channels=(Reaction(np.array([2, 4])),), temperature=warming, start_temperature=start)
 

@@ -8,7 +8,7 @@ from functools import cache
 import meshio
 import numpy as np
 
-from idic.fe import Constraints, Model, Reaction, Section, march
+from idic.fe import Constraints, Body, Reaction, Section, march
 from idic.images import Camera, dense_speckle
 from idic.laws import compile as compile_law
 from idic.virtual_tests import Sensor, clean_image, painted, record, strip_with_hole
@@ -64,7 +64,7 @@ def recorded() -> Recorded:
     dofs = np.concatenate([2 * right, 2 * right + 1, 2 * left, 2 * left + 1])
     basis = np.zeros((len(dofs), 1))
     basis[:len(right)] = 1.0
-    model = Model(mesh=mesh, kind="plane_stress", thickness=THICKNESS, channels=(Reaction(2 * right),),
+    model = Body(mesh=mesh, kind="plane_stress", thickness=THICKNESS, channels=(Reaction(2 * right),),
                   sections=(Section("sheet", compile_law("elastic", None), mesh.element_sets["sheet"]),),
                   constraints=Constraints(dofs, basis, GRIP[:, None]))
     values = {"sheet": np.array([TRUTH["sheet.E"], TRUTH["sheet.nu"]])}

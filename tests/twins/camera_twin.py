@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import tifffile
 
-from idic.fe import Constraints, Loads, Model, Section, boundary_faces, face_area, make_mesh, march, traction
+from idic.fe import Constraints, Loads, Body, Section, boundary_faces, face_area, make_mesh, march, traction
 from idic.images import Camera, dense_speckle
 from idic.laws import compile as compile_law
 from idic.virtual_tests import Sensor, clean_image, painted, record, write_inp, write_loads
@@ -99,7 +99,7 @@ def motion(mesh):
     pull = traction(mesh, faces, (1.0 / face_area(mesh, faces, THICKNESS), 0.0), THICKNESS)
     held = np.unique(np.concatenate([2 * mesh.node_sets["LEFT"], 2 * mesh.node_sets["CORNER"] + 1]))
     law = compile_law("elastic", None)
-    model = Model(mesh=mesh, kind="plane_stress", thickness=THICKNESS,
+    model = Body(mesh=mesh, kind="plane_stress", thickness=THICKNESS,
                   sections=tuple(Section(name, law, mesh.element_sets[name]) for name in TRUTH),
                   constraints=Constraints(held, np.zeros((len(held), 0)), np.zeros((len(TIMES), 0))),
                   loads=Loads(dead=pull[:, None], dead_histories=FORCE[:, None]))

@@ -9,7 +9,7 @@ from free_hardening import waisted
 from hosford import NAMES, hosford, hosford_law
 from strip_twin import strip_toml, write_recording, write_rest
 
-from idic.fe import Constraints, Model, Reaction, Section, march
+from idic.fe import Constraints, Body, Reaction, Section, march
 from idic.images import Camera
 from idic.laws import compile, equivalent
 from idic.laws.free_forms.surface_forms import hill48
@@ -72,7 +72,7 @@ def truth_of(surface: str = "hill48") -> Truth:
     shape[len(right):2 * len(right), 1] = 1.0
     make, names, _ = SURFACES[surface]
     law = make()
-    model = Model(mesh=mesh, kind="plane_stress", thickness=THICKNESS, channels=(Reaction(2 * right),
+    model = Body(mesh=mesh, kind="plane_stress", thickness=THICKNESS, channels=(Reaction(2 * right),
                                                                                Reaction(2 * right + 1)),
                   sections=(Section("sheet", law, mesh.element_sets["sheet"]),),
                   constraints=Constraints(dofs, shape, np.column_stack([PULL, SHEAR])))

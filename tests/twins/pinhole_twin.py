@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 
-from idic.fe import Constraints, Model, Reaction, Section, march
+from idic.fe import Constraints, Body, Reaction, Section, march
 from idic.images import PinholeCamera, PlacedCamera, RigidMotion, rotation_of
 from idic.laws import compile as compile_law
 from idic.virtual_tests import Sensor, strip_with_hole, write_images, write_inp, write_loads
@@ -74,7 +74,7 @@ def true_motion(thickness, grip=GRIP, mesh=None):
     times = np.arange(len(grip), dtype=float)
     fine = np.linspace(0.0, times[-1], INCREMENTS * (len(grip) - 1) + 1)
     law = compile_law("j2_linear", "finite")
-    model = Model(mesh=mesh, kind="plane_stress", sections=(Section("sheet", law, mesh.element_sets["sheet"]),),
+    model = Body(mesh=mesh, kind="plane_stress", sections=(Section("sheet", law, mesh.element_sets["sheet"]),),
                   thickness=thickness, constraints=Constraints(dofs, basis, np.interp(fine, times, grip)[:, None]),
                   channels=(Reaction(2 * right),), surface_side=1)
     values = np.array([TRUTH[f"sheet.{name}"] for name in law.spec.parameter_names])

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.fe import Constraints, Model, Reaction, Section, make_mesh, march
+from idic.fe import Constraints, Body, Reaction, Section, make_mesh, march
 from idic.images import ArrayStack, Camera, dense_speckle
 from idic.laws import compile as compile_law
 from idic.virtual_tests import (
@@ -140,7 +140,7 @@ def clean_images(case: str) -> Clean:
     basis = np.zeros((len(dofs), 1))
     basis[:len(right)] = 1.0
     law = compile_law("elastic", "small")
-    model = Model(mesh=mesh, kind="plane_stress", sections=(Section("SHEET", law, mesh.element_sets["SHEET"]),),
+    model = Body(mesh=mesh, kind="plane_stress", sections=(Section("SHEET", law, mesh.element_sets["SHEET"]),),
                   thickness=THICKNESS, constraints=Constraints(dofs, basis, GRIP[:, None]),
                   channels=(Reaction(2 * right),))
     values = np.array([TRUTH[name] for name in law.spec.parameter_names])

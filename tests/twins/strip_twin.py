@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.fe import Constraints, Model, Reaction, Section, march
+from idic.fe import Constraints, Body, Reaction, Section, march
 from idic.images import Camera, dense_speckle
 from idic.virtual_tests import Sensor, clean_image, painted, record, write_images, write_inp, write_loads
 
@@ -43,18 +43,18 @@ noise_std = {force_noise}
 """
 
 
-def pulled(mesh, element_set: str, law, grip: np.ndarray, thickness: float) -> Model:
+def pulled(mesh, element_set: str, law, grip: np.ndarray, thickness: float) -> Body:
     """The strip with its left end held and its right end moved along x by `grip` (n_frames,) mm."""
     left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
     dofs = np.concatenate([2 * right, 2 * right + 1, 2 * left, 2 * left + 1])
     shape = np.zeros((len(dofs), 1))
     shape[:len(right)] = 1.0
-    return Model(mesh=mesh, kind="plane_stress", thickness=thickness, channels=(Reaction(2 * right),),
+    return Body(mesh=mesh, kind="plane_stress", thickness=thickness, channels=(Reaction(2 * right),),
                  sections=(Section(element_set, law, mesh.element_sets[element_set]),),
                  constraints=Constraints(dofs, shape, np.asarray(grip)[:, None]))
 
 
-def marched(model: Model, values: dict, times: np.ndarray, substeps: int):
+def marched(model: Body, values: dict, times: np.ndarray, substeps: int):
     """Displacements (n_frames, n_nodes, 2) mm, force (n_frames,) N, and the last state of the march."""
     u, force, state = [], [], None
     for state in march(model, values, times, substeps=substeps):

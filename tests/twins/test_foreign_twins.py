@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import idic
-from idic.fe import Constraints, Model, Reaction, Section, march
+from idic.fe import Constraints, Body, Reaction, Section, march
 from idic.laws import compile
 from idic.run import systematic
 
@@ -57,7 +57,7 @@ def forces_of_the_law(twin, mesh, substeps):
     owner = np.concatenate([np.full(len(mesh.node_sets[name]), k) for k, (name, _, _) in enumerate(drives)])
     dofs, first = np.unique(dofs, return_index=True)
     law, right, values = compile(twin.law), 2 * mesh.node_sets["RIGHT"], twin.truth | twin.fixed
-    model = Model(mesh=mesh, kind="plane_stress", thickness=twins.plate.THICKNESS,
+    model = Body(mesh=mesh, kind="plane_stress", thickness=twins.plate.THICKNESS,
                   channels=(Reaction(right), Reaction(right + 1)),
                   sections=(Section("sheet", law, mesh.element_sets["sheet"]),),
                   constraints=Constraints(dofs, np.eye(len(drives))[owner[first]],

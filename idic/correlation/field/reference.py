@@ -131,7 +131,7 @@ class FieldReference(NodalBasis):
 
     def measured(self, experiment: Experiment, frame: int) -> np.ndarray:
         """The measured displacement of every row with its weight, NaN where there is none  # (n_pixels,) µm"""
-        values = np.asarray(experiment.stack.frame(frame), dtype=float)
+        values = np.asarray(experiment.recording.stack.frame(frame), dtype=float)
         return self.row_weight * values[self.pixel_map.point, self.pixel_map.component]
 
     def compare(self, experiment: Experiment, frame: int, motion: np.ndarray) -> FieldEquations:
@@ -208,15 +208,15 @@ def build_field_reference(experiment: Experiment, camera: Camera) -> FieldRefere
     InputError
         If no point lies on the mesh.
     """
-    points = experiment.points
+    points = experiment.recording.points
     assert points is not None
-    cells = surface_cells(experiment.mesh, experiment.surface)
-    point_map = build_point_map(experiment.mesh.nodes, cells, camera, points.positions_px, points.shape,
-                                experiment.mask, points.n_components)
+    cells = surface_cells(experiment.model.mesh, experiment.model.surface)
+    point_map = build_point_map(experiment.model.mesh.nodes, cells, camera, points.positions_px, points.shape,
+                                experiment.recording.mask, points.n_components)
     averaged = None
     if points.subset_px > 0.0:
         averaged = _over_subsets(experiment, camera, point_map, points.subset_px)
-    return FieldReference(point_map, points.um_per_px, experiment.n_references, averaged, points.free_rigid,
+    return FieldReference(point_map, points.um_per_px, experiment.recording.n_references, averaged, points.free_rigid,
                           points.depth)
 
 
@@ -232,8 +232,8 @@ def _over_subsets(experiment: Experiment, camera: Camera, point_map: PointMap, w
     weights = np.outer(along_one, along_one).ravel()
     seen, number = np.unique(point_map.point, return_inverse=True)
     samples = (point_map.positions[seen][:, None] + offsets).reshape(-1, 2)
-    cells = surface_cells(experiment.mesh, experiment.surface)
-    there = build_point_map(experiment.mesh.nodes, cells, camera, samples, point_map.shape)
+    cells = surface_cells(experiment.model.mesh, experiment.model.surface)
+    there = build_point_map(experiment.model.mesh.nodes, cells, camera, samples, point_map.shape)
     first = there.component == 0
     sample = there.point[first]
     values = sparse.csr_array(there.shape_matrix()[np.flatnonzero(first)])

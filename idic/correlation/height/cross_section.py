@@ -66,12 +66,12 @@ class SectionReference:
 
     def compare(self, experiment: Experiment, frame: int, motion: np.ndarray) -> NodalEquations:
         """Nodal equations of one frame under a nodal motion (n_nodes, 3)."""
-        return section_equations(self, experiment.stack.frame(frame), motion, experiment.options.brightness)
+        return section_equations(self, experiment.recording.stack.frame(frame), motion, experiment.options.brightness)
 
     def compare_pixels(self, experiment: Experiment, frame: int, motion: np.ndarray,
                        coefficients: np.ndarray) -> ResidualMap:
         """Residual of every pixel; coefficients : (nb,) levelling."""
-        return section_residual_map(self, experiment.stack.frame(frame), motion, experiment.options.brightness,
+        return section_residual_map(self, experiment.recording.stack.frame(frame), motion, experiment.options.brightness,
                                     coefficients)
 
     def shows_nothing(self, equations: NodalEquations) -> bool:

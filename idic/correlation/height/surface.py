@@ -84,7 +84,7 @@ class HeightReference(NodalBasis):
         return np.where(np.isnan(shown), 0.0, shown) + self.level, replace(self, lowpass_px=0.0)
 
     def _heights(self, experiment: Experiment, frame: int) -> HeightFrame:
-        return height_frame(experiment.stack.frame(frame), self.level, self.degree, self.lowpass_px)
+        return height_frame(experiment.recording.stack.frame(frame), self.level, self.degree, self.lowpass_px)
 
 
 @dataclass(frozen=True, eq=False)

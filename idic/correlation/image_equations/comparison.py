@@ -144,8 +144,8 @@ class NodalBasis(ABC):
 
     def shared_gram(self, experiment: Experiment, shared: np.ndarray) -> tuple[np.ndarray, int]:
         """S^T H S with H and the brightness blocks of the reference image at rest, and the number of rows of S."""
-        still = self.compare(experiment, experiment.reference,
-                             np.zeros((len(experiment.mesh.nodes), self.n_components)))
+        still = self.compare(experiment, experiment.model.reference,
+                             np.zeros((len(experiment.model.mesh.nodes), self.n_components)))
         n_dof = still.H.shape[0]
         fields, brightness = shared[:n_dof], shared[n_dof:n_dof + still.n_brightness]
         product = np.concatenate([still.H @ fields + still.hb @ brightness,

@@ -55,7 +55,7 @@ class GreyReference(NodalBasis, ReferenceImage):
         """With the blur of the frame as an unknown, where its focus is one."""
         if experiment.options.defocus == "none":
             return equations
-        return with_blur(self, equations, spline, experiment.options.brightness, experiment.noise)
+        return with_blur(self, equations, spline, experiment.options.brightness, experiment.recording.noise)
 
     def compare_pixels(self, experiment: Experiment, frame: int, motion: np.ndarray,
                        coefficients: np.ndarray) -> ResidualMap:
@@ -85,14 +85,14 @@ def grey_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarray
     """The reference image of these images (ny, nx), with interpolation, low-pass and noise of the experiment."""
     options = experiment.options
     made = build_reference(pixel_map, images, DEGREES[options.interpolation], options.patch_px, options.lowpass_px,
-                           options.border_px, experiment.noise.std_gv, options.camera_blur_px)
+                           options.border_px, experiment.recording.noise.std_gv, options.camera_blur_px)
     return GreyReference(**vars(made))
 
 
 def frame_spline(experiment: Experiment, frame: int) -> Spline:
     """The spline of one grey frame, with the experiment's low-pass and interpolation."""
     options = experiment.options
-    return prefilter(experiment.stack.frame(frame), DEGREES[options.interpolation], options.lowpass_px)
+    return prefilter(experiment.recording.stack.frame(frame), DEGREES[options.interpolation], options.lowpass_px)
 
 
 def contrast_ratio(equations: NodalEquations) -> float:

@@ -136,13 +136,13 @@ def determined_by_texture(experiment: Experiment, names: Sequence[str]) -> list[
     """Which degrees of freedom a comparison of textures depends on."""
     compared = {name for further in experiment.cameras if further.texture is not None
                 for name in (further.texture, further.name)}
-    views = [view for view in experiment.views if view.camera_name in compared]
+    views = [view for view in experiment.views if view.recording.camera_name in compared]
     return [name for name in names if any(moves_at_rest(view, name) for view in views)]
 
 
 def _compared(context: CorrelationContext) -> Iterator[tuple[int, int]]:
     """Numbers of the two cameras of every pair, that of the texture first."""
-    names = [camera.experiment.camera_name for camera in context.cameras]
+    names = [camera.experiment.recording.camera_name for camera in context.cameras]
     for number, further in enumerate(context.experiment.cameras, 1):
         if further.texture is not None and isinstance(context.cameras[number].reference, GreyReference):
             yield names.index(further.texture), number
@@ -178,14 +178,14 @@ class _Comparison:
 
     def _seen(self) -> np.ndarray:
         """Pixels of the first camera whose point is compared in the second one as well  # (n_pixels,) bool"""
-        nodes = in_space(self.one.experiment.mesh.nodes)
+        nodes = in_space(self.one.experiment.model.mesh.nodes)
         here = self.reference.pixel_map.interpolate(nodes)  # (n_pixels, 3) mm
         return seen_as_well(here, self.two.camera, self.other.pixel_map, nodes)
 
     def _spline(self) -> Spline:
         """The reference image of the second camera in the grey values of the first."""
         view, reference = self.two.experiment, self.reference
-        images = [view.stack.frame(k) for k in view.averaged or (view.reference,)]
+        images = [view.recording.stack.frame(k) for k in view.recording.averaged or (view.model.reference,)]
         mean = np.mean([np.asarray(image, dtype=np.float64) for image in images], axis=0)
         matched = reference.level + self.gain * (mean - self.other.level)
         return prefilter(matched.astype(np.float32), reference.degree, reference.lowpass_px)
@@ -202,7 +202,7 @@ class _Comparison:
         sums = sum(float((np.add.reduceat(d * r, starts) ** 2).sum()) for d in gradient)  # of each element
         white = self.variance * sum(float((d**2).sum()) for d in gradient)
         excess = max(sums / white, 1.0) if white > 0.0 else 1.0
-        pair = TexturePair(self.one.experiment.camera_name, self.two.experiment.camera_name, nodal.n_valid,
+        pair = TexturePair(self.one.experiment.recording.camera_name, self.two.experiment.recording.camera_name, nodal.n_valid,
                            reference.pixel_map.n_pixels, correlation, self.gain, excess)
         return pair, min(rr, (1.0 - MIN_CORRELATION**2) * squares)
 

@@ -22,7 +22,7 @@ def way_between(pixel_map: PixelMap, one: CorrelationContext, two: CorrelationCo
 
     Quadratic on every face, also of linear elements: perspective is not linear between their nodes.
     """
-    nodes, found = in_space(one.experiment.mesh.nodes), np.zeros((pixel_map.n_elements, 2, N_MONOMIALS))
+    nodes, found = in_space(one.experiment.model.mesh.nodes), np.zeros((pixel_map.n_elements, 2, N_MONOMIALS))
     for kind in np.unique(pixel_map.kind):
         quadratic, of_kind = 2 + kind % 2, pixel_map.kind == kind
         points, n = NODE_POINTS[quadratic], N_NODES[kind]
@@ -36,8 +36,8 @@ def way_between(pixel_map: PixelMap, one: CorrelationContext, two: CorrelationCo
 def columns_between(one: CorrelationContext, two: CorrelationContext, names: tuple[str, ...]) -> np.ndarray:
     """Motion of the second image against the first by every degree of freedom  # (2 n_nodes, n) px per unit"""
     experiment = one.experiment
-    nodes = experiment.mesh.nodes
-    tangents = in_space(surface_tangents(experiment.mesh, experiment.surface))  # (n_nodes, 3, 2)
+    nodes = experiment.model.mesh.nodes
+    tangents = in_space(surface_tangents(experiment.model.mesh, experiment.model.surface))  # (n_nodes, 3, 2)
     before, after = (context.camera.jacobian(nodes) @ tangents for context in (one, two))
     columns = np.zeros((len(nodes), 2, len(names)))
     for i, name in enumerate(names):
@@ -49,19 +49,19 @@ def columns_between(one: CorrelationContext, two: CorrelationContext, names: tup
 
 def moves_at_rest(view: Experiment, name: str) -> bool:
     """Whether a degree of freedom moves the image of a point of the undeformed surface in this camera."""
-    stem = f"{view.camera_name}."
+    stem = f"{view.recording.camera_name}."
     if name.startswith((stem, f"{PLACEMENT_STEM}.")):
-        return isinstance(view.camera, PlacedCamera) and not view.camera.is_motion(name.removeprefix(stem))
-    return any(morph.name == name for morph in view.morphs)
+        return isinstance(view.model.camera, PlacedCamera) and not view.model.camera.is_motion(name.removeprefix(stem))
+    return any(morph.name == name for morph in view.model.morphs)
 
 
 def _velocity(context: CorrelationContext, name: str) -> np.ndarray:
     """Motion of the images of the nodes at rest by a degree of freedom  # (n_nodes, 2) px per unit"""
-    nodes = in_space(context.experiment.mesh.nodes)
+    nodes = in_space(context.experiment.model.mesh.nodes)
     if not moves_at_rest(context.experiment, name):
         return np.zeros((len(nodes), 2))
-    for morph in context.experiment.morphs:
+    for morph in context.experiment.model.morphs:
         if morph.name == name:
             return np.einsum("ncd,nd->nc", context.camera.jacobian(nodes), in_space(morph.velocity))
-    stem = f"{context.experiment.camera_name}."
+    stem = f"{context.experiment.recording.camera_name}."
     return context.camera.parameter_jacobian(nodes, name.removeprefix(stem))

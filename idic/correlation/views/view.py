@@ -140,24 +140,24 @@ def view_of(experiment: Experiment, camera: AnyCamera) -> View | PinholeView:
         For height images of a plane mesh without the edge set that is seen.
     """
     if isinstance(camera, PlacedCamera):
-        return PinholeView(camera, experiment.mesh, experiment.surface)
-    if experiment.points is not None and experiment.points.depth is not None:
-        return View(SPACE, camera, 2, normal_sign(camera) / experiment.points.pitch_mm)
-    if experiment.quantity in ("grey", "displacement"):
+        return PinholeView(camera, experiment.model.mesh, experiment.model.surface)
+    if experiment.recording.points is not None and experiment.recording.points.depth is not None:
+        return View(SPACE, camera, 2, normal_sign(camera) / experiment.recording.points.pitch_mm)
+    if experiment.recording.quantity in ("grey", "displacement"):
         return View(GREY, camera)
-    if experiment.n_dim == 3:
-        return View(HEIGHT, camera, 2, surface_sign(experiment.mesh, experiment.surface) / experiment.height_unit)
-    if experiment.surface is None:
+    if experiment.model.n_dim == 3:
+        return View(HEIGHT, camera, 2, surface_sign(experiment.model.mesh, experiment.model.surface) / experiment.recording.height_unit)
+    if experiment.model.surface is None:
         raise InputError("height images of a plane mesh in its own plane", file="experiment.toml",
                          key="experiment.quantity", expected="a solid with its face set, or a cross-section with its "
-                         "edge set in `surface`", found=f"kind = {experiment.kind!r} without a surface",
+                         "edge set in `surface`", found=f"kind = {experiment.model.kind!r} without a surface",
                          remedy="name the set that is seen, or model the specimen as a solid")
-    return View(SECTION, camera, 1, surface_sign(experiment.mesh, experiment.surface) / experiment.height_unit)
+    return View(SECTION, camera, 1, surface_sign(experiment.model.mesh, experiment.model.surface) / experiment.recording.height_unit)
 
 
 def is_section(experiment: Experiment) -> bool:
     """Whether a plane mesh is a cross-section whose edge set is seen from above."""
-    return experiment.n_dim == 2 and experiment.surface is not None
+    return experiment.model.n_dim == 2 and experiment.model.surface is not None
 
 
 def surface_sign(mesh: Mesh, surface: str) -> float:

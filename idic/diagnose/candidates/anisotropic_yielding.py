@@ -19,7 +19,7 @@ PROBES = {"along the mesh's x axis": ("r0",), "at 45 degrees to it": ("r45",), "
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     found = []
-    for material in situation.experiment.materials:
+    for material in situation.experiment.model.materials:
         name = material.element_set
         if (made := _hill(material.law)) is None:
             continue

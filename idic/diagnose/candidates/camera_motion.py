@@ -14,15 +14,15 @@ PROBE_PX = 0.1
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment = situation.experiment
-    stem = f"{experiment.camera_name}."
-    if not isinstance(experiment.camera, Camera):
+    stem = f"{experiment.recording.camera_name}."
+    if not isinstance(experiment.model.camera, Camera):
         return ()
-    if any(name.startswith((f"{stem}col_at[", f"{stem}row_at[")) for name in experiment.parameters):
+    if any(name.startswith((f"{stem}col_at[", f"{stem}row_at[")) for name in experiment.model.parameters):
         return ()
-    frames = [k for k in range(experiment.reference + 1, experiment.n_frames) if k not in experiment.excluded]
+    frames = [k for k in range(experiment.model.reference + 1, experiment.model.n_frames) if k not in experiment.recording.excluded]
     if len(frames) > MAX_TESTED_FRAMES:
         frames = [frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, MAX_TESTED_FRAMES).astype(int))]
-    half = 0.5 * float(np.hypot(*experiment.image_shape))
+    half = 0.5 * float(np.hypot(*experiment.recording.image_shape))
     probe = {}
     for k in frames:
         probe |= {f"{stem}col_at[{k}]": PROBE_PX, f"{stem}row_at[{k}]": PROBE_PX,

@@ -13,11 +13,11 @@ PROBE_PX = 3.0  # in the corner of the image
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment = situation.experiment
-    name = f"{experiment.camera_name}.rotation_deg"
+    name = f"{experiment.recording.camera_name}.rotation_deg"
     edits = further_dofs(situation, name)
-    if edits is None or not isinstance(situation.experiment.camera, Camera):
+    if edits is None or not isinstance(situation.experiment.model.camera, Camera):
         return ()
-    value, half = experiment.camera.rotation_deg, 0.5 * float(np.hypot(*experiment.image_shape))
+    value, half = experiment.model.camera.rotation_deg, 0.5 * float(np.hypot(*experiment.recording.image_shape))
     probe = value + float(np.degrees(PROBE_PX / half))
     return (Variant("the camera is turned about its axis", edits, (name,), {name: value}, {name: probe}, direct=True),)
 

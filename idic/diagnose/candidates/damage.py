@@ -20,7 +20,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     found = []
     for name, _ in materials_with(situation, "elastic"):
         E, _ = elastic_pair(situation, name)
-        kinematics = situation.experiment.material_of(name).kinematics
+        kinematics = situation.experiment.model.material_of(name).kinematics
         names = (f"{name}.threshold", f"{name}.softening")
         highest = 1.1 * float(situation.stress[name][-1]) / E
         for stress in stress_levels(situation, name, STRESS_LEVELS):
@@ -37,7 +37,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 def untestable(situation: Situation) -> str:
     """Without a load, and without a way back, a loss of stiffness deforms the body as plastic flow does."""
     experiment = situation.experiment
-    if experiment.channels or experiment.loads or comes_back(situation.u):
+    if experiment.model.channels or experiment.model.loads or comes_back(situation.u):
         return ""
     return "without a force, and without unloading, loss of stiffness and plastic flow look the same in the images"
 

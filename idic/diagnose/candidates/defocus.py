@@ -20,11 +20,11 @@ MIN_CORRELATION = 0.1  # between neighbouring pixels, of noise that a camera has
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment = situation.experiment
-    if experiment.quantity != "grey" or experiment.options.defocus != "none":
+    if experiment.recording.quantity != "grey" or experiment.options.defocus != "none":
         return ()
-    found = experiment.noise.correlated
+    found = experiment.recording.noise.correlated
     is_white = (found is None or abs(found.neighbour_correlation) < MIN_CORRELATION) and compressed_at(
-        experiment.stack.frame(experiment.reference)) is None
+        experiment.recording.stack.frame(experiment.model.reference)) is None
     least = MIN_BLUR_OF_WHITE_PX2 if is_white else MIN_BLUR_PX2
     return tuple(Variant(f"blur grows with {name}", {"options.defocus": "frame"}, (), {}, sign=1,
                          pixels=("blur", course[None]), least=least) for name, course in courses(situation))

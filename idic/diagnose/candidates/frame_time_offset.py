@@ -15,14 +15,14 @@ PROBE_INTERVAL_SHARE = 0.05  # of the time between two frames
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment, name = situation.experiment, "time.offset"
-    logged = [entry.drive for entry in (*experiment.prescribed, *experiment.loads) if isinstance(entry.drive, Column)]  # type: ignore[attr-defined]
-    has_rates = any(entry.rates is not None for entry in (*logged, *experiment.channels))  # type: ignore[attr-defined]
-    if not has_rates or not experiment.extras.get("has_times", True):
+    logged = [entry.drive for entry in (*experiment.model.prescribed, *experiment.model.loads) if isinstance(entry.drive, Column)]  # type: ignore[attr-defined]
+    has_rates = any(entry.rates is not None for entry in (*logged, *experiment.model.channels))  # type: ignore[attr-defined]
+    if not has_rates or not experiment.model.has_times:
         return ()
     edits = further_dofs(situation, name)
     if edits is None:
         return ()
-    probe = PROBE_INTERVAL_SHARE * float(np.median(np.diff(experiment.times)))
+    probe = PROBE_INTERVAL_SHARE * float(np.median(np.diff(experiment.model.times)))
     return (Variant("log and images of different times", edits, (name,), {name: 0.0}, {name: probe}),)
 
 

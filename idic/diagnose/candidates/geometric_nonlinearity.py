@@ -7,7 +7,7 @@ from idic.laws import get_law
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    names = [material.element_set for material in situation.experiment.materials
+    names = [material.element_set for material in situation.experiment.model.materials
              if material.kinematics == "small" and "finite" in get_law(material.law).kinematics]
     if not names:
         return ()

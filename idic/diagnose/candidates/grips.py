@@ -17,7 +17,7 @@ from idic.model import CORRECTION_TERMS, CorrectionTerm
 
 def variants(terms: Sequence[CorrectionTerm], situation: Situation) -> tuple[Variant, ...]:
     """The probes of every motion that lacks these corrections."""
-    motions = {(entry.nodes, entry.component): entry for entry in situation.experiment.prescribed}
+    motions = {(entry.nodes, entry.component): entry for entry in situation.experiment.model.prescribed}
     made = []
     for number, nodes, component, drive in driven(situation):
         present = [entry["kind"] for entry in drive.get("corrections", ())]

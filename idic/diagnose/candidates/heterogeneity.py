@@ -25,7 +25,7 @@ STIFFNESS_SUFFIX = ".inclusion.stiffness"
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     found = []
-    for material in situation.experiment.materials:
+    for material in situation.experiment.model.materials:
         name = material.element_set
         taken = [(entry["set"], entry.get("name", entry["form"]))
                  for entry in situation.document.get("heterogeneity", ())]
@@ -37,8 +37,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 
 def _inclusions(situation: Situation, element_set: str) -> Iterator[Variant]:
-    places, spacing = grid(situation.experiment.mesh.nodes[nodes_of(situation.experiment.mesh, element_set)][:, :2])
-    dof, body = f"{element_set}{STIFFNESS_SUFFIX}", situation.experiment.mesh.size
+    places, spacing = grid(situation.experiment.model.mesh.nodes[nodes_of(situation.experiment.model.mesh, element_set)][:, :2])
+    dof, body = f"{element_set}{STIFFNESS_SUFFIX}", situation.experiment.model.mesh.size
     for x, y in places:
         for size in RADII_OVER_SPACING:
             table = {"set": element_set, "form": "inclusion", "centre_mm": [float(x), float(y)],
@@ -47,13 +47,13 @@ def _inclusions(situation: Situation, element_set: str) -> Iterator[Variant]:
                 "value": float(size * spacing), "identify": True,
                 "bounds": [0.1 * float(spacing), 3.0 * float(spacing)]}}
             yield Variant(f"{element_set} is softer or stiffer within {size * spacing:.3g} "
-                          f"{situation.experiment.length_unit} of {in_words((x, y), size=body)}",
+                          f"{situation.experiment.model.length_unit} of {in_words((x, y), size=body)}",
                           _added(situation, table), (dof,), {dof: 1.0}, {dof: PROBE_INCLUSION}, form="inclusion",
                           place=(float(x), float(y)), exact=True, refit=_added(situation, free))
 
 
 def _gradients(situation: Situation, element_set: str) -> Iterator[Variant]:
-    for axis in "xyz"[:situation.experiment.n_dim]:
+    for axis in "xyz"[:situation.experiment.model.n_dim]:
         dof = f"{element_set}.gradient.along_{axis}"
         table = {"set": element_set, "form": "gradient", f"along_{axis}": {"value": 0.0, "identify": True}}
         yield Variant(f"{element_set} becomes stiffer along {axis}", _added(situation, table), (dof,), {dof: 0.0},

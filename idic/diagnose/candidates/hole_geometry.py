@@ -13,9 +13,9 @@ PLACE = ("hole_x", "hole_y")  # freed together: a misplaced hole is rarely mispl
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment = situation.experiment
-    if experiment.n_dim != 2 or experiment.morphs:
+    if experiment.model.n_dim != 2 or experiment.model.morphs:
         return ()
-    holes = find_holes(experiment.mesh)
+    holes = find_holes(experiment.model.mesh)
     found = []
     for number, hole in enumerate(holes, start=1):
         index = f"[{number}]" if len(holes) > 1 else ""

@@ -20,18 +20,18 @@ COURSE_KNOTS = 3  # of a course that the data give, at every place; in the refit
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment = situation.experiment
-    if experiment.quantity != "grey" or experiment.options.brightness == "patch":
+    if experiment.recording.quantity != "grey" or experiment.options.brightness == "patch":
         return ()
-    seen = experiment.camera.project(experiment.mesh.nodes)
-    size = float(min(np.ptp(seen, axis=0).max(), max(experiment.image_shape)) / PATCHES_PER_SIDE)
+    seen = experiment.model.camera.project(experiment.model.mesh.nodes)
+    size = float(min(np.ptp(seen, axis=0).max(), max(experiment.recording.image_shape)) / PATCHES_PER_SIDE)
     edits = {"options.brightness": "patch", "options.patch_px": max(size, 16.0)}
     found = []
     for kind, what in ((LIGHT, "the light"), ("gain", "the contrast"), ("offset", "the offset of the light")):
         found += [Variant(f"{what} grows with {name}", edits, (), {}, pixels=(kind, course[None]))
                   for name, course in courses(situation)]
-    if experiment.n_frames > COURSE_KNOTS:
-        own = hats(experiment.times, experiment.reference,
-                   knot_frames(experiment.n_frames, experiment.reference, COURSE_KNOTS))
+    if experiment.model.n_frames > COURSE_KNOTS:
+        own = hats(experiment.model.times, experiment.model.reference,
+                   knot_frames(experiment.model.n_frames, experiment.model.reference, COURSE_KNOTS))
         found.append(Variant("light with an identified time course", edits, (), {}, pixels=(LIGHT, own),
                              free_course=True))
     return tuple(found)
@@ -40,13 +40,13 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 def courses(situation: Situation) -> list[tuple[str, np.ndarray]]:
     """Time, and the load where that is something else, both relative to their largest  # name, (n_frames,)"""
     experiment = situation.experiment
-    time = (experiment.times - experiment.times[experiment.reference]) / situation.duration
+    time = (experiment.model.times - experiment.model.times[experiment.model.reference]) / situation.duration
     found = [("time", time)]
-    if experiment.channels:
-        load = experiment.channels[0].values - experiment.channels[0].values[experiment.reference]
+    if experiment.model.channels:
+        load = experiment.model.channels[0].values - experiment.model.channels[0].values[experiment.model.reference]
         load = load / (np.abs(load).max() or 1.0)
         if abs(np.corrcoef(time, load)[0, 1]) < 0.98:
-            found.append((experiment.channels[0].column, load))
+            found.append((experiment.model.channels[0].column, load))
     return found
 
 

@@ -61,14 +61,14 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 def _sets(situation: Situation) -> Iterator[str]:
     taken = {(entry["set"], entry["form"]) for entry in situation.document.get("heterogeneity", ())}
-    for material in situation.experiment.materials:
+    for material in situation.experiment.model.materials:
         if (material.element_set, "layers") not in taken:
             yield material.element_set
 
 
 def search(situation: Situation, name: str) -> tuple[list[Line], int]:
     """The strongest waves of stiffness of an element set, strongest first, and how many variants were looked at."""
-    score, mesh = situation.stiffness_score(), situation.experiment.mesh
+    score, mesh = situation.stiffness_score(), situation.experiment.model.mesh
     if score is None:
         return [], 1
     elements = np.asarray(mesh.element_sets[name])
@@ -110,7 +110,7 @@ def _waves(situation: Situation, name: str, extent: np.ndarray) -> np.ndarray:
 
 def _element_sizes(situation: Situation, name: str, waves: np.ndarray) -> np.ndarray:
     """Length of an element along every wave, mm, of the edge that is longest there: median over the area  # (n,)"""
-    mesh, elements = situation.experiment.mesh, np.asarray(situation.experiment.mesh.element_sets[name])
+    mesh, elements = situation.experiment.model.mesh, np.asarray(situation.experiment.model.mesh.element_sets[name])
     turns = np.radians(np.arange(0.0, 180.0, TURN_DEG))
     ways = np.array([np.cos(turns), np.sin(turns)])
     lengths, areas = [], []
@@ -129,10 +129,10 @@ def _element_sizes(situation: Situation, name: str, waves: np.ndarray) -> np.nda
 def _pixel(situation: Situation) -> float:
     """Size of a pixel on the specimen, mm; 0 where there are none."""
     experiment = situation.experiment
-    if experiment.quantity != "grey" or experiment.points is not None:
+    if experiment.recording.quantity != "grey" or experiment.recording.points is not None:
         return 0.0
-    seen = np.ptp(experiment.camera.project(experiment.mesh.nodes), axis=0)
-    return float(np.linalg.norm(np.ptp(experiment.mesh.nodes, axis=0)) / np.linalg.norm(seen))
+    seen = np.ptp(experiment.model.camera.project(experiment.model.mesh.nodes), axis=0)
+    return float(np.linalg.norm(np.ptp(experiment.model.mesh.nodes, axis=0)) / np.linalg.norm(seen))
 
 
 def _refined(score: np.ndarray, centres: np.ndarray, wave: np.ndarray, extent: np.ndarray) -> np.ndarray:
@@ -151,14 +151,14 @@ def _variant(situation: Situation, name: str, line: Line, searched: int) -> Vari
     free = table | {key: table[key] | {"identify": True} for key in ("period_mm", "direction_deg", "offset_mm")}
     free["share"] = {"value": 0.5, "identify": True, "prior": {"mean": 0.5, "std": SHARE_STD}}
     return Variant(f"{name} has stiff and soft layers, a period of {line.period:.3g} "
-                   f"{situation.experiment.length_unit} at {line.direction:.0f} degrees", _added(situation, table),
+                   f"{situation.experiment.model.length_unit} at {line.direction:.0f} degrees", _added(situation, table),
                    (ratio,), {ratio: 1.0}, {ratio: PROBE_RATIO}, sign=1, exact=True, refit=_added(situation, free),
                    searched=searched, unresolved=_unresolved(situation, name, line))
 
 
 def _unresolved(situation: Situation, name: str, line: Line) -> str:
     """What a mesh with too few elements per period says; "" of a finer one."""
-    unit = situation.experiment.length_unit
+    unit = situation.experiment.model.length_unit
     return "" if line.elements >= MIN_ELEMENTS else (
         f"{MESH_TOO_COARSE} for layers: the residual has a period of about {line.period:.2g} {unit} at "
         f"{line.direction:.0f} degrees, {line.elements:.1f} elements. Refine the mesh of {name} to "

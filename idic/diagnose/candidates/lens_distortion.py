@@ -12,13 +12,13 @@ PROBE_PX = 3.0  # in the corner of the image
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    camera, half = situation.experiment.camera, 0.5 * float(np.hypot(*situation.experiment.image_shape))
+    camera, half = situation.experiment.model.camera, 0.5 * float(np.hypot(*situation.experiment.recording.image_shape))
     if isinstance(camera, PlacedCamera):  # a coefficient of a lens counts in tangents of the angle of view
         coefficient, value = camera.lens.leading, camera.lens.values()[camera.lens.leading]
         probe = PROBE_PX * camera.lens.fx**2 / half**3
     else:
         coefficient, value, probe = "k1", camera.k1, PROBE_PX / half**3
-    name = f"{situation.experiment.camera_name}.{coefficient}"
+    name = f"{situation.experiment.recording.camera_name}.{coefficient}"
     edits = further_dofs(situation, name)
     if edits is None:
         return ()

@@ -13,13 +13,13 @@ PROBE_MAGNIFICATION = 1e-3  # relative magnification at the end, or at the large
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    experiment, stem = situation.experiment, situation.experiment.camera_name
-    if not isinstance(experiment.camera, Camera):  # before a lens the specimen moves: `specimen_motion`
+    experiment, stem = situation.experiment, situation.experiment.recording.camera_name
+    if not isinstance(experiment.model.camera, Camera):  # before a lens the specimen moves: `specimen_motion`
         return ()
-    if any(name.startswith(f"{stem}.magnification_knot[") for name in experiment.parameters.free):
+    if any(name.startswith(f"{stem}.magnification_knot[") for name in experiment.model.parameters.free):
         return ()
     found, drift = [], f"{stem}.magnification_drift"
-    if experiment.extras.get("has_times", True) and (edits := further_dofs(situation, drift)) is not None:
+    if experiment.model.has_times and (edits := further_dofs(situation, drift)) is not None:
         found.append(Variant("the image grows with time", edits, (drift,), {drift: 0.0},
                              {drift: PROBE_MAGNIFICATION / situation.duration}, direct=True))
     load = f"{stem}.magnification_load"
@@ -34,8 +34,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 def changing_columns(situation: Situation) -> list[str]:
     """The forces and motions of the log that change."""
     experiment = situation.experiment
-    logged = [(channel.column, channel.values) for channel in experiment.channels]
-    logged += [(entry.drive.column, entry.drive.values) for entry in (*experiment.prescribed, *experiment.loads)  # type: ignore[attr-defined]
+    logged = [(channel.column, channel.values) for channel in experiment.model.channels]
+    logged += [(entry.drive.column, entry.drive.values) for entry in (*experiment.model.prescribed, *experiment.model.loads)  # type: ignore[attr-defined]
                if isinstance(entry.drive, Column)]  # type: ignore[attr-defined]
     return list(dict(column for column in logged if float(np.ptp(column[1])) > 0.0))
 

@@ -16,7 +16,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
             continue
         dof, size = f"{name}.nonlinearity", PROBE_LOSS / strain
         edits = enriched(situation, name, "nonlinear_elastic", nonlinearity=new(1.0 / strain))  # its scale
-        edits[f"material.{name}"]["kinematics"] = situation.experiment.material_of(name).kinematics
+        edits[f"material.{name}"]["kinematics"] = situation.experiment.model.material_of(name).kinematics
         label = f"the stiffness of {name} changes with its strain"
         found.append(Variant(label, edits, (dof,), {dof: 0.0}, {dof: size}, exact=True))
     return tuple(found)

@@ -10,12 +10,12 @@ PROBE_PX = 2.0
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    stem = situation.experiment.camera_name
+    stem = situation.experiment.recording.camera_name
     names = (f"{stem}.shift_col", f"{stem}.shift_row")
     edits = further_dofs(situation, *names)
-    if edits is None or not isinstance(situation.experiment.camera, Camera):
+    if edits is None or not isinstance(situation.experiment.model.camera, Camera):
         return ()
-    at = dict(zip(names, (float(x) for x in situation.experiment.camera.shift_px), strict=True))
+    at = dict(zip(names, (float(x) for x in situation.experiment.model.camera.shift_px), strict=True))
     return (Variant("the mesh lies beside the specimen", edits, names, at, {n: v + PROBE_PX for n, v in at.items()},
                     direct=True),)
 

@@ -35,12 +35,12 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 def _variant(situation: Situation, name: str, label: str, angle: float, probe: dict[str, float]) -> Variant:
     E, nu = elastic_pair(situation, name)
-    parameters = situation.experiment.parameters
+    parameters = situation.experiment.model.parameters
     null = {"E1": E, "E2": E, "nu12": nu, "G12": 0.5 * E / (1.0 + nu)}
     edits = enriched(situation, name, "orthotropic", E1=new(probe["E1"], "MPa", parameters[f"{name}.E"].free),
                      E2=new(probe["E2"], "MPa"), nu12=new(probe["nu12"], "-", parameters[f"{name}.nu"].free),
                      G12=new(probe["G12"], "MPa"), angle=new(angle, "deg"))
-    edits[f"material.{name}"]["kinematics"] = situation.experiment.material_of(name).kinematics
+    edits[f"material.{name}"]["kinematics"] = situation.experiment.model.material_of(name).kinematics
 
     def full(values: dict[str, float]) -> dict[str, float]:
         return {f"{name}.{key}": value for key, value in values.items()}

@@ -15,11 +15,11 @@ PROBE_SHARE = 0.1  # of the distance of the points
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment = situation.experiment
-    if experiment.points is None or open_share(experiment) is None:
+    if experiment.recording.points is None or open_share(experiment) is None:
         return ()
-    pitch = experiment.points.pitch_mm
-    held = {entry.nodes: experiment.mesh.node_sets[entry.nodes] for entry in experiment.prescribed}
-    edges = edges_by_name(experiment.mesh, free_edges(experiment.mesh, held))
+    pitch = experiment.recording.points.pitch_mm
+    held = {entry.nodes: experiment.model.mesh.node_sets[entry.nodes] for entry in experiment.model.prescribed}
+    edges = edges_by_name(experiment.model.mesh, free_edges(experiment.model.mesh, held))
     prior = {"prior": {"mean": 0.0, "std": EDGE_STD_SHARE * pitch}}
     kept = list(situation.document.get("dof", ()))
     every = {"dof": [*kept, *({"name": f"{OUTLINE}.{edge}"} | prior for edge in edges)]}

@@ -13,13 +13,13 @@ PROBE_PX = 3.0  # in the corner of the image
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment = situation.experiment
-    names = tuple(f"{experiment.camera_name}.{axis}" for axis in ("tilt_x", "tilt_y"))
+    names = tuple(f"{experiment.recording.camera_name}.{axis}" for axis in ("tilt_x", "tilt_y"))
     edits = further_dofs(situation, *names)
-    if edits is None or not isinstance(situation.experiment.camera, Camera):
+    if edits is None or not isinstance(situation.experiment.model.camera, Camera):
         return ()
-    at = dict(zip(names, (float(x) for x in experiment.camera.tilt), strict=True))
-    half = 0.5 * float(np.hypot(*experiment.image_shape))
-    step = PROBE_PX / (half * half * experiment.camera.pixel_size)
+    at = dict(zip(names, (float(x) for x in experiment.model.camera.tilt), strict=True))
+    half = 0.5 * float(np.hypot(*experiment.recording.image_shape))
+    step = PROBE_PX / (half * half * experiment.model.camera.pixel_size)
     probe = {name: value + step for name, value in at.items()}
     return (Variant("the camera looks at an angle", edits, names, at, probe, direct=True),)
 

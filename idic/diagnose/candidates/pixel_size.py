@@ -11,11 +11,11 @@ PROBE_SHARE = 0.02  # of the pixel size of the file
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment = situation.experiment
-    name = f"{experiment.camera_name}.pixel_size"
+    name = f"{experiment.recording.camera_name}.pixel_size"
     edits = further_dofs(situation, name)
-    if edits is None or not isinstance(situation.experiment.camera, Camera):
+    if edits is None or not isinstance(situation.experiment.model.camera, Camera):
         return ()
-    value = experiment.camera.pixel_size
+    value = experiment.model.camera.pixel_size
     return (Variant("another pixel size", edits, (name,), {name: value}, {name: (1.0 + PROBE_SHARE) * value},
                     direct=True),)
 

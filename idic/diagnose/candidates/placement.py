@@ -20,19 +20,19 @@ SIMILARITY = ("shift_col", "shift_row", "rotation_deg", "pixel_size")  # of a ca
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    experiment, camera = situation.experiment, situation.experiment.camera
+    experiment, camera = situation.experiment, situation.experiment.model.camera
     if isinstance(camera, PlacedCamera):
         names = {f"{PLACEMENT_STEM}.{kind}": f"{PLACEMENT_STEM}.{kind}" for kind in RIGID}
         at = dict(zip(names, camera.placement.tolist(), strict=True))
     elif isinstance(camera, Camera):
-        names = {f"{experiment.camera_name}.{kind}": kind for kind in SIMILARITY}
+        names = {f"{experiment.recording.camera_name}.{kind}": kind for kind in SIMILARITY}
         at = {name: camera.values()[kind] for name, kind in names.items()}
     else:
         return ()
     edits = further_dofs(situation, *names)
     if edits is None:
         return ()
-    moved = {name: np.linalg.norm(camera.parameter_jacobian(experiment.mesh.nodes, kind), axis=1).max()
+    moved = {name: np.linalg.norm(camera.parameter_jacobian(experiment.model.mesh.nodes, kind), axis=1).max()
              for name, kind in names.items()}
     return (Variant("the mesh lies beside the specimen", edits, tuple(names), at,
                     {name: at[name] + PROBE_PX / float(moved[name]) for name in names}, direct=True),)

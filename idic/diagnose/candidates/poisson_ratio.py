@@ -11,7 +11,7 @@ PROBE_BULK_MODULUS_FACTOR = 1.1  # of a bulk modulus
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     found = []
-    for material in situation.experiment.materials:
+    for material in situation.experiment.model.materials:
         for parameter in ("nu", "nu12", "kappa"):
             full = f"{material.element_set}.{parameter}"
             edits = freed(situation, material.element_set, parameter)

@@ -14,16 +14,16 @@ PROBE_PX = 0.3  # in the corner of the image, at the end or at the largest load
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    experiment, camera = situation.experiment, situation.experiment.camera
+    experiment, camera = situation.experiment, situation.experiment.model.camera
     if not isinstance(camera, PlacedCamera):
         return ()
-    half = 0.5 * float(np.hypot(*experiment.image_shape))
+    half = 0.5 * float(np.hypot(*experiment.recording.image_shape))
     depth = float(camera.depths(camera.pivot_mm[None])[0])
     growth = PROBE_PX / half  # of the image, by an approach; a tilt makes it over half of the image
     turn = float(np.degrees(growth * depth / (half * camera.pixel_size)))
     ends = dict(zip(KINDS, (growth * depth, turn, turn), strict=True))
     found = []
-    if experiment.extras.get("has_times", True):
+    if experiment.model.has_times:
         found += _course(situation, "drift", "time", {}, {k: v / situation.duration for k, v in ends.items()})
     for column in changing_columns(situation):
         found += _course(situation, "load", column, {camera_key(situation, "motion_column"): column}, ends)

@@ -10,15 +10,15 @@ PROBE_DEG = 0.1
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    found, main = [], situation.experiment.camera_name
+    found, main = [], situation.experiment.recording.camera_name
     for view in situation.experiment.views[1:]:
-        if not isinstance(view.camera, PlacedCamera):
+        if not isinstance(view.model.camera, PlacedCamera):
             continue
-        names = tuple(f"{view.camera_name}.{turn}" for turn in PLACED_TURNS)
+        names = tuple(f"{view.recording.camera_name}.{turn}" for turn in PLACED_TURNS)
         if (edits := further_dofs(situation, *names)) is None:
             continue
-        at = dict(zip(names, view.camera.turn_deg.tolist(), strict=True))
-        found.append(Variant(f"{view.camera_name} is turned against {main}", edits, names, at,
+        at = dict(zip(names, view.model.camera.turn_deg.tolist(), strict=True))
+        found.append(Variant(f"{view.recording.camera_name} is turned against {main}", edits, names, at,
                              {name: value + PROBE_DEG for name, value in at.items()}, direct=True))
     return tuple(found)
 

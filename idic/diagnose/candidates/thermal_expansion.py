@@ -21,11 +21,11 @@ N_COURSE_POINTS = 9  # of that course
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    names = [material.element_set for material in situation.experiment.materials
-             if f"{material.element_set}.{EXPANSION.name}" not in situation.experiment.parameters.free]
+    names = [material.element_set for material in situation.experiment.model.materials
+             if f"{material.element_set}.{EXPANSION.name}" not in situation.experiment.model.parameters.free]
     if not names:
         return ()
-    if situation.experiment.temperatures:
+    if situation.experiment.model.temperatures:
         return tuple(_variant(situation, name, f"{name} expands with the temperature of the file", None,
                               PROBE_EXPANSION_PER_K)
                      for name in names)
@@ -38,10 +38,10 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 def _temperatures(situation: Situation) -> list[tuple[str, dict[str, Any]]]:
     """Columns of the log that are temperatures; without any, courses that are supposed."""
-    columns = [name for name in situation.experiment.extras.get("columns", ()) if is_temperature(name)]
+    columns = [name for name in situation.experiment.recording.column_units if is_temperature(name)]
     if columns:
         return [(f"with {column}", {"column": column}) for column in columns]
-    first, last = (float(situation.experiment.times[k]) for k in (situation.experiment.reference, -1))
+    first, last = (float(situation.experiment.model.times[k]) for k in (situation.experiment.model.reference, -1))
     share = np.linspace(0.0, 1.0, N_COURSE_POINTS)
     levels = (1.0 - np.exp(-WARM_UP_TIMES_PER_TEST * share)) / (1.0 - np.exp(-WARM_UP_TIMES_PER_TEST))
     warming = [[first + s * (last - first), float(level)] for s, level in zip(share, levels, strict=True)]

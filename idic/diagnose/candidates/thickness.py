@@ -10,7 +10,7 @@ PROBE_FACTOR = 1.02
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    thickness = situation.experiment.thickness
+    thickness = situation.experiment.model.thickness
     if thickness is None or (edits := further_dofs(situation, NAME)) is None:
         return ()
     probe = {NAME: PROBE_FACTOR * thickness}

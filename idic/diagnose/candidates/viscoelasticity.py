@@ -33,7 +33,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 def times(situation: Situation) -> list[float]:
     """Relaxation times (s): the frame interval, a tenth and a third of the test, three times the test."""
-    interval = float(np.median(np.diff(situation.experiment.times)))
+    interval = float(np.median(np.diff(situation.experiment.model.times)))
     whole = situation.duration
     grid = [interval, whole / 10.0, whole / 3.0, 3.0 * whole]
     return [t for k, t in enumerate(grid) if all(t > 1.5 * before for before in grid[:k])]
@@ -41,7 +41,7 @@ def times(situation: Situation) -> list[float]:
 
 def _is_off(situation: Situation, name: str, i: int) -> bool:
     return 0.0 in (situation.values[f"{name}.g_{i}"], situation.values[f"{name}.tau_{i}"]) \
-        and f"{name}.g_{i}" not in situation.experiment.parameters.free
+        and f"{name}.g_{i}" not in situation.experiment.model.parameters.free
 
 
 register(Candidate(

@@ -36,7 +36,7 @@ MIN_DROP_SHARE_AT_ONE, MAX_AMPLITUDE_ERROR = 0.25, 0.25
 def neglected_errors(identification: Identification) -> dict[str, MotionError]:
     """The effects that a model neglects and that can be computed, by name; an experiment's bricks that are counted
     already are none."""
-    known_error = identification.experiment.motion_error
+    known_error = identification.experiment.model.motion_error
     has_bricks = known_error is not None and known_error.thickness is not None
     bricks = None if has_bricks else thickness_error(identification.model_point)
     errors = {BRICKS: bricks, FINITE_STRAINS: strain_error(identification.model_point)}
@@ -62,7 +62,7 @@ def with_thickness(source: ExperimentSource, identification: Identification, res
     is_asked = _drop_by_bricks(residual, errors) >= least
     if not (is_asked or significant):
         return source, identification
-    settled = in_turns(identification, identification.experiment.motion_error, grid,
+    settled = in_turns(identification, identification.experiment.model.motion_error, grid,
                        np.inf if is_asked else misfit.chi2, errors[BRICKS])
     if settled is None:
         return source, identification
@@ -83,7 +83,7 @@ def with_bricks(identification: Identification, residual: ResidualEvidence, grid
 
     settled : with the parameters in turns; otherwise at the present ones, for a further round
     """
-    former_error = residual.context.experiment.motion_error
+    former_error = residual.context.experiment.model.motion_error
     if former_error is not None and former_error.thickness is not None:
         return None
     errors = neglected_errors(identification)

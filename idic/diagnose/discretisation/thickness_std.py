@@ -26,7 +26,7 @@ def std_factors(identification: Identification, residual: ResidualEvidence) -> d
 
     residual : of the identification
     """
-    error = residual.context.experiment.motion_error
+    error = residual.context.experiment.model.motion_error
     if error is None or error.thickness is None:
         return {}
     models = sheet_and_bricks_at(identification)

@@ -49,8 +49,8 @@ def activity(model: Identification) -> Activity | None:
         If the model finds no equilibrium.
     """
     experiment, sections = model.experiment, model.forward.model.sections
-    since = np.full(experiment.mesh.n_elements, -1)
-    amount, verb = np.zeros(experiment.mesh.n_elements), ""
+    since = np.full(experiment.model.mesh.n_elements, -1)
+    amount, verb = np.zeros(experiment.model.mesh.n_elements), ""
     for state in model.march():
         for points in state.points:
             law = sections[points.section].law.spec
@@ -62,7 +62,7 @@ def activity(model: Identification) -> Activity | None:
                             model.parameters.as_values())
             amount[points.elements] = value
             activated = points.elements[(value > MIN_ACTIVE_STRAIN) & (since[points.elements] < 0)]
-            since[activated] = state.frame + experiment.reference
+            since[activated] = state.frame + experiment.model.reference
     return Activity(verb, since, amount) if (since >= 0).any() else None
 
 

@@ -91,7 +91,7 @@ def adjoint_source_map(identification: Identification, residual: ResidualEvidenc
     q, channel_q = _residuals(evidence, null, rng, draws, sound_frames)
     p = recorded_residual(evidence, q)
     windows = tuple(np.array_split(np.arange(len(p)), min(N_WINDOWS, len(p))))
-    score = np.zeros((identification.experiment.mesh.n_elements, len(windows), draws + 1))
+    score = np.zeros((identification.experiment.model.mesh.n_elements, len(windows), draws + 1))
     window_of = np.repeat(np.arange(len(windows)), [len(w) for w in windows])
     for tangent in tangents(identification, residual):
         t = tangent.index
@@ -121,13 +121,13 @@ def element_scores(residual: ResidualEvidence, tangent: Tangent, p: np.ndarray, 
 def image_adjoint(residual: ResidualEvidence, index: int, p: np.ndarray) -> np.ndarray:
     """From the dofs of the image to those of the body: transpose of `View.columns`  # (n_seen, m) -> (n_dof, m)"""
     evidence, frame = residual.evidence, int(residual.evidence.frames[index])
-    n_nodes, dim = residual.context.experiment.mesh.nodes.shape
+    n_nodes, dim = residual.context.experiment.model.mesh.nodes.shape
     units = np.tile(np.eye(dim), (n_nodes, 1, 1))  # a unit of each component at every node
     c, total = evidence.n_components, np.zeros((n_nodes, dim, p.shape[1]))
     image_loads = np.zeros((len(residual.cameras) * n_nodes * c, p.shape[1]))
     image_loads[evidence.seen] = p
     for camera, camera_loads in zip(residual.cameras, np.split(image_loads, len(residual.cameras)), strict=True):
-        nodes, u = camera.context.experiment.mesh.nodes, camera.turned(residual.u[index])
+        nodes, u = camera.context.experiment.model.mesh.nodes, camera.turned(residual.u[index])
         local = camera.view.at(frame).columns(nodes, u, camera.turned(units)).reshape(n_nodes, c, dim)
         total = total + np.einsum("ncd,ncm->ndm", local, camera_loads.reshape(n_nodes, c, -1))
     return total.reshape(-1, p.shape[1])

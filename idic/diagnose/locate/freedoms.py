@@ -31,11 +31,11 @@ def edge_modes(experiment: Experiment, nodes: np.ndarray) -> np.ndarray:
     -------
     (n, modes); of a set without extent the constant only
     """
-    points = experiment.mesh.nodes[nodes]
+    points = experiment.model.mesh.nodes[nodes]
     centred = points - points.mean(axis=0)
     size, directions = np.linalg.svd(centred, full_matrices=False)[1:]
     along = [centred @ d for d, s in zip(directions, size, strict=True) if s > 1e-6 * max(size[0], 1e-300)]
-    along = [a / np.abs(a).max() for a in along[:experiment.n_dim - 1]]
+    along = [a / np.abs(a).max() for a in along[:experiment.model.n_dim - 1]]
     if not along or not np.isfinite(along[0]).all():
         return np.ones((len(nodes), 1))
     if len(along) == 1:
@@ -47,12 +47,12 @@ def edge_modes(experiment: Experiment, nodes: np.ndarray) -> np.ndarray:
 
 def boundary_patterns(experiment: Experiment, held_dofs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Motion of held dofs (mm) and nodal forces on the others (N per node)  # (n_dof, p) each, one of them zero"""
-    n_dim, n_dof = experiment.n_dim, experiment.mesh.nodes.size
+    n_dim, n_dof = experiment.model.n_dim, experiment.model.mesh.nodes.size
     is_held = np.zeros(n_dof, dtype=bool)
     is_held[held_dofs] = True
     motions: list[np.ndarray] = []
     forces: list[np.ndarray] = []
-    for name in dict.fromkeys(entry.nodes for entry in experiment.prescribed):
+    for name in dict.fromkeys(entry.nodes for entry in experiment.model.prescribed):
         nodes = set_nodes(experiment, name)
         shapes = edge_modes(experiment, nodes)
         for component in range(len(COMPONENTS[:n_dim])):
@@ -70,7 +70,7 @@ def boundary_fields(residual: ResidualEvidence, tangent: Tangent,
                     patterns: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """Image motion of the boundary's freedoms in one frame  # (n_seen, p)"""
     experiment = residual.context.experiment
-    moved = tangent.answer(*patterns).reshape(*experiment.mesh.nodes.shape, -1)
+    moved = tangent.answer(*patterns).reshape(*experiment.model.mesh.nodes.shape, -1)
     return _unit(in_images(residual, tangent.index, moved))
 
 
@@ -79,7 +79,7 @@ def in_images(residual: ResidualEvidence, index: int, moved: np.ndarray) -> np.n
     p)"""
     frame, u = int(residual.evidence.frames[index]), residual.u[index]
     return residual.at_seen(lambda camera: camera.view.at(frame).columns(
-        camera.context.experiment.mesh.nodes, camera.turned(u), camera.turned(moved)))
+        camera.context.experiment.model.mesh.nodes, camera.turned(u), camera.turned(moved)))
 
 
 def camera_fields(residual: ResidualEvidence, index: int) -> np.ndarray:
@@ -98,7 +98,7 @@ def camera_fields(residual: ResidualEvidence, index: int) -> np.ndarray:
 def _of_camera(camera: CameraResidual, frame: int, u: np.ndarray) -> np.ndarray:
     """What one camera may do in one frame  # (n_components n_nodes, q)"""
     experiment, view = camera.context.experiment, camera.view
-    nodes = experiment.mesh.nodes
+    nodes = experiment.model.mesh.nodes
     if view.kind != GREY:
         return _of_instrument(experiment, view, u)
     frame_view = view.at(frame)
@@ -127,11 +127,11 @@ def _of_instrument(experiment: Experiment, view: View, u: np.ndarray) -> np.ndar
     -------
     (3 n_nodes, q) column, row, height
     """
-    at = view.camera.project(view.points(experiment.mesh.nodes))
-    rise = view.motion(experiment.mesh.nodes, u)[:, 2]
-    centre = view.camera.project(np.zeros((1, experiment.n_dim)))[0] if experiment.symmetry else at.mean(axis=0)
+    at = view.camera.project(view.points(experiment.model.mesh.nodes))
+    rise = view.motion(experiment.model.mesh.nodes, u)[:, 2]
+    centre = view.camera.project(np.zeros((1, experiment.model.n_dim)))[0] if experiment.model.symmetry else at.mean(axis=0)
     (x, y), unit, none = (at - centre).T, np.ones(len(at)), np.zeros(len(at))
     fields = [(x, y, none), (none, none, unit), (none, none, rise)]
-    if not experiment.symmetry:
+    if not experiment.model.symmetry:
         fields += [(unit, none, none), (none, unit, none), (-y, x, none), (none, none, x), (none, none, y)]
     return np.stack(fields, axis=-1).transpose(1, 0, 2).reshape(3 * len(at), -1)

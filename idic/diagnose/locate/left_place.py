@@ -27,7 +27,7 @@ def left_place(residual: ResidualEvidence, grid: Grid) -> np.ndarray | None:
         excess += np.where(is_seen, rhs**2 / np.where(is_seen, np.diagonal(matrix), 1.0) - 1.0, 0.0)
     if not excess.max(initial=0.0) > MIN_PEAK_Z * np.sqrt(2.0 * len(evidence.parts)):
         return None
-    n_nodes = residual.context.experiment.mesh.n_nodes
+    n_nodes = residual.context.experiment.model.mesh.n_nodes
     camera = basis.first_node(evidence) // n_nodes
     strong = (excess > MIN_PEAK_SHARE * excess.max()) & (camera == camera[np.argmax(excess)])
     places, weights = basis.places[strong], excess[strong]
@@ -36,4 +36,4 @@ def left_place(residual: ResidualEvidence, grid: Grid) -> np.ndarray | None:
         return None
     middle = (weights[:, None] * places).sum(axis=0) / weights.sum()
     nearest = int(np.argmin(((grid.at - middle) ** 2).sum(axis=1)))
-    return residual.context.experiment.mesh.nodes[nearest % n_nodes]
+    return residual.context.experiment.model.mesh.nodes[nearest % n_nodes]

@@ -161,8 +161,8 @@ def locate(identification: Identification, residual: ResidualEvidence, null: Nul
     rng = np.random.default_rng(seed)
     nested_tests = run_nested_tests(identification, residual, null, margin)
     motion, record = short_record(residual, null, rng)
-    times = experiment.times[evidence.frames] - experiment.times[experiment.reference]
-    loads = [k for k, channel in enumerate(experiment.channels) if channel.is_load]
+    times = experiment.model.times[evidence.frames] - experiment.model.times[experiment.model.reference]
+    loads = [k for k, channel in enumerate(experiment.model.channels) if channel.is_load]
     load = residual.channels[:, loads[0]] if loads else None
     begins = onset(record, margin.px, load_histories(times, load))
     p_value = float(min(1.0, 2.0 * min(nested_tests.p_value, begins.p_value)))
@@ -171,8 +171,8 @@ def locate(identification: Identification, residual: ResidualEvidence, null: Nul
         begins = onset(record, margin_px=0.0, followed=load_histories(times, load))
     source_map = adjoint_source_map(identification, residual, null, rng,
                                     sound_frames=_frames_before_onset(record, begins))
-    place = place_of(experiment.mesh, source_map)
-    first, interval = _frames(begins, evidence.frames, experiment.reference)
+    place = place_of(experiment.model.mesh, source_map)
+    first, interval = _frames(begins, evidence.frames, experiment.model.reference)
     visible = None
     if first is not None:
         visible = first if np.isnan(begins.seen) else int(evidence.frames[int(begins.seen) - 1])
@@ -180,7 +180,7 @@ def locate(identification: Identification, residual: ResidualEvidence, null: Nul
     effect = effect_px(residual, first if first is not None else int(evidence.frames[0]))
     follows = fingerprint(begins.amplitude, begins.std, times, load, begins.frame)
     constant = dict(zip(null.names, parameter_cusum(record)[1].tolist(), strict=True))
-    labels = () if place is None else experiment.mesh.labels_of(place.elements)
+    labels = () if place is None else experiment.model.mesh.labels_of(place.elements)
     centroid, centroid_std, extent = (_numbers(place, name) for name in ("centroid", "centroid_std", "extent"))
     return Mismatch(p_value, nested_tests.side if real else "", effect, first, interval, visible,
                     labels, centroid, centroid_std, extent, frames,

@@ -137,7 +137,7 @@ def run_nested_tests(identification: Identification, residual: ResidualEvidence,
         per_frame["brightness"] = replace(brightness_level(identification, residual), margin=margin)
     experiment = residual.context.experiment
     side, reason = decide(per_frame, per_window,
-                          bool(experiment.loads) or any(channel.is_load for channel in experiment.channels))
+                          bool(experiment.model.loads) or any(channel.is_load for channel in experiment.model.channels))
     return NestedTests(per_frame, per_window, side, reason)
 
 

@@ -73,8 +73,8 @@ def tangents(identification: Identification, residual: ResidualEvidence, only: i
     """
     forward, parameters = identification.forward, identification.parameters
     model, params = forward.model_at(parameters, identification.local), forward.law_values(parameters)
-    start = identification.experiment.reference
-    times = identification.experiment.times[start:]
+    start = identification.experiment.model.reference
+    times = identification.experiment.model.times[start:]
     system = discretise(model)
     states, former, factor, matrices, solved = system.rest_states(), 0, None, (), residual.solved_u
     history = any(state.size for state in states)

@@ -84,10 +84,10 @@ class Situation:
     @property
     def duration(self) -> float:
         """Seconds from the reference frame to the last."""
-        return float(self.experiment.times[-1] - self.experiment.times[self.experiment.reference])
+        return float(self.experiment.model.times[-1] - self.experiment.model.times[self.experiment.model.reference])
 
     def law(self, element_set: str) -> str:
-        return self.experiment.material_of(element_set).law
+        return self.experiment.model.material_of(element_set).law
 
 
 @dataclass(frozen=True)

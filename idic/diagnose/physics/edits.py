@@ -16,7 +16,7 @@ def further_dofs(situation: Situation, *names: str, **values: float) -> dict[str
 
     values : start values by the last word of a name, others as the file gives them
     """
-    if any(without_knot(parameter) in names for parameter in situation.experiment.parameters.free):
+    if any(without_knot(parameter) in names for parameter in situation.experiment.model.parameters.free):
         return None
     entries = [dict(entry) for entry in situation.document.get("dof", ()) if entry.get("name") not in names]
     additions = []
@@ -69,5 +69,5 @@ def camera_key(situation: Situation, key: str) -> str:
 def open_share(experiment: Experiment) -> float | None:
     """By how much the narrowest width of an outline of points may be off, of that width; None where the mesh is none,
     or its edges are identified."""
-    moved = any(name.startswith(OUTLINE) for name in experiment.parameters.free)
-    return None if moved else experiment.extras.get("outline_share")
+    moved = any(name.startswith(OUTLINE) for name in experiment.model.parameters.free)
+    return None if moved else experiment.model.outline_share

@@ -16,14 +16,14 @@ MIN_WAY_BACK = 0.1  # of the largest motion: the test unloads
 
 def materials_with(situation: Situation, *laws: str) -> Iterator[tuple[str, str]]:
     """(element set, law) of every material that has one of these laws."""
-    for material in situation.experiment.materials:
+    for material in situation.experiment.model.materials:
         if material.law in laws:
             yield material.element_set, material.law
 
 
 def has_times(situation: Situation) -> bool:
     """Whether the frames have times: without them nothing can depend on a rate."""
-    return bool(situation.experiment.extras.get("has_times", True)) and situation.duration > 0.0
+    return situation.experiment.model.has_times and situation.duration > 0.0
 
 
 def comes_back(u: np.ndarray) -> bool:
@@ -54,7 +54,7 @@ def enriched(situation: Situation, name: str, law: str, **entries: Mapping[str, 
     """
     names = (*get_law(law).parameter_names, EXPANSION.name)
     table: dict[str, Any] = {"law": law} | _elastic(situation, name, names)
-    for parameter in situation.experiment.parameters.values():
+    for parameter in situation.experiment.model.parameters.values():
         key = parameter.name.removeprefix(f"{name}.")
         if parameter.name == f"{name}.{key}" and key in names and key not in entries:
             value = situation.values[parameter.name]
@@ -91,7 +91,7 @@ def _elastic(situation: Situation, name: str, names: tuple[str, ...]) -> dict[st
     if f"{name}.C10" not in situation.values or "E" not in names:
         return {}
     E, nu = elastic_pair(situation, name)
-    parameters = situation.experiment.parameters
+    parameters = situation.experiment.model.parameters
     return {"E": new(E, "MPa", parameters[f"{name}.C10"].free), "nu": new(nu, "-", parameters[f"{name}.kappa"].free)}
 
 
@@ -100,14 +100,14 @@ def freed(situation: Situation, name: str, parameter: str, value: float | None =
 
     value : start, internal units; default the locked one
     """
-    parameters = situation.experiment.parameters
+    parameters = situation.experiment.model.parameters
     full = f"{name}.{parameter}"
     if full not in parameters or parameters[full].free:
         return None
     law = situation.law(name)
     entry = _kept(parameters[full], parameters[full].value if value is None else value) | {"identify": True}
     edits = enriched(situation, name, law, **{parameter: entry})
-    kinematics = situation.experiment.material_of(name).kinematics
+    kinematics = situation.experiment.model.material_of(name).kinematics
     edits[f"material.{name}"]["kinematics"] = kinematics
     return edits
 

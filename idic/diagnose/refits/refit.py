@@ -251,10 +251,10 @@ def _started(start: Start, evaluations: int | None) -> Experiment:
     options = replace(start.experiment.options, tolerance=max(start.experiment.options.tolerance, STEP_TOLERANCE_STD))
     if evaluations is not None:
         options = replace(options, max_iterations=min(options.max_iterations, evaluations))
-    parameters = start.experiment.parameters
+    parameters = start.experiment.model.parameters
     values = {name: float(np.clip(value, *parameters[name].bounds))
               for name, value in parameters.own_of(start.values).items()}
-    return replace(start.experiment, parameters=parameters.with_starts(values), stages=(), options=options)
+    return replace(start.experiment, model=replace(start.experiment.model, parameters=parameters.with_starts(values)), stages=(), options=options)
 
 
 def _fitting(local: np.ndarray, experiment: Experiment) -> np.ndarray | None:
@@ -306,7 +306,7 @@ def refit_residual(experiment: Experiment, refitted: Fit) -> ResidualEvidence:
 def is_residual_of(residual: ResidualEvidence, refitted: Fit, error: MotionError | None) -> bool:
     """Whether a residual was simulated at the end of a refit, with this known error."""
     at = residual.context
-    return at.parameters.as_values() == dict(refitted.values) and at.experiment.motion_error is error
+    return at.parameters.as_values() == dict(refitted.values) and at.experiment.model.motion_error is error
 
 
 def residual_from_rest(experiment: Experiment, refitted: Fit) -> ResidualEvidence | None:

@@ -98,7 +98,7 @@ def smallest_reading(residual: ResidualEvidence) -> float:
 
     Of the channel in which that is the smallest.
     """
-    sizes = [float(np.abs(channel.values).max()) for channel in residual.context.experiment.channels]
+    sizes = [float(np.abs(channel.values).max()) for channel in residual.context.experiment.model.channels]
     noise = np.asarray(residual.context.weights.channel_noise, dtype=float)
     return float(np.min(MIN_READING_SHARE * np.array(sizes) / noise)) if sizes else np.inf
 
@@ -118,4 +118,4 @@ def channels_left(base: ResidualEvidence, enriched: ResidualEvidence | None) -> 
     noise = base.context.weights.channel_noise
     return tuple(ChannelLeft(channel.column, residuals[0][:, k], residuals[1][:, k],
                              float(noise[k]) / max(float(np.abs(channel.values).max()), 1e-300), channel.is_load)
-                 for k, channel in enumerate(experiment.channels))
+                 for k, channel in enumerate(experiment.model.channels))

@@ -92,7 +92,7 @@ def pixel_tests(residual: ResidualEvidence) -> tuple[ExcessTest, ...]:
 def _white_pixels(residual: ResidualEvidence, camera: CameraResidual, index: int) -> tuple[np.ndarray, np.ndarray]:
     """White residual in standard deviations of noise at each pixel, and the mask of counted pixels."""
     evidence, context = residual.evidence, camera.context
-    frame, nodes = int(evidence.frames[index]), context.experiment.mesh.nodes
+    frame, nodes = int(evidence.frames[index]), context.experiment.model.mesh.nodes
     motion = camera.view.at(frame).motion(nodes, camera.turned(residual.u[index]))
     nodal, kappa, c = context.reference.compare(context.experiment, frame, motion), evidence.kappa, evidence.share
     fit = np.zeros(0)
@@ -104,7 +104,7 @@ def _white_pixels(residual: ResidualEvidence, camera: CameraResidual, index: int
     noise = (pixels.noise_gain * (1.0 - c / kappa[index]) ** 2
              + c**2 * (k - 1.0 / kappa[index]) * pixels.noise_gain.mean())
     variance = (noise + pixels.reference_gain / pixels.n_images * (1.0 - c * k) ** 2) / kappa[index]
-    return white / np.sqrt(variance) / context.experiment.noise.std_gv, pixels.valid
+    return white / np.sqrt(variance) / context.experiment.recording.noise.std_gv, pixels.valid
 
 
 class _Sums:

@@ -60,7 +60,7 @@ def grey_image(context: CorrelationContext) -> GreyReference:
         If heights or measured fields are: what reads grey values asks before.
     """
     if not isinstance(context.reference, GreyReference):
-        raise TypeError(f"{context.experiment.camera_name} has no reference image of grey values")
+        raise TypeError(f"{context.experiment.recording.camera_name} has no reference image of grey values")
     return context.reference
 
 
@@ -74,7 +74,7 @@ def pixel_basis(context: CorrelationContext) -> PixelBasis:
     n = hats.shape[1]
     names = (*((GAIN, i) for i in range(n)), *((OFFSET, i) for i in range(n)), (BLUR, 0))
     images = np.hstack(columns)
-    noise, correlated = context.experiment.noise.std_gv**2, context.experiment.noise.correlated
+    noise, correlated = context.experiment.recording.noise.std_gv**2, context.experiment.recording.noise.correlated
     correlation = None if correlated is None else np.array(correlated.correlation)
     recorded = noise if correlated is None else correlated.recorded_gv**2
     share = np.array([_noise_left(pm, column, std, correlation) for column in images.T])
@@ -83,7 +83,7 @@ def pixel_basis(context: CorrelationContext) -> PixelBasis:
         share[kinds == kind] = np.average(share[kinds == kind], weights=power[kinds == kind])
     weight = context.weights.image_noise**2 / (recorded * share)
     bias = np.zeros(len(names))
-    bias[-1] = blur_bias(context.experiment.noise, reference) * len(f)
+    bias[-1] = blur_bias(context.experiment.recording.noise, reference) * len(f)
     return PixelBasis(names, images, weight, bias)
 
 
@@ -98,7 +98,7 @@ def pixel_parts(context: CorrelationContext, basis: PixelBasis, maps: Sequence[t
     n_nodes, 2, 2);
     local_columns : per frame (2 n_nodes, m)
     """
-    n_nodes, inverse = len(context.experiment.mesh.nodes), 1.0 / context.weights.image_noise**2
+    n_nodes, inverse = len(context.experiment.model.mesh.nodes), 1.0 / context.weights.image_noise**2
     sums = [sums_against(context, image) for image in basis.images.T]
     still = np.array([q for q, _ in sums]).T  # (2 n_nodes, k)
     bright = np.array([rb for _, rb in sums]).reshape(len(sums), -1)  # (k, nb)
@@ -161,10 +161,8 @@ def sums_against(context: CorrelationContext, image: np.ndarray) -> tuple[np.nda
     """
     experiment = context.experiment
     picture, reference = context.reference.synthetic_image(image)
-    bare_experiment = replace(experiment, stack=ArrayStack(picture[None]),
-                              options=replace(experiment.options, lowpass_px=0.0),
-                              noise=replace(experiment.noise, std_gv=None))
-    still = reference.compare(bare_experiment, 0, np.zeros((len(experiment.mesh.nodes), reference.n_components)))
+    bare_experiment = replace(experiment, recording=replace(experiment.recording, stack=ArrayStack(picture[None]), noise=replace(experiment.recording.noise, std_gv=None)), options=replace(experiment.options, lowpass_px=0.0))
+    still = reference.compare(bare_experiment, 0, np.zeros((len(experiment.model.mesh.nodes), reference.n_components)))
     return still.q, still.rb
 
 

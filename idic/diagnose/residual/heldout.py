@@ -120,7 +120,7 @@ def positions(residual: ResidualEvidence) -> np.ndarray:
     """Nodes in the reference image; of further cameras beside it, to the right  # (n_cameras n_nodes, 2) px"""
     places, end = [], 0.0
     for number, camera in enumerate(residual.cameras):
-        at = camera.context.camera.project(camera.view.points(camera.context.experiment.mesh.nodes))
+        at = camera.context.camera.project(camera.view.points(camera.context.experiment.model.mesh.nodes))
         if number:
             at = at + [end + CAMERA_GAP_SHARE * float(np.ptp(at[:, 0])) - at[:, 0].min(), 0.0]
         end = float(at[:, 0].max())
@@ -132,7 +132,7 @@ def grid_of(residual: ResidualEvidence, elements: float = FREE_MOTION_SPACING) -
     """A grid over the visible region; elements : its spacing in element sizes of the visible mesh."""
     at, experiment = positions(residual), residual.context.experiment
     edges = [np.linalg.norm(at[block.connectivity[:, 0]] - at[block.connectivity[:, 1]], axis=1)
-             for block in surface_cells(experiment.mesh, experiment.surface)]
+             for block in surface_cells(experiment.model.mesh, experiment.model.surface)]
     return grid_over(residual.evidence, at, elements * float(np.median(np.concatenate(edges))))
 
 

@@ -46,7 +46,7 @@ def lost_pattern(identification: Identification) -> LostPattern | None:
     """Of one camera that sees grey values; None for others, where nothing is lost in two frames, and where too much is.
     """
     experiment = identification.experiment
-    if experiment.points is not None or experiment.quantity != "grey" or len(experiment.views) != 1:
+    if experiment.recording.points is not None or experiment.recording.quantity != "grey" or len(experiment.views) != 1:
         return None
     context = context_of(identification, null=False)
     view = view_of(context.experiment, context.camera)
@@ -54,14 +54,14 @@ def lost_pattern(identification: Identification) -> LostPattern | None:
         return None
     reference = grey_image(context)
     pm, frames, lost, moved, brighter = reference.pixel_map, [], [], [], []
-    bar = _bar(reference, experiment.noise.std_gv or 0.0)
+    bar = _bar(reference, experiment.recording.noise.std_gv or 0.0)
     inner = ndimage.binary_erosion(pm.to_image(np.ones(pm.n_pixels), 0.0) > 0.0, iterations=EDGE_PX)
-    compared = set(correlated_frames(context.experiment, range(context.experiment.n_frames)))
+    compared = set(correlated_frames(context.experiment, range(context.experiment.model.n_frames)))
     matrix = pm.shape_matrix().astype(np.float32)
     for frame, u in _motions(identification):
-        if frame not in compared or frame == context.experiment.reference:
+        if frame not in compared or frame == context.experiment.model.reference:
             continue
-        motion = view.at(frame).motion(context.experiment.mesh.nodes, context.experiment.turned(u))
+        motion = view.at(frame).motion(context.experiment.model.mesh.nodes, context.experiment.model.turned(u))
         r = reference.compare_pixels(context.experiment, frame, motion, np.zeros(0))
         residual = _without_brightness(r.r.astype(float), reference.f.astype(float), r.valid)
         is_lost = (_local_mean(pm.to_image(np.where(r.valid, residual, 0.0) ** 2, 0.0),
@@ -86,7 +86,7 @@ def _motions(identification: Identification) -> Iterator[tuple[int, np.ndarray]]
     stored = identification.stored
     motions = (state.u for state in identification.march()) if stored is None else stored()
     for number, u in enumerate(motions):
-        yield number + identification.experiment.reference, u
+        yield number + identification.experiment.model.reference, u
 
 
 def _bar(reference: GreyReference, noise_gv: float) -> np.ndarray:

@@ -88,7 +88,7 @@ class OutOfRegister:
 
 def holds_motion(experiment: Experiment) -> bool:
     """Whether an experiment is one of `by_motion`, or a copy of it with noise."""
-    stack = experiment.stack
+    stack = experiment.recording.stack
     while isinstance(stack, StackView) and not isinstance(stack, MotionStack):
         stack = stack.stack
     return isinstance(stack, MotionStack)
@@ -100,8 +100,8 @@ def may_be_out_of_register(identification: Identification) -> bool:
     One camera that looks at a plane, and a model whose simulation was kept.
     """
     experiment = identification.experiment
-    if (experiment.points is not None or experiment.quantity != "grey" or len(experiment.views) != 1
-            or experiment.n_dim != 2 or identification.stored is None or identification.point is None
+    if (experiment.recording.points is not None or experiment.recording.quantity != "grey" or len(experiment.views) != 1
+            or experiment.model.n_dim != 2 or identification.stored is None or identification.point is None
             or identification.point.system is None):
         return False
     return image_chi2(identification) > MIN_MISFIT_CHI2
@@ -120,13 +120,13 @@ def out_of_register(identification: Identification, u_px: np.ndarray,
     not fit their images either
     """
     experiment = identification.experiment
-    gaps = np.zeros(experiment.n_frames)
-    nodes, camera = experiment.mesh.nodes, experiment.camera
+    gaps = np.zeros(experiment.model.n_frames)
+    nodes, camera = experiment.model.mesh.nodes, experiment.model.camera
     for number, u in enumerate(identification.stored()):
-        frame = number + experiment.reference
+        frame = number + experiment.model.reference
         moved = camera.project(nodes + u) - camera.project(nodes)
         gap = ((u_px[frame] - moved) ** 2).sum(axis=1)
-        if frame not in experiment.excluded and frame not in unexplained and np.isfinite(gap).any():
+        if frame not in experiment.recording.excluded and frame not in unexplained and np.isfinite(gap).any():
             gaps[frame] = np.sqrt(np.nanmean(gap))
     return OutOfRegister(gaps, image_chi2(identification)) if gaps.max() > MAX_REGISTER_PX else None
 
@@ -135,11 +135,11 @@ def with_edge_modes(document: Mapping[str, Any], experiment: Experiment, u_px: n
     """Edits that let measured edges move in the strongest modes of their measured motion; {} without such an edge."""
     tables, changed = copy.deepcopy(list(document.get("boundary", ()))), False
     for table in tables:
-        edges = [entry for entry in experiment.prescribed
+        edges = [entry for entry in experiment.model.prescribed
                  if entry.nodes == table.get("nodes") and isinstance(entry.drive, Measured)]
         if not edges:
             continue
-        number = max(edge_modes(experiment, entry, u_px, MOTION_STD_PX, experiment.excluded) for entry in edges)
+        number = max(edge_modes(experiment, entry, u_px, MOTION_STD_PX, experiment.recording.excluded) for entry in edges)
         for key in ("u", "ux", "uy"):
             drive = table.get(key)
             if drive == "measured" or (isinstance(drive, Mapping) and drive.get("measured")):
@@ -152,19 +152,18 @@ def by_motion(experiment: Experiment, u_px: np.ndarray, excluded: Collection[int
 
     Points are the measured nodes within the image, in pixels of the image. Virtual edges move as measured, locked.
     """
-    excluded = tuple(sorted({*experiment.excluded, *excluded}))
+    excluded = tuple(sorted({*experiment.recording.excluded, *excluded}))
     start = boundary_start(experiment, u_px, excluded)
     experiment = with_boundary_start(experiment, start)
-    names = [name for name in experiment.parameters.free if name not in start.values]
-    experiment = replace(experiment, parameters=experiment.parameters.with_free(names))
-    at = experiment.camera.project(experiment.mesh.nodes)
-    ny, nx = experiment.image_shape
+    names = [name for name in experiment.model.parameters.free if name not in start.values]
+    experiment = replace(experiment, model=replace(experiment.model, parameters=experiment.model.parameters.with_free(names)))
+    at = experiment.model.camera.project(experiment.model.mesh.nodes)
+    ny, nx = experiment.recording.image_shape
     is_inside = (at >= 0.0).all(axis=1) & (at <= [nx - 1, ny - 1]).all(axis=1)
     is_measured = np.isfinite(u_px).all(axis=2).any(axis=0) & is_inside
     mm_per_px = pixel_size(experiment)
-    stack = MotionStack(experiment.stack, UM_PER_MM * mm_per_px * u_px[:, is_measured])
+    stack = MotionStack(experiment.recording.stack, UM_PER_MM * mm_per_px * u_px[:, is_measured])
     points = FieldPoints(at[is_measured], (ny, nx), mm_per_px)
     options = replace(experiment.options, brightness="none", defocus="none", lowpass_px=0.0, edge_margin_px=0,
                       border_px=0)
-    return replace(experiment, stack=stack, points=points, quantity="displacement", mask=None, excluded=excluded,
-                   options=options, noise=Noise(MOTION_STD_PX * UM_PER_MM * mm_per_px, "given"))
+    return replace(experiment, recording=replace(experiment.recording, stack=stack, points=points, quantity="displacement", mask=None, excluded=excluded, noise=Noise(MOTION_STD_PX * UM_PER_MM * mm_per_px, "given")), options=options)

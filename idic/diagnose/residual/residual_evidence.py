@@ -41,7 +41,7 @@ class CameraResidual:
 
     def turned(self, field: np.ndarray) -> np.ndarray:
         """A nodal field of the simulation in the axes of this camera  # (n_nodes, dim, ...)"""
-        return self.context.experiment.turned(field)
+        return self.context.experiment.model.turned(field)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +74,8 @@ class ResidualEvidence:
     def solved_u(self) -> np.ndarray:
         """The motion that is in equilibrium on the given mesh: u without a known error  # (T, n_nodes, dim) mm"""
         experiment = self.context.experiment
-        u = self.u[..., :experiment.n_dim]
-        return u if experiment.motion_error is None else u - experiment.motion_error.u[self.evidence.frames]
+        u = self.u[..., :experiment.model.n_dim]
+        return u if experiment.model.motion_error is None else u - experiment.model.motion_error.u[self.evidence.frames]
 
     def at_seen(self, of_camera: Callable[[CameraResidual], np.ndarray]) -> np.ndarray:
         """Image fields of all cameras at the seen dofs  # of_camera: (n_components n_nodes, ...) -> (n_seen, ...)"""
@@ -100,14 +100,14 @@ def residual_evidence(identification: Identification, light: bool = True, null: 
 def simulated(identification: Identification, null: bool = True) -> list[FrameResponse]:
     """The accepted point's path in the frames that are compared; null : with its derivatives by the parameters."""
     forward, experiment = identification.forward, identification.experiment.at_geometry(identification.parameters)
-    compared = set(correlated_frames(experiment, range(experiment.n_frames)))
+    compared = set(correlated_frames(experiment, range(experiment.model.n_frames)))
     if identification.path is not None:
         responses = [response for response in identification.path.frames if response.frame in compared]
         return responses if null else [replace(r, du=r.du[..., :0].copy(), dchannels=r.dchannels[:, :0])
                                        for r in responses]
-    moving = tuple(name for name in experiment.parameters.free if null and forward.moves(name))
+    moving = tuple(name for name in experiment.model.parameters.free if null and forward.moves(name))
     states = identification.march(moving, forward.drives.n_local > 0)
-    return [response_of(at, experiment.reference) for at in states if at.frame + experiment.reference in compared]
+    return [response_of(at, experiment.model.reference) for at in states if at.frame + experiment.model.reference in compared]
 
 
 def with_error_added(responses: Sequence[FrameResponse], error: MotionError) -> list[FrameResponse]:
@@ -125,7 +125,7 @@ def context_of(identification: Identification, null: bool = True) -> Correlation
     forward, parameters = identification.forward, identification.parameters
     experiment = identification.experiment.at_geometry(parameters)
     camera = camera_at(experiment, parameters)
-    names = experiment.parameters.free if null else ()
+    names = experiment.model.parameters.free if null else ()
     moving = tuple(name for name in names if forward.moves(name))
     return CorrelationContext(experiment, parameters, names, moving, camera, build_experiment_reference(experiment,
                               camera), identification.weights, forward.drives.local_precision)
@@ -140,14 +140,14 @@ def joined_cameras(context: CorrelationContext) -> tuple[CorrelationContext, ...
 
 
 def _is_grey(context: CorrelationContext) -> bool:
-    return view_of(context.experiment, context.camera).kind == GREY and context.experiment.points is None
+    return view_of(context.experiment, context.camera).kind == GREY and context.experiment.recording.points is None
 
 
 class _CameraPasses:
     """Both passes of one camera over its images: its sums in every frame, and what all frames share."""
 
     def __init__(self, context: CorrelationContext, responses: Sequence[FrameResponse]):
-        experiment, nodes = context.experiment, context.experiment.mesh.nodes
+        experiment, nodes = context.experiment, context.experiment.model.mesh.nodes
         self.context, self.view, self.unturned = context, view_of(experiment, context.camera), responses
         self.responses = [turned_response(experiment, response) for response in responses]
         self.views = [self.view.at(response.frame) for response in responses]
@@ -168,7 +168,7 @@ class _CameraPasses:
         if lost.mean() > MAX_LOST_SHARE:
             return self
         experiment, shows = self.context.experiment, self.context.reference.pixel_map.to_image(~lost, 0.0) > 0.0
-        lasting_experiment = replace(experiment, mask=shows, options=replace(experiment.options, edge_margin_px=0))
+        lasting_experiment = replace(experiment, recording=replace(experiment.recording, mask=shows), options=replace(experiment.options, edge_margin_px=0))
         reference = build_experiment_reference(lasting_experiment, self.context.camera)
         lasting = replace(self.context, experiment=lasting_experiment, reference=reference)
         return _CameraPasses(lasting, self.unturned)
@@ -191,7 +191,7 @@ class _CameraPasses:
         and their sum once for each; it is taken off every frame that is compared (`with_blur` of
         grey images).
         """
-        noise = blur_bias(self.context.experiment.noise, self.context.reference)
+        noise = blur_bias(self.context.experiment.recording.noise, self.context.reference)
         return noise * int((self.shared != 0.0).sum())
 
     @property
@@ -204,7 +204,7 @@ class _CameraPasses:
 
     def white(self, t: int, root: float, c: float) -> tuple[np.ndarray, np.ndarray]:
         """Right-hand sides of the nodes and of brightness in a white frame."""
-        n_nodes = len(self.context.experiment.mesh.nodes)
+        n_nodes = len(self.context.experiment.model.mesh.nodes)
         pushed = np.einsum("nij,ni->nj", self.back[t], self.still_q.reshape(n_nodes, -1)).ravel()  # B^T
         return (self.sums[t].q - c * pushed) / root, (self.sums[t].rb - c * self.still_rb) / root
 
@@ -230,7 +230,7 @@ def _assemble(contexts: Sequence[CorrelationContext], responses: Sequence[FrameR
                                       for camera in passes]))
         channels.append(rows.d_global)
     names = ()
-    if light and main.view.kind == GREY and context.experiment.points is None:
+    if light and main.view.kind == GREY and context.experiment.recording.points is None:
         bases = [pixel_basis(camera.context) for camera in passes]
         pixel_columns = [pixel_parts(camera.context, basis, camera.maps, kappa, camera.shared, c, camera.back,
                                      camera.seen, camera.local_columns)
@@ -308,7 +308,7 @@ def _light(context: CorrelationContext, bb: np.ndarray, rb: np.ndarray) -> float
     frame_columns[:end:2, 0], frame_columns[1:end:2] = 1.0, np.column_stack([layout.mean[:end // 2], np.ones(end // 2)])
     systems, gains = [(bb, rb), (frame_columns.T @ bb @ frame_columns, frame_columns.T @ rb)], []
     for matrix, rhs in systems:
-        gains.append(float(rhs @ np.linalg.pinv(matrix, hermitian=True) @ rhs) / context.experiment.noise.std_gv**2
+        gains.append(float(rhs @ np.linalg.pinv(matrix, hermitian=True) @ rhs) / context.experiment.recording.noise.std_gv**2
                      - np.linalg.matrix_rank(matrix, hermitian=True))
     return gains[0] - gains[1]
 

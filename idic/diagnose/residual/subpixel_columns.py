@@ -38,7 +38,7 @@ def _blur_of(camera: CameraResidual, residual: ResidualEvidence) -> np.ndarray:
     weight = reference.blur_column.astype(float) ** 2
     shapes, share = reference.pixel_map.shape_matrix(), []
     for frame, u in zip(residual.evidence.frames, residual.u, strict=True):
-        motion = camera.view.at(int(frame)).motion(experiment.mesh.nodes, camera.turned(u))
+        motion = camera.view.at(int(frame)).motion(experiment.model.mesh.nodes, camera.turned(u))
         share.append(weight @ np.sin(np.pi * (shapes @ motion)) ** 2 / weight.sum())
     return _size(camera) * np.array(share)
 
@@ -46,10 +46,10 @@ def _blur_of(camera: CameraResidual, residual: ResidualEvidence) -> np.ndarray:
 def _size(camera: CameraResidual) -> np.ndarray:
     """A of the reference image  # (2,) px²"""
     experiment, reference = camera.context.experiment, grey_image(camera.context)
-    frames = experiment.averaged or (experiment.reference,)
-    image = np.mean([np.asarray(experiment.stack.frame(k), dtype=float) for k in frames], axis=0)
+    frames = experiment.recording.averaged or (experiment.model.reference,)
+    image = np.mean([np.asarray(experiment.recording.stack.frame(k), dtype=float) for k in frames], axis=0)
     region = reference.pixel_map.to_image(np.ones(len(reference.f)), 0.0) > 0.0
-    noise, correlated = experiment.noise.std_gv or 0.0, experiment.noise.correlated
+    noise, correlated = experiment.recording.noise.std_gv or 0.0, experiment.recording.noise.correlated
     noise = noise if correlated is None else correlated.recorded_gv
     correlation = None if correlated is None else np.array(correlated.correlation)
     return subpixel_blur(image, region, reference.degree, reference.lowpass_px,

@@ -78,10 +78,8 @@ def thinned(experiment: Experiment, sign: int, seed: int) -> Experiment:
     cameras = tuple(_thinned_camera(camera, sign, seed, number)
                     for number, camera in enumerate(experiment.cameras, start=1))
     channels = tuple(_thinned_channel(channel, logged_noise(experiment, channel), sign, seed, number)
-                     for number, channel in enumerate(experiment.channels))
-    return replace(experiment, cameras=cameras, channels=channels,
-                   stack=ThinnedStack(experiment.stack, experiment.noise, sign, seed, points=experiment.points),
-                   noise=_noisier(experiment.noise))
+                     for number, channel in enumerate(experiment.model.channels))
+    return replace(experiment, recording=replace(experiment.recording, stack=ThinnedStack(experiment.recording.stack, experiment.recording.noise, sign, seed, points=experiment.recording.points), noise=_noisier(experiment.recording.noise)), model=replace(experiment.model, channels=channels), cameras=cameras)
 
 
 def _noisier(noise: Noise) -> Noise:

@@ -46,7 +46,7 @@ def timed(experiment: Experiment, variant: Variant) -> TimedVariant | None:
     if not terms or not variant.exact or len(terms) < len(variant.new):
         return None
     number, first = terms[0]
-    entry = experiment.prescribed[number]
+    entry = experiment.model.prescribed[number]
     pattern = (entry.nodes, entry.component, first.kind, tuple(sorted(first.keys.items())))
     courses = np.array([correction.course for _, correction in terms]).T
     names = variant.new if variant.free_course else (variant.label,)
@@ -55,23 +55,23 @@ def timed(experiment: Experiment, variant: Variant) -> TimedVariant | None:
         courses = courses * (variant.probe[name] - variant.null[name])
     steady = replace(first, course=np.ones_like(first.course))
     corrections = tuple(steady if term is first else term for term in corrections_of(entry.drive))
-    prescribed = list(experiment.prescribed)
+    prescribed = list(experiment.model.prescribed)
     prescribed[number] = replace(entry, drive=replace(entry.drive, corrections=corrections))
-    return TimedVariant(variant, pattern, names, courses, replace(experiment, prescribed=tuple(prescribed)))
+    return TimedVariant(variant, pattern, names, courses, replace(experiment, model=replace(experiment.model, prescribed=tuple(prescribed))))
 
 
 def _warmth(experiment: Experiment, variant: Variant) -> TimedVariant | None:
     """A temperature whose course the data give: the response to 1 K, times the courses of its knots."""
     if not variant.new or without_knot(variant.new[0]) != TEMPERATURE:
         return None
-    free_entry = next(entry for entry in experiment.temperatures if entry.hats is not None)
+    free_entry = next(entry for entry in experiment.model.temperatures if entry.hats is not None)
     of_name = {knot_name(TEMPERATURE, frame): hat for frame, hat in zip(free_entry.knots, free_entry.hats, strict=True)}
-    warm = np.ones((experiment.n_frames, experiment.mesh.n_nodes))
-    warm[:experiment.reference + 1] = 0.0
+    warm = np.ones((experiment.model.n_frames, experiment.model.mesh.n_nodes))
+    warm[:experiment.model.reference + 1] = 0.0
     steady = tuple(replace(entry, drive=TemperatureField(warm), knots=(), hats=None) if entry is free_entry else entry
-                   for entry in experiment.temperatures)
+                   for entry in experiment.model.temperatures)
     return TimedVariant(variant, (TEMPERATURE, "", "warmth", ()), variant.new,
-                        np.array([of_name[name] for name in variant.new]).T, replace(experiment, temperatures=steady))
+                        np.array([of_name[name] for name in variant.new]).T, replace(experiment, model=replace(experiment.model, temperatures=steady)))
 
 
 def unit_values(timed_variant: TimedVariant) -> dict[str, float]:
@@ -93,7 +93,7 @@ def times_courses(variants: Sequence[TimedVariant], patterns: Sequence[Pattern],
 def _correction(experiment: Experiment, name: str) -> tuple[int, Correction] | None:
     """The correction whose amplitude is a degree of freedom, with the number of its prescribed displacement."""
     stem, _, word = name.rpartition(".")
-    for number, entry in enumerate(experiment.prescribed):
+    for number, entry in enumerate(experiment.model.prescribed):
         if stem == f"boundary.{entry.nodes}.{entry.component}":
             for correction in corrections_of(entry.drive):
                 if correction.name == word and CORRECTION_TERMS[correction.kind].is_timed:

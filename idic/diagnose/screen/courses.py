@@ -56,16 +56,16 @@ def course_of(experiment: Experiment, name: str) -> np.ndarray | None:
     stem, _, word = name.rpartition(".")
     if without_knot(name) == TEMPERATURE or word == EXPANSION.name:
         return _of_warmth(experiment, name)
-    for entry in experiment.prescribed:
+    for entry in experiment.model.prescribed:
         if stem == f"boundary.{entry.nodes}.{entry.component}":
             return next((c.course for c in corrections_of(entry.drive)
                          if c.name == word and CORRECTION_TERMS[c.kind].is_timed), None)
-    for channel in experiment.channels:
+    for channel in experiment.model.channels:
         term = channel_term(without_knot(word))
         if stem == f"channel.{channel.column}" and term is not None and term.course is not None:
             return term.course.amplitude(experiment, channel, word)
-    motion = experiment.camera.motion
-    if motion is not None and not isinstance(experiment.camera, PlacedCamera) and stem == experiment.camera_name \
+    motion = experiment.model.camera.motion
+    if motion is not None and not isinstance(experiment.model.camera, PlacedCamera) and stem == experiment.recording.camera_name \
             and word in motion.names and word.startswith("magnification"):
         return motion.courses[motion.names.index(word)]
     return None
@@ -74,13 +74,13 @@ def course_of(experiment: Experiment, name: str) -> np.ndarray | None:
 def _of_warmth(experiment: Experiment, name: str) -> np.ndarray | None:
     """Change of the temperature, K, per unit of a knot, or of the expansion under a supposed course: the warmth at an
     expansion of `SUPPOSED_EXPANSION_PER_K`. None where the temperature is logged; a course is taken for supposed."""
-    for entry in experiment.temperatures:
+    for entry in experiment.model.temperatures:
         if entry.hats is not None:
             return {knot_name(TEMPERATURE, frame): hat for frame, hat in zip(entry.knots, entry.hats, strict=True)
                     }.get(name)
         if isinstance(entry.drive, TemperatureField) and entry.drive.source.endswith(".course"):
             values = entry.drive.values[:, 0]
-            return (values - values[experiment.reference]) / SUPPOSED_EXPANSION_PER_K
+            return (values - values[experiment.model.reference]) / SUPPOSED_EXPANSION_PER_K
     return None
 
 
@@ -94,7 +94,7 @@ def courses_of(cause: str, experiment: Experiment, null: Experiment, names: Iter
     """
     parts: dict[str, list[tuple[str, np.ndarray, float]]] = {}
     for name in names:
-        is_given = bool(null.temperatures) and name.rpartition(".")[2] == EXPANSION.name
+        is_given = bool(null.model.temperatures) and name.rpartition(".")[2] == EXPANSION.name
         course = None if is_given else course_of(experiment, name)
         std = stds.get(name)
         if course is not None and std is not None:
@@ -111,15 +111,15 @@ def courses_of(cause: str, experiment: Experiment, null: Experiment, names: Iter
 
 def _unit(experiment: Experiment, name: str) -> str:
     """Of the amplitude: that of a rate or of a share of the motion times its course."""
-    unit = experiment.parameters[name].unit
+    unit = experiment.model.parameters[name].unit
     if name.rpartition(".")[2] == EXPANSION.name:
         return "K"
     if name.startswith("channel.") and not unit:  # a share of the reading
-        return next(channel.unit for channel in experiment.channels if name.startswith(f"channel.{channel.column}."))
+        return next(channel.unit for channel in experiment.model.channels if name.startswith(f"channel.{channel.column}."))
     if unit.startswith("rad"):
         return "rad"
     if name.startswith("boundary."):
-        return experiment.length_unit
+        return experiment.model.length_unit
     return unit.removesuffix("/s").replace("1", "") if unit.endswith("/s") else unit
 
 

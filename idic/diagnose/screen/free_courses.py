@@ -45,7 +45,7 @@ def with_free_courses(trials: Sequence[tuple[Candidate, Variant]], document: Map
             experiment = load(edits)
         except InputError:  # a camera with a lens has no such course
             continue
-        knots = tuple(name for name in experiment.parameters.free if name not in free_names)
+        knots = tuple(name for name in experiment.model.parameters.free if name not in free_names)
         if len(knots) > 1:
             label = f"{stem}, with an identified time course"
             trials_by_stem[stem] = candidate, Variant(label, edits, knots, dict.fromkeys(knots, 0.0),

@@ -50,11 +50,11 @@ def local_residual_tests(base: ResidualEvidence, enriched: ResidualEvidence, gri
 def _new_inclusions(base: Experiment, enriched: Experiment,
                     values: Mapping[str, float]) -> Iterator[tuple[np.ndarray, float]]:
     """Centre (dim,) and radius, mm."""
-    names = {(entry.element_set, entry.name) for entry in base.heterogeneities}
-    for entry in enriched.heterogeneities:
+    names = {(entry.element_set, entry.name) for entry in base.model.heterogeneities}
+    for entry in enriched.model.heterogeneities:
         stem = f"{entry.element_set}.{entry.name}"
         if entry.is_spot and (entry.element_set, entry.name) not in names:
-            centre = np.array([values.get(f"{stem}.{axis}", 0.0) for axis in "xyz"[:enriched.n_dim]])
+            centre = np.array([values.get(f"{stem}.{axis}", 0.0) for axis in "xyz"[:enriched.model.n_dim]])
             yield centre, float(values[f"{stem}.radius"])
 
 
@@ -66,7 +66,7 @@ def _in_images(residual: ResidualEvidence, centre: np.ndarray, radius: float) ->
         def seen(of_mesh: np.ndarray, camera: CameraResidual = camera) -> np.ndarray:
             return camera.context.camera.project(camera.view.points(of_mesh))
 
-        at = seen(camera.turned(points)) + (nodes - seen(camera.context.experiment.mesh.nodes))[0]
+        at = seen(camera.turned(points)) + (nodes - seen(camera.context.experiment.model.mesh.nodes))[0]
         circles.append((at[0], float(np.linalg.norm(at[1:] - at[0], axis=1).max())))
     return circles
 

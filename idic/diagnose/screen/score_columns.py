@@ -102,16 +102,16 @@ def _stepped(identification: Identification, residual: ResidualEvidence, trials:
         moved.append(_node_motion(experiment, variant))
     first = {timed_variant.pattern: timed_variant for _, timed_variant in reversed(shared)}
     of_patterns = [answers.position(timed_variant.unit, unit_values(timed_variant)) for timed_variant in first.values()]
-    start = identification.experiment.reference
+    start = identification.experiment.model.reference
     frames = [int(k) - start for k in residual.evidence.frames]
-    responses = first_responses(answers.base, identification.experiment.times[start:], frames, residual.solved_u,
+    responses = first_responses(answers.base, identification.experiment.model.times[start:], frames, residual.solved_u,
                                 answers.others)
     picked = [i for _, _, i, _ in untimed] + of_patterns
     nulls = [k for k, (_, _, _, null) in enumerate(untimed) if null is not None]
     of_nulls = [untimed[k][3] for k in nulls]
     simulations = {k: moved_to for k, (_, variant, _, _) in enumerate(untimed)
                    if not variant.new and (moved_to := _simulated(load(variant.edits), identification)) is not None}
-    error = identification.experiment.motion_error
+    error = identification.experiment.model.motion_error
     solved = residual.channels if error is None else residual.channels - error.channels[residual.evidence.frames]
     fields, channels = [], []
     for t, answer in enumerate(responses):
@@ -148,13 +148,13 @@ def _simulated(experiment: Experiment, identification: Identification) -> tuple[
     One Newton step tells three times the stiffening of a beam whose ends cannot approach each other: the model is
     simulated.
     """
-    forward = build_forward(replace(experiment, motion_error=None))
+    forward = build_forward(replace(experiment, model=replace(experiment.model, motion_error=None)))
     if not isinstance(forward, ForwardModel):
         return None
-    values = experiment.parameters.own_of(identification.parameters.as_values())
+    values = experiment.model.parameters.own_of(identification.parameters.as_values())
     try:
         states = [(state.u.copy(), state.channels.copy()) for state in forward.march(
-            experiment.parameters.with_values(values), (), identification.local, identification.steps, may_cut=True)]
+            experiment.model.parameters.with_values(values), (), identification.local, identification.steps, may_cut=True)]
     except NotConverged:
         return None
     return np.array([u for u, _ in states]), np.array([channels for _, channels in states])
@@ -172,10 +172,10 @@ class _Answers:
 
     def position(self, experiment: Experiment, at: Mapping[str, float]) -> int:
         """Place among the others of an experiment at the identified values and these."""
-        values = experiment.parameters.own_of(self.values)
-        parameters = experiment.parameters.with_values(values | dict(at))
-        key = pickle.dumps((experiment.materials, experiment.prescribed, experiment.loads, experiment.temperatures,
-                            experiment.heterogeneities, sorted(parameters.as_values().items())))
+        values = experiment.model.parameters.own_of(self.values)
+        parameters = experiment.model.parameters.with_values(values | dict(at))
+        key = pickle.dumps((experiment.model.materials, experiment.model.prescribed, experiment.model.loads, experiment.model.temperatures,
+                            experiment.model.heterogeneities, sorted(parameters.as_values().items())))
         if key not in self.place:
             self.place[key] = len(self.others)
             alternative, loads = _alternative(experiment, self.identification, parameters.as_values())
@@ -199,8 +199,8 @@ class _Answers:
 
 def _node_motion(experiment: Experiment, variant: Variant) -> np.ndarray | None:
     """Motion of the nodes (n_nodes, dim) mm from a variant's null to its probe; None where its mesh stays."""
-    motions = [experiment.turned(morph.velocity) * (variant.probe[morph.name] - variant.null[morph.name])
-               for morph in experiment.morphs if morph.name in variant.new]
+    motions = [experiment.model.turned(morph.velocity) * (variant.probe[morph.name] - variant.null[morph.name])
+               for morph in experiment.model.morphs if morph.name in variant.new]
     return np.sum(motions, axis=0) if motions else None
 
 
@@ -221,7 +221,7 @@ def _with_recording(identification: Identification, residual: ResidualEvidence, 
                     stepped: Columns, gradients: Gradients) -> Columns:
     """What the probes change between simulation and record (camera, scale of a channel, time of the log) on top."""
     fields, channels = stepped.fields.copy(), stepped.channels.copy()
-    stems = ("channel.", "time.", *(f"{view.camera_name}." for view in identification.experiment.views))
+    stems = ("channel.", "time.", *(f"{view.recording.camera_name}." for view in identification.experiment.views))
     for k, variant in enumerate(variants):
         names = tuple(name for name in variant.new if name.startswith(stems))
         if names:
@@ -236,7 +236,7 @@ def _alternative(experiment: Experiment, identification: Identification,
                  values: Mapping[str, float]) -> tuple[Alternative, np.ndarray]:
     """A model whose response is asked for, and the histories of its loads  # (n_frames, n_loads)"""
     forward = build_forward(experiment)
-    parameters = experiment.parameters.with_values(values or identification.parameters.as_values())
+    parameters = experiment.model.parameters.with_values(values or identification.parameters.as_values())
     local = identification.local if forward.drives.n_local == identification.local.shape[1] else None
     return (Alternative(forward.model_at(parameters, local), forward.law_values(parameters)),
             forward.drives.loads.values(parameters))
@@ -246,9 +246,9 @@ def _direct(identification: Identification, residual: ResidualEvidence, variant:
             gradients: Gradients) -> Columns:
     """Derivatives of camera and channels at the null values."""
     experiment = load(variant.edits)
-    values = experiment.parameters.own_of(identification.parameters.as_values())
-    parameters = experiment.parameters.with_values(values | dict(variant.null))
-    base = replace(identification.experiment, parameters=parameters, channels=experiment.channels)
+    values = experiment.model.parameters.own_of(identification.parameters.as_values())
+    parameters = experiment.model.parameters.with_values(values | dict(variant.null))
+    base = replace(identification.experiment, model=replace(identification.experiment.model, parameters=parameters, channels=experiment.model.channels))
     contexts = [_with_motion(camera.context, base, experiment) for camera in residual.cameras]
     n_seen, n_channels = len(residual.evidence.seen), residual.channels.shape[1]
     fields = np.zeros((len(residual.u), n_seen, len(variant.new)))
@@ -263,7 +263,7 @@ def _direct(identification: Identification, residual: ResidualEvidence, variant:
         columns = []
         for number, context in enumerate(contexts):
             camera_response = turned_response(context.experiment, response)
-            if (t, number) not in gradients and any(name.startswith(f"{context.experiment.camera_name}.")
+            if (t, number) not in gradients and any(name.startswith(f"{context.experiment.recording.camera_name}.")
                                                     for name in names):
                 gradients[t, number] = nodal_gradient(context.experiment, camera_response.u)
             columns.append(global_columns(replace(context, names=names), camera_response, gradients.get((t, number))))
@@ -274,11 +274,11 @@ def _direct(identification: Identification, residual: ResidualEvidence, variant:
 
 def _with_motion(context: CorrelationContext, base: Experiment, enriched: Experiment) -> CorrelationContext:
     """The context of a camera with the parameters and channels of `base`, and the motion that `enriched` gives it."""
-    name = context.experiment.camera_name
-    view_of_camera = next(view for view in base.views if view.camera_name == name)
-    motion = next(view.camera.motion for view in enriched.views if view.camera_name == name)
+    name = context.experiment.recording.camera_name
+    view_of_camera = next(view for view in base.views if view.recording.camera_name == name)
+    motion = next(view.model.camera.motion for view in enriched.views if view.recording.camera_name == name)
     return replace(context, camera=replace(context.camera, motion=motion), experiment=view_of_camera,
-                   parameters=base.parameters, moving=())
+                   parameters=base.model.parameters, moving=())
 
 
 def _concerns(name: str, frame: int) -> bool:

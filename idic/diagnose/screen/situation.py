@@ -36,7 +36,7 @@ def situation(identification: Identification, residual: ResidualEvidence, docume
         for points in state.points:
             name = names[points.section]
             reached[name].append(equivalent_stress(points, experiment, name, identification.parameters.as_values()))
-            strain[name] = max(strain[name], float(equivalent_strain(points.F, experiment.kind).max(initial=0.0)))
+            strain[name] = max(strain[name], float(equivalent_strain(points.F, experiment.model.kind).max(initial=0.0)))
         for name, parts in reached.items():
             values = np.concatenate(parts)
             stress[name] = values if not len(stress[name]) else np.maximum(stress[name], values)
@@ -58,12 +58,12 @@ def equivalent_stress(points: PointValues, experiment: Experiment, name: str,
 
     In plane strain the stress along the third direction is nu times the trace of the others.
     """
-    finite = experiment.material_of(name).kinematics == "finite"
+    finite = experiment.model.material_of(name).kinematics == "finite"
     tau = np.einsum("nij,nkj->nik", points.P, points.F) if finite else points.P
     tensor = np.zeros((len(tau), 3, 3))
     d = tau.shape[1]
     tensor[:, :d, :d] = 0.5 * (tau + tau.transpose(0, 2, 1))
-    if experiment.kind == "plane_strain" and d == 2:
+    if experiment.model.kind == "plane_strain" and d == 2:
         tensor[:, 2, 2] = values.get(f"{name}.nu", 0.5) * (tau[:, 0, 0] + tau[:, 1, 1])
     deviator = tensor - np.trace(tensor, axis1=1, axis2=2)[:, None, None] / 3.0 * np.eye(3)
     return np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))

@@ -58,9 +58,9 @@ def added_time_course(base: ResidualEvidence, enriched: ResidualEvidence) -> np.
 
 def has_new_inclusion(base: ResidualEvidence, enriched: ResidualEvidence) -> bool:
     """Whether an inclusion was added."""
-    names = {(entry.element_set, entry.name) for entry in base.context.experiment.heterogeneities}
+    names = {(entry.element_set, entry.name) for entry in base.context.experiment.model.heterogeneities}
     return any(entry.is_spot and (entry.element_set, entry.name) not in names
-               for entry in enriched.context.experiment.heterogeneities)
+               for entry in enriched.context.experiment.model.heterogeneities)
 
 
 def _fit(residual: ResidualEvidence, grid: Grid, course: np.ndarray) -> Misfit:

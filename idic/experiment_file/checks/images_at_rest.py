@@ -63,19 +63,19 @@ def with_notes_on_references(experiment: Experiment, file) -> Experiment:
     InputError
         One of them shows no pattern.
     """
-    if len(experiment.averaged) < 2 or experiment.quantity != "grey" or experiment.stack is None:
+    if len(experiment.recording.averaged) < 2 or experiment.recording.quantity != "grey" or experiment.recording.stack is None:
         return experiment
     notes = []
     for view in experiment.views:
-        points, cells = seen_nodes(view.mesh, view.kind, view.surface)
-        shape = view.image_shape
-        region = seen_region(corners_px(points, cells, view.kind, view.surface, view.camera),
-                             visible_cells(view.mesh, view.kind, view.surface, view.camera, shape), shape, view.mask)
-        images = [np.asarray(view.stack.frame(k)) for k in view.averaged]
-        labels = [view.labels[k] for k in view.averaged]
+        points, cells = seen_nodes(view.model.mesh, view.model.kind, view.model.surface)
+        shape = view.recording.image_shape
+        region = seen_region(corners_px(points, cells, view.model.kind, view.model.surface, view.model.camera),
+                             visible_cells(view.model.mesh, view.model.kind, view.model.surface, view.model.camera, shape), shape, view.recording.mask)
+        images = [np.asarray(view.recording.stack.frame(k)) for k in view.recording.averaged]
+        labels = [view.recording.labels[k] for k in view.recording.averaged]
         check_pattern(images, labels, region, file, "experiment.reference")
         if note := _motion_note(images, labels, region):
-            notes.append(note if view is experiment else f"{view.camera_name}: {note}")
+            notes.append(note if view is experiment else f"{view.recording.camera_name}: {note}")
     return replace(experiment, notes=(*experiment.notes, *notes))
 
 

@@ -30,7 +30,7 @@ from idic.laws import (
     knots_of_rubber, level_names, prior_rows, ring_knots_of, rise, rubber_level_names as rubber_levels,
     surface_weights, times_of, weight_names,
 )
-from idic.model import Experiment, Material
+from idic.model import Experiment, Material, StatedCurve
 from idic.parameters import Parameter, SmoothnessPrior
 from idic.readers import factor_between
 
@@ -145,28 +145,9 @@ def is_number(value: object) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-@dataclass(frozen=True)
-class StatedCurve:
-    """A free curve of a material.
-
-    key : in ``smoothness``; names : of its values at the knots; last_knot : name of its last knot; size : of its
-    starting curve, MPa; over : what it may be smooth over; rising : whether it never falls; by_evidence : whether
-    knots and smoothness are still to be chosen
-    """
-
-    key: str
-    names: tuple[str, ...]
-    last_knot: str
-    size: float
-    smoothness: Smoothness
-    over: tuple[str, ...]
-    rising: bool = False
-    by_evidence: bool = False
-
-
 def by_evidence(experiment: Experiment) -> tuple[StatedCurve, ...]:
     """The free curves whose knots are still to be chosen."""
-    return tuple(curve for curve in experiment.extras.get("free_curves", ()) if curve.by_evidence)
+    return tuple(curve for curve in experiment.model.free_curves if curve.by_evidence)
 
 
 def free_curves(materials: Sequence[Material], tables: Mapping[str, MaterialTable],

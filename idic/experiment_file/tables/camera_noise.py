@@ -135,9 +135,9 @@ def _by_grey_level(model: NoiseModel, reference: np.ndarray, source: str, file) 
 
 def with_stabilised_images(experiment: Experiment) -> Experiment:
     """The experiment with transformed grey values of the main camera if its noise depends on the grey value."""
-    if experiment.noise.stabiliser is None:
+    if experiment.recording.noise.stabiliser is None:
         return experiment
-    return replace(experiment, stack=StabilisedStack(experiment.stack, experiment.noise.stabiliser))
+    return replace(experiment, recording=replace(experiment.recording, stack=StabilisedStack(experiment.recording.stack, experiment.recording.noise.stabiliser)))
 
 
 def recorded(stack: Stack) -> Stack:

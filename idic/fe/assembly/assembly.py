@@ -16,7 +16,7 @@ from idic.fe.solver import storage
 from idic.fe.solver.known_pattern import known_pattern
 from idic.fe.solver.linear import Pattern
 from idic.fe.mesh.element import quadrature_rule, shape_gradients
-from idic.fe.body.model import Model, Section, uses_mean_dilatation
+from idic.fe.body.model import Body, Section, uses_mean_dilatation
 from idic.laws import CompiledLaw, LawSpec, element_sizes
 
 
@@ -68,7 +68,7 @@ class Group:
 class System:
     """A model made ready to be solved."""
 
-    model: Model
+    model: Body
     groups: tuple[Group, ...]
     pressures: tuple[PressureFaces, ...]
     pressure_positions: tuple[np.ndarray, ...]
@@ -85,7 +85,7 @@ class System:
         return tuple(np.tile(g.law.initial_state(mode), (g.n_points, 1)) for g in self.groups)
 
 
-def discretise(model: Model, pattern: Pattern | None = None) -> System:
+def discretise(model: Body, pattern: Pattern | None = None) -> System:
     """Shape function gradients, numbering and scatter positions of a (validated) model.
 
     pattern : of another model with the same elements and held dofs, where there is one
@@ -113,7 +113,7 @@ def _dofs(connectivity, d):
     return np.ascontiguousarray((connectivity[:, :, None] * d + np.arange(d)).reshape(len(connectivity), -1))
 
 
-def _group(model: Model, pattern: Pattern, index: int, section: Section, cell: str, elements, connectivity, dofs):
+def _group(model: Body, pattern: Pattern, index: int, section: Section, cell: str, elements, connectivity, dofs):
     connectivity = np.ascontiguousarray(connectivity, dtype=np.int64)
     xi, w = quadrature_rule(cell, model.quadrature.get(cell))
     jac = np.einsum("eak,qai->eqki", model.mesh.nodes[connectivity], shape_gradients(cell, xi))  # dX_k/dxi_i
@@ -137,7 +137,7 @@ def _group(model: Model, pattern: Pattern, index: int, section: Section, cell: s
                  kept_response(section.law, model.mode, grads, weights, len(elements), remedy))
 
 
-def weight_factor(model: Model, section: int, cell: str, connectivity: np.ndarray, weights: np.ndarray,
+def weight_factor(model: Body, section: int, cell: str, connectivity: np.ndarray, weights: np.ndarray,
                   mean_dilatation: bool) -> np.ndarray | None:
     """Factor of the model's variations on the weights of a group's points, None without any  # (n_points,)"""
     if not model.variations:

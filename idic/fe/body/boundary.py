@@ -10,7 +10,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.fe.mesh.element import cell_type, quadrature_rule, shape_functions, shape_gradients
 from idic.fe.mesh.mesh import Mesh
-from idic.fe.body.model import Constraints, Direction, Model
+from idic.fe.body.model import Constraints, Direction, Body
 
 
 # from sets to dofs and load vectors ---------------------------------------------------------------
@@ -103,7 +103,7 @@ class PressureFaces:
     depth: float  # thickness in mm (2D)
 
 
-def pressure_faces(model: Model) -> tuple[PressureFaces, ...]:
+def pressure_faces(model: Body) -> tuple[PressureFaces, ...]:
     """The model's follower pressures, grouped by kind of face."""
     mesh, groups = model.mesh, []
     for load, faces in enumerate(model.loads.pressure_faces):
@@ -182,7 +182,7 @@ def at_time(table: np.ndarray | None, times: np.ndarray, t: float) -> np.ndarray
     return (1 - s) * start_value + s * table[k]
 
 
-def drives_at(model: Model, times: np.ndarray, t: float) -> Drives:
+def drives_at(model: Body, times: np.ndarray, t: float) -> Drives:
     """The drives of a model at time t."""
     c = model.constraints
     return Drives(t, c.basis @ at_time(c.histories, times, t), at_time(model.loads.dead_histories, times, t),
@@ -190,7 +190,7 @@ def drives_at(model: Model, times: np.ndarray, t: float) -> Drives:
                   0.0 if model.control is None else _reading_at(model.control.readings, times, t))
 
 
-def with_amplitude(model: Model, drives: Drives, amplitude: float) -> Drives:
+def with_amplitude(model: Body, drives: Drives, amplitude: float) -> Drives:
     """The drives with another size of what the gauge of the model controls."""
     control, more = model.control, amplitude - drives.amplitude
     if control.drive is not None:
@@ -210,7 +210,7 @@ def _temperature_at(table: np.ndarray | None, times: np.ndarray, t: float) -> np
     return None if table is None else at_time(table, times, t)
 
 
-def drive_changes(model: Model, directions: Sequence[Direction], times: np.ndarray, t: float) -> list[Drives]:
+def drive_changes(model: Body, directions: Sequence[Direction], times: np.ndarray, t: float) -> list[Drives]:
     """Derivative of the drives along each direction at time t."""
     n_p, loads = len(model.constraints.dofs), model.loads
     n_dead = 0 if loads.dead is None else loads.dead.shape[1]

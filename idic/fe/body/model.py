@@ -104,9 +104,9 @@ class Direction:
     thickness : the model's thickness, 2D only. Stresses and follower pressures act on it; dead loads are forces (N),
         where one was made of a traction, its own change goes into d_loads
     expansion : index of the section whose coefficient of thermal expansion changes
-    d_temperature : (n_frames, n_nodes) K per unit: derivative of ``Model.temperature``
-    variation : (index, name) of ``Model.variations[index].values``
-    d_readings : (n_frames,) mm per unit: derivative of ``Model.control.readings``; alone or with d_histories
+    d_temperature : (n_frames, n_nodes) K per unit: derivative of ``Body.temperature``
+    variation : (index, name) of ``Body.variations[index].values``
+    d_readings : (n_frames,) mm per unit: derivative of ``Body.control.readings``; alone or with d_histories
     """
 
     name: str
@@ -121,7 +121,7 @@ class Direction:
 
 
 @dataclass(frozen=True)
-class Model:
+class Body:
     """A body, its supports and loads, and its output channels.
 
     Attributes
@@ -168,7 +168,7 @@ class Model:
         return self.mesh.nodes.size
 
 
-def uses_mean_dilatation(model: Model, cell: str) -> bool:
+def uses_mean_dilatation(model: Body, cell: str) -> bool:
     """Whether elements of this cell are computed with mean dilatation, against volumetric locking."""
     if model.kind == "plane_stress" or model.locking == "none":
         return False
@@ -184,7 +184,7 @@ MIN_NAMED = 0.1  # part of the largest component of a free rigid motion that a m
 _PASSED = PerMesh()  # checks that a mesh and its supports have passed
 
 
-def validate(model: Model, n_frames: int) -> None:
+def validate(model: Body, n_frames: int) -> None:
     """Raise InputError if the model cannot be solved as it stands."""
     mesh = model.mesh
     if model.kind not in MODES:
@@ -213,7 +213,7 @@ def validate(model: Model, n_frames: int) -> None:
     _PASSED.once(mesh, np.asarray(model.constraints.dofs).tobytes(), lambda: _check_rigid_motion(model))
 
 
-def _check_sections(model: Model) -> None:
+def _check_sections(model: Body) -> None:
     count = np.zeros(model.mesh.n_elements, dtype=int)
     for section in model.sections:
         np.add.at(count, section.elements, 1)
@@ -225,7 +225,7 @@ def _check_sections(model: Model) -> None:
                              remedy="check the element sets named in [material.SET]")
 
 
-def _check_constraints(model: Model, n_frames: int) -> None:
+def _check_constraints(model: Body, n_frames: int) -> None:
     c = model.constraints
     if c.basis.shape != (len(c.dofs), c.histories.shape[1]) or len(c.histories) != n_frames:
         raise InputError("constraints of inconsistent size",
@@ -248,7 +248,7 @@ def _check_constraints(model: Model, n_frames: int) -> None:
                          remedy="subtract the value of the reference frame")
 
 
-def _check_loads(model: Model, n_frames: int) -> None:
+def _check_loads(model: Body, n_frames: int) -> None:
     loads = model.loads
     n_dead = 0 if loads.dead is None else loads.dead.shape[1]
     for kind, n, histories in (("dead load", n_dead, loads.dead_histories),
@@ -261,7 +261,7 @@ def _check_loads(model: Model, n_frames: int) -> None:
             raise InputError(f"a {kind} is not a number", remedy="check the log")
 
 
-def _check_control(model: Model, n_frames: int) -> None:
+def _check_control(model: Body, n_frames: int) -> None:
     control = model.control
     if control is None:
         return
@@ -282,7 +282,7 @@ def _check_control(model: Model, n_frames: int) -> None:
                          found=f"{control.readings[0]:g} mm", remedy="subtract the reading of the reference frame")
 
 
-def _check_temperature(model: Model, n_frames: int) -> None:
+def _check_temperature(model: Body, n_frames: int) -> None:
     if model.temperature is None:
         return
     start = model.start_temperature
@@ -300,7 +300,7 @@ def _check_temperature(model: Model, n_frames: int) -> None:
                          remedy="check the log or the infrared images")
 
 
-def _check_rigid_motion(model: Model) -> None:
+def _check_rigid_motion(model: Body) -> None:
     """Every part of the body must be held against translation and rotation."""
     mesh = model.mesh
     names = [f"translation along {'xyz'[i]}" for i in range(mesh.n_dim)]

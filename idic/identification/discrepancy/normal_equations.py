@@ -83,19 +83,19 @@ def reason_against(experiment: Experiment, point: Evaluation | None) -> str:
     """Why the discrepancy of a model is not estimated, "" where it is."""
     if point is None or point.system is None:
         return "no simulation converged"
-    if experiment.quantity == "height":
+    if experiment.recording.quantity == "height":
         return "height images: std counts noise alone"
     if is_two_step(experiment):
         return "the second of two steps compares with a measured motion: std counts noise alone"
-    if 8.0 * COPIES * experiment.mesh.nodes.size * _n_unknowns(experiment) > MAX_BYTES:
+    if 8.0 * COPIES * experiment.model.mesh.nodes.size * _n_unknowns(experiment) > MAX_BYTES:
         return "the mesh has too many nodes for the sums of a discrepancy: std counts noise alone"
-    return "" if correlated_frames(experiment, range(experiment.n_frames)) else "no frame is compared"
+    return "" if correlated_frames(experiment, range(experiment.model.n_frames)) else "no frame is compared"
 
 
 def _n_unknowns(experiment: Experiment) -> int:
     """At most."""
-    d, hats = experiment.n_dim, hats_over(experiment.mesh.nodes)
-    return N_COURSES * hats.n * (d + d * (d + 1) // 2) + N_CHANNEL_COURSES * len(experiment.channels)
+    d, hats = experiment.model.n_dim, hats_over(experiment.model.mesh.nodes)
+    return N_COURSES * hats.n * (d + d * (d + 1) // 2) + N_CHANNEL_COURSES * len(experiment.model.channels)
 
 
 def discrepancy_system(context: CorrelationContext, forward: object, local: np.ndarray, u: Iterable[np.ndarray],
@@ -115,7 +115,7 @@ def discrepancy_system(context: CorrelationContext, forward: object, local: np.n
         If the law finds no stress along the path.
     """
     experiment = context.experiment
-    frames = correlated_frames(experiment, range(experiment.n_frames))
+    frames = correlated_frames(experiment, range(experiment.model.n_frames))
     fields = _Fields.of(context, forward, local, u, frames)
     wide = fields.among(context)
     names = (*context.names, *(f"discrepancy.{i}" for i in range(fields.n_unknowns + len(fields.errors))))
@@ -133,9 +133,9 @@ def discrepancy_system(context: CorrelationContext, forward: object, local: np.n
     by_error = {name: system.M[:size, size + k] for k, name in enumerate(fields.errors)}
     M, noise = _symmetric(system.M[:size, :size]), _symmetric(noise[:size, :size])
     return DiscrepancySystem(context.names, M, system.b[:size], noise,
-                             fields.components, {MOTION: last[0] / experiment.camera.pixel_size},
+                             fields.components, {MOTION: last[0] / experiment.model.camera.pixel_size},
                              np.array(rows)[..., :size], by_error.get(MESH),
-                             experiment.n_dim == 2 or MESH in by_error, by_error.get(STRAINS))
+                             experiment.model.n_dim == 2 or MESH in by_error, by_error.get(STRAINS))
 
 
 def _symmetric(matrix: np.ndarray) -> np.ndarray:
@@ -210,23 +210,23 @@ class _Fields:
     def of(cls, context: CorrelationContext, forward: object, local: np.ndarray, u: Iterable[np.ndarray],
            frames: Sequence[int]) -> _Fields:
         experiment = context.experiment
-        hats = hats_over(experiment.mesh.nodes)
+        hats = hats_over(experiment.model.mesh.nodes)
         known, errors = None, {}
         if isinstance(forward, ForwardModel):
             spread = np.linspace(0, len(frames) - 1, min(STRESS_FRAMES, len(frames))).round().astype(int)
             chosen, motion = np.array(frames)[np.unique(spread)], {}
             known = _stress_responses(forward, context.parameters, local,
-                                      _recorded(u, experiment.reference + 1, set(chosen.tolist()), motion), chosen,
+                                      _recorded(u, experiment.model.reference + 1, set(chosen.tolist()), motion), chosen,
                                       hats)
-            errors = errors_of_known_size(ModelPoint(replace(experiment, motion_error=None), context.parameters, local),
+            errors = errors_of_known_size(ModelPoint(replace(experiment, model=replace(experiment.model, motion_error=None)), context.parameters, local),
                                           motion)
         return cls(experiment, hats, frames, known, {name: own for name, own in errors.items() if own is not None})
 
     @property
     def sizes(self) -> tuple[int, int, int]:
         """Numbers of motion fields, stress fields and channels."""
-        d = self.experiment.n_dim
-        return d * self.hats.n, (d * (d + 1) // 2 * self.hats.n if self.known else 0), len(self.experiment.channels)
+        d = self.experiment.model.n_dim
+        return d * self.hats.n, (d * (d + 1) // 2 * self.hats.n if self.known else 0), len(self.experiment.model.channels)
 
     @property
     def n_unknowns(self) -> int:
@@ -235,7 +235,7 @@ class _Fields:
 
     @property
     def components(self) -> tuple[Component, ...]:
-        d, (_, stress, channels) = self.experiment.n_dim, self.sizes
+        d, (_, stress, channels) = self.experiment.model.n_dim, self.sizes
         found = [Component(MOTION, root_of(field_correlation(self.hats, d, MOTION_LENGTH)))]
         if stress:
             found.append(Component(STRESS, root_of(field_correlation(self.hats, d * (d + 1) // 2, STRESS_LENGTH))))
@@ -253,7 +253,7 @@ class _Fields:
 
     def beside(self, response: FrameResponse) -> FrameResponse:
         """A frame with the fields as further derivatives."""
-        (motion, stress, channels), (nodes, components), d = self.sizes, response.u.shape, self.experiment.n_dim
+        (motion, stress, channels), (nodes, components), d = self.sizes, response.u.shape, self.experiment.model.n_dim
         fields, readings = np.zeros((nodes, components, sum(self.sizes))), np.zeros((channels, sum(self.sizes)))
         for axis in range(d):
             fields[:, axis, axis * self.hats.n:(axis + 1) * self.hats.n] = _rms_motion(response.u) * self.hats.values
@@ -270,7 +270,7 @@ class _Fields:
         """The answer to stress errors, linear between the frames where it is known, zero in the reference."""
         known = sorted(self.known)
         after = next(k for k in known if k >= frame)
-        before = max((k for k in known if k < frame), default=self.experiment.reference)
+        before = max((k for k in known if k < frame), default=self.experiment.model.reference)
         share = (frame - before) / (after - before)
         du, dchannels = share * self.known[after].du, share * self.known[after].dchannels
         if before in self.known:
@@ -294,7 +294,7 @@ class _Fields:
 def counts_mesh_error(experiment: Experiment) -> bool:
     """Whether the error of the motion by the mesh is a column: of solids, as far as the finer mesh is not too large.
     In the plane a whole step on the finer mesh is cheap (`idic.identification.systematic.discretisation`)."""
-    return experiment.options.weighting == "noise" and experiment.n_dim == 3 and can_be_refined(experiment)
+    return experiment.options.weighting == "noise" and experiment.model.n_dim == 3 and can_be_refined(experiment)
 
 
 def errors_of_known_size(point: ModelPoint, known: Mapping[int, np.ndarray]) -> dict[str, ErrorInFrames | None]:
@@ -303,8 +303,8 @@ def errors_of_known_size(point: ModelPoint, known: Mapping[int, np.ndarray]) -> 
     known : (n_nodes, d) mm of the frames in which they are computed, the last one included; linear in between
     """
     experiment = point.experiment
-    frames = np.array([experiment.reference, *sorted(known)])
-    motions = [np.zeros_like(experiment.mesh.nodes), *(known[frame][:, :experiment.n_dim] for frame in sorted(known))]
+    frames = np.array([experiment.model.reference, *sorted(known)])
+    motions = [np.zeros_like(experiment.model.mesh.nodes), *(known[frame][:, :experiment.model.n_dim] for frame in sorted(known))]
     of_mesh = {MESH: mesh_error_in(point, frames, motions)} if counts_mesh_error(experiment) else {}
     return of_mesh | {STRAINS: strain_error_in(point, frames, motions)}
 
@@ -312,12 +312,12 @@ def errors_of_known_size(point: ModelPoint, known: Mapping[int, np.ndarray]) -> 
 def _stress_responses(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray, u: Iterable[np.ndarray],
                       frames: np.ndarray, hats: Hats) -> dict[int, Responses]:
     """The answer to stress errors in some frames, other channels than reactions included."""
-    start = forward.experiment.reference
+    start = forward.experiment.model.reference
     base = Alternative(forward.model_at(parameters, local), forward.law_values(parameters))
-    times = forward.experiment.times[start:]
+    times = forward.experiment.model.times[start:]
     found = {}
     numbers = [int(frame) - start for frame in frames]
-    in_plane = (own[:, :forward.experiment.n_dim] for own in u)
+    in_plane = (own[:, :forward.experiment.model.n_dim] for own in u)
     for number, response in zip(numbers, stress_error_responses(base, times, in_plane, numbers, hats.values),
                                 strict=True):
         if forward.readings is not None:

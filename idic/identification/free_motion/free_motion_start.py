@@ -13,28 +13,28 @@ from idic.model import Experiment, Measured, build_drives, is_stereo, mode_names
 
 def needs_free_dic(experiment: Experiment) -> bool:
     """Whether motion or noise must first be measured from the images of the main camera alone."""
-    measured = any(isinstance(entry.drive, Measured) for entry in experiment.prescribed)
-    return (measured or experiment.noise.std_gv is None or starts_from_dic(experiment) or is_two_step(experiment))
+    measured = any(isinstance(entry.drive, Measured) for entry in experiment.model.prescribed)
+    return (measured or experiment.recording.noise.std_gv is None or starts_from_dic(experiment) or is_two_step(experiment))
 
 
 def starts_from_dic(experiment: Experiment) -> bool:
     """Whether virtual boundaries take modes or starting values from a measured motion: not where all are given, nor
     with height images (these start from a body at rest)."""
-    return experiment.quantity != "height" and any(
-        entry.drive.kind == "dic" or set(mode_names(entry)) - set(experiment.extras.get("given", ()))
+    return experiment.recording.quantity != "height" and any(
+        entry.drive.kind == "dic" or set(mode_names(entry)) - set(experiment.model.stated_values)
         for entry in virtual_boundaries(experiment))
 
 
 def needs_motion_in_space(experiment: Experiment) -> bool:
     """Whether edges of a solid start from what two cameras with a lens measure: from a free stereo FE-DIC."""
-    return experiment.n_dim == 3 and is_stereo(experiment) and (starts_from_dic(experiment) or any(
-        isinstance(entry.drive, Measured) for entry in experiment.prescribed))
+    return experiment.model.n_dim == 3 and is_stereo(experiment) and (starts_from_dic(experiment) or any(
+        isinstance(entry.drive, Measured) for entry in experiment.model.prescribed))
 
 
 def motion_in_space(experiment: Experiment) -> np.ndarray:
     """Nodal motion by a free stereo FE-DIC  # (n_frames, n_nodes, 3) mm, NaN: not seen, or the frame was lost"""
     found = surface_motion(experiment)
-    u_mm = np.full((experiment.n_frames, experiment.mesh.n_nodes, 3), np.nan)
+    u_mm = np.full((experiment.model.n_frames, experiment.model.mesh.n_nodes, 3), np.nan)
     u_mm[:, found.nodes] = found.u_mm
     return u_mm
 
@@ -46,10 +46,10 @@ def without_edges(experiment: Experiment, lost: np.ndarray, u_mm: np.ndarray | N
     lost : (n_frames,) bool, frames that a free FE-DIC does not recognise; u_mm : the motion in space, NaN in lost
     frames, where edges take it
     """
-    if not any(isinstance(entry.drive, Measured) for entry in experiment.prescribed):
+    if not any(isinstance(entry.drive, Measured) for entry in experiment.model.prescribed):
         return []
     lost = lost if u_mm is None else np.isnan(u_mm).all(axis=(1, 2))
-    return [int(k) for k in np.flatnonzero(lost) if k > experiment.reference and k not in experiment.excluded]
+    return [int(k) for k in np.flatnonzero(lost) if k > experiment.model.reference and k not in experiment.recording.excluded]
 
 
 def measured_start(experiment: Experiment, u_px: np.ndarray, excluded: Collection[int],
@@ -61,21 +61,21 @@ def measured_start(experiment: Experiment, u_px: np.ndarray, excluded: Collectio
     Returns (n_frames, m) mm.
     """
     drives = build_drives(experiment)
-    local = np.zeros((experiment.n_frames, drives.n_local))
+    local = np.zeros((experiment.model.n_frames, drives.n_local))
     if not drives.measured.any():
         return local
-    u, place = u_mm, np.arange(experiment.mesh.n_nodes)
+    u, place = u_mm, np.arange(experiment.model.mesh.n_nodes)
     if nodes is not None:
-        place = np.full(experiment.mesh.n_nodes, -1)
+        place = np.full(experiment.model.mesh.n_nodes, -1)
         place[nodes] = np.arange(len(nodes))
     if u is None:
-        here = experiment.mesh.nodes if nodes is None else experiment.mesh.nodes[nodes]
-        back = np.linalg.inv(experiment.camera.jacobian(here)[:, :, :2])  # (n_nodes, 2, 2) mm/px
+        here = experiment.model.mesh.nodes if nodes is None else experiment.model.mesh.nodes[nodes]
+        back = np.linalg.inv(experiment.model.camera.jacobian(here)[:, :, :2])  # (n_nodes, 2, 2) mm/px
         u = np.einsum("nij,tnj->tni", back, u_px)
-    good = [k for k in range(experiment.n_frames) if k not in excluded and np.isfinite(u[k]).any()]
+    good = [k for k in range(experiment.model.n_frames) if k not in excluded and np.isfinite(u[k]).any()]
     for column, (drive, is_measured) in enumerate(zip(drives.local, drives.measured, strict=False)):
         if is_measured:
-            node, component = np.divmod(drives.dofs[drives.basis[:, drive] != 0.0], experiment.n_dim)
+            node, component = np.divmod(drives.dofs[drives.basis[:, drive] != 0.0], experiment.model.n_dim)
             if component[0] >= u.shape[2]:
                 continue  # measured out of the plane: from rest
             of_nodes = u[good][:, place[node], component]  # those that move together; all but one of them are hidden
@@ -83,7 +83,7 @@ def measured_start(experiment: Experiment, u_px: np.ndarray, excluded: Collectio
             series = np.array([row[np.isfinite(row)].mean() if row_seen else np.nan
                                for row, row_seen in zip(of_nodes, seen, strict=True)])
             if seen.any():
-                local[:, column] = np.interp(np.arange(experiment.n_frames), np.array(good)[seen], series[seen])
+                local[:, column] = np.interp(np.arange(experiment.model.n_frames), np.array(good)[seen], series[seen])
     return local
 
 
@@ -92,5 +92,5 @@ def measured_nodes(experiment: Experiment) -> np.ndarray:
     drives = build_drives(experiment)
     rows = [drives.basis[:, drive] != 0.0 for drive, is_measured in zip(drives.local, drives.measured, strict=False)
             if is_measured]
-    return np.unique(np.concatenate([drives.dofs[row] for row in rows]) // experiment.n_dim if rows else
+    return np.unique(np.concatenate([drives.dofs[row] for row in rows]) // experiment.model.n_dim if rows else
                      np.zeros(0, int)).astype(int)

@@ -51,11 +51,11 @@ def check_method(experiment: Experiment) -> None:
     """
     if not is_two_step(experiment):
         return
-    moved = [name for view in experiment.views for name in experiment.parameters.free
-             if name.startswith(f"{view.camera_name}.")]
-    moved += [morph.name for morph in experiment.morphs if experiment.parameters[morph.name].free]
+    moved = [name for view in experiment.views for name in experiment.model.parameters.free
+             if name.startswith(f"{view.recording.camera_name}.")]
+    moved += [morph.name for morph in experiment.model.morphs if experiment.model.parameters[morph.name].free]
     problems = {
-        "height images": experiment.quantity != "grey",
+        "height images": experiment.recording.quantity != "grey",
         f"{', '.join(moved)} as degrees of freedom, which move the mesh over the image": bool(moved),
         'estimator = "generalised"': experiment.options.estimator == "generalised",
         f"weighting = {experiment.options.weighting!r}": experiment.options.weighting != "noise"}
@@ -77,9 +77,9 @@ def measured_reference(experiment: Experiment, image: GreyReference, motion_px: 
 
     image, motion_px : reference image and measured motion of the first step
     """
-    still = image.compare(experiment, experiment.reference, np.zeros((experiment.mesh.n_nodes, 2)))
+    still = image.compare(experiment, experiment.model.reference, np.zeros((experiment.model.mesh.n_nodes, 2)))
     seen = measured_nodes(still.H)
-    smoother = build_smoother(image.pixel_map.nodes_px, surface_cells(experiment.mesh, experiment.surface),
+    smoother = build_smoother(image.pixel_map.nodes_px, surface_cells(experiment.model.mesh, experiment.model.surface),
                               regularisation_of(experiment))
     penalty = sparse.csc_array(smoother.matrix(float(np.mean(image.fx**2 + image.fy**2)) / 2, ~seen))
     motion = np.where(seen[:, None], motion_px, np.nan)

@@ -71,6 +71,6 @@ def chi2_at(experiment: Experiment, camera: Camera, frames: Sequence[int],
         n = int(found.valid.sum())
         if n:
             # unknowns of the brightness take their share of the noise, which matters with many patches
-            chi2 += n * found.chi2_dof(experiment.noise.std_gv) * n / max(n - len(fit.coefficients), 1)
+            chi2 += n * found.chi2_dof(experiment.recording.noise.std_gv) * n / max(n - len(fit.coefficients), 1)
             pixels += n
     return chi2 / pixels if pixels else float("nan")

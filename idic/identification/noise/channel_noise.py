@@ -29,7 +29,7 @@ MIN_KEPT = 1e-3  # of a reading: the unknowns of a frame fit more of it, and it 
 
 def weighted_std(experiment: Experiment, number: int) -> float:
     """Standard deviation that a channel is weighted by: the stated one, else that of its course."""
-    return logged_noise(experiment, experiment.channels[number])
+    return logged_noise(experiment, experiment.model.channels[number])
 
 
 def estimated_channel_noise(experiment: Experiment, parameters: ParameterSet,
@@ -46,7 +46,7 @@ def estimated_channel_noise(experiment: Experiment, parameters: ParameterSet,
         return {}
     scaled = scaled_system(replace(system, end_noise=None), parameters, np.zeros_like(system.M), 0.0)
     found = {}
-    for number, channel in enumerate(experiment.channels):
+    for number, channel in enumerate(experiment.model.channels):
         std = weighted_std(experiment, number)
         compared = [record for record in system.frames if np.isfinite(record.channel_residual[number])]
         residual = np.array([record.channel_residual[number] for record in compared])
@@ -96,7 +96,7 @@ def added_spread(rows: np.ndarray, compared: np.ndarray, experiment: Experiment,
 
 def channel_noise_content(experiment: Experiment, noises: Mapping[int, ChannelNoise]) -> dict[str, dict]:
     """The correlated channels for the result (docs/quantities.md), in the units of their columns."""
-    return {(channel := experiment.channels[number]).column: {
+    return {(channel := experiment.model.channels[number]).column: {
         "std": noise.std / channel.shown_factor,
         "weighted_std": weighted_std(experiment, number) / channel.shown_factor, "order": noise.order,
         "correlation": noise.correlation, "probability_independent": noise.independent}
@@ -105,7 +105,7 @@ def channel_noise_content(experiment: Experiment, noises: Mapping[int, ChannelNo
 
 def channel_noise_notes(experiment: Experiment, noises: Mapping[int, ChannelNoise]) -> list[str]:
     """Notes for the result."""
-    return [f"The noise of channel {(channel := experiment.channels[number]).column} is correlated from frame to frame "
+    return [f"The noise of channel {(channel := experiment.model.channels[number]).column} is correlated from frame to frame "
             f"({noise.correlation:.2f} between consecutive ones, standard deviation "
             f"{noise.std / channel.shown_factor:.3g} {channel.shown_unit}): it averages out less over the frames. The "
             "error bars count this."
@@ -114,9 +114,9 @@ def channel_noise_notes(experiment: Experiment, noises: Mapping[int, ChannelNois
 
 def repeated_readings(experiment: Experiment) -> Iterator[str]:
     """Channels that repeat their reading while the specimen is moved: of a log slower than the images, or rounded."""
-    counted = [k for k in range(experiment.reference, experiment.n_frames) if k not in experiment.excluded]
-    drives = [one.drive for one in experiment.prescribed if isinstance(one.drive, Column)]
-    for channel in experiment.channels if len(counted) > 2 else ():
+    counted = [k for k in range(experiment.model.reference, experiment.model.n_frames) if k not in experiment.recording.excluded]
+    drives = [one.drive for one in experiment.model.prescribed if isinstance(one.drive, Column)]
+    for channel in experiment.model.channels if len(counted) > 2 else ():
         for drive in (drive for drive in drives if channel.kind != "pressure" and drive.column != channel.column):
             steps, change = np.diff(drive.values[counted]), np.diff(channel.values[counted])
             moving = np.abs(steps) > MIN_STEP_SHARE * np.ptp(drive.values[counted])

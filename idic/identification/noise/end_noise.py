@@ -33,18 +33,18 @@ def with_end_noise(system: CorrelationSystem, context: CorrelationContext, forwa
         If the body finds no equilibrium.
     """
     experiment = context.experiment
-    if not (isinstance(forward, ForwardModel) and experiment.quantity == "displacement" and context.moving
-            and forward.drives.measured.any() and not experiment.loads and is_linear(forward.model)
+    if not (isinstance(forward, ForwardModel) and experiment.recording.quantity == "displacement" and context.moving
+            and forward.drives.measured.any() and not experiment.model.loads and is_linear(forward.model)
             and experiment.options.weighting == "noise"):
         return system
-    frames = correlated_frames(experiment, range(experiment.n_frames))
+    frames = correlated_frames(experiment, range(experiment.model.n_frames))
     drawn = np.resize(np.array(frames)[np.linspace(0, len(frames) - 1, min(N_DRAWS, len(frames))).round().astype(int)],
                       N_DRAWS)
     around = _responses(forward, context, np.zeros((1, forward.drives.n_local)), frames[:1], None)[0]
     n = len(context.moving)
     around = replace(around, du=np.zeros((*around.u.shape, n)), dchannels=np.zeros((len(around.channels), n)))
     ends = _drawn_ends(context, around, drawn)
-    size = DRAWN_SHARE * float(np.linalg.norm(np.ptp(experiment.mesh.nodes, axis=0))) / np.abs(ends).max()
+    size = DRAWN_SHARE * float(np.linalg.norm(np.ptp(experiment.model.mesh.nodes, axis=0))) / np.abs(ends).max()
     total = np.zeros_like(system.M)
     for response in _responses(forward, context, size * ends, drawn, around):
         total += frame_system(context, response, np.zeros(ends.shape[1])).M / size**2
@@ -75,7 +75,7 @@ def _responses(forward: ForwardModel, context: CorrelationContext, ends: np.ndar
     nothing = np.zeros((n, drives.columns.shape[1]))
     still = replace(drives, columns=nothing, derivatives=dict.fromkeys(drives.derivatives, nothing),
                     loads=replace(drives.loads, columns=nothing[:, :0], rates=nothing[:, :0]))
-    experiment = replace(forward.experiment, times=np.arange(n, dtype=float), reference=0, motion_error=None)
+    experiment = replace(forward.experiment, model=replace(forward.experiment.model, times=np.arange(n, dtype=float), reference=0, motion_error=None))
     alone = replace(forward, experiment=experiment, drives=still)
     names = () if around is None else context.moving
     states = alone.march(context.parameters, names, np.vstack([0.0 * ends[:1], ends]), None, around is None)

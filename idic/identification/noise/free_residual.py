@@ -33,18 +33,18 @@ def free_residual_noise(view: Experiment, reference: ReferenceImage, region: np.
     region : (ny, nx) bool, the specimen in it
     """
     corners, side = tile_corners(scipy.ndimage.binary_erosion(region, iterations=MARGIN_PX))
-    chosen = [k for k in range(view.reference + 1, view.n_frames) if k not in view.excluded][:MAX_FRAMES]
+    chosen = [k for k in range(view.model.reference + 1, view.model.n_frames) if k not in view.recording.excluded][:MAX_FRAMES]
     if len(corners) < MIN_GOOD_TILES or not chosen:
         return None
-    others = set(range(view.n_frames)) - {view.reference, *chosen}
-    motion = dic_stack(replace(view, excluded=tuple(sorted(others | set(view.excluded)))))
+    others = set(range(view.model.n_frames)) - {view.model.reference, *chosen}
+    motion = dic_stack(replace(view, recording=replace(view.recording, excluded=tuple(sorted(others | set(view.recording.excluded))))))
     followed = [k for k in chosen if motion.status[k] == "ok"]
-    rng, still = np.random.default_rng(0), _raw(view, view.reference)
+    rng, still = np.random.default_rng(0), _raw(view, view.model.reference)
     return pooled([_tiles(view, reference, frame, motion.u_px[frame], still, corners, side, rng) for frame in followed])
 
 
 def _raw(view: Experiment, frame: int) -> np.ndarray:
-    return np.asarray(view.stack.frame(frame), float)
+    return np.asarray(view.recording.stack.frame(frame), float)
 
 
 def _tiles(view: Experiment, reference: ReferenceImage, frame: int, u_px: np.ndarray, still: np.ndarray,

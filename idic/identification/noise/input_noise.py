@@ -41,7 +41,7 @@ MIN_TOLD_CORRELATION = 0.05  # of neighbouring pixels
 
 def logged_noise(experiment: Experiment, channel: Channel) -> float:
     """Standard deviation of a reading of a channel: the stated one, else that of its course over all frames."""
-    times = experiment.times if channel.times is None else channel.times
+    times = experiment.model.times if channel.times is None else channel.times
     return float(channel.noise_std or channel_noise(channel.values, times))
 
 
@@ -113,17 +113,17 @@ def gradient_noise(experiment: Experiment) -> float:
     0 where it is not known (height images, images of unknown noise), infinite where all of the gradient is noise. The
     share over the whole image, background included, is the answer where that is small already.
     """
-    noise = experiment.noise.std_gv
-    if experiment.stack is None or experiment.quantity != "grey" or not noise:
+    noise = experiment.recording.noise.std_gv
+    if experiment.recording.stack is None or experiment.recording.quantity != "grey" or not noise:
         return 0.0
     options = experiment.options
-    degree, noise = DEGREES[options.interpolation], noise / np.sqrt(experiment.n_references)
-    image = experiment.stack.frame(experiment.reference)
+    degree, noise = DEGREES[options.interpolation], noise / np.sqrt(experiment.recording.n_references)
+    image = experiment.recording.stack.frame(experiment.model.reference)
     iy, ix = (part.ravel() for part in np.indices(image.shape, dtype=np.int32))
     slopes = gradient_at_pixels(prefilter(image, degree, options.lowpass_px), ix, iy)
     share = gradient_noise_share(*slopes, noise, degree, options.lowpass_px)
     return share if share <= MAX_GRADIENT_NOISE else build_experiment_reference(experiment,
-                                                                     experiment.camera).gradient_noise  # type: ignore[attr-defined]
+                                                                     experiment.model.camera).gradient_noise  # type: ignore[attr-defined]
 
 
 def gradient_notes(experiment: Experiment) -> list[str]:
@@ -148,7 +148,7 @@ def with_measured_noise(experiment: Experiment) -> Experiment:
     views = experiment.views
     noises = [measured_noise(view) for view in views]
     cameras = tuple(replace(camera, noise=noise) for camera, noise in zip(experiment.cameras, noises[1:], strict=True))
-    return replace(experiment, noise=noises[0], cameras=cameras)
+    return replace(experiment, recording=replace(experiment.recording, noise=noises[0]), cameras=cameras)
 
 
 def measured_noise(view: Experiment) -> Noise:
@@ -157,16 +157,16 @@ def measured_noise(view: Experiment) -> Noise:
     Images at rest decide where they tell it, else consecutive images of the test, else what a free FE-DIC leaves: one
     that differs by more than `MAX_NOISE_RATIO` times the noise shows motion or light.
     """
-    noise = view.noise
-    if view.stack is None or view.quantity != "grey" or not noise.std_gv or noise.correlated is not None:
+    noise = view.recording.noise
+    if view.recording.stack is None or view.recording.quantity != "grey" or not noise.std_gv or noise.correlated is not None:
         return noise
-    reference = build_experiment_reference(view, view.camera)
+    reference = build_experiment_reference(view, view.model.camera)
     region = reference.pixel_map.to_image(np.ones(len(reference.pixel_map.points())), 0.0) > 0.0
     for recording in recordings(view):
         found = noise_covariance(recording.stack, recording.frames, region, view.options.lowpass_px)
         if found is not None and found.sum_std_gv < MAX_NOISE_RATIO * noise.std_gv:
             return _judged(noise, found, view.options.lowpass_px, recording.source)
-    if isinstance(view.camera, Camera) and (found := free_residual_noise(view, reference, region)) is not None:
+    if isinstance(view.model.camera, Camera) and (found := free_residual_noise(view, reference, region)) is not None:
         return _judged(noise, found, view.options.lowpass_px, FREE_RESIDUAL)
     return noise
 
@@ -186,8 +186,8 @@ def _judged(noise: Noise, found: NoiseCovariance, lowpass_px: float, source: str
 def noise_content(view: Experiment) -> dict:
     """The noise of one camera for the result: of a compared pixel, and of sums against the gradient where it
     differs."""
-    noise = view.noise
-    content = {"std_gv": noise.std_gv, "source": noise.source, "unit": view.value_unit}
+    noise = view.recording.noise
+    content = {"std_gv": noise.std_gv, "source": noise.source, "unit": view.recording.value_unit}
     if (found := noise.correlated) is None:
         return content
     told = {"covariance_source": found.source} if found.source else {}
@@ -205,13 +205,13 @@ def noise_notes(experiment: Experiment) -> list[str]:
     """Notes for the result where the image noise is correlated, or larger than stated."""
     notes = []
     for view in experiment.views:
-        if (found := view.noise.correlated) is None:
+        if (found := view.recording.noise.correlated) is None:
             continue
-        of = "" if len(experiment.views) == 1 else f" of {view.camera_name}"
-        if view.points is not None:
-            notes.append(_field_note(noise=view.noise, beside=found.neighbour_correlation))
+        of = "" if len(experiment.views) == 1 else f" of {view.recording.camera_name}"
+        if view.recording.points is not None:
+            notes.append(_field_note(noise=view.recording.noise, beside=found.neighbour_correlation))
             continue
-        text = (f"image noise{of}: {found.stated_gv:.3g} {view.value_unit} ({view.noise.source.replace('_', ' ')}), "
+        text = (f"image noise{of}: {found.stated_gv:.3g} {view.recording.value_unit} ({view.recording.noise.source.replace('_', ' ')}), "
                 f"but {TOLD[found.source]} {found.recorded_gv:.3g}")
         if abs(found.neighbour_correlation) > MIN_TOLD_CORRELATION:
             text += f" with a correlation of {found.neighbour_correlation:.2f} between neighbouring pixels"

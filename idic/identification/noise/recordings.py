@@ -35,12 +35,12 @@ def recordings(view: Experiment) -> Iterator[Recording]:
     if still.separate:
         stack = declared_stack(view)
         yield Recording(stack, tuple(range(stack.n_frames)), STILL)
-    declared = tuple(sorted({*view.extras.get("still_frames", ()), *view.averaged}))
-    rest = declared if len(declared) > 1 else _run_around(still.frames, view.reference)
+    declared = tuple(sorted({*view.recording.still_frames, *view.recording.averaged}))
+    rest = declared if len(declared) > 1 else _run_around(still.frames, view.model.reference)
     if len(rest) > 1:
-        yield Recording(view.stack, rest, STILL)
-    frames = tuple(k for k in range(view.reference, view.n_frames) if k not in view.excluded)
-    yield Recording(view.stack, frames, CONSECUTIVE)
+        yield Recording(view.recording.stack, rest, STILL)
+    frames = tuple(k for k in range(view.model.reference, view.model.n_frames) if k not in view.recording.excluded)
+    yield Recording(view.recording.stack, frames, CONSECUTIVE)
 
 
 def _run_around(frames: Collection[int], reference: int) -> tuple[int, ...]:

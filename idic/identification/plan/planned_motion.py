@@ -41,7 +41,7 @@ def edge_motion(experiment: Experiment, courses: Courses, recorded: bool,
         If the motion of a measured edge is not known before the test, or the modes of a boundary are to be those of
         images to come.
     """
-    unknown = [p for p in experiment.prescribed if isinstance(p.drive, (Measured, Parametrised))]
+    unknown = [p for p in experiment.model.prescribed if isinstance(p.drive, (Measured, Parametrised))]
     given = [p for p in unknown if _key(p) in courses]
     if given:
         motion, notes = _prescribed_motion(experiment, given, courses), ()
@@ -52,22 +52,22 @@ def edge_motion(experiment: Experiment, courses: Courses, recorded: bool,
         motion, notes = None, ()
     _check_known(experiment, unknown, given, motion is not None, recorded, file)
     if motion is None:
-        return experiment, np.zeros((experiment.n_frames, build_drives(experiment).n_local)), ()
-    excluded = experiment.excluded
+        return experiment, np.zeros((experiment.model.n_frames, build_drives(experiment).n_local)), ()
+    excluded = experiment.recording.excluded
     experiment = with_boundary_start(experiment, boundary_start(experiment, motion, excluded))
     return experiment, measured_start(experiment, motion, excluded), notes
 
 
 def _prescribed_motion(experiment: Experiment, given: Sequence[Prescribed], courses: Courses) -> np.ndarray:
     """What a camera would measure of the edges that move along their courses  # (n_frames, n_nodes, 2) px"""
-    u = np.zeros((experiment.n_frames, *experiment.mesh.nodes.shape))
+    u = np.zeros((experiment.model.n_frames, *experiment.model.mesh.nodes.shape))
     for entry in given:
         times, course = np.array(courses[_key(entry)]).T
-        history = np.interp(experiment.times, times, course)
-        history = history - history[experiment.reference]
+        history = np.interp(experiment.model.times, times, course)
+        history = history - history[experiment.model.reference]
         u[:, set_nodes(experiment, entry.nodes), COMPONENTS.index(entry.component)] = history[:, None]
-    rest = experiment.camera.project(experiment.mesh.nodes)
-    return np.array([experiment.camera.project(experiment.mesh.nodes + frame) - rest for frame in u])
+    rest = experiment.model.camera.project(experiment.model.mesh.nodes)
+    return np.array([experiment.model.camera.project(experiment.model.mesh.nodes + frame) - rest for frame in u])
 
 
 def _check_known(experiment: Experiment, unknown, given, moves: bool, recorded: bool, file) -> None:
@@ -82,7 +82,7 @@ def _check_known(experiment: Experiment, unknown, given, moves: bool, recorded: 
             raise InputError("the motion of a measured edge is not known before the test", file=file,
                              key=f'design.program."{key}"',
                              expected="its course in time, in mm (px without a scale)", found="none",
-                             remedy=f'add for instance  "{key}" = [[0, 0], [{experiment.times[-1]:g}, 0.4]]')
+                             remedy=f'add for instance  "{key}" = [[0, 0], [{experiment.model.times[-1]:g}, 0.4]]')
 
 
 def _key(prescribed: Prescribed) -> str:

@@ -321,9 +321,9 @@ class PlannedFolder(ExperimentFolder):
 
 def image_unit(experiment: Experiment) -> str:
     """What pixel values count: grey values, or the unit of the heights."""
-    if experiment.points is not None:
-        return experiment.value_unit
-    return "grey values" if experiment.quantity == "grey" else str(experiment.extras.get("height_unit"))
+    if experiment.recording.points is not None:
+        return experiment.recording.value_unit
+    return experiment.recording.value_unit
 
 
 def columns_of(config: ExperimentFile) -> set[str]:
@@ -337,14 +337,14 @@ def _with_noise(experiment: Experiment, *given: float | None) -> tuple[Experimen
     chosen = next((std for std in given if std is not None), None)
     if chosen is not None:
         source = Noise(chosen, "given")
-    elif experiment.noise.std_gv is not None:
-        source = experiment.noise
+    elif experiment.recording.noise.std_gv is not None:
+        source = experiment.recording.noise
     else:
-        contrast = float(np.std(experiment.stack.frame(experiment.reference)))
+        contrast = float(np.std(experiment.recording.stack.frame(experiment.model.reference)))
         source = Noise(NOISE_SHARE * contrast, "assumed")
     told = {"given": "as given", "still_frames": "from still frames",
             "stage_differences": "from the differences of stages",
             "assumed": f"assumed: {100 * NOISE_SHARE:g} % of the contrast; give noise_std_gv or --noise-gv"}
-    what = "image noise" if experiment.points is None else "noise of a component"
-    return (replace(experiment, noise=source),
+    what = "image noise" if experiment.recording.points is None else "noise of a component"
+    return (replace(experiment, recording=replace(experiment.recording, noise=source)),
             f"{what}: {source.std_gv:.3g} {image_unit(experiment)} ({told.get(source.source, source.source)})")

@@ -42,7 +42,7 @@ def specimens_content(joint: Joint, state: LoopState, parts: Mapping[str, Evalua
     "mean_std"}}; the last five are None where fewer than two specimens determine the parameter.
     """
     counts = Counter(joined for names in joint.names.values() for joined in names.values())
-    shared = [name for name in joint.whole.parameters.free if counts[name] > 1]
+    shared = [name for name in joint.whole.model.parameters.free if counts[name] > 1]
     current = {name: replace(p, prior_mean=None, prior_std=None)  # as every specimen sees them: in the same scaled unit
                for name, p in parameters_at(joint.whole, state).items() if name in shared}
     own = {name: _own_values(joint, name, state, parts[name], noise[name], discrepancies[name], current)

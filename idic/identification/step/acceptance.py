@@ -57,7 +57,7 @@ def improves(trial: Evaluation, previous: Evaluation, experiment: Experiment, st
     if 0 < trial.increments < previous.increments and (
             generalised or trial.system.phi <= MAX_PHI_RATIO_WITH_FEWER_CUTS * previous.system.phi):
         return True
-    there, here = (stage_parameters(experiment.parameters.with_values(point.values), stage)
+    there, here = (stage_parameters(experiment.model.parameters.with_values(point.values), stage)
                    for point in (state.trial, state.accepted))
     before = scaled_at(previous, here, stage, image_noise)
     if returns_to_an_earlier_point(state, before, there, here, experiment.options.tolerance):

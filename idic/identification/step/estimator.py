@@ -40,9 +40,9 @@ def check_estimator(experiment: Experiment) -> None:
     problem = None
     if experiment.options.weighting != "noise":
         problem = f"weighting = {experiment.options.weighting!r}"
-    elif experiment.quantity == "displacement":
+    elif experiment.recording.quantity == "displacement":
         problem = "measured fields, whose noise is correlated between neighbours"
-    elif experiment.quantity == "height" and experiment.kind == "plane_strain":
+    elif experiment.recording.quantity == "height" and experiment.model.kind == "plane_strain":
         problem = "height images of a cross-section"
     if problem:
         raise InputError("generalised least squares are not available here", file="experiment.toml",
@@ -82,9 +82,9 @@ def next_estimator(present: str, status: str, experiment: Experiment, names: Seq
         return present
     if experiment.options.interpolation != "quintic" or experiment.options.weighting != "noise":
         return present  # generalised least squares magnify the bias of the cubic spline
-    if any(isinstance(entry.drive, Parametrised) for entry in experiment.prescribed):
+    if any(isinstance(entry.drive, Parametrised) for entry in experiment.model.prescribed):
         return present
-    if any(isinstance(entry.drive, Measured) for entry in experiment.prescribed) and (
+    if any(isinstance(entry.drive, Measured) for entry in experiment.model.prescribed) and (
             misfit(point, experiment.options.lowpass_px) > MAX_EXPLAINED_CHI2):
         return present
     if predicted_gain(experiment, names, point, image_noise) >= MAX_WORTHWHILE_STD_RATIO:
@@ -100,7 +100,7 @@ def may_begin_generalised(experiment: Experiment) -> bool:
     """
     if experiment.options.estimator == GENERALISED:
         return True
-    measured = any(isinstance(entry.drive, Measured) for entry in experiment.prescribed)
+    measured = any(isinstance(entry.drive, Measured) for entry in experiment.model.prescribed)
     return not measured and spline_share(experiment) <= MAX_SPLINE_ERROR_SHARE
 
 
@@ -131,11 +131,11 @@ def spline_share(experiment: Experiment) -> float:
     weigh every frame as a new draw, so that their error bars are too small: by up to 13 times on a virtual test of 12
     and 16 bits without noise.
     """
-    noise = experiment.noise.std_gv
-    if experiment.stack is None or experiment.quantity != "grey" or not noise:
+    noise = experiment.recording.noise.std_gv
+    if experiment.recording.stack is None or experiment.recording.quantity != "grey" or not noise:
         return 0.0
     options = experiment.options
-    image = lowpass(np.asarray(experiment.stack.frame(experiment.reference), dtype=np.float32), options.lowpass_px)
+    image = lowpass(np.asarray(experiment.recording.stack.frame(experiment.model.reference), dtype=np.float32), options.lowpass_px)
     return spline_error(image, DEGREES[options.interpolation], noise) / noise
 
 
@@ -155,7 +155,7 @@ def predicted_gain(experiment: Experiment, names: Sequence[str], point: Evaluati
 
     point : of ordinary least squares, with `predicted`
     """
-    parameters = experiment.parameters.with_free(names)
+    parameters = experiment.model.parameters.with_free(names)
     system = point.system.restrict(names)
     pick = [point.system.names.index(name) for name in names]
     gram = point.reference_gram[np.ix_(pick, pick)]

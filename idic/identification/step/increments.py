@@ -76,17 +76,17 @@ MAX_KNOWN_ERROR = 0.1  # of that distance, over the largest change with which in
 
 def rate_dependent_laws(experiment: Experiment) -> tuple[str, ...]:
     """Laws of the experiment that depend on time; none with an external solver, which takes its own increments."""
-    if experiment.solver is not None:
+    if experiment.model.solver is not None:
         return ()
-    return tuple(dict.fromkeys(m.law for m in experiment.materials if get_law(m.law).rate_dependent))
+    return tuple(dict.fromkeys(m.law for m in experiment.model.materials if get_law(m.law).rate_dependent))
 
 
 def path_dependent_laws(experiment: Experiment) -> tuple[str, ...]:
     """Laws of the experiment with a memory, plasticity and damage among them: their stress depends on the increments,
     if less than that of a rate-dependent law. None with an external solver."""
-    if experiment.solver is not None:
+    if experiment.model.solver is not None:
         return ()
-    return tuple(dict.fromkeys(m.law for m in experiment.materials if get_law(m.law).n_state > 0))
+    return tuple(dict.fromkeys(m.law for m in experiment.model.materials if get_law(m.law).n_state > 0))
 
 
 def chooses_increments(experiment: Experiment) -> bool:
@@ -207,7 +207,7 @@ def has_rough_steps(experiment: Experiment) -> bool:
     Where an edge moves as it was measured and points yield, its noise in one frame changes plastic strain in later
     ones, which the derivatives leave out.
     """
-    measured = any(isinstance(entry.drive, Measured) for entry in experiment.prescribed)
+    measured = any(isinstance(entry.drive, Measured) for entry in experiment.model.prescribed)
     return measured and chooses_increments(experiment) and not rate_dependent_laws(experiment)
 
 
@@ -233,7 +233,7 @@ def with_comparison_judged(state: LoopState, experiment: Experiment, last: Stage
         return _to_compare(state, 2)
     if finer.system is None:
         return replace(state, increments=IncrementChoice(None, FAILED), trial=Trial(dict(state.accepted.values)))
-    here = experiment.parameters.with_values(state.accepted.values)
+    here = experiment.model.parameters.with_values(state.accepted.values)
     parameters, steps = stage_parameters(here, last), []
     for point in (finer, accepted):
         scaled = scaled_at(point, parameters, last, image_noise)
@@ -272,7 +272,7 @@ def max_increments(experiment: Experiment) -> int:
 
 def n_intervals(experiment: Experiment) -> int:
     """Intervals between the simulated frames."""
-    return max(experiment.n_frames - 1 - experiment.reference, 1)
+    return max(experiment.model.n_frames - 1 - experiment.model.reference, 1)
 
 
 def largest_change(choice: IncrementChoice, state: LoopState, experiment: Experiment, last: Stage, point: Evaluation,
@@ -282,7 +282,7 @@ def largest_change(choice: IncrementChoice, state: LoopState, experiment: Experi
 
     status : with which the search ended; one that stalled may have met the jumps that its increments make
     """
-    now = stage_parameters(experiment.parameters.with_values(state.accepted.values), last)
+    now = stage_parameters(experiment.model.parameters.with_values(state.accepted.values), last)
     scaled = scaled_at(point, now, last, image_noise)
     left = remaining_share(experiment, choice) * np.array([choice.change[name] for name in scaled.names])
     left /= np.where(scaled.slopes == 0.0, np.inf, scaled.slopes)

@@ -65,7 +65,7 @@ def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage],
     to_the_end : whether the step is made where the end of the search is known (`idic.identification.step.increments`)
     """
     options, stage = experiment.options, stages[state.schedule.stage]
-    parameters = stage_parameters(experiment.parameters.with_values(state.accepted.values), stage)
+    parameters = stage_parameters(experiment.model.parameters.with_values(state.accepted.values), stage)
     scaled = scaled_at(point, parameters, stage, image_noise) if non_smooth is None else non_smooth
     found = spectrum(scaled)
     stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, found)), 0.0))
@@ -172,7 +172,7 @@ def _non_smooth_system(state: LoopState, trial: Evaluation, accepted: Evaluation
     point."""
     if trial.system is None or trial.system.generalised != accepted.system.generalised:
         return None
-    known = experiment.parameters.with_values(state.accepted.values)
+    known = experiment.model.parameters.with_values(state.accepted.values)
     parameters, moved = (stage_parameters(at, stage) for at in (known, known.with_values(state.trial.values)))
     here, there = scaled_at(accepted, parameters, stage, image_noise), scaled_at(trial, moved, stage, image_noise)
     return directional_derivative(here, there, spectrum(here), parameters, moved, NON_SMOOTH_TOLERANCE)

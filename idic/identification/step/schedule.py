@@ -37,16 +37,16 @@ def wants_search(experiment: Experiment) -> bool:
     Not where edges take a motion in space from the images: the search knows that of one camera.
     """
     options = experiment.options
-    in_space = is_stereo(experiment) and any(isinstance(entry.drive, Measured) for entry in experiment.prescribed)
-    asked = (options.search != "never" and options.method == "integrated" and experiment.solver is None
+    in_space = is_stereo(experiment) and any(isinstance(entry.drive, Measured) for entry in experiment.model.prescribed)
+    asked = (options.search != "never" and options.method == "integrated" and experiment.model.solver is None
              and not in_space)
-    return asked and any(experiment.parameters[name].start_values for name in first_free(experiment))
+    return asked and any(experiment.model.parameters[name].start_values for name in first_free(experiment))
 
 
 def first_free(experiment: Experiment) -> tuple[str, ...]:
     """The parameters that the first stage frees, and a search with it."""
     names = experiment.stages[0].free if experiment.stages else "all"
-    return tuple(name for name in experiment.parameters.free if names == "all" or name in names)
+    return tuple(name for name in experiment.model.parameters.free if names == "all" or name in names)
 
 
 def begins_blurred(experiment: Experiment) -> bool:
@@ -54,7 +54,7 @@ def begins_blurred(experiment: Experiment) -> bool:
 
     A start that was near already skips the stage (`idic.identification.loop.start`).
     """
-    return not experiment.stages and experiment.quantity == "grey" and wants_search(experiment)
+    return not experiment.stages and experiment.recording.quantity == "grey" and wants_search(experiment)
 
 
 def strong_directions(scaled: Scaled, found: Spectrum) -> np.ndarray:
@@ -87,5 +87,5 @@ def seen_in(experiment: Experiment, stage: Stage) -> Experiment:
         experiment = replace(experiment, options=replace(experiment.options, lowpass_px=blur))
     if stage.until_s is None:
         return experiment
-    late = np.flatnonzero(experiment.times > stage.until_s)
-    return replace(experiment, excluded=tuple(sorted({*experiment.excluded, *map(int, late)})))
+    late = np.flatnonzero(experiment.model.times > stage.until_s)
+    return replace(experiment, recording=replace(experiment.recording, excluded=tuple(sorted({*experiment.recording.excluded, *map(int, late)}))))

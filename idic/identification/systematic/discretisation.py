@@ -41,8 +41,8 @@ def is_coarse(experiment: Experiment) -> bool:
     Of solids, which would cost more than the identification, the error of the motion is estimated
     (`idic.identification.discrepancy.normal_equations`).
     """
-    return (experiment.solver is None and experiment.options.weighting == "noise" and experiment.mesh.n_dim == 2
-            and is_raised_by_default(experiment.mesh))
+    return (experiment.model.solver is None and experiment.options.weighting == "noise" and experiment.model.mesh.n_dim == 2
+            and is_raised_by_default(experiment.model.mesh))
 
 
 def with_mesh_error(found: DiscrepancySystem, evaluate: Evaluate, experiment: Experiment, values: Mapping[str, float],
@@ -63,7 +63,7 @@ def with_mesh_error(found: DiscrepancySystem, evaluate: Evaluate, experiment: Ex
         return found
     bias = np.array([biases.get(name, 0.0) for name in found.names])
     error = found.M[:, :found.n] @ bias
-    error[:found.n] += beyond_data(ended.system, experiment.parameters.with_values(values), bias)
+    error[:found.n] += beyond_data(ended.system, experiment.model.parameters.with_values(values), bias)
     return replace(found, mesh_error=error)
 
 
@@ -136,7 +136,7 @@ def _biases(experiment: Experiment, values: Mapping[str, float], evaluated: Eval
             image_noise: float) -> dict[str, float]:
     """Values less those where one Gauss-Newton step of the finer model leads, without the step left of the given
     one."""
-    parameters = experiment.parameters.with_values(values)
+    parameters = experiment.model.parameters.with_values(values)
     steps = []
     for point in (evaluated, ended):
         scaled = scaled_system(point.system, parameters, point.reference_gram, image_noise)

@@ -37,11 +37,11 @@ class BoundaryStart:
 
 def virtual_boundaries(experiment: Experiment) -> tuple[Prescribed, ...]:
     """The parametrised drives of an experiment that a free FE-DIC can see."""
-    section = experiment.surface is not None and experiment.kind != "solid"
-    if experiment.stack is None or experiment.quantity == "height" or section:
+    section = experiment.model.surface is not None and experiment.model.kind != "solid"
+    if experiment.recording.stack is None or experiment.recording.quantity == "height" or section:
         return ()
     seen_components = "xyz" if is_stereo(experiment) else "xy"
-    return tuple(p for p in experiment.prescribed
+    return tuple(p for p in experiment.model.prescribed
                  if isinstance(p.drive, Parametrised) and p.component in seen_components)
 
 
@@ -55,7 +55,7 @@ def boundary_start(experiment: Experiment, u_px: np.ndarray, excluded: Collectio
     excluded : frames to leave out
     u_mm : (n_frames, n_nodes, 3) mm, the motion in space where two cameras measured it, in the place of u_px
 
-    Values that the user gave (``experiment.extras["given"]``) stay; the others are fitted together with them.
+    Values that the user gave (``Model.stated_values``) stay; the others are fitted together with them.
     """
     values, modes, notes = {}, {}, []
     for entry in virtual_boundaries(experiment):
@@ -67,14 +67,14 @@ def boundary_start(experiment: Experiment, u_px: np.ndarray, excluded: Collectio
             notes.append(f"{stem}: no part of this edge is in the images; it starts from rest")
             continue
         if drive.kind == "dic":
-            shapes, courses, amplitudes = _strongest(motion, experiment.mesh.nodes[nodes], in_images, drive)
+            shapes, courses, amplitudes = _strongest(motion, experiment.model.mesh.nodes[nodes], in_images, drive)
             modes[f"{entry.nodes}.{entry.component}"] = shapes, courses
         else:
             shapes, courses = mode_shapes(experiment, nodes, drive, stem)
             amplitudes = None
         names = mode_names(entry)
-        given_names = {name for name in names if name in experiment.extras.get("given", ())}
-        current_values = np.array([experiment.parameters[name].value for name in names])
+        given_names = {name for name in names if name in experiment.model.stated_values}
+        current_values = np.array([experiment.model.parameters[name].value for name in names])
         is_free = np.array([name not in given_names for name in names])
         if amplitudes is None or given_names:
             amplitudes = _projected(motion[:, in_images], shapes[in_images], courses, current_values, is_free)
@@ -88,34 +88,33 @@ def boundary_start(experiment: Experiment, u_px: np.ndarray, excluded: Collectio
 def with_boundary_start(experiment: Experiment, start: BoundaryStart) -> Experiment:
     """The experiment with these modes, starting values and notes."""
     prescribed = []
-    for entry in experiment.prescribed:
+    for entry in experiment.model.prescribed:
         mode = start.modes.get(f"{entry.nodes}.{entry.component}")
         if mode is not None and isinstance(entry.drive, Parametrised):
             entry = replace(entry, drive=replace(entry.drive, shapes=mode[0], courses=mode[1]))
         prescribed.append(entry)
-    return replace(experiment, prescribed=tuple(prescribed), notes=(*experiment.notes, *start.notes),
-                   parameters=experiment.parameters.with_values(start.values))
+    return replace(experiment, model=replace(experiment.model, prescribed=tuple(prescribed), parameters=experiment.model.parameters.with_values(start.values)), notes=(*experiment.notes, *start.notes))
 
 
 def edge_motion(experiment: Experiment, entry: Prescribed, u_px: np.ndarray, excluded: Collection[int] = (),
                 u_mm: np.ndarray | None = None) -> np.ndarray:
     """Measured motion of a set of nodes, frames that are missing bridged in time  # (n_frames, n) mm, NaN: not seen"""
     nodes, component = set_nodes(experiment, entry.nodes), COMPONENTS.index(entry.component)
-    camera, first = experiment.camera, experiment.reference
-    motion = np.full((experiment.n_frames, len(nodes)), np.nan)
+    camera, first = experiment.model.camera, experiment.model.reference
+    motion = np.full((experiment.model.n_frames, len(nodes)), np.nan)
     if u_mm is not None:
-        later = [k for k in range(first, experiment.n_frames) if k not in excluded]
+        later = [k for k in range(first, experiment.model.n_frames) if k not in excluded]
         motion[later] = u_mm[later][:, nodes, component]
     else:
-        rest_px = camera.project(experiment.mesh.nodes[nodes])
+        rest_px = camera.project(experiment.model.mesh.nodes[nodes])
         plane = camera.inverse(rest_px)
-        for k in range(first, experiment.n_frames):
+        for k in range(first, experiment.model.n_frames):
             moved = u_px[k, nodes, :2]
             measured = np.isfinite(moved).all(axis=1)
             if k not in excluded and measured.any():
                 motion[k, measured] = (camera.inverse(rest_px[measured] + moved[measured]) - plane[measured])[:,
                                                                                                               component]
-    frames = np.arange(experiment.n_frames)
+    frames = np.arange(experiment.model.n_frames)
     motion[:first + 1] = 0.0
     for column in motion.T:
         measured = np.isfinite(column)

@@ -91,11 +91,11 @@ def camera_floor(experiment: Experiment, reference: ReferenceImage, still: Still
         Frame -> displacement of the nodes (n_nodes, 2) px, NaN where unknown: the start of a still frame, and the
         motions of the specimen.
     """
-    if not still.found or not experiment.noise.std_gv or experiment.mesh.n_nodes > MAX_NODES:
+    if not still.found or not experiment.recording.noise.std_gv or experiment.model.mesh.n_nodes > MAX_NODES:
         return None
-    cells, at = surface_cells(experiment.mesh, experiment.surface), reference.pixel_map.nodes_px
+    cells, at = surface_cells(experiment.model.mesh, experiment.model.surface), reference.pixel_map.nodes_px
     size = build_smoother(at, cells, Regularisation()).size_px
-    least = MIN_LENGTH_PX if experiment.points is None else 0.0
+    least = MIN_LENGTH_PX if experiment.recording.points is None else 0.0
     smoother = build_smoother(at, cells, Regularisation("mechanical", max(LENGTH_NODES * size, least)))
     measured = list(_measured(experiment, reference, smoother, still, motion))
     if not measured:
@@ -114,7 +114,7 @@ def camera_floor(experiment: Experiment, reference: ReferenceImage, still: Still
                 continue  # a permanent strain: no camera's
             warp = without_rigid(u, at[nodes], leading[0])
         warp = warp.reshape(-1, 2)
-        in_reference = number in experiment.averaged and not still.separate
+        in_reference = number in experiment.recording.averaged and not still.separate
         floors.append(_StillFrameFloor(number, drift, noise.excess(warp, in_reference),
                             float(noise.variance(in_reference).mean())))
     return _floor(floors, noise, nodes, smoother, still) if floors else None
@@ -141,7 +141,7 @@ def _measured(experiment: Experiment, reference: ReferenceImage, smoother: Smoot
                 yield k, field
             continue
         spline = prefilter(stack.frame(k), reference.degree, experiment.options.lowpass_px)
-        start = np.zeros((experiment.mesh.n_nodes, 2))
+        start = np.zeros((experiment.model.mesh.n_nodes, 2))
         if motion is not None and not still.separate:
             start = np.nan_to_num(motion(k))
         frame = dic_frame(reference, spline, start, smoother, experiment.options.brightness)
@@ -155,9 +155,9 @@ def _images(experiment: Experiment, still: StillFrames) -> tuple[Stack, list[int
         stack = declared_stack(experiment)
         numbers = list(range(stack.n_frames))
     else:
-        stack = experiment.stack
-        averaged = len(experiment.averaged) > 1
-        numbers = [k for k in still.frames if averaged or k != experiment.reference]
+        stack = experiment.recording.stack
+        averaged = len(experiment.recording.averaged) > 1
+        numbers = [k for k in still.frames if averaged or k != experiment.model.reference]
     picks = np.unique(np.linspace(0, len(numbers) - 1, min(len(numbers), MAX_STILL_FRAMES)).round().astype(int))
     return stack, [numbers[i] for i in picks]
 
@@ -168,7 +168,7 @@ def _leading(experiment: Experiment, reference: ReferenceImage, smoother: Smooth
 
     None where no frame was at rest after the load: nothing can be a permanent strain.
     """
-    loaded = [k for k in correlated_frames(experiment, range(experiment.n_frames)) if k not in still.frames]
+    loaded = [k for k in correlated_frames(experiment, range(experiment.model.n_frames)) if k not in still.frames]
     if not still.unloaded or motion is None or not loaded:
         return None
     picks = np.unique(np.linspace(0, len(loaded) - 1, N_LOADED_FRAMES + 1).round().astype(int)[1:])
@@ -200,7 +200,7 @@ class _NodeNoise:
         unit[dofs, np.arange(len(dofs))] = 1.0
         x = frame.factorisation.lu.solve(unit)
         gram = x.T @ (frame.hessian @ x)
-        self.sigma2 = experiment.noise.in_sums_gv**2 * gradient_share(reference)
+        self.sigma2 = experiment.recording.noise.in_sums_gv**2 * gradient_share(reference)
         self.kappa, self.n_images = frame.kappa, reference.n_images
         at = reference.pixel_map.nodes_px
         gains = np.diagonal(gram).reshape(-1, 2).mean(axis=1)

@@ -84,7 +84,7 @@ def field_variance(frame: DicFrame, reference: FieldReference, dof: float) -> fl
 def smoother_of(experiment: Experiment, reference: FieldReference, regularisation: Regularisation) -> Smoother:
     """The regularisation on the nodes of the grid; without a length, waves of two nodes' distance are damped by
     half."""
-    nodes, cells = reference.pixel_map.nodes_px, surface_cells(experiment.mesh, experiment.surface)
+    nodes, cells = reference.pixel_map.nodes_px, surface_cells(experiment.model.mesh, experiment.model.surface)
     smoother = build_smoother(nodes, cells, regularisation)
     if regularisation.length_px is not None or regularisation.kind == "none":
         return smoother
@@ -98,18 +98,18 @@ def field_motion(experiment: Experiment, regularisation: Regularisation,
 
     keep : takes the motion of the frames one by one (`idic.measure.dic.stack.dic_stack`)
     """
-    reference = build_field_reference(experiment, experiment.camera).in_plane
+    reference = build_field_reference(experiment, experiment.model.camera).in_plane
     smoother = smoother_of(experiment, reference, regularisation)
-    n, nodes = experiment.n_frames, experiment.mesh.n_nodes
+    n, nodes = experiment.model.n_frames, experiment.model.mesh.n_nodes
     motions: list[np.ndarray] = []
     keep_motion = motions.append if keep is None else keep
     rms, chi2, local = (np.full(n, np.nan) for _ in range(3))
     pixels, lost = np.zeros(n, dtype=int), np.zeros(n, dtype=int)
-    std = experiment.noise.std_gv or np.nan
+    std = experiment.recording.noise.std_gv or np.nan
     factor, dof = None, 0.0
     for k in range(n):
-        if k == experiment.reference or k in experiment.excluded:
-            keep_motion(np.full((nodes, 2), 0.0 if k == experiment.reference else np.nan))
+        if k == experiment.model.reference or k in experiment.recording.excluded:
+            keep_motion(np.full((nodes, 2), 0.0 if k == experiment.model.reference else np.nan))
             continue
         frame = field_frame(reference, reference.measured(experiment, k), smoother)
         if frame is not None and frame.factorisation is not None:
@@ -124,7 +124,7 @@ def field_motion(experiment: Experiment, regularisation: Regularisation,
         if progress is not None:
             progress(k + 1, n)
     typical = np.nanmedian(rms) if np.isfinite(rms).any() else np.inf
-    status = ["excluded" if k in experiment.excluded else "ok" if k == experiment.reference
+    status = ["excluded" if k in experiment.recording.excluded else "ok" if k == experiment.model.reference
               else "lost" if not np.isfinite(rms[k]) else "unexplained" if rms[k] > MAX_RMS_RATIO * typical else "ok"
               for k in range(n)]
     u_px = np.array(motions) if keep is None else np.empty((0, nodes, 2))

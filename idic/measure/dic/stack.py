@@ -132,12 +132,12 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
     >>> motion.status[-1], motion.u_px.shape == (experiment.n_frames, experiment.mesh.n_nodes, 2)
     ('ok', True)
     """
-    if experiment.points is not None:
+    if experiment.recording.points is not None:
         return DicStack(**field_motion(experiment, _named(regularisation), progress, keep))
     setting = _set_up(experiment, regularisation)
-    n, nodes = experiment.n_frames, experiment.mesh.n_nodes
+    n, nodes = experiment.model.n_frames, experiment.model.mesh.n_nodes
     u_px = np.full((n, nodes, 2), np.nan)
-    u_px[experiment.reference] = 0.0
+    u_px[experiment.model.reference] = 0.0
     rms, variance, local = (np.full(n, np.nan) for _ in range(3))
     pixels, lost, iterations, attempts = (np.zeros(n, dtype=int) for _ in range(4))
     converged = np.zeros(n, dtype=bool)
@@ -153,13 +153,13 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
         if progress is not None:
             progress(n_done, n)
     status = _status(experiment, recognised, unexplained(np.where(recognised, rms, np.nan), mismatched))
-    good = np.array([s == "ok" and k not in experiment.averaged for k, s in enumerate(status)])  # part of the reference
+    good = np.array([s == "ok" and k not in experiment.recording.averaged for k, s in enumerate(status)])  # part of the reference
     noise_gv = noise_of_frames(np.where(good, local, np.nan))
     if keep is not None:
         for motion in u_px:
             keep(motion)
         u_px = u_px[:0].copy()
-    return DicStack(u_px, status, rms, variance / (experiment.noise.std_gv or noise_gv) ** 2, noise_gv, np.sqrt(local),
+    return DicStack(u_px, status, rms, variance / (experiment.recording.noise.std_gv or noise_gv) ** 2, noise_gv, np.sqrt(local),
                     pixels, lost, mismatched, iterations, converged, attempts, setting.smoother.length_px)
 
 
@@ -171,8 +171,8 @@ def _named(regularisation: Regularisation | str | None) -> Regularisation:
 
 def _set_up(experiment: Experiment, regularisation) -> _Setting:
     regularisation = _named(regularisation)
-    cells = surface_cells(experiment.mesh, experiment.surface)
-    reference = build_experiment_reference(experiment, experiment.camera)
+    cells = surface_cells(experiment.model.mesh, experiment.model.surface)
+    reference = build_experiment_reference(experiment, experiment.model.camera)
     smoother = build_smoother(reference.pixel_map.nodes_px, cells, regularisation)
     return _Setting(experiment, reference, smoother, cells, experiment.options.brightness, [])
 
@@ -180,14 +180,14 @@ def _set_up(experiment: Experiment, regularisation) -> _Setting:
 def _frames(setting: _Setting) -> Iterator[tuple[int, DicFrame, int, Any]]:
     """Forward from the reference frame to the last, then backward to the first."""
     experiment = setting.experiment
-    zero = np.zeros((experiment.mesh.n_nodes, 2))
+    zero = np.zeros((experiment.model.mesh.n_nodes, 2))
     dof_of: tuple[Factorisation | None, float] = (None, 0.0)
-    for order in (range(experiment.reference + 1, experiment.n_frames), range(experiment.reference - 1, -1, -1)):
-        start = _LastFrame(experiment.reference, experiment.times[experiment.reference], zero, None, np.inf, None)
+    for order in (range(experiment.model.reference + 1, experiment.model.n_frames), range(experiment.model.reference - 1, -1, -1)):
+        start = _LastFrame(experiment.model.reference, experiment.model.times[experiment.model.reference], zero, None, np.inf, None)
         for k in order:
-            if k in experiment.excluded:
+            if k in experiment.recording.excluded:
                 continue
-            image = experiment.stack.frame(k)
+            image = experiment.recording.stack.frame(k)
             spline = frame_spline(experiment, k)
             frame, tried = _measure(setting, k, image, spline, start)
             noise = None
@@ -196,7 +196,7 @@ def _frames(setting: _Setting) -> Iterator[tuple[int, DicFrame, int, Any]]:
                     dof_of = (frame.factorisation, fitted_dof(frame))
                 noise = residual_noise(setting.reference, spline, frame, setting.brightness, dof_of[1])
                 if not _suspicious(setting, frame, 2 * start.rms):
-                    start = _follow(start, k, experiment.times[k], frame)
+                    start = _follow(start, k, experiment.model.times[k], frame)
             yield k, frame, tried, noise
 
 
@@ -249,17 +249,17 @@ def _starts(setting: _Setting, k: int, image, spline: Spline, last_frame: _LastF
     first, value = _from_frame_before(setting, k, spline, last_frame)
     yield first if value < _MAX_START_UNLIKENESS else None
     experiment = setting.experiment
-    reference_image = experiment.stack.frame(experiment.reference)
+    reference_image = experiment.recording.stack.frame(experiment.model.reference)
     if not setting.pyramid:
         setting.pyramid.extend(build_pyramid(setting.reference.pixel_map, reference_image, setting.cells,
                                              setting.smoother.length_px, setting.reference.degree))
     yield descend(setting.pyramid, image, first, setting.brightness) if value < _MAX_START_UNLIKENESS else None
     nodes = setting.reference.pixel_map.nodes_px
     visible = setting.reference.pixel_map.visible_nodes
-    for frame, u in ((last_frame.frame, last_frame.u), (experiment.reference, np.zeros_like(last_frame.u))):
-        moved = coarse_motion(experiment.stack.frame(frame), image, (nodes + u)[visible], nodes + u)
+    for frame, u in ((last_frame.frame, last_frame.u), (experiment.model.reference, np.zeros_like(last_frame.u))):
+        moved = coarse_motion(experiment.recording.stack.frame(frame), image, (nodes + u)[visible], nodes + u)
         yield None if moved is None else descend(setting.pyramid, image, u + moved, setting.brightness)
-        if last_frame.frame == experiment.reference:
+        if last_frame.frame == experiment.model.reference:
             break
     if value >= _MAX_START_UNLIKENESS:
         yield descend(setting.pyramid, image, first, setting.brightness)
@@ -269,7 +269,7 @@ def _from_frame_before(setting: _Setting, k: int, spline: Spline, last_frame: _L
     """The last displacement or its extrapolation in time, whichever fits the frame better, and its unlikeness."""
     candidates = [last_frame.u]
     if last_frame.velocity is not None:
-        candidates.append(last_frame.u + last_frame.velocity * (setting.experiment.times[k] - last_frame.time))
+        candidates.append(last_frame.u + last_frame.velocity * (setting.experiment.model.times[k] - last_frame.time))
     trials = [nodal_equations(setting.reference, spline, u, setting.brightness) for u in candidates]
     fits = [solve_brightness(nodal) for nodal in trials]
     likeness = [unlikeness(setting.reference, nodal.n_valid, fit.rr, fit.coefficients)
@@ -289,10 +289,10 @@ def _suspicious(setting: _Setting, frame: DicFrame, largest_rms: float) -> bool:
 
 def _status(experiment: Experiment, recognised: np.ndarray, is_unexplained: np.ndarray) -> list[str]:
     status = []
-    for k in range(experiment.n_frames):
-        if k in experiment.excluded and k != experiment.reference:
+    for k in range(experiment.model.n_frames):
+        if k in experiment.recording.excluded and k != experiment.model.reference:
             status.append("excluded")
-        elif k == experiment.reference:
+        elif k == experiment.model.reference:
             status.append("ok")
         elif not recognised[k]:
             status.append("lost")

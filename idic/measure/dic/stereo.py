@@ -84,20 +84,20 @@ def surface_motion(experiment: Experiment, length_mm: float | None = None,
     InputError
         If fewer than two cameras have a lens.
     """
-    eyes = [_eye(view) for view in experiment.views if isinstance(view.camera, PlacedCamera)]
+    eyes = [_eye(view) for view in experiment.views if isinstance(view.model.camera, PlacedCamera)]
     if len(eyes) < 2:
         raise InputError("motion in space needs two cameras with a lens", key="camera",
                          expected="two [[camera]] tables "
                          'with model = "pinhole"', found=str(len(eyes)),
     remedy="use idic.measure.dic.dic_stack for one camera")
     cells = [(np.asarray(pm.conn), np.asarray(pm.kind)) for pm in (eye.reference.pixel_map for eye in eyes)]
-    smoother = surface_smoother(in_space(experiment.mesh.nodes), cells, length_mm)
-    n_frames = experiment.n_frames
+    smoother = surface_smoother(in_space(experiment.model.mesh.nodes), cells, length_mm)
+    n_frames = experiment.model.n_frames
     u_mm = np.full((n_frames, len(smoother.nodes), 3), np.nan)
-    u_mm[experiment.reference] = 0.0
+    u_mm[experiment.model.reference] = 0.0
     rms, iterations = np.full((n_frames, len(eyes)), np.nan), np.zeros(n_frames, dtype=int)
-    start, noise = np.zeros((experiment.mesh.n_nodes, 3)), None
-    frames = [k for k in range(experiment.reference + 1, n_frames) if k not in experiment.excluded]
+    start, noise = np.zeros((experiment.model.mesh.n_nodes, 3)), None
+    frames = [k for k in range(experiment.model.reference + 1, n_frames) if k not in experiment.recording.excluded]
     for n_done, frame in enumerate(frames, 1):
         u, frame_rms, count, converged = _measure(eyes, frame, start, smoother)
         iterations[frame], rms[frame] = count, frame_rms
@@ -111,9 +111,9 @@ def surface_motion(experiment: Experiment, length_mm: float | None = None,
 
 
 def _eye(view: Experiment) -> _Eye:
-    noise, reference = view.noise.in_sums_gv or DEFAULT_NOISE_GV, build_experiment_reference(view, view.camera)
+    noise, reference = view.recording.noise.in_sums_gv or DEFAULT_NOISE_GV, build_experiment_reference(view, view.model.camera)
     variance = (1.0 + 1.0 / reference.n_images) * noise**2 * gradient_share(reference)
-    return _Eye(view, view_of(view, view.camera), reference, 1.0 / variance)
+    return _Eye(view, view_of(view, view.model.camera), reference, 1.0 / variance)
 
 
 def _measure(eyes: Sequence[_Eye], frame: int, start: np.ndarray,
@@ -147,7 +147,7 @@ def _information(eyes: Sequence[_Eye], frame: int, u: np.ndarray, smoother: Surf
     The gain and offset of a frame are taken out of q; their part of H, two directions of all nodes together, only
     lengthens the way.
     """
-    nodes, total, gap, rms = eyes[0].experiment.mesh.nodes, None, 0.0, []
+    nodes, total, gap, rms = eyes[0].experiment.model.mesh.nodes, None, 0.0, []
     for eye in eyes:
         view = eye.view.at(frame)
         nodal = eye.reference.compare(eye.experiment, frame, view.motion(nodes, u))

@@ -40,7 +40,7 @@ class StillFrames:
     unloaded : tuple of int
         Those after the first loaded frame.
     separate : bool
-        Whether the declared ones are separate images (``experiment.extras["still_stack"]``), no frames of the test.
+        Whether the declared ones are separate images (``Recording.still_stack``), no frames of the test.
     """
 
     frames: tuple[int, ...] = ()
@@ -66,7 +66,7 @@ def find_still_frames(experiment: Experiment, motion_px: np.ndarray | None = Non
     nodes : array of m node indices, optional
         The nodes that `motion_px` is given at; default all.
     """
-    declared = tuple(experiment.extras.get("still_frames", ()))
+    declared = experiment.recording.still_frames
     by_log = _rest_by_log(experiment)
     source, at_rest = "log", by_log
     if motion_px is not None:
@@ -75,12 +75,12 @@ def find_still_frames(experiment: Experiment, motion_px: np.ndarray | None = Non
         source = "images"
         at_rest = by_images if by_log is None or by_images is None else by_images & by_log
     numbers = set() if at_rest is None else set(np.flatnonzero(at_rest).tolist())
-    numbers -= set(experiment.excluded) - set(declared) - set(experiment.averaged)
+    numbers -= set(experiment.recording.excluded) - set(declared) - set(experiment.recording.averaged)
     frames = tuple(sorted(numbers | set(declared)))
-    references = set(experiment.averaged) | {experiment.reference}
+    references = set(experiment.recording.averaged) | {experiment.model.reference}
     detected = set(frames) - references - set(declared)
-    separate = experiment.extras.get("still_stack") is not None
-    if not set(frames) - {experiment.reference}:
+    separate = experiment.recording.still_stack is not None
+    if not set(frames) - {experiment.model.reference}:
         return StillFrames(source="declared" if separate else "", separate=separate)
     declaration = "declared" if declared or separate else ""
     return StillFrames(frames,
@@ -90,20 +90,20 @@ def find_still_frames(experiment: Experiment, motion_px: np.ndarray | None = Non
 
 def declared_stack(experiment: Experiment) -> Stack:
     """The separate images at rest, with the grey values that the test is compared in."""
-    stack, stabiliser = experiment.extras["still_stack"], experiment.noise.stabiliser
+    stack, stabiliser = experiment.recording.still_stack, experiment.recording.noise.stabiliser
     return stack if stabiliser is None else StabilisedStack(stack, stabiliser)
 
 
 def _is_after_load(frame: int, at_rest: np.ndarray | None, experiment: Experiment) -> bool:
     """Whether the specimen was under load between the reference frame and this one."""
-    return at_rest is not None and frame > experiment.reference and not at_rest[experiment.reference:frame].all()
+    return at_rest is not None and frame > experiment.model.reference and not at_rest[experiment.model.reference:frame].all()
 
 
 def _rest_by_log(experiment: Experiment) -> np.ndarray | None:
     """Frames whose readings are all back at those of the reference frame; None without a reading  # (n_frames,)"""
     at_rest = None
     for values in _readings(experiment):
-        change = np.abs(values - values[experiment.reference])
+        change = np.abs(values - values[experiment.model.reference])
         largest = change.max(initial=0.0)
         if not largest > MIN_READING_CHANGE * max(np.abs(values).max(initial=0.0), 1e-300):
             continue
@@ -114,9 +114,9 @@ def _rest_by_log(experiment: Experiment) -> np.ndarray | None:
 
 def _readings(experiment: Experiment) -> Iterator[np.ndarray]:
     """Every logged column that the model uses  # (n_frames,)"""
-    for channel in experiment.channels:
+    for channel in experiment.model.channels:
         yield np.asarray(channel.values, dtype=float)
-    for drive in (*(entry.drive for entry in experiment.prescribed), *(load.drive for load in experiment.loads)):
+    for drive in (*(entry.drive for entry in experiment.model.prescribed), *(load.drive for load in experiment.model.loads)):
         if isinstance(drive, Column):
             yield np.asarray(drive.values, dtype=float)
 
@@ -139,8 +139,8 @@ def _rest_by_images(at: np.ndarray, motion: np.ndarray) -> np.ndarray | None:
 
 def nodes_in_image(experiment: Experiment) -> np.ndarray:
     """Nodes of the mesh in the reference image  # (n_nodes, 2) px"""
-    camera = camera_at(experiment, experiment.parameters)
-    return camera.project(view_of(experiment, camera).points(experiment.mesh.nodes))
+    camera = camera_at(experiment, experiment.model.parameters)
+    return camera.project(view_of(experiment, camera).points(experiment.model.mesh.nodes))
 
 
 def nodes_seen_throughout(motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

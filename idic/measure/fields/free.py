@@ -37,9 +37,9 @@ def seen_by(experiment: Experiment, reference) -> Seen | None:
     """None where there is none of this kind: height images (sections have their own), meshes too large for a report."""
     if isinstance(reference, FieldReference):
         return Seen(experiment, reference.in_plane, smoother_of(experiment, reference, Regularisation()))
-    if experiment.quantity != "grey" or is_section(experiment) or experiment.mesh.n_nodes > MAX_FREE_DIC_NODES:
+    if experiment.recording.quantity != "grey" or is_section(experiment) or experiment.model.mesh.n_nodes > MAX_FREE_DIC_NODES:
         return None
-    cells = surface_cells(experiment.mesh, experiment.surface)
+    cells = surface_cells(experiment.model.mesh, experiment.model.surface)
     return Seen(experiment, reference, build_smoother(reference.pixel_map.nodes_px, cells, Regularisation()))
 
 
@@ -65,9 +65,9 @@ def free_motion(view: Seen, frames: Sequence[int], simulated: Callable[[int], np
     -------
     (n_frames, n_nodes, 2) px
     """
-    motion = np.full((len(frames), view.experiment.mesh.n_nodes, 2), np.nan)
+    motion = np.full((len(frames), view.experiment.model.mesh.n_nodes, 2), np.nan)
     for k, frame in enumerate(frames):
-        if frame == view.experiment.reference:
+        if frame == view.experiment.model.reference:
             motion[k] = 0.0
             continue
         dic = free_frame(view, frame, simulated(frame))
@@ -83,11 +83,11 @@ def still_frame(view: Seen, rng: np.random.Generator, noise_gv: float,
     if isinstance(reference, FieldReference):
         noise = noise_gv * np.sqrt(1.0 + 1.0 / reference.n_images) * rng.standard_normal(reference.pixel_map.n_pixels)
         return field_frame(reference, noise, view.smoother)
-    averaged_frames = experiment.averaged or (experiment.reference,)
-    still = np.mean([np.asarray(experiment.stack.frame(k), dtype=float) for k in averaged_frames], axis=0)
+    averaged_frames = experiment.recording.averaged or (experiment.model.reference,)
+    still = np.mean([np.asarray(experiment.recording.stack.frame(k), dtype=float) for k in averaged_frames], axis=0)
     still = still + noise_gv * np.sqrt(1.0 + 1.0 / len(averaged_frames)) * rng.standard_normal(still.shape)
     spline = prefilter(still, reference.degree, experiment.options.lowpass_px)
-    dic = dic_frame(reference, spline, np.zeros((experiment.mesh.n_nodes, 2)), view.smoother,
+    dic = dic_frame(reference, spline, np.zeros((experiment.model.mesh.n_nodes, 2)), view.smoother,
                     experiment.options.brightness, factorisation=factorisation)
     return dic if dic.factorisation is not None and dic.n_pixels else None
 
@@ -99,7 +99,7 @@ def noise_samples(view: Seen, n: int = N_NOISE_SAMPLES) -> np.ndarray | None:
     -------
     (n, n_nodes, 2) px
     """
-    noise = view.experiment.noise.in_sums_gv
+    noise = view.experiment.recording.noise.in_sums_gv
     if not noise:
         return None
     rng, factorisation, samples = np.random.default_rng(_SEED), None, []
@@ -130,5 +130,5 @@ def in_mm(motion: np.ndarray, nodes: np.ndarray, camera: Camera, later: Camera |
 
 def smoothed_length(view: Seen, camera: Camera) -> float:
     """Length of the wave that the regularisation halves, mm."""
-    middle = view.experiment.mesh.nodes.mean(axis=0, keepdims=True)
+    middle = view.experiment.model.mesh.nodes.mean(axis=0, keepdims=True)
     return float(view.smoother.length_px / np.sqrt(abs(np.linalg.det(camera.jacobian(middle)[0]))))

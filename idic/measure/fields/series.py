@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe import FrameState, Model, nodal_field, nodal_state
+from idic.fe import FrameState, Body, nodal_field, nodal_state
 from idic.measure.fields.strain import principal, rotated, strain, von_mises
 from idic.measure.fields.surface import Surface
 
@@ -125,7 +125,7 @@ def component_of(tensor: np.ndarray, component: str) -> np.ndarray:
     return (values[..., 0] - values[..., 1]) / 2.0 if component == "max_shear" else values[..., int(component) - 1]
 
 
-def simulated_states(model: Model, states: Iterable[FrameState], index: np.ndarray,
+def simulated_states(model: Body, states: Iterable[FrameState], index: np.ndarray,
                      frames: Iterable[int]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Stress and state of the laws at some nodes in some frames of a simulation.
 
@@ -150,7 +150,7 @@ def simulated_states(model: Model, states: Iterable[FrameState], index: np.ndarr
     return np.array(stress), {name: np.array(values) for name, values in histories.items()}
 
 
-def state_names(model: Model) -> tuple[str, ...]:
+def state_names(model: Body) -> tuple[str, ...]:
     """Scalar states of the laws of a model, each once."""
     names = (name for section in model.sections for name in section.law.spec.state_names)
     return tuple(dict.fromkeys(name for name in names if not _TENSOR_STATE.search(name)))

@@ -20,13 +20,13 @@ def summary(design: Design, pattern: str, path: Path | str, confusable: float) -
     experiment, fields = design.experiment, {field.name: field for field in design.fields}
     content: dict[str, Any] = {
         "name": design.name, "title": experiment.title, "experiment": str(Path(path).resolve()),
-        "frames": experiment.n_frames, "duration_s": float(np.ptp(experiment.times)),
-        "image_px": list(experiment.image_shape[::-1]), "pixels": design.n_pixels,
+        "frames": experiment.model.n_frames, "duration_s": float(np.ptp(experiment.model.times)),
+        "image_px": list(experiment.recording.image_shape[::-1]), "pixels": design.n_pixels,
         "points": points_of(design), "motion_px": float(design.motion_px.max()), "pattern": pattern,
-        "noise": {"std_gv": experiment.noise.std_gv, "unit": image_unit(experiment),
-                  "source": experiment.noise.source},
+        "noise": {"std_gv": experiment.recording.noise.std_gv, "unit": image_unit(experiment),
+                  "source": experiment.recording.noise.source},
         "channels": {c.column: {"unit": c.unit, "noise_std": float(noise), "peak": float(peak)} for c, noise, peak in
-                     zip(experiment.channels, design.channel_noise, design.channel_peak, strict=True)},
+                     zip(experiment.model.channels, design.channel_noise, design.channel_peak, strict=True)},
         "parameters": parameters_of(design.full),
     }
     for name, entry in content["parameters"].items():
@@ -42,7 +42,7 @@ def summary(design: Design, pattern: str, path: Path | str, confusable: float) -
                         if abs(design.alike[i, j]) > confusable]
     factors = np.array([abs(design.parameters[name].factor) for name in design.names])
     content["growth"] = {"frames": design.growth_frames.tolist(),
-                         "times": experiment.times[design.growth_frames].tolist(),
+                         "times": experiment.model.times[design.growth_frames].tolist(),
                          "std": dict(zip(design.names, (design.growth / factors).T.tolist(), strict=True))}
     content["without_channels"] = [] if design.image is None else design.image.summary()["not_identifiable"]
     content["assumptions"] = list(design.notes)
@@ -52,9 +52,9 @@ def summary(design: Design, pattern: str, path: Path | str, confusable: float) -
 
 def points_of(design: Design) -> dict | None:
     """Points of a measured field on the mesh; their distance is what its px is. None for images."""
-    points = design.experiment.points
+    points = design.experiment.recording.points
     return None if points is None else {"number": design.n_pixels // points.n_components, "pitch": points.pitch_mm,
-                                        "unit": design.experiment.length_unit}
+                                        "unit": design.experiment.model.length_unit}
 
 
 def parameters_of(analysis: Analysis) -> dict:

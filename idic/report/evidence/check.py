@@ -143,7 +143,7 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None, draw: bo
     InputError
         An image that cannot be decoded.
     """
-    placed = experiment.at_geometry(experiment.parameters)
+    placed = experiment.at_geometry(experiment.model.parameters)
     main, *further_cameras = [_check_camera(view, draw) for view in placed.views]
     if overlay_to is not None and main.overlay is not None:
         Path(overlay_to).write_bytes(main.overlay.png)
@@ -155,41 +155,41 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None, draw: bo
 
 def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
     """The facts on one camera; experiment : its view."""
-    stack, shape = experiment.stack, experiment.image_shape
-    reference = experiment.picture(experiment.reference)
-    points, cells = seen_nodes(experiment.mesh, experiment.kind, experiment.surface)
-    visible = visible_cells(experiment.mesh, experiment.kind, experiment.surface, experiment.camera, shape)
-    corners = corners_px(points, cells, experiment.kind, experiment.surface, experiment.camera)
+    stack, shape = experiment.recording.stack, experiment.recording.image_shape
+    reference = experiment.recording.picture(experiment.model.reference)
+    points, cells = seen_nodes(experiment.model.mesh, experiment.model.kind, experiment.model.surface)
+    visible = visible_cells(experiment.model.mesh, experiment.model.kind, experiment.model.surface, experiment.model.camera, shape)
+    corners = corners_px(points, cells, experiment.model.kind, experiment.model.surface, experiment.model.camera)
     areas = np.array([_area(cell) for cell in corners])[visible]
-    roi = seen_region(corners, visible, shape, experiment.mask)
-    noise = experiment.noise
+    roi = seen_region(corners, visible, shape, experiment.recording.mask)
+    noise = experiment.recording.noise
     picture = overlay(experiment) if draw else None
-    labels = experiment.labels
+    labels = experiment.recording.labels
     return CheckReport(
-        experiment.title, stack.n_frames, labels[experiment.reference], tuple(labels[k] for k in experiment.excluded),
-        (shape[1], shape[0]), str(reference.dtype), experiment.mesh.n_nodes, experiment.mesh.n_elements,
+        experiment.title, stack.n_frames, labels[experiment.model.reference], tuple(labels[k] for k in experiment.recording.excluded),
+        (shape[1], shape[0]), str(reference.dtype), experiment.model.mesh.n_nodes, experiment.model.mesh.n_elements,
         len(cells), int(visible.sum()),
-        float(areas.mean()), float(areas.min()), experiment.length_unit, experiment.parameters.free,
-        tuple(channel.column for channel in experiment.channels), noise, float(np.nanstd(reference[roi])),
+        float(areas.mean()), float(areas.min()), experiment.model.length_unit, experiment.model.parameters.free,
+        tuple(channel.column for channel in experiment.model.channels), noise, float(np.nanstd(reference[roi])),
         (*experiment.notes, *_margin_note(experiment), *planned_increments(experiment)),
         _warnings_of_images(experiment, reference, corners, visible, roi, areas)
-        if experiment.points is None else tuple(_field_warnings(experiment, corners, visible)), picture,
-        experiment.camera_name,
-        value_unit=experiment.value_unit, points=_points_line(experiment), starts=start_values(experiment))
+        if experiment.recording.points is None else tuple(_field_warnings(experiment, corners, visible)), picture,
+        experiment.recording.camera_name,
+        value_unit=experiment.recording.value_unit, points=_points_line(experiment), starts=start_values(experiment))
 
 
 def overlay(experiment: Experiment) -> Picture:
     """The mesh of a view, drawn on its reference image or on the measured points."""
-    points, cells = seen_nodes(experiment.mesh, experiment.kind, experiment.surface)
-    camera, shape = experiment.camera, experiment.image_shape
-    corners = corners_px(points, cells, experiment.kind, experiment.surface, camera)
+    points, cells = seen_nodes(experiment.model.mesh, experiment.model.kind, experiment.model.surface)
+    camera, shape = experiment.model.camera, experiment.recording.image_shape
+    corners = corners_px(points, cells, experiment.model.kind, experiment.model.surface, camera)
     sets = _sets_px(experiment, points)
-    if experiment.points is not None:
-        return mesh_on_points(camera.inverse(experiment.points.positions_px),
+    if experiment.recording.points is not None:
+        return mesh_on_points(camera.inverse(experiment.recording.points.positions_px),
                               [camera.inverse(cell) for cell in corners],
                               {name: camera.inverse(at) for name, at in sets.items()})
-    visible = visible_cells(experiment.mesh, experiment.kind, experiment.surface, camera, shape)
-    return mesh_overlay(experiment.stack.frame(experiment.reference), corners, visible, sets, experiment.mask)
+    visible = visible_cells(experiment.model.mesh, experiment.model.kind, experiment.model.surface, camera, shape)
+    return mesh_overlay(experiment.recording.stack.frame(experiment.model.reference), corners, visible, sets, experiment.recording.mask)
 
 
 def _area(cell: np.ndarray) -> float:
@@ -199,18 +199,18 @@ def _area(cell: np.ndarray) -> float:
 
 
 def _sets_px(experiment: Experiment, points: np.ndarray) -> dict[str, np.ndarray]:
-    used = [entry.nodes for entry in experiment.prescribed]
-    used += [name for c in experiment.channels if c.kind != "pressure" for name in (c.nodes, c.minus) if name]
+    used = [entry.nodes for entry in experiment.model.prescribed]
+    used += [name for c in experiment.model.channels if c.kind != "pressure" for name in (c.nodes, c.minus) if name]
     names = dict.fromkeys(used)
-    return {name: experiment.camera.project(points[experiment.mesh.node_sets[name]]) for name in names}
+    return {name: experiment.model.camera.project(points[experiment.model.mesh.node_sets[name]]) for name in names}
 
 
 def _place_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, areas: np.ndarray, noise: Noise):
     """Warnings of the pattern below a mesh at its right place."""
-    if areas.mean() < _MIN_ELEMENT_PX and experiment.surface is None:
+    if areas.mean() < _MIN_ELEMENT_PX and experiment.model.surface is None:
         yield (f"only {areas.mean():.0f} px per element: enough for the identification, too few for the free FE-DIC of "
                "the report; larger elements would do for both")
-    if experiment.quantity == "grey":
+    if experiment.recording.quantity == "grey":
         yield from pattern_warnings(reference, roi, noise.std_gv, float(areas.mean()))
         yield from mirrored_axes(experiment, reference, roi)
         yield from ends_that_move_otherwise(experiment, reference)
@@ -224,12 +224,12 @@ def _place_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarr
 
 def _image_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray):
     """Warnings of the images; every one is decoded."""
-    image = recorded(experiment.stack).frame(experiment.reference)
+    image = recorded(experiment.recording.stack).frame(experiment.model.reference)
     share = saturated_share(image, roi) or 0.0
     if share > _MAX_SATURATED_SHARE:
         yield (f"{100 * share:.1f} % of the pixels in the ROI are saturated (grey value {largest_value(image)}): "
                "the pattern is cut there. A shorter exposure next time; now a mask without them")
-    if experiment.quantity == "grey":
+    if experiment.recording.quantity == "grey":
         yield from misplaced_still_frames(experiment, roi)
     inner = binary_erosion(roi, iterations=2)  # outside the specimen there is no height
     gaps = float(np.isnan(reference[inner]).mean()) if reference.dtype.kind == "f" and inner.any() else 0.0
@@ -237,15 +237,15 @@ def _image_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarr
         yield (f"{100 * gaps:.0f} % of the reference image in the ROI has no value, and interpolation also loses the "
                "neighbours of each gap: fill the gaps, or mask them")
     mean, previous, previous_values = float(reference[roi].mean()), -1, np.zeros(0)
-    for k in range(experiment.stack.n_frames):
-        values = experiment.stack.frame(k)[roi]  # decodes every image: damaged ones are found here
-        if k not in experiment.excluded:
+    for k in range(experiment.recording.stack.n_frames):
+        values = experiment.recording.stack.frame(k)[roi]  # decodes every image: damaged ones are found here
+        if k not in experiment.recording.excluded:
             if previous >= 0 and np.array_equal(values, previous_values, equal_nan=values.dtype.kind == "f"):
                 yield from repeated_image(experiment, previous, k)
             previous, previous_values = k, values
         jump = abs(float(values.mean()) - mean) > _MAX_BRIGHTNESS_CHANGE * abs(mean)
-        if jump and k not in experiment.excluded and experiment.quantity == "grey":
-            yield (f"{experiment.labels[k]}: the mean grey value differs by more than {100 * _MAX_BRIGHTNESS_CHANGE:g} "
+        if jump and k not in experiment.recording.excluded and experiment.recording.quantity == "grey":
+            yield (f"{experiment.recording.labels[k]}: the mean grey value differs by more than {100 * _MAX_BRIGHTNESS_CHANGE:g} "
                    "% from the reference: check lighting and exposure, or exclude the frame")
 
 
@@ -253,38 +253,38 @@ def _warnings_of_images(experiment: Experiment, reference: np.ndarray, corners: 
                         roi: np.ndarray, areas: np.ndarray) -> tuple[str, ...]:
     """Warnings of scale, then, if there are none, of the pattern."""
     scale = tuple(_scale_warnings(experiment, corners, visible))
-    place = () if scale else tuple(_place_warnings(experiment, reference, roi, areas, experiment.noise))
+    place = () if scale else tuple(_place_warnings(experiment, reference, roi, areas, experiment.recording.noise))
     return (*scale, *place, *_image_warnings(experiment, reference, roi))
 
 
 def _scale_warnings(experiment: Experiment, corners: list[np.ndarray], visible: np.ndarray) -> Iterator[str]:
     every = np.vstack(corners)
-    part = any(isinstance(condition.drive, Measured) for condition in experiment.prescribed)
-    return implausible_scale(np.ptp(every, axis=0), experiment.image_shape, float(visible.mean()), part)
+    part = any(isinstance(condition.drive, Measured) for condition in experiment.model.prescribed)
+    return implausible_scale(np.ptp(every, axis=0), experiment.recording.image_shape, float(visible.mean()), part)
 
 
 def _points_line(experiment: Experiment) -> str:
-    if experiment.points is None:
+    if experiment.recording.points is None:
         return ""
-    at, grid = experiment.points, experiment.image_shape
+    at, grid = experiment.recording.points, experiment.recording.image_shape
     return f"{len(at.positions_px)} over {grid[1]} x {grid[0]} places of a grid, {at.pitch_mm:.3g} mm apart"
 
 
 def _field_warnings(experiment: Experiment, corners: list[np.ndarray], visible: np.ndarray) -> Iterator[str]:
     """Warnings of measured fields; every stage is read."""
-    points = experiment.points
-    assert points is not None and experiment.stack is not None
+    points = experiment.recording.points
+    assert points is not None and experiment.recording.stack is not None
     sizes = np.array([_area(cell) for cell, is_visible in zip(corners, visible, strict=True) if is_visible])
     if sizes.mean() < MIN_POINTS_PER_ELEMENT:
         yield (f"only {sizes.mean():.1f} points per element: larger elements would make the motion of the free fit "
                f"less "
                "noisy")
-    counted = [k for k in range(experiment.n_frames) if k not in experiment.excluded]
-    check_stages(experiment.stack, counted)
+    counted = [k for k in range(experiment.model.n_frames) if k not in experiment.recording.excluded]
+    check_stages(experiment.recording.stack, counted)
     for k in counted:
-        part = float(np.isfinite(np.asarray(experiment.stack.frame(k))).all(axis=1).mean())
+        part = float(np.isfinite(np.asarray(experiment.recording.stack.frame(k))).all(axis=1).mean())
         if part < MIN_SEEN_PART:
-            yield f"{experiment.labels[k]}: only {100 * part:.0f} % of the points of the reference stage are measured"
+            yield f"{experiment.recording.labels[k]}: only {100 * part:.0f} % of the points of the reference stage are measured"
     for column, label in dropped_loads(experiment):
         yield (f"{label}: {column} falls to less than a tenth of its largest value and stays there: after the break? "
                f"then "
@@ -293,25 +293,25 @@ def _field_warnings(experiment: Experiment, corners: list[np.ndarray], visible: 
 
 def dropped_loads(experiment: Experiment) -> Iterator[tuple[str, str]]:
     """Channels of forces whose last values are those of a broken specimen, with the first such stage."""
-    counted = [k for k in range(experiment.n_frames) if k not in experiment.excluded]
-    for channel in experiment.channels:
+    counted = [k for k in range(experiment.model.n_frames) if k not in experiment.recording.excluded]
+    for channel in experiment.model.channels:
         values = np.abs(channel.values[counted])
         low = np.flatnonzero(values < MAX_BROKEN_SHARE * values.max(initial=0.0))
         drop = low[low > int(np.argmax(values))]
         broken = len(drop) and len(drop) == len(values) - drop[0] and values[drop[0] - 1] > 0.5 * values.max()
         if channel.kind == "reaction" and broken:
-            yield channel.column, experiment.labels[counted[drop[0]]]
+            yield channel.column, experiment.recording.labels[counted[drop[0]]]
 
 
 def _model_warnings(experiment: Experiment):
     yield from implausible_values(experiment)
-    yield from separate_pieces(experiment.mesh, experiment.length_unit)
+    yield from separate_pieces(experiment.model.mesh, experiment.model.length_unit)
     yield from opposed_forces(experiment)
     yield from sums_of_all_reactions(experiment)
     yield from repeated_readings(experiment)
     yield from loaded_reference(experiment)
-    if not experiment.parameters.free:
+    if not experiment.model.parameters.free:
         yield "no parameter is to be identified: write identify = true for at least one"
-    if all(c.kind == "displacement" for c in experiment.channels) and not experiment.loads:
+    if all(c.kind == "displacement" for c in experiment.model.channels) and not experiment.model.loads:
         yield ("without a force no stiffness or strength in MPa can be identified: compare the force of the log in a "
                "[[channel]] (idic init writes its lines behind #)")

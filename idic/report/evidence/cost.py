@@ -102,19 +102,19 @@ def expected_cost(experiment: Experiment) -> Cost:
 
     An external solver counts nothing: its cost is its own.
     """
-    mesh, options = experiment.mesh, experiment.options
-    n_frames, n_free = experiment.n_frames, len(experiment.parameters.free)
+    mesh, options = experiment.model.mesh, experiment.options
+    n_frames, n_free = experiment.model.n_frames, len(experiment.model.parameters.free)
     nodal = 8.0 * mesh.n_nodes * mesh.n_dim * (1 + n_free)  # bytes of displacements and sensitivities of a frame
-    frames = n_frames - experiment.reference
-    pixels = sum(math.prod(view.image_shape) for view in experiment.views if view.stack is not None)
+    frames = n_frames - experiment.model.reference
+    pixels = sum(math.prod(view.recording.image_shape) for view in experiment.views if view.recording.stack is not None)
     images = pixels * n_frames * _bytes_per_pixel(experiment)
     image_pass = _PER_PIXEL_S * pixels * n_frames
     evaluations = min(_EVALUATIONS, options.max_iterations)
     body = SimulationCost(0.0, 0.0, 0.0)
-    if experiment.solver is None:
+    if experiment.model.solver is None:
         body = simulation_cost(mesh, frames, 0 if _is_linear(experiment) else frames * _increments(experiment), n_free)
     time_s = _START + _PER_PIXEL_ONCE_S * pixels + evaluations * (body.time_s + image_pass)
-    if experiment.noise.std_gv is None or _measured_unknowns(experiment):
+    if experiment.recording.noise.std_gv is None or _measured_unknowns(experiment):
         time_s += _FREE_DIC_PASSES * image_pass
     memory = (_PROCESS + body.factor + body.kept_bytes + _PER_PIXEL * pixels / max(len(experiment.views), 1)
               + max(nodal, 8e6) + _generalised(experiment, n_frames))
@@ -181,7 +181,7 @@ def _half_bandwidth(mesh: Mesh) -> int:
 def _is_linear(experiment: Experiment) -> bool:
     """Whether one factorisation serves all frames."""
     return all(material.kinematics == "small" and not get_law(material.law).state_names
-               for material in experiment.materials)
+               for material in experiment.model.materials)
 
 
 def _increments(experiment: Experiment) -> float:
@@ -191,7 +191,7 @@ def _increments(experiment: Experiment) -> float:
 
 def _measured_unknowns(experiment: Experiment) -> int:
     """Unknowns of every frame on edges whose motion is measured."""
-    return sum(len(experiment.mesh.node_sets[entry.nodes]) for entry in experiment.prescribed
+    return sum(len(experiment.model.mesh.node_sets[entry.nodes]) for entry in experiment.model.prescribed
                if isinstance(entry.drive, Measured))
 
 
@@ -201,16 +201,16 @@ def _generalised(experiment: Experiment, n_frames: int) -> float:
     edges = _measured_unknowns(experiment)
     if experiment.options.estimator == "ordinary" or (experiment.options.estimator == "auto" and not edges):
         return 0.0
-    logged = sum(isinstance(entry.drive, Column) and entry.drive.noise_std > 0.0 for entry in experiment.prescribed)
+    logged = sum(isinstance(entry.drive, Column) and entry.drive.noise_std > 0.0 for entry in experiment.model.prescribed)
     unknowns = 2 * len(experiment.views) + logged + edges
-    n, values = n_frames * unknowns, experiment.mesh.n_nodes * experiment.mesh.n_dim
+    n, values = n_frames * unknowns, experiment.model.mesh.n_nodes * experiment.model.mesh.n_dim
     if n <= MAX_DENSE_UNKNOWNS:
         return 24.0 * n * (n + values)
     return 24.0 * (2 * values) ** 2  # their columns lie on disk
 
 
 def _bytes_per_pixel(experiment: Experiment) -> int:
-    dtype = getattr(experiment.stack.entries[0], "dtype", "uint16") if hasattr(experiment.stack,
+    dtype = getattr(experiment.recording.stack.entries[0], "dtype", "uint16") if hasattr(experiment.recording.stack,
                                                                                "entries") else "uint16"
     return np.dtype(dtype).itemsize
 

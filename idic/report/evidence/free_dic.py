@@ -38,7 +38,7 @@ def free_motions(inputs: Seen, frames: Sequence[int], motion: Callable[[int], np
 
     motion : frame -> simulated displacement of the nodes in the image  # (n_nodes, 2) px
     """
-    brightness, variance = inputs.experiment.options.brightness, inputs.experiment.noise.std_gv**2
+    brightness, variance = inputs.experiment.options.brightness, inputs.experiment.recording.noise.std_gv**2
     differences, full, coefficients, chi2 = [], [], [], []
     for frame in frames:
         u = motion(frame)
@@ -94,7 +94,7 @@ def noise_floor(inputs: Seen | None, phi: Sensitivities | None, result: Mapping,
 
 
 def _of_still_image(inputs: Seen) -> tuple[float | None, float | None]:
-    noise = inputs.experiment.noise
+    noise = inputs.experiment.recording.noise
     sigma = noise.in_sums_gv if isinstance(inputs.reference, FieldReference) else noise.std_gv
     fit = still_frame(inputs, np.random.default_rng(SEED), sigma) if sigma else None
     u = np.zeros((0, 2)) if fit is None else fit.u_px[np.isfinite(fit.u_px).all(axis=1)]

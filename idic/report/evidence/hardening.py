@@ -34,7 +34,7 @@ def hardening_curves(experiment: Experiment, parameters: ParameterSet, result: M
 def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
             series: FieldSeries | None) -> Iterator[HardeningCurve]:
     state = None if series is None else series.states.get("plastic_strain")
-    for material in experiment.materials:
+    for material in experiment.model.materials:
         n = knots_of(material.law)
         if n == 0:
             continue
@@ -65,7 +65,7 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
 
 def smoothness_of(experiment: Experiment, first: str) -> Smoothness:
     """The smoothness of the free curve whose first value has this name."""
-    return next((curve.smoothness for curve in experiment.extras.get("free_curves", ()) if curve.names[0] == first),
+    return next((curve.smoothness for curve in experiment.model.free_curves if curve.names[0] == first),
                 Smoothness())
 
 

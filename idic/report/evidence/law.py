@@ -35,7 +35,7 @@ def law_curves(experiment: Experiment, parameters: ParameterSet, result: Mapping
 
 def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
             motions: np.ndarray) -> Iterator[LawCurve]:
-    for material in experiment.materials:
+    for material in experiment.model.materials:
         if material.law == EXTERNAL:
             continue
         names = [f"{material.element_set}.{name}" for name in get_law(material.law).parameter_names]
@@ -44,7 +44,7 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
             continue
         missing = tuple(name for name, entry in zip(names, entries, strict=True)
                         if entry.get("free") and entry.get("std") is None)
-        seconds = float(experiment.times[-1] - experiment.times[experiment.reference])
+        seconds = float(experiment.model.times[-1] - experiment.model.times[experiment.model.reference])
         empty = LawCurve(material.element_set, material.law, NOTHING, NOTHING, NOTHING, NOTHING, seconds, missing)
         if missing:
             yield empty
@@ -60,11 +60,11 @@ def _curve(experiment, material: Material, names, parameters: ParameterSet, resu
            strain: float, axis: int) -> LawCurve | None:
     """The curve up to `strain` along an axis; None where the point finds no equilibrium there."""
     law = compile(material.law, material.kinematics)
-    seconds = float(experiment.times[-1] - experiment.times[experiment.reference])
+    seconds = float(experiment.model.times[-1] - experiment.model.times[experiment.model.reference])
     path, times = np.linspace(0.0, strain, CURVE_STEPS), np.linspace(0.0, seconds, CURVE_STEPS)
     try:
         identified, started = (uniaxial(law, [values[name].value for name in names], path, times=times, axis=axis)
-                          for values in (parameters, experiment.parameters))
+                          for values in (parameters, experiment.model.parameters))
     except NotConverged:
         return None
     table = result["correlation"]
@@ -82,7 +82,7 @@ def _curve(experiment, material: Material, names, parameters: ParameterSet, resu
 def _direction(experiment: Experiment, material: Material, motions: np.ndarray) -> tuple[int, int]:
     """Axis of the mesh nearest to the largest mean strain of the set, and whether it is stretched (1) or pressed
     (-1)."""
-    mesh, largest, direction = experiment.mesh, 0.0, (0, 1)
+    mesh, largest, direction = experiment.model.mesh, 0.0, (0, 1)
     nodes = nodes_of(mesh, mesh.element_sets[material.element_set])
     for u in motions:
         F = nodal_deformation(mesh, u[:, :mesh.n_dim])[nodes]
@@ -96,7 +96,7 @@ def _direction(experiment: Experiment, material: Material, motions: np.ndarray) 
 
 def _largest_strain(experiment: Experiment, material: Material, motions: np.ndarray) -> float:
     """The largest change of length, as a part of it, that nearly all nodes of the set stay within."""
-    mesh, largest = experiment.mesh, MIN_CURVE_STRAIN
+    mesh, largest = experiment.model.mesh, MIN_CURVE_STRAIN
     nodes = nodes_of(mesh, mesh.element_sets[material.element_set])
     for u in motions:
         F = nodal_deformation(mesh, u[:, :mesh.n_dim])[nodes]

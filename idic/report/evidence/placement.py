@@ -41,25 +41,25 @@ def misplaced_still_frames(experiment: Experiment, roi: np.ndarray) -> Iterator[
 
 
 def _still_images(experiment: Experiment) -> Iterator[tuple[str, np.ndarray]]:
-    stack = experiment.extras.get("still_stack")
+    stack = experiment.recording.still_stack
     if stack is not None:
         for k in range(min(stack.n_frames, MAX_STILL_FRAMES)):
-            yield stack.labels[k], np.asarray(stack.frame(k), dtype=float)
+            yield experiment.recording.still_labels[k], np.asarray(stack.frame(k), dtype=float)
         return
-    for k in experiment.extras.get("still_frames", ())[:MAX_STILL_FRAMES]:
-        yield experiment.labels[k], np.asarray(experiment.stack.frame(k), dtype=float)
+    for k in experiment.recording.still_frames[:MAX_STILL_FRAMES]:
+        yield experiment.recording.labels[k], np.asarray(experiment.recording.stack.frame(k), dtype=float)
 
 
 def mirrored_axes(experiment: Experiment, reference: np.ndarray, roi: np.ndarray) -> Iterator[str]:
     """An axis whose mirror image would put the mesh on the pattern, where a part of the ROI has none."""
-    camera, noise = experiment.camera, experiment.noise.std_gv
-    if not isinstance(camera, Camera) or is_section(experiment) or experiment.quantity != "grey":
+    camera, noise = experiment.model.camera, experiment.recording.noise.std_gv
+    if not isinstance(camera, Camera) or is_section(experiment) or experiment.recording.quantity != "grey":
         return
     plain_share = float(without_pattern(reference, roi, noise).mean())
     if plain_share <= MAX_PLAIN_SHARE:
         return
     for name, flip in (("columns", np.diag([-1.0, 1.0])), ("rows", np.diag([1.0, -1.0]))):
-        region = _region(replace(experiment, camera=replace(camera, matrix=flip @ camera.matrix)))
+        region = _region(replace(experiment, model=replace(experiment.model, camera=replace(camera, matrix=flip @ camera.matrix))))
         share = 1.0 if region is None else float(without_pattern(reference, region, noise).mean())
         if share < MAX_SHARE_OF_MIRRORED * plain_share:
             yield (f"mirrored along the {name} of the image, {share:.0%} of the ROI would be without pattern; now it "
@@ -72,21 +72,21 @@ def ends_that_move_otherwise(experiment: Experiment, reference: np.ndarray) -> I
     The affine motion of the surface between the reference and the first frame whose logged motion is clear is compared
     with the log at the driven and at the held end.
     """
-    camera = experiment.camera
+    camera = experiment.model.camera
     moving = getattr(camera, "motion", None)
-    if experiment.quantity != "grey" or experiment.points is not None or is_section(experiment) or (
+    if experiment.recording.quantity != "grey" or experiment.recording.points is not None or is_section(experiment) or (
             isinstance(moving, CameraMotion) and any("_at[" in name for name in moving.names)):
         return
-    driven = [condition for condition in experiment.prescribed if isinstance(condition.drive, Column)]
-    counted = [k for k in range(experiment.n_frames) if k not in experiment.excluded]
-    points, _ = seen_nodes(experiment.mesh, experiment.kind, experiment.surface)
+    driven = [condition for condition in experiment.model.prescribed if isinstance(condition.drive, Column)]
+    counted = [k for k in range(experiment.model.n_frames) if k not in experiment.recording.excluded]
+    points, _ = seen_nodes(experiment.model.mesh, experiment.model.kind, experiment.model.surface)
     for condition in driven if len(driven) == 1 and len(counted) > 1 else ():
-        fixed_end = next((candidate for candidate in experiment.prescribed if candidate.component == condition.component
+        fixed_end = next((candidate for candidate in experiment.model.prescribed if candidate.component == condition.component
                      and isinstance(candidate.drive, Constant) and candidate.drive.value == 0.0), None)
         if fixed_end is None or condition.component == "z":
             return
-        ends = [points[experiment.mesh.node_sets[nodes]] for nodes in (condition.nodes, fixed_end.nodes)]
-        steps = np.zeros((experiment.n_frames, points.shape[1]))
+        ends = [points[experiment.model.mesh.node_sets[nodes]] for nodes in (condition.nodes, fixed_end.nodes)]
+        steps = np.zeros((experiment.model.n_frames, points.shape[1]))
         steps[:, "xyz".index(condition.component)] = condition.drive.values
         moved = np.array([(camera.project(ends[0] + step) - camera.project(ends[0])).mean(axis=0) for step in steps])
         sizes = np.hypot(*moved.T)
@@ -95,10 +95,10 @@ def ends_that_move_otherwise(experiment: Experiment, reference: np.ndarray) -> I
         if not size >= MIN_LOGGED_PX:  # no number, too
             return
         at = [camera.project(end).mean(axis=0) for end in ends]
-        image_motion = coarse_motion(reference, experiment.picture(frame), camera.project(points), np.array(at))
+        image_motion = coarse_motion(reference, experiment.recording.picture(frame), camera.project(points), np.array(at))
         if image_motion is not None:
             yield from _otherwise(image_motion @ logged / size**2, size, condition, fixed_end.nodes,
-                                  experiment.labels[frame])
+                                  experiment.recording.labels[frame])
 
 
 def _otherwise(shares: np.ndarray, size: float, condition, fixed_set: str, label: str) -> Iterator[str]:
@@ -121,10 +121,10 @@ def _otherwise(shares: np.ndarray, size: float, condition, fixed_set: str, label
 
 def _region(experiment: Experiment) -> np.ndarray | None:
     """The ROI, None where less than half of the mesh is in the image  # (ny, nx) bool"""
-    shape = experiment.image_shape
-    view = (experiment.kind, experiment.surface, experiment.camera)
-    points, cells = seen_nodes(experiment.mesh, *view[:2])
-    visible = visible_cells(experiment.mesh, *view, shape)
+    shape = experiment.recording.image_shape
+    view = (experiment.model.kind, experiment.model.surface, experiment.model.camera)
+    points, cells = seen_nodes(experiment.model.mesh, *view[:2])
+    visible = visible_cells(experiment.model.mesh, *view, shape)
     if visible.mean() < MIN_VISIBLE:
         return None
-    return seen_region(corners_px(points, cells, *view), visible, shape, experiment.mask)
+    return seen_region(corners_px(points, cells, *view), visible, shape, experiment.recording.mask)

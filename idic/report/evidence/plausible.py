@@ -35,8 +35,8 @@ NO_PATTERN = np.zeros(1, dtype=bool)
 def start_values(experiment: Experiment) -> tuple[str, ...]:
     """Of every free parameter ``" from 70 GPa"``: its start value in the user's unit."""
     texts = []
-    for name in experiment.parameters.free:
-        parameter = experiment.parameters[name]
+    for name in experiment.model.parameters.free:
+        parameter = experiment.model.parameters[name]
         texts.append(f" from {parameter.value / parameter.factor:.6g} {parameter.unit}".rstrip())
     return tuple(texts)
 
@@ -46,8 +46,8 @@ def implausible_values(experiment: Experiment) -> Iterator[str]:
 
     The laws of an external solver are its own: nothing is known of them.
     """
-    for material in experiment.materials if experiment.solver is None else ():
-        parameters = {name.removeprefix(f"{material.element_set}."): p for name, p in experiment.parameters.items()
+    for material in experiment.model.materials if experiment.model.solver is None else ():
+        parameters = {name.removeprefix(f"{material.element_set}."): p for name, p in experiment.model.parameters.items()
                if name.startswith(f"{material.element_set}.")}
         for declared in law_for(material.law, parameters).parameters:
             parameter = parameters.get(declared.name)
@@ -65,9 +65,9 @@ def opposed_forces(experiment: Experiment) -> Iterator[str]:
     """Forces with the wrong sign: a reaction is the force on a node set, with the motion at the moving set and against
     it at the held one; no material opposes this over a whole test.
     """
-    moved = [(condition, condition.drive) for condition in experiment.prescribed if isinstance(condition.drive, Column)]
-    counted = [k for k in range(experiment.n_frames) if k not in experiment.excluded]
-    for channel in experiment.channels if len(counted) > 2 else ():
+    moved = [(condition, condition.drive) for condition in experiment.model.prescribed if isinstance(condition.drive, Column)]
+    counted = [k for k in range(experiment.model.n_frames) if k not in experiment.recording.excluded]
+    for channel in experiment.model.channels if len(counted) > 2 else ():
         along = [(condition.nodes, drive) for condition, drive in moved if condition.component == channel.component]
         if channel.kind != "reaction" or len(along) != 1:
             continue
@@ -83,23 +83,23 @@ def opposed_forces(experiment: Experiment) -> Iterator[str]:
 
 def repeated_image(experiment: Experiment, previous: int, k: int) -> Iterator[str]:
     """Two frames with the same grey values, unless the log shows that nothing happens between them."""
-    columns = [channel.values for channel in experiment.channels]
-    columns += [condition.drive.values for condition in experiment.prescribed if isinstance(condition.drive, Column)]
-    columns += [load.drive.values for load in experiment.loads if isinstance(load.drive, Column)]
+    columns = [channel.values for channel in experiment.model.channels]
+    columns += [condition.drive.values for condition in experiment.model.prescribed if isinstance(condition.drive, Column)]
+    columns += [load.drive.values for load in experiment.model.loads if isinstance(load.drive, Column)]
     if columns and all(abs(column[k] - column[previous]) <= MIN_STEP_SHARE * np.ptp(column) for column in columns):
         return
-    yield (f"{experiment.labels[k]} repeats {experiment.labels[previous]} to the last grey value: an image that the "
+    yield (f"{experiment.recording.labels[k]} repeats {experiment.recording.labels[previous]} to the last grey value: an image that the "
            "recording lost, and replaced by the one before. Its motion is that of another moment: list it in "
            "exclude_frames, and check that log and images still belong together after it")
 
 
 def sums_of_all_reactions(experiment: Experiment) -> Iterator[str]:
     """Forces of node sets that hold every driven node: in equilibrium all reactions together are zero."""
-    if experiment.loads or experiment.solver is not None:
+    if experiment.model.loads or experiment.model.solver is not None:
         return
-    sets = experiment.mesh.node_sets
-    for channel in experiment.channels:
-        driven = [sets[condition.nodes] for condition in experiment.prescribed
+    sets = experiment.model.mesh.node_sets
+    for channel in experiment.model.channels:
+        driven = [sets[condition.nodes] for condition in experiment.model.prescribed
                   if condition.component == channel.component]
         if channel.kind == "reaction" and driven and np.isin(np.concatenate(driven), sets[channel.nodes]).all():
             yield (f"{channel.column}: {channel.nodes} holds every node that is moved or held along "
@@ -109,11 +109,11 @@ def sums_of_all_reactions(experiment: Experiment) -> Iterator[str]:
 
 def loaded_reference(experiment: Experiment) -> Iterator[str]:
     """Forces at the reference frame, where the simulation has none, unless their offset is identified."""
-    for channel in experiment.channels if not experiment.loads else ():
-        counted = [k for k in range(experiment.n_frames) if k not in experiment.excluded]
-        force, start = channel.values[counted], float(channel.values[experiment.reference])
+    for channel in experiment.model.channels if not experiment.model.loads else ():
+        counted = [k for k in range(experiment.model.n_frames) if k not in experiment.recording.excluded]
+        force, start = channel.values[counted], float(channel.values[experiment.model.reference])
         offset = f"channel.{channel.column}.offset"
-        offset_parameter = experiment.parameters.get(offset)
+        offset_parameter = experiment.model.parameters.get(offset)
         corrected = offset_parameter is not None and (offset_parameter.free or offset_parameter.value != 0.0)
         least = max(MAX_FIRST_FORCE * float(np.ptp(force)), 5.0 * (channel.noise_std or 0.0))
         if channel.kind == "reaction" and not corrected and abs(start) > least:

@@ -44,4 +44,4 @@ def point_maps_of(experiment: Experiment, camera: Camera, reference: FieldRefere
         measured.append(along_mesh(displacements))
         residual.append(along_mesh(np.where(rows_left.valid, rows_left.r, np.nan)))
     return PointMaps(tuple(frames), camera.inverse(pm.positions[at]), np.array(measured), np.array(residual),
-                     experiment.points.pitch_mm, 0.0 if reference.depth is None else reference.depth.std_um)
+                     experiment.recording.points.pitch_mm, 0.0 if reference.depth is None else reference.depth.std_um)

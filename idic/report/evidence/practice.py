@@ -22,27 +22,27 @@ def practice_of(experiment: Experiment, reference, result: Mapping, floor: Noise
 
     reference : of the main camera; sources : where the noise of each channel comes from
     """
-    image = np.asarray(experiment.picture(experiment.reference))
+    image = np.asarray(experiment.recording.picture(experiment.model.reference))
     correlated, n_pixels = _correlated(experiment, reference, image.shape)
     values = image[correlated & np.isfinite(image)].astype(float)
     sides, cell = _elements(experiment, reference)
     options, stds = experiment.options, result["residual"].get("channel_noise_std", {})
-    units = {channel.column: channel.shown_unit for channel in experiment.channels}
-    sigma = (experiment.noise.std_gv or 0.0) if experiment.noise.stabiliser is None else 0.0
+    units = {channel.column: channel.shown_unit for channel in experiment.model.channels}
+    sigma = (experiment.recording.noise.std_gv or 0.0) if experiment.recording.noise.stabiliser is None else 0.0
     return Practice(
-        version=_version(), setup=dict(experiment.extras.get("setup", {})), columns=image.shape[1], rows=image.shape[0],
+        version=_version(), setup=dict(experiment.setup), columns=image.shape[1], rows=image.shape[0],
         depth=str(image.dtype), frame_s=_between_frames(experiment),
-        reference=experiment.labels[experiment.reference], n_references=experiment.n_references, n_pixels=n_pixels,
+        reference=experiment.recording.labels[experiment.model.reference], n_references=experiment.recording.n_references, n_pixels=n_pixels,
         speckle_px=speckle_size(image, correlated, sigma),
         contrast=float(values.std()) if len(values) else 0.0,
         grey_range=(float(values.min()), float(values.max())) if len(values) else (0.0, 0.0),
-        saturated=saturated_share(image if experiment.points is not None
-                                  else recorded(experiment.stack).frame(experiment.reference), correlated),
+        saturated=saturated_share(image if experiment.recording.points is not None
+                                  else recorded(experiment.recording.stack).frame(experiment.model.reference), correlated),
         lowpass_px=options.lowpass_px, interpolation=options.interpolation, brightness=options.brightness,
         edge_margin_px=options.edge_margin_px, n_elements=len(sides), cell=cell,
         element_px=float(sides.mean()) if len(sides) else 0.0, smallest_px=float(sides.min()) if len(sides) else 0.0,
-        kind=experiment.kind, estimator=str(result.get("estimator", "ordinary")), floor=floor,
-        compressed=experiment.quantity == "grey" and compressed_at(image) is not None,
+        kind=experiment.model.kind, estimator=str(result.get("estimator", "ordinary")), floor=floor,
+        compressed=experiment.recording.quantity == "grey" and compressed_at(image) is not None,
         channel_noise=tuple((name, units.get(name, ""), std, source)
                             for (name, std), source in zip(stds.items(), sources, strict=False)))
 
@@ -55,7 +55,7 @@ def frame_views(experiment: Experiment, frames: Sequence[int], nodes_px: Callabl
     """
     n_views = min(MAX_FRAME_VIEWS, len(frames))
     picks = np.unique(np.linspace(0, len(frames) - 1, n_views).round().astype(int)) if frames else []
-    return tuple(FrameView(k, np.asarray(experiment.picture(k)), nodes_px(k), residual(k))
+    return tuple(FrameView(k, np.asarray(experiment.recording.picture(k)), nodes_px(k), residual(k))
                  for k in (frames[int(i)] for i in picks))
 
 
@@ -64,18 +64,18 @@ def _correlated(experiment: Experiment, reference, shape: tuple[int, int]) -> tu
     if not reference.is_section:
         pixel_map = reference.pixel_map
         return pixel_map.to_image(np.ones(pixel_map.n_pixels), 0.0) > 0.0, pixel_map.n_pixels
-    points, cells = seen_nodes(experiment.mesh, experiment.kind, experiment.surface)
-    corners = corners_px(points, cells, experiment.kind, experiment.surface, experiment.camera)
-    visible = visible_cells(experiment.mesh, experiment.kind, experiment.surface, experiment.camera, shape)
-    region = seen_region(corners, visible, shape, experiment.mask)
+    points, cells = seen_nodes(experiment.model.mesh, experiment.model.kind, experiment.model.surface)
+    corners = corners_px(points, cells, experiment.model.kind, experiment.model.surface, experiment.model.camera)
+    visible = visible_cells(experiment.model.mesh, experiment.model.kind, experiment.model.surface, experiment.model.camera, shape)
+    region = seen_region(corners, visible, shape, experiment.recording.mask)
     return region, int(region.sum())
 
 
 def _elements(experiment: Experiment, reference) -> tuple[np.ndarray, str]:
     """Mean side of each element that is seen, px, and their kinds in words  # (n,)"""
     if reference.is_section:
-        points, cells = seen_nodes(experiment.mesh, experiment.kind, experiment.surface)
-        corners = corners_px(points, cells, experiment.kind, experiment.surface, experiment.camera)
+        points, cells = seen_nodes(experiment.model.mesh, experiment.model.kind, experiment.model.surface)
+        corners = corners_px(points, cells, experiment.model.kind, experiment.model.surface, experiment.model.camera)
         return np.array([_side(polygon) for polygon in corners]), "edge"
     pixel_map, sides = reference.pixel_map, []
     for kind, conn in zip(pixel_map.kind, pixel_map.conn, strict=True):
@@ -91,9 +91,9 @@ def _side(corners: np.ndarray) -> float:
 
 def _between_frames(experiment: Experiment) -> float | None:
     """Median time between images, s; None where no time is known."""
-    if not experiment.extras.get("has_times", False) or experiment.n_frames < 2:
+    if not experiment.model.has_times or experiment.model.n_frames < 2:
         return None
-    return float(np.median(np.diff(experiment.times)))
+    return float(np.median(np.diff(experiment.model.times)))
 
 
 def _version() -> str:

@@ -27,8 +27,8 @@ def relaxation_curves(experiment: Experiment, parameters: ParameterSet,
 
 
 def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping) -> Iterator[RelaxationCurve]:
-    times = experiment.times[experiment.reference:]
-    for material in experiment.materials:
+    times = experiment.model.times[experiment.model.reference:]
+    for material in experiment.model.materials:
         n = times_of(material.law)
         if n == 0 or len(times) < 2:
             continue

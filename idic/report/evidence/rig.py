@@ -29,12 +29,12 @@ def rig_warnings(experiment: Experiment, time_s: float) -> Iterator[str]:
     """
     yield from _held_thickness(experiment)
     compared = [camera for camera in experiment.cameras if camera.texture is not None]
-    if compared and not determined_by_texture(experiment, experiment.parameters.free):
+    if compared and not determined_by_texture(experiment, experiment.model.parameters.free):
         names = ", ".join(camera.name for camera in compared)
         yield (f"texture of {names} changes nothing: no lens, pose, placement or shape is free; set "
                "identify_calibration, or give [[dof]] such as placement.t_z")
-    stems = {PLACEMENT_STEM, *(view.camera_name for view in experiment.views if isinstance(view.camera, PlacedCamera))}
-    rig_parameters = [name for name in experiment.parameters.free if name.partition(".")[0] in stems]
+    stems = {PLACEMENT_STEM, *(view.recording.camera_name for view in experiment.views if isinstance(view.model.camera, PlacedCamera))}
+    rig_parameters = [name for name in experiment.model.parameters.free if name.partition(".")[0] in stems]
     if len(stems) == 1 or not rig_parameters:
         return
     if time_s > LONGEST_S:
@@ -62,22 +62,19 @@ def _sentence(reason: str) -> str:
 
 def _thinned(experiment: Experiment) -> Experiment:
     """The experiment with few frames to compare, and a noise where none is known."""
-    counted = [k for k in range(experiment.reference + 1, experiment.n_frames) if k not in experiment.excluded]
+    counted = [k for k in range(experiment.model.reference + 1, experiment.model.n_frames) if k not in experiment.recording.excluded]
     frames = {counted[i] for i in np.linspace(0, len(counted) - 1, min(N_FRAMES, len(counted))).astype(int)}
     noise = Noise(ASSUMED_NOISE_GV, "assumed")
-    return replace(
-        experiment, excluded=tuple(k for k in range(experiment.reference + 1, experiment.n_frames) if k not in frames),
-        noise=noise if experiment.noise.std_gv is None else experiment.noise,
-        cameras=tuple(replace(camera, noise=noise) if camera.noise.std_gv is None else camera
+    return replace(experiment, recording=replace(experiment.recording, excluded=tuple(k for k in range(experiment.model.reference + 1, experiment.model.n_frames) if k not in frames), noise=noise if experiment.recording.noise.std_gv is None else experiment.recording.noise), cameras=tuple(replace(camera, noise=noise) if camera.noise.std_gv is None else camera
                       for camera in experiment.cameras))
 
 
 def _held_thickness(experiment: Experiment) -> Iterator[str]:
     """Measured edges whose visible surface does not determine the motion through the thickness."""
-    mesh, surface = experiment.mesh, experiment.surface
+    mesh, surface = experiment.model.mesh, experiment.model.surface
     if mesh.n_dim == 2 or surface is None or normal_axis(mesh, surface) is not None:
         return
-    for name in dict.fromkeys(entry.nodes for entry in experiment.prescribed if isinstance(entry.drive, Measured)):
+    for name in dict.fromkeys(entry.nodes for entry in experiment.model.prescribed if isinstance(entry.drive, Measured)):
         nodes = set_nodes(experiment, name)
         leaders = seen_first(mesh, surface, nodes)
         if len(leaders) and followed(mesh.nodes[nodes], leaders)[1].size:

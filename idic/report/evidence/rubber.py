@@ -40,7 +40,7 @@ def rubber_curves(experiment: Experiment, parameters: ParameterSet, result: Mapp
 
 def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
             motions: np.ndarray) -> Iterator[RubberCurve]:
-    for material in experiment.materials:
+    for material in experiment.model.materials:
         counts = tuple(n for n in knots_of_rubber(material.law) if n)
         if not counts:
             continue
@@ -84,7 +84,7 @@ def _std(J: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 
 def _reached(experiment: Experiment, material: Material, motions: np.ndarray) -> tuple[float, float]:
     """I1 - 3 and I2 - 3 that nearly all nodes of the set stay within; a plane body keeps its volume."""
-    mesh, nodes = experiment.mesh, nodes_of(experiment.mesh, experiment.mesh.element_sets[material.element_set])
+    mesh, nodes = experiment.model.mesh, nodes_of(experiment.model.mesh, experiment.model.mesh.element_sets[material.element_set])
     largest = [0.0, 0.0]
     for u in motions:
         F = nodal_deformation(mesh, u[:, :mesh.n_dim])[nodes]

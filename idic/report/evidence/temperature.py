@@ -21,13 +21,13 @@ def temperature_factors(experiment: Experiment, parameters: ParameterSet,
     field = nodal_temperature(experiment)
     if field is None:
         return ()
-    temperatures = field.start + field.values[experiment.reference:]
+    temperatures = field.start + field.values[experiment.model.reference:]
     return tuple(_factors(experiment, parameters, result, np.linspace(temperatures.min(), temperatures.max(), POINTS)))
 
 
 def _factors(experiment: Experiment, parameters: ParameterSet, result: Mapping,
              T: np.ndarray) -> Iterator[TemperatureFactor]:
-    for material in experiment.materials:
+    for material in experiment.model.materials:
         dependence = get_law(material.law).temperature if "(" in material.law else None
         if dependence is None:
             continue

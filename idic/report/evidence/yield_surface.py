@@ -36,7 +36,7 @@ def yield_surfaces(experiment: Experiment, parameters: ParameterSet, result: Map
 
 def _surfaces(experiment: Experiment, parameters: ParameterSet, result: Mapping,
               series: FieldSeries | None) -> Iterator[YieldSurface]:
-    for material in experiment.materials:
+    for material in experiment.model.materials:
         n, stem = ring_knots_of(material.law), material.element_set
         if n == 0 or f"{stem}.yield_stress" not in parameters:
             continue

@@ -36,7 +36,7 @@ def with_starts(runs: Sequence[BatchRun], starts: int, spread: float, seed: int 
 
 def _starts_of(run: BatchRun, starts: int, spread: float, seed: int) -> list[BatchRun]:
     try:
-        parameters = load_experiment(run.experiment, run.overrides).parameters
+        parameters = load_experiment(run.experiment, run.overrides).model.parameters
     except InputError:
         return [run]
     width = max(2, len(str(starts - 1)))

@@ -34,7 +34,7 @@ class MotionSource(Source):
     def images(self) -> Experiment:
         """The experiment with its images, virtual edges as they begin."""
         experiment, u_px = super().load(), read_free_motion(RunStore(self.run))
-        return with_boundary_start(experiment, boundary_start(experiment, u_px, experiment.excluded))
+        return with_boundary_start(experiment, boundary_start(experiment, u_px, experiment.recording.excluded))
 
 
 def on_measured_motion(source: Source, found: Identification, runner: TaskRunner,
@@ -50,9 +50,9 @@ def on_measured_motion(source: Source, found: Identification, runner: TaskRunner
     edits = with_edge_modes(source.document(), found.experiment, u_px)
     there = MotionSource(source.run, {**source.edits, **edits})
     experiment = there.load()
-    values = {name: value for name, value in found.parameters.as_values().items() if name in experiment.parameters}
-    starts = experiment.parameters.with_values(values)
-    return there, identify(replace(experiment, parameters=starts, stages=())), far
+    values = {name: value for name, value in found.parameters.as_values().items() if name in experiment.model.parameters}
+    starts = experiment.model.parameters.with_values(values)
+    return there, identify(replace(experiment, model=replace(experiment.model, parameters=starts), stages=())), far
 
 
 def judged_by_images(diagnosis: Diagnosis, far: OutOfRegister, stage: Callable[[str], None]) -> OutOfRegister:
@@ -63,9 +63,9 @@ def judged_by_images(diagnosis: Diagnosis, far: OutOfRegister, stage: Callable[[
     stage("fit of the enriched model to the images")
     experiment = source.images()
     options = replace(experiment.options, max_iterations=MAX_IMAGE_EVALUATIONS)
-    starts = experiment.parameters.with_values(
-        {name: value for name, value in final.fit.values.items() if name in experiment.parameters})
-    found = identify(replace(experiment, parameters=starts, options=options, stages=()))
+    starts = experiment.model.parameters.with_values(
+        {name: value for name, value in final.fit.values.items() if name in experiment.model.parameters})
+    found = identify(replace(experiment, model=replace(experiment.model, parameters=starts), options=options, stages=()))
     return far if found.point is None else replace(far, enriched_chi2=image_chi2(found))
 
 

@@ -46,7 +46,7 @@ def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_
     if (spots := diagnosis.spots) is not None:
         without = free_parameters(spots.result)
         content = diagnosis_content(replace(diagnosis, spots=None), without, wall_s)
-        return finite(with_spots(content, spots, before, without, diagnosis.identification.experiment.length_unit))
+        return finite(with_spots(content, spots, before, without, diagnosis.identification.experiment.model.length_unit))
     after = _after(diagnosis)
     real_body = of_real_body(diagnosis, after or before)
     last = {name: real_body.get(name) or after.get(name) or entry for name, entry in before.items()}
@@ -67,7 +67,7 @@ def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_
         "left": _left(diagnosis),
         "courses": _courses(diagnosis),
         "free_end": None if diagnosis.state.end is None else diagnosis.state.end.content(
-            list(before), diagnosis.identification.experiment.parameters),
+            list(before), diagnosis.identification.experiment.model.parameters),
         "free_form": None if diagnosis.free_form is None else diagnosis.free_form.content(),
         "spots": [],
         "register": None if diagnosis.register is None else diagnosis.register.content(),
@@ -94,7 +94,7 @@ def _left(diagnosis: Diagnosis) -> dict:
             "motion_share": left.share if diagnosis.verdict.selected else None,
             "place_mm": None if place is None else place.tolist(),
             "place": None if place is None else
-            f"around {in_words(place, size=experiment.mesh.size)} {experiment.length_unit}",
+            f"around {in_words(place, size=experiment.model.mesh.size)} {experiment.model.length_unit}",
             "nearest": _nearest(diagnosis),
             "channels": [{"column": one.column, "z": one.z, "share": one.share, "reading_share": one.reading_share,
                           "significant": one.is_significant, "matters": one.matters}
@@ -113,7 +113,7 @@ def _nearest(diagnosis: Diagnosis) -> list[str]:
 def _courses(diagnosis: Diagnosis) -> list[dict]:
     """Course and error band of every selected cause that is no material."""
     found = [course for one in diagnosis.rounds if one.winner is not None for course in diagnosis.courses(one)]
-    return courses_content(found, diagnosis.identification.experiment.times)
+    return courses_content(found, diagnosis.identification.experiment.model.times)
 
 
 def titles_of(diagnosis: Diagnosis) -> dict[str, str]:
@@ -219,7 +219,7 @@ def _fit(diagnosis: Diagnosis) -> dict:
 
 
 def _by_channel(diagnosis: Diagnosis, one: Misfit) -> Mapping[str, float]:
-    names = [channel.column for channel in diagnosis.identification.experiment.channels]
+    names = [channel.column for channel in diagnosis.identification.experiment.model.channels]
     return dict(zip(names, np.asarray(one.channel_chi2).tolist(), strict=True))
 
 

@@ -49,7 +49,7 @@ def record_of(diagnosis: Diagnosis, content: Mapping, titles: Mapping[str, str],
         excess_frames=verdict.before.frames, excess_before=verdict.before.frame_excess,
         excess_after=verdict.after.frame_excess if diagnosis.state.final is not None else None,
         excess_std=verdict.before.frame_excess_std,
-        abscissa=experiment.times, time_label=time_label(experiment.times), curves=_curves(diagnosis), further=further,
+        abscissa=experiment.model.times, time_label=time_label(experiment.model.times), curves=_curves(diagnosis), further=further,
         windows=notes.attempt("the parameters over the frames", _windows, diagnosis, otherwise=()),
         laws=notes.attempt("the curves of the laws", law_pairs, diagnosis, otherwise=()))
 
@@ -86,7 +86,7 @@ def _residuals(diagnosis: Diagnosis, frame: int) -> tuple[tuple[str, tuple[tuple
         shown.append((KNOWN_ERROR_COUNTED, maps_of_identification(diagnosis.corrected.identification(), frame)))
     shown.append(("noise, drawn", tuple(map_of_noise(one, SEED) for one in before)))
     cameras = diagnosis.identified.residual.cameras
-    names = [camera.context.experiment.camera_name for camera in cameras] if len(cameras) > 1 else [""]
+    names = [camera.context.experiment.recording.camera_name for camera in cameras] if len(cameras) > 1 else [""]
     return tuple((name, tuple((title, maps[k]) for title, maps in shown)) for k, name in enumerate(names))
 
 
@@ -95,17 +95,17 @@ def _curves(diagnosis: Diagnosis) -> tuple[Curve, ...]:
     before = _shown_channels(diagnosis.identified.residual)
     after = None if diagnosis.enriched is None else _shown_channels(diagnosis.enriched.residual)
     noise = diagnosis.identified.residual.context.weights.channel_noise
-    size = [channel.shown_factor for channel in found.channels]
+    size = [channel.shown_factor for channel in found.model.channels]
     return tuple(Curve(channel.column, channel.shown_unit, np.asarray(channel.values, float) / size[i],
                        before[:, i] / size[i], None if after is None else after[:, i] / size[i],
                        float(noise[i]) / size[i])
-                 for i, channel in enumerate(found.channels))
+                 for i, channel in enumerate(found.model.channels))
 
 
 def _shown_channels(residual: ResidualEvidence) -> np.ndarray:
     """Simulated channels with scale, offset and drift, NaN in frames without correlation  # (n_frames, n_channels)"""
     context = residual.context
-    values = np.full((context.experiment.n_frames, residual.channels.shape[1]), np.nan)
+    values = np.full((context.experiment.model.n_frames, residual.channels.shape[1]), np.nan)
     for frame, simulated in zip(residual.evidence.frames, residual.channels, strict=True):
         values[frame] = channel_values(context.experiment, context.parameters, simulated, int(frame))
     return values

@@ -55,7 +55,7 @@ class Source:
         experiment = context.tables.edited({**self.edits, **(edits or {})}, context.experiment).experiment()
         experiment = with_boundary_start(experiment, _of_edges(experiment, stored_start(context.store,
                                                                                         context.settings)))
-        return replace(experiment, motion_error=self.motion_error)
+        return replace(experiment, model=replace(experiment.model, motion_error=self.motion_error))
 
     def with_edits(self, edits: Mapping[str, Any]) -> Source:
         return replace(self, edits={**self.edits, **edits})
@@ -66,9 +66,9 @@ class Source:
 
 def _of_edges(experiment: Experiment, start: BoundaryStart) -> BoundaryStart:
     """What a run has measured of its virtual edges, as far as the edited experiment still has them."""
-    virtual = {f"{entry.nodes}.{entry.component}" for entry in experiment.prescribed
+    virtual = {f"{entry.nodes}.{entry.component}" for entry in experiment.model.prescribed
                if isinstance(entry.drive, Parametrised) and entry.drive.kind == "dic"}
-    return BoundaryStart({name: value for name, value in start.values.items() if name in experiment.parameters},
+    return BoundaryStart({name: value for name, value in start.values.items() if name in experiment.model.parameters},
                          {name: modes for name, modes in start.modes.items() if name in virtual})
 
 

@@ -24,8 +24,8 @@ def without_spots(source: ExperimentSource, found: Identification,
     circles = [[round(x, 2) for x in circle] for spot in spots for circle in spot.left_out]
     there = source.with_edits({LEFT_OUT: known + circles})
     experiment = there.load()
-    values = experiment.parameters.own_of(found.parameters.as_values())
-    again = identify(replace(experiment, parameters=experiment.parameters.with_values(values), stages=()))
+    values = experiment.model.parameters.own_of(found.parameters.as_values())
+    again = identify(replace(experiment, model=replace(experiment.model, parameters=experiment.model.parameters.with_values(values)), stages=()))
     if again.point is None:
         return source, found, None
     places = tuple(_place(again, spot.column, spot.row) for spot in spots)
@@ -34,7 +34,7 @@ def without_spots(source: ExperimentSource, found: Identification,
 
 def _place(found: Identification, column: float, row: float) -> tuple[float, ...]:
     """Point of the mesh at a pixel of the reference image, mm; the nearest node where the mesh is not there yet."""
-    nodes = found.experiment.mesh.nodes
+    nodes = found.experiment.model.mesh.nodes
     seen = camera_at(found.experiment, found.parameters).project(nodes)
     place = np.atleast_2d(LinearNDInterpolator(seen, nodes)([column, row]))[0]
     if not np.isfinite(place).all():

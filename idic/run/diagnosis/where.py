@@ -33,20 +33,20 @@ def where_record(residual: ResidualEvidence, mismatch: Mismatch, selected: Selec
     begin, interval = mismatch.reported_onset(selected)
     experiment, evidence = residual.context.experiment, residual.evidence
     source_map, onset, nested_tests = mismatch.source_map, mismatch.onset, mismatch.nested_tests
-    channel = experiment.channels[0] if experiment.channels else None
+    channel = experiment.model.channels[0] if experiment.model.channels else None
     source_elements = mismatch.place.elements if mismatch.has_place(selected) else np.zeros(0, dtype=int)
     real = mismatch.is_significant or selected is not None
-    abscissa = experiment.times
+    abscissa = experiment.model.times
     elsewhere = selected is not None and selected.side != mismatch.side and mismatch.is_significant
     words = {"side": f"How much of the residual each freedom explains, of what any smooth motion does. By it "
                      f"{nested_tests.reason}."
                      + (" The selected candidate acts on another side: motion alone cannot attribute such a smooth "
                         "field, the refits can." if elsewhere else ""),
-             "where": place_words(mismatch, experiment.length_unit) or "",
+             "where": place_words(mismatch, experiment.model.length_unit) or "",
              "when": _when(begin, interval, mismatch.visible_frame), "course": mismatch.course.words}
     shares = {name: nested_tests.share(name) for name in nested_tests.levels if name not in ("force", "brightness")}
     return WhereRecord(
-        reference=experiment.picture(experiment.reference) if evidence.n_components == 2 or experiment.points else None,
+        reference=experiment.recording.picture(experiment.model.reference) if evidence.n_components == 2 or experiment.recording.points else None,
         outlines=_outlines(experiment, residual), statistic=source_map.statistic,
         p=np.where(source_map.same_sign, source_map.p, 1.0), source_elements=source_elements,
         since=source_map.first_frames(evidence.frames, begin), blind=_blind(experiment, residual),
@@ -70,10 +70,10 @@ def _when(begin: int | None, interval: tuple[int, int] | None, visible: int | No
 
 
 def _outlines(experiment: Experiment, residual: ResidualEvidence) -> list[np.ndarray]:
-    nodes = experiment.mesh.nodes
+    nodes = experiment.model.mesh.nodes
     at = nodes if residual.view.kind == SECTION else residual.context.camera.project(residual.view.points(nodes))
     return [at[nodes[:min(cell_type(block.cell).n_corners, 4)]]  # of a solid's cell one face
-            for block in experiment.mesh.blocks for nodes in block.connectivity]
+            for block in experiment.model.mesh.blocks for nodes in block.connectivity]
 
 
 def _blind(experiment: Experiment, residual: ResidualEvidence) -> np.ndarray:
@@ -81,16 +81,16 @@ def _blind(experiment: Experiment, residual: ResidualEvidence) -> np.ndarray:
     those outside the visible columns"""
     if holds_motion(experiment):
         seen = np.unique(residual.evidence.seen // residual.evidence.n_components)
-        return np.concatenate([~np.isin(block.connectivity, seen).any(axis=1) for block in experiment.mesh.blocks])
+        return np.concatenate([~np.isin(block.connectivity, seen).any(axis=1) for block in experiment.model.mesh.blocks])
     if residual.view.kind == SECTION:
-        x = experiment.mesh.nodes[:, 0]
+        x = experiment.model.mesh.nodes[:, 0]
         seen = x[residual.context.reference.pixel_map.visible_nodes]
-        middle = element_centres(experiment.mesh)[:, 0]
+        middle = element_centres(experiment.model.mesh)[:, 0]
         return (middle < seen.min()) | (middle > seen.max())
-    blind = np.ones(experiment.mesh.n_elements, dtype=bool)
+    blind = np.ones(experiment.model.mesh.n_elements, dtype=bool)
     for camera in residual.cameras:
         owners = np.asarray(camera.context.reference.pixel_map.element)
-        if experiment.n_dim == 3:  # faces, of one kind
-            owners = np.asarray(experiment.mesh.edge_sets[camera.context.experiment.surface])[owners, 0]
+        if experiment.model.n_dim == 3:  # faces, of one kind
+            owners = np.asarray(experiment.model.mesh.edge_sets[camera.context.experiment.model.surface])[owners, 0]
         blind[owners] = False
     return blind

@@ -41,10 +41,10 @@ def channel_table(context: RunContext, values: Mapping[str, float],
                   evaluation: int) -> tuple[np.ndarray, np.ndarray]:
     """Simulated and measured channels of all frames, scale and offset included  # 2 x (n_frames, n_channels)"""
     experiment = context.experiment
-    parameters = experiment.parameters.with_values(values)
+    parameters = experiment.model.parameters.with_values(values)
     stored = FrameArrays.open(context.store.group(group_name(evaluation, BASE)), "channels").read()
-    simulated = np.full((experiment.n_frames, len(experiment.channels)), np.nan)
-    for i, frame in enumerate(range(experiment.reference, experiment.n_frames)):
+    simulated = np.full((experiment.model.n_frames, len(experiment.model.channels)), np.nan)
+    for i, frame in enumerate(range(experiment.model.reference, experiment.model.n_frames)):
         simulated[frame] = channel_values(experiment, parameters, stored[i], frame)
     return simulated, measured_values(experiment, parameters)
 
@@ -55,7 +55,7 @@ def solver_notes(context: RunContext, values: Mapping[str, float], evaluation: i
         return []
     stored = FrameArrays.open(context.store.group(group_name(evaluation, BASE)), "u")
     local = read_array(context.store.group(group_name(evaluation, START)), "local")
-    motions = context.forward.motions(context.experiment.parameters.with_values(values), local)  # type: ignore[attr-defined]
+    motions = context.forward.motions(context.experiment.model.parameters.with_values(values), local)  # type: ignore[attr-defined]
     found = {name: np.zeros(len(prescribed)) for name, (_, prescribed) in motions.items()}
     for frame in range(len(context.forward.frames) if motions else 0):
         u = stored.read(frame, frame + 1).ravel()

@@ -49,9 +49,9 @@ class FieldJob:
 
 def field_frames(experiment: Experiment) -> tuple[int, ...]:
     """The frames whose fields are shown: the reference, and the correlated ones after it, the last among them."""
-    frames = [k for k in correlated_frames(experiment, range(experiment.n_frames)) if k > experiment.reference]
+    frames = [k for k in correlated_frames(experiment, range(experiment.model.n_frames)) if k > experiment.model.reference]
     picks = np.linspace(0, len(frames) - 1, min(MAX_FIELD_FRAMES - 1, len(frames))) if frames else np.zeros(0)
-    return (experiment.reference, *dict.fromkeys(frames[int(round(p))] for p in picks))
+    return (experiment.model.reference, *dict.fromkeys(frames[int(round(p))] for p in picks))
 
 
 def write_fields(job: PointJob, runner: TaskRunner) -> None:
@@ -60,13 +60,13 @@ def write_fields(job: PointJob, runner: TaskRunner) -> None:
     if is_section(context.experiment) or context.store.finished(FIELDS, {"evaluation": job.evaluation}) is not None:
         return
     frames = field_frames(context.experiment)
-    index = surface_of(context.experiment.mesh, context.experiment.surface).index
+    index = surface_of(context.experiment.model.mesh, context.experiment.model.surface).index
     with context.store.building(FIELDS, {"evaluation": job.evaluation}) as folder:
         write_array(folder, "frames", np.array(frames, dtype=np.int64))
         write_array(folder, "nodes", np.asarray(index, dtype=np.int64))
-        shared = correlation_context(context, context.experiment.parameters.with_values(job.values))
+        shared = correlation_context(context, context.experiment.model.parameters.with_values(job.values))
         jobs, names = [FieldJob(job, str(folder), frames, simulated=True)], ["stress-and-state"]
-        plain = shared.experiment.noise.std_gv and isinstance(shared.camera, Camera)  # a lens does not see a plane
+        plain = shared.experiment.recording.noise.std_gv and isinstance(shared.camera, Camera)  # a lens does not see a plane
         seen = seen_by(shared.experiment, shared.reference.image) if plain else None
         if seen is not None:
             write_array(folder, "smoothed", np.array([smoothed_length(seen, shared.camera)]))
@@ -89,10 +89,10 @@ def write_part(job: FieldJob) -> None:
 def write_measured(job: FieldJob) -> None:
     """The free FE-DIC of some frames, or without frames of still images that show noise alone."""
     context = open_run(job.point.run)
-    parameters = context.experiment.parameters.with_values(job.point.values)
+    parameters = context.experiment.model.parameters.with_values(job.point.values)
     shared = correlation_context(context, parameters)
     seen = seen_by(shared.experiment, shared.reference.image)
-    nodes, index = shared.experiment.mesh.nodes, read_array(job.target, "nodes")
+    nodes, index = shared.experiment.model.mesh.nodes, read_array(job.target, "nodes")
     if not job.frames:
         noise = noise_samples(seen)
         if noise is not None:
@@ -112,10 +112,10 @@ def write_states(job: FieldJob) -> None:
     forward, evaluation = context.forward, job.point.evaluation
     if not isinstance(forward, ForwardModel):
         return
-    parameters = context.experiment.parameters.with_values(job.point.values)
+    parameters = context.experiment.model.parameters.with_values(job.point.values)
     local = read_array(context.store.group(group_name(evaluation, "start")), "local")
     base = context.store.group(group_name(evaluation, BASE))
-    start = context.experiment.reference
+    start = context.experiment.model.reference
     first = FrameArrays.open(base, "u").read(0, 1)
     known = (u for part in (first, read_motion(context, evaluation)) for u in part)
     states = forward.march(parameters, (), local, read_array(base, "steps"), warm_start=known, may_cut=True)
@@ -137,14 +137,14 @@ def read_fields(context: RunContext, evaluation: int, experiment: Experiment) ->
         return None
     frames, index = read_array(folder, "frames"), read_array(folder, "nodes")
     u = FrameArrays.open(context.store.group(group_name(evaluation, BASE)), "u")
-    simulated = np.array([u.read(k, k + 1)[0][index, :2] for k in frames - experiment.reference])
+    simulated = np.array([u.read(k, k + 1)[0][index, :2] for k in frames - experiment.model.reference])
 
     def stored(name: str) -> np.ndarray | None:
         return read_array(folder, name).astype(float) if (folder / name).is_dir() else None
 
     states = {path.name.removeprefix(_STATE): read_array(folder, path.name).astype(float)
               for path in sorted(folder.iterdir()) if path.name.startswith(_STATE)}
-    return FieldSeries(surface_of(experiment.mesh, experiment.surface), tuple(frames.tolist()), simulated,
+    return FieldSeries(surface_of(experiment.model.mesh, experiment.model.surface), tuple(frames.tolist()), simulated,
                        stored("measured"), stored("noise"), stored("stress"), states,
-                       None if (length := stored("smoothed")) is None else float(length[0]), experiment.kind,
-                       experiment.length_unit)
+                       None if (length := stored("smoothed")) is None else float(length[0]), experiment.model.kind,
+                       experiment.model.length_unit)

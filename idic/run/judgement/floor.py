@@ -41,7 +41,7 @@ def measured_floor(job: PointJob, runner: TaskRunner) -> CameraFloor | None:
 def measure_floor(job: PointJob) -> None:
     """Measure the floor and store it (a task)."""
     context = open_run(job.run)
-    floor = _floor(context, job.evaluation, context.experiment.parameters.with_values(job.values))
+    floor = _floor(context, job.evaluation, context.experiment.model.parameters.with_values(job.values))
     with context.store.building(FLOOR, {"evaluation": job.evaluation}) as folder:
         if floor is None:
             write_array(folder, "numbers", np.zeros(0))
@@ -72,7 +72,7 @@ def floor_content(context: RunContext | None, floor: CameraFloor | None) -> dict
     if floor is None or context is None:
         return {"px": None, "bound_px": None, "length_px": None, "frames": [], "labels": [], "drift_px": [],
                 "source": ""}
-    labels = context.experiment.labels
+    labels = context.experiment.recording.labels
     return {"px": floor.px, "bound_px": floor.bound_px, "length_px": floor.length_px, "frames": list(floor.frames),
             "labels": [f"still image {k}" if floor.separate else labels[k] for k in floor.frames],
             "drift_px": list(floor.drift_px), "source": floor.source}
@@ -82,14 +82,14 @@ def _floor(context: RunContext, evaluation: int, parameters: ParameterSet) -> Ca
     shared = correlation_context(context, parameters)
     experiment = shared.experiment
     view = view_of(experiment, shared.camera)
-    if view.kind not in (GREY, SPACE) or experiment.noise.std_gv is None:
+    if view.kind not in (GREY, SPACE) or experiment.recording.noise.std_gv is None:
         return None
     motion = simulated_motion(context, evaluation, parameters)
     image = shared.reference.image
     image = image.in_plane if isinstance(image, FieldReference) else image
     nodes = image.pixel_map.visible_nodes
     nodes = nodes[np.unique(np.linspace(0, len(nodes) - 1, min(len(nodes), MAX_FINDER_NODES)).astype(int))]
-    sampled = np.array([motion(frame)[nodes] for frame in range(experiment.n_frames)])
+    sampled = np.array([motion(frame)[nodes] for frame in range(experiment.model.n_frames)])
     still = find_still_frames(experiment, sampled, nodes)
     return camera_floor(experiment, image, still, motion)
 
@@ -97,8 +97,8 @@ def _floor(context: RunContext, evaluation: int, parameters: ParameterSet) -> Ca
 def simulated_motion(context: RunContext, evaluation: int, parameters: ParameterSet) -> Callable[[int], np.ndarray]:
     """Frame -> displacement of the nodes in the image of the main camera (n_nodes, 2) px; NaN before the reference."""
     shared = correlation_context(context, parameters)
-    experiment, reference = shared.experiment, context.experiment.reference
-    view, nodes = view_of(experiment, shared.camera), experiment.mesh.nodes
+    experiment, reference = shared.experiment, context.experiment.model.reference
+    view, nodes = view_of(experiment, shared.camera), experiment.model.mesh.nodes
     stored = FrameArrays.open(context.store.group(group_name(evaluation, BASE)), "u")
 
     def motion(frame: int) -> np.ndarray:

@@ -32,7 +32,7 @@ def measured_free(job: PointJob, runner: TaskRunner) -> FreeMotions | None:
 def measure_free(job: PointJob) -> None:
     """Measure and store it (a task)."""
     context = open_run(job.run)
-    found = _free(context, job.evaluation, context.experiment.parameters.with_values(job.values))
+    found = _free(context, job.evaluation, context.experiment.model.parameters.with_values(job.values))
     with context.store.building(FREE, {"evaluation": job.evaluation}) as folder:
         write_array(folder, "frames", np.array(() if found is None else found.frames, dtype=np.int64))
         if found is not None:
@@ -71,7 +71,7 @@ def free_summary(found: FreeMotions | None, model_chi2: Mapping[int, float]) -> 
 
 def _free(context: RunContext, evaluation: int, parameters: ParameterSet) -> FreeMotions | None:
     shared = correlation_context(context, parameters)
-    if not shared.experiment.noise.std_gv:
+    if not shared.experiment.recording.noise.std_gv:
         return None
     seen = seen_by(shared.experiment, shared.reference.image)
     if seen is None:

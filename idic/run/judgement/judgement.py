@@ -73,10 +73,10 @@ def tried_remedies(job: PointJob) -> tuple[Remedy, ...]:
     None of heights and measured fields.
     """
     context = open_run(job.run)
-    parameters = context.experiment.parameters.with_values(job.values)
+    parameters = context.experiment.model.parameters.with_values(job.values)
     shared = correlation_context(context, parameters)
     experiment = shared.experiment
-    if view_of(experiment, shared.camera).kind != GREY or experiment.points is not None or not experiment.noise.std_gv:
+    if view_of(experiment, shared.camera).kind != GREY or experiment.recording.points is not None or not experiment.recording.noise.std_gv:
         return ()
     return try_remedies(experiment, shared.camera, [k for k in shown_frames(experiment) if k not in job.lost],
                         simulated_motion(context, job.evaluation, parameters))
@@ -90,5 +90,5 @@ _TASKS: dict[str, Callable[[Any], Any]] = {DISCREPANCY: sum_discrepancy, REMEDIE
 def _local(context: RunContext, job: PointJob, sums: Sequence[ElementSums]) -> LocalResidual | None:
     if not sums:
         return None
-    shared = correlation_context(context, context.experiment.parameters.with_values(job.values))
+    shared = correlation_context(context, context.experiment.model.parameters.with_values(job.values))
     return local_residual(shared.reference.image.pixel_map, sums)

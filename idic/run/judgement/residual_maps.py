@@ -31,7 +31,7 @@ class PointResiduals:
     def __init__(self, context: RunContext, evaluation: int, values: Mapping[str, float],
                  brightness: Mapping[int, tuple[float, ...]], camera: int = 0):
         self._context, self._evaluation, self._brightness = context, evaluation, brightness
-        self._parameters, self._camera = context.experiment.parameters.with_values(values), camera
+        self._parameters, self._camera = context.experiment.model.parameters.with_values(values), camera
 
     @cached_property
     def _shared(self):
@@ -57,9 +57,9 @@ class PointResiduals:
 
     def compare(self, frame: int) -> ResidualMap:
         """Residual and validity of the pixels in a frame later than the reference."""
-        experiment, k = self.experiment, frame - self._context.experiment.reference
-        u = experiment.turned(self._u.read(k, k + 1)[0])
-        motion = view_of(experiment, self._shared.camera).at(frame).motion(experiment.mesh.nodes, u)
+        experiment, k = self.experiment, frame - self._context.experiment.model.reference
+        u = experiment.model.turned(self._u.read(k, k + 1)[0])
+        motion = view_of(experiment, self._shared.camera).at(frame).motion(experiment.model.mesh.nodes, u)
         return self.reference.compare_pixels(experiment, frame, motion, np.array(self._brightness.get(frame, ())))
 
     def map(self, frame: int) -> np.ndarray:
@@ -77,4 +77,4 @@ def residuals_of(context: RunContext, entry: Mapping, camera: int = 0) -> Callab
     records = load_evaluation(context.store, entry["evaluation"], context.names).system.frames
     brightness = {record.frame: tuple(record.brightness_of(camera).tolist()) for record in records}
     at = PointResiduals(context, entry["evaluation"], entry["values"], brightness, camera)
-    return lambda frame: at.map(frame) if context.experiment.reference < frame < context.experiment.n_frames else None
+    return lambda frame: at.map(frame) if context.experiment.model.reference < frame < context.experiment.model.n_frames else None

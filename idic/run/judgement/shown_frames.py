@@ -12,7 +12,7 @@ N_SHOWN_FRAMES = 4
 
 def shown_frames(experiment: Experiment) -> tuple[int, ...]:
     """Frames spread over the test, the last one always among them."""
-    frames = correlated_frames(experiment, range(experiment.n_frames))
+    frames = correlated_frames(experiment, range(experiment.model.n_frames))
     if not frames:
         return ()
     picks = np.linspace(0, len(frames) - 1, min(N_SHOWN_FRAMES, len(frames)) + 1)[1:] if len(frames) > 1 else [0]

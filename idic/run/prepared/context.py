@@ -49,7 +49,7 @@ class RunContext:
     @property
     def names(self) -> tuple[str, ...]:
         """Every free degree of freedom."""
-        return self.experiment.parameters.free
+        return self.experiment.model.parameters.free
 
     @property
     def moving(self) -> tuple[str, ...]:
@@ -59,7 +59,7 @@ class RunContext:
     @property
     def external(self) -> bool:
         """Whether an external program simulates."""
-        return self.experiment.solver is not None
+        return self.experiment.model.solver is not None
 
     @property
     def weights(self) -> Weights:
@@ -94,12 +94,12 @@ def _open_run(run: str, content: bytes) -> RunContext:
     settings = settings | {"experiment": _experiment_of(run, settings)}
     tables = read_experiment(settings["experiment"], settings["overrides"])
     experiment = tables.experiment()
-    if experiment.identity != settings["identity"]:
+    if experiment.recording.identity != settings["identity"]:
         raise InputError("the experiment has changed since this run began", file=settings["experiment"],
-                         expected=f"identity {settings['identity'][:16]}", found=f"identity {experiment.identity[:16]}",
+                         expected=f"identity {settings['identity'][:16]}", found=f"identity {experiment.recording.identity[:16]}",
                          remedy="restore its files, or identify it again into a new RUN")
     experiment = with_stored_noise(with_stored_images(store, experiment), settings)
-    experiment = replace(experiment, excluded=tuple(settings["excluded"]))
+    experiment = replace(experiment, recording=replace(experiment.recording, excluded=tuple(settings["excluded"])))
     experiment = with_boundary_start(experiment, stored_start(store, settings))
     return RunContext(store, tables, experiment, build_forward(experiment), settings)
 
@@ -136,8 +136,8 @@ def correlation_context(context: RunContext, parameters: ParameterSet,
     shape = tuple(parameters[name].value for name in context.forward.morphs)
 
     def attach(view: Experiment, camera: Camera) -> Reference:
-        key = (str(context.store.run), context.experiment.identity, shape, camera.key, view.options.lowpass_px)
-        place = (key[0], view.camera_name)
+        key = (str(context.store.run), context.experiment.recording.identity, shape, camera.key, view.options.lowpass_px)
+        place = (key[0], view.recording.camera_name)
         kept, reference = _references.get(place, (None, None))
         if kept != key:
             for other in [other for other in list(_references) if _family(other[0]) != _family(place[0])]:
@@ -154,7 +154,7 @@ def _with_motion(context: RunContext, view: Experiment, image: Reference) -> Ref
     """The reference of the comparison: the images, or with two steps the motion that the first one measured."""
     if not is_two_step(context.experiment):
         return image
-    number = [own.camera_name for own in context.experiment.views].index(view.camera_name)
+    number = [own.recording.camera_name for own in context.experiment.views].index(view.recording.camera_name)
     folder = context.store.group(group_of(context.experiment, number, "dic"))
     return measured_reference(view, image, read_array(folder, "u_px"))  # type: ignore[return-value]
 

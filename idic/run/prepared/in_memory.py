@@ -39,7 +39,7 @@ class Prepared:
         """The experiment where the search has left it."""
         if self.begin is None:
             return self.experiment
-        return replace(self.experiment, parameters=self.experiment.parameters.with_values(self.begin))
+        return replace(self.experiment, model=replace(self.experiment.model, parameters=self.experiment.model.parameters.with_values(self.begin)))
 
     @property
     def motion(self) -> dict[str, np.ndarray] | None:
@@ -60,19 +60,19 @@ def prepare_in_memory(experiment: Experiment, say: Callable[[str], None] = lambd
     check_before_writing(experiment)
     views, free = experiment.views, {}
     for number in [*([0] if needs_free_dic(experiment) else []), *cameras_to_measure(experiment)]:
-        free[views[number].camera_name] = dic_stack(views[number], regularisation_of(experiment))
+        free[views[number].recording.camera_name] = dic_stack(views[number], regularisation_of(experiment))
     motion = None
     if needs_free_dic(experiment):
-        main = free[views[0].camera_name]
+        main = free[views[0].recording.camera_name]
         unexplained, lost = (np.array([status == name for status in main.status]) for name in ("unexplained", "lost"))
         motion = FreeMotion(main.u_px, unexplained, lost,
                             in_space=motion_in_space(experiment) if needs_motion_in_space(experiment) else None)
     beginning = beginning_of(experiment, motion)
     measured = with_boundary_start(experiment, beginning.boundary)
-    noises = camera_noises(experiment, {number: free[view.camera_name].noise_gv for number, view in enumerate(views)
-                                        if view.camera_name in free}, beginning.excluded)
+    noises = camera_noises(experiment, {number: free[view.recording.camera_name].noise_gv for number, view in enumerate(views)
+                                        if view.recording.camera_name in free}, beginning.excluded)
     cameras = tuple(replace(camera, noise=noise) for camera, noise in zip(measured.cameras, noises[1:], strict=True))
-    measured = replace(measured, noise=noises[0], cameras=cameras, excluded=tuple(sorted(beginning.excluded)))
+    measured = replace(measured, recording=replace(measured.recording, noise=noises[0], excluded=tuple(sorted(beginning.excluded))), cameras=cameras)
     return _searched(Prepared(measured, beginning.local, free), say)
 
 
@@ -81,12 +81,12 @@ def _searched(prepared: Prepared, say: Callable[[str], None]) -> Prepared:
     experiment = prepared.experiment
     if not wants_search(experiment):
         return prepared
-    name, free, u_px = experiment.views[0].camera_name, dict(prepared.free), None
-    if experiment.quantity != "height":
+    name, free, u_px = experiment.views[0].recording.camera_name, dict(prepared.free), None
+    if experiment.recording.quantity != "height":
         if name not in free:
             free[name] = dic_stack(experiment, regularisation_of(experiment))
         u_px = free[name].u_px
-    bare = replace(experiment, stack=None)
+    bare = replace(experiment, recording=replace(experiment.recording, stack=None))
     start = search(experiment, lambda trials: [coarse_fit(bare, u_px, trial.values, trial.evaluations, trial.simplified)
                                                for trial in trials], say)
     return replace(prepared, free=free, begin=start.values if start.moved else None)

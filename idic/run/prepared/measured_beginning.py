@@ -46,8 +46,8 @@ class Beginning:
 def beginning_of(experiment: Experiment, motion: FreeMotion | None) -> Beginning:
     """What to begin with; motion : None where no free FE-DIC is needed."""
     if motion is None:
-        return Beginning(tuple(experiment.excluded), np.zeros((experiment.n_frames, build_drives(experiment).n_local)))
-    excluded = list(experiment.excluded)
+        return Beginning(tuple(experiment.recording.excluded), np.zeros((experiment.model.n_frames, build_drives(experiment).n_local)))
+    excluded = list(experiment.recording.excluded)
     excluded += [int(k) for k in np.flatnonzero(motion.unexplained) if int(k) not in excluded]
     excluded += [k for k in without_edges(experiment, motion.lost, motion.in_space) if k not in excluded]
     local = measured_start(experiment, motion.u_px, excluded, motion.in_space,
@@ -68,8 +68,8 @@ def camera_noises(experiment: Experiment, free_noises: Mapping[int, float], excl
     """
     noises = []
     for number, view in enumerate(experiment.views):
-        noise = view.noise
+        noise = view.recording.noise
         if noise.std_gv is None:
             noise = replace(noise, std_gv=float(free_noises[number]), source="residual_of_free_dic")
-        noises.append(measured_noise(replace(view, noise=noise, excluded=excluded)))
+        noises.append(measured_noise(replace(view, recording=replace(view.recording, noise=noise, excluded=excluded))))
     return noises

@@ -45,33 +45,33 @@ def check_before_writing(experiment: Experiment) -> None:
         No images, nothing to identify, sets or constraints that make no model, a mesh that is not in the image, modes
         to be measured on an edge that is not in the image.
     """
-    if experiment.stack is None:
+    if experiment.recording.stack is None:
         raise InputError("there are no images", file="experiment.toml", key="[experiment] images",
                          expected="a folder of TIFF or PNG images", found="nothing",
                          remedy='write for example  images = "images/*.tif"')
     _check_heights(experiment)
-    if isinstance(experiment.stack, FieldStack):
-        check_stages(experiment.stack, [k for k in range(experiment.n_frames) if k not in experiment.excluded])
+    if isinstance(experiment.recording.stack, FieldStack):
+        check_stages(experiment.recording.stack, [k for k in range(experiment.model.n_frames) if k not in experiment.recording.excluded])
     check_method(experiment)
     resolve_stages(experiment)
     build_forward(experiment)
-    if experiment.solver is not None:
-        experiment.solver.require_ready()
+    if experiment.model.solver is not None:
+        experiment.model.solver.require_ready()
     reference, *_ = [build_experiment_reference(view, camera_at(view,
-    experiment.parameters)) for view in experiment.views]
+    experiment.model.parameters)) for view in experiment.views]
     _check_measurable(experiment, reference.pixel_map.visible_nodes)
 
 
 def _check_heights(experiment: Experiment) -> None:
     """Refuse height images where a free FE-DIC would be needed, which reads grey images only."""
-    if experiment.quantity != "height":
+    if experiment.recording.quantity != "height":
         return
-    if experiment.noise.std_gv is None:
+    if experiment.recording.noise.std_gv is None:
         raise InputError("the noise of the height images is not known", file="experiment.toml",
                          key="camera.noise_std_gv", expected="the standard deviation of one image, in height_unit",
                          found="neither noise_std_gv nor still_frames",
                          remedy="give one of them: two images of the specimen at rest are enough")
-    for entry in experiment.prescribed:
+    for entry in experiment.model.prescribed:
         if isinstance(entry.drive, Measured) or (isinstance(entry.drive, Parametrised) and entry.drive.kind == "dic"):
             raise InputError("an edge motion that is to be measured, but height images", file="experiment.toml",
                              key=f"[[boundary]] nodes = {entry.nodes}, u{entry.component}",
@@ -83,7 +83,7 @@ def _check_heights(experiment: Experiment) -> None:
 def _check_measurable(experiment: Experiment, visible: np.ndarray) -> None:
     """Refuse measured modes of an edge outside the image; visible : indices of the nodes in the image."""
     seen = virtual_boundaries(experiment)
-    for entry in experiment.prescribed:
+    for entry in experiment.model.prescribed:
         if not isinstance(entry.drive, Parametrised) or entry.drive.kind != "dic":
             continue
         if entry not in seen or not np.isin(set_nodes(experiment, entry.nodes), visible).any():
@@ -100,7 +100,7 @@ def ingest(store: RunStore, experiment: Experiment, runner: TaskRunner,
 
     progress : called as progress(done, total) over the images of all cameras
     """
-    stacks = [recorded(view.stack) for view in experiment.views]
+    stacks = [recorded(view.recording.stack) for view in experiment.views]
     large = sum(map(_bytes, stacks)) > BYTES_FOR_WORKERS
     by_workers = runner.sees_files and runner.workers > 1 and large and all(map(_has_a_file_each, stacks))
 
@@ -152,15 +152,15 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
                [f"free-dic-{experiment.cameras[number - 1].name}" for number in missing], retries=1)
     noises = camera_noises(experiment, {
         number: read_free_dic(store, group_of(experiment, number, "dic"))["noise_gv"]
-        for number, view in enumerate(experiment.views) if view.noise.std_gv is None}, beginning.excluded)
-    views = [replace(view, noise=noise) for noise, view in zip(noises, experiment.views, strict=True)]
+        for number, view in enumerate(experiment.views) if view.recording.noise.std_gv is None}, beginning.excluded)
+    views = [replace(view, recording=replace(view.recording, noise=noise)) for noise, view in zip(noises, experiment.views, strict=True)]
     weights = noise_weights(experiment, views)
     write_description(run, {
-        "experiment": str(Path(path).resolve()), "overrides": overrides, "identity": experiment.identity,
-        "excluded": sorted(beginning.excluded), "excluded_by_user": list(experiment.excluded),
+        "experiment": str(Path(path).resolve()), "overrides": overrides, "identity": experiment.recording.identity,
+        "excluded": sorted(beginning.excluded), "excluded_by_user": list(experiment.recording.excluded),
         "noise": noise_entry(noises[0]), "camera_noises": [noise_entry(noise) for noise in noises[1:]],
         "channel_noise_source": ["given" if channel.noise_std
-                                 else "differences" for channel in experiment.channels],
+                                 else "differences" for channel in experiment.model.channels],
         "weights": {"kind": "noise" if experiment.options.weighting == "noise" else "paper (not yet scaled)",
                     "image": weights.image, "image_noise": weights.image_noise,
                     "channels": [1.0 / noise**2 for noise in weights.channel_noise.tolist()],
@@ -194,10 +194,10 @@ def run_free_dic(job: tuple[str, str, dict, int]) -> None:
     run, path, overrides, number = job
     store = RunStore(run)
     experiment = with_stored_images(store, load_experiment(path, overrides))
-    view, shape = experiment.views[number], (experiment.mesh.n_nodes, 2)
+    view, shape = experiment.views[number], (experiment.model.mesh.n_nodes, 2)
     with store.building(group_of(experiment, number, "dic")) as folder:
-        array = FrameArrays.create(folder, "u_px", experiment.n_frames, shape,
-                                   stored_frames(experiment.n_frames, 16 * shape[0]), compressed=True)
+        array = FrameArrays.create(folder, "u_px", experiment.model.n_frames, shape,
+                                   stored_frames(experiment.model.n_frames, 16 * shape[0]), compressed=True)
         with array.writer() as writer:
             stack = dic_stack(view, regularisation_of(experiment), keep=writer.append)
         write_array(folder, "rms_gv", stack.rms_gv)

@@ -96,7 +96,7 @@ def simulate(job: SimulationJob) -> SimulationReport:
     if finished is not None:
         return SimulationReport(job.label, "", tuple(read_array(finished, "steps")), 0.0)
     local = read_array(context.store.group(group_name(job.evaluation, "start")), "local")
-    parameters = context.experiment.parameters.with_values(job.values)
+    parameters = context.experiment.model.parameters.with_values(job.values)
     began = time.perf_counter()
     reason = ""
     for attempt in _attempts(context, job):
@@ -130,7 +130,7 @@ def _attempts(context: RunContext, job: SimulationJob) -> list[SimulationJob]:
     if job.label != BASE:
         return [job] if job.steps is None else [job, replace(job, steps=None)]
     experiment, forward = context.experiment, context.forward
-    times = experiment.times[experiment.reference:]
+    times = experiment.model.times[experiment.model.reference:]
     lists = tried_increments(forward, times, job.increments, job.steps)
     return [replace(job, steps=steps) for steps in lists]
 
@@ -157,12 +157,12 @@ def _write_frames(context: RunContext, job: SimulationJob, parameters: Parameter
         if writers is None:
             n = len(context.forward.frames)
             sizes = {key: 8 * np.size(value) for key, value in fields.items()}
-            size = stored_frames(context.experiment.n_frames, max(sizes[key] for key in sizes if key != LOCAL))
+            size = stored_frames(context.experiment.model.n_frames, max(sizes[key] for key in sizes if key != LOCAL))
             writers = {key: _Writer(folder, key, n, np.shape(value), size) for key, value in fields.items()
                        if key != LOCAL}
             if influence:
                 writers[LOCAL] = RepeatedWriter(folder, LOCAL, n, np.shape(fields[LOCAL]),
-                                                stored_frames(context.experiment.n_frames, sizes[LOCAL]))
+                                                stored_frames(context.experiment.model.n_frames, sizes[LOCAL]))
         for key, value in fields.items():
             writers[key].append(value)
     for writer in writers.values():
@@ -199,7 +199,7 @@ class _Writer:
 def correlate(job: CorrelationJob) -> CorrelationSystem | None:
     """The summed system of a chunk of frames; None where none of them is correlated."""
     context = open_run(job.run).at_stage(job.stage)
-    parameters = context.experiment.parameters.with_values(job.values)
+    parameters = context.experiment.model.parameters.with_values(job.values)
     shared = correlation_context(context, parameters, job.weights)
     local = read_array(context.store.group(group_name(job.evaluation, "start")), "local")
     return chunk_system(shared, read_responses(context, job), local)
@@ -212,7 +212,7 @@ def sum_discrepancy(job: CorrelationJob) -> None:
     The job names all frames; its weights are those of generalised least squares or None.
     """
     context = open_run(job.run).at_stage(job.stage)
-    parameters = context.experiment.parameters.with_values(job.values)
+    parameters = context.experiment.model.parameters.with_values(job.values)
     local = read_array(context.store.group(group_name(job.evaluation, "start")), "local")
     system = point_discrepancy(
         correlation_context(context, parameters, job.weights), context.forward, local,
@@ -224,18 +224,18 @@ def sum_discrepancy(job: CorrelationJob) -> None:
 def read_motion(context: RunContext, evaluation: int) -> Iterator[np.ndarray]:
     """The stored displacements of every frame after the reference  # (n_nodes, dim) mm each"""
     stored = FrameArrays.open(context.store.group(group_name(evaluation, BASE)), "u")
-    n, step = context.experiment.n_frames - context.experiment.reference, 16
+    n, step = context.experiment.model.n_frames - context.experiment.model.reference, 16
     for first in range(1, n, step):
         yield from stored.read(first, min(first + step, n))
 
 
 def read_responses(context: RunContext, job: CorrelationJob) -> Iterator[FrameResponse]:
     """The stored motion of the frames of a job, with sensitivities, direct or perturbed; chunk by chunk."""
-    start = context.experiment.reference
+    start = context.experiment.model.reference
     base = context.store.group(group_name(job.evaluation, BASE))
     first, last = max(job.first, start) - start, max(job.last, start) - start
     n_nodes, dim = FrameArrays.open(base, "u").shape
-    step = stored_frames(context.experiment.n_frames, 8 * n_nodes * dim * max(1, len(context.moving)))
+    step = stored_frames(context.experiment.model.n_frames, 8 * n_nodes * dim * max(1, len(context.moving)))
     inside = context.forward.drives.n_local > 0 and not context.external
     influence = RepeatedReader(base, LOCAL) if inside else None
     while first < last:
@@ -265,7 +265,7 @@ def _read_block(context: RunContext, job: CorrelationJob, base: Path, span: tupl
     elif m:
         local_dchannels = _read(base, "local_dchannels", span)
     for i in range(n):
-        frame = context.experiment.reference + span[0] + i
+        frame = context.experiment.model.reference + span[0] + i
         frame_influence = local_du[i] if influence is None else influence.frame(span[0] + i)
         yield FrameResponse(frame, u[i], channels[i], du[i], dchannels[i], frame_influence, local_dchannels[i])
 

@@ -33,24 +33,24 @@ def accepted_residual(run: Path) -> AcceptedResidual | None:
     if state is None or state.accepted is None:
         return None
     context = open_run(str(run))
-    frame = context.experiment.n_frames - 1
+    frame = context.experiment.model.n_frames - 1
     image, chi2 = _residual(context, state.accepted, frame)
-    std = context.experiment.noise.std_gv or float(np.nanstd(image)) or 1.0
+    std = context.experiment.recording.noise.std_gv or float(np.nanstd(image)) or 1.0
     return AcceptedResidual(state.accepted.number, frame, chi2, residual_png(image, std))
 
 
 def _residual(context: RunContext, accepted: AcceptedPoint, frame: int) -> tuple[np.ndarray, float | None]:
     """Residual of a frame in the reference image (NaN where there is none), and its chi² per pixel."""
     number, values = accepted.number, accepted.values
-    shared = correlation_context(context, context.experiment.parameters.with_values(values)).cameras[0]
+    shared = correlation_context(context, context.experiment.model.parameters.with_values(values)).cameras[0]
     experiment = shared.experiment
     system = load_evaluation(context.store, number, context.names).system
     brightness = next((record.brightness_of(0) for record in system.frames if record.frame == frame), np.zeros(0))
-    base, first = context.store.group(group_name(number, BASE)), context.experiment.reference
-    u = experiment.turned(FrameArrays.open(base, "u").read(frame - first, frame - first + 1)[0])
-    motion = view_of(experiment, shared.camera).at(frame).motion(experiment.mesh.nodes, u)
+    base, first = context.store.group(group_name(number, BASE)), context.experiment.model.reference
+    u = experiment.model.turned(FrameArrays.open(base, "u").read(frame - first, frame - first + 1)[0])
+    motion = view_of(experiment, shared.camera).at(frame).motion(experiment.model.mesh.nodes, u)
     compared = shared.reference.compare_pixels(experiment, frame, motion, brightness)
     image = shared.reference.pixel_map.to_image(np.where(compared.valid, compared.r, np.nan))
-    std = experiment.noise.std_gv
+    std = experiment.recording.noise.std_gv
     chi2 = compared.chi2_dof(std) if std else float("nan")
     return image, float(chi2) if np.isfinite(chi2) else None

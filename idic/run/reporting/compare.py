@@ -117,9 +117,9 @@ def _models_and_data(run: Path) -> tuple[dict[str, str], list | None]:
         except (InputError, OSError):
             data = None
             continue
-        models |= {m.element_set: m.law for m in experiment.materials}
+        models |= {m.element_set: m.law for m in experiment.model.materials}
         if data is not None:
-            data += [experiment.folder, list(experiment.labels), list(experiment.excluded)]
+            data += [experiment.folder, list(experiment.recording.labels), list(experiment.recording.excluded)]
     return models, data
 
 

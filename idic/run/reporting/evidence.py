@@ -29,12 +29,12 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
     """
     shared = correlation_context(context, parameters)
     experiment, reference = shared.experiment, shared.reference.image
-    view, nodes = view_of(experiment, shared.camera), experiment.mesh.nodes
+    view, nodes = view_of(experiment, shared.camera), experiment.model.mesh.nodes
     stored = FrameArrays.open(context.store.group(group_name(point, BASE)), "u")
     at_rest = shared.camera.project(view.points(nodes))
 
     def simulated(frame: int) -> np.ndarray:
-        k = frame - experiment.reference
+        k = frame - experiment.model.reference
         return stored.read(k, k + 1)[0]  # (n_nodes, dim) mm
 
     def motion(frame: int) -> np.ndarray:
@@ -44,8 +44,8 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
         return motion(frame)[:, :2]
 
     shown = shown_frames(experiment)
-    frames = [k for k in correlated_frames(experiment, range(experiment.n_frames)) if k != experiment.reference]
-    seen = seen_by(experiment, reference) if experiment.noise.std_gv else None
+    frames = [k for k in correlated_frames(experiment, range(experiment.model.n_frames)) if k != experiment.model.reference]
+    seen = seen_by(experiment, reference) if experiment.recording.noise.std_gv else None
     floor = noise_floor(seen, sensitivities, result, reference)
     views = frame_views(experiment, frames, lambda frame: at_rest + plane(frame),
                         residuals_of(context, last_accepted(result)))
@@ -53,7 +53,7 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
     free = None if free is None else with_residuals(seen, free)
     if reference.is_section:
         views = with_profiles(views, reference, motion)
-        if experiment.noise.std_gv:
+        if experiment.recording.noise.std_gv:
             free = section_fields(experiment, reference, at_rest[:, 0], shown, motion)
             floor = with_section_floor(floor, experiment, reference, at_rest[:, 0])
     sources = ["given" if source == "given" else f"{source} of the log"

@@ -43,8 +43,8 @@ def export_laws(run: Path | str, folder: Path | str) -> tuple[WrittenLaw, ...]:
         No result in the RUN, several experiments with laws of their own, or a law of an external solver.
     """
     context, result, folder = open_run(str(run)), read_result(run), Path(folder)
-    parameters = accepted_parameters(result, context.experiment.parameters)
-    materials = [m for m in context.experiment.materials if m.law != EXTERNAL]
+    parameters = accepted_parameters(result, context.experiment.model.parameters)
+    materials = [m for m in context.experiment.model.materials if m.law != EXTERNAL]
     if not materials:
         raise InputError("the laws of this RUN belong to another solver", file=run, key="--export",
                          expected="a law of idic", found="[solver]", remedy="take the parameters from its result.json")
@@ -55,7 +55,7 @@ def export_laws(run: Path | str, folder: Path | str) -> tuple[WrittenLaw, ...]:
         values = {name: parameters[f"{material.element_set}.{name}"].value for name in names
                   if f"{material.element_set}.{name}" in parameters}
         files = [folder / f"{material.element_set}.toml"]
-        curves = [curve for curve in context.experiment.extras.get("free_curves", ())
+        curves = [curve for curve in context.experiment.model.free_curves
                   if curve.last_knot.startswith(f"{material.element_set}.")]
         files[0].write_text(law_table(material.element_set, material.law, material.kinematics, values, result, curves),
                             encoding="utf-8")
@@ -74,7 +74,7 @@ def _visited_temperatures(experiment: Experiment) -> tuple[float, ...]:
     field = nodal_temperature(experiment)
     if field is None:
         return ()
-    seen = field.start + field.values[experiment.reference:]
+    seen = field.start + field.values[experiment.model.reference:]
     return tuple(float(T) for T in np.unique(np.linspace(seen.min(), seen.max(), CARD_TEMPERATURES)))
 
 

@@ -32,7 +32,7 @@ def write_paraview(context: RunContext, experiment: Experiment, record: RunRecor
     if not accepted:
         return
     u = FrameArrays.open(context.store.group(group_name(accepted[-1], BASE)), "u")
-    write_collection(folder, experiment.mesh, _frames(experiment, u, record))
+    write_collection(folder, experiment.model.mesh, _frames(experiment, u, record))
 
 
 def write_collection(folder: Path, mesh: Mesh, frames: Iterable[tuple[float, Mapping[str, np.ndarray]]]) -> Path:
@@ -85,14 +85,14 @@ def _shortened(values: np.ndarray) -> np.ndarray:
 
 def _frames(experiment: Experiment, u: FrameArrays,
             record: RunRecord) -> Iterator[tuple[float, Mapping[str, np.ndarray]]]:
-    data, start = record.sensitivities, experiment.reference
+    data, start = record.sensitivities, experiment.model.reference
     for k in range(u.n_frames):
-        fields = {f"displacement_{experiment.length_unit}": u.read(k, k + 1)[0].astype(np.float32)}
+        fields = {f"displacement_{experiment.model.length_unit}": u.read(k, k + 1)[0].astype(np.float32)}
         if data is not None and data.frame == start + k:
             fields |= {f"sensitivity_px_per_{step.replace(' ', '')}_{name}": _shortened(data.phi_px[i])
                        for i, (name, step) in enumerate(zip(data.names, data.steps, strict=True))}
-        fields |= _measured_and_derived(record, start + k, len(experiment.mesh.nodes))
-        yield experiment.times[start + k], fields
+        fields |= _measured_and_derived(record, start + k, len(experiment.model.mesh.nodes))
+        yield experiment.model.times[start + k], fields
 
 
 def _measured_and_derived(record: RunRecord, frame: int, n_nodes: int) -> dict[str, np.ndarray]:

@@ -36,4 +36,4 @@ def gauges_of(context: RunContext, there: Experiment) -> tuple[Gauge, ...]:
     """The gauges that the experiment file declares now; it may have got others since the identification."""
     file = locate(context.settings["experiment"])
     config = validated(with_overrides(read_toml(file), context.settings["overrides"]), file)
-    return gauges(config, there.mesh, there.length_unit, there.camera, file)
+    return gauges(config, there.model.mesh, there.model.length_unit, there.model.camera, file)

@@ -83,7 +83,7 @@ def write_numbers(run: Path, record: RunRecord, paraview: bool = False) -> None:
         (run / "tables" / name).write_text(text, encoding="utf-8")
     if paraview:
         context = open_run(str(run))
-        there = context.experiment.at_geometry(accepted_parameters(record.result, context.experiment.parameters))
+        there = context.experiment.at_geometry(accepted_parameters(record.result, context.experiment.model.parameters))
         write_paraview(context, there, record, run / "paraview")
 
 
@@ -107,9 +107,9 @@ def load_record(run: Path | str) -> RunRecord:
     context = open_run(str(run))
     experiment = context.experiment
     _refuse_another_experiment(run, context, result)
-    history = _history(result, experiment.parameters)
+    history = _history(result, experiment.model.parameters)
     accepted = [entry["evaluation"] for entry in result.get("history", ()) if entry["accepted"]]
-    parameters = accepted_parameters(result, experiment.parameters)
+    parameters = accepted_parameters(result, experiment.model.parameters)
     there = experiment.at_geometry(parameters)  # the mesh as it was identified
     names, M = without_modes(result.get("M", {}))
     common = dict(
@@ -118,11 +118,11 @@ def load_record(run: Path | str) -> RunRecord:
         history=history,
         names=names,
         M=M,
-        reference=experiment.picture(experiment.reference),
-        nodes_px=camera_at(experiment, parameters).project(there.mesh.nodes),
+        reference=experiment.recording.picture(experiment.model.reference),
+        nodes_px=camera_at(experiment, parameters).project(there.model.mesh.nodes),
         cells=_cells(experiment),
-        times=experiment.times,
-        time_label=time_label(experiment.times),
+        times=experiment.model.times,
+        time_label=time_label(experiment.model.times),
         notes=_notes(context, result),
         pixel_size_mm=_pixel_size(experiment),
         temperature=_temperature(experiment, parameters),
@@ -151,12 +151,12 @@ def _seen(context: RunContext, result: Mapping, there: Experiment, number: int, 
     view = there.views[number]
     point = [entry["evaluation"] for entry in result["history"] if entry["accepted"]][-1]
     return dict(
-        reference=view.picture(view.reference),
-        nodes_px=camera_at(view, parameters).project(view.mesh.nodes),
+        reference=view.recording.picture(view.model.reference),
+        nodes_px=camera_at(view, parameters).project(view.model.mesh.nodes),
         cells=_cells(view),
         pixel_size_mm=_pixel_size(view),
         rms_before=_rms_before(context, result, number),
-        rms_after=_rms_after(result if number == 0 else _of_camera(result, view.camera_name)),
+        rms_after=_rms_after(result if number == 0 else _of_camera(result, view.recording.camera_name)),
         residuals=_residuals(context, result, number),
         fields=_fields(context, point, view, parameters),
         sensitivities=_sensitivities(context, point, view, parameters),
@@ -175,13 +175,13 @@ def _refuse_another_experiment(run: Path, context: RunContext, result: Mapping) 
         return
     refuse_passed_point(context, result)
     stored = FrameArrays.open(context.store.group(group_name(evaluated[-1], BASE)), "u").shape[0]
-    unknown = set(result["history"][0]["values"]) - set(context.experiment.parameters)
-    if stored != context.experiment.mesh.n_nodes or unknown:
+    unknown = set(result["history"][0]["values"]) - set(context.experiment.model.parameters)
+    if stored != context.experiment.model.mesh.n_nodes or unknown:
         raise InputError(
             "the experiment has changed since it was identified",
             file=run,
             expected=f"a mesh of {stored} nodes, as in the RUN",
-            found=f"{context.experiment.mesh.n_nodes} nodes" if not unknown else f"no {', '.join(sorted(unknown))}",
+            found=f"{context.experiment.model.mesh.n_nodes} nodes" if not unknown else f"no {', '.join(sorted(unknown))}",
             remedy="identify it again into a new RUN, or restore the experiment folder",
         )
 
@@ -201,14 +201,14 @@ def _history(result: Mapping, parameters: ParameterSet) -> tuple[dict, ...]:
 
 
 def _cells(experiment: Experiment) -> tuple[tuple[str, np.ndarray], ...]:
-    if experiment.quantity == "height" and is_section(experiment):
-        faces = experiment.mesh.edge_sets[experiment.surface]
-        return ((EDGE, np.array([experiment.mesh.face_nodes(face) for face in faces])),)
-    return tuple((block.cell, block.connectivity) for block in surface_cells(experiment.mesh, experiment.surface))
+    if experiment.recording.quantity == "height" and is_section(experiment):
+        faces = experiment.model.mesh.edge_sets[experiment.model.surface]
+        return ((EDGE, np.array([experiment.model.mesh.face_nodes(face) for face in faces])),)
+    return tuple((block.cell, block.connectivity) for block in surface_cells(experiment.model.mesh, experiment.model.surface))
 
 
 def _pixel_size(experiment) -> float | None:
-    return experiment.camera.pixel_size if experiment.length_unit == "mm" else None
+    return experiment.model.camera.pixel_size if experiment.model.length_unit == "mm" else None
 
 
 def _temperature(experiment: Experiment, parameters: ParameterSet) -> np.ndarray | None:
@@ -254,7 +254,7 @@ def _words(treatment: Mapping) -> str:
 def _notes(context: RunContext, result: Mapping) -> tuple[str, ...]:
     notes = [*result["notes"], *_estimators(result), *_spreads(result)]
     sources = context.settings["channel_noise_source"]
-    units = {channel.column: channel.shown_unit for channel in context.experiment.channels}
+    units = {channel.column: channel.shown_unit for channel in context.experiment.model.channels}
     for (name, std), source in zip(result["residual"].get("channel_noise_std", {}).items(), sources, strict=False):
         notes.append(f"Noise of {name}: {std:.3g} {units[name]}, {CHANNEL_NOISE.get(source, 'from its ' + source)}.")
     if result.get("sensitivity") in METHODS:
@@ -269,7 +269,7 @@ def _rms_before(context: RunContext, result: Mapping, number: int) -> np.ndarray
     """rms residual per frame of one camera at the starting values  # (n_frames,) grey values"""
     if result["history"][0]["phi"] is None:
         return None
-    rms = np.full(context.experiment.n_frames, np.nan)
+    rms = np.full(context.experiment.model.n_frames, np.nan)
     for record in load_evaluation(context.store, 0, context.names).system.frames:
         n_pixels, _, rr, _ = record.cameras[number]
         if n_pixels:
@@ -297,7 +297,7 @@ def _channels(context: RunContext, result: Mapping) -> tuple[ChannelRecord, ...]
             stds.get(c.column),
             None if started is None else started[:, i] / c.shown_factor,
         )
-        for i, c in enumerate(context.experiment.channels)
+        for i, c in enumerate(context.experiment.model.channels)
     )
 
 
@@ -315,13 +315,13 @@ def _residuals(context: RunContext, result: Mapping, number: int) -> ResidualMap
 def _fields(context: RunContext, point: int, experiment: Experiment, parameters: ParameterSet) -> FieldFrames | None:
     """Displacement of some frames as one camera sees it; experiment : the view of that camera."""
     frames = shown_frames(experiment)
-    view, nodes = view_of(experiment, camera_at(experiment, parameters)), experiment.mesh.nodes
-    u = np.array([view.at(frame).motion(nodes, experiment.turned(_read(context, point, BASE, "u", frame)))
+    view, nodes = view_of(experiment, camera_at(experiment, parameters)), experiment.model.mesh.nodes
+    u = np.array([view.at(frame).motion(nodes, experiment.model.turned(_read(context, point, BASE, "u", frame)))
                   for frame in frames])
     if not frames:
         return None
-    unit = 1.0 if experiment.points is None else experiment.points.um_per_px
-    rise = {f"rise [{experiment.value_unit}]": unit * u[:, :, 2]} if view.n_components == 3 else {}
+    unit = 1.0 if experiment.recording.points is None else experiment.recording.points.um_per_px
+    rise = {f"rise [{experiment.recording.value_unit}]": unit * u[:, :, 2]} if view.n_components == 3 else {}
     return FieldFrames(frames, u[:, :, :2], rise)
 
 
@@ -334,13 +334,13 @@ def _sensitivities(context: RunContext, point: int, experiment: Experiment,
     if not names or not frames:
         return None
     frame = frames[-1]
-    u = experiment.turned(_read(context, point, BASE, "u", frame))
-    columns = experiment.turned(_columns(context, point, frame, parameters)[..., chosen])
+    u = experiment.model.turned(_read(context, point, BASE, "u", frame))
+    columns = experiment.model.turned(_columns(context, point, frame, parameters)[..., chosen])
     du = at_fixed_pixels(experiment, u, columns, names)
-    view, nodes = view_of(experiment, camera_at(experiment, parameters)).at(frame), experiment.mesh.nodes
+    view, nodes = view_of(experiment, camera_at(experiment, parameters)).at(frame), experiment.model.mesh.nodes
     columns = view.columns(nodes, u, du).reshape(len(nodes), view.n_components, len(names))
     if view.n_components == 3 and view.kind != SPACE:
-        columns[:, 2] *= experiment.height_unit / view.camera.pixel_size
+        columns[:, 2] *= experiment.recording.height_unit / view.camera.pixel_size
     steps = [shown_step(parameters[name]) for name in names]
     phi = np.stack([columns[:, :, i] * size for i, (size, _) in enumerate(steps)])
     sizes = tuple(size / parameters[name].factor for name, (size, _) in zip(names, steps, strict=True))
@@ -365,5 +365,5 @@ def _columns(context: RunContext, point: int, frame: int, parameters: ParameterS
 
 
 def _read(context: RunContext, point: int, label: str, name: str, frame: int) -> np.ndarray:
-    k = frame - context.experiment.reference
+    k = frame - context.experiment.model.reference
     return FrameArrays.open(context.store.group(group_name(point, label)), name).read(k, k + 1)[0]

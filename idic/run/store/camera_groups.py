@@ -33,13 +33,13 @@ def ingest_all(store: RunStore, experiment: Experiment, progress: Callable[[int,
     `idic.run.store.stack.ingest`
     """
     views = experiment.views
-    total = sum(view.stack.n_frames for view in views)
+    total = sum(view.recording.stack.n_frames for view in views)
     before = 0
     for number, view in enumerate(views):
         report = progress and (lambda done, _, before=before: progress(before + done, total))  # type: ignore[misc]
         group = group_of(experiment, number, IMAGES)
-        ingest_stack(store, recorded(view.stack), report, experiment.identity, group, spread)
-        before += view.stack.n_frames
+        ingest_stack(store, recorded(view.recording.stack), report, experiment.recording.identity, group, spread)
+        before += view.recording.stack.n_frames
 
 
 def refuse_changed_images(store: RunStore, experiment: Experiment) -> None:
@@ -54,14 +54,14 @@ def refuse_changed_images(store: RunStore, experiment: Experiment) -> None:
         group = store.described(group_of(experiment, number, IMAGES))
         if group is not None:
             with suppress(Damaged):  # they are ingested anew
-                refuse_changed(recorded(view.stack), ZarrStack(group).files)
+                refuse_changed(recorded(view.recording.stack), ZarrStack(group).files)
 
 
 def with_stored_images(store: RunStore, experiment: Experiment) -> Experiment:
     """The experiment with the ingested images of all its cameras."""
     stacks = [ZarrStack(store.group(group_of(experiment, number, IMAGES))) for number in range(len(experiment.views))]
     cameras = tuple(replace(camera, stack=stack) for camera, stack in zip(experiment.cameras, stacks[1:], strict=True))
-    return with_stabilised_images(replace(experiment, stack=stacks[0], cameras=cameras))
+    return with_stabilised_images(replace(experiment, recording=replace(experiment.recording, stack=stacks[0]), cameras=cameras))
 
 
 def noise_entry(noise: Noise) -> dict:
@@ -81,4 +81,4 @@ def with_stored_noise(experiment: Experiment, settings: Mapping) -> Experiment:
     """The experiment with the camera noise that was determined before the first simulation."""
     noises = [_noise_from(entry) for entry in (settings["noise"], *settings["camera_noises"])]
     cameras = tuple(replace(camera, noise=noise) for camera, noise in zip(experiment.cameras, noises[1:], strict=True))
-    return replace(experiment, noise=replace(noises[0], stabiliser=experiment.noise.stabiliser), cameras=cameras)
+    return replace(experiment, recording=replace(experiment.recording, noise=replace(noises[0], stabiliser=experiment.recording.noise.stabiliser)), cameras=cameras)

@@ -116,7 +116,7 @@ def _problem(job: ProbeJob) -> tuple[str, str, str] | tuple[()]:
             return (f"the experiment {one.path}", str(problem),
                     "put the experiment on a file system that all workers mount at the same path; for your own "
                     "laws set the variable IDIC_LAWS on the workers")
-        if one.identity != found.identity:
+        if one.identity != found.recording.identity:
             return (f"the experiment {one.path} as the driver read it", "another experiment at this path",
                     "put the experiment on a file system that all workers mount at the same path")
     return ()

@@ -31,15 +31,14 @@ def judged(experiment: Experiment, withheld: tuple[int, ...]) -> tuple[np.ndarra
     """Residuals (n_frames, 3) of free FE-DIC, fit to all, fit without `withheld`; and the two fits' results."""
     free_dic = dic_stack(experiment)
     excluded = [k for k, status in enumerate(free_dic.status) if status != "ok"]
-    if experiment.noise.std_gv is None:
-        experiment = replace(experiment, noise=Noise(free_dic.noise_gv, "residual_of_free_dic"))
+    if experiment.recording.noise.std_gv is None:
+        experiment = replace(experiment, recording=replace(experiment.recording, noise=Noise(free_dic.noise_gv, "residual_of_free_dic")))
     local = measured_start(experiment, free_dic.u_px, excluded)
-    experiment = replace(experiment, excluded=tuple(excluded))
+    experiment = replace(experiment, recording=replace(experiment.recording, excluded=tuple(excluded)))
     full_fit = identify(experiment, local)
-    partial_fit = identify(replace(experiment, excluded=(*excluded, *withheld),
-                            parameters=experiment.parameters.with_values(full_fit.state.accepted.values)), local)
+    partial_fit = identify(replace(experiment, recording=replace(experiment.recording, excluded=(*excluded, *withheld)), model=replace(experiment.model, parameters=experiment.model.parameters.with_values(full_fit.state.accepted.values))), local)
     evaluated, _ = evaluate_at(experiment, partial_fit.state.accepted.values, full_fit.local)
-    n = experiment.n_frames
+    n = experiment.model.n_frames
     return (np.stack([free_dic.rms_gv, residuals(full_fit.point, n), residuals(evaluated, n)], axis=1),
             [full_fit.result, partial_fit.result])
 
@@ -57,7 +56,7 @@ def main() -> None:
     for k, row in enumerate(residual_rows):
         if np.isfinite(row[1]):
             star = " (held out)" if k in withheld else ""
-            lines.append(f"| {experiment.labels[k]}{star} | " + " | ".join(f"{value:.3f}" for value in row) + " |")
+            lines.append(f"| {experiment.recording.labels[k]}{star} | " + " | ".join(f"{value:.3f}" for value in row) + " |")
     for title, result in zip(("all frames", "without"), results, strict=True):
         values = {name: (entry["value"], entry["std"]) for name, entry in result["parameters"].items()
                   if entry["free"] and entry["std"] is not None}

@@ -91,7 +91,7 @@ def measure(data: Path, element: float, order: str, regularisation) -> dict:
         motion = dic_stack(experiment, Regularisation(kind, length))
         cpu = time.process_time() - began
     exact = np.loadtxt(data / "exact.csv", delimiter=",", skiprows=1)
-    x, y = experiment.camera.project(experiment.mesh.nodes).T
+    x, y = experiment.model.camera.project(experiment.model.mesh.nodes).T
     inner = (x > x.min()) & (x < x.max()) & (y > y.min()) & (y < y.max())
     scatter, error, points = [], [], []
     for k, level in enumerate(LEVELS, 1):

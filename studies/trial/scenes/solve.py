@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.fe import Constraints, Mesh, Model, Reaction, Section, march
+from idic.fe import Constraints, Mesh, Body, Reaction, Section, march
 from idic.laws import compile as compile_law, get_law
 from idic_studies.trial.scenes.scene import Geometry, Scene
 from idic_studies.trial.scenes.specimens import is_fine, specimen_mesh
@@ -124,7 +124,7 @@ def solve(scene: Scene, mesh: Mesh | None = None) -> Motion:
     histories, place = np.unique(courses, axis=1, return_inverse=True)
     basis = np.zeros((len(dofs), histories.shape[1]))
     basis[np.arange(len(dofs)), place.ravel()] = 1.0
-    model = Model(mesh=mesh, kind="plane_stress", sections=tuple(sections), thickness=scene.thickness,
+    model = Body(mesh=mesh, kind="plane_stress", sections=tuple(sections), thickness=scene.thickness,
                   constraints=Constraints(dofs, basis, histories), channels=(Reaction(pulled),),
                   **({} if warmth is None else {"temperature": warmth}))
     if not has_memory(scene):
@@ -133,7 +133,7 @@ def solve(scene: Scene, mesh: Mesh | None = None) -> Motion:
     return coarser.without_time_error(halved)
 
 
-def _marched(model: Model, values: Mapping[str, np.ndarray], scene: Scene, increments: int) -> Motion:
+def _marched(model: Body, values: Mapping[str, np.ndarray], scene: Scene, increments: int) -> Motion:
     states = [(s.u.copy(), float(s.channels[0])) for s in march(model, values, scene.times, substeps=increments)]
     return Motion(model.mesh, np.array([u for u, _ in states]), np.array([f for _, f in states]))
 

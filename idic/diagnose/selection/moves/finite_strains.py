@@ -39,7 +39,7 @@ def with_finite_strains(cause: JoinedCause) -> State | None:
     """The finite form of every law of small strains: its cause, the former course of that, and the rivals that cannot
     be told from it are fitted again; None where the cause finds no equilibrium or passes no more."""
     state, entry = cause.state, cause.round
-    materials = _fitted(entry, cause.winner).source.load().materials
+    materials = _fitted(entry, cause.winner).source.load().model.materials
     models = [rival for rival in (cause.winner, entry.plain) if rival is not None]
     edits = {f"material.{material.element_set}.kinematics": "finite" for material in materials}
     rounds = [replace(former, source=former.source.with_edits(edits)) for former in state.rounds]

@@ -113,15 +113,15 @@ def explains_more(end: FreeEnd, null: Fit, final: Fit, moves_an_end: bool = Fals
 def end_motions(source: ExperimentSource, situation: Situation) -> Iterator[EndMotion]:
     """Of every prescribed set of a plane model its freed motion: in proportion to the log, and with a free course."""
     experiment = situation.experiment
-    if experiment.n_dim != 2:
+    if experiment.model.n_dim != 2:
         return
-    column = max((entry.drive for entry in experiment.prescribed if isinstance(entry.drive, Column)),
+    column = max((entry.drive for entry in experiment.model.prescribed if isinstance(entry.drive, Column)),
                  key=lambda drive: float(np.abs(drive.values).max()), default=None)
     held_sets: dict[str, list[tuple[int, str, bool]]] = {}
     for number, nodes, component, drive in driven(situation):
         held_sets.setdefault(nodes, []).append((number, component, "column" in drive))
     for nodes, entries in held_sets.items():
-        if len(experiment.mesh.node_sets[nodes]) <= EDGE_MODE_DEGREE:
+        if len(experiment.model.mesh.node_sets[nodes]) <= EDGE_MODE_DEGREE:
             continue
         for free_course in (False, True):
             if column is None and not free_course:
@@ -133,9 +133,9 @@ def end_motions(source: ExperimentSource, situation: Situation) -> Iterator[EndM
                     document |= with_correction(replace(situation, document=document), number, component,
                                                 {"kind": "shape", "degree": degree} | form)
             edits = {"boundary": document["boundary"]}
-            free_names = source.load(edits).parameters.free
-            names = tuple(name for name in free_names if name not in experiment.parameters.free)
-            yield EndMotion(nodes, edits, names, free_course, experiment.length_unit)
+            free_names = source.load(edits).model.parameters.free
+            names = tuple(name for name in free_names if name not in experiment.model.parameters.free)
+            yield EndMotion(nodes, edits, names, free_course, experiment.model.length_unit)
 
 
 def told(state: State, end: FreeEnd) -> State:

@@ -51,7 +51,7 @@ def screened(model: FittedModel, library: Sequence[Candidate], watch: Watch = un
     source, null, identification = model.source, model.fit, model.identification()
     residual = residual_evidence(identification, responses=responses)
     place = situation(identification, residual, source.document())
-    trials, untestable = _trials(library, identification.experiment.points is not None, place, residual, null)
+    trials, untestable = _trials(library, identification.experiment.recording.points is not None, place, residual, null)
     trials += with_free_courses(trials, place.document, identification.parameters.free, source.load)
     labels, columns = score_columns(identification, residual, trials,
                                     source.load) if trials else ((), residual.null.pick([]))
@@ -62,7 +62,7 @@ def screened(model: FittedModel, library: Sequence[Candidate], watch: Watch = un
         residual.evidence, residual.null, labels, columns, room=null.choice.room,
         mesh=None if error is None else error_column(residual, error.of_mesh),
         known_columns=None if blurs is None else (blurs, RELATIVE_STD),
-        materials=[material.element_set for material in identification.experiment.materials], margin=margin,
+        materials=[material.element_set for material in identification.experiment.model.materials], margin=margin,
         is_further=is_further,
         min_channel=max(MIN_CHANNEL_EFFECT_STD, smallest_reading(residual)) if is_further else MIN_CHANNEL_EFFECT_STD)
     unresolved = [ranked for ranked in scored.significant if ranked.variant.unresolved]

@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from idic.model.experiment import Channel, Experiment, Load, Prescribed
+from idic.model.experiment import Experiment
+from idic.model.parts import Channel, Load, Prescribed
 from idic.model.load_train import way_of
 from idic.parameters import Parameter, ParameterSet
 
@@ -33,7 +34,7 @@ class Reading:
     @property
     def way(self) -> float:
         """Direction of the load train in this frame: 1, -1, or 0 where no motion is logged."""
-        way = way_of(self.experiment.prescribed)
+        way = way_of(self.experiment.model.prescribed)
         return 0.0 if way is None else float(way[self.frame])
 
     def has(self, name: str) -> bool:

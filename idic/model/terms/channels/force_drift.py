@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from idic.model.experiment import Channel, Experiment, Prescribed
+from idic.model.experiment import Experiment
+from idic.model.parts import Channel, Prescribed
 from idic.model.terms.channels.channel_term import ChannelTerm, Course, Probe, Reading, Step, logged_size
 from idic.parameters import Parameter
 
@@ -33,15 +34,15 @@ def step(reading: float, at: Reading) -> Step:
 
 def drifting(experiment: Experiment, channel: Channel, frame: int) -> float:
     """Seconds for which the reading of a channel has drifted."""
-    seconds = float(experiment.times[frame] - channel.starts.get("drift", experiment.times[experiment.reference]))
+    seconds = float(experiment.model.times[frame] - channel.starts.get("drift", experiment.model.times[experiment.model.reference]))
     return max(seconds, 0.0) if "drift" in channel.starts else seconds
 
 
 def probes(experiment: Experiment, channel: Channel) -> list[Probe]:
-    if not experiment.extras.get("has_times", True):
+    if not experiment.model.has_times:
         return []
-    size, first = PROBE_FORCE_SHARE * float(np.abs(channel.values).max()), experiment.times[experiment.reference]
-    duration = float(experiment.times[-1] - first)
+    size, first = PROBE_FORCE_SHARE * float(np.abs(channel.values).max()), experiment.model.times[experiment.model.reference]
+    duration = float(experiment.model.times[-1] - first)
     drifts = [Probe(f"drift of {channel.column}", "drift", size / duration)]
     for onset in ONSETS:
         start = float(np.round(first + onset * duration, 9))
@@ -52,7 +53,7 @@ def probes(experiment: Experiment, channel: Channel) -> list[Probe]:
 
 def amplitude(experiment: Experiment, channel: Channel, name: str) -> np.ndarray | None:
     if name == "drift":
-        return np.array([drifting(experiment, channel, frame) for frame in range(experiment.n_frames)])
+        return np.array([drifting(experiment, channel, frame) for frame in range(experiment.model.n_frames)])
     return channel.hats_of("drift").get(name)
 
 

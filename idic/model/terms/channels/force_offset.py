@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from idic.model.experiment import Channel, Column, Experiment, Load, Prescribed
+from idic.model.experiment import Experiment
+from idic.model.parts import Channel, Column, Load, Prescribed
 from idic.model.terms.channels.channel_term import ChannelTerm, Probe, Reading, Step, logged_size
 from idic.parameters import Parameter
 

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from idic.model.experiment import Channel, Experiment, Load, Prescribed
+from idic.model.experiment import Experiment
+from idic.model.parts import Channel, Load, Prescribed
 from idic.model.terms.channels.channel_term import ChannelTerm, Probe, Reading, Step
 from idic.parameters import Parameter
 

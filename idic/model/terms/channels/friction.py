@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from idic.model.experiment import Channel, Experiment, Prescribed
+from idic.model.experiment import Experiment
+from idic.model.parts import Channel, Prescribed
 from idic.model.load_train import way_of
 from idic.model.terms.channels.channel_term import ChannelTerm, Course, Probe, Reading, Step, logged_size
 from idic.parameters import Parameter
@@ -37,7 +38,7 @@ def step(reading: float, at: Reading) -> Step:
 
 
 def probes(experiment: Experiment, channel: Channel) -> list[Probe]:
-    way = way_of(experiment.prescribed)
+    way = way_of(experiment.model.prescribed)
     if channel.kind != "reaction" or way is None or len(set(way) - {0.0}) < 2:
         return []  # without a way back friction is a part of the force
     return [Probe(f"constant friction in {channel.column}", CONSTANT, PROBE_SHARE * channel.largest, sign=1),
@@ -46,7 +47,7 @@ def probes(experiment: Experiment, channel: Channel) -> list[Probe]:
 
 def amplitude(experiment: Experiment, channel: Channel, name: str) -> np.ndarray | None:
     if name == CONSTANT:
-        return (np.arange(experiment.n_frames) > experiment.reference).astype(float)
+        return (np.arange(experiment.model.n_frames) > experiment.model.reference).astype(float)
     return np.abs(channel.values) if name == SHARE else channel.hats_of(CONSTANT).get(name)
 
 

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.model.experiment import Column, Experiment, Prescribed
+from idic.model.experiment import Experiment
+from idic.model.parts import Column, Prescribed
 from idic.model.terms.corrections.correction_term import (
     Cause, CorrectedMotion, CorrectionTerm, Probe, Required, against_motion_with, probe_length,
 )
@@ -21,7 +22,7 @@ def course(motion: CorrectedMotion) -> np.ndarray:
 
 def probes(experiment: Experiment, motion: Prescribed) -> list[Probe]:
     is_logged, forms = isinstance(motion.drive, Column), []
-    for force in (channel for channel in experiment.channels if channel.kind == "reaction"):
+    for force in (channel for channel in experiment.model.channels if channel.kind == "reaction"):
         size = float(np.abs(force.values).max())
         if force.component == motion.component and size != 0.0:
             forms.append(Probe(f"{motion.nodes} gives way along {motion.component} with {force.column}",

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from idic.fe import Mesh
-from idic.model.experiment import Column, Constant, Correction, Experiment, Prescribed
+from idic.model.experiment import Experiment
+from idic.model.parts import Column, Constant, Correction, Prescribed
 from idic.model.terms.corrections.correction_term import (
     CorrectedMotion, CorrectionTerm, Key, Probe, follows_motion, in_proportion, main_motion, probe_length,
 )
@@ -29,8 +30,8 @@ def pattern(correction: Correction, mesh: Mesh, nodes: np.ndarray, component: st
 def probes(experiment: Experiment, motion: Prescribed) -> list[Probe]:
     column = main_motion(experiment)
     is_held_across = any(entry.nodes == motion.nodes and entry.component != motion.component
-                         and isinstance(entry.drive, (Column, Constant)) for entry in experiment.prescribed)
-    if column is None or not isinstance(motion.drive, Column) or experiment.n_dim != 2 or not is_held_across:
+                         and isinstance(entry.drive, (Column, Constant)) for entry in experiment.model.prescribed)
+    if column is None or not isinstance(motion.drive, Column) or experiment.model.n_dim != 2 or not is_held_across:
         return []
     length = probe_length(experiment)
     return [Probe(f"{motion.nodes} moves askew (u{motion.component})", {},

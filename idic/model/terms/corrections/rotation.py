@@ -7,7 +7,8 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe import Mesh
-from idic.model.experiment import Column, Correction, Experiment, Prescribed
+from idic.model.experiment import Experiment
+from idic.model.parts import Column, Correction, Prescribed
 from idic.model.terms.corrections.correction_term import (
     Cause, CorrectedMotion, CorrectionTerm, Probe, follows_motion, in_proportion, main_motion, probe_length,
     probe_starts,
@@ -59,7 +60,7 @@ def reach(mesh: Mesh, nodes: np.ndarray, component: str) -> float:
 
 
 def probes(experiment: Experiment, motion: Prescribed) -> list[Probe]:
-    column, nodes = main_motion(experiment), experiment.mesh.nodes[experiment.mesh.node_sets[motion.nodes]]
+    column, nodes = main_motion(experiment), experiment.model.mesh.nodes[experiment.model.mesh.node_sets[motion.nodes]]
     if column is None or not float(np.ptp(nodes[:, 1 if motion.component == "x" else 0])) > 0.0:
         return []
     is_logged = isinstance(motion.drive, Column)
@@ -72,7 +73,7 @@ def probes(experiment: Experiment, motion: Prescribed) -> list[Probe]:
 
 def timed_probes(experiment: Experiment, motion: Prescribed, verb: str, value: float) -> list[Probe]:
     """Probes that begin at some moment; [] where the test has no times."""
-    if not experiment.extras.get("has_times", True):
+    if not experiment.model.has_times:
         return []
     return [Probe(f"{motion.nodes} {verb}{' at once' if keys['course'] == 'jump' else ''} from {keys['start_s']:.4g} s "
                   f"on (u{motion.component})", keys, value) for keys in probe_starts(experiment)]

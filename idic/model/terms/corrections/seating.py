@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.model.experiment import Column, Experiment, Prescribed
+from idic.model.experiment import Experiment
+from idic.model.parts import Column, Prescribed
 from idic.model.terms.corrections.correction_term import (
     Cause, CorrectedMotion, CorrectionTerm, Key, Probe, Required, Scale, against_motion, in_length, probe_length,
 )
@@ -25,7 +26,7 @@ def probes(experiment: Experiment, motion: Prescribed) -> list[Probe]:
     if not isinstance(motion.drive, Column):
         return []
     forms = []
-    for force in experiment.channels:
+    for force in experiment.model.channels:
         size = float(np.abs(force.values).max())
         if force.kind == "reaction" and force.component == motion.component and size:
             forms += [Probe(label(motion.nodes, share * size, force.unit),
