@@ -40,7 +40,8 @@ def moved(kind, modes, time_modes, given=()):
     """The plate with a virtual right edge, and images to satisfy the record."""
     prescribed = (*held_left(), *(Prescribed("RIGHT", c, Parametrised(kind, modes, time_modes)) for c in "xy"))
     made = body(prescribed=prescribed)
-    return replace(made, stack=ArrayStack(np.zeros((len(TIMES), *SHAPE))), extras={"given": given})
+    return replace(made, model=replace(made.model, stated_values=given),
+                   recording=replace(made.recording, stack=ArrayStack(np.zeros((len(TIMES), *SHAPE)))))
 
 
 def seen(u):
@@ -52,7 +53,7 @@ def seen(u):
 def prescribed_motion(made):
     """(n_frames, n_p) mm at the parameters of an experiment, of the virtual edge only."""
     drives = build_drives(made)
-    return drives.histories(made.parameters) @ drives.basis.T, drives.dofs
+    return drives.histories(made.model.parameters) @ drives.basis.T, drives.dofs
 
 
 def stretching():
@@ -91,10 +92,11 @@ def test_an_edge_that_no_image_shows_starts_from_rest_and_is_named():
 
 def test_values_of_the_user_win_and_the_others_are_fitted_with_them():
     made = moved("bspline", 3, 4, given=("boundary.RIGHT.x.s1t3",))
-    made = replace(made, parameters=made.parameters.with_values({"boundary.RIGHT.x.s1t3": 0.123}))
+    made = replace(made, model=replace(made.model,
+                                       parameters=made.model.parameters.with_values({"boundary.RIGHT.x.s1t3": 0.123})))
     start = boundary_start(made, seen(stretching()))
     assert "boundary.RIGHT.x.s1t3" not in start.values and "1 of them as given" in start.notes[0]
-    assert with_boundary_start(made, start).parameters["boundary.RIGHT.x.s1t3"].value == 0.123
+    assert with_boundary_start(made, start).model.parameters["boundary.RIGHT.x.s1t3"].value == 0.123
     free = boundary_start(moved("bspline", 3, 4), seen(stretching())).values
     assert abs(free["boundary.RIGHT.x.s0t3"] - start.values["boundary.RIGHT.x.s0t3"]) > 1e-3
 
@@ -113,7 +115,7 @@ def test_a_run_with_measured_modes_finds_the_truth_and_keeps_its_start_to_the_la
         assert abs(p["value"] - true) < 4.0 * p["std"]  # the noise of fixed shapes is not in std
     values = load_checkpoint(tmp_path / "first" / DESCRIPTION, DESCRIPTION_SCHEMA)["boundary"]["values"]
     context = open_session(tmp_path / "first", SerialRunner(), "direct").context
-    assert values and all(from_hex(v) == context.experiment.parameters[n].value for n, v in values.items())
+    assert values and all(from_hex(v) == context.experiment.model.parameters[n].value for n, v in values.items())
     assert any("modes start from" in note for note in result["notes"])
     again, second = identify(path, tmp_path / "second")
     assert again.accepted == state.accepted and second["eigenvalues"] == result["eigenvalues"]
@@ -122,7 +124,7 @@ def test_a_run_with_measured_modes_finds_the_truth_and_keeps_its_start_to_the_la
 def test_modes_keep_the_order_of_the_file_in_every_process(tmp_path, clean):
     many = '{ virtual = "bspline", modes = 6, time_modes = 5 }'
     path = write_folder(tmp_path / "test", Twin(), ELASTIC + CUTS.replace("DRIVE", many) + FORCE, clean)
-    names = [name for name in load_experiment(path).parameters.free if name.startswith("boundary")]
+    names = [name for name in load_experiment(path).model.parameters.free if name.startswith("boundary")]
     assert names == [f"boundary.{end}.{c}.s{i}t{j}" for end in ("LEFT", "RIGHT") for c in "xy" for i in range(6)
                      for j in range(5)]
 

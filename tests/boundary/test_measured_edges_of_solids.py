@@ -45,13 +45,15 @@ def experiment(tmp_path_factory):
 
 
 def with_measured_edge(experiment, components="xyz"):
-    others = [entry for entry in experiment.prescribed if entry.nodes != "RIGHT"]
-    return replace(experiment, prescribed=(*others, *(Prescribed("RIGHT", c, Measured()) for c in components)))
+    others = [entry for entry in experiment.model.prescribed if entry.nodes != "RIGHT"]
+    return replace(experiment, model=replace(experiment.model,
+                                             prescribed=(*others,
+                                                         *(Prescribed("RIGHT", c, Measured()) for c in components))))
 
 
 def test_hidden_nodes_move_with_the_seen_ones_and_the_thickness_stays_free(experiment):
-    nodes = set_nodes(experiment, "RIGHT")
-    x = experiment.mesh.nodes
+    nodes = set_nodes(experiment.model, "RIGHT")
+    x = experiment.model.mesh.nodes
     front = nodes[np.abs(x[nodes, 2]) < 1e-9]
     assert 0 < len(front) < len(nodes)  # the set goes through the thickness
     drives = build_drives(experiment)
@@ -68,8 +70,8 @@ def test_hidden_nodes_move_with_the_seen_ones_and_the_thickness_stays_free(exper
 
 
 def test_the_prior_of_a_straight_rim_passes_every_linear_motion(experiment):
-    mesh = experiment.mesh
-    nodes = set_nodes(experiment, "RIGHT")
+    mesh = experiment.model.mesh
+    nodes = set_nodes(experiment.model, "RIGHT")
     front = nodes[np.abs(mesh.nodes[nodes, 2]) < 1e-9]
     rows = rim_second_differences(mesh, "FRONT", front)
     assert len(rows) == len(front) - 2  # the ends are corners
@@ -83,12 +85,12 @@ def test_a_free_stereo_dic_starts_the_edge_in_space(experiment):
     assert needs_motion_in_space(experiment)
     u_mm, noise = motion_in_space(experiment), surface_motion(experiment)
     std = dict(zip(noise.nodes.tolist(), noise.noise_mm, strict=True))
-    local = measured_start(experiment, np.full((3, experiment.mesh.n_nodes, 2), np.nan), (), u_mm)
+    local = measured_start(experiment, np.full((3, experiment.model.mesh.n_nodes, 2), np.nan), (), u_mm)
     drives = build_drives(experiment)
     for column, drive in enumerate(drives.local):
         node, component = np.divmod(drives.dofs[drives.basis[:, drive] != 0.0], 3)
-        seen = node[np.abs(experiment.mesh.nodes[node, 2]) < 1e-9]
-        true = stretched(experiment.mesh.nodes[seen], 1.0)[0, component[0]]
+        seen = node[np.abs(experiment.model.mesh.nodes[node, 2]) < 1e-9]
+        true = stretched(experiment.model.mesh.nodes[seen], 1.0)[0, component[0]]
         # four standard deviations of 15 unknowns; 0.01 px = 0.0016 mm of interpolation
         assert local[2, column] == pytest.approx(true, abs=4.0 * std[int(seen[0])][component[0]] + 0.0016)
         assert local[0, column] == 0.0
@@ -97,28 +99,30 @@ def test_a_free_stereo_dic_starts_the_edge_in_space(experiment):
 @pytest.mark.parametrize("kind", ["bspline", "dic"])
 def test_virtual_boundaries_start_from_the_motion_in_space(experiment, kind):
     entry = Prescribed("RIGHT", "z", Parametrised(kind, 2, 2))
-    others = tuple(other for other in experiment.prescribed if other.nodes != "RIGHT")
-    made = replace(experiment, prescribed=(*others, entry),
-                   parameters=ParameterSet((*experiment.parameters.values(), *boundary_parameters((entry,), 0.16))))
+    others = tuple(other for other in experiment.model.prescribed if other.nodes != "RIGHT")
+    made = replace(experiment, model=replace(experiment.model, prescribed=(*others, entry),
+                                             parameters=ParameterSet((*experiment.model.parameters.values(),
+                                                                      *boundary_parameters((entry,), 0.16)))))
     assert needs_motion_in_space(made)
-    nothing, in_space = np.full((3, made.mesh.n_nodes, 2), np.nan), motion_in_space(made)
+    nothing, in_space = np.full((3, made.model.mesh.n_nodes, 2), np.nan), motion_in_space(made)
     begun = with_boundary_start(made, boundary_start(made, nothing, (), in_space))
     drives = build_drives(begun)
-    moved = drives.basis @ drives.histories(begun.parameters).T  # (n_dofs, n_frames)
+    moved = drives.basis @ drives.histories(begun.model.parameters).T  # (n_dofs, n_frames)
     node, component = np.divmod(drives.dofs, 3)
-    own = np.isin(node, set_nodes(begun, "RIGHT")) & (component == 2)
+    own = np.isin(node, set_nodes(begun.model, "RIGHT")) & (component == 2)
     noise = surface_motion(made)
     std = noise.noise_mm[np.isin(noise.nodes, node[own]), 2].max()
     # 0.22 mm of all nodes, hidden ones as the seen beside them, within four standard deviations of the corner node:
     # modes of kind "dic" have the noise of each node in them
-    assert np.abs(moved[own, 2] - stretched(made.mesh.nodes[node[own]], 1.0)[:, 2]).max() < 4.0 * std
+    assert np.abs(moved[own, 2] - stretched(made.model.mesh.nodes[node[own]], 1.0)[:, 2]).max() < 4.0 * std
     assert np.abs(moved[own, 0]).max() < 1e-12  # at rest in the reference; measured modes to rounding
 
 
 def test_on_a_tube_hidden_nodes_carry_on_every_linear_motion_of_the_seen_ones(experiment):
     """A grip that leans and a wall that gets thinner: exact beside and behind what the cameras see."""
     mesh = tube(4, 12, 1)
-    curved = with_measured_edge(replace(experiment, mesh=mesh, parameters=ParameterSet(())))
+    curved = with_measured_edge(replace(experiment,
+                                        model=replace(experiment.model, mesh=mesh, parameters=ParameterSet(()))))
     assert normal_axis(mesh, "FRONT") is None
     drives, nodes = build_drives(curved), mesh.node_sets["RIGHT"]
     seen = nodes[np.isin(nodes, face_set_nodes(mesh, mesh.edge_sets["FRONT"]))]
@@ -145,7 +149,7 @@ def test_on_a_tube_hidden_nodes_carry_on_every_linear_motion_of_the_seen_ones(ex
 
 
 def test_across_a_flat_surface_between_the_axes_no_slope_is_known(experiment):
-    mesh, turn = experiment.mesh, rotation_of([0.0, 30.0, 0.0])
+    mesh, turn = experiment.model.mesh, rotation_of([0.0, 30.0, 0.0])
     leaning = replace(mesh, nodes=mesh.nodes @ turn.T)
     nodes = mesh.node_sets["RIGHT"]
     weights, left = followed(leaning.nodes[nodes], seen_first(leaning, "FRONT", nodes))
@@ -158,13 +162,15 @@ def test_across_a_flat_surface_between_the_axes_no_slope_is_known(experiment):
 def test_check_says_where_a_measured_edge_holds_the_thickness(experiment):
     """What the cameras leave open behind a face: free along an axis, told by the curvature of a tube, and held behind a
     flat face that leans."""
-    flat, turn = experiment.mesh, rotation_of([0.0, 30.0, 0.0])
-    leaning = replace(experiment, mesh=replace(flat, nodes=flat.nodes @ turn.T), parameters=ParameterSet(()))
-    curved = with_measured_edge(replace(experiment, mesh=tube(4, 12, 1), parameters=ParameterSet(())))
-    said = [" ".join(rig_warnings(replace(test, parameters=ParameterSet(())), 0.0))
+    flat, turn = experiment.model.mesh, rotation_of([0.0, 30.0, 0.0])
+    leaning = replace(experiment, model=replace(experiment.model, mesh=replace(flat, nodes=flat.nodes @ turn.T),
+                                                parameters=ParameterSet(())))
+    curved = with_measured_edge(replace(experiment, model=replace(experiment.model, mesh=tube(4, 12, 1),
+                                                                  parameters=ParameterSet(()))))
+    said = [" ".join(rig_warnings(replace(test, model=replace(test.model, parameters=ParameterSet(()))), 0.0))
             for test in (experiment, curved, leaning)]
     assert said[:2] == ["", ""] and "measured edge RIGHT" in said[2] and "fixes the thickness" in said[2]
-    drives, nodes = build_drives(leaning), leaning.mesh.node_sets["RIGHT"]
+    drives, nodes = build_drives(leaning), leaning.model.mesh.node_sets["RIGHT"]
     front = nodes[np.isin(nodes, face_set_nodes(flat, flat.edge_sets["FRONT"]))]
     assert len(drives.local) == 3 * len(front) and drives.basis.shape[0] >= 3 * len(nodes)
     # however the seen nodes move, the hidden ones move along the normal as those before them
@@ -187,18 +193,21 @@ def test_one_camera_does_not_measure_along_its_sight(experiment):
 
 
 def test_an_edge_that_no_camera_sees_is_refused(experiment):
-    mesh = experiment.mesh
+    mesh = experiment.model.mesh
     back = np.flatnonzero(mesh.nodes[:, 2] < mesh.nodes[:, 2].min() + 1e-9)
-    hidden = replace(experiment, mesh=replace(mesh, node_sets={**mesh.node_sets, "RIGHT": back}))
+    hidden = replace(experiment, model=replace(experiment.model,
+                                               mesh=replace(mesh, node_sets={**mesh.node_sets, "RIGHT": back})))
     with pytest.raises(InputError, match="no camera sees"):
         build_drives(hidden)
 
 
 def test_hidden_nodes_whose_seen_neighbours_are_measured_elsewhere_are_refused(experiment):
-    mesh, nodes = experiment.mesh, set_nodes(experiment, "RIGHT")
+    mesh, nodes = experiment.model.mesh, set_nodes(experiment.model, "RIGHT")
     front = nodes[np.abs(mesh.nodes[nodes, 2]) < 1e-9]
-    split = replace(experiment, mesh=replace(mesh, node_sets={**mesh.node_sets, "SEEN": front}),
-                    prescribed=(Prescribed("SEEN", "x", Measured()), Prescribed("RIGHT", "x", Measured())))
+    split = replace(experiment, model=replace(experiment.model,
+                                              mesh=replace(mesh, node_sets={**mesh.node_sets, "SEEN": front}),
+                                              prescribed=(Prescribed("SEEN", "x", Measured()),
+                                                          Prescribed("RIGHT", "x", Measured()))))
     with pytest.raises(InputError, match="without a visible node"):
         build_drives(split)
 

@@ -15,7 +15,7 @@ from idic.measure import dic_stack
 from idic.errors import InputError
 from idic.fe import make_mesh, raise_order
 from idic.images import ArrayStack, Camera, coloured, field_noise
-from idic.model import Experiment, FieldPoints, Noise, Options
+from idic.model import Experiment, FieldPoints, Model, Noise, Options, Recording
 from idic.parameters import ParameterSet
 
 PITCH = 0.8  # mm
@@ -41,14 +41,15 @@ def experiment(triangles: bool = False, frames=(), subset_px: float = 0.0, mask=
     camera = Camera.from_table(PITCH, (1.0, 31.0), ("+col", "-row"))
     grid = FieldPoints(camera.project(points), (33, 24), PITCH, subset_px)
     stack = ArrayStack(np.array([np.zeros((len(points), 2)), *frames], dtype=np.float32))
-    return Experiment("", "", "plane_stress", mesh, 1.0, (), ParameterSet([]), (), (), (), camera, stack,
-                      tuple(map(str, range(1 + len(frames)))), np.arange(1.0 + len(frames)), quantity="displacement",
-                      points=grid, noise=Noise(1.0), options=Options(brightness="none", lowpass_px=0.0), mask=mask)
+    model = Model("plane_stress", mesh, 1.0, (), ParameterSet([]), (), (), (), camera, np.arange(1.0 + len(frames)))
+    recording = Recording(stack, tuple(map(str, range(1 + len(frames)))), quantity="displacement", points=grid,
+                          noise=Noise(1.0), mask=mask)
+    return Experiment("", "", recording, model, options=Options(brightness="none", lowpass_px=0.0))
 
 
 def places(there: Experiment) -> np.ndarray:
     """mm"""
-    return there.camera.inverse(there.points.positions_px)
+    return there.model.camera.inverse(there.recording.points.positions_px)
 
 
 def measured(there: Experiment, u_mm: np.ndarray) -> np.ndarray:
@@ -59,20 +60,21 @@ def measured(there: Experiment, u_mm: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("triangles", [False, True])
 def test_every_point_on_the_plate_is_found_where_it_is(triangles):
     there = experiment(triangles)
-    reference = build_field_reference(there, there.camera)
+    reference = build_field_reference(there, there.model.camera)
     at, pm = places(there), reference.pixel_map
     inside = (at >= -1e-9).all(axis=1) & (at <= [16 + 1e-9, 24 + 1e-9]).all(axis=1)
     assert sorted(np.unique(pm.point)) == np.flatnonzero(inside).tolist()
-    np.testing.assert_allclose(pm.interpolate(there.mesh.nodes), at[pm.point], atol=2e-6)  # places are kept to 1e-7
+    np.testing.assert_allclose(pm.interpolate(there.model.mesh.nodes), at[pm.point],
+                               atol=2e-6)  # places are kept to 1e-7
 
 
 def test_m_and_b_are_sums_over_the_points(rng=np.random.default_rng(2)):
     frame = rng.normal(0.0, 5.0, (33 * 24, 2))
     frame[::11] = np.nan
     there = experiment(frames=[frame])
-    reference = build_field_reference(there, there.camera)
-    motion = rng.normal(0.0, 0.01, (there.mesh.n_nodes, 2))
-    columns = rng.normal(0.0, 1.0, (2 * there.mesh.n_nodes, 3))
+    reference = build_field_reference(there, there.model.camera)
+    motion = rng.normal(0.0, 0.01, (there.model.mesh.n_nodes, 2))
+    columns = rng.normal(0.0, 1.0, (2 * there.model.mesh.n_nodes, 3))
     found = reference.compare(there, 1, motion)
     gram = found.gram(columns)
 
@@ -94,7 +96,7 @@ def test_a_mask_leaves_points_out():
     mask = np.ones((33, 24), dtype=bool)
     mask[:16] = False
     there = experiment(mask=mask)
-    kept = build_field_reference(there, there.camera).pixel_map
+    kept = build_field_reference(there, there.model.camera).pixel_map
     assert kept.points()[:, 1].min() >= 15.5 and kept.n_pixels > 0
 
 
@@ -103,8 +105,8 @@ def test_subsets_average_the_motion():
     derivatives."""
     width = 2.5
     there = experiment(subset_px=width, crooked=False)  # x² is exact in straight elements
-    reference = build_field_reference(there, there.camera)
-    x, y = there.camera.project(there.mesh.nodes).T
+    reference = build_field_reference(there, there.model.camera)
+    x, y = there.model.camera.project(there.model.mesh.nodes).T
     motion = np.column_stack([1e-3 * x * x, 2e-3 * y * y + 1e-3 * x * y])
     found = (reference.matrix @ motion.ravel()) / reference.scale
     pm = reference.pixel_map
@@ -113,7 +115,7 @@ def test_subsets_average_the_motion():
     exact = np.where(pm.component == 0, 1e-3 * px * px + 1e-3 * width**2 / 12,
                      2e-3 * py * py + 1e-3 * px * py + 2e-3 * width**2 / 12)
     np.testing.assert_allclose(found[inside], exact[inside], atol=2e-6)  # places are kept to 1e-7
-    assert np.abs(reference.matrix @ np.ones(2 * there.mesh.n_nodes) / reference.scale - 1.0).max() < 1e-9
+    assert np.abs(reference.matrix @ np.ones(2 * there.model.mesh.n_nodes) / reference.scale - 1.0).max() < 1e-9
 
 
 @pytest.mark.parametrize("width", [0.7, 2.5])
@@ -121,8 +123,8 @@ def test_subsets_that_reach_beyond_the_mesh_see_an_affine_motion_at_their_middle
     """Points lie on the ends of the plate, too: half or three quarters of their subset is beside it. Places are kept to
     1e-7 of single precision."""
     there = experiment(subset_px=width)
-    reference = build_field_reference(there, there.camera)
-    x, y = there.camera.project(there.mesh.nodes).T
+    reference = build_field_reference(there, there.model.camera)
+    x, y = there.model.camera.project(there.model.mesh.nodes).T
     motion = np.column_stack([0.3 + 0.01 * x - 0.002 * y, 0.004 * x + 0.02 * y])
     found = (reference.matrix @ motion.ravel()) / reference.scale
     pm = reference.pixel_map
@@ -135,7 +137,8 @@ def test_subsets_that_reach_beyond_the_mesh_see_an_affine_motion_at_their_middle
 def test_a_mesh_beside_the_points_is_refused():
     there = experiment()
     with pytest.raises(InputError, match="no measured point"):
-        build_point_map(there.mesh.nodes + 500.0, there.mesh.blocks, there.camera, there.points.positions_px, (33, 24))
+        build_point_map(there.model.mesh.nodes + 500.0, there.model.mesh.blocks, there.model.camera,
+                        there.recording.points.positions_px, (33, 24))
 
 
 def test_the_free_motion_follows_an_affine_field_and_tells_the_noise():
@@ -147,8 +150,9 @@ def test_the_free_motion_follows_an_affine_field_and_tells_the_noise():
     there = experiment(frames=frames)
     found = dic_stack(there)
     assert found.status == ["ok"] * 4
-    moved = there.camera.inverse(there.camera.project(there.mesh.nodes) + found.u_px[2]) - there.mesh.nodes
-    exact = 2 * (there.mesh.nodes @ np.array([[0.002, 0.001], [-0.0005, 0.004]]) + [0.3, -0.1])
+    moved = there.model.camera.inverse(there.model.camera.project(there.model.mesh.nodes)
+                                       + found.u_px[2]) - there.model.mesh.nodes
+    exact = 2 * (there.model.mesh.nodes @ np.array([[0.002, 0.001], [-0.0005, 0.004]]) + [0.3, -0.1])
     np.testing.assert_allclose(moved, exact, atol=2e-3)  # mm; a node scatters by some tenths of a µm
     assert np.sqrt(np.mean((moved - exact) ** 2)) < 6e-4
     # the reference of these frames has no noise: chi² counts one for it, so half of the sum is there
@@ -159,7 +163,7 @@ def test_frames_that_lack_as_many_but_other_points_are_each_followed():
     still = experiment(crooked=False)
     u = places(still) @ np.array([[2e-3, 5e-4], [-1e-3, 1e-3]]).T + [0.01, -0.02]
     frames = [measured(still, u) for _ in range(2)]
-    inside = np.unique(build_field_reference(still, still.camera).pixel_map.point)
+    inside = np.unique(build_field_reference(still, still.model.camera).pixel_map.point)
     frames[0][inside[:40]], frames[1][inside[-40:]] = np.nan, np.nan
     there = experiment(crooked=False, frames=frames)
     found = dic_stack(there, "mechanical")
@@ -224,9 +228,9 @@ def test_too_few_stages_tell_no_noise():
 
 def test_the_reference_keeps_one_hessian(rng=np.random.default_rng(1)):
     there = experiment(frames=[rng.normal(size=(33 * 24, 2))])
-    reference = build_field_reference(there, there.camera)
+    reference = build_field_reference(there, there.model.camera)
     assert isinstance(reference, FieldReference)
-    found = reference.compare(there, 1, np.zeros((there.mesh.n_nodes, 2)))
+    found = reference.compare(there, 1, np.zeros((there.model.mesh.n_nodes, 2)))
     assert found.H is reference.hessian and sparse.issparse(found.H) and found.n_brightness == 0
 
 
@@ -235,9 +239,9 @@ def test_a_rigid_motion_of_the_whole_specimen_is_an_unknown_of_the_frame():
     at, u = places(still), places(still) @ np.array([[2e-3, 5e-4], [-1e-3, 1e-3]]).T
     swayed = u + [0.3, -0.2] + 1e-3 * (at - at.mean(axis=0))[:, ::-1] * [-1.0, 1.0]
     there = experiment(crooked=False, frames=[measured(still, swayed)])
-    there = replace(there, points=replace(there.points, free_rigid=True))
-    reference = build_field_reference(there, there.camera)
-    motion = (there.mesh.nodes @ np.array([[2e-3, 5e-4], [-1e-3, 1e-3]]).T) / PITCH * [1.0, -1.0]
+    there = replace(there, recording=replace(there.recording, points=replace(there.recording.points, free_rigid=True)))
+    reference = build_field_reference(there, there.model.camera)
+    motion = (there.model.mesh.nodes @ np.array([[2e-3, 5e-4], [-1e-3, 1e-3]]).T) / PITCH * [1.0, -1.0]
     equations = reference.compare(there, 1, motion)
     fit = solve_brightness(equations)
     assert equations.n_brightness == 3 and equations.rr > 1e4 and fit.rr < 1e-4 * equations.rr

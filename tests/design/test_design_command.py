@@ -184,16 +184,16 @@ def test_a_recorded_test_is_used_as_it_is(tmp_path):
     folder = recorded_folder(tmp_path / "test")
     plan, experiment = load_plan(folder), load_experiment(folder)
     assert plan.pattern == "images"
-    assert np.array_equal(plan.experiment.channels[0].values, experiment.channels[0].values)
-    assert np.array_equal(plan.experiment.times, experiment.times)
+    assert np.array_equal(plan.experiment.model.channels[0].values, experiment.model.channels[0].values)
+    assert np.array_equal(plan.experiment.model.times, experiment.model.times)
 
 
 def test_images_without_a_log_follow_the_programme(tmp_path):
     folder = recorded_folder(tmp_path / "test", ELASTIC + GRIPS + FORCE + PROGRAM)
     (folder / "loads.csv").unlink()
     experiment = load_plan(folder).experiment
-    assert experiment.n_frames == 6 and experiment.times[-1] == 5.0
-    assert np.allclose(experiment.prescribed[2].drive.values, [0.0, 0.03, 0.06, 0.09, 0.12, 0.10])
+    assert experiment.model.n_frames == 6 and experiment.model.times[-1] == 5.0
+    assert np.allclose(experiment.model.prescribed[2].drive.values, [0.0, 0.03, 0.06, 0.09, 0.12, 0.10])
 
 
 @pytest.mark.parametrize("change, words", [
@@ -242,8 +242,8 @@ def test_a_planned_test_can_be_simulated_and_then_identified(planned_folder_of_t
     """The images and the log that the plan lacks are rendered; the new folder is a test that was made."""
     made = simulate(planned_folder_of_two, tmp_path / "made", noise_std_gv=2.0)
     experiment = load_experiment(made)
-    assert experiment.n_frames == 2 and experiment.stack.shape == (100, 140)
-    assert experiment.channels[0].values[1] > 50.0  # N: 0.10 mm of 6 mm at 1200 MPa on 6 mm² less the waist
+    assert experiment.model.n_frames == 2 and experiment.recording.stack.shape == (100, 140)
+    assert experiment.model.channels[0].values[1] > 50.0  # N: 0.10 mm of 6 mm at 1200 MPa on 6 mm² less the waist
     assert load_plan(made).pattern == "images"
 
 

@@ -57,9 +57,9 @@ def test_without_any_image_a_virtual_speckle_of_like_size_and_contrast_promises_
         planned, recorded, identified):
     """Another draw of the speckle on 4320 pixels, some 300 independent dots: five draws scatter by 4 %."""
     experiment = load_experiment(recorded)
-    pixels = build_experiment_reference(experiment, experiment.camera).pixel_map
-    grey = experiment.stack.frame(0)[pixels.iy, pixels.ix].astype(float)
-    contrast = float(np.sqrt(grey.var() - experiment.noise.std_gv**2))
+    pixels = build_experiment_reference(experiment, experiment.model.camera).pixel_map
+    grey = experiment.recording.stack.frame(0)[pixels.iy, pixels.ix].astype(float)
+    contrast = float(np.sqrt(grey.var() - experiment.recording.noise.std_gv**2))
     promised = stds(designed(planned, TRUE | {"design.contrast_gv": contrast}))
     for name, std in identified.items():
         assert promised[name] == pytest.approx(std, rel=0.1)
@@ -67,9 +67,9 @@ def test_without_any_image_a_virtual_speckle_of_like_size_and_contrast_promises_
 
 def test_one_photograph_of_the_speckle_is_enough_for_the_same_promise(recorded, identified, tmp_path):
     folder = plan_folder(tmp_path / "photo", ELASTIC + GRIPS + FORCE + PLAN + PROGRAM, 'images = "speckle.tif"')
-    tifffile.imwrite(folder / "speckle.tif", load_experiment(recorded).stack.frame(0))
+    tifffile.imwrite(folder / "speckle.tif", load_experiment(recorded).recording.stack.frame(0))
     plan = load_plan(folder, TRUE)
-    assert plan.pattern == "photograph" and plan.experiment.n_frames == 6
+    assert plan.pattern == "photograph" and plan.experiment.model.n_frames == 6
     promised = stds(design_test("photo", plan.experiment, plan.local))
     for name, std in identified.items():
         assert promised[name] == pytest.approx(std, rel=0.02)
@@ -78,9 +78,10 @@ def test_one_photograph_of_the_speckle_is_enough_for_the_same_promise(recorded, 
 def test_readings_that_are_not_made_yet_are_no_noise_of_the_load_cell(planned):
     """A planned channel holds zeros; what the simulation differs from them by was taken for correlated noise."""
     plan = load_plan(planned, TRUE | {"design.n_frames": 30}).experiment
-    force = plan.channels[0]
+    force = plan.model.channels[0]
     made = replace(force, values=100.0 * np.random.default_rng(3).standard_normal(30))
-    coming, other = (stds(design_test("long", replace(plan, channels=(channel,)))) for channel in (force, made))
+    coming, other = (stds(design_test("long", replace(plan, model=replace(plan.model, channels=(channel,)))))
+                     for channel in (force, made))
     short = stds(designed(planned))
     for name, std in coming.items():
         assert std == pytest.approx(other[name], rel=1e-12)
@@ -214,8 +215,9 @@ def test_the_motion_of_a_parameter_is_that_of_a_perturbed_simulation(planned):
     field = next(f for f in design.fields if f.name == "BODY.nu")
     experiment = design.experiment
     forward = build_forward(experiment)
-    u = [solve(forward, experiment.parameters.with_values({"BODY.nu": 0.35 + s})).u[field.frame] for s in (step, -step)]
-    nodes, camera = experiment.mesh.nodes, experiment.camera
+    u = [solve(forward, experiment.model.parameters.with_values({"BODY.nu": 0.35 + s})).u[field.frame]
+         for s in (step, -step)]
+    nodes, camera = experiment.model.mesh.nodes, experiment.model.camera
     moved = (camera.project(nodes + u[0]) - camera.project(nodes + u[1])) / (2 * step) * 0.35
     assert np.allclose(field.phi, moved, atol=1e-6 * field.largest)
     assert field.largest == pytest.approx(np.linalg.norm(moved, axis=1).max(), rel=1e-6)
@@ -295,8 +297,8 @@ def test_a_planned_test_is_simulated_with_the_speckle_that_its_design_assumes(tm
     given = {} if size_px is None else {"design.speckle_px": size_px, "design.contrast_gv": contrast_gv}
     simulate(plan_folder(tmp_path / "plan"), tmp_path / "made", given | {"design.n_frames": 2}, bits, noise_std_gv=0.0)
     experiment = load_experiment(tmp_path / "made")
-    image = experiment.stack.frame(0).astype(float) / 2**(bits - 8)
-    pixels = build_experiment_reference(experiment, experiment.camera).pixel_map
+    image = experiment.recording.stack.frame(0).astype(float) / 2**(bits - 8)
+    pixels = build_experiment_reference(experiment, experiment.model.camera).pixel_map
     assumed = virtual_speckle((400, 400), size_px or 4.0, contrast_gv or 50.0).astype(float)
     seen = np.full(image.shape, np.nan)
     seen[pixels.iy, pixels.ix] = image[pixels.iy, pixels.ix]

@@ -19,10 +19,10 @@ def folder(tmp_path_factory):
 @pytest.mark.parametrize("plan", PLANS, ids=lambda plan: plan.name)
 def test_every_plan_is_a_folder_that_can_be_read(folder, plan):
     experiment = load_plan(folder / plan.name).experiment
-    (grip,) = [entry.drive.values for entry in experiment.prescribed if hasattr(entry.drive, "column")]
-    assert grip[-1] == pytest.approx(10.0) and experiment.n_frames == 51
-    assert experiment.times[-1] == pytest.approx(plan.course[-1][0])
-    assert len(experiment.parameters.free) == 10 and experiment.parameters["strip.mu"].value == 0.08
+    (grip,) = [entry.drive.values for entry in experiment.model.prescribed if hasattr(entry.drive, "column")]
+    assert grip[-1] == pytest.approx(10.0) and experiment.model.n_frames == 51
+    assert experiment.model.times[-1] == pytest.approx(plan.course[-1][0])
+    assert len(experiment.model.parameters.free) == 10 and experiment.model.parameters["strip.mu"].value == 0.08
 
 
 def test_the_notch_is_a_part_of_a_circle_and_as_deep_as_it_should_be():

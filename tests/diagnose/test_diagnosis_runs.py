@@ -94,8 +94,8 @@ def test_the_enriched_experiment_is_one_that_idic_reads(yielding):
     run, _, content = yielding
     experiment = load_experiment(run / content["model"]["experiment"])
     after = content["model"]["parameters_after"]
-    assert experiment.material_of("BODY").law == "j2_linear"
-    assert {n: p.shown for n, p in experiment.parameters.items() if p.free} == {
+    assert experiment.model.material_of("BODY").law == "j2_linear"
+    assert {n: p.shown for n, p in experiment.model.parameters.items() if p.free} == {
         name: pytest.approx(entry["value"]) for name, entry in after.items()}
 
 
@@ -111,11 +111,11 @@ def test_every_finding_is_written_into_the_enriched_experiment(sound, tmp_path):
         "dof": [{"name": "channel.force_N.offset"}],
         f"boundary.{held}.ux": {"value": 0.0, "corrections": [{"kind": "slip", "start_s": 1.0, "course": "ramp"}]}})
     experiment = source.load()
-    values = {p.name: 1.03 * p.value + (0.001 if p.value == 0.0 else 0.0) for p in experiment.parameters.values()}
+    values = {p.name: 1.03 * p.value + (0.001 if p.value == 0.0 else 0.0) for p in experiment.model.parameters.values()}
     again = load_experiment(write_enriched(source, experiment, values, ("heterogeneity",)))
-    free = {name: values[name] for name in experiment.parameters.free}
+    free = {name: values[name] for name in experiment.model.parameters.free}
     assert {n.rpartition(".")[2] for n in free} >= {"stiffness", "radius", "x", "y", "along_x", "slip", "offset", "E"}
-    assert {name: again.parameters[name].value for name in again.parameters.free} == pytest.approx(free)
+    assert {name: again.model.parameters[name].value for name in again.model.parameters.free} == pytest.approx(free)
 
 
 @pytest.fixture(scope="module")
@@ -166,7 +166,7 @@ def test_the_inner_keys_of_the_json_are_those_of_the_contract(yielding):
     assert 0.0 < mismatch["effect_px_rms"] < 1.0  # a strip that is pulled by some pixels
     low, high = mismatch["onset_ci"]
     assert low <= mismatch["onset_frame"] <= high and mismatch["frames"][0] <= mismatch["frames"][1]
-    labels = set(load_experiment(run.parent / "test").mesh.element_labels)
+    labels = set(load_experiment(run.parent / "test").model.mesh.element_labels)
     assert mismatch["elements"] and set(mismatch["elements"]) <= labels and len(mismatch["centroid_mm"]) == 2
     assert (run / mismatch["figure"]).read_bytes()[:4] == b"\x89PNG"
     known = {c.name: c for c in candidate_library()}

@@ -37,9 +37,12 @@ def measured(tmp_path_factory):
     rows = [[*row, "ext_mm" if k == 0 else "0.0"] for k, row in enumerate(rows)]
     log.write_text("\n".join(",".join(row) for row in rows) + "\n", encoding="utf-8")
     experiment = load_experiment(path)
-    read = solve(build_forward(experiment), experiment.parameters.with_values({"BODY.E": 2000.0, "BODY.nu": 0.35}))
-    force, extension = experiment.channels
-    found = identify(replace(experiment, channels=(force, replace(extension, values=read.channels[:, 1]))))
+    read = solve(build_forward(experiment), experiment.model.parameters.with_values({"BODY.E": 2000.0,
+                                                                                     "BODY.nu": 0.35}))
+    force, extension = experiment.model.channels
+    found = identify(replace(experiment, model=replace(experiment.model,
+                                                       channels=(force,
+                                                                 replace(extension, values=read.channels[:, 1])))))
     return path, found, residual_evidence(found, light=False)
 
 
@@ -68,16 +71,18 @@ def test_an_element_moves_the_extensometer_in_the_source_map_as_its_stiffness_do
     scored = element_scores(residual, last, np.zeros((n_seen, 1)), np.array([[0.0], [1.0]]))[:, 0]
 
     experiment = found.experiment
-    (body,) = experiment.materials
-    rest = np.setdiff1d(np.arange(experiment.mesh.n_elements), spot)
-    mesh = replace(experiment.mesh, element_sets={"BODY": rest, "SPOT": spot})
+    (body,) = experiment.model.materials
+    rest = np.setdiff1d(np.arange(experiment.model.mesh.n_elements), spot)
+    mesh = replace(experiment.model.mesh, element_sets={"BODY": rest, "SPOT": spot})
     parameters = found.parameters
     own = [replace(one, name=one.name.replace("BODY.", "SPOT.")) for one in parameters.values()
            if one.name.startswith("BODY.")]
-    parted = replace(experiment, mesh=mesh, materials=(body, replace(body, element_set="SPOT")),
-                     parameters=ParameterSet([*parameters.values(), *own]))
+    parted = replace(experiment, model=replace(experiment.model, mesh=mesh,
+                                               materials=(body, replace(body, element_set="SPOT")),
+                                               parameters=ParameterSet([*parameters.values(), *own])))
     forward, E = build_forward(parted), parameters["BODY.E"].value
-    read = [solve(forward, parted.parameters.with_values({"SPOT.E": E * (1.0 + share)}), found.local).channels[:, 1]
+    read = [solve(forward, parted.model.parameters.with_values({"SPOT.E": E * (1.0 + share)}), found.local).channels[:,
+                                                                                                                     1]
             for share in (-1e-3, 1e-3)]
     by_stiffness = (read[1] - read[0])[residual.evidence.frames[-1]] / 2e-3
     assert abs(by_stiffness) > 1e-6
@@ -86,10 +91,10 @@ def test_an_element_moves_the_extensometer_in_the_source_map_as_its_stiffness_do
 
 def test_a_known_error_is_added_to_an_extensometer_once(measured):
     _, found, _ = measured
-    mesh, n = found.experiment.mesh, len(TIMES)
+    mesh, n = found.experiment.model.mesh, len(TIMES)
     u, channels = np.zeros((n, *mesh.nodes.shape)), np.zeros((n, 2))
     u[-1, :, 0], channels[-1] = 1e-4 * mesh.nodes[:, 0], [5.0, 4e-4]
-    known = replace(found.experiment, motion_error=MotionError(u, channels))
+    known = replace(found.experiment, model=replace(found.experiment.model, motion_error=MotionError(u, channels)))
     more = solve(build_forward(known), found.parameters).channels - solve(build_forward(found.experiment),
                                                                           found.parameters).channels
     np.testing.assert_allclose(more, channels, atol=1e-9)

@@ -40,8 +40,8 @@ def jump_scores(folder, side):
     """Frames, and scores of the columns of a jump in each, at the true parameters, without a fit."""
     path = write_folder(folder, side)
     experiment = load_experiment(path)
-    values = experiment.parameters.as_values() | {"BODY.E": TRUTH["E"], "BODY.nu": TRUTH["nu"]}
-    local = np.zeros((experiment.n_frames, build_forward(experiment).drives.n_local))
+    values = experiment.model.parameters.as_values() | {"BODY.E": TRUTH["E"], "BODY.nu": TRUTH["nu"]}
+    local = np.zeros((experiment.model.n_frames, build_forward(experiment).drives.n_local))
     found = identification_at(experiment, values, local, None)
     residual = residual_evidence(found, light=False)
     here = situation(found, residual, read_toml(path))
@@ -105,7 +105,7 @@ def test_a_jump_outside_the_test_is_refused(tmp_path):
         drive = {"column": "grip_mm", "corrections": [{"kind": "slip"} | own]}
         return load_experiment(path, {"boundary": [table["boundary"][0], {"nodes": "RIGHT", "ux": drive, "uy": 0.0}]})
 
-    free = with_jumps(course="jumps", jump_frames=[9, 3]).parameters.free
+    free = with_jumps(course="jumps", jump_frames=[9, 3]).model.parameters.free
     assert {f"{SLIP}_jump[3]", f"{SLIP}_jump[9]"} <= set(free)
     assert without_knot(f"{SLIP}_jump[3]") == SLIP and jump_frame(f"{SLIP}_jump[3]") == 3
     for own, what in (({"course": "jumps", "jump_frames": [12]}, "outside the test"), ({"course": "jumps"}, "jump"),

@@ -22,9 +22,10 @@ def found(tmp_path_factory):
 
 def beside(found, values, bounds=None, error=None):
     """The residual at other values: with bounds of some parameters, and a known error."""
-    experiment = replace(found.experiment, motion_error=error)
-    kept = [replace(one, bounds=(bounds or {}).get(name, one.bounds)) for name, one in experiment.parameters.items()]
-    experiment = replace(experiment, parameters=ParameterSet(kept))
+    experiment = replace(found.experiment, model=replace(found.experiment.model, motion_error=error))
+    kept = [replace(one, bounds=(bounds or {}).get(name, one.bounds)) for name,
+            one in experiment.model.parameters.items()]
+    experiment = replace(experiment, model=replace(experiment.model, parameters=ParameterSet(kept)))
     return residual_evidence(identification_at(experiment, values, found.local, found.steps), light=False)
 
 

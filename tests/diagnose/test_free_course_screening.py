@@ -133,8 +133,8 @@ def test_a_pattern_times_its_course_is_the_response_of_the_whole_model_to_it(wan
 def test_one_free_course_per_pattern_whatever_its_screened_courses():
     variants = [Variant(f"drift from {k}", {"dof": [{"name": "channel.F.drift"}]}, ("channel.F.drift",), {}, {})
                 for k in range(3)]
-    loaded = SimpleNamespace(parameters=SimpleNamespace(free=("E", "channel.F.drift_knot[3]",
-                                                              "channel.F.drift_knot[6]")))
+    free = ("E", "channel.F.drift_knot[3]", "channel.F.drift_knot[6]")
+    loaded = SimpleNamespace(model=SimpleNamespace(parameters=SimpleNamespace(free=free)))
     made_of = with_free_courses([(candidate_library()[0], v) for v in variants], {"channel": [{"column": "F"}]}, ("E",),
                                 lambda edits: loaded)
     ((_, one),) = made_of

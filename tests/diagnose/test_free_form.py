@@ -44,7 +44,7 @@ def looked_at(path, law):
     """The folder with a law in the place of its own, as candidates see it; 3 % of strain, 40 MPa."""
     edits = {"material.BODY": LAWS[law]}
     experiment = load_experiment(path, edits)
-    values = experiment.parameters.as_values()
+    values = experiment.model.parameters.as_values()
     return edits, Situation(with_overrides(read_toml(path), edits), experiment, values,
                             {"BODY": np.linspace(20.0, 40.0, 7)}, {"BODY": 0.03}, np.zeros(0), np.zeros(0))
 
@@ -55,8 +55,8 @@ def test_a_law_has_the_free_one_of_its_class_and_the_file_takes_it(path, law, fr
     edits, seen = looked_at(path, law)
     (found,) = free_laws(seen)
     loaded = load_experiment(path, edits | dict(found.edits))
-    assert loaded.material_of("BODY").law == found.law == free and found.kind in NEXT_TEST
-    assert set(found.names) <= set(loaded.parameters.free) and len(found.names) == len(found.at)
+    assert loaded.model.material_of("BODY").law == found.law == free and found.kind in NEXT_TEST
+    assert set(found.names) <= set(loaded.model.parameters.free) and len(found.names) == len(found.at)
     assert (np.diff(found.at) > 0.0).all()
 
 

@@ -47,8 +47,8 @@ def test_a_residual_is_left_by_the_image_made_for_it(strip):
     context = strip[1].context
     r = np.random.default_rng(3).standard_normal(context.reference.pixel_map.n_pixels)
     image, reference = context.reference.synthetic_image(r)
-    alone = replace(context.experiment, stack=ArrayStack(image[None]))
-    motion = np.zeros((len(context.experiment.mesh.nodes), 3))
+    alone = replace(context.experiment, recording=replace(context.experiment.recording, stack=ArrayStack(image[None])))
+    motion = np.zeros((len(context.experiment.model.mesh.nodes), 3))
     found = reference.compare_pixels(alone, 0, motion, np.zeros(0))
     inside = found.valid
     assert inside.mean() > 0.9
@@ -58,7 +58,7 @@ def test_a_residual_is_left_by_the_image_made_for_it(strip):
 def test_a_field_pulled_back_weighs_as_much_in_the_reference(strip):
     """Slope and stretch are means at the nodes; they change by a few per cent within an element."""
     found, residual = strip
-    context, nodes = residual.context, found.experiment.mesh.nodes
+    context, nodes = residual.context, found.experiment.model.mesh.nodes
     motion = residual.view.at(12).motion(nodes, residual.u[-1])
     equations = context.reference.compare(found.experiment, 12, motion)
     back, deformed = context.reference.pull_back(equations), equations.H

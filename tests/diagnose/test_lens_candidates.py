@@ -60,13 +60,14 @@ def blank(tmp_path_factory):
 
 def test_every_candidate_loads_before_a_lens(blank):
     path, experiment = blank, load_experiment(blank)
-    where = Situation(read_toml(path), experiment, experiment.parameters.as_values(), {"BODY": np.linspace(3, 9, 7)},
-                      {"BODY": 0.01}, np.zeros((len(TIMES), experiment.mesh.n_nodes, 3)), 10.0 * TIMES[:, None])
+    where = Situation(read_toml(path), experiment, experiment.model.parameters.as_values(),
+                      {"BODY": np.linspace(3, 9, 7)},
+                      {"BODY": 0.01}, np.zeros((len(TIMES), experiment.model.mesh.n_nodes, 3)), 10.0 * TIMES[:, None])
     found = {candidate.name: candidate.variants(where) for candidate in candidate_library()}
     assert all(found[name] for name in OF_LENSES) and not any(found[name] for name in NOT_OF_LENSES)
     for name in OF_LENSES:
         for variant in found[name]:
-            enriched = load_experiment(path, variant.edits).parameters
+            enriched = load_experiment(path, variant.edits).model.parameters
             assert set(variant.new) <= set(enriched.free), variant.label
             assert {n: enriched[n].value for n in variant.new} == pytest.approx(dict(variant.null))
 

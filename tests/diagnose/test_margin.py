@@ -115,7 +115,7 @@ def test_a_candidate_explains_more_than_a_finer_mesh_changes_along_its_own_patte
 def test_a_mismatch_of_the_size_of_the_floor_is_none(distorted):
     found, residual, _ = distorted
     plain = locate(found, residual)
-    n_nodes = len(found.experiment.mesh.nodes)
+    n_nodes = len(found.experiment.model.mesh.nodes)
     high = Margin(floor(3.0 * plain.effect_px_rms, np.ones(n_nodes)))
     assert plain.nested_tests.p_value < 1e-3 < locate(found, residual, margin=high).nested_tests.p_value
 

@@ -92,8 +92,8 @@ def folders(tmp_path_factory):
             (path / "experiment.toml").write_text(TOML % (null.table, "1.0"))
             e = load_experiment(path)
             levels = np.abs(stress_of(e, {})).max() * np.array([0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])
-            made[name] = path, Situation(read_toml(path / "experiment.toml"), e, e.parameters.as_values(),
-                                         {"BODY": levels}, {"BODY": 0.04}, np.zeros((5, e.mesh.n_nodes, 2)),
+            made[name] = path, Situation(read_toml(path / "experiment.toml"), e, e.model.parameters.as_values(),
+                                         {"BODY": levels}, {"BODY": 0.04}, np.zeros((5, e.model.mesh.n_nodes, 2)),
                                          np.zeros((5, 1)))
         return made[name]
 
@@ -132,11 +132,11 @@ def test_a_stiffness_that_depends_on_direction_starts_on_the_axis_that_was_scree
 @pytest.mark.parametrize("name", CASES)
 def test_every_variant_loads_with_its_new_unknowns_free_and_the_old_ones_as_they_were(name, folders):
     path, situation = folders(name)
-    before = situation.experiment.parameters
+    before = situation.experiment.model.parameters
     labels = [v.label for _, v in variants_of(situation)]
     assert len(set(labels)) == len(labels)
     for _, variant in variants_of(situation):
-        after = load_experiment(path, variant.edits).parameters
+        after = load_experiment(path, variant.edits).model.parameters
         assert set(variant.new) <= set(after.free), variant.label
         assert set(variant.probe) <= set(after) and set(variant.null) <= set(after)
         for full in variant.new:
@@ -167,9 +167,9 @@ def test_at_its_null_every_variant_is_the_identified_model_and_at_its_probe_it_i
 
 def stress_of(experiment, values):
     """Stress (MPa) along a path with reversal at some points, 3 % of strain, 2 s a step."""
-    material = experiment.materials[0]
+    material = experiment.model.materials[0]
     law = compile(material.law, material.kinematics)
-    known = experiment.parameters.as_values() | dict(values)
+    known = experiment.model.parameters.as_values() | dict(values)
     params = np.array([known[f"BODY.{p}"] for p in law.spec.parameter_names])
     rng = np.random.default_rng(5)
     directions = rng.standard_normal((6, 2, 2))
@@ -189,7 +189,7 @@ def test_a_logged_temperature_drives_the_expansion_and_without_one_a_course_is_s
     labels = [v.label for v in candidate.variants(situation)]
     assert labels == ["BODY expands evenly with time", "BODY expands as if warming up"]
     heated = load_experiment(path, candidate.variants(situation)[0].edits)
-    np.testing.assert_allclose(heated.temperatures[0].drive.values[:, 0], np.linspace(0.0, 1.0, 6))
+    np.testing.assert_allclose(heated.model.temperatures[0].drive.values[:, 0], np.linspace(0.0, 1.0, 6))
     log = (path / "loads.csv").read_text().splitlines()
     (path / "warm.csv").write_text("\n".join([log[0] + ",oven_C", *(f"{row},{20 + k}" for k, row in
                                                                     enumerate(log[1:]))]) + "\n")
@@ -199,7 +199,7 @@ def test_a_logged_temperature_drives_the_expansion_and_without_one_a_course_is_s
     (variant,) = candidate.variants(warm)
     assert variant.label == "BODY expands with oven_C"
     seen = load_experiment(path, {"experiment.loads": "warm.csv"} | dict(variant.edits))
-    np.testing.assert_allclose(seen.temperatures[0].drive.values, 20.0 + np.arange(6))
+    np.testing.assert_allclose(seen.model.temperatures[0].drive.values, 20.0 + np.arange(6))
 
 
 @pytest.mark.slow  # 10 s of CPU time; test_diagnosis_runs.py finds concealed yielding

@@ -30,9 +30,10 @@ def rubber(tmp_path_factory):
     file = write_folder(tmp_path_factory.mktemp("rubber") / "strip", "clean_rubber")
     experiment = load_experiment(file)
     forward = build_forward(experiment)
-    u = np.array(solve(forward, experiment.parameters.with_values(TRUTH)).u)
-    nodes = experiment.mesh.nodes
-    u_px = np.array([experiment.camera.project(nodes + one) - experiment.camera.project(nodes) for one in u])
+    u = np.array(solve(forward, experiment.model.parameters.with_values(TRUTH)).u)
+    nodes = experiment.model.mesh.nodes
+    u_px = np.array([experiment.model.camera.project(nodes + one) - experiment.model.camera.project(nodes)
+                     for one in u])
     return file, experiment, u, u_px
 
 
@@ -42,8 +43,8 @@ def noisy(u_px):
 
 def identified(experiment, values, stored=None, rr=0.0):
     """As if an identification had ended there; stored : displacements, rr : weighted sum of squares of its images."""
-    found = identification_at(experiment, experiment.parameters.as_values() | values,
-                              np.zeros((experiment.n_frames, build_drives(experiment).n_local)), None)
+    found = identification_at(experiment, experiment.model.parameters.as_values() | values,
+                              np.zeros((experiment.model.n_frames, build_drives(experiment).n_local)), None)
     system = SimpleNamespace(frames=(SimpleNamespace(n_pixels=1000),), phi_image=rr)
     return replace(found, stored=None if stored is None else lambda: iter(stored), point=SimpleNamespace(system=system))
 
@@ -52,7 +53,8 @@ def test_a_law_is_identified_from_the_measured_motion_as_from_images(rubber):
     _, experiment, _, u_px = rubber
     there = by_motion(experiment, noisy(u_px))
     found = identify(there)
-    assert holds_motion(there) and holds_motion(thinned(there, CHOICE, 1)) and not holds_motion(experiment)
+    assert holds_motion(there.recording) and holds_motion(thinned(there, CHOICE, 1).recording)
+    assert not holds_motion(experiment.recording)
     for name, value in TRUTH.items():  # the force of the recording has a noise of 0.2 %
         assert found.parameters[name].value == pytest.approx(value, rel=0.03), name
 
@@ -62,10 +64,10 @@ def test_an_error_of_pixels_counts_whole_on_the_motion_and_saturates_on_the_imag
     _, experiment, _, u_px = rubber
 
     def left(seen, share):
-        channels = tuple(replace(one, values=0.0 * one.values) for one in seen.channels)
+        channels = tuple(replace(one, values=0.0 * one.values) for one in seen.model.channels)
         drives = tuple(replace(entry, drive=replace(entry.drive, values=share * entry.drive.values))
-                       if hasattr(entry.drive, "values") else entry for entry in seen.prescribed)
-        found = identified(replace(seen, prescribed=drives, channels=channels), TRUTH)
+                       if hasattr(entry.drive, "values") else entry for entry in seen.model.prescribed)
+        found = identified(replace(seen, model=replace(seen.model, prescribed=drives, channels=channels)), TRUTH)
         residual = residual_evidence(found, light=False)
         one = misfit_of(residual, grid_of(residual))
         return one.gain.sum() - one.rank.sum()
@@ -100,7 +102,7 @@ def test_a_boundary_without_nodes_is_no_measured_edge(rubber):
 def test_pictures_show_the_images_and_maps_are_without_gaps(rubber):
     _, experiment, _, u_px = rubber
     there = by_motion(experiment, u_px)
-    np.testing.assert_array_equal(there.picture(3), experiment.stack.frame(3))
+    np.testing.assert_array_equal(there.recording.picture(3), experiment.recording.stack.frame(3))
     points = np.array([[4.0, 4.0], [10.0, 4.0], [4.0, 10.0], [10.0, 10.0]])
     image = np.full((20, 20), np.nan)
     image[points[:, 1].astype(int), points[:, 0].astype(int)] = [1.0, 2.0, 3.0, 4.0]
@@ -115,9 +117,9 @@ def test_measured_edges_become_the_modes_of_their_motion_and_stay_as_measured(ru
     edits = with_edge_modes({"boundary": MEASURED}, experiment, u_px)
     assert [entry["u"]["virtual"] for entry in edits["boundary"]] == ["dic", "dic"]
     there = by_motion(load_experiment(file, edits), u_px)
-    assert set(there.parameters.free) == set(TRUTH)
-    moved = solve(build_forward(there), there.parameters.with_values(TRUTH)).u[-1]
-    gap = np.abs(moved - u[-1]) / experiment.camera.pixel_size
+    assert set(there.model.parameters.free) == set(TRUTH)
+    moved = solve(build_forward(there), there.model.parameters.with_values(TRUTH)).u[-1]
+    gap = np.abs(moved - u[-1]) / experiment.model.camera.pixel_size
     assert gap.max() < 3.0 * MOTION_STD_PX
     assert with_edge_modes({"boundary": [{"nodes": "LEFT", "ux": 0.0}]}, load_experiment(file), u_px) == {}
 

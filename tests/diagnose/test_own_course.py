@@ -83,7 +83,7 @@ def test_a_course_begins_between_its_last_frame_at_zero_and_its_first_beyond_noi
 def test_damage_is_tested_only_where_a_force_or_a_way_back_tells_it_from_plastic_flow(way, channels, tested):
     damage = next(c for c in candidate_library() if c.name == "damage")
     u = np.array(way)[:, None, None] * np.ones((3, 4, 2))
-    here = SimpleNamespace(experiment=SimpleNamespace(channels=channels, loads=()), u=u)
+    here = SimpleNamespace(experiment=SimpleNamespace(model=SimpleNamespace(channels=channels, loads=())), u=u)
     assert (damage.reason_against(here) == "") is tested
 
 
@@ -134,10 +134,10 @@ def test_a_warmth_that_gets_its_own_course_begins_with_the_strain_it_had(tmp_pat
     """Expansion is locked then, at the one in which courses are told in K."""
     source = SmallTest(write_experiment(tmp_path / "test"))
     plain, edits = warming(read_toml(source.folder / "experiment.toml"), [[0.0, 0.0], [3.0, 1.0]])
-    knots = tuple(name for name in source.load(edits).parameters.free if name.startswith("temperature_knot"))
+    knots = tuple(name for name in source.load(edits).model.parameters.free if name.startswith("temperature_knot"))
     free = Variant("temperature", edits, knots, dict.fromkeys(knots, 0.0), dict.fromkeys(knots, 0.0), free_course=True)
     one = replace(ranked("thermal_expansion"), variant=plain)
-    values = source.load(plain.edits).parameters.as_values() | {ALPHA: 2e-4}
+    values = source.load(plain.edits).model.parameters.as_values() | {ALPHA: 2e-4}
     winner = Rival(one, replace(refit((), 200.0), label=plain.label, values=values), 9.0, 9.0, 9.0)
     seen = replace(screening(("thermal_expansion",)), trials=(ScoreColumn(one.candidate, free, free.label),))
     asked = []
@@ -149,12 +149,13 @@ def test_a_warmth_that_gets_its_own_course_begins_with_the_strain_it_had(tmp_pat
     state = under_way(source, winner, seen, refits)
     assert moved(state, [OWN_COURSE]) is state
     started = source.load(asked[0].edits[0])
-    parameters = started.parameters.with_starts(started.parameters.own_of(asked[0].values[0]))  # as `refit` does
+    parameters = started.model.parameters
+    parameters = parameters.with_starts(parameters.own_of(asked[0].values[0]))  # as `refit` does
     assert parameters[ALPHA].value == SUPPOSED_EXPANSION_PER_K and not parameters[ALPHA].free
-    strain = SUPPOSED_EXPANSION_PER_K * nodal_temperature(started).at(0.0, parameters)[:, 0]
-    assert strain == pytest.approx(2e-4 * started.times / 3.0)
+    strain = SUPPOSED_EXPANSION_PER_K * nodal_temperature(started.model).at(0.0, parameters)[:, 0]
+    assert strain == pytest.approx(2e-4 * started.model.times / 3.0)
     assert parameters["SPECIMEN.E"].value == values["SPECIMEN.E"]
-    assert started.parameters.own_of({ALPHA: 2e-4, "SPECIMEN.E": 1.0, "elsewhere": 2.0}) == {"SPECIMEN.E": 1.0}
+    assert started.model.parameters.own_of({ALPHA: 2e-4, "SPECIMEN.E": 1.0, "elsewhere": 2.0}) == {"SPECIMEN.E": 1.0}
 
 
 def test_the_free_warmth_of_one_material_is_not_that_of_another():

@@ -34,7 +34,9 @@ def test_a_seating_with_another_scale_is_the_same_grip(tmp_path):
                   for one in (before, after))
     assert other == own | {"seated_at": 0.5 * own["seated_at"]}
     assert after.new == before.new and after.label.startswith(f"RIGHT settles under the first {other['seated_at']:.3g}")
-    assert load_experiment(path, after.edits).parameters.free == load_experiment(path, before.edits).parameters.free
+    assert load_experiment(path,
+                           after.edits).model.parameters.free == load_experiment(path,
+                                                                                 before.edits).model.parameters.free
     others = [*before.edits["boundary"], {"edges": "TOP", "pressure": {"column": "p_MPa"}}]
     beside = seating.rescaled(replace(before, edits={**before.edits, "boundary": others}), 0.5)
     assert beside.edits["boundary"] == [*after.edits["boundary"], others[-1]]

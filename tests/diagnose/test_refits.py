@@ -379,8 +379,8 @@ def test_a_rival_may_work_harder_where_the_identified_model_does_and_where_frame
 def test_a_model_that_is_compared_has_the_error_by_noise_and_the_selected_one_the_whole(clean):
     """The discrepancy costs one more pass over the images, and no comparison of models asks for it."""
     experiment, found = clean
-    wrong = experiment.parameters.with_values({"BODY.nu": 0.1}).with_free(["BODY.E"])
-    at = [Start("a", replace(experiment, parameters=wrong), {})]
+    wrong = experiment.model.parameters.with_values({"BODY.nu": 0.1}).with_free(["BODY.E"])
+    at = [Start("a", replace(experiment, model=replace(experiment.model, parameters=wrong)), {})]
     grid = grid_of(residual_evidence(found))
     compared, selected = (refit("a", at, {}, found.local, grid, whole_std=whole) for whole in (False, True))
     own = identify(at[0].experiment, found.local).result["parameters"]["BODY.E"]
@@ -409,8 +409,8 @@ def test_a_model_without_equilibrium_from_rest_has_no_residual_and_ends_nothing(
     law = {"law": "j2_linear", "E": 2000.0, "nu": 0.35, "yield_stress": {"value": 10.0, "identify": True},
            "hardening_modulus": -1900.0}
     experiment = load_experiment(write_folder(tmp_path / "test", Side()), {"material.BODY": law})
-    local = np.zeros((experiment.n_frames, 1))
-    fitted = Fit("softening", "", "converged", experiment.parameters.as_values(), {}, local, None, None, None)
+    local = np.zeros((experiment.model.n_frames, 1))
+    fitted = Fit("softening", "", "converged", experiment.model.parameters.as_values(), {}, local, None, None, None)
     with pytest.raises(NotConverged):
         refit_residual(experiment, fitted)
     assert residual_from_rest(experiment, fitted) is None
@@ -444,7 +444,7 @@ def test_a_swapped_refit_is_fitted_to_the_copy_that_judges_otherwise(tmp_path, m
     monkeypatch.setattr(Source, "load", lambda self, edits=None: experiment)
     seen = []
     monkeypatch.setattr("idic.diagnose.refits.refit_job.refit", lambda name, starts, other, *rest: seen.append(
-        (starts[0].experiment.stack.sign, other["a"].stack.sign)))
+        (starts[0].experiment.recording.stack.sign, other["a"].recording.stack.sign)))
     run_refit(job())
     run_refit(job(swapped=True))
     assert seen == [(CHOICE, JUDGEMENT), (JUDGEMENT, CHOICE)]

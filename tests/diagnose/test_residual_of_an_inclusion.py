@@ -39,8 +39,8 @@ def case(tmp_path_factory):
 def with_spot(case):
     path, found, _ = case
     experiment = load_experiment(path, SPOT)
-    start = experiment.parameters.with_values(found.parameters.as_values())
-    return identify(replace(experiment, parameters=start))
+    start = experiment.model.parameters.with_values(found.parameters.as_values())
+    return identify(replace(experiment, model=replace(experiment.model, parameters=start)))
 
 
 def test_a_true_inclusion_leaves_noise(case, with_spot):
@@ -61,8 +61,10 @@ def test_an_inclusion_in_the_wrong_place_leaves_a_significant_excess(case, with_
 
 def test_a_model_with_other_visible_nodes_is_judged_at_those(case, with_spot):
     _, _, before = case
-    camera = with_spot.experiment.camera
-    moved = replace(with_spot.experiment, camera=replace(camera, origin_px=camera.origin_px + [0.3, 0.0]))
+    camera = with_spot.experiment.model.camera
+    moved = replace(with_spot.experiment, model=replace(with_spot.experiment.model,
+                                                        camera=replace(camera,
+                                                                       origin_px=camera.origin_px + [0.3, 0.0])))
     after = residual_evidence(identification_at(moved, with_spot.parameters.as_values(), with_spot.local,
                                                 with_spot.steps), light=False)
     assert len(after.evidence.seen) != len(before.evidence.seen)

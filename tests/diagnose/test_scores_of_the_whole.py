@@ -43,7 +43,7 @@ def screening_of(folder, scene, name):
     diagnosis = diagnose(source, found, partial(run_refits, SerialRunner(), None), quick=True,
                          library=[one for one in candidate_library() if one.name == name],
                          watch=lambda residual, *_: seen.append(residual.context.experiment))
-    return diagnosis.rounds[0].screening.of(name), seen[0].noise.std_gv / source.load().noise.std_gv
+    return diagnosis.rounds[0].screening.of(name), seen[0].recording.noise.std_gv / source.load().recording.noise.std_gv
 
 
 def test_a_candidate_is_scored_on_the_recording_and_promises_what_a_copy_can_show(tmp_path):
@@ -77,7 +77,8 @@ def test_a_blur_that_a_camera_makes_itself_is_larger_where_the_noise_is_correlat
     found = None if beside is None else CorrelatedNoise(2.0, 2.0, ((0.0, beside, 0.0), (beside, 1.0, beside),
                                                                   (0.0, beside, 0.0)), 1.0)
     experiment = still_situation.experiment
-    there = replace(still_situation, experiment=replace(experiment, noise=replace(experiment.noise, correlated=found)))
+    recording = replace(experiment.recording, noise=replace(experiment.recording.noise, correlated=found))
+    there = replace(still_situation, experiment=replace(experiment, recording=recording))
     assert {variant.least for variant in defocus.variants(there)} == {least}
 
 

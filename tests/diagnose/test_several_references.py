@@ -26,21 +26,23 @@ def at_rest(tmp_path_factory):
     """A body that rests in all of its images: noise and nothing else, at the true parameters."""
     known = load_experiment(write_folder(tmp_path_factory.mktemp("still") / "clean", Side()))
     rng, n = np.random.default_rng(5), STILL + T
-    image = known.stack.frame(0).astype(np.float32)
+    image = known.recording.stack.frame(0).astype(np.float32)
     images = image + NOISE * rng.standard_normal((n, *image.shape)).astype(np.float32)
-    channels = tuple(replace(c, values=c.noise_std * rng.standard_normal(n), rates=None) for c in known.channels)
+    channels = tuple(replace(c, values=c.noise_std * rng.standard_normal(n), rates=None) for c in known.model.channels)
     prescribed = tuple(replace(p, drive=replace(p.drive, values=np.zeros(n), rates=None)) if hasattr(p.drive, "values")
                        else p
-                       for p in known.prescribed)
-    return replace(known, stack=ArrayStack(images), channels=channels, prescribed=prescribed, times=np.arange(float(n)),
-                   labels=tuple(str(k) for k in range(n)), reference=STILL - 1, averaged=tuple(range(STILL)),
-                   noise=replace(known.noise, std_gv=NOISE), options=replace(known.options, lowpass_px=0.0))
+                       for p in known.model.prescribed)
+    return replace(known, recording=replace(known.recording, stack=ArrayStack(images),
+                                            labels=tuple(str(k) for k in range(n)), averaged=tuple(range(STILL)),
+                                            noise=replace(known.recording.noise, std_gv=NOISE)),
+                   model=replace(known.model, channels=channels, prescribed=prescribed, times=np.arange(float(n)),
+                                 reference=STILL - 1), options=replace(known.options, lowpass_px=0.0))
 
 
 @pytest.fixture(scope="module")
 def residual(at_rest):
-    values = at_rest.parameters.as_values()
-    return residual_evidence(identification_at(at_rest, values, np.zeros((at_rest.n_frames, 1)), None))
+    values = at_rest.model.parameters.as_values()
+    return residual_evidence(identification_at(at_rest, values, np.zeros((at_rest.model.n_frames, 1)), None))
 
 
 def test_white_noise_has_unit_variance(residual):
@@ -77,7 +79,7 @@ def test_a_frame_at_rest_is_not_blurred(at_rest, residual):
     blurred = replace(at_rest, options=replace(at_rest.options, defocus="frame"))
     z = []
     for frame in residual.evidence.frames:
-        share = residual.context.reference.compare(blurred, int(frame), np.zeros((at_rest.mesh.n_nodes, 2)))
+        share = residual.context.reference.compare(blurred, int(frame), np.zeros((at_rest.model.mesh.n_nodes, 2)))
         z.append(share.rb[-1] / np.sqrt(share.bb[-1, -1] * NOISE**2 * (1.0 + 1.0 / STILL)))
     assert np.abs(z).max() < SIGMAS
 
@@ -86,7 +88,7 @@ def test_light_and_the_blur_of_a_frame_share_what_their_images_share(at_rest):
     """Of images without noise of their own nothing is taken off. Taken off all the same, a blur that a frame has of its
     own left light where there was none (15 standard deviations)."""
     blurred = replace(at_rest, options=replace(at_rest.options, defocus="frame"))
-    values = at_rest.parameters.as_values()
+    values = at_rest.model.parameters.as_values()
     part = residual_evidence(identification_at(blurred, values, np.zeros((T + STILL, 1)), None)).evidence.parts[0]
     shared, alike = part.pixel.border[:, -1], part.pixel.gram[:, -1]  # with the frame's own blur; with the tested one
     scale = np.sqrt(np.diagonal(part.pixel.gram) * part.pixel.gram[-1, -1])
@@ -126,7 +128,7 @@ def test_the_drop_by_fields_is_that_of_their_eigenvalues():
 
 
 def test_one_look_at_a_frame_gives_what_two_give(at_rest, residual):
-    reference, motion = residual.context.reference, 0.1 * np.ones((at_rest.mesh.n_nodes, 2))
+    reference, motion = residual.context.reference, 0.1 * np.ones((at_rest.model.mesh.n_nodes, 2))
     equations, found = reference.compare_with_residual(at_rest, STILL + 2, motion)
     alone, whole = (reference.compare(at_rest, STILL + 2, motion),
                     reference.compare_pixels(at_rest, STILL + 2, motion, np.zeros(0)))

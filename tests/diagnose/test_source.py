@@ -73,7 +73,7 @@ def test_a_folder_that_is_identified_again_is_read_again_by_workers_that_live_on
     def read():
         shutil.rmtree(run, ignore_errors=True)
         experiment, store = load_experiment(folder, AS_GIVEN), RunStore(run)
-        with store.claim(experiment.identity):
+        with store.claim(experiment.recording.identity):
             ingest(store, experiment, SerialRunner())
             prepare(str(run), str(folder), AS_GIVEN, SerialRunner())
         return Source(str(run), {}).load(), experiment
@@ -83,6 +83,6 @@ def test_a_folder_that_is_identified_again_is_read_again_by_workers_that_live_on
                            ("loads.csv", "0.300", "0.400"), ("mesh.inp", "101, 0.0, 0.0", "101, 0.1, 0.0")):
         change(folder, name, old, new)
         seen, own = read()
-        assert seen.thickness == own.thickness
-        np.testing.assert_array_equal(seen.channels[0].values, own.channels[0].values)
-        np.testing.assert_array_equal(seen.mesh.nodes, own.mesh.nodes)
+        assert seen.model.thickness == own.model.thickness
+        np.testing.assert_array_equal(seen.model.channels[0].values, own.model.channels[0].values)
+        np.testing.assert_array_equal(seen.model.mesh.nodes, own.model.mesh.nodes)

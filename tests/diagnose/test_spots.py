@@ -54,17 +54,20 @@ def flaking(centre=(128.0, 80.0), radius=3.0, grey=200.0, onset=8):
 def recording(tmp_path_factory):
     """A strip without spots, and the model at its true parameters."""
     experiment = load_experiment(write_folder(tmp_path_factory.mktemp("clean") / "test", Side()))
-    experiment = replace(experiment, noise=replace(experiment.noise, std_gv=NOISE))
-    values = experiment.parameters.as_values() | {"BODY.E": TRUTH["E"], "BODY.nu": TRUTH["nu"]}
-    local = np.zeros((experiment.n_frames, build_forward(experiment).drives.n_local))
-    return experiment, values, local, experiment.stack
+    experiment = replace(experiment, recording=replace(experiment.recording,
+                                                       noise=replace(experiment.recording.noise, std_gv=NOISE)))
+    values = experiment.model.parameters.as_values() | {"BODY.E": TRUTH["E"], "BODY.nu": TRUTH["nu"]}
+    local = np.zeros((experiment.model.n_frames, build_forward(experiment).drives.n_local))
+    return experiment, values, local, experiment.recording.stack
 
 
 def found_in(recording, change):
     experiment, values, local, stack = recording
     frames = np.array([stack.frame(k) for k in range(stack.n_frames)], dtype=float)
     changed = np.rint([change(one, k) for k, one in enumerate(frames)]).astype(np.uint8)
-    return find_spots(identification_at(replace(experiment, stack=ArrayStack(changed)), values, local, None))
+    return find_spots(identification_at(replace(experiment, recording=replace(experiment.recording,
+                                                                              stack=ArrayStack(changed))), values,
+                                        local, None))
 
 
 def test_a_clean_recording_has_no_spots(recording):
@@ -99,13 +102,13 @@ def test_what_is_no_disc_is_no_spot(recording):
 
 def test_pixels_under_a_circle_are_not_correlated(recording):
     path = Path(recording[0].folder) / "experiment.toml"
-    pixels = [build_experiment_reference(one, camera_at(one, one.parameters)).pixel_map.points() for one in (
+    pixels = [build_experiment_reference(one, camera_at(one, one.model.parameters)).pixel_map.points() for one in (
         load_experiment(path), load_experiment(path, {"options.left_out_px": [[130.0, 40.0, 5.0]]}))]
     gone = set(map(tuple, pixels[0])) - set(map(tuple, pixels[1]))
     assert len(gone) == 81 and max(np.hypot(x - 130.0, y - 40.0) for x, y in gone) <= 5.0
     far = load_experiment(path, {"options.left_out_px": [[-50.0, 10.0, 5.0], [130.0, 4000.0, 5.0], [130.0, 40.0, 5.0]]})
     rest = build_experiment_reference(far, camera_at(far,
-    far.parameters)).pixel_map.points()  # dust that comes in later
+    far.model.parameters)).pixel_map.points()  # dust that comes in later
     assert set(map(tuple, rest)) == set(map(tuple, pixels[1]))
     for circles, what in (([[1.0, 2.0, 0.0]], "a circle without a size"), ([[1.0, 2.0]], "left_out_px")):
         with pytest.raises(idic.errors.InputError, match=what):

@@ -134,7 +134,7 @@ def test_adjoint_score_of_an_element_is_that_of_its_simulated_softening(clean):
         if tangent.index == 3:
             break
     adjoint = element_scores(residual, tangent, p, channel)[:, 0]
-    n_dof = found.experiment.mesh.nodes.size
+    n_dof = found.experiment.model.mesh.nodes.size
     for element in (0, 17):
         forces = np.zeros((n_dof, 1))
         for group, at in zip(tangent.system.groups, tangent.evaluation.groups, strict=True):
@@ -143,9 +143,9 @@ def test_adjoint_score_of_an_element_is_that_of_its_simulated_softening(clean):
             for point in (mine[0] * per + np.arange(per) if len(mine) else []):
                 forces[group.dofs[mine[0]], 0] += (group.weights[point] * at.P[point] @ group.grads[point].T).T.ravel()
         du = tangent.answer(np.zeros_like(forces), -forces)
-        columns = residual.view.columns(found.experiment.mesh.nodes, residual.u[3], du.reshape(-1, 2, 1))
+        columns = residual.view.columns(found.experiment.model.mesh.nodes, residual.u[3], du.reshape(-1, 2, 1))
         held = forces + stiffness_times(tangent.system, tangent.evaluation, du)
-        reaction = tangent.system.model.channels[0]
+        reaction = tangent.system.body.channels[0]
         direct = p[:, 0] @ columns[residual.evidence.seen, 0]
         direct += 0.7 * reaction.factor * held[np.asarray(reaction.dofs), 0].sum()
         assert adjoint[element] == pytest.approx(direct, rel=1e-8)
@@ -165,8 +165,8 @@ def test_band_factor_is_a_root_of_its_matrix():
 
 def test_boundary_freedoms_move_driven_edges_and_nothing_else(clean):
     experiment = clean[0].experiment
-    held = np.asarray(clean[0].forward.model.constraints.dofs)
-    motion, force = boundary_patterns(experiment, held)
+    held = np.asarray(clean[0].forward.body.constraints.dofs)
+    motion, force = boundary_patterns(experiment.model, held)
     assert motion.shape[1] == 2 * 2 * 4 and not force.any()  # two grips, two components, cubic
     still = np.setdiff1d(np.arange(motion.shape[0]), held)
     assert not motion[still].any() and np.linalg.matrix_rank(motion) == 16

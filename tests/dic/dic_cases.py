@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
+
 import numpy as np
 
 from idic.correlation import build_pixel_map, build_reference
 from idic.measure import Regularisation, build_smoother
 from idic.fe import Mesh, make_mesh
 from idic.images import ArrayStack, Camera, dense_speckle
-from idic.model import Experiment, Noise
+from idic.model import Experiment, Model, Noise, Recording
 from idic.parameters import ParameterSet
 from idic.virtual_tests import Sensor, clean_image, painted
 
@@ -66,10 +68,11 @@ def set_up(mesh: Mesh, image, regularisation=Regularisation("none"), mask=None):
 
 
 def experiment(mesh: Mesh, images, **changes) -> Experiment:
-    """An experiment that has images, a mesh and a camera, and nothing else."""
+    """An experiment that has images, a mesh and a camera, and the fields of its records in `changes`."""
     n = len(images)
-    settings = dict(
-        title="", folder="", kind="plane_stress", mesh=mesh, thickness=None, materials=(), parameters=ParameterSet(()),
-        prescribed=(), loads=(), channels=(), camera=CAMERA, stack=ArrayStack(images),
-        labels=tuple(f"{k}" for k in range(n)), times=np.arange(n, dtype=float), noise=Noise(None))
-    return Experiment(**(settings | changes))
+    model = Model("plane_stress", mesh, None, (), ParameterSet(()), (), (), (), CAMERA, np.arange(n, dtype=float))
+    recording = Recording(ArrayStack(images), tuple(f"{k}" for k in range(n)), noise=Noise(None))
+    of_model, of_recording = ({entry.name for entry in fields(record)} for record in (Model, Recording))
+    return Experiment(
+        "", "", replace(recording, **{name: changes.pop(name) for name in of_recording & set(changes)}),
+        replace(model, **{name: changes.pop(name) for name in of_model & set(changes)}), **changes)

@@ -63,7 +63,7 @@ def recording(log: bool = False, **what):
 
 
 def floor_of(e, still, motion):
-    return camera_floor(e, build_experiment_reference(e, e.camera), still, lambda k: motion[k])
+    return camera_floor(e, build_experiment_reference(e, e.model.camera), still, lambda k: motion[k])
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +75,7 @@ def hazy():
 def test_frames_at_rest_are_found_in_the_motion_of_the_images_wherever_the_specimen_has_gone(hazy, log):
     e, motion = hazy
     if log:
-        e = replace(e, channels=(Channel("force_N", 1e3 * np.array(LOADS), 1.0, "TOP", "y"),))
+        e = replace(e, model=replace(e.model, channels=(Channel("force_N", 1e3 * np.array(LOADS), 1.0, "TOP", "y"),)))
     found = find_still_frames(e, motion)
     assert found.frames == REST and found.source == "images" and found.unloaded == (5,)
 
@@ -83,23 +83,23 @@ def test_frames_at_rest_are_found_in_the_motion_of_the_images_wherever_the_speci
 def test_the_log_alone_finds_them_too_and_without_a_log_nothing_is_claimed(hazy):
     e, _ = hazy
     assert not find_still_frames(e).found
-    logged = replace(e, channels=(Channel("force_N", 1e3 * np.array(LOADS), 1.0, "TOP", "y"),))
+    logged = replace(e, model=replace(e.model, channels=(Channel("force_N", 1e3 * np.array(LOADS), 1.0, "TOP", "y"),)))
     assert find_still_frames(logged).frames == REST and find_still_frames(logged).source == "log"
 
 
 def test_a_load_that_the_log_shows_is_no_rest_whatever_the_images_say(hazy):
     e, motion = hazy
     held = np.array(LOADS) + np.eye(len(LOADS))[1] * 0.05
-    logged = replace(e, channels=(Channel("force_N", 1e3 * held, 1.0, "TOP", "y"),))
+    logged = replace(e, model=replace(e.model, channels=(Channel("force_N", 1e3 * held, 1.0, "TOP", "y"),)))
     assert find_still_frames(logged, motion).frames == (0, 5)
 
 
 def test_declared_frames_count_and_excluded_ones_do_not(hazy):
     e, motion = hazy
-    told = replace(e, extras={"still_frames": (0, 1)})
+    told = replace(e, recording=replace(e.recording, still_frames=(0, 1)))
     assert find_still_frames(told).frames == (0, 1) and find_still_frames(told).source == "declared"
     assert find_still_frames(told, motion).source == "declared and images"
-    assert find_still_frames(replace(e, excluded=(5,)), motion).frames == (0, 1)
+    assert find_still_frames(replace(e, recording=replace(e.recording, excluded=(5,))), motion).frames == (0, 1)
 
 
 def test_a_specimen_that_keeps_a_strain_is_not_at_rest_again(hazy):
@@ -154,7 +154,7 @@ def test_a_small_strain_that_is_left_belongs_to_the_specimen():
 def test_no_more_than_six_still_images_are_measured():
     e, motion = recording()
     still = ArrayStack(pictures(FRAME, [partial(rest)] * 9, SHAPE, noise=NOISE, seed=5))
-    told = replace(e, extras={"still_stack": still})
+    told = replace(e, recording=replace(e.recording, still_stack=still))
     found = find_still_frames(told)
     assert found.separate and found.found and found.source == "declared"
     floor = floor_of(told, found, motion)

@@ -47,20 +47,20 @@ def test_frames_that_the_log_finds_at_rest_come_before_those_under_load(clean):
 
 def test_images_that_are_declared_still_come_before_the_log(clean):
     e, rng = recording(clean), np.random.default_rng(5)
-    among = measured_noise(replace(e, extras={"still_frames": (2, 3, 4)}))
+    among = measured_noise(replace(e, recording=replace(e.recording, still_frames=(2, 3, 4))))
     assert among.correlated.source == "still_frames"
     images = np.array([clean[0] + smooth(rng) for _ in LOADS]).astype(np.float32)
-    separate = replace(e, extras={"still_stack": ArrayStack(images)})
-    separate = replace(separate, noise=measured_noise(separate))
-    assert separate.noise.in_sums_gv > 1.3 * STD
+    separate = replace(e, recording=replace(e.recording, still_stack=ArrayStack(images)))
+    separate = replace(separate, recording=replace(separate.recording, noise=measured_noise(separate)))
+    assert separate.recording.noise.in_sums_gv > 1.3 * STD
     assert "still frames show" in noise_notes(separate)[0]
-    assert noise_content(separate)["covariance_source"] == "still_frames"
+    assert noise_content(separate.recording)["covariance_source"] == "still_frames"
 
 
 def test_a_copy_of_the_reference_tells_nothing(clean):
-    images = recording(clean).stack
+    images = recording(clean).recording.stack
     copied = experiment(grid(*FRAME), np.array([images.frame(k) for k in (0, 0, 2, 3, 4)]), noise=Noise(STD),
-                        channels=recording(clean).channels)
+                        channels=recording(clean).model.channels)
     assert measured_noise(copied).correlated.source == "consecutive_images"
 
 

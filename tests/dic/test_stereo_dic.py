@@ -39,7 +39,7 @@ def experiment(tmp_path_factory):
 
 def test_a_motion_in_space_comes_back_within_its_noise(experiment):
     found = surface_motion(experiment)
-    nodes = experiment.mesh.nodes[found.nodes]
+    nodes = experiment.model.mesh.nodes[found.nodes]
     assert np.abs(nodes[:, 2]).max() < 1e-9 and len(nodes) > 60  # the front alone
     still = found.u_mm[1] / found.noise_mm  # a frame at rest
     assert 0.7 < np.sqrt(np.mean(still**2)) < 1.4  # 250 correlated scores, interpolation

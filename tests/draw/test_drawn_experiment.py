@@ -71,9 +71,10 @@ def test_the_page_writes_the_experiment_that_a_person_types(desk, tmp_path):
     typed = make_folder(tmp_path / "typed")
     (typed / "experiment.toml").write_text(TYPED)
     other = load_experiment(typed)
-    assert np.array_equal(drawn.mesh.nodes, other.mesh.nodes) and drawn.parameters == other.parameters
-    assert [sorted(drawn.mesh.node_sets)] == [sorted(other.mesh.node_sets)]
-    assert repr(drawn.prescribed) == repr(other.prescribed) and drawn.title == other.title
+    assert np.array_equal(drawn.model.mesh.nodes,
+                          other.model.mesh.nodes) and drawn.model.parameters == other.model.parameters
+    assert [sorted(drawn.model.mesh.node_sets)] == [sorted(other.model.mesh.node_sets)]
+    assert repr(drawn.model.prescribed) == repr(other.model.prescribed) and drawn.title == other.title
     assert any(line.startswith("mesh ") for line in found["lines"])
     assert found["toml"] == (desk.folder / "experiment.toml").read_text()
 
@@ -82,7 +83,7 @@ def test_the_page_writes_the_experiment_that_a_person_types(desk, tmp_path):
 def test_a_pressure_of_the_log_acts_on_an_edge_or_a_hole(desk, edge):
     loaded = {edge: {"kind": "pressure", "column": "p_bar"}, "RIGHT": {"kind": "fixed"}}
     desk.write(plan(motions=loaded, pixel_size_mm=None, thickness_mm=None, force=None), replace=False)
-    load, = load_experiment(desk.folder).loads
+    load, = load_experiment(desk.folder).model.loads
     assert (load.kind, load.edges, load.follower) == ("pressure", edge, True)
     assert load.drive.values == pytest.approx([0.0, 0.2, 0.4])  # MPa; its log is in bar
 
@@ -153,10 +154,10 @@ def test_the_mesh_preview_is_the_mesh_of_the_experiment(desk):
     shown = desk.mesh(plan()["sketch"], "images/*.tif")
     desk.write(plan(), replace=False)
     experiment = load_experiment(desk.folder)
-    corners = experiment.camera.project(experiment.mesh.nodes)[: len(shown["nodes"])]
+    corners = experiment.model.camera.project(experiment.model.mesh.nodes)[: len(shown["nodes"])]
     np.testing.assert_allclose(shown["nodes"], corners, atol=0.006)  # rounded to hundredths of a pixel
-    assert len(shown["floor"]) == experiment.mesh.n_elements and shown["smallest_angle"] > 25
-    assert len(shown["sets"]["RIGHT"]) == len(experiment.mesh.edge_sets["RIGHT"])
+    assert len(shown["floor"]) == experiment.model.mesh.n_elements and shown["smallest_angle"] > 25
+    assert len(shown["sets"]["RIGHT"]) == len(experiment.model.mesh.edge_sets["RIGHT"])
 
 
 def test_the_columns_of_the_log_are_held_against_the_frames(desk):

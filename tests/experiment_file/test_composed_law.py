@@ -344,10 +344,10 @@ def test_knots_by_evidence_of_a_curve_with_a_locked_value_are_refused():
     raw = with_overrides(tables(yield_stress=200.0, hardening=[term]), None)
     table = validated(raw, "e").material["SPECIMEN"]
     record, found, _ = material("SPECIMEN", table, "e")
-    experiment = SimpleNamespace(parameters=ParameterSet(found),
-                                 extras={"free_curves": free_curves([record], {"SPECIMEN": table}, found)})
+    model = SimpleNamespace(parameters=ParameterSet(found),
+                            free_curves=free_curves([record], {"SPECIMEN": table}, found))
     with pytest.raises(InputError) as error:
-        chosen_tables(experiment, raw)
+        chosen_tables(SimpleNamespace(model=model), raw)
     assert error.value.key == "material.SPECIMEN.yield_stress"
 
 

@@ -22,9 +22,10 @@ def folder(tmp_path):
 
 def test_linear_elements_are_computed_as_quadratic_ones_unless_the_options_say_otherwise(folder):
     given, raised = load_experiment(folder), load_with_its_defaults(folder)
-    assert given.mesh.blocks[0].cell == "quad4" and raised.mesh.blocks[0].cell == "quad8"
-    assert raised.mesh.n_elements == given.mesh.n_elements and raised.mesh.n_nodes > given.mesh.n_nodes
-    np.testing.assert_array_equal(raised.mesh.element_labels, given.mesh.element_labels)
+    assert given.model.mesh.blocks[0].cell == "quad4" and raised.model.mesh.blocks[0].cell == "quad8"
+    assert raised.model.mesh.n_elements == given.model.mesh.n_elements
+    assert raised.model.mesh.n_nodes > given.model.mesh.n_nodes
+    np.testing.assert_array_equal(raised.model.mesh.element_labels, given.model.mesh.element_labels)
     assert any("computed as quadratic" in note for note in raised.notes)
     assert any("too stiff" in note for note in given.notes) and not any("too stiff" in note for note in raised.notes)
     with pytest.raises(InputError, match="options.element_order"):
@@ -34,41 +35,41 @@ def test_linear_elements_are_computed_as_quadratic_ones_unless_the_options_say_o
 # the whole ----------------------------------------------------------------------------------------------
 def test_everything_arrives_in_internal_units(folder):
     e = load(folder)
-    assert (e.title, e.kind, e.thickness, e.length_unit, e.reference,
-            e.n_frames) == ("small", "plane_stress", 2.0, "mm", 0, 4)
-    stiffness = e.parameters["SPECIMEN.E"]
+    assert (e.title, e.model.kind, e.model.thickness, e.model.length_unit, e.model.reference,
+            e.model.n_frames) == ("small", "plane_stress", 2.0, "mm", 0, 4)
+    stiffness = e.model.parameters["SPECIMEN.E"]
     assert (stiffness.value, stiffness.shown, stiffness.unit, stiffness.free) == (70e3, 70.0, "GPa", True)
     assert stiffness.bounds == (10e3, 200e3) and (stiffness.prior_mean, stiffness.prior_std) == (70e3, 5e3)
-    assert stiffness.transform == "log" and e.parameters["SPECIMEN.nu"].transform == "linear"
-    assert not e.parameters["SPECIMEN.nu"].free and e.parameters.free == ("SPECIMEN.E",)
-    top = [p for p in e.prescribed if p.nodes == "TOP" and p.component == "y"][0]
+    assert stiffness.transform == "log" and e.model.parameters["SPECIMEN.nu"].transform == "linear"
+    assert not e.model.parameters["SPECIMEN.nu"].free and e.model.parameters.free == ("SPECIMEN.E",)
+    top = [p for p in e.model.prescribed if p.nodes == "TOP" and p.component == "y"][0]
     np.testing.assert_allclose(top.drive.values, [0.0001, 0.005, 0.01, 0.015], rtol=1e-14)  # um to mm
     assert top.drive.noise_std == pytest.approx(0.2e-3) and top.drive.column == "grip_um"
     np.testing.assert_allclose(top.drive.rates, [0.0049, 0.00495, 0.005, 0.005], rtol=1e-12)  # central differences
-    (force,) = e.channels
+    (force,) = e.model.channels
     np.testing.assert_allclose(force.values, [0, 100, 200, 300], rtol=1e-14)
     assert (force.noise_std, force.nodes, force.component, force.factor, force.unit) == (5.0, "TOP", "y", 1.0, "N")
-    np.testing.assert_allclose(e.camera.project(np.array([[0.0, 0.0], [1.0, 2.0]])), [[10, 40], [20, 20]])
-    np.testing.assert_array_equal(e.times, [0, 1, 2, 3])
-    assert e.noise.std_gv == 2.0 and e.noise.source == "given"
-    assert e.stack.shape == (50, 60) and e.labels[3] == "frame_003.tif"
-    assert e.materials[0].law == "elastic" and e.materials[0].kinematics == "small"
+    np.testing.assert_allclose(e.model.camera.project(np.array([[0.0, 0.0], [1.0, 2.0]])), [[10, 40], [20, 20]])
+    np.testing.assert_array_equal(e.model.times, [0, 1, 2, 3])
+    assert e.recording.noise.std_gv == 2.0 and e.recording.noise.source == "given"
+    assert e.recording.stack.shape == (50, 60) and e.recording.labels[3] == "frame_003.tif"
+    assert e.model.materials[0].law == "elastic" and e.model.materials[0].kinematics == "small"
 
 
 def test_the_folder_and_the_file_are_the_same_experiment(folder):
-    assert load_experiment(folder).identity == load_experiment(folder / "experiment.toml").identity
+    assert load_experiment(folder).recording.identity == load_experiment(folder / "experiment.toml").recording.identity
 
 
 def test_the_identity_follows_the_settings_that_decide_the_result(folder):
-    first = load_experiment(folder).identity
-    assert load(folder, 'title = "small"', 'title = "renamed"').identity == first
-    assert load_experiment(folder, {"SPECIMEN.nu": 0.31}).identity != first
+    first = load_experiment(folder).recording.identity
+    assert load(folder, 'title = "small"', 'title = "renamed"').recording.identity == first
+    assert load_experiment(folder, {"SPECIMEN.nu": 0.31}).recording.identity != first
     change(folder, "loads.csv", "0.300", "0.301")
-    second = load_experiment(folder).identity
+    second = load_experiment(folder).recording.identity
     assert second != first
     image = folder / "images" / "frame_001.tif"
     tifffile.imwrite(image, 255 - tifffile.imread(image))
-    assert load_experiment(folder).identity != second
+    assert load_experiment(folder).recording.identity != second
 
 
 def test_a_comment_in_the_mesh_makes_no_other_experiment(folder):
@@ -77,11 +78,11 @@ def test_a_comment_in_the_mesh_makes_no_other_experiment(folder):
     lines = mesh.read_text().splitlines()
     mesh.write_text("** exported anew\n" + "\n".join(line.replace(",", " ,\t") + "  " for line in lines) + "\n\n")
     same = load_experiment(folder)
-    assert same.identity == first.identity
+    assert same.recording.identity == first.recording.identity
     moved = [line.replace("1.", "1.0001", 1) if line[:1].isdigit() else line for line in lines]
     assert moved != lines
     mesh.write_text("\n".join(moved))
-    assert load_experiment(folder).identity != first.identity
+    assert load_experiment(folder).recording.identity != first.recording.identity
 
 
 def test_overrides_reach_every_kind_of_key(folder):
@@ -90,9 +91,9 @@ def test_overrides_reach_every_kind_of_key(folder):
                                  "boundary.0.uy": 0.25, "experiment.title": "from outside",
                                  "material.SPECIMEN.E.bounds": "[1, 300]",
                                  "channel.0.noise_std": 0.01})
-    assert e.parameters["SPECIMEN.E"].value == 72e3 and e.parameters["SPECIMEN.E"].bounds == (1e3, 300e3)
-    assert e.parameters["SPECIMEN.nu"].free and e.options.max_iterations == 7 and e.title == "from outside"
-    assert e.prescribed[1].drive == Constant(0.25) and e.channels[0].noise_std == 10.0
+    assert e.model.parameters["SPECIMEN.E"].value == 72e3 and e.model.parameters["SPECIMEN.E"].bounds == (1e3, 300e3)
+    assert e.model.parameters["SPECIMEN.nu"].free and e.options.max_iterations == 7 and e.title == "from outside"
+    assert e.model.prescribed[1].drive == Constant(0.25) and e.model.channels[0].noise_std == 10.0
 
 
 FURTHER = """
@@ -127,14 +128,15 @@ def test_options_stages_and_degrees_of_freedom_are_read(folder):
     with (folder / "experiment.toml").open("a") as stream:
         stream.write(FURTHER)
     e = load_experiment(folder)
-    assert e.parameters.free == ("SPECIMEN.E", "camera.rotation_deg", "channel.force_kN.offset", "time.offset")
-    offset = e.parameters["channel.force_kN.offset"]
+    assert e.model.parameters.free == ("SPECIMEN.E", "camera.rotation_deg", "channel.force_kN.offset", "time.offset")
+    offset = e.model.parameters["channel.force_kN.offset"]
     assert offset.bounds == (-1000.0, 1000.0) and offset.prior_std == 10.0 and offset.factor == 1000.0
-    assert e.parameters["geometry.thickness"].value == 2.0 and e.parameters["camera.rotation_deg"].value == 0.5
+    assert e.model.parameters["geometry.thickness"].value == 2.0
+    assert e.model.parameters["camera.rotation_deg"].value == 0.5
     assert [stage.free for stage in e.stages] == [("SPECIMEN.E",), "all"] and e.stages[0].max_iterations == 3
     assert (e.options.interpolation, e.options.weighting, e.options.step_limit,
             e.options.substeps) == ("quintic", "paper", 0.05, 2)
-    assert load_experiment(folder, {"camera.rotation_deg": 0.25}).parameters["camera.rotation_deg"].value == 0.25
+    assert load_experiment(folder, {"camera.rotation_deg": 0.25}).model.parameters["camera.rotation_deg"].value == 0.25
 
 
 def test_every_further_degree_of_freedom_of_the_contract_has_a_name(folder):
@@ -144,10 +146,10 @@ def test_every_further_degree_of_freedom_of_the_contract_has_a_name(folder):
     with (folder / "experiment.toml").open("a") as stream:
         stream.writelines(f'[[dof]]\nname = "{name}"\n' for name in names)
     e = load_experiment(folder)
-    assert set(names) <= set(e.parameters.free)
-    assert all(np.isfinite(e.parameters[name].scale) and e.parameters[name].scale > 0 for name in names)
-    assert e.parameters["channel.force_kN.scale"].value == 1.0
-    assert e.parameters["camera.pixel_size"].value == pytest.approx(0.1)
+    assert set(names) <= set(e.model.parameters.free)
+    assert all(np.isfinite(e.model.parameters[name].scale) and e.model.parameters[name].scale > 0 for name in names)
+    assert e.model.parameters["channel.force_kN.scale"].value == 1.0
+    assert e.model.parameters["camera.pixel_size"].value == pytest.approx(0.1)
 
 
 # frames and images --------------------------------------------------------------------------------------
@@ -155,13 +157,13 @@ def test_a_log_of_other_length_is_matched_by_time(folder):
     rows = "".join(f"{0.5 * k},{0.05 * k},{2.5 * k}\n" for k in range(9))
     (folder / "loads.csv").write_text("time_s,force_kN,grip_um\n" + rows)
     e = load(folder, "kind =", "frame_interval_s = 1.25\nfirst_frame_s = 0.25\nkind =")
-    np.testing.assert_allclose(e.times, [0.25, 1.5, 2.75, 4.0])
-    np.testing.assert_allclose(e.channels[0].values, 100.0 * e.times, rtol=1e-12)  # linear log: exact
+    np.testing.assert_allclose(e.model.times, [0.25, 1.5, 2.75, 4.0])
+    np.testing.assert_allclose(e.model.channels[0].values, 100.0 * e.model.times, rtol=1e-12)  # linear log: exact
 
 
 def test_image_times_come_from_a_file_too(folder):
     (folder / "times.csv").write_text("time_ms\n0\n900\n1900\n3000\n")
-    times = load(folder, "kind =", 'image_times = "times.csv"\nkind =').times
+    times = load(folder, "kind =", 'image_times = "times.csv"\nkind =').model.times
     np.testing.assert_allclose(times, [0.0, 0.9, 1.9, 3.0], rtol=1e-14)  # ms to s
 
 
@@ -169,7 +171,7 @@ def test_image_times_come_from_a_file_too(folder):
 def test_a_displacement_counts_from_the_reference_unless_that_is_noise(folder):
     change(folder, "loads.csv", "0.000,0.1", "0.000,7.0")
     e = load_experiment(folder)
-    drive = [p.drive for p in e.prescribed if isinstance(p.drive, Column)][0]
+    drive = [p.drive for p in e.model.prescribed if isinstance(p.drive, Column)][0]
     assert drive.values[0] == 0.0 and drive.values[1] == pytest.approx(-0.002)
     assert any("relative to the reference" in note for note in e.notes)
 
@@ -186,33 +188,34 @@ def test_every_drive_of_the_contract_is_read(folder):
     rows = "".join(f"0.{k},{k},{10 * k},2{k}\n" for k in range(4))
     (folder / "loads.csv").write_text("force_kN,grip_um,p_kPa,room_C\n" + rows)
     e = load_experiment(folder)
-    drives = {(p.nodes, p.component): p.drive for p in e.prescribed}
+    drives = {(p.nodes, p.component): p.drive for p in e.model.prescribed}
     assert drives["BOTTOM", "x"] == Constant(0.0) and drives["TOP", "y"].identify_offset
     assert drives["MID", "x"] == Parametrised("bspline", 2, 3)
-    assert len([name for name in e.parameters.free if name.startswith("boundary.MID.x.")]) == 6
-    assert "boundary.TOP.y.offset" in e.parameters.free
-    pressure, force = e.loads
+    assert len([name for name in e.model.parameters.free if name.startswith("boundary.MID.x.")]) == 6
+    assert "boundary.TOP.y.offset" in e.model.parameters.free
+    pressure, force = e.model.loads
     assert pressure.kind == "pressure" and pressure.follower and pressure.edges == "RIGHT"
     np.testing.assert_allclose(pressure.drive.values, [0, 0.01, 0.02, 0.03], rtol=1e-12)  # kPa to MPa
     assert force.drive == Constant(3000.0) and force.component == "x"
-    (warm,) = e.temperatures
+    (warm,) = e.model.temperatures
     assert warm.nodes == "TOP" and warm.drive.column == "room_C" and list(warm.drive.values) == [20, 21, 22, 23]
     assert any("no material has alpha" in note for note in e.notes)
-    assert "RIM" in e.mesh.edge_sets and len(e.mesh.node_sets["RIM"]) == 14
+    assert "RIM" in e.model.mesh.edge_sets and len(e.model.mesh.node_sets["RIM"]) == 14
 
 
 def test_a_measured_boundary_moves_in_all_components(folder):
     e = load(folder, 'ux = 0.0\nuy = { column = "grip_um", noise_std = 0.2 }', 'u = "measured"')
-    assert [(p.component, p.drive) for p in e.prescribed if p.nodes == "TOP"] == [("x", Measured()), ("y", Measured())]
+    assert [(p.component, p.drive) for p in e.model.prescribed if p.nodes == "TOP"] == [("x", Measured()),
+                                                                                        ("y", Measured())]
 
 
 def test_capitals_of_set_names_do_not_matter_where_only_one_is_meant(folder):
-    assert len(load(folder, 'nodes = "TOP"', 'nodes = "Top"').mesh.node_sets["Top"]) == 5
+    assert len(load(folder, 'nodes = "TOP"', 'nodes = "Top"').model.mesh.node_sets["Top"]) == 5
 
 
 def test_an_edge_set_serves_as_a_node_set(folder):
     e = load(folder, 'reaction = "TOP"', 'reaction = "RIGHT"')
-    assert len(e.mesh.node_sets["RIGHT"]) == 4
+    assert len(e.model.mesh.node_sets["RIGHT"]) == 4
 
 
 # lengths ------------------------------------------------------------------------------------------------
@@ -222,14 +225,14 @@ def test_a_mesh_in_metres_is_converted_and_its_sets_are_in_metres(folder):
     with (folder / "experiment.toml").open("a") as stream:
         stream.write('[sets]\nHIGH = { where = "y > 0.0029" }\n')
     e = load(folder, 'mesh_unit = "mm"', 'mesh_unit = "m"')
-    np.testing.assert_allclose(e.mesh.nodes.max(axis=0), [4.0, 3.0], rtol=1e-12)
-    assert len(e.mesh.node_sets["HIGH"]) == 5
+    np.testing.assert_allclose(e.model.mesh.nodes.max(axis=0), [4.0, 3.0], rtol=1e-12)
+    assert len(e.model.mesh.node_sets["HIGH"]) == 5
 
 
 def test_a_matrix_maps_mesh_units_to_pixels(folder):
     e = load(folder, 'pixel_size_mm = 0.1\norigin_px = [10.0, 40.0]\naxes = ["+col", "-row"]',
              "origin_px = [10.0, 40.0]\nmatrix_px_per_unit = [[10.0, 0.0], [0.0, -10.0]]")
-    np.testing.assert_allclose(e.camera.project(np.array([[1.0, 2.0]])), [[20, 20]])
+    np.testing.assert_allclose(e.model.camera.project(np.array([[1.0, 2.0]])), [[20, 20]])
 
 
 NO_FORCE = TOML.split("[[channel]]")[0].replace("thickness_mm = 2.0\n", "").replace('loads = "loads.csv"\n', "") \
@@ -239,9 +242,9 @@ NO_FORCE = TOML.split("[[channel]]")[0].replace("thickness_mm = 2.0\n", "").repl
 def test_no_scale_no_log_and_no_thickness_are_needed_where_no_force_is_compared(tmp_path):
     toml = re.sub(r"\[camera\].*?\n\n", "", NO_FORCE, flags=re.S).replace('mesh_unit = "mm"\n', "")
     e = load_experiment(write_experiment(tmp_path / "a", toml))
-    assert e.length_unit == "px" and e.thickness is None and e.channels == ()
-    np.testing.assert_allclose(e.camera.project(np.array([[3.0, 2.0]])), [[3, 2]])
-    assert e.times.tolist() == [0, 1, 2, 3] and any("no scale" in note for note in e.notes)
+    assert e.model.length_unit == "px" and e.model.thickness is None and e.model.channels == ()
+    np.testing.assert_allclose(e.model.camera.project(np.array([[3.0, 2.0]])), [[3, 2]])
+    assert e.model.times.tolist() == [0, 1, 2, 3] and any("no scale" in note for note in e.notes)
 
 
 @pytest.mark.parametrize("camera", ["",
@@ -252,13 +255,13 @@ def test_a_mesh_is_made_on_the_image(camera, tmp_path):
     toml = toml.replace('mesh = "mesh.inp"\nmesh_unit = "mm"',
                         "mesh = { roi_px = [5, 5, 55, 45], element_px = 5, holes_px = [[30, 25, 9]] }")
     e = load_experiment(write_experiment(tmp_path / "a", toml))
-    px = e.camera.project(e.mesh.nodes)
-    assert e.length_unit == ("mm" if camera else "px")
+    px = e.model.camera.project(e.model.mesh.nodes)
+    assert e.model.length_unit == ("mm" if camera else "px")
     assert px.min() == pytest.approx(5.0) and px.max() == pytest.approx(55.0)
-    assert px[e.mesh.node_sets["TOP"]][:, 1] == pytest.approx(5.0)  # the top of the image
-    radius = np.hypot(*(px[e.mesh.node_sets["HOLE1"]] - (30, 25)).T)
+    assert px[e.model.mesh.node_sets["TOP"]][:, 1] == pytest.approx(5.0)  # the top of the image
+    radius = np.hypot(*(px[e.model.mesh.node_sets["HOLE1"]] - (30, 25)).T)
     np.testing.assert_allclose(radius, 9.0, rtol=1e-9)
-    edge = np.array([px[e.mesh.face_nodes(face)] for face in e.mesh.edge_sets["TOP"]])
+    edge = np.array([px[e.model.mesh.face_nodes(face)] for face in e.model.mesh.edge_sets["TOP"]])
     assert edge[:, :, 1] == pytest.approx(5.0)
 
 
@@ -269,12 +272,13 @@ def test_every_hole_leaves_a_mesh_of_sound_elements(hole, tmp_path):
     toml = toml.replace('mesh = "mesh.inp"\nmesh_unit = "mm"',
                         f"mesh = {{ roi_px = [5, 5, 55, 45], element_px = 4, holes_px = [{list(hole)}] }}")
     e = load_with_its_defaults(write_experiment(tmp_path / "a", toml))  # checks that it is one piece
-    check_elements(e.mesh)
-    faces = boundary_faces(e.mesh)
-    ends = e.camera.project(e.mesh.nodes)[np.array([e.mesh.face_nodes(face) for face in faces])]  # corners, middle
+    check_elements(e.model.mesh)
+    faces = boundary_faces(e.model.mesh)
+    ends = e.model.camera.project(e.model.mesh.nodes)[np.array([e.model.mesh.face_nodes(face)
+                                                                for face in faces])]  # corners, middle
     at = np.hypot(*(ends - hole[:2]).transpose(2, 0, 1))  # (n_faces, 3)
     rim = np.abs(at[:, :2] - hole[2]).max(axis=1) < 1e-6 * hole[2]
-    assert rim.any() and "HOLE1" in e.mesh.node_sets
+    assert rim.any() and "HOLE1" in e.model.mesh.node_sets
     np.testing.assert_allclose(at[rim, 2], hole[2], rtol=1e-9)  # round between the corners too
 
 
@@ -289,17 +293,18 @@ def test_a_drawn_outline_is_meshed_with_its_arcs_holes_and_names(camera, element
                         "[3] }, "
                         f'elements = "{elements}" }}')
     e = load_with_its_defaults(write_experiment(tmp_path / "a", toml))
-    px = e.camera.project(e.mesh.nodes)
-    assert e.length_unit == ("mm" if camera else "px")
-    assert px[e.mesh.node_sets["TOP"]][:, 1] == pytest.approx(5.0)
-    assert px[e.mesh.node_sets["BOTTOM"]][:, 1] == pytest.approx(45)
-    assert {block.cell for block in e.mesh.blocks} >= {"quad8" if elements == "quads" else "tri6"}
+    px = e.model.camera.project(e.model.mesh.nodes)
+    assert e.model.length_unit == ("mm" if camera else "px")
+    assert px[e.model.mesh.node_sets["TOP"]][:, 1] == pytest.approx(5.0)
+    assert px[e.model.mesh.node_sets["BOTTOM"]][:, 1] == pytest.approx(45)
+    assert {block.cell for block in e.model.mesh.blocks} >= {"quad8" if elements == "quads" else "tri6"}
     for name, centre, radius in (("HOLE1", (30, 25), 6.0), ("EDGE2", (92.5, 25), 42.5)):  # 42.5 = (20² + 5²) / (2 · 5)
-        rim = px[np.unique(np.concatenate([e.mesh.face_nodes(face) for face in e.mesh.edge_sets[name]]))]
+        rim = px[np.unique(np.concatenate([e.model.mesh.face_nodes(face) for face in e.model.mesh.edge_sets[name]]))]
         np.testing.assert_allclose(np.hypot(*(rim - centre).T), radius, rtol=1e-9)  # mid-side nodes included
-    assert "HOLE2" in e.mesh.edge_sets
+    assert "HOLE2" in e.model.mesh.edge_sets
     again = load_with_its_defaults(tmp_path / "a")
-    assert np.array_equal(again.mesh.nodes, e.mesh.nodes) and again.identity == e.identity
+    assert np.array_equal(again.model.mesh.nodes,
+                          e.model.mesh.nodes) and again.recording.identity == e.recording.identity
 
 
 def test_a_drawn_outline_in_mm_needs_the_scale(tmp_path):
@@ -307,7 +312,7 @@ def test_a_drawn_outline_in_mm_needs_the_scale(tmp_path):
                             "mesh = { outline_mm = [[0, 0], [4, 0], [4, 3], [0, 3]], element_mm = 1, "
                            "edge_names = { BOTTOM = [1], TOP = [3] } }")
     e = load_with_its_defaults(write_experiment(tmp_path / "a", toml))
-    assert e.mesh.nodes.max(axis=0) == pytest.approx([4, 3])
+    assert e.model.mesh.nodes.max(axis=0) == pytest.approx([4, 3])
     unscaled = re.sub(r"\[camera\].*?\n\n", "", toml, flags=re.S).replace('mesh_unit = "mm"\n', "")
     with pytest.raises(InputError, match="scale"):
         load_with_its_defaults(write_experiment(tmp_path / "b", unscaled))
@@ -322,14 +327,14 @@ def test_other_pairs_of_elastic_constants_are_converted(pair, folder):
     start, stop = text.index("E = {"), text.index("[[boundary]]")
     (folder / "experiment.toml").write_text(text[:start] + pair + "\n" + text[stop:])
     e = load_experiment(folder)
-    assert e.parameters["SPECIMEN.E"].value == pytest.approx(70e3)
-    assert e.parameters["SPECIMEN.nu"].value == pytest.approx(0.3)
+    assert e.model.parameters["SPECIMEN.E"].value == pytest.approx(70e3)
+    assert e.model.parameters["SPECIMEN.nu"].value == pytest.approx(0.3)
 
 
 def test_one_material_means_the_whole_mesh_where_the_mesh_names_no_sets(folder):
     (folder / "mesh.inp").write_text(inp_text().replace(", ELSET=SPECIMEN", "").split("*ELSET")[0])
     e = load_experiment(folder)
-    assert len(e.mesh.element_sets["SPECIMEN"]) == 12 and any("no element sets" in note for note in e.notes)
+    assert len(e.model.mesh.element_sets["SPECIMEN"]) == 12 and any("no element sets" in note for note in e.notes)
 
 
 def test_two_materials_share_the_mesh_by_position(folder):
@@ -337,7 +342,7 @@ def test_two_materials_share_the_mesh_by_position(folder):
         stream.write('[sets]\nLEFT_HALF = { where = "x < 2" }\nRIGHT_HALF = { where = "x > 2" }\n'
                      '[material.RIGHT_HALF]\nlaw = "elastic"\nE = 1.0\nnu = 0.4\n')
     e = load(folder, "[material.SPECIMEN]", "[material.LEFT_HALF]")
-    assert [len(e.mesh.element_sets[m.element_set]) for m in e.materials] == [6, 6]
+    assert [len(e.model.mesh.element_sets[m.element_set]) for m in e.model.materials] == [6, 6]
 
 
 def test_a_rate_dependent_law_needs_times():
@@ -371,8 +376,8 @@ def test_a_solid_is_seen_through_its_surface(folder):
     with (folder / "experiment.toml").open("a") as stream:
         stream.write('[[boundary]]\nnodes = "BACK"\nuz = 0.0\n')
     e = load_experiment(folder)
-    assert e.n_dim == 3 and e.thickness is None
-    assert e.surface == "FRONT" and e.mesh.edge_sets["FRONT"].tolist() == [[0, 1]]
+    assert e.model.n_dim == 3 and e.model.thickness is None
+    assert e.model.surface == "FRONT" and e.model.mesh.edge_sets["FRONT"].tolist() == [[0, 1]]
     with pytest.raises(InputError, match="face set"):
         change(folder, "experiment.toml", 'surface = "FRONT"\n', "")
         load_experiment(folder)
@@ -380,7 +385,7 @@ def test_a_solid_is_seen_through_its_surface(folder):
 
 def test_a_plane_strain_section_is_seen_from_above(folder):
     change(folder, "experiment.toml", '"plane_stress"', '"plane_strain"')
-    assert load(folder, "kind =", 'surface = "TOP"\nkind =').mesh.edge_sets["TOP"].shape == (4, 2)
+    assert load(folder, "kind =", 'surface = "TOP"\nkind =').model.mesh.edge_sets["TOP"].shape == (4, 2)
 
 
 # whole data sets ----------------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ def folder(tmp_path):
 
 def test_reference_and_excluded_frames_are_found_by_number_and_by_name(folder):
     e = load(folder, "kind =", 'reference = "frame_001.tif"\nexclude_frames = [3, "frame_000.tif"]\nkind =')
-    assert e.reference == 1 and e.excluded == (3, 0)
+    assert e.model.reference == 1 and e.recording.excluded == (3, 0)
 
 
 def test_a_reference_that_no_compared_image_follows_is_refused(folder):
@@ -32,7 +32,7 @@ def test_a_mask_is_white_where_the_image_is_correlated(folder):
     pixels = np.zeros((50, 60), np.uint8)
     pixels[10:40, 10:50] = 255
     tifffile.imwrite(folder / "mask.tif", pixels)
-    np.testing.assert_array_equal(load(folder, "kind =", 'mask = "mask.tif"\nkind =').mask, pixels > 0)
+    np.testing.assert_array_equal(load(folder, "kind =", 'mask = "mask.tif"\nkind =').recording.mask, pixels > 0)
 
 
 def renumbered(folder, numbers):
@@ -56,7 +56,7 @@ def test_a_missing_image_does_not_shift_the_times_of_all_later_ones(folder):
     (0, 100, 101, 102), (0, 100, 300, 800)])
 def test_a_thinned_series_odd_steps_and_times_of_the_day_are_no_gap(folder, numbers):
     renumbered(folder, numbers)
-    np.testing.assert_allclose(load(folder).times, [0.0, 0.5, 1.0, 1.5])
+    np.testing.assert_allclose(load(folder).model.times, [0.0, 0.5, 1.0, 1.5])
 
 
 def test_still_frames_give_the_noise(folder):
@@ -69,7 +69,7 @@ def test_still_frames_give_the_noise(folder):
     change(folder, "experiment.toml", "noise_std_gv = 2.0\n", "")
     e = load(folder, "kind =", 'still_frames = "still/*.tif"\nkind =')
     # 3.01 with quantisation; 4 images of about 900 px in the ROI: 2 % statistical
-    assert e.noise.source == "still_frames" and e.noise.std_gv == pytest.approx(3.01, rel=0.08)
+    assert e.recording.noise.source == "still_frames" and e.recording.noise.std_gv == pytest.approx(3.01, rel=0.08)
 
 
 def test_still_frames_of_another_window_are_refused(folder):
@@ -94,13 +94,14 @@ def still_images(folder, slope):
 
 def test_noise_that_grows_with_the_intensity_is_noted_and_weighed_on_demand(folder):
     plain = still_images(folder, 0.1)
-    assert plain.noise.stabiliser is None and any("noise grows with the intensity" in note for note in plain.notes)
+    assert plain.recording.noise.stabiliser is None and any("noise grows with the intensity" in note
+                                                            for note in plain.notes)
     weighed = load_experiment(folder, {"camera.noise_model": "grey_level"})
-    model, level = weighed.noise.stabiliser.model, weighed.noise.stabiliser.level
+    model, level = weighed.recording.noise.stabiliser.model, weighed.recording.noise.stabiliser.level
     # 4500 squares over the range of the pattern: the slope to some 10 %
-    assert model.slope == pytest.approx(0.1, rel=0.3) and weighed.noise.source == "still_frames"
-    assert weighed.noise.std_gv == pytest.approx(np.sqrt(model.offset + model.slope * level))
-    recorded, seen = plain.stack.frame(1).astype(float), weighed.stack.frame(1).astype(float)
+    assert model.slope == pytest.approx(0.1, rel=0.3) and weighed.recording.noise.source == "still_frames"
+    assert weighed.recording.noise.std_gv == pytest.approx(np.sqrt(model.offset + model.slope * level))
+    recorded, seen = plain.recording.stack.frame(1).astype(float), weighed.recording.stack.frame(1).astype(float)
     order = np.argsort(recorded.ravel())
     assert (np.diff(seen.ravel()[order]) >= 0).all()  # grey values keep their order
 
@@ -112,7 +113,7 @@ def test_noise_that_is_the_same_everywhere_is_not_noted(folder):
 def test_a_noise_model_may_be_given(folder):
     change(folder, "experiment.toml", "noise_std_gv = 2.0\n", "noise_model = { offset_gv2 = 1.0, slope_gv = 0.02 }\n")
     e = load(folder)
-    assert e.noise.source == "given" and e.noise.stabiliser.model.slope == 0.02
+    assert e.recording.noise.source == "given" and e.recording.noise.stabiliser.model.slope == 0.02
 
 
 def test_a_noise_model_without_still_frames_is_refused(folder):
@@ -123,15 +124,16 @@ def test_a_noise_model_without_still_frames_is_refused(folder):
 
 def test_several_reference_frames_are_averaged(folder):
     e = load(folder, "kind =", 'reference = [0, 1]\nkind =')
-    assert e.averaged == (0, 1) and e.reference == 1 and e.n_references == 2
-    one, two = load_experiment(folder, {"experiment.reference": 1}), build_experiment_reference(e, e.camera)
-    assert two.n_images == 2 and one.averaged == () and one.n_references == 1
-    single = [build_experiment_reference(replace(one, reference=k), e.camera).f for k in (0, 1)]
+    assert e.recording.averaged == (0, 1) and e.model.reference == 1 and e.recording.n_references == 2
+    one, two = load_experiment(folder, {"experiment.reference": 1}), build_experiment_reference(e, e.model.camera)
+    assert two.n_images == 2 and one.recording.averaged == () and one.recording.n_references == 1
+    single = [build_experiment_reference(replace(one, model=replace(one.model, reference=k)), e.model.camera).f
+              for k in (0, 1)]
     assert np.allclose(two.f, np.mean(single, axis=0), atol=1e-4)  # float32
 
 
 def test_without_noise_and_still_frames_the_noise_is_left_open(folder):
-    assert load(folder, "noise_std_gv = 2.0\n", "").noise.std_gv is None
+    assert load(folder, "noise_std_gv = 2.0\n", "").recording.noise.std_gv is None
 
 
 def height_folder(folder, **options):
@@ -144,10 +146,10 @@ def height_folder(folder, **options):
 
 def test_height_maps_stay_in_their_unit_gaps_included(folder):
     e = height_folder(folder)
-    assert e.quantity == "height" and e.height_unit == 1e-3
-    image = e.stack.frame(1)
+    assert e.recording.quantity == "height" and e.recording.height_unit == 1e-3
+    image = e.recording.stack.frame(1)
     assert image.dtype == np.float32 and image[0, 0] == 6.0 and np.isnan(image[3, 4])
-    assert e.noise.std_gv == 2.0  # in the unit of the images
+    assert e.recording.noise.std_gv == 2.0  # in the unit of the images
 
 
 def test_height_maps_are_neither_blurred_nor_levelled_unless_asked(folder):

@@ -32,15 +32,15 @@ def test_corrections_add_their_courses_to_the_log_in_internal_units(tmp_path):
     experiment = load_experiment(write_experiment(tmp_path / "test", corrected(text)))
     amplitudes = {"slip": 0.002, "compliance": 1e-5, "rotation": 0.1, "misalignment": 0.05}
     names = {f"boundary.TOP.y.{kind}": value for kind, value in amplitudes.items()}
-    assert set(names) <= set(experiment.parameters.free)
+    assert set(names) <= set(experiment.model.parameters.free)
     drives = build_drives(experiment)
     forward = build_forward(experiment)
     assert all(forward.moves(name) for name in names)
-    moved = drives.basis @ drives.histories(experiment.parameters.with_values(names))[-1]
+    moved = drives.basis @ drives.histories(experiment.model.parameters.with_values(names))[-1]
     grip = np.array([0.0, 5.0, 10.0, 15.0])[-1] * 1e-3 - 0.0  # mm; 0.1 um at the reference is noise
     expected = {}
-    for node in experiment.mesh.node_sets["TOP"]:
-        x = experiment.mesh.nodes[node, 0] - 2.0  # from the middle of the set
+    for node in experiment.model.mesh.node_sets["TOP"]:
+        x = experiment.model.mesh.nodes[node, 0] - 2.0  # from the middle of the set
         expected[2 * node + 1] = grip - 0.002 - 1e-5 * 300.0 + 0.1 * (grip - 1e-4) * x
         expected[2 * node] = 0.05 * (grip - 1e-4)
     found = dict(zip(drives.dofs.tolist(), moved, strict=True))
@@ -52,7 +52,7 @@ def test_a_fixed_end_may_slip_and_turn_with_a_column_too(tmp_path):
     toml = TOML.replace("uy = 0.0", f"uy = {{ value = 0.0, corrections = [{text}] }}", 1)
     experiment = load_experiment(write_experiment(tmp_path / "test", toml))
     drives = build_drives(experiment)
-    histories = drives.histories(experiment.parameters.with_values({"boundary.BOTTOM.y.slip": 0.01}))
+    histories = drives.histories(experiment.model.parameters.with_values({"boundary.BOTTOM.y.slip": 0.01}))
     slip = drives.names.index("boundary.BOTTOM.y.slip")
     assert histories[:, slip] == pytest.approx([0.0, 0.01, 0.01, 0.01])
 
@@ -62,11 +62,11 @@ def test_a_rotation_may_begin_at_a_time_and_grips_may_settle_under_the_first_loa
             '{ kind = "seating", column = "force_kN", seated_at = 0.1 }')
     experiment = load_experiment(write_experiment(tmp_path / "test", corrected(text)))
     drives = build_drives(experiment)
-    histories = drives.histories(experiment.parameters)
+    histories = drives.histories(experiment.model.parameters)
     turn, settle = (drives.names.index(f"boundary.TOP.y.{kind}") for kind in ("rotation", "seating"))
-    values = experiment.parameters.with_values({"boundary.TOP.y.rotation": 0.01, "boundary.TOP.y.seating": 0.02})
+    values = experiment.model.parameters.with_values({"boundary.TOP.y.rotation": 0.01, "boundary.TOP.y.seating": 0.02})
     moved = drives.histories(values) - histories
-    times, force = experiment.times, experiment.channels[0].values / 1000.0  # kN
+    times, force = experiment.model.times, experiment.model.channels[0].values / 1000.0  # kN
     start = np.maximum(times - 0.5, 0.0) / (times[-1] - 0.5)
     assert moved[:, turn] == pytest.approx(0.01 * start)
     assert moved[:, settle] == pytest.approx(-0.02 * (1.0 - np.exp(-force / 0.1)), abs=1e-12)
@@ -87,13 +87,14 @@ def test_without_a_log_corrections_begin_at_the_times_of_the_images(tmp_path):
         folder = write_experiment(tmp_path / f"test{number}", without_log(slip, times))
         (folder / "times.csv").write_bytes((tmp_path / "times.csv").read_bytes())
         experiment = load_experiment(folder)
-        (course,) = (own.course for entry in experiment.prescribed for own in getattr(entry.drive, "corrections", ()))
+        (course,) = (own.course for entry in experiment.model.prescribed
+                     for own in getattr(entry.drive, "corrections", ()))
         expected = np.maximum(np.array(seconds) - 6.0, 0.0)
         np.testing.assert_allclose(np.abs(course) / np.abs(course).max(), expected / expected.max(), atol=1e-12)
         assert not any("counts frames" in note for note in experiment.notes)
     folder = write_experiment(tmp_path / "knots", without_log(knots, 'image_times = "times.csv"\n'))
     (folder / "times.csv").write_bytes((tmp_path / "times.csv").read_bytes())
-    courses = [own.course for entry in load_experiment(folder).prescribed
+    courses = [own.course for entry in load_experiment(folder).model.prescribed
                for own in getattr(entry.drive, "corrections", ())]
     assert [course.tolist() for course in courses] == [[0.0, 1 / 3, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]  # frames 2, 3
 
@@ -122,8 +123,9 @@ def test_a_drift_of_a_channel_may_begin_at_a_time_of_the_test(tmp_path, start, s
             load_experiment(path)
         return
     experiment = load_experiment(path)
-    seconds = [drifting(experiment, experiment.channels[0], frame) for frame in range(experiment.n_frames)]
-    assert seconds == pytest.approx(np.maximum(experiment.times - start, 0.0))
+    seconds = [drifting(experiment.model, experiment.model.channels[0], frame)
+               for frame in range(experiment.model.n_frames)]
+    assert seconds == pytest.approx(np.maximum(experiment.model.times - start, 0.0))
 
 
 @pytest.mark.parametrize("motion, found", [
@@ -163,13 +165,13 @@ def test_a_shape_moves_the_set_by_a_polynomial_along_it_in_proportion_to_its_lar
     text = ', '.join(f'{{ kind = "shape", degree = {degree} }}' for degree in range(4))
     experiment = load_experiment(write_experiment(tmp_path / "test", corrected(text)))
     amplitudes = {f"boundary.TOP.y.shape{degree}": 1e-3 * (degree + 1) for degree in range(4)}
-    assert set(amplitudes) <= set(experiment.parameters.free)
-    assert all(experiment.parameters[name].unit == "mm" for name in amplitudes)
+    assert set(amplitudes) <= set(experiment.model.parameters.free)
+    assert all(experiment.model.parameters[name].unit == "mm" for name in amplitudes)
     drives = build_drives(experiment)
     moved = [dict(zip(drives.dofs.tolist(), drives.basis @ drives.histories(values)[-1], strict=True))
-             for values in (experiment.parameters, experiment.parameters.with_values(amplitudes))]
-    for node in experiment.mesh.node_sets["TOP"]:
-        s = (experiment.mesh.nodes[node, 0] - 2.0) / 2.0  # from the middle of the set
+             for values in (experiment.model.parameters, experiment.model.parameters.with_values(amplitudes))]
+    for node in experiment.model.mesh.node_sets["TOP"]:
+        s = (experiment.model.mesh.nodes[node, 0] - 2.0) / 2.0  # from the middle of the set
         expected = 1e-3 * (1.0 + 2.0 * s + 3.0 * (1.5 * s**2 - 0.5) + 4.0 * (2.5 * s**3 - 1.5 * s))
         assert moved[1][2 * node + 1] - moved[0][2 * node + 1] == pytest.approx(expected, abs=1e-12)
         assert moved[1][2 * node] == moved[0][2 * node]
@@ -182,7 +184,8 @@ def test_a_shape_of_a_fixed_set_follows_a_column_or_a_course_of_its_own(tmp_path
     experiment = load_experiment(write_experiment(tmp_path / "test", toml))
     drives = build_drives(experiment)
     names = ["boundary.BOTTOM.y.shape3_knot[2]", "boundary.BOTTOM.y.shape3_knot[3]", "boundary.BOTTOM.y.shape2"]
-    histories = drives.histories(experiment.parameters.with_values(dict(zip(names, (0.2, 0.1, 0.3), strict=True))))
+    histories = drives.histories(experiment.model.parameters.with_values(dict(zip(names, (0.2, 0.1, 0.3),
+                                                                                  strict=True))))
     assert histories[:, drives.names.index(names[0])] == pytest.approx([0.0, 0.1, 0.2, 0.0])
     assert histories[:, drives.names.index(names[1])] == pytest.approx([0.0, 0.0, 0.0, 0.1])
     assert histories[-1, drives.names.index(names[2])] == pytest.approx(0.3)
@@ -214,8 +217,8 @@ along_x = { value = 0.2, identify = true }
 def test_heterogeneities_become_factors_of_the_stress(tmp_path):
     experiment = load_experiment(write_experiment(tmp_path / "test", TOML + SPOT + GRADIENT))
     assert {f"SPECIMEN.inclusion.{last}"
-            for last in ("stiffness", "radius", "x", "y")} < set(experiment.parameters.free)
-    spot, gradient = variations_at(experiment, experiment.parameters)
+            for last in ("stiffness", "radius", "x", "y")} < set(experiment.model.parameters.free)
+    spot, gradient = variations_at(experiment.model, experiment.model.parameters)
     assert spot.factor(np.array([[1.0, 1.5], [3.5, 1.5]])) == pytest.approx([0.7, 1.0], abs=1e-4)  # tanh(5)
     assert gradient.factor(np.array([[0.0, 1.0], [2.0, 1.0], [4.0, 1.0]])) == pytest.approx([0.8, 1.0, 1.2])
 
@@ -233,8 +236,8 @@ offset_mm = 0.25
 
 def test_layers_are_stiff_and_soft_about_a_geometric_mean_across_their_direction(tmp_path):
     experiment = load_experiment(write_experiment(tmp_path / "test", TOML + LAYERS))
-    assert {f"SPECIMEN.layers.{last}" for last in ("period", "stiffness_ratio")} < set(experiment.parameters.free)
-    (layers,) = variations_at(experiment, experiment.parameters)
+    assert {f"SPECIMEN.layers.{last}" for last in ("period", "stiffness_ratio")} < set(experiment.model.parameters.free)
+    (layers,) = variations_at(experiment.model, experiment.model.parameters)
     x, y = layers.middle + [0.7, 0.25]  # the middle of a stiff layer
     points = np.array([[x, y], [0.0, y + 1.0], [x, y + 0.25], [x, y - 0.5]])
     assert layers.factor(points) == pytest.approx([2.0, 2.0, 1.0, 0.5], rel=1e-3)  # 1 - tanh(1 / LAYER_EDGE)
@@ -242,18 +245,18 @@ def test_layers_are_stiff_and_soft_about_a_geometric_mean_across_their_direction
 
 def test_an_inclusion_whose_centre_leaves_the_specimen_is_reported_as_no_finding(tmp_path):
     experiment = load_experiment(write_experiment(tmp_path / "test", TOML + SPOT + GRADIENT))
-    assert strayed(experiment, experiment.parameters) == []
-    right = experiment.mesh.nodes[:, 0].max()
+    assert strayed(experiment.model, experiment.model.parameters) == []
+    right = experiment.model.mesh.nodes[:, 0].max()
     for x, told in ((0.99 * right, 0), (1.01 * right, 1)):
-        said = strayed(experiment, experiment.parameters.with_values({"SPECIMEN.inclusion.x": x}))
+        said = strayed(experiment.model, experiment.model.parameters.with_values({"SPECIMEN.inclusion.x": x}))
         assert len(said) == told and all(f"({x:.4g}, 1.5) lies outside SPECIMEN" in note for note in said)
-    held = experiment.parameters.with_values({"SPECIMEN.inclusion.x": 2.0 * right}).with_free(())
-    assert strayed(experiment, held) == []  # so it was given
+    held = experiment.model.parameters.with_values({"SPECIMEN.inclusion.x": 2.0 * right}).with_free(())
+    assert strayed(experiment.model, held) == []  # so it was given
 
 
 def test_lengths_of_an_inclusion_are_in_px_without_a_scale(tmp_path):
     folder = write_experiment(tmp_path / "test", TOML + SPOT)
-    config, mesh = validated(read_toml(locate(folder)), locate(folder)), load_experiment(folder).mesh
+    config, mesh = validated(read_toml(locate(folder)), locate(folder)), load_experiment(folder).model.mesh
     for unit in ("mm", "px"):
         made = {p.name.rpartition(".")[2]: p.unit for p in heterogeneities(config, mesh, unit, folder)[1]}
         assert made == {"stiffness": "", "radius": unit, "x": unit, "y": unit}
@@ -262,7 +265,7 @@ def test_lengths_of_an_inclusion_are_in_px_without_a_scale(tmp_path):
 def test_shapes_of_a_virtual_boundary_are_in_px_where_no_scale_is_known(tmp_path):
     toml = TOML.replace('uy = { column = "grip_um", noise_std = 0.2 }',
                         'uy = { virtual = "bspline", modes = 2, time_modes = 2 }')
-    prescribed = load_experiment(write_experiment(tmp_path / "test", toml)).prescribed
+    prescribed = load_experiment(write_experiment(tmp_path / "test", toml)).model.prescribed
     for unit in ("mm", "px"):
         made = boundary_parameters(prescribed, 0.1, unit)
         assert len(made) == 4 and {p.unit for p in made} == {unit}
@@ -317,12 +320,13 @@ def test_a_camera_that_moves_brings_its_degrees_of_freedom(tmp_path):
     toml = TOML.replace("noise_std_gv", 'motion = "free"\nmagnification_column = "force_kN"\nnoise_std_gv')
     toml += '[[dof]]\nname = "camera.magnification_load"\n'
     experiment = load_experiment(write_experiment(tmp_path / "test", toml))
-    assert {"camera.col_at[1]", "camera.turn_at[3]", "camera.magnification_load"} <= set(experiment.parameters.free)
-    moved = experiment.camera.motion.with_values({"magnification_load": 0.03, "col_at[1]": 0.5})
+    assert {"camera.col_at[1]", "camera.turn_at[3]",
+            "camera.magnification_load"} <= set(experiment.model.parameters.free)
+    moved = experiment.model.camera.motion.with_values({"magnification_load": 0.03, "col_at[1]": 0.5})
     linear, shift = moved.at(1)
     assert linear == pytest.approx(1.01 * np.eye(2)) and shift == pytest.approx([0.5, 0.0])  # a third of the load
     plain = load_experiment(write_experiment(tmp_path / "plain"))
-    assert plain.camera.motion is None and plain.parameters.free == ("SPECIMEN.E",)
+    assert plain.model.camera.motion is None and plain.model.parameters.free == ("SPECIMEN.E",)
 
 
 def test_a_magnification_that_follows_no_column_is_refused(tmp_path):
@@ -335,18 +339,19 @@ def test_a_free_course_has_one_amplitude_per_knot_and_is_linear_between_them(tmp
     text = '{ kind = "rotation", course = "free", knots = 2 }, { kind = "slip", course = "free", knots = 3 }'
     toml = corrected(text).replace("noise_std = 0.005", "drift_knots = 2", 1)
     experiment = load_experiment(write_experiment(tmp_path / "test", toml))
-    names = [name for name in experiment.parameters.free if "_knot[" in name]
+    names = [name for name in experiment.model.parameters.free if "_knot[" in name]
     assert [name for name in names if "rotation" in name] == [f"boundary.TOP.y.rotation_knot[{k}]" for k in (2, 3)]
     assert [name for name in names if "slip" in name] == [f"boundary.TOP.y.slip_knot[{k}]" for k in (1, 2, 3)]
     drives, at = build_drives(experiment), {"boundary.TOP.y.rotation_knot[2]": 0.1,
                                             "boundary.TOP.y.rotation_knot[3]": 0.3}
-    histories = drives.histories(experiment.parameters.with_values(at))
+    histories = drives.histories(experiment.model.parameters.with_values(at))
     turned = histories[:, [i for i, name in enumerate(drives.names) if "rotation" in name]].sum(axis=1)
-    half = float(np.interp(experiment.times[1], experiment.times[[0, 2]], [0.0, 0.1]))
+    half = float(np.interp(experiment.model.times[1], experiment.model.times[[0, 2]], [0.0, 0.1]))
     assert turned == pytest.approx([0.0, half, 0.1, 0.3])
-    (channel,) = experiment.channels
+    (channel,) = experiment.model.channels
     drifts = [name for name in names if name.startswith("channel.")]
-    shown = [channel_values(experiment, experiment.parameters.with_values(dict(zip(drifts, (2.0, 5.0), strict=True))),
+    shown = [channel_values(experiment, experiment.model.parameters.with_values(dict(zip(drifts, (2.0, 5.0),
+                                                                                         strict=True))),
                             np.zeros(1), k)[0] for k in range(4)]
     assert shown == pytest.approx([0.0, 20.0 * half, 2.0, 5.0])
 
@@ -360,7 +365,7 @@ def test_a_free_course_has_knots_and_no_start(tmp_path, text, found):
 
 def test_the_magnification_of_a_camera_may_have_a_free_course(tmp_path):
     toml = TOML.replace("[camera]", "[camera]\nmagnification_knots = 2")
-    camera = load_experiment(write_experiment(tmp_path / "test", toml)).camera
+    camera = load_experiment(write_experiment(tmp_path / "test", toml)).model.camera
     assert camera.motion.names == ("magnification_knot[2]", "magnification_knot[3]")
     assert camera.motion.courses[:, [0, 2, 3]] == pytest.approx(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]))
 
@@ -369,7 +374,7 @@ def test_the_magnification_of_a_camera_may_have_a_free_course(tmp_path):
     ("uy = 0.01", "found: none"), ('uy = { column = "still_um" }', "still_um without motion")])
 def test_friction_that_no_logged_motion_directs_is_refused(tmp_path, drive, found):
     toml = TOML.replace("noise_std = 0.005", "noise_std = 0.005\nfriction_knots = 2")
-    moving = load_experiment(write_experiment(tmp_path / "moving", toml)).parameters.free
+    moving = load_experiment(write_experiment(tmp_path / "moving", toml)).model.parameters.free
     assert {"channel.force_kN.friction_knot[2]", "channel.force_kN.friction_knot[3]"} < set(moving)
     still = write_experiment(tmp_path / "still", toml.replace('uy = { column = "grip_um", noise_std = 0.2 }', drive))
     log = (still / "loads.csv").read_text().splitlines()

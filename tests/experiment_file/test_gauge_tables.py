@@ -32,7 +32,7 @@ def load(folder, more):
 def test_gauges_are_places_on_the_mesh_and_change_nothing_of_the_identity(tmp_path):
     plain = load(tmp_path / "a", "")
     found = load(tmp_path / "b", GAUGES.replace("radius_px = 5.0", "radius_mm = 0.5"))
-    assert found.identity == plain.identity and not plain.gauges
+    assert found.recording.identity == plain.recording.identity and not plain.gauges
     probe, extensometer, line, circle = found.gauges
     assert probe.name == "P" and probe.points_mm == ((1.0, 2.0),)
     assert extensometer.name == "extensometer 1" and extensometer.length_mm == 3.0

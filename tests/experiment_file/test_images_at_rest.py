@@ -50,7 +50,7 @@ def test_a_closed_shutter_and_a_repeated_image_do_not_make_the_noise_too_small(f
     noise of 0."""
     for k in range(5):
         write(folder / "still" / f"s{k}.tif", exposure(k))
-    assert load(folder, "kind =", STILL).noise.std_gv == pytest.approx(np.hypot(NOISE_GV, 12**-0.5), rel=0.05)
+    assert load(folder, "kind =", STILL).recording.noise.std_gv == pytest.approx(np.hypot(NOISE_GV, 12**-0.5), rel=0.05)
     spoiled(folder / "still" / "s2.tif")
     with pytest.raises(InputError, match=f"still_frames(.|\n)*{found}"):
         load(folder, "title", "title")

@@ -37,7 +37,7 @@ def test_init_writes_a_file_that_loads_once_the_scale_is_filled_in(folder):
                  else line for line in path.read_text().split("\n")]
         path.write_text("\n".join(lines))
     e = load_experiment(folder)
-    assert e.parameters.free == ("SPECIMEN.E", "SPECIMEN.nu") and e.channels[0].nodes == "TOP"
+    assert e.model.parameters.free == ("SPECIMEN.E", "SPECIMEN.nu") and e.model.channels[0].nodes == "TOP"
 
 
 def test_init_makes_a_mesh_on_the_image_where_there_is_no_mesh_file(tmp_path):
@@ -45,7 +45,7 @@ def test_init_makes_a_mesh_on_the_image_where_there_is_no_mesh_file(tmp_path):
         tifffile.imwrite(tmp_path / f"shot{k}.tif", np.full((80, 120), 10 * k, np.uint8))
     write_initial_experiment(tmp_path)
     e = load_experiment(tmp_path)
-    assert e.length_unit == "px" and e.mesh.n_elements > 100 and e.prescribed[0].nodes == "OUTER"
+    assert e.model.length_unit == "px" and e.model.mesh.n_elements > 100 and e.model.prescribed[0].nodes == "OUTER"
 
 
 def shots(folder, *names, size=(80, 120)):
@@ -67,14 +67,14 @@ def test_init_takes_no_mask_for_an_image_and_offers_it_as_the_mask(tmp_path, mas
     text = write_initial_experiment(tmp_path).read_text()
     assert f"images = {json.dumps(patterns)}" in text
     assert (f'mask = "{mask}"' in text and "# mask" not in text) or mask.startswith(".")
-    assert load_experiment(tmp_path).labels == others
+    assert load_experiment(tmp_path).recording.labels == others
 
 
 @pytest.mark.parametrize("name", ["microimage", "unmasked"])
 def test_init_takes_images_for_images_whose_names_hold_the_word_of_a_mask(tmp_path, name):
     shots(tmp_path, *(f"{name}_{k}.png" for k in range(3)))
     write_initial_experiment(tmp_path)
-    assert len(load_experiment(tmp_path).labels) == 3
+    assert len(load_experiment(tmp_path).recording.labels) == 3
 
 
 def test_the_force_that_init_writes_behind_a_hash_is_that_of_one_end(tmp_path):
@@ -87,7 +87,7 @@ def test_the_force_that_init_writes_behind_a_hash_is_that_of_one_end(tmp_path):
     for start in ("[[channel]]", "column =", "simulated ="):
         text = text.replace(f"# {start}", start)
     (tmp_path / "experiment.toml").write_text(text)
-    force = load_experiment(tmp_path).channels[0]
+    force = load_experiment(tmp_path).model.channels[0]
     assert (force.nodes, force.component) == ("RIGHT", "x")
 
 
@@ -115,9 +115,9 @@ def test_init_offers_no_mask_of_another_size(tmp_path):
 def test_init_writes_a_pattern_for_a_folder_with_brackets_in_its_name(tmp_path):
     shots(tmp_path, "images [1]/shot_00.png", "images [1]/shot_01.png", "images [1]/shot_02.png", "images 1/wrong.png")
     write_initial_experiment(tmp_path)
-    assert load_experiment(tmp_path).labels == ("shot_00.png", "shot_01.png", "shot_02.png")
+    assert load_experiment(tmp_path).recording.labels == ("shot_00.png", "shot_01.png", "shot_02.png")
     change(tmp_path, "experiment.toml", "images [[]1]", "images [1]")  # as people type it
-    assert load_experiment(tmp_path).labels[0] == "shot_00.png"
+    assert load_experiment(tmp_path).recording.labels[0] == "shot_00.png"
 
 
 def test_init_gives_sets_by_position_where_the_mesh_has_none(folder):
@@ -154,7 +154,7 @@ def test_init_puts_the_roi_on_the_speckled_area_with_its_holes(tmp_path):
     text = path.read_text()
     assert "# 1 hole is not round and left out" in text and any("not round" in line for line in lines)
     assert "roi_px = [20, 10, 99, 69]" in text and "holes_px = [[60.0, 40.0, 12.0]]" in text
-    assert load_experiment(tmp_path).mesh.n_elements > 100
+    assert load_experiment(tmp_path).model.mesh.n_elements > 100
 
 
 def test_init_overwrites_nothing_and_needs_images(folder, tmp_path):

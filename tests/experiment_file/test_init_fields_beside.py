@@ -26,14 +26,14 @@ def test_the_log_of_the_machine_is_no_stage(tmp_path):
     text = write_initial_experiment(tmp_path).read_text()
     assert 'fields = "test-*_0.csv"' in text and 'loads = "machine.csv"' in text and 'column = "force_N"' in text
     given = {"experiment.thickness_mm": 2.0, "experiment.fields_noise_um": 0.5}
-    np.testing.assert_allclose(load_experiment(tmp_path, given).channels[0].values, 100.0 * np.arange(6))
+    np.testing.assert_allclose(load_experiment(tmp_path, given).model.channels[0].values, 100.0 * np.arange(6))
 
 
 def test_a_log_at_its_own_rate_needs_the_times_of_the_stages(tmp_path):
     write_folder(tmp_path, 51)
     assert "# FILL IN: 51 rows for 6 stages" in write_initial_experiment(tmp_path).read_text()
     given = {"experiment.thickness_mm": 2.0, "experiment.fields_noise_um": 0.5, "experiment.frame_interval_s": 1.0}
-    np.testing.assert_allclose(load_experiment(tmp_path, given).channels[0].values, 100.0 * np.arange(6))
+    np.testing.assert_allclose(load_experiment(tmp_path, given).model.channels[0].values, 100.0 * np.arange(6))
 
 
 def test_a_table_with_times_takes_them(tmp_path):
@@ -45,7 +45,7 @@ def test_a_table_with_times_takes_them(tmp_path):
     (tmp_path / "sub" / "all.csv").write_text("\n".join(["stage,time_s,x_mm,y_mm,ux_mm,uy_mm", *lines]))
     assert "matched by the times of the stages" in write_initial_experiment(tmp_path / "sub").read_text()
     given = {"experiment.thickness_mm": 2.0, "experiment.fields_noise_um": 0.5}
-    np.testing.assert_allclose(load_experiment(tmp_path / "sub", given).channels[0].values, [0.0, 100.0, 200.0])
+    np.testing.assert_allclose(load_experiment(tmp_path / "sub", given).model.channels[0].values, [0.0, 100.0, 200.0])
 
 
 def test_a_mesh_beside_the_stages_is_laid_onto_them(tmp_path):
@@ -59,7 +59,7 @@ def test_a_mesh_beside_the_stages_is_laid_onto_them(tmp_path):
     text = write_initial_experiment(tmp_path).read_text()
     assert 'mesh = "strip.inp"' in text and '\nplacement = "outline"' in text
     there = load_experiment(tmp_path, {"experiment.thickness_mm": 2.0, "experiment.fields_noise_um": 0.5})
-    corner = there.camera.inverse(there.points.positions_px).min(axis=0)
+    corner = there.model.camera.inverse(there.recording.points.positions_px).min(axis=0)
     np.testing.assert_allclose(corner, [100.5, 0.5], atol=0.5)
 
 
@@ -69,7 +69,7 @@ def test_too_few_stages_or_points_for_the_noise_ask_for_it(tmp_path, stages, col
         rows = [f"{x},{y},0.0,{1e-3 * k * y}" for x in range(columns) for y in range(18)]
         (tmp_path / f"stage_{k}.csv").write_text("\n".join(["x_mm,y_mm,ux_mm,uy_mm", *rows]))
     assert "fields_noise_um = 1.0            # FILL IN" in write_initial_experiment(tmp_path).read_text()
-    assert load_experiment(tmp_path).noise.std_gv == 1.0
+    assert load_experiment(tmp_path).recording.noise.std_gv == 1.0
 
 
 def test_a_field_of_three_columns_shows_its_noise(tmp_path):
@@ -81,7 +81,8 @@ def test_a_field_of_three_columns_shows_its_noise(tmp_path):
                 for y in range(30) for x in range(3)]
         (tmp_path / f"stage_{k}.csv").write_text("\n".join(["x_mm,y_mm,ux_mm,uy_mm", *rows]))
     write_initial_experiment(tmp_path)
-    assert load_experiment(tmp_path).noise.std_gv == pytest.approx(0.5, rel=0.2)  # 540 numbers, some taken by the fit
+    noise = load_experiment(tmp_path).recording.noise
+    assert noise.std_gv == pytest.approx(0.5, rel=0.2)  # 540 numbers, some taken by the fit
 
 
 def test_points_on_one_line_are_no_field(tmp_path):

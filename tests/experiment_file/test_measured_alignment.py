@@ -13,13 +13,13 @@ TILT_DEG = 6.0  # of the plate before the pair
 
 
 def px_error(cameras, experiment):
-    found = [experiment.camera, *(other.camera for other in experiment.cameras)]
+    found = [experiment.model.camera, *(other.camera for other in experiment.cameras)]
     return max(np.abs(true.project(CORNERS) - own.project(CORNERS)).max()
                for true, own in zip(cameras, found, strict=True))
 
 
 def std_of(experiment):
-    return next(np.sqrt(np.diag(prior.covariance)) for prior in experiment.parameters.joint
+    return next(np.sqrt(np.diag(prior.covariance)) for prior in experiment.model.parameters.joint
                 if "placement.t_x" in prior.names)
 
 
@@ -45,7 +45,7 @@ def again(plate, tmp_path, *tables):
 def test_two_holes_and_the_measured_surface_place_the_mesh(plate):
     cameras, folder = plate
     experiment = load_experiment(folder)
-    error, std = placement_error(cameras[0], experiment.camera), std_of(experiment)
+    error, std = placement_error(cameras[0], experiment.model.camera), std_of(experiment)
     assert px_error(cameras, experiment) < 0.3  # clicks of 1 px: 1.2 in the mean
     assert (np.abs(error) < 4.0 * std).all()
     assert (std[:2] < 0.02).all() and (std[3:] < 0.02).all()  # deg, mm: a tilt of one click is 1 deg
@@ -58,9 +58,9 @@ def test_the_deviations_are_the_prior_of_the_placement(plate, tmp_path):
     with (folder / "experiment.toml").open("a") as file:
         file.write('[[dof]]\nname = "placement.rotation_z"\n[[dof]]\nname = "placement.t_x"\n'
                    "prior = { mean = 0.0, std = 0.5 }\n")
-    (prior,) = load_experiment(folder).parameters.joint
+    (prior,) = load_experiment(folder).model.parameters.joint
     assert "placement.t_x" not in prior.names  # it has one of its own
-    _, mean, precision = prior.precision(load_experiment(folder).parameters.free)
+    _, mean, precision = prior.precision(load_experiment(folder).model.parameters.free)
     assert mean == [0.0] and precision[0, 0] == pytest.approx(std_of(load_experiment(plate[1]))[2] ** -2)
 
 

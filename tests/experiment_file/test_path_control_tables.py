@@ -20,7 +20,7 @@ REACTION = TOML.replace('reaction = "TOP", component = "y"', 'reaction = "BOTTOM
 def solved(folder, text):
     """Motion, channels, and their derivatives by E and time.offset."""
     forward = build_forward(load_experiment(write_experiment(folder, text)))
-    names, parameters = ("SPECIMEN.E", "time.offset"), forward.experiment.parameters
+    names, parameters = ("SPECIMEN.E", "time.offset"), forward.model.parameters
     states = list(forward.march(parameters, names))
     return [np.array([getattr(s, part) for s in states]) for part in ("u", "channels", "du", "dchannels")]
 
@@ -37,7 +37,7 @@ def test_a_force_led_by_a_gauge_keeps_it_on_its_course(tmp_path):
     text = REACTION.replace('nodes = "TOP"\nux = 0.0\n' + LOGGED, PULLED) + MORE
     u, channels, du, _ = solved(tmp_path, text)
     forward = build_forward(load_experiment(tmp_path / "experiment.toml"))
-    top = np.asarray(forward.experiment.mesh.node_sets["TOP"])
+    top = np.asarray(forward.model.mesh.node_sets["TOP"])
     np.testing.assert_allclose(u[:, top, 1].mean(axis=1), [0.0, 0.0049, 0.0099, 0.0149], atol=1e-12)
     assert (np.diff(channels[:, 0]) > 0.0).all()
     np.testing.assert_allclose(du[1:, top, 1, 0].mean(axis=1), 0.0, atol=1e-12)  # whatever E is
@@ -48,9 +48,9 @@ def test_the_log_of_a_simulated_test_has_the_gauge(tmp_path):
     write_experiment(tmp_path / "a", TOML.replace(LOGGED, LED))
     simulate(tmp_path / "a" / "experiment.toml", tmp_path / "b")
     again = load_experiment(tmp_path / "b")
-    assert again.prescribed[-1].drive.course == pytest.approx([0.0, 0.0049, 0.0099, 0.0149])
-    found = solve(build_forward(again), again.parameters).channels[:, 0]
-    np.testing.assert_allclose(again.channels[0].values, found, atol=4 * 5.0)  # its noise, N
+    assert again.model.prescribed[-1].drive.course == pytest.approx([0.0, 0.0049, 0.0099, 0.0149])
+    found = solve(build_forward(again), again.model.parameters).channels[:, 0]
+    np.testing.assert_allclose(again.model.channels[0].values, found, atol=4 * 5.0)  # its noise, N
 
 
 @pytest.mark.parametrize("text, what", [

@@ -51,20 +51,20 @@ def clicks(camera, rng=None, points=CORNERS):
 
 def test_values_of_the_table_win_over_those_of_the_file(tmp_path):
     experiment = load_experiment(written(tmp_path, main(POSE + "fx_px = 2100.0\nk1 = -0.2\n")))
-    lens = experiment.camera.lens
+    lens = experiment.model.camera.lens
     assert (lens.fx, lens.fy, lens.k1, lens.p1) == (2100.0, LEFT.fy, -0.2, LEFT.p1)
 
 
 def test_without_a_file_the_values_and_the_pose_are_enough(tmp_path):
     table = '[camera]\nmodel = "pinhole"\nfx_px = 2000\nfy_px = 2010\ncx_px = 29\ncy_px = 24\nk1 = -0.1\n' + POSE
     experiment = load_experiment(written(tmp_path, table))
-    np.testing.assert_allclose(experiment.camera.project(CORNERS), LEFT.project(CORNERS), atol=1e-9)  # rounding
+    np.testing.assert_allclose(experiment.model.camera.project(CORNERS), LEFT.project(CORNERS), atol=1e-9)  # rounding
 
 
 def test_the_second_camera_of_a_file_follows_the_pose_that_the_first_is_given(tmp_path):
     experiment = load_experiment(written(tmp_path, main(), other(tmp_path)))
     assert [camera.name for camera in experiment.cameras] == ["right"]
-    np.testing.assert_allclose(experiment.camera.project(CORNERS), LEFT.project(CORNERS), atol=1e-9)
+    np.testing.assert_allclose(experiment.model.camera.project(CORNERS), LEFT.project(CORNERS), atol=1e-9)
     np.testing.assert_allclose(experiment.cameras[0].camera.project(CORNERS), RIGHT.project(CORNERS), atol=1e-9)
 
 
@@ -74,11 +74,11 @@ def test_clicked_points_place_the_mesh(tmp_path, both):
     rng = np.random.default_rng(4)
     further = other(tmp_path / "exact", clicks(RIGHT) if both else "")
     exact = load_experiment(written(tmp_path / "exact", main(clicks(LEFT)), further))
-    for seen, camera in ((exact.camera, LEFT), (exact.cameras[0].camera, RIGHT)):
+    for seen, camera in ((exact.model.camera, LEFT), (exact.cameras[0].camera, RIGHT)):
         np.testing.assert_allclose(seen.project(CORNERS), camera.project(CORNERS), atol=1e-6)  # of the fit
     further = other(tmp_path / "rough", clicks(RIGHT, rng) if both else "")
     rough = load_experiment(written(tmp_path / "rough", main(clicks(LEFT, rng)), further))
-    assert np.abs(rough.camera.project(CORNERS) - LEFT.project(CORNERS)).max() < 1.0
+    assert np.abs(rough.model.camera.project(CORNERS) - LEFT.project(CORNERS)).max() < 1.0
     assert any("clicked points" in note for note in rough.notes)
     if both:  # depth from two directions: the second image agrees as well
         assert np.abs(rough.cameras[0].camera.project(CORNERS) - RIGHT.project(CORNERS)).max() < 1.0
@@ -90,22 +90,23 @@ def test_deviations_of_the_file_are_priors_of_the_values(tmp_path):
     folder = written(tmp_path, main("identify_calibration = false\n" + POSE), other(tmp_path), deviations=deviations)
     text = (folder / "experiment.toml").read_text()
     (folder / "experiment.toml").write_text(text + dof)
-    prior = load_experiment(folder).parameters.joint[0]
+    prior = load_experiment(folder).model.parameters.joint[0]
     assert prior.names == ("left.fx", "right.fx", "right.rotation_y", "right.t_z")
     np.testing.assert_allclose(np.sqrt(np.diag(prior.covariance)), [3.0, 4.0, 0.05, 0.2])
-    at, mean, precision = prior.precision(load_experiment(folder).parameters.free)
+    at, mean, precision = prior.precision(load_experiment(folder).model.parameters.free)
     assert mean == pytest.approx([RIGHT.fx]) and precision.ravel() == pytest.approx([1 / 16.0])
     (folder / "experiment.toml").write_text(text.replace("identify_calibration = false", "identify_calibration = true"))
-    free = load_experiment(folder).parameters.free
+    free = load_experiment(folder).model.parameters.free
     assert {"left.fx"} <= set(free) and "right.fx" not in free  # each table for its own camera
 
 
 def test_amplitudes_of_a_rigid_motion_are_degrees_of_freedom(tmp_path):
     experiment = load_experiment(written(tmp_path, main(POSE + 'motion = "free"\nmotion_column = "grip_um"\n')))
-    names = experiment.parameters.free
+    names = experiment.model.parameters.free
     assert "placement.t_z_at[2]" in names and "placement.rotation_x_at[3]" in names
     assert "placement.t_z_at[0]" not in names  # the reference
-    fewer = load_experiment(tmp_path, {"experiment.reference": 1, "experiment.exclude_frames": [3]}).parameters.free
+    fewer = load_experiment(tmp_path, {"experiment.reference": 1,
+                                       "experiment.exclude_frames": [3]}).model.parameters.free
     assert [name for name in fewer if name.startswith("placement.t_z_at")] == ["placement.t_z_at[2]"]
 
 
@@ -218,18 +219,19 @@ def test_a_sheet_that_becomes_thinner_recedes_from_cameras_on_both_sides(tmp_pat
     experiment = load_experiment(written(tmp_path, main(), other(tmp_path), cameras=(LEFT, behind)))
     assert not any("different grey values" in note for note in experiment.notes)  # two sides, two patterns
     front, back = experiment.views
-    assert (front.camera.side, back.camera.side, experiment.surface_side) == (1, -1, 1)
-    found = solve(build_forward(experiment), experiment.parameters)
+    assert (front.model.camera.side, back.model.camera.side, experiment.surface_side) == (1, -1, 1)
+    found = solve(build_forward(experiment), experiment.model.parameters)
     none = np.zeros((*found.u[3].shape, 0))
     last = FrameResponse(3, found.u[3], np.zeros(0), none, np.zeros((0, 0)), none, np.zeros((0, 0)))
-    nodes = experiment.mesh.nodes
+    nodes = experiment.model.mesh.nodes
     for view in (front, back):
-        u = turned_response(view, last).u
+        u = turned_response(view.model, last).u
         np.testing.assert_array_equal(u[:, :2], found.u[3][:, :2])
         sheet = np.column_stack([nodes + u[:, :2], 0.0 * u[:, 2]])
-        recedes = view.camera.depths(sheet + u * [0, 0, 1]) - view.camera.depths(sheet)
+        recedes = view.model.camera.depths(sheet + u * [0, 0, 1]) - view.model.camera.depths(sheet)
         assert recedes.min() > 0.0
-        np.testing.assert_allclose(recedes, -found.u[3][:, 2] * abs(view.camera.effective.rotation[2, 2]), rtol=1e-6)
+        np.testing.assert_allclose(recedes, -found.u[3][:, 2] * abs(view.model.camera.effective.rotation[2, 2]),
+                                   rtol=1e-6)
 
 
 def test_square_pixels_of_a_calibration_stay_square(tmp_path):
@@ -240,7 +242,7 @@ def test_square_pixels_of_a_calibration_stay_square(tmp_path):
     matrix = np.array([[9.0, 9.0, 0.0], [9.0, 9.0, 0.0], [0.0, 0.0, 0.0]])  # k2 was held
     entries["covariance"] = {"names": ["0.fx", "0.fy", "0.k2"], "matrix": matrix.tolist()}
     file.write_text(json.dumps(entries))
-    parameters = load_experiment(tmp_path).parameters
+    parameters = load_experiment(tmp_path).model.parameters
     names = tuple(name for name in parameters.free if name.startswith("left."))
     assert names == ("left.fx", "left.fy")  # a value of no deviation is no degree of freedom
     at, _, precision = parameters.joint[0].precision(names)
@@ -256,7 +258,7 @@ def test_cameras_of_two_calibration_files_keep_the_deviations_of_both(tmp_path):
     written(tmp_path, main("identify_calibration = true\n" + POSE),
             further.replace('"cal.json"', '"own.json"'), deviations={"0.fx": 3.0, "0.k1": 0.01})
     write_calibration((RIGHT,), SIZE, tmp_path / "own.json", {"0.fx": 4.0})
-    parameters = load_experiment(tmp_path).parameters
+    parameters = load_experiment(tmp_path).model.parameters
     assert {"left.fx", "left.k1", "right.fx"} <= set(parameters.free)
     prior = parameters.joint[0]
     assert prior.names == ("left.fx", "left.k1", "right.fx")

@@ -45,9 +45,9 @@ def refused(folder, *words):
 
 def test_a_column_warms_the_whole_body_and_alpha_is_a_parameter_of_any_law(tmp_path):
     e = load_experiment(folder_with(tmp_path, COLUMN))
-    (warm,) = e.temperatures
+    (warm,) = e.model.temperatures
     assert warm.nodes is None and isinstance(warm.drive, Column) and list(warm.drive.values) == [20, 50, 80, 110]
-    alpha = e.parameters["SPECIMEN.alpha"]
+    alpha = e.model.parameters["SPECIMEN.alpha"]
     assert alpha.free and alpha.value == 2e-5 and alpha.unit == "1/K" and alpha.transform == "linear"
     (note,) = [note for note in e.notes if "oven_C" in note]
     assert "20 to 110" in note and "+90 K" in note
@@ -58,9 +58,9 @@ def test_infrared_images_of_the_same_camera_are_read_onto_the_nodes_of_the_final
     images = slope()
     images[1][20, 30] = np.nan
     e = load_experiment(folder_with(tmp_path, PICTURES % ", edge_margin_px = 2", infrared=images))
-    (warm,) = e.temperatures
-    assert isinstance(warm.drive, TemperatureField) and warm.drive.values.shape == (4, e.mesh.n_nodes)
-    columns = e.camera.project(e.mesh.nodes)[:, 0]
+    (warm,) = e.model.temperatures
+    assert isinstance(warm.drive, TemperatureField) and warm.drive.values.shape == (4, e.model.mesh.n_nodes)
+    columns = e.model.camera.project(e.model.mesh.nodes)[:, 0]
     # the smoothing takes 0.1 px x 6 K/px off the ends of a slope, where there are pixels up to the ends
     np.testing.assert_allclose(warm.drive.values[3], 20.0 + 6.0 * columns, atol=2 * 0.1 * 6.0)
     (note,) = [note for note in e.notes if "infrared" in note]
@@ -73,7 +73,7 @@ def test_a_coarser_infrared_camera_with_its_own_calibration_and_whole_numbers(tm
     images = [np.tile(((20.0 + 10.0 * k * x + 50.0) * 100.0).round(), (25, 1)).astype(np.uint16) for k in range(4)]
     more = ", scale = 0.01, offset = -50.0, matrix_px_per_unit = [[5, 0], [0, -5]], origin_px = [5, 20]"
     e = load_experiment(folder_with(tmp_path, PICTURES % more, infrared=images))
-    values, x = e.temperatures[0].drive.values, e.mesh.nodes[:, 0]
+    values, x = e.model.temperatures[0].drive.values, e.model.mesh.nodes[:, 0]
     inner = (x > 0.9) & (x < 3.1)
     np.testing.assert_allclose(values[2, inner], 20.0 + 20.0 * x[inner], atol=1.0)
     np.testing.assert_allclose(values[0], 20.0, atol=0.01)
@@ -98,34 +98,34 @@ def test_temperatures_that_do_not_fit_are_refused_with_a_remedy(tmp_path):
 
 def test_alpha_of_zero_needs_no_temperature_and_a_wrong_unit_is_refused(tmp_path):
     zero = "nu = 0.3\nalpha = 0.0\n"
-    assert load_experiment(folder_with(tmp_path / "zero", "", zero)).parameters["SPECIMEN.alpha"].value == 0.0
+    assert load_experiment(folder_with(tmp_path / "zero", "", zero)).model.parameters["SPECIMEN.alpha"].value == 0.0
     refused(folder_with(tmp_path / "unit", COLUMN, ALPHA.replace("1/K", "MPa")), "wrong unit", "alpha")
 
 
 def test_the_identity_of_an_experiment_knows_its_infrared_images(tmp_path):
     folder = folder_with(tmp_path, PICTURES % "", infrared=slope())
-    before = load_experiment(folder).identity
-    assert load_experiment(folder).identity == before
+    before = load_experiment(folder).recording.identity
+    assert load_experiment(folder).recording.identity == before
     tifffile.imwrite(folder / "infrared" / "ir_2.tif", slope()[2] + 1.0)
-    assert load_experiment(folder).identity != before
+    assert load_experiment(folder).recording.identity != before
 
 
 @pytest.mark.parametrize("temperature, infrared", [(COLUMN, None), (PICTURES % "", slope())], ids=["column", "images"])
 def test_a_simulated_experiment_brings_its_temperature_along(tmp_path, temperature, infrared):
     folder = folder_with(tmp_path, temperature, infrared=infrared)
     made, e = load_experiment(simulate(folder, tmp_path / "virtual")), load_experiment(folder)
-    a, b = made.temperatures[0].drive.values, e.temperatures[0].drive.values
+    a, b = made.model.temperatures[0].drive.values, e.model.temperatures[0].drive.values
     np.testing.assert_allclose(a, b, rtol=1e-6)
-    assert made.parameters["SPECIMEN.alpha"].value == 2e-5
+    assert made.model.parameters["SPECIMEN.alpha"].value == 2e-5
 
 
 def test_a_course_warms_the_whole_body_linearly_between_its_points(tmp_path):
     course = '[[boundary]]\ntemperature = { course = [[0.0, 20.0], [2.0, 30.0]] }\n'
     e = load_experiment(folder_with(tmp_path, course))
-    (warm,) = e.temperatures
+    (warm,) = e.model.temperatures
     assert warm.nodes is None and isinstance(warm.drive, TemperatureField)
-    np.testing.assert_allclose(warm.drive.values.T, np.tile(np.interp(e.times, [0.0, 2.0], [20.0, 30.0]),
-                                                             (e.mesh.n_nodes, 1)))
+    np.testing.assert_allclose(warm.drive.values.T, np.tile(np.interp(e.model.times, [0.0, 2.0], [20.0, 30.0]),
+                                                             (e.model.mesh.n_nodes, 1)))
     assert any("+10 K" in note for note in e.notes)
 
 
@@ -161,4 +161,5 @@ def test_a_free_course_stands_alone_and_has_no_value_for_a_law(tmp_path, tempera
 
 def test_a_free_course_of_the_whole_body_has_knots(tmp_path):
     e = load_experiment(folder_with(tmp_path, FREE))
-    assert {"temperature_knot[2]", "temperature_knot[3]"} < set(e.parameters.free) and e.temperatures[0].nodes is None
+    assert {"temperature_knot[2]",
+            "temperature_knot[3]"} < set(e.model.parameters.free) and e.model.temperatures[0].nodes is None

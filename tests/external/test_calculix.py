@@ -194,17 +194,17 @@ def test_an_external_law_without_a_solver_is_refused(tmp_path):
 
 def test_template_and_files_belong_to_the_identity_of_an_experiment(tmp_path):
     folder = write_strip(tmp_path / "strip")
-    before = load_experiment(folder).identity
+    before = load_experiment(folder).recording.identity
     deck = folder / "strip.deck.template"
     deck.write_text(deck.read_text() + "\n")
-    assert load_experiment(folder).identity != before
+    assert load_experiment(folder).recording.identity != before
 
 
 def test_the_noise_of_a_logged_grip_is_estimated_with_an_external_solver_too(tmp_path):
     """Perturbed runs with the grip shifted in all frames: for a strip that remembers nothing that is exact."""
     folder = write_strip(tmp_path / "strip", grip=", noise_std = 0.0005")
     forward = build_forward(load_experiment(folder))
-    last = list(forward.march(forward.experiment.parameters, ("BODY.E",), influence=True))[-1]
+    last = list(forward.march(forward.model.parameters, ("BODY.E",), influence=True))[-1]
     right = strip_mesh().node_sets["RIGHT"]
     assert last.local_du[right, 0, 0] == pytest.approx(1.0, rel=1e-9)
     assert last.local_dchannels[0, 0] == pytest.approx(1200.0 / 6.0 * 4.0 * 1.5, rel=1e-9)

@@ -34,7 +34,7 @@ def test_every_kind_of_failure_is_not_converged_and_keeps_its_folder_with_the_re
     folder = write_strip(tmp_path / "strip", misbehaving(fault, between=(1.0, 1e6)))
     forward = build_forward(load_experiment(folder))
     with pytest.raises(NotConverged, match=said) as caught:
-        solve(forward, forward.experiment.parameters)
+        solve(forward, forward.model.parameters)
     kept = Path(str(caught.value).rpartition("kept in ")[2].rstrip(")"))
     reason = (kept / "reason.txt").read_text()
     assert reason.splitlines()[0] in str(caught.value) and "BODY.E = 1200.0" in reason
@@ -46,7 +46,7 @@ def test_a_hanging_solver_is_ended_with_its_children(tmp_path):
     folder = write_strip(tmp_path / "strip", misbehaving("hang", mark, between=(1.0, 1e6), timeout_s=1.5))
     forward = build_forward(load_experiment(folder))
     with pytest.raises(NotConverged, match="ended after 1.5 s"):
-        solve(forward, forward.experiment.parameters)
+        solve(forward, forward.model.parameters)
     assert gone(mark)
 
 
@@ -55,7 +55,7 @@ def test_a_failure_is_tried_again_as_often_as_configured(tmp_path):
     folder = write_strip(tmp_path / "strip", misbehaving("crash", str(count), between=(1.0, 1e6), retries=2))
     forward = build_forward(load_experiment(folder))
     with pytest.raises(NotConverged):
-        solve(forward, forward.experiment.parameters)
+        solve(forward, forward.model.parameters)
     assert len(count.read_text().splitlines()) == 3
 
 
@@ -64,7 +64,7 @@ def test_a_good_run_leaves_nothing_behind(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", None)
     (tmp_path / "tmp").mkdir()
     forward = build_forward(load_experiment(write_strip(tmp_path / "strip")))
-    solution = solve(forward, forward.experiment.parameters)
+    solution = solve(forward, forward.model.parameters)
     assert solution.u.shape == (5, 93, 2) and not list((tmp_path / "tmp").iterdir())
     assert solution.channels[-1, 0] == pytest.approx(1200.0 * 0.12 / 6.0 * 4.0 * 1.5, rel=1e-12)
 
@@ -99,7 +99,7 @@ def test_without_permission_nothing_is_started_or_written(tmp_path, monkeypatch)
         idic.identify(folder, tmp_path / "run")
     forward = build_forward(load_experiment(folder))
     with pytest.raises(InputError, match="not allowed"):
-        solve(forward, forward.experiment.parameters)
+        solve(forward, forward.model.parameters)
     assert not (tmp_path / "run").exists() and not count.exists()
 
 

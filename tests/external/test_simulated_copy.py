@@ -17,6 +17,6 @@ def test_a_simulated_experiment_brings_its_solver_along(tmp_path):
     for name in names:
         assert (toml.parent / "solver" / name).read_bytes() == (folder / name).read_bytes()
     again = build_forward(load_experiment(toml))
-    solution = solve(again, again.experiment.parameters)
+    solution = solve(again, again.model.parameters)
     # the logged force has noise of 0.5 N
-    assert solution.channels[:, 0] == pytest.approx(again.experiment.channels[0].values, abs=2.5)
+    assert solution.channels[:, 0] == pytest.approx(again.model.channels[0].values, abs=2.5)

@@ -76,12 +76,12 @@ def test_the_stiffness_is_the_derivative_of_the_residual(cell, kind, law, kinema
 @pytest.mark.parametrize("cell", ["quad4", "quad8", "hex8", "hex20", "tet4", "tet10"])
 def test_the_load_stiffness_of_follower_pressure_meets_the_difference_quotient(cell):
     system, u = moved_body(cell, "plane_strain" if cell.startswith("quad") else "solid", "elastic", "finite")
-    faces, x, h = system.pressures[0], system.model.mesh.nodes + u, 1e-6
+    faces, x, h = system.pressures[0], system.body.mesh.nodes + u, 1e-6
     change = np.random.default_rng(2).standard_normal(u.shape)
     quotient = (pressure_force(faces, x + h * change) - pressure_force(faces, x - h * change)) / (2 * h)
     exact = np.einsum("eij,ej->ei", pressure_stiffness(faces, x), change.ravel()[faces.dofs])
     assert np.abs(quotient.reshape(exact.shape) - exact).max() < 1e-8  # rounding / h
-    assert pressure_faces(system.model)[0].nodes.shape[1] == {"quad4": 2, "quad8": 3, "hex8": 4, "hex20": 8, "tet4": 3,
+    assert pressure_faces(system.body)[0].nodes.shape[1] == {"quad4": 2, "quad8": 3, "hex8": 4, "hex20": 8, "tet4": 3,
                                                               "tet10": 6}[cell]
 
 

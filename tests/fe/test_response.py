@@ -71,7 +71,7 @@ def test_a_system_like_another_is_the_one_made_from_nothing(before, after):
     """Also where the law of one is linear, or its softening needs the size of an element, and that of the other not."""
     base, model = discretise(plate(before)), plate(after, variations=SPOT)
     ours, theirs = like(base, model), discretise(model)
-    assert ours.model is model and ours.pattern is base.pattern
+    assert ours.body is model and ours.pattern is base.pattern
     u = solved(plate(before), FLOW if before == "j2_linear" else ELASTIC)[0][-1]
     params = {"BODY": compile_law(after).spec.defaults()}
     drives = drives_at(model, TIMES, TIMES[-1])

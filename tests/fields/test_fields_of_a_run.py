@@ -75,11 +75,11 @@ def test_the_noise_floor_is_the_scatter_of_repeated_recordings(plate, series, cl
     for _ in range(N_REPEATS):
         stack = ArrayStack(np.array([recorded(clean[0][k], sensor, rng) for k in (0, 4)] * 3)[:6])
         experiment = load_experiment(path, stack=stack)
-        seen = seen_by(experiment, build_experiment_reference(experiment, experiment.camera))
-        start = (experiment.camera.project(experiment.mesh.nodes + _simulated(series, experiment, 4))
-                 - experiment.camera.project(experiment.mesh.nodes))
+        seen = seen_by(experiment, build_experiment_reference(experiment, experiment.model.camera))
+        start = (experiment.model.camera.project(experiment.model.mesh.nodes + _simulated(series, experiment, 4))
+                 - experiment.model.camera.project(experiment.model.mesh.nodes))
         motion = free_motion(seen, (1,), lambda frame, start=start: start)[0]
-        found.append(in_mm(motion, experiment.mesh.nodes, experiment.camera)[series.surface.index])
+        found.append(in_mm(motion, experiment.model.mesh.nodes, experiment.model.camera)[series.surface.index])
     scatter = np.array(found) - np.mean(found, axis=0)
     share = N_REPEATS / (N_REPEATS - 1)
     assert rms(scatter) * np.sqrt(share) == pytest.approx(series.floor["displacement"], rel=0.12)
@@ -91,7 +91,7 @@ def test_the_noise_floor_is_the_scatter_of_repeated_recordings(plate, series, cl
 
 
 def _simulated(series, experiment, frame):
-    u = np.zeros((experiment.mesh.n_nodes, 2))
+    u = np.zeros((experiment.model.mesh.n_nodes, 2))
     u[series.surface.index] = series.simulated[series.frames.index(frame)]
     return u
 

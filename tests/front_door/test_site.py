@@ -115,8 +115,9 @@ def laboratory(tmp_path_factory):
 
     folder = tmp_path_factory.mktemp("laboratory")
     experiment = load_experiment(write_folder(folder / "my-test", Twin(seed=1), ELASTIC + GRIPS + FORCE))
-    f, g = (experiment.stack.frame(k) for k in (0, 1))
-    return folder, {"mesh": experiment.mesh, "camera": experiment.camera, "f": f, "g": g, "prefilter": prefilter,
+    f, g = (experiment.recording.stack.frame(k) for k in (0, 1))
+    return folder, {"mesh": experiment.model.mesh, "camera": experiment.model.camera, "f": f, "g": g,
+                    "prefilter": prefilter,
                     "build_pixel_map": build_pixel_map, "build_reference": build_reference,
                     "build_smoother": build_smoother, "Regularisation": Regularisation}
 

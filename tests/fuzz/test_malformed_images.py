@@ -28,7 +28,7 @@ def with_images(folder, way: str) -> list:
 
 
 def assert_the_pixels(folder, way: str) -> None:
-    stack = load_experiment(folder).stack
+    stack = load_experiment(folder).recording.stack
     assert stack.n_frames == 4
     for k in range(4):
         np.testing.assert_array_equal(stack.frame(k), pixels(k, WAYS[way][1]))

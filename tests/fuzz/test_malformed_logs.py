@@ -27,15 +27,16 @@ def assert_read_as_written(folder, log: LogFile) -> None:
     """What was accepted are the numbers of the table (but for cells that were given other numbers)."""
     experiment = load_experiment(folder)
     (force,), grip = (
-        experiment.channels,
-        next(p for p in experiment.prescribed if p.nodes == "TOP" and p.component == "y"),
+        experiment.model.channels,
+        next(p for p in experiment.model.prescribed if p.nodes == "TOP" and p.component == "y"),
     )
     truth = np.array(VALUES)
     spoilt = {damage.row % 4 for damage in log.damages if damage.what == "cell"}
     sure = [
         k for k in range(4) if k not in spoilt and not any(d.what in ("cut", "splice", "name") for d in log.damages)
     ]
-    np.testing.assert_allclose(experiment.times[sure], truth[sure, 1], rtol=1e-5)  # the dialects write 5 digits or more
+    np.testing.assert_allclose(experiment.model.times[sure], truth[sure, 1],
+                               rtol=1e-5)  # the dialects write 5 digits or more
     np.testing.assert_allclose(force.values[sure], 1e3 * truth[sure, 2], rtol=1e-5)
     np.testing.assert_allclose(grip.drive.values[sure], 1e-3 * truth[sure, 3], rtol=1e-5)
     if any(d.what == "cut" for d in log.damages) and all(d.what == "cut" for d in log.damages):  # text has no end mark

@@ -25,7 +25,7 @@ def with_mesh(folder, kind, data):
 
 def assert_the_mesh(folder) -> None:
     """Nodes and elements as they were meant, in whatever order."""
-    mesh = load_experiment(folder, AS_GIVEN).mesh
+    mesh = load_experiment(folder, AS_GIVEN).model.mesh
     assert (mesh.n_nodes, mesh.n_elements) == ((NX + 1) * (NY + 1), NX * NY)
     wanted = sorted(tuple(xyz[:2]) for xyz in table().nodes.values())
     np.testing.assert_allclose(sorted(map(tuple, mesh.nodes)), wanted, atol=1e-6)

@@ -10,7 +10,9 @@ from scipy.optimize import brentq
 from idic.correlation import camera_at, view_of
 from idic.fe import boundary_faces, make_mesh, surface_cells
 from idic.images import ArrayStack, Camera
-from idic.model import Column, Constant, Experiment, Load, Material, Noise, Options, Prescribed, build_forward, solve
+from idic.model import (
+    Column, Constant, Experiment, Load, Material, Model, Noise, Options, Prescribed, Recording, build_forward, solve,
+)
 from idic.parameters import Parameter, ParameterSet
 from idic.virtual_tests.render import render
 from idic.virtual_tests import Sensor
@@ -55,12 +57,13 @@ def block(size, cells, up=1.0):
 def experiment(mesh, prescribed, loads, times, start=None, shape=(120, 190), **options):
     values = TRUTH if start is None else start
     parameters = [Parameter(f"BODY.{name}", value, "MPa", True, transform="log") for name, value in values.items()]
-    return Experiment(
-        title="height", folder="", kind="solid", mesh=mesh, thickness=None,
-        materials=(Material("BODY", "neo_hookean", "finite"),), parameters=ParameterSet(parameters),
-        prescribed=prescribed, loads=loads, channels=(), camera=Camera.from_table(PIXEL, (10.3, 105.6)), stack=None,
-        labels=tuple(map(str, range(len(times)))), times=times, surface="TOP", quantity="height", height_unit=UM,
-        noise=Noise(0.01 * RMS), options=Options(**({"brightness": "none", "lowpass_px": 0.0} | options)))
+    model = Model("solid", mesh, None, (Material("BODY", "neo_hookean", "finite"),), ParameterSet(parameters),
+                  prescribed,
+                  loads, (), Camera.from_table(PIXEL, (10.3, 105.6)), times, surface="TOP")
+    recording = Recording(None, tuple(map(str, range(len(times)))), quantity="height", height_unit=UM,
+                          noise=Noise(0.01 * RMS))
+    return Experiment("height", "", recording, model,
+                      options=Options(**({"brightness": "none", "lowpass_px": 0.0} | options)))
 
 
 def column(name, values, times):
@@ -99,7 +102,7 @@ def stretches(tension, C10, kappa):
 def exact_images(body, roughness, truth=TRUTH):
     """g(x') = f(X) + u_z / um with X from the closed form: neither a mesh nor an interpolator  # (n, ny, nx) um"""
     rows, columns = np.mgrid[:120, :190]
-    seen = body.camera.inverse(np.column_stack([columns.ravel(), rows.ravel()]))  # (n_px, 2) mm
+    seen = body.model.camera.inverse(np.column_stack([columns.ravel(), rows.ravel()]))  # (n_px, 2) mm
     images = []
     for tension in TENSION:
         l1, l2 = stretches(tension, **truth)
@@ -118,9 +121,9 @@ def bent_plate(up=1.0, pressure=0.004, **options):
 
 def photographed(body, seed=0):
     """The same with noise-free height images of its own motion, made by the virtual profilometer."""
-    u = solve(build_forward(body), body.parameters).u
-    camera = camera_at(body, body.parameters)
-    images = render(u, body.mesh.nodes, surface_cells(body.mesh, "TOP"), camera, Roughness(seed),
+    u = solve(build_forward(body), body.model.parameters).u
+    camera = camera_at(body, body.model.parameters)
+    images = render(u, body.model.mesh.nodes, surface_cells(body.model.mesh, "TOP"), camera, Roughness(seed),
                     Sensor((120, 190), bits=0, supersampling=1), np.random.default_rng(0),
                     view_of(body, camera).rise)
-    return replace(body, stack=ArrayStack(list(images)))
+    return replace(body, recording=replace(body.recording, stack=ArrayStack(list(images))))

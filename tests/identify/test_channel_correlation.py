@@ -147,9 +147,9 @@ def test_a_drifting_force_is_that_of_its_own_experiment(tmp_path):
     joint = join(experiments)
     point = joint.combine({name: one.point for name, one in found.items()},
                           {name: one.weights.image_noise for name, one in found.items()})
-    channels = estimated_channel_noise(joint.whole, parameters_at(joint.whole, found["drifting"].state), point)
-    assert [joint.whole.channels[number].column for number in channels] == ["drifting.force_N"]
-    with_noise = with_channel_noise(point.system, joint.whole, channels)
+    channels = estimated_channel_noise(joint.whole, parameters_at(joint.whole.model, found["drifting"].state), point)
+    assert [joint.whole.model.channels[number].column for number in channels] == ["drifting.force_N"]
+    with_noise = with_channel_noise(point.system, joint.whole.model, channels)
     assert with_noise.spread[0, 0] > 1.2 * point.system.spread[0, 0]
 
 

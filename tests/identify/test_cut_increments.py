@@ -35,7 +35,7 @@ def experiment(clean, tmp_path_factory):
 def walk(experiment, rise):
     """The loop from x = 0; `rise` (x) is added to (x - ROOT)^2 behind EDGE, where one increment per frame is cut and
     shows a root far beyond."""
-    begin, state, accepted, tried = experiment.parameters["BODY.E"], start(experiment), None, []
+    begin, state, accepted, tried = experiment.model.parameters["BODY.E"], start(experiment), None, []
     while state.running:
         per_frame = state.increments.per_frame or 1
         value = replace(begin, value=state.trial.values["BODY.E"])

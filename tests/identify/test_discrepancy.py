@@ -104,7 +104,8 @@ def test_a_run_states_the_same_standard_deviations_as_memory(tmp_path):
 
 def test_height_images_say_that_noise_alone_is_counted(right):
     found = right[0]
-    assert "noise alone" in reason_against(replace(found.experiment, quantity="height"), found.point)
+    assert "noise alone" in reason_against(replace(found.experiment, recording=replace(found.experiment.recording,
+                                                                                       quantity="height")), found.point)
     assert reason_against(found.experiment, found.point) == ""
 
 

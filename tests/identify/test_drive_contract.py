@@ -33,15 +33,15 @@ def experiment(request, tmp_path):
 
 
 def upper_end(experiment):
-    return next(entry for entry in experiment.prescribed if (entry.nodes, entry.component) == ("TOP", "y"))
+    return next(entry for entry in experiment.model.prescribed if (entry.nodes, entry.component) == ("TOP", "y"))
 
 
 def test_a_table_holds_every_degree_of_freedom_once(experiment):
     table, entry = build_drives(experiment), upper_end(experiment)
-    dofs = set_nodes(experiment, entry.nodes) * experiment.n_dim + COMPONENTS.index(entry.component)
+    dofs = set_nodes(experiment.model, entry.nodes) * experiment.model.n_dim + COMPONENTS.index(entry.component)
     assert set(dofs) <= set(table.dofs) and len(set(table.dofs)) == len(table.dofs)
     assert table.basis.shape == (len(table.dofs), len(table.names)) and len(set(table.names)) == len(table.names)
-    assert table.columns.shape == (experiment.n_frames, len(table.names))
+    assert table.columns.shape == (experiment.model.n_frames, len(table.names))
 
 
 def test_a_motion_begins_at_the_reference(experiment):
@@ -49,11 +49,11 @@ def test_a_motion_begins_at_the_reference(experiment):
     drive = upper_end(experiment).drive
     if isinstance(drive, Constant) or getattr(drive, "noise_std", 0.0) > 0.0:
         pytest.skip("does not begin at zero")
-    assert not build_drives(experiment).histories(experiment.parameters)[experiment.reference].any()
+    assert not build_drives(experiment).histories(experiment.model.parameters)[experiment.model.reference].any()
 
 
 def test_histories_follow_the_parameters_by_their_derivatives(experiment):
-    table, parameters = build_drives(experiment), experiment.parameters
+    table, parameters = build_drives(experiment), experiment.model.parameters
     for name, derivative in table.derivatives.items():
         ahead, behind = (table.histories(parameters.with_values({name: parameters[name].value + s * 1e-3}))
                          for s in (1.0, -1.0))
@@ -65,10 +65,10 @@ def test_local_unknowns_have_a_prior_and_move_one_drive_each(experiment):
     assert table.local_precision.shape == (table.n_local, table.n_local) and table.measured.shape == (table.n_local,)
     np.testing.assert_array_equal(table.local_precision, table.local_precision.T)
     assert (np.linalg.eigvalsh(table.local_precision) > 0.0).all()
-    local = np.zeros((experiment.n_frames, table.n_local))
+    local = np.zeros((experiment.model.n_frames, table.n_local))
     for k, drive in enumerate(table.local):
         local[-1] = np.eye(table.n_local)[k]
-        moved = table.histories(experiment.parameters, local) - table.histories(experiment.parameters)
+        moved = table.histories(experiment.model.parameters, local) - table.histories(experiment.model.parameters)
         np.testing.assert_allclose(moved[-1], np.eye(len(table.names))[drive], atol=1e-12)  # rounding
 
 

@@ -70,7 +70,7 @@ def strip(folder: Path, seed: int | None) -> tuple[Experiment, np.ndarray]:
 def at_the_truth(folder: Path, seed: int | None):
     """The system at the truth with the ends of the fields, in units of the values."""
     experiment, local = strip(folder, seed)
-    truth = experiment.parameters.as_values() | {OUTLINE: MARGIN}
+    truth = experiment.model.parameters.as_values() | {OUTLINE: MARGIN}
     for _ in range(2):
         system = evaluate_at(experiment, truth, local)[0].system
         local = local.copy()

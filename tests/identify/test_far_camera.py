@@ -19,9 +19,9 @@ def tilted(folder):
     twin = Twin(grip=STRETCH, times=(0.0, 1.0, 2.0, 3.0))
     toml = ELASTIC + GRIPS + FORCE + "".join(f'\n[[dof]]\nname = "{name}"\nidentify = true\n' for name in STARTS)
     known = load_experiment(write_folder(folder, twin, toml, clean_images(twin)))
-    known = replace(known, noise=replace(known.noise, std_gv=2.0))
-    values = {name: units * known.parameters[name].scale for name, units in STARTS.items()}
-    return replace(known, parameters=known.parameters.with_values(values))
+    known = replace(known, recording=replace(known.recording, noise=replace(known.recording.noise, std_gv=2.0)))
+    values = {name: units * known.model.parameters[name].scale for name, units in STARTS.items()}
+    return replace(known, model=replace(known.model, parameters=known.model.parameters.with_values(values)))
 
 
 def test_a_tilt_of_twelve_pixels_at_the_corner_is_gone_in_a_few_steps(tmp_path):
@@ -30,7 +30,7 @@ def test_a_tilt_of_twelve_pixels_at_the_corner_is_gone_in_a_few_steps(tmp_path):
     assert found.state.status == "converged"
     for name in STARTS:
         entry = found.result["parameters"][name]
-        assert entry["std"] < experiment.parameters[name].scale  # they are determined
+        assert entry["std"] < experiment.model.parameters[name].scale  # they are determined
         assert abs(entry["value"]) < 4.0 * entry["std"], (name, entry)
     for name, value in TRUTH.items():
         entry = found.result["parameters"][f"BODY.{name}"]
@@ -41,5 +41,5 @@ def test_a_tilt_of_twelve_pixels_at_the_corner_is_gone_in_a_few_steps(tmp_path):
 def test_steps_of_one_pixel_would_take_as_many_as_there_are_pixels(tmp_path):
     """Each direction of the tilt by itself: the ridge keeps the weaker one waiting."""
     experiment = tilted(tmp_path / "test")
-    short = ParameterSet(replace(p, max_step=USUAL_MAX_STEP) for p in experiment.parameters.values())
-    assert identify(replace(experiment, parameters=short)).state.evaluations > 15
+    short = ParameterSet(replace(p, max_step=USUAL_MAX_STEP) for p in experiment.model.parameters.values())
+    assert identify(replace(experiment, model=replace(experiment.model, parameters=short))).state.evaluations > 15

@@ -18,14 +18,15 @@ from idic.run.store.system_store import load_evaluation
 
 
 def known_noise(experiment):
-    return replace(experiment, noise=replace(experiment.noise, std_gv=2.0))
+    return replace(experiment, recording=replace(experiment.recording,
+                                                 noise=replace(experiment.recording.noise, std_gv=2.0)))
 
 
 @pytest.fixture(scope="module")
 def points(plain):
     """(state after the first point, the point, a second one that is a little worse) of an experiment."""
     experiment = known_noise(load_experiment(plain[0]))
-    local = np.zeros((experiment.n_frames, 0))
+    local = np.zeros((experiment.model.n_frames, 0))
     begin = {"BODY.E": 1.05 * TRUTH["E"], "BODY.nu": TRUTH["nu"]}
     first, weights = evaluate_at(experiment, begin, local)
     state = replace(start(experiment), trial=Trial(begin))
@@ -60,7 +61,7 @@ def test_a_simulation_whose_increments_are_unknown_is_judged_by_its_functional(p
 
 def test_the_number_of_increments_comes_with_every_point_and_is_kept_with_a_run(plain, tmp_path):
     found = identify(known_noise(load_experiment(plain[0])))
-    assert found.point.increments == len(found.steps) >= found.experiment.n_frames - 1
+    assert found.point.increments == len(found.steps) >= found.experiment.model.n_frames - 1
     identify_in_a_run(plain[0], tmp_path / "run")
     session = open_session(tmp_path / "run", SerialRunner(), "direct")
     kept = load_evaluation(session.context.store, load_state(tmp_path / "run").accepted.number, session.context.names)

@@ -107,7 +107,8 @@ def plate(tmp_path_factory):
 
 
 def without(experiment):
-    return replace(experiment, points=replace(experiment.points, depth=None))
+    return replace(experiment, recording=replace(experiment.recording,
+                                                 points=replace(experiment.recording.points, depth=None)))
 
 
 def test_the_change_of_thickness_determines_poissons_ratio(plate):
@@ -125,14 +126,14 @@ def test_the_rise_follows_what_measured_ends_do(plate, law):
     values = {"E": E, "nu": NU} | ({"yield_stress": 50.0, "hardening_modulus": 2e3} if law == "j2_linear" else {})
     folder = Path(experiment.folder)
     there = load_experiment(folder, {"material": {"ALL": {"law": law, **values}}})
-    there = replace(there, times=there.times[:3], reference=0)
+    there = replace(there, model=replace(there.model, times=there.model.times[:3], reference=0))
     forward = build_forward(there)
     local, change = np.zeros((3, forward.drives.n_local)), np.zeros((3, forward.drives.n_local))
     k = forward.drives.n_local // 3
     local[1:, k + 1], change[2, k] = (0.02, 0.03), 1e-5
 
     def last(moved):
-        return list(forward.march(there.parameters, (), moved, np.array(there.times[1:]), True))[-1]
+        return list(forward.march(there.model.parameters, (), moved, np.array(there.model.times[1:]), True))[-1]
 
     here, ahead, back = last(local), last(local + change), last(local - change)
     slope = (ahead.seen_u - back.seen_u)[:, 2] / 2e-5
@@ -142,14 +143,15 @@ def test_the_rise_follows_what_measured_ends_do(plate, law):
 def test_a_change_of_thickness_below_the_noise_is_not_compared_unless_asked_for(tmp_path, monkeypatch):
     monkeypatch.setitem(globals(), "DEPTH_UM", 3.0)
     there = load_experiment(write_test(tmp_path))
-    assert there.points.depth is None and "less than the noise along the normal (3" in " ".join(there.notes)
-    assert thinned(there, JUDGEMENT, 0).stack.frame(1).shape == (len(there.points.positions_px), 2)
+    assert there.recording.points.depth is None and "less than the noise along the normal (3" in " ".join(there.notes)
+    assert thinned(there, JUDGEMENT, 0).recording.stack.frame(1).shape == (len(there.recording.points.positions_px), 2)
     file, text = tmp_path / "experiment.toml", (tmp_path / "experiment.toml").read_text()
     text = text.replace("thickness_mm", "fields_thickness_change = true\nthickness_mm")
     file.write_text(text)
     there = load_experiment(tmp_path)
-    assert there.points.depth.std_um == pytest.approx(3.0, rel=0.1) and there.stack.frame(1).shape[1] == 3
-    assert thinned(there, JUDGEMENT, 0).stack.frame(1).shape[1] == 3  # what a diagnosis fits
+    assert there.recording.points.depth.std_um == pytest.approx(3.0, rel=0.1)
+    assert there.recording.stack.frame(1).shape[1] == 3
+    assert thinned(there, JUDGEMENT, 0).recording.stack.frame(1).shape[1] == 3  # what a diagnosis fits
     file.write_text(text.replace("plane_stress", "plane_strain"))
     with pytest.raises(InputError, match="change of thickness cannot be compared"):
         load_experiment(tmp_path)

@@ -112,9 +112,10 @@ def motion(tmp_path_factory) -> tuple[np.ndarray, float]:
     write_stages(truth, [np.zeros((len(at), 3))] * 2)
     write_experiment(truth, (16, 10, 2), [(0.0, 0.0), (DEFLECTION, 0.0)], E_TRUE, NU_TRUE, "fields_noise_um = 1.0")
     there = load_experiment(truth)
-    found = solve(build_forward(there), there.parameters)
-    pm = build_point_map(there.mesh.nodes, surface_cells(there.mesh, "FRONT"), there.camera, there.points.positions_px,
-                         there.points.shape)
+    found = solve(build_forward(there), there.model.parameters)
+    pm = build_point_map(there.model.mesh.nodes, surface_cells(there.model.mesh, "FRONT"), there.model.camera,
+                         there.recording.points.positions_px,
+                         there.recording.points.shape)
     u = np.full((len(at), 3), np.nan)
     u[pm.point] = pm.interpolate(found.u[-1])
     assert np.isfinite(u).all()
@@ -149,11 +150,14 @@ def assert_true(entries: dict, most: float) -> None:
 
 def test_bending_shows_the_parameters_out_of_the_plane(bent):
     experiment = load_experiment(bent)
-    assert experiment.points.depth.std_um == pytest.approx(DEPTH_UM, rel=0.1)  # 300 points, 4 stages: 3 % or so
+    assert experiment.recording.points.depth.std_um == pytest.approx(DEPTH_UM,
+                                                                     rel=0.1)  # 300 points, 4 stages: 3 % or so
     found = identify(experiment).result
     assert found["status"] == "converged" and "out of the plane is compared" in " ".join(experiment.notes)
     assert_true(found["parameters"], 0.08)
-    alone = identify(replace(experiment, points=replace(experiment.points, depth=None))).result
+    alone = identify(replace(experiment, recording=replace(experiment.recording,
+                                                           points=replace(experiment.recording.points,
+                                                                          depth=None)))).result
     assert alone["parameters"]["PLATE.nu"]["std"] > 4.0 * found["parameters"]["PLATE.nu"]["std"]
 
 

@@ -18,7 +18,7 @@ def noisy(lowpass):
 def gradients(folder, noise, lowpass_px=0.0):
     """(experiment, its reference image, the gradient that the sums weigh by)"""
     experiment = load_experiment(write_folder(folder / str(noise), Twin(noise=noise), noisy(lowpass_px)))
-    reference = build_experiment_reference(experiment, experiment.camera)
+    reference = build_experiment_reference(experiment, experiment.model.camera)
     return experiment, reference, np.concatenate([reference.fx, reference.fy]).astype(float)
 
 

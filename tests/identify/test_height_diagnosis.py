@@ -16,10 +16,10 @@ from idic.images import ArrayStack
 def plate():
     """Images of the plate, seen by a model that is 3 % too stiff."""
     body = photographed(bent_plate())
-    body = replace(body, noise=replace(body.noise, std_gv=0.05))
-    wrong = {name: 1.03 * p.value for name, p in body.parameters.items() if name.endswith(".C10")}
+    body = replace(body, recording=replace(body.recording, noise=replace(body.recording.noise, std_gv=0.05)))
+    wrong = {name: 1.03 * p.value for name, p in body.model.parameters.items() if name.endswith(".C10")}
     assert wrong
-    found = identification_at(body, body.parameters.as_values() | wrong, np.zeros((body.n_frames, 0)), None)
+    found = identification_at(body, body.model.parameters.as_values() | wrong, np.zeros((body.model.n_frames, 0)), None)
     return found, residual_evidence(found)
 
 
@@ -27,8 +27,8 @@ def test_a_residual_is_left_by_the_image_made_for_it(plate):
     context = plate[1].context
     r = np.random.default_rng(4).standard_normal(context.reference.pixel_map.n_pixels)
     image, reference = context.reference.synthetic_image(r)
-    alone = replace(context.experiment, stack=ArrayStack(image[None]))
-    found = reference.compare_pixels(alone, 0, np.zeros((len(context.experiment.mesh.nodes), 3)), np.zeros(0))
+    alone = replace(context.experiment, recording=replace(context.experiment.recording, stack=ArrayStack(image[None])))
+    found = reference.compare_pixels(alone, 0, np.zeros((len(context.experiment.model.mesh.nodes), 3)), np.zeros(0))
     assert found.valid.mean() > 0.8
     assert found.r[found.valid] == pytest.approx(r[found.valid], abs=1e-4)
 

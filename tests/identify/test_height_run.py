@@ -95,7 +95,7 @@ def test_height_images_of_a_solid_are_identified_from_their_folder(tmp_path):
     assert {frame["status"] for frame in result["frames"]} == {"ok"}
     record = load_record(tmp_path / "run")
     rise = record.fields.extra["rise [µm]"][-1]
-    seen = load_experiment(folder).mesh.nodes[:, 2] > 0.499
+    seen = load_experiment(folder).model.mesh.nodes[:, 2] > 0.499
     l2 = bodies.stretches(TENSION[-1], **TRUTH)[1]
     assert rise[seen].mean() == pytest.approx(1e3 * SIZE[2] * (l2 - 1.0), rel=1e-3)
     assert record.sensitivities.phi_px.shape[2] == 3
@@ -119,7 +119,7 @@ def test_height_images_need_their_noise_and_cannot_measure_an_edge(tmp_path):
     for k in range(2):
         noisy = image + 0.05 * np.random.default_rng(k).standard_normal(image.shape)
         tifffile.imwrite(still / "still" / f"{k}.tif", noisy.astype(np.float32))
-    assert load_experiment(still).noise.std_gv == pytest.approx(0.05, rel=0.03)  # 20000 px; gaps left out
+    assert load_experiment(still).recording.noise.std_gv == pytest.approx(0.05, rel=0.03)  # 20000 px; gaps left out
     measured = write_folder(tmp_path / "edge", TOML.replace("ux = 0.0", 'ux = "measured"'))
     with pytest.raises(InputError, match="measured"):
         check_before_writing(load_experiment(measured))
@@ -133,11 +133,11 @@ def test_a_number_in_the_place_of_a_missing_height_is_refused(tmp_path, mark):
         tifffile.imwrite(path, np.where(np.isnan(image), mark, image).astype(np.float32))
     with pytest.raises(InputError, match="a number in the place of missing heights") as refused:
         load_experiment(folder)
-    assert f"pixels of {mark:g} um" in str(refused.value) and "map_00.tif" in str(refused.value)
+    assert f"pixels of {mark:g} µm" in str(refused.value) and "map_00.tif" in str(refused.value)
     for path in (folder / "images").iterdir():
         image = tifffile.imread(path)
         tifffile.imwrite(path, np.where(image == np.float32(mark), np.nan, image).astype(np.float32))
-    assert load_experiment(folder).quantity == "height"
+    assert load_experiment(folder).recording.quantity == "height"
 
 
 def test_a_simulated_folder_of_height_images_gives_its_parameters_back(tmp_path):

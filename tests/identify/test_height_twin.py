@@ -23,26 +23,28 @@ CAMERA = {"camera.rotation_deg": 0.3, "camera.pixel_size": 0.02, "camera.shift_c
 
 def with_camera(body):
     scales = {"camera.rotation_deg": 1.0, "camera.pixel_size": 0.02, "camera.shift_col": 1.0, "camera.tilt_x": 0.01}
-    return replace(body, parameters=extended(
-        body, [Parameter(name, value, free=True, scale=scales[name]) for name, value in CAMERA.items()]))
+    return replace(body, model=replace(body.model, parameters=extended(
+        body, [Parameter(name, value, free=True, scale=scales[name]) for name, value in CAMERA.items()])))
 
 
 # the view -------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("up", [1.0, -1.0])
 def test_a_height_is_positive_where_the_surface_rises_towards_the_camera(up):
     body = bent_plate(up)
-    view = view_of(body, body.camera)
+    view = view_of(body, body.model.camera)
     assert view.n_components == 3
-    u = np.zeros_like(body.mesh.nodes)
+    u = np.zeros_like(body.model.mesh.nodes)
     u[:, 2] = 0.005
-    assert np.allclose(view.motion(body.mesh.nodes, u), [0.0, 0.0, up * 5.0], atol=1e-12)  # 5 um
-    assert solve(build_forward(body), body.parameters).u[-1][:, 2].mean() * up > 0.02  # pressed towards the camera
+    assert np.allclose(view.motion(body.model.mesh.nodes, u), [0.0, 0.0, up * 5.0], atol=1e-12)  # 5 um
+    assert solve(build_forward(body), body.model.parameters).u[-1][:,
+                                                                   2].mean() * up > 0.02  # pressed towards the camera
 
 
 def test_a_surface_that_stands_upright_is_refused():
-    body = replace(bent_plate(), surface="END")
+    plate = bent_plate()
+    body = replace(plate, model=replace(plate.model, surface="END"))
     with pytest.raises(InputError, match="does not face the camera"):
-        view_of(body, body.camera)
+        view_of(body, body.model.camera)
 
 
 # sensitivities --------------------------------------------------------------------------------------------
@@ -51,13 +53,13 @@ def test_a_surface_that_stands_upright_is_refused():
 def test_the_right_hand_side_falls_by_the_gram_matrix_along_every_degree_of_freedom(make):
     """At the truth r = 0, so db/dlam = -M: material and camera, all through the height images."""
     body = photographed(with_camera(make()))
-    shared, _, rows, _ = _rows(body, body.parameters)
+    shared, _, rows, _ = _rows(body, body.model.parameters)
     gram, worst = sum(r.gram for r in rows), 0.0
     for i, name in enumerate(shared.names):
-        parameter = body.parameters[name]
+        parameter = body.model.parameters[name]
         step = 1e-3 * (parameter.value if name.startswith("BODY") else parameter.scale)
         ahead, behind = (sum(r.rhs for r in _rows(
-            body, body.parameters.with_values({name: parameter.value + s * step}))[2]) for s in (1, -1))
+            body, body.model.parameters.with_values({name: parameter.value + s * step}))[2]) for s in (1, -1))
         quotient = (behind - ahead) / (2 * step)
         scale = np.sqrt(np.diagonal(gram) * gram[i, i])
         worst = max(worst, np.abs((quotient - gram[:, i]) / scale).max())
@@ -74,10 +76,10 @@ def _rows(body, parameters):
 
 def test_the_true_motion_leaves_nothing_but_interpolation():
     body = photographed(bent_plate())
-    shared, found, _, _ = _rows(body, body.parameters)
+    shared, found, _, _ = _rows(body, body.model.parameters)
     view = view_of(body, shared.camera)
-    left = shared.reference.compare_pixels(body, 3, view.motion(body.mesh.nodes, found[-1].u), np.zeros(0))
-    rise = np.ptp(view.motion(body.mesh.nodes, found[-1].u)[:, 2])
+    left = shared.reference.compare_pixels(body, 3, view.motion(body.model.mesh.nodes, found[-1].u), np.zeros(0))
+    rise = np.ptp(view.motion(body.model.mesh.nodes, found[-1].u)[:, 2])
     assert rise > 10 * RMS and left.valid.mean() > 0.95
     # hex8 faces are flat facets here and in the images alike: what is left is the spline and float32 (340 um of rise),
     # and ten times as much where taps straddle the crease between two facets
@@ -88,12 +90,12 @@ def test_the_true_motion_leaves_nothing_but_interpolation():
 def test_the_noise_of_the_reference_is_shared_as_the_pixels_share_it():
     """S^T S with S = sum_t L_t, pixel by pixel, against the summed nodal columns on the undeformed blocks."""
     body = photographed(bent_plate())
-    shared, found, rows, _ = _rows(body, body.parameters)
-    view, nodes, S = view_of(body, shared.camera), body.mesh.nodes, 0.0
+    shared, found, rows, _ = _rows(body, body.model.parameters)
+    view, nodes, S = view_of(body, shared.camera), body.model.mesh.nodes, 0.0
     for response in found[1:]:
         motion = view.motion(nodes, response.u)
         phi = view.columns(nodes, response.u, response.du).reshape(len(nodes), 3, -1)
-        f, g = body.stack.frame(0), body.stack.frame(response.frame)
+        f, g = body.recording.stack.frame(0), body.recording.stack.frame(response.frame)
         f, g = (fill_gaps(image, np.isnan(image)) if np.isnan(image).any() else image for image in (f, g))
         S = S + height_normal_equations(shared.reference.pixel_map, f, g, motion, phi, 5).L
     exact = S.T @ S
@@ -107,7 +109,7 @@ def noisy(body, images, seed, gaps=0.0):
     rng = np.random.default_rng(seed)
     images = images + 0.01 * RMS * rng.standard_normal(images.shape)
     images[rng.random(images.shape) < gaps] = np.nan
-    return replace(body, stack=ArrayStack(images.astype(np.float32)))
+    return replace(body, recording=replace(body.recording, stack=ArrayStack(images.astype(np.float32))))
 
 
 @pytest.mark.parametrize("gaps", [0.0, 0.003], ids=["whole", "with gaps"])
@@ -158,17 +160,18 @@ def test_an_offset_of_the_instrument_is_taken_for_a_rise_unless_it_is_freed():
 
 def test_the_view_of_a_still_body_is_zero_in_every_component():
     body = pulled_block()
-    nodes = body.mesh.nodes
-    assert not view_of(body, body.camera).motion(nodes, np.zeros_like(nodes)).any()
+    nodes = body.model.mesh.nodes
+    assert not view_of(body, body.model.camera).motion(nodes, np.zeros_like(nodes)).any()
     assert bodies.stretches(0.0, **TRUTH) == pytest.approx((1.0, 1.0), abs=1e-12)
-    assert UM == body.height_unit
+    assert UM == body.recording.height_unit
 
 
 def test_frames_with_gaps_lose_pixels_but_no_motion():
     body = pulled_block()
     images = exact_images(body, Roughness())
     holed = noisy(body, images, 3, 0.003)
-    shared, found, _, _ = _rows(holed, holed.parameters)
-    share = shared.reference.compare(holed, 5, view_of(holed, shared.camera).motion(holed.mesh.nodes, found[-1].u))
+    shared, found, _, _ = _rows(holed, holed.model.parameters)
+    share = shared.reference.compare(holed, 5, view_of(holed, shared.camera).motion(holed.model.mesh.nodes,
+                                                                                    found[-1].u))
     assert 0.05 < share.n_lost / (share.n_lost + share.n_valid) < 0.2
     assert share.rr / share.n_valid == pytest.approx(1.76 * (0.01 * RMS) ** 2, rel=0.1)

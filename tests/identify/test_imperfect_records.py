@@ -212,10 +212,10 @@ def test_a_log_that_is_late_by_several_images_is_found_from_a_start_near_it(tmp_
     assert abs(found["value"] - late) < SURE * found["std"] < 0.08, found
     assert_true(result, BODY)
     experiment = load_experiment(path, {"dof": [{"name": "time.offset", "value": 0.0}]})
-    far = experiment.parameters.with_values({"time.offset": 1.7})
+    far = experiment.model.parameters.with_values({"time.offset": 1.7})
     note, = shift_notes(experiment, far, {"time.offset": {"value": 1.7, "std": 0.01, "free": True}})
     assert "1.7 of the time between two images" in note and "write value = 1.7 in its [[dof]]" in note
-    assert not shift_notes(load_experiment(path), load_experiment(path).parameters,
+    assert not shift_notes(load_experiment(path), load_experiment(path).model.parameters,
                            {"time.offset": {"value": 2.1, "std": 0.01, "free": True}})
 
 
@@ -231,7 +231,7 @@ def test_a_black_image_leaves_measured_edges_between_their_neighbours(clean, tmp
     drives = build_drives(prepared.experiment)
     right = [i for i, drive in enumerate(drives.local) if ".RIGHT.x" in drives.names[drive]]
     motion = found.local[:, right].mean(axis=1)
-    assert prepared.experiment.excluded == (3,)
+    assert prepared.experiment.recording.excluded == (3,)
     assert without_edges(prepared.experiment, np.array([False, True, False, True, False, False])) == [1]
     assert motion[3] == pytest.approx(0.5 * (motion[2] + motion[4]), rel=0.1)
     entries = frame_entries(prepared.experiment, {3: FrameFit(3, 0, float("nan"), float("nan"))}, ())
@@ -242,11 +242,11 @@ def test_a_late_log_of_a_steady_motion_changes_nothing_from_a_reference_on_the_w
     """What is logged later counts from a zero that is logged later."""
     toml = WHOLE + '[[dof]]\nname = "time.offset"\nvalue = 0.0\n'
     experiment = load_experiment(write_folder(tmp_path / "test", Twin(), toml, clean), {"experiment.reference": 2})
-    steady = 0.01 * (np.arange(experiment.n_frames) - 2.0)
+    steady = 0.01 * (np.arange(experiment.model.n_frames) - 2.0)
     drives = [replace(entry, drive=replace(entry.drive, values=steady, rates=np.full(len(steady), 0.01)))
-              if isinstance(entry.drive, Column) else entry for entry in experiment.prescribed]
-    forward = build_forward(replace(experiment, prescribed=tuple(drives)))
-    on_time, late = (solve(forward, experiment.parameters.with_values({"time.offset": offset}))
+              if isinstance(entry.drive, Column) else entry for entry in experiment.model.prescribed]
+    forward = build_forward(replace(experiment, model=replace(experiment.model, prescribed=tuple(drives))))
+    on_time, late = (solve(forward, experiment.model.parameters.with_values({"time.offset": offset}))
                      for offset in (0.0, 0.4))
     np.testing.assert_allclose(late.u, on_time.u, atol=1e-9)
     assert np.abs(on_time.u[-1]).max() > 0.01

@@ -42,15 +42,15 @@ def logged(experiment, times, noise_std=None):
     """The experiment with a force over other times: a ramp with noise of 1 N."""
     rng, times = np.random.default_rng(1), np.asarray(times, dtype=float)
     force = 1e3 * times / times[-1] + rng.standard_normal(len(times))
-    channels = tuple(replace(channel, values=force, noise_std=noise_std) for channel in experiment.channels)
-    return replace(experiment, times=times, channels=channels)
+    channels = tuple(replace(channel, values=force, noise_std=noise_std) for channel in experiment.model.channels)
+    return replace(experiment, model=replace(experiment.model, times=times, channels=channels))
 
 
 def driven(experiment, course):
     """The experiment with another motion of its grip."""
-    return replace(experiment, prescribed=tuple(
+    return replace(experiment, model=replace(experiment.model, prescribed=tuple(
         replace(one, drive=replace(one.drive, values=np.asarray(course))) if isinstance(one.drive, Column) else one
-        for one in experiment.prescribed))
+        for one in experiment.model.prescribed)))
 
 
 def test_the_noise_of_a_channel_is_that_of_its_own_experiment(experiment):
@@ -59,10 +59,10 @@ def test_the_noise_of_a_channel_is_that_of_its_own_experiment(experiment):
     parts = {"even": logged(experiment, np.arange(24.0)), "uneven": logged(experiment, uneven),
              "stated": logged(experiment, np.arange(9.0), noise_std=2.5)}
     whole = join(parts).whole
-    found = [weighted_std(whole, number) for number in range(3)]
-    assert found == [weighted_std(part, 0) for part in parts.values()]
+    found = [weighted_std(whole.model, number) for number in range(3)]
+    assert found == [weighted_std(part.model, 0) for part in parts.values()]
     assert found[2] == 2.5 and max(found[:2]) < 2.0
-    assert [channel.noise_std for channel in whole.channels] == [None, None, 2.5]  # no file states it: estimated
+    assert [channel.noise_std for channel in whole.model.channels] == [None, None, 2.5]  # no file states it: estimated
 
 
 def test_a_log_is_judged_by_the_grip_of_its_own_experiment(experiment):
@@ -70,12 +70,14 @@ def test_a_log_is_judged_by_the_grip_of_its_own_experiment(experiment):
     times = np.arange(24.0)
     slow, held = logged(experiment, times), logged(experiment, times[:20])
     stairs = np.repeat(np.arange(8.0), 3)
-    slow = driven(replace(slow, channels=tuple(replace(one, values=stairs) for one in slow.channels)), times)
-    held = driven(replace(held, channels=tuple(replace(one, values=stairs[:20]) for one in held.channels)),
+    slow = driven(replace(slow, model=replace(slow.model, channels=tuple(replace(one, values=stairs)
+                                                                         for one in slow.model.channels))), times)
+    held = driven(replace(held, model=replace(held.model, channels=tuple(replace(one, values=stairs[:20])
+                                                                         for one in held.model.channels))),
                   stairs[:20])
     for parts, of in (({"slow": slow, "held": held}, "slow"), ({"held": held, "slow": slow}, "slow")):
         whole = join(parts)
-        (note,) = joint_record_notes(whole, whole.whole.parameters)
+        (note,) = joint_record_notes(whole, whole.whole.model.parameters)
         assert note.startswith(f"{of}: force_N: in 16 of the 23 steps in which grip_mm changes")
 
 
@@ -92,19 +94,20 @@ def test_a_shorter_experiment_after_a_longer_one_is_identified_with_it(clean, tm
 def test_increments_are_halved_where_they_are_more_than_the_intervals_of_all_experiments(experiment):
     joint = join({"first": experiment, "second": experiment})
     state = replace(start(joint.whole), trust=TrustRegion(rejections=MAX_COARSE_REJECTIONS))
-    intervals = experiment.n_frames - 1
+    intervals = experiment.model.n_frames - 1
 
     def evaluated(*increments):
-        n, nothing = len(experiment.parameters.free), np.zeros((0, len(experiment.parameters.free)))
-        system = CorrelationSystem(experiment.parameters.free, np.eye(n), np.zeros(n), 1.0, 1.0, np.eye(n), nothing, (),
+        n, nothing = len(experiment.model.parameters.free), np.zeros((0, len(experiment.model.parameters.free)))
+        system = CorrelationSystem(experiment.model.parameters.free, np.eye(n), np.zeros(n), 1.0, 1.0, np.eye(n),
+                                   nothing, (),
                                    generalised=False)
         parts = {name: Evaluation(0, system, np.eye(n), increments=own)
                  for name, own in zip(joint.experiments, increments, strict=True)}
         return joint.combine(parts, dict.fromkeys(parts, 1.0))
 
     whole, cut = evaluated(intervals, intervals), evaluated(intervals, intervals + 1)
-    assert not meets_a_jump(state, joint.whole, whole, whole)
-    assert meets_a_jump(state, joint.whole, cut, whole) and meets_a_jump(state, joint.whole, whole, cut)
+    assert not meets_a_jump(state, joint.whole.model, whole, whole)
+    assert meets_a_jump(state, joint.whole.model, cut, whole) and meets_a_jump(state, joint.whole.model, whole, cut)
 
 
 def test_experiments_of_one_loop_have_the_same_increments_per_frame(experiment):
@@ -119,9 +122,9 @@ def test_a_constant_of_a_law_belongs_to_the_experiment_whose_parameter_it_follow
     """K = K0 ep0^-n with a strength of each specimen and one exponent."""
     own = load_experiment(write_folder(tmp_path / "own", Twin(), OWN_STRENGTH + GRIPS + FORCE, clean))
     joint = join({"short": own, "long": own})
-    free = joint.whole.parameters.free
+    free = joint.whole.model.parameters.free
     assert set(free) == {"short.BODY.K0", "long.BODY.K0", "BODY.n"}
-    parameters = joint.whole.parameters.with_values({"short.BODY.K0": 100.0, "long.BODY.K0": 110.0})
+    parameters = joint.whole.model.parameters.with_values({"short.BODY.K0": 100.0, "long.BODY.K0": 110.0})
     system = CorrelationSystem(free, np.diag([1e6 / parameters[name].slope() ** 2 for name in free]), np.zeros(3), 1.0,
                                1.0, np.zeros((3, 3)), np.zeros((0, 3)), (), generalised=False)
     analysis = Analysis(joint.whole, parameters, Evaluation(0, system, np.zeros((3, 3))), 1.0, joint_names=joint.names)

@@ -35,7 +35,7 @@ def walk(experiment, jump, left, right, lowest, generalised=False):
 
     jump, left, right, lowest : in standard deviations; lowest : minimum of the functional, beside the roots
     """
-    begin = experiment.parameters["BODY.E"]
+    begin = experiment.model.parameters["BODY.E"]
     state = start(experiment)
     if generalised:
         state = replace(state, estimator=EstimatorChoice(GENERALISED))

@@ -71,8 +71,8 @@ def test_generalised_least_squares_alone_end_at_the_same_place_from_a_near_start
     found = identify(experiment)
     assert found.state.generalised
     near = {name: 1.001 * found.parameters[name].value for name in found.parameters.free}
-    values = experiment.parameters.with_values(near)
-    other = identify(replace(experiment, parameters=values), estimator="generalised")
+    values = experiment.model.parameters.with_values(near)
+    other = identify(replace(experiment, model=replace(experiment.model, parameters=values)), estimator="generalised")
     assert other.state.status == "converged" and other.state.evaluations < found.state.evaluations
     for name in found.parameters.free:
         std = found.result["parameters"][name]["std"]

@@ -48,7 +48,7 @@ def test_parameters_from_fields_are_those_of_the_truth(measured_by_subsets):
 
 def test_parameters_from_fields_are_those_from_the_images(measured_by_subsets):
     _, of_fields, of_images = measured_by_subsets
-    assert of_fields.points is not None and of_images.points is None
+    assert of_fields.recording.points is not None and of_images.recording.points is None
     fields, images = (identify(one).result["parameters"] for one in (of_fields, of_images))
     for name, entry in fields.items():
         if entry["free"]:
@@ -119,7 +119,7 @@ def test_init_and_check_read_the_stages(initialised):
     assert shown.exit_code == 0, shown.output
     assert "points       300 over" in shown.output and "warning" not in shown.output
     there = load_experiment(initialised)
-    np.testing.assert_allclose(np.ptp(there.mesh.nodes, axis=0), [WIDTH, HEIGHT], atol=2e-3)
+    np.testing.assert_allclose(np.ptp(there.model.mesh.nodes, axis=0), [WIDTH, HEIGHT], atol=2e-3)
 
 
 def test_a_hole_that_the_points_show_is_round_between_the_corners_of_elements(tmp_path):
@@ -147,8 +147,8 @@ nodes = "BOTTOM"
 u = "measured"
 """)
     there = load_experiment(tmp_path)
-    mesh = there.mesh
-    assert there.extras["outline_share"] == pytest.approx(0.6 / 12.0, rel=0.1)  # a distance, of the width at the hole
+    mesh = there.model.mesh
+    assert there.model.outline_share == pytest.approx(0.6 / 12.0, rel=0.1)  # a distance, of the width at the hole
     assert "the narrowest width of 12" in " ".join(there.notes) or "the narrowest width of 11" in " ".join(there.notes)
     rim = mesh.nodes[mesh.node_sets["HOLE1"]]
     centre = np.linalg.lstsq(np.column_stack([2 * rim, np.ones(len(rim))]), (rim**2).sum(axis=1), rcond=None)[0][:2]
@@ -180,10 +180,11 @@ def test_init_tells_a_notched_shear_test_from_tension(tmp_path):
     (tmp_path / "experiment.toml").write_text(text.replace("# thickness_mm = 1.0 ", "thickness_mm = 2.0 "),
                                               encoding="utf-8")
     there = load_experiment(tmp_path, {"experiment.fields_noise_um": 1.0})
-    assert {"LEFT", "RIGHT", "TOP", "BOTTOM"} <= set(there.mesh.node_sets)
-    area = sum(abs(np.linalg.det(there.mesh.nodes[block.connectivity[:, [1, 3 if block.cell.startswith("quad") else 2]]]
-                                 - there.mesh.nodes[block.connectivity[:, :1]])).sum()
-               / (1 if block.cell.startswith("quad") else 2) for block in there.mesh.blocks)
+    assert {"LEFT", "RIGHT", "TOP", "BOTTOM"} <= set(there.model.mesh.node_sets)
+    area = sum(abs(np.linalg.det(there.model.mesh.nodes[block.connectivity[:, [1, 3 if block.cell.startswith("quad")
+                                                                               else 2]]]
+                                 - there.model.mesh.nodes[block.connectivity[:, :1]])).sum()
+               / (1 if block.cell.startswith("quad") else 2) for block in there.model.mesh.blocks)
     assert area == pytest.approx(40.0 * 20.0 - 2 * 16.0, abs=0.3 * 120.0)  # two notches; edges within half a distance
 
 
@@ -212,7 +213,7 @@ def test_a_round_hole_around_points_is_round_between_its_corners_too(initialised
     text = (folder / "experiment.toml").read_text()
     (folder / "experiment.toml").write_text(text.replace("around_points_mm",
                                                          "holes_mm = [[6.0, 18.0, 3.0]], around_points_mm"))
-    mesh = load_experiment(folder).mesh
+    mesh = load_experiment(folder).model.mesh
     (hole,) = find_holes(mesh)
     np.testing.assert_allclose(np.hypot(*(mesh.nodes[hole.rim] - [6.0, 18.0]).T), 3.0, rtol=1e-9)
     assert len(hole.rim) == 12  # six of them between corners
@@ -226,15 +227,17 @@ def test_of_a_long_series_init_keeps_stages_by_strain_and_the_log_follows(tmp_pa
     assert "one each time that the mean strain has changed by" in text
     file.write_text(text.replace("# thickness_mm = 1.0 ", "thickness_mm = 2.0 "), encoding="utf-8")
     there = load_experiment(tmp_path)
-    assert 50 < there.n_frames < 150 and there.labels[0] == "stage_000.csv" and there.labels[-1] == "stage_209.csv"
-    kept = [int(label[6:9]) for label in there.labels]
-    np.testing.assert_allclose(there.times, kept)
-    np.testing.assert_allclose(there.channels[0].values, E_TRUE * 2e-5 * np.array(kept) * WIDTH * THICKNESS, atol=15.0)
+    assert 50 < there.model.n_frames < 150 and there.recording.labels[0] == "stage_000.csv"
+    assert there.recording.labels[-1] == "stage_209.csv"
+    kept = [int(label[6:9]) for label in there.recording.labels]
+    np.testing.assert_allclose(there.model.times, kept)
+    np.testing.assert_allclose(there.model.channels[0].values, E_TRUE * 2e-5 * np.array(kept) * WIDTH * THICKNESS,
+                               atol=15.0)
     rows = "\n".join(f"{k},{0.5 * k}" for k in range(210))
     (tmp_path / "log.csv").write_text(f"frame,force_N\n{rows}\n")
     # one row per recorded stage
     own = load_experiment(tmp_path, {"experiment.loads": "log.csv", "channel.0.column": "force_N"})
-    np.testing.assert_allclose(own.channels[0].values, 0.5 * np.array(kept))
+    np.testing.assert_allclose(own.model.channels[0].values, 0.5 * np.array(kept))
 
 
 def test_a_run_from_files_ends_with_parameters_and_a_report(initialised, tmp_path):
@@ -310,8 +313,8 @@ def test_a_free_rigid_motion_next_to_a_measured_side_is_refused(between_grips):
 
 def test_design_of_a_recorded_field_predicts_its_error_bars(initialised):
     plan = load_plan(initialised)
-    assert plan.experiment.points is not None and plan.pattern == "measured fields"
-    assert plan.experiment.channels[0].values.max() == pytest.approx(E_TRUE * 2e-3 * WIDTH * THICKNESS, rel=1e-3)
+    assert plan.experiment.recording.points is not None and plan.pattern == "measured fields"
+    assert plan.experiment.model.channels[0].values.max() == pytest.approx(E_TRUE * 2e-3 * WIDTH * THICKNESS, rel=1e-3)
 
 
 BRICK = """
@@ -525,7 +528,7 @@ column = "force"
 simulated = {{ reaction = "TOP", component = "y", factor = 0.93969 }}
 """)
     there = load_experiment(tmp_path)
-    place = there.camera.project(nodes)
+    place = there.model.camera.project(nodes)
     grid = (flat - [0.6, HEIGHT - 0.6]) / 1.2 * [1.0, -1.0]  # of the points; the first one is 0.6 mm from the left edge
     np.testing.assert_allclose(place, grid, atol=0.3)  # distances of neighbours
     assert "turned by 180°" in next(note for note in there.notes if "outline" in note)

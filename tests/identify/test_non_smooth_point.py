@@ -40,7 +40,7 @@ def experiment(clean, tmp_path_factory):
 def walk(experiment, gradient, functional, state=None, has_ended=lambda state: not state.running):
     """The loop from x = 0 to its end; x in standard deviations, half the gradient and the functional of it  # state,
     x"""
-    begin = [experiment.parameters[name] for name in NAMES]
+    begin = [experiment.model.parameters[name] for name in NAMES]
 
     def place(values):
         now = [replace(p, value=values[name]) for p, name in zip(begin, NAMES, strict=True)]
@@ -105,8 +105,10 @@ def test_rough_steps_end_only_a_search_that_goes_on_with_other_increments(experi
     slope = (lambda x, _: np.array([-0.3, 0.0])), lambda x: 1000.0 + np.abs(x).sum()
     state, _ = walk(experiment, *slope)
     assert state.status == "stalled" and state.trust.rejections > 2
-    rough = replace(experiment, materials=tuple(replace(one, law="j2_linear") for one in experiment.materials),
-                    prescribed=tuple(replace(one, drive=Measured()) for one in experiment.prescribed))
+    rough = replace(experiment, model=replace(experiment.model, materials=tuple(replace(one, law="j2_linear")
+                                                                                for one in experiment.model.materials),
+                                              prescribed=tuple(replace(one, drive=Measured())
+                                                               for one in experiment.model.prescribed)))
     state, _ = walk(rough, *slope, has_ended=lambda state: state.trial.new_increments or not state.running)
     assert state.running and state.trust.rejections == 2
     end, _ = walk(rough, *slope)

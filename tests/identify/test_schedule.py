@@ -55,7 +55,7 @@ def test_a_stage_sees_blurred_images_or_the_first_frames(folder):
     experiment = load_experiment(folder)
     assert seen_in(experiment, Stage("all")) is experiment
     assert seen_in(experiment, Stage("all", lowpass_px=3.0)).options.lowpass_px == 3.0
-    assert seen_in(experiment, Stage("all", until_s=2.5)).excluded == (3, 4, 5)
+    assert seen_in(experiment, Stage("all", until_s=2.5)).recording.excluded == (3, 4, 5)
     staged = replace(experiment, stages=(Stage("all", lowpass_px=3.0),))
     assert [stage.lowpass_px for stage in resolve_stages(staged)] == [3.0, None]  # the answer is that of all images
 

@@ -37,17 +37,19 @@ def folder(tmp_path_factory):
 def measured(folder):
     """An experiment, and the motion in px that its own model has at the true parameters."""
     experiment = load_experiment(folder)
-    parameters = experiment.parameters.with_values(TRUTH)
+    parameters = experiment.model.parameters.with_values(TRUTH)
     found = solve(build_forward(experiment), parameters)
-    channels = tuple(replace(channel, values=found.channels[:, c]) for c, channel in enumerate(experiment.channels))
-    nodes, camera = experiment.mesh.nodes, experiment.camera
+    channels = tuple(replace(channel, values=found.channels[:, c]) for c,
+                     channel in enumerate(experiment.model.channels))
+    nodes, camera = experiment.model.mesh.nodes, experiment.model.camera
     u_px = np.array([camera.project(nodes + u) - camera.project(nodes) for u in found.u])
-    return replace(experiment, channels=channels, stack=None), u_px
+    return replace(experiment, recording=replace(experiment.recording, stack=None),
+                   model=replace(experiment.model, channels=channels)), u_px
 
 
 def with_trials(experiment, name, trials):
-    changed = (replace(p, start_values=trials) if p.name == name else p for p in experiment.parameters.values())
-    return replace(experiment, parameters=ParameterSet(changed))
+    changed = (replace(p, start_values=trials) if p.name == name else p for p in experiment.model.parameters.values())
+    return replace(experiment, model=replace(experiment.model, parameters=ParameterSet(changed)))
 
 
 def test_a_coarse_fit_finds_the_parameters_of_a_motion_from_any_distance(measured):
@@ -64,7 +66,8 @@ def test_a_coarse_fit_moves_measured_edges_as_they_were_measured(measured, tmp_p
     edges = "".join(f'\n[[boundary]]\nnodes = "{name}"\nu = "measured"\n' for name in ("LEFT", "RIGHT"))
     given, u_px = measured
     experiment = load_experiment(write_folder(tmp_path / "test", Twin(), ELASTIC + edges + FORCE))
-    experiment = replace(experiment, channels=given.channels, stack=None)
+    experiment = replace(experiment, recording=replace(experiment.recording, stack=None),
+                         model=replace(experiment.model, channels=given.model.channels))
     fit = coarse_fit(experiment, u_px, {"BODY.E": 10e3, "BODY.nu": 0.05}, 15)
     assert fit.misfit < 1e-2
     for name, value in TRUTH.items():
@@ -81,8 +84,8 @@ def test_a_test_of_few_frames_can_be_searched(measured):
 def test_bounds_that_admit_no_value_of_the_law_leave_the_start(measured):
     experiment = with_trials(measured[0], "BODY.nu", (0.45, 0.49))
     narrow = {name: replace(p, bounds=(0.1, 0.4)) if name == "BODY.nu" else p for name, p in
-              experiment.parameters.items()}
-    experiment = replace(experiment, parameters=ParameterSet(narrow.values()))
+              experiment.model.parameters.items()}
+    experiment = replace(experiment, model=replace(experiment.model, parameters=ParameterSet(narrow.values())))
     assert [trial.label for trial in trial_points(experiment)] == ["start, continued"]
 
 
@@ -92,7 +95,8 @@ def test_nodes_that_were_not_measured_and_excluded_frames_do_not_count(measured)
     spoilt[3] += 50.0
     holes = spoilt.copy()
     holes[:, ::2] = np.nan
-    fit = coarse_fit(replace(experiment, excluded=(3,)), holes, {"BODY.E": 4e3}, 15)
+    fit = coarse_fit(replace(experiment, recording=replace(experiment.recording, excluded=(3,))), holes,
+                     {"BODY.E": 4e3}, 15)
     assert fit.misfit < 1e-2 and fit.points < np.isfinite(u_px).sum()
 
 
@@ -105,12 +109,13 @@ def test_the_channels_alone_can_be_fitted(measured):
 def test_fewer_frames_are_simulated_of_a_long_test(measured, monkeypatch):
     experiment, _ = measured
     monkeypatch.setattr("idic.identification.coarse.MAX_FRAMES", 2)
-    frames = coarse_frames(experiment)
-    assert frames[0] == experiment.reference and frames[-1] == experiment.n_frames - 1 and len(frames) == 3
+    frames = coarse_frames(experiment.model)
+    assert frames[0] == experiment.model.reference and frames[-1] == experiment.model.n_frames - 1 and len(frames) == 3
     thinned = selected_frames(experiment, frames)
-    assert np.array_equal(thinned.times, experiment.times[frames])
-    np.testing.assert_allclose(solve(build_forward(thinned), thinned.parameters).u,
-                               solve(build_forward(experiment), experiment.parameters).u[frames], atol=1e-9)  # elastic
+    assert np.array_equal(thinned.model.times, experiment.model.times[frames])
+    np.testing.assert_allclose(solve(build_forward(thinned), thinned.model.parameters).u,
+                               solve(build_forward(experiment), experiment.model.parameters).u[frames],
+                               atol=1e-9)  # elastic
 
 
 def breaking(monkeypatch, frames):
@@ -129,7 +134,7 @@ def breaking(monkeypatch, frames):
 def test_a_simulation_that_breaks_down_is_compared_as_far_as_it_came(measured, monkeypatch):
     """Above 3000 MPa the last frame is not reached, above 6000 no more than what says where to go."""
     experiment, u_px = measured
-    last = experiment.n_frames - 1
+    last = experiment.model.n_frames - 1
     assert last >= MIN_FRAMES
     breaking(monkeypatch, lambda E: last + 1 if E < 3e3 else last if E < 6e3 else MIN_FRAMES)
     first = coarse_fit(experiment, u_px, {"BODY.E": 8e3}, 1)
@@ -141,11 +146,11 @@ def test_a_simulation_that_breaks_down_is_compared_as_far_as_it_came(measured, m
 def test_frames_that_were_not_reached_count_with_the_motion_that_is_missing(measured, monkeypatch):
     experiment, u_px = measured
     whole = coarse_fit(experiment, u_px, TRUTH, 1)
-    last = experiment.n_frames - 1
+    last = experiment.model.n_frames - 1
     breaking(monkeypatch, lambda E: last)
     fit = coarse_fit(experiment, u_px, TRUTH, 1)
     missing = 4.0 * np.nansum((u_px[last] - u_px[last - 1]) ** 2)  # weighed by half a pixel
-    channel = experiment.channels[0].values
+    channel = experiment.model.channels[0].values
     missing += (channel[last] - channel[last - 1]) ** 2 / (0.01 * np.abs(channel).max()) ** 2
     assert fit.phi - whole.phi == pytest.approx(missing, rel=1e-6)
 
@@ -169,7 +174,7 @@ def test_a_start_that_is_near_is_left_alone(measured):
     experiment = with_trials(measured[0], "BODY.E", (1000.0, 2500.0))
     misfits = {"start": 0.9 * MAX_PROMISING_COARSE_MISFIT, "start, given model": 0.9 * MAX_NEAR_MISFIT}
     found = search(experiment, fits(misfits))
-    assert found.values == experiment.parameters.as_values() and not found.moved
+    assert found.values == experiment.model.parameters.as_values() and not found.moved
     assert [label for label, _ in found.tried] == ["start", "start, given model"]
 
 
@@ -186,7 +191,7 @@ def test_a_start_that_only_the_simplified_model_calls_near_is_not_left_alone(mea
 
 def test_the_best_trials_are_continued_and_the_best_of_them_is_the_start(measured):
     experiment = with_trials(measured[0], "BODY.E", (1000.0, 1800.0, 2500.0))
-    begin = experiment.parameters["BODY.E"].value
+    begin = experiment.model.parameters["BODY.E"].value
     misfits = {"start": 50.0, "start, continued": 40.0, "BODY.E = 1000": 9.0, "BODY.E = 1800": 20.0,
                "BODY.E = 2500": 10.0, "BODY.E = 1000, continued": 5.0, "BODY.E = 2500, continued": 2.0}
     found = search(experiment, fits(misfits))
@@ -205,8 +210,9 @@ def test_no_trial_is_continued_if_one_is_near(measured):
 def test_where_every_simulation_breaks_down_stabilised_starts_are_tried(measured):
     """Half the value where a law has a stabilising factor, and half of that; the values of a trial itself stay."""
     experiment = with_trials(measured[0], "BODY.E", (1.0, 2.0))
-    changed = (replace(p, stabilising_factor=0.5) if p.name == "BODY.nu" else p for p in experiment.parameters.values())
-    experiment = replace(experiment, parameters=ParameterSet(changed))
+    changed = (replace(p, stabilising_factor=0.5) if p.name == "BODY.nu" else p
+               for p in experiment.model.parameters.values())
+    experiment = replace(experiment, model=replace(experiment.model, parameters=ParameterSet(changed)))
     asked = []
 
     def fit_all(trials):
@@ -216,7 +222,7 @@ def test_where_every_simulation_breaks_down_stabilised_starts_are_tried(measured
                 for t, whole in zip(trials, holds, strict=True)]
 
     found = search(experiment, fit_all)
-    nu = experiment.parameters["BODY.nu"].value
+    nu = experiment.model.parameters["BODY.nu"].value
     assert stabilised_start(experiment, 1) == {"BODY.nu": 0.5 * nu}
     wanted = [{"BODY.nu": part * nu, "BODY.E": E} for part in (0.5, 0.25) for E in (1.0, 2.0)]
     assert 0.1 < 0.5 * nu < 0.2 and [dict(t.values) for t in asked if "stabilised" in t.label] == wanted
@@ -230,7 +236,7 @@ def test_with_a_schedule_the_search_covers_only_the_parameters_of_its_first_stag
     assert first_free(staged) == ("BODY.nu",) and not wants_search(staged)
     staged = replace(staged, stages=(Stage(("BODY.E",)), Stage("all")))
     assert wants_search(staged)
-    nu = experiment.parameters["BODY.nu"].value
+    nu = experiment.model.parameters["BODY.nu"].value
     fit = coarse_fit(staged, u_px, {"BODY.E": 4e3}, 10)
     assert fit.values["BODY.nu"] == nu and fit.values["BODY.E"] != 4e3
 
@@ -251,7 +257,8 @@ def test_a_search_is_made_only_where_a_free_parameter_asks_for_it(measured):
     experiment = with_trials(measured[0], "BODY.E", (1000.0, 2500.0))
     assert wants_search(experiment) and not wants_search(measured[0])
     assert not wants_search(replace(experiment, options=replace(experiment.options, search="never")))
-    locked = replace(experiment, parameters=experiment.parameters.with_free(["BODY.nu"]))
+    locked = replace(experiment, model=replace(experiment.model,
+                                               parameters=experiment.model.parameters.with_free(["BODY.nu"])))
     assert not wants_search(locked)
 
 
@@ -268,7 +275,7 @@ def test_in_a_run_the_search_is_kept_and_repeated_to_the_last_bit(folder, tmp_pa
     path, run = folder, tmp_path / "run"
     experiment = load_experiment(path)
     store = RunStore(run)
-    with store.claim(experiment.identity):
+    with store.claim(experiment.recording.identity):
         ingest(store, experiment, SerialRunner())
         prepare(str(run), str(path), {}, SerialRunner())
         session = open_session(run, SerialRunner(), "direct")

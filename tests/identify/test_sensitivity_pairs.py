@@ -127,7 +127,7 @@ def size_of_image_step(parameter):
 @pytest.mark.parametrize("name", BODIES)
 def test_the_simulation_changes_as_its_direct_derivative_says(name):
     body = BODIES[name]()
-    parameters = body.parameters
+    parameters = body.model.parameters
     moving = [n for n in parameters.free if not n.startswith(("camera.", "channel."))]
     found, steps = responses(body, parameters, moving)
     for i, dof in enumerate(moving):
@@ -149,7 +149,7 @@ def test_a_traction_grows_with_the_thickness_and_a_force_does_not():
     for load, same in ((force_on_the_right("traction", 0.5, "y"), True), (force_on_the_right("force", 1.0), False)):
         body = experiment("neo_hookean", {"C10": 3.0, "kappa": 30.0}, kinematics="finite", prescribed=LOADED,
                           loads=[load], extra=(("geometry.thickness", 1.5, 0.1),))
-        thin, thick = (responses(body, body.parameters.with_values({"geometry.thickness": t}))[0][-1].u
+        thin, thick = (responses(body, body.model.parameters.with_values({"geometry.thickness": t}))[0][-1].u
                        for t in (1.5, 3.0))
         assert np.allclose(thin, thick, rtol=1e-6, atol=1e-9) == same  # solver's tolerance
 
@@ -159,8 +159,9 @@ def test_every_law_and_every_kind_of_degree_of_freedom_is_among_the_pairs():
     from idic.laws import all_laws
 
     bodies = [make() for make in BODIES.values()]
-    assert {law.name if hasattr(law, "name") else law for law in all_laws()} <= {b.materials[0].law for b in bodies}
-    names = {name for body in bodies for name in body.parameters.free}
+    assert {law.name if hasattr(law, "name") else law for law in all_laws()} <= {b.model.materials[0].law
+                                                                                 for b in bodies}
+    names = {name for body in bodies for name in body.model.parameters.free}
     kinds = {"boundary.RIGHT.x.offset", "boundary.RIGHT.y.s2t1", "geometry.thickness", "time.offset",
              *(f"camera.{p}" for p in CAMERA_PARAMETERS), *(n for n, *_ in CHANNEL_DOFS), *HOLE}
     assert kinds <= names
@@ -170,7 +171,7 @@ def test_every_law_and_every_kind_of_degree_of_freedom_is_among_the_pairs():
                                   for name in BODIES])
 def test_the_residuals_change_as_the_columns_of_the_correlation_system_say(name):
     body = photographed(BODIES[name]())
-    parameters = body.parameters
+    parameters = body.model.parameters
     shared, rows, found, steps = all_rows(body, parameters)
     last = found[-1]
     column_fields = global_columns(shared, last)  # (2 n_nodes, n)
@@ -200,7 +201,7 @@ def test_the_residuals_change_as_the_columns_of_the_correlation_system_say(name)
 def test_the_right_hand_side_falls_as_the_matrix_says_when_a_parameter_leaves_the_truth(name):
     """db_i / dlam_j = -M_ij where the residual vanishes: the columns against what the images really do."""
     body = with_steady_pixels(photographed(BODIES[name]()))
-    parameters = body.parameters
+    parameters = body.model.parameters
     _, rows, _, steps = all_rows(body, parameters)
     size = np.array([abs(parameters[dof].value) or parameters[dof].scale for dof in parameters.free])
     gram = sum(row.gram for _, row in rows) * size[:, None] * size  # per relative change
@@ -219,23 +220,23 @@ def test_the_right_hand_side_falls_as_the_matrix_says_when_a_parameter_leaves_th
 
 def with_steady_pixels(body):
     """Masked so that camera and geometry move the edge of the mesh over no pixel that counts."""
-    there = body.at_geometry(body.parameters)
-    pm = build_experiment_reference(there, camera_at(there, body.parameters)).pixel_map
+    there = body.at_geometry(body.model.parameters)
+    pm = build_experiment_reference(there, camera_at(there, body.model.parameters)).pixel_map
     seen = np.isfinite(pm.to_image(np.zeros(pm.n_pixels)))
-    return replace(body, mask=binary_erosion(seen, iterations=3))
+    return replace(body, recording=replace(body.recording, mask=binary_erosion(seen, iterations=3)))
 
 
 def _convected_slope(shared, response):
     """F^-T grad f per pixel of the map  # (n_pixels, 2)"""
     pm, body = shared.reference.pixel_map, shared.experiment
-    u_px = view_of(body, shared.camera).at(response.frame).motion(body.mesh.nodes, response.u)
+    u_px = view_of(body, shared.camera).at(response.frame).motion(body.model.mesh.nodes, response.u)
     deformation = np.repeat(pm.deformation_gradient(u_px), pm.pixels_per_element, axis=0)
-    slopes = spline_slopes(body.stack.frame(0), pm.points(), 5)
+    slopes = spline_slopes(body.recording.stack.frame(0), pm.points(), 5)
     return np.linalg.solve(np.swapaxes(deformation, 1, 2), slopes[:, :, None])[:, :, 0]
 
 
 def _residual_image(shared, response):
     body = shared.experiment
     found = residual_map(shared.reference, frame_spline(body, response.frame),
-                         view_of(body, shared.camera).at(response.frame).motion(body.mesh.nodes, response.u))
+                         view_of(body, shared.camera).at(response.frame).motion(body.model.mesh.nodes, response.u))
     return shared.reference.pixel_map.to_image(np.where(found.valid, found.r.astype(float), np.nan))

@@ -80,11 +80,12 @@ def write_specimen(folder: Path, angle: float, stated: str | None = None, stiffe
 def test_directions_that_differ_belong_to_their_specimen(tmp_path):
     folders = {f"s{angle}": write_specimen(tmp_path / f"s{angle}", angle, n=4) for angle in (0, 90)}
     joint = join({name: load_experiment(folder) for name, folder in folders.items()})
-    assert set(joint.whole.parameters) == {"PLY.E1", "PLY.E2", "PLY.nu12", "PLY.G12", "s0.PLY.angle", "s90.PLY.angle"}
+    assert set(joint.whole.model.parameters) == {"PLY.E1", "PLY.E2", "PLY.nu12", "PLY.G12", "s0.PLY.angle",
+                                                 "s90.PLY.angle"}
     same = {name: load_experiment(folders["s0"]) for name in ("a", "b")}
-    assert "PLY.angle" in join(same).whole.parameters
+    assert "PLY.angle" in join(same).whole.model.parameters
     own = {name: load_experiment(folders["s0"], {"material.PLY.E1.shared": False}) for name in ("a", "b")}
-    assert {"a.PLY.E1", "b.PLY.E1", "PLY.E2"} <= set(join(own).whole.parameters)
+    assert {"a.PLY.E1", "b.PLY.E1", "PLY.E2"} <= set(join(own).whole.model.parameters)
 
 
 @pytest.mark.slow  # 10 s of CPU time; two specimens below and above
@@ -180,16 +181,16 @@ def recordings(clean, tmp_path_factory):
 def with_priors(experiment, nu_std=None, joint=()):
     """The experiment with a prior of nu around 0.3, and with priors of several parameters together."""
     parameters = (replace(p, prior_mean=0.3, prior_std=nu_std) if p.name == "BODY.nu" and nu_std else p
-                  for p in experiment.parameters.values())
-    return replace(experiment, parameters=ParameterSet(parameters, joint))
+                  for p in experiment.model.parameters.values())
+    return replace(experiment, model=replace(experiment.model, parameters=ParameterSet(parameters, joint)))
 
 
 def of_specimens(experiments):
     """What every specimen says of the shared parameters, at the true values."""
     joint = join(experiments)
-    values = joint.whole.parameters.as_values() | {"BODY.E": TRUTH["E"], "BODY.nu": TRUTH["nu"]}
+    values = joint.whole.model.parameters.as_values() | {"BODY.E": TRUTH["E"], "BODY.nu": TRUTH["nu"]}
     state = replace(start(joint.whole), accepted=AcceptedPoint(values))
-    found = {name: evaluate_at(e, joint.values_of(name, values), np.zeros((e.n_frames, 0)))
+    found = {name: evaluate_at(e, joint.values_of(name, values), np.zeros((e.model.n_frames, 0)))
              for name, e in experiments.items()}
     return specimens_content(joint, state, {name: point for name, (point, _) in found.items()},
                              {name: weights.image_noise for name, (_, weights) in found.items()},

@@ -163,8 +163,8 @@ def test_measured_edges_are_carried_over_as_their_elements_interpolate_them(clea
     stretch = np.array([[1e-3, 2e-3], [-3e-3, 4e-3]])
     local = lambda drives, mesh: np.array([[(mesh.nodes @ stretch).ravel()[_dof(drives, i)]  # noqa: E731
                                             for i in range(drives.n_local)]])
-    found = finer.carried_local(local(old, experiment.mesh))
-    assert np.allclose(found, local(new, finer.experiment.mesh), atol=1e-15)
+    found = finer.carried_local(local(old, experiment.model.mesh))
+    assert np.allclose(found, local(new, finer.experiment.model.mesh), atol=1e-15)
 
 
 def _dof(drives, column):
@@ -202,7 +202,7 @@ def test_treatments_are_every_pair_but_the_one_of_the_run(clean, tmp_path):
     pairs = {(own.boundary, own.camera) for own in found}
     assert len(pairs) == len(found) == 8 and (AS_GIVEN, AS_GIVEN) not in pairs
     for own in found:
-        assert load_experiment(path, own.overrides).parameters.free[:2] == ("BODY.E", "BODY.nu")
+        assert load_experiment(path, own.overrides).model.parameters.free[:2] == ("BODY.E", "BODY.nu")
 
 
 def test_a_grip_that_leaves_the_other_component_free_may_turn_but_not_run_askew(clean, tmp_path):
@@ -231,7 +231,7 @@ def test_without_times_the_lens_is_asked_and_the_magnification_follows_a_column(
                      "the camera may be tilted": ["camera.tilt_x", "camera.tilt_y"]}
     assert len(found) == 3 * 4 - 1
     for own in found:
-        assert set(added[own.camera]) <= set(load_experiment(path, own.overrides).parameters.free)
+        assert set(added[own.camera]) <= set(load_experiment(path, own.overrides).model.parameters.free)
 
 
 def test_a_parameter_that_changes_by_more_than_30_per_cent_is_not_identifiable():

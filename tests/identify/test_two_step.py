@@ -37,7 +37,7 @@ def plate(tmp_path_factory, clean):
 
 
 def at_truth(experiment):
-    return experiment.parameters.with_values({f"BODY.{name}": value for name, value in Twin().truth.items()})
+    return experiment.model.parameters.with_values({f"BODY.{name}": value for name, value in Twin().truth.items()})
 
 
 # theory -------------------------------------------------------------------------------------------------
@@ -45,10 +45,11 @@ def at_truth(experiment):
 def test_exact_displacements_give_the_exact_law(plate, method):
     experiment = with_options(plate, method=method, tolerance=1e-6)
     simulated = solve(build_forward(experiment), at_truth(experiment))
-    camera, nodes = experiment.camera, experiment.mesh.nodes
+    camera, nodes = experiment.model.camera, experiment.model.mesh.nodes
     motion = np.array([camera.project(nodes + u) - camera.project(nodes) for u in simulated.u])
-    force = replace(experiment.channels[0], values=simulated.channels[:, 0])
-    found = in_memory.identify(replace(experiment, channels=(force,)), motion={"camera": motion})
+    force = replace(experiment.model.channels[0], values=simulated.channels[:, 0])
+    found = in_memory.identify(replace(experiment, model=replace(experiment.model, channels=(force,))),
+                               motion={"camera": motion})
     assert found.state.status == "converged"
     for name, value in Twin().truth.items():  # steps below a millionth of a standard deviation (0.2 %) end it
         assert found.parameters[f"BODY.{name}"].value == pytest.approx(value, rel=1e-6)
@@ -56,7 +57,7 @@ def test_exact_displacements_give_the_exact_law(plate, method):
 
 def test_the_weighted_share_is_the_quadratic_form_of_the_hessian_without_brightness(plate):
     experiment = with_options(plate, method="two_step")
-    image = build_experiment_reference(experiment, experiment.camera)
+    image = build_experiment_reference(experiment, experiment.model.camera)
     motion = measure(experiment)
     reference = measured_reference(experiment, image, motion)
     u = 0.9 * reference.filled(3)
@@ -76,13 +77,13 @@ def test_the_weighted_share_is_the_quadratic_form_of_the_hessian_without_brightn
 
 def test_weighted_by_the_matrix_noise_enters_as_it_enters_images(plate):
     """c = A^-1 H phi = phi: the covariance is that of the integrated method."""
-    image = build_experiment_reference(plate, plate.camera)
-    still = image.compare(plate, 0, np.zeros((plate.mesh.n_nodes, 2)))
-    n = 2 * plate.mesh.n_nodes
+    image = build_experiment_reference(plate, plate.model.camera)
+    still = image.compare(plate, 0, np.zeros((plate.model.mesh.n_nodes, 2)))
+    n = 2 * plate.model.mesh.n_nodes
     motion = np.where(still.H.diagonal().reshape(-1, 2).min(axis=1)[:, None] > 0, np.zeros(2), np.nan)
     reference = MeasuredReference(image, np.stack([motion] * 2), None, 0.0 * still.H.tocsc())
-    share = reference.compare(plate, 1, np.zeros((plate.mesh.n_nodes, 2)))
-    x, y = plate.mesh.nodes.T
+    share = reference.compare(plate, 1, np.zeros((plate.model.mesh.n_nodes, 2)))
+    x, y = plate.model.mesh.nodes.T
     fields = np.column_stack([np.stack([x, y], axis=1).ravel(), np.stack([y * x, -y], axis=1).ravel()])
     fields = np.where(np.repeat(np.isfinite(motion).all(axis=1), 2)[:, None], fields, 0.0)
     c, bright, gram = share.noise(fields)

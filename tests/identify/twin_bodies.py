@@ -13,8 +13,8 @@ from idic.experiment_file.tables.geometry import holes_of
 from idic.fe import boundary_faces, make_mesh
 from idic.images import ArrayStack, COLUMN, Camera, CameraMotion, MAGNIFICATION, ROW, TURN, dense_speckle
 from idic.model import (
-    CORRECTION_TERMS, Channel, Column, Constant, Correction, Experiment, Heterogeneity, Load, Material, Noise, Options,
-    Parametrised, Prescribed, boundary_parameters, build_forward, solve,
+    CORRECTION_TERMS, Channel, Column, Constant, Correction, Experiment, Heterogeneity, Load, Material, Model, Noise,
+    Options, Parametrised, Prescribed, Recording, boundary_parameters, build_forward, solve,
 )
 from idic.parameters import Parameter, ParameterSet
 from idic.virtual_tests import Sensor, painted, strip_with_hole
@@ -95,17 +95,16 @@ def experiment(law="elastic", values=None, extra=(), prescribed=None, loads=(), 
     force = 10.0 * np.array([0.0, 0.45, 0.8, 1.1, 0.95])
     channel = Channel("force", force, 0.1, "RIGHT", "x", 2.0, np.gradient(force, TIMES))
     free_edge = all(entry.nodes != "RIGHT" for entry in prescribed)
-    return Experiment(
-        title="plate", folder="", kind="plane_stress", mesh=plate(), thickness=1.5,
-        materials=(Material("BODY", law, kinematics),), parameters=ParameterSet(made), prescribed=tuple(prescribed),
-        loads=tuple(loads), channels=() if free_edge else (channel,), camera=CAMERA, stack=None,
-        labels=tuple(map(str, range(len(TIMES)))), times=TIMES, noise=Noise(1.0),
-        options=Options(**({"brightness": "none", "lowpass_px": 0.0} | options)))
+    model = Model("plane_stress", plate(), 1.5, (Material("BODY", law, kinematics),), ParameterSet(made),
+                  tuple(prescribed), tuple(loads), () if free_edge else (channel,), CAMERA, TIMES)
+    recording = Recording(None, tuple(map(str, range(len(TIMES)))), noise=Noise(1.0))
+    return Experiment("plate", "", recording, model,
+                      options=Options(**({"brightness": "none", "lowpass_px": 0.0} | options)))
 
 
 def extended(body, parameters):
     """The parameters of a body and these."""
-    return ParameterSet([*body.parameters.values(), *parameters])
+    return ParameterSet([*body.model.parameters.values(), *parameters])
 
 
 def uneven(body):
@@ -115,7 +114,7 @@ def uneven(body):
     free = [Parameter(f"BODY.{name}.{last}", value, free=True, scale=scale)
             for name, values in (("inclusion", spot), ("gradient", slopes)) for last, (value, scale) in values.items()]
     records = (Heterogeneity("BODY", "inclusion", "inclusion"), Heterogeneity("BODY", "gradient", "gradient"))
-    return replace(body, heterogeneities=records, parameters=extended(body, free))
+    return replace(body, model=replace(body.model, heterogeneities=records, parameters=extended(body, free)))
 
 
 def on_the_move(body):
@@ -127,7 +126,8 @@ def on_the_move(body):
                           np.array([course + none for _, course, *_ in values.values()]),
                           np.array([value for *_, value, _ in values.values()]))
     free = [Parameter(f"camera.{name}", value, free=True, scale=scale) for name, (*_, value, scale) in values.items()]
-    return replace(body, camera=replace(body.camera, motion=motion), parameters=extended(body, free))
+    return replace(body, model=replace(body.model, camera=replace(body.model.camera, motion=motion),
+                                       parameters=extended(body, free)))
 
 
 HOLE = {"geometry.hole_x": 0.1, "geometry.hole_y": -0.05, "geometry.hole_radius": 1.05}  # mm; the mesh has 0, 0, 1
@@ -139,7 +139,8 @@ def with_hole(cell="quad8", cells=(2, 3, 1), **options):
     holes = holes_of(mesh, tuple(HOLE), "mm", None)
     body = experiment(prescribed=pulled(0.3, offset=False), **options)
     free = [replace(p, value=HOLE[p.name], free=True) for p in holes.parameters]
-    return replace(body, mesh=holes.mesh, morphs=holes.morphs, parameters=extended(body, free))
+    return replace(body, model=replace(body.model, mesh=holes.mesh, morphs=holes.morphs,
+                                       parameters=extended(body, free)))
 
 
 def force_on_the_right(kind, top, component="x"):
@@ -149,13 +150,13 @@ def force_on_the_right(kind, top, component="x"):
 def photographed(body):
     """The same with noise-free images of its own motion: at its own parameters the residual is interpolation error."""
     forward = build_forward(body)
-    camera = camera_at(body, body.parameters)
+    camera = camera_at(body, body.model.parameters)
     texture = painted(dense_speckle(np.random.default_rng(3), 2.0, extent_px=400.0), CAMERA)
-    u, mesh = solve(forward, body.parameters).u, body.at_geometry(body.parameters).mesh
+    u, mesh = solve(forward, body.model.parameters).u, body.at_geometry(body.model.parameters).model.mesh
     sensor, rng = Sensor(SHAPE, bits=0, background=128.0), np.random.default_rng(0)
     images = [next(render([moved], mesh.nodes, mesh.blocks, camera.at(k), texture, sensor, rng))
               for k, moved in enumerate(u)]
-    return replace(body, stack=ArrayStack(np.array(images)))
+    return replace(body, recording=replace(body.recording, stack=ArrayStack(np.array(images))))
 
 
 def responses(body, parameters, names=(), steps=None):
@@ -173,7 +174,7 @@ def context(body, parameters):
     names = parameters.free
     body = body.at_geometry(parameters)
     camera = camera_at(body, parameters)
-    noise = np.array([channel.noise_std for channel in body.channels])
+    noise = np.array([channel.noise_std for channel in body.model.channels])
     return CorrelationContext(body, parameters, names, tuple(n for n in names if forward.moves(n)), camera,
                               build_experiment_reference(body, camera), Weights(0.5, 1.0, noise**-2, noise),
                               forward.drives.local_precision)

@@ -1,13 +1,15 @@
 """The error of the spline, told from one image: nothing for a smooth pattern or for noise, and that of a fine one."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from idic.identification.step.estimator import estimator_notes
-from idic.images import evaluate, prefilter, spline_error
+from idic.images import ArrayStack, evaluate, prefilter, spline_error
 from idic.images.quality.round_trip import lost_noise_share
+from idic.model import Noise, Options, Recording
 
 
 def waves(length_px, shape=(96, 120)):
@@ -61,14 +63,14 @@ def test_generalised_least_squares_that_would_take_the_spline_for_noise_are_spok
     """Where they were asked for; `auto` looks at this itself."""
     pattern = waves(4.5)(0.0, 0.0)
     noise = 0.5 * spline_error(pattern, 5, 0.0)  # a fine pattern under next to no noise
+    recording = Recording(ArrayStack(pattern[None]), ("0",), noise=Noise(noise))
     experiment = SimpleNamespace(
-        stack=SimpleNamespace(frame=lambda k: pattern), quantity="grey", reference=0,
-        noise=SimpleNamespace(std_gv=noise),
-        options=SimpleNamespace(estimator=estimator, interpolation="quintic", lowpass_px=0.0))
+        recording=recording, model=SimpleNamespace(reference=0),
+        options=Options(estimator=estimator, interpolation="quintic", lowpass_px=0.0))
     notes = estimator_notes(experiment, reached)
     assert bool(notes) is told
     if told:
         share = float(notes[0].partition("interpolating spline, ")[2].split()[0])
         assert share == pytest.approx(2.0, rel=0.2) and "too small" in notes[0]
-    quiet = SimpleNamespace(**{**vars(experiment), "noise": SimpleNamespace(std_gv=100.0 * noise)})
+    quiet = SimpleNamespace(**{**vars(experiment), "recording": replace(recording, noise=Noise(100.0 * noise))})
     assert estimator_notes(quiet, reached) == []

@@ -20,10 +20,12 @@ def made(**changes):
 
 def without_words(record):
     """What decides the numbers: title, folder and identity name the place only."""
-    return (record.kind, record.thickness, record.materials, record.parameters.as_values(), record.parameters.free,
-            record.camera.values(), record.reference, record.excluded, record.options, record.noise, record.notes,
-            [(c.column, c.values.tolist(), c.noise_std, c.unit, c.nodes) for c in record.channels],
-            [(p.nodes, p.component, str(p.drive)) for p in record.prescribed])
+    return (record.model.kind, record.model.thickness, record.model.materials, record.model.parameters.as_values(),
+            record.model.parameters.free,
+            record.model.camera.values(), record.model.reference, record.recording.excluded, record.options,
+            record.recording.noise, record.notes,
+            [(c.column, c.values.tolist(), c.noise_std, c.unit, c.nodes) for c in record.model.channels],
+            [(p.nodes, p.component, str(p.drive)) for p in record.model.prescribed])
 
 
 def test_a_saved_experiment_is_read_as_the_same(tmp_path):
@@ -31,12 +33,13 @@ def test_a_saved_experiment_is_read_as_the_same(tmp_path):
     experiment.save(tmp_path / "saved")
     again = load_experiment(tmp_path / "saved")
     assert without_words(again) == without_words(experiment.record)
-    np.testing.assert_allclose(again.mesh.nodes, experiment.record.mesh.nodes, rtol=1e-8)  # 9 digits in the file
-    assert {name: ids.tolist() for name, ids in again.mesh.node_sets.items() if name != "ALL"} == \
-        {name: ids.tolist() for name, ids in experiment.record.mesh.node_sets.items()}
-    assert (again.mask == experiment.record.mask).all() and not again.mask.all()
+    np.testing.assert_allclose(again.model.mesh.nodes, experiment.record.model.mesh.nodes,
+                               rtol=1e-8)  # 9 digits in the file
+    assert {name: ids.tolist() for name, ids in again.model.mesh.node_sets.items() if name != "ALL"} == \
+        {name: ids.tolist() for name, ids in experiment.record.model.mesh.node_sets.items()}
+    assert (again.recording.mask == experiment.record.recording.mask).all() and not again.recording.mask.all()
     for k in range(4):
-        assert (again.stack.frame(k) == experiment.record.stack.frame(k)).all()
+        assert (again.recording.stack.frame(k) == experiment.record.recording.stack.frame(k)).all()
     assert idic.Experiment.read(tmp_path / "saved").tables == again_tables(tmp_path / "saved")
 
 
@@ -65,9 +68,9 @@ def test_paths_and_tables_of_other_packages_say_the_same_as_arrays(tmp_path):
                    units={"force": "kN"},
                    channels=[{"column": "force", "simulated": {"reaction": "RIGHT", "component": "x"},
                               "noise_std": 5e-3}])
-    np.testing.assert_allclose(renamed.record.channels[0].values, data.loads["force_N"], rtol=1e-12)
-    elements = made(mesh=tmp_path / "mesh.vtu").record.mesh
-    assert elements.n_elements == made().record.mesh.n_elements
+    np.testing.assert_allclose(renamed.record.model.channels[0].values, data.loads["force_N"], rtol=1e-12)
+    elements = made(mesh=tmp_path / "mesh.vtu").record.model.mesh
+    assert elements.n_elements == made().record.model.mesh.n_elements
 
 
 def test_image_files_are_saved_as_they_are_in_the_order_in_which_they_were_given(tmp_path):
@@ -79,8 +82,9 @@ def test_image_files_are_saved_as_they_are_in_the_order_in_which_they_were_given
                                                 (("b.tif", "a.tif", "a.tif", "b.tif"), data[[0, 1, 1, 0]]))):
         experiment = made(images=[tmp_path / name for name in names], exclude_frames=[2])
         saved = load_experiment(experiment.save(tmp_path / f"saved {number}"))
-        assert saved.excluded == (2,)
-        assert all((saved.stack.frame(k) == image).all() for k, image in enumerate(expected)) and saved.n_frames == 4
+        assert saved.recording.excluded == (2,)
+        assert all((saved.recording.stack.frame(k) == image).all() for k,
+                   image in enumerate(expected)) and saved.model.n_frames == 4
     assert (tmp_path / "saved 0" / "images" / "frame_000.tif").read_bytes() == (tmp_path / "b.tif").read_bytes()
 
 
@@ -121,15 +125,15 @@ def test_what_is_wrong_is_told_with_key_expected_found_and_remedy(changes, words
 
 def test_images_with_pixels_without_a_value_are_refused_where_they_are_read():
     images = arrays.recorded().images.astype(np.float64)
-    assert made(images=images).record.stack.frame(1).dtype == np.float32
+    assert made(images=images).record.recording.stack.frame(1).dtype == np.float32
     images[2, 10, 10] = np.nan
     with pytest.raises(InputError, match="pixels without a value"):
-        made(images=images).record.stack.frame(2)
+        made(images=images).record.recording.stack.frame(2)
     hidden = np.ma.masked_array(arrays.recorded().images)
     hidden[2, 10, 10] = np.ma.masked  # the value below a mask is no grey value
-    assert made(images=hidden).record.stack.frame(1).dtype == arrays.recorded().images.dtype
+    assert made(images=hidden).record.recording.stack.frame(1).dtype == arrays.recorded().images.dtype
     with pytest.raises(InputError, match="masked pixels.*\n.*\n.*1 pixels"):
-        made(images=hidden).record.stack.frame(2)
+        made(images=hidden).record.recording.stack.frame(2)
 
 
 def test_laws_of_files_and_gauges_are_those_of_the_file(tmp_path):
@@ -172,7 +176,7 @@ def test_a_changed_experiment_takes_the_place_of_the_saved_one_until_the_run_beg
         path, overrides = experiment.as_files(folder)
         assert path == folder and overrides == {}
         assert without_words(load_experiment(path)) == without_words(experiment.record), number
-        assert (load_experiment(path).stack.frame(1) == experiment.record.stack.frame(1)).all()
+        assert (load_experiment(path).recording.stack.frame(1) == experiment.record.recording.stack.frame(1)).all()
         written = (folder / "experiment.toml").stat().st_mtime_ns
         experiment.as_files(folder)
         assert (folder / "experiment.toml").stat().st_mtime_ns == written

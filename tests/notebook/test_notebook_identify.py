@@ -196,8 +196,8 @@ def test_a_simulation_that_fails_is_told_and_has_no_fields(experiment):
 def test_a_law_with_start_values_is_searched_first_and_the_result_names_the_start_that_was_given(experiment):
     """As laws of polymers have them; here E was given them, and a start of 40 times its value."""
     far = experiment.changed({"sheet.E": 2.8e6})
-    far.record = replace(far.record, parameters=ParameterSet(
-        replace(p, start_values=(1e4, 6e4, 3e5)) if p.name == "sheet.E" else p for p in far.parameters.values()))
+    far.record = replace(far.record, model=replace(far.record.model, parameters=ParameterSet(
+        replace(p, start_values=(1e4, 6e4, 3e5)) if p.name == "sheet.E" else p for p in far.parameters.values())))
     said = []
     result = idic.identify(far, say=said.append)
     assert said[0].startswith("search 1: start") and any(line.startswith("evaluation   0") for line in said)

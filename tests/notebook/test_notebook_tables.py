@@ -70,7 +70,7 @@ def test_measured_fields_are_told_by_their_stages_and_points_and_have_a_dataset(
     assert f"{N_STAGES} stages of {N_POINTS} points, " in experiment._repr_html_()
     found = idic.identify(experiment)
     data = found.to_xarray()
-    rows, columns = found.fields.experiment.image_shape
+    rows, columns = found.fields.experiment.recording.image_shape
     assert data.residual.shape == (N_STAGES, rows, columns) and data.residual.units == "µm"
     assert np.isfinite(data.residual.values[1:]).sum() == N_POINTS * (N_STAGES - 1)
     assert "displacement" in data.residual.long_name
@@ -87,7 +87,7 @@ def test_strain_of_any_measure_simulated_and_measured(result):
                        atol=2.0 * np.abs(simulated["hencky"]).max() ** 2)
     assert np.allclose(result.strain(3, angle_deg=90.0)[:, 0, 0], simulated["green_lagrange"][:, 1, 1])
     measured = result.strain(-1, "hencky", source="measured")
-    length = result.fields.experiment.mesh.nodes[:, 0]
+    length = result.fields.experiment.model.mesh.nodes[:, 0]
     inner = np.abs(length) < 4.0
     assert np.nanmean(measured[inner, 0, 0]) == pytest.approx(np.nanmean(simulated["hencky"][inner, 0, 0]), rel=0.15)
     with pytest.raises(InputError, match="no such strain"):
@@ -147,7 +147,7 @@ def test_the_residual_is_drawn_in_units_of_the_noise(result):
     for frame in (0, 4):
         with pytest.raises(InputError, match="no such frame"):
             result.plot.residual(frame=frame)
-    assert checked_frame(result.fields.experiment, -3, later=True) == 1
+    assert checked_frame(result.fields.experiment.model, -3, later=True) == 1
 
 
 def test_channels_are_drawn_as_measured_and_simulated(result):

@@ -100,7 +100,7 @@ def test_a_solid_seen_from_the_front_is_identified_with_tetrahedra():
     front = faces_where(mesh, lambda x, y, z: z > SIZE[2] - 1e-9)
     mesh = make_mesh(mesh.nodes, [("tet10", mesh.blocks[0].connectivity)], node_sets=sets,
                      element_sets={"BODY": np.arange(mesh.n_elements)}, edge_sets={"FRONT": front})
-    start = body.parameters.with_values({"BODY.nu": 0.2})
-    found = identify(replace(body, mesh=mesh, cameras=(), parameters=start)).result
+    start = body.model.parameters.with_values({"BODY.nu": 0.2})
+    found = identify(replace(body, model=replace(body.model, mesh=mesh, parameters=start), cameras=())).result
     assert found["status"] == "converged"
     assert found["parameters"]["BODY.nu"]["value"] == pytest.approx(0.3, abs=0.01)

@@ -70,7 +70,7 @@ def test_a_test_recorded_as_a_video_gives_the_parameters_of_its_images(tmp_path)
     shutil.rmtree(tmp_path / "video" / "images")
     text = path.read_text().replace('images = "images/*.tif"', 'images = "test.avi"')
     (tmp_path / "video" / "experiment.toml").write_text(text)
-    assert load_experiment(tmp_path / "video").times[-1] == 5.0  # from the log, row by row
+    assert load_experiment(tmp_path / "video").model.times[-1] == 5.0  # from the log, row by row
     found = [identify(load_experiment(tmp_path / name)).result["parameters"] for name in ("images", "video")]
     assert found[0] == found[1]
 

@@ -54,12 +54,12 @@ def test_the_curve_ends_at_the_strain_of_the_specimen(record):
 
 def test_the_noise_floor_of_the_free_dic_is_its_theory(run, record):
     experiment = open_run(str(run)).experiment
-    reference = build_experiment_reference(experiment, experiment.camera)
+    reference = build_experiment_reference(experiment, experiment.model.camera)
     seen = seen_by(experiment, reference)
-    u = np.zeros((experiment.mesh.n_nodes, 2))
-    frame = dic_frame(reference, frame_spline(experiment, experiment.reference), u, seen.smoother)
-    theory = np.sqrt(np.nanmean(node_std(reference, frame, experiment.noise.std_gv) ** 2))
-    n = 2 * experiment.mesh.n_nodes
+    u = np.zeros((experiment.model.mesh.n_nodes, 2))
+    frame = dic_frame(reference, frame_spline(experiment, experiment.model.reference), u, seen.smoother)
+    theory = np.sqrt(np.nanmean(node_std(reference, frame, experiment.recording.noise.std_gv) ** 2))
+    n = 2 * experiment.model.mesh.n_nodes
     # one draw of n values, of which smoothing leaves perhaps a third independent: 1/sqrt(2 n/3) = 10 %, thrice that
     assert record.practice.floor.free_px == pytest.approx(theory, rel=3.0 / np.sqrt(2.0 * n / 3.0))
     assert 0.0 < record.practice.floor.free_strain < 0.05
@@ -119,7 +119,7 @@ def test_a_report_leaves_its_frames_as_files(gallery, tmp_path):
 def test_words_on_the_laboratory_change_no_result(tmp_path):
     plain, worded, misspelt = (write_folder(tmp_path / name, Twin(seed=1), ELASTIC + GRIPS + FORCE + text).parent
                                for name, text in (("a", ""), ("b", SETUP), ("c", '\n[setup]\ncamra = "x"\n')))
-    assert load_experiment(plain).identity == load_experiment(worded).identity
+    assert load_experiment(plain).recording.identity == load_experiment(worded).recording.identity
     with pytest.raises(InputError, match="camra"):
         load_experiment(misspelt)
 
@@ -180,8 +180,8 @@ def test_a_free_spectrum_is_drawn_with_its_band_and_the_form_that_it_came_from()
     result = {"parameters": {name: {"std": std} for name, std in zip(free, stds, strict=True)},
               "correlation": {"names": free, "matrix": np.eye(6).tolist()}}
     bar = SimpleNamespace(law="free_relaxation(5)", element_set="BAR")
-    experiment = SimpleNamespace(materials=[bar], times=times, reference=0, extras={})
-    curve, = relaxation_curves(experiment, parameters, result)
+    model = SimpleNamespace(materials=[bar], times=times, reference=0, free_curves=())
+    curve, = relaxation_curves(model, parameters, result)
     loss = relaxing(curve.time, taus)
     np.testing.assert_allclose([curve.time[0], curve.time[-1]], [2.0, 60.0])
     np.testing.assert_allclose(curve.modulus, 400.0 * (1.0 - 0.4 * (1.0 - np.exp(-curve.time / 5.0))), rtol=1e-12)

@@ -30,9 +30,9 @@ class Stored:
 @pytest.mark.parametrize("unit", ["mm", "px"])
 def test_the_displacement_of_a_paraview_file_has_the_unit_of_the_mesh_in_its_name(unit):
     mesh = SimpleNamespace(nodes=np.zeros((4, 2)))
-    experiment = SimpleNamespace(length_unit=unit, reference=0, times=np.arange(2.0), mesh=mesh)
+    model = SimpleNamespace(length_unit=unit, reference=0, times=np.arange(2.0), mesh=mesh)
     record = SimpleNamespace(sensitivities=None, series=None)
-    assert [list(fields) for _, fields in _frames(experiment, Stored(), record)] == [[f"displacement_{unit}"]] * 2
+    assert [list(fields) for _, fields in _frames(model, Stored(), record)] == [[f"displacement_{unit}"]] * 2
 
 
 @pytest.mark.parametrize("cell, name", [("quad4", "quad"), ("quad8", "quad8")])

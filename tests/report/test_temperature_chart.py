@@ -26,8 +26,8 @@ def test_the_temperature_is_drawn_where_there_is_one():
 def test_an_identified_course_of_the_temperature_is_drawn_with_its_knots(tmp_path):
     warm = 'nu = 0.3\nalpha = 1e-5\n[[boundary]]\ntemperature = { course = "free", knots = 2 }\n'
     experiment = load_experiment(write_experiment(tmp_path / "test", TOML.replace("nu = 0.3\n", warm)))
-    accepted = experiment.parameters.with_values({"temperature_knot[2]": 6.0, "temperature_knot[3]": -3.0})
-    assert _temperature(experiment, accepted) == pytest.approx(np.outer([0.0, 3.0, 6.0, -3.0], np.ones(3)))
+    accepted = experiment.model.parameters.with_values({"temperature_knot[2]": 6.0, "temperature_knot[3]": -3.0})
+    assert _temperature(experiment.model, accepted) == pytest.approx(np.outer([0.0, 3.0, 6.0, -3.0], np.ones(3)))
     record = replace(make_record(), temperature=np.zeros((make_record().n_frames, 3)))
     assert "identified" in charts.temperature(record).caption
 

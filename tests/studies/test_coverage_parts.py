@@ -65,16 +65,17 @@ def test_a_draw_is_the_same_whenever_it_is_read_and_differs_in_all_that_is_recor
     one, again = (case_experiment(store, rendering, case) for _ in range(2))
     other = case_experiment(store, rendering, replace(case, seed=case.seed + 1))
     still = case_experiment(store, rendering, replace(case, noise=0.0, disturbance=Disturbance()))
-    assert np.array_equal(one.stack.frame(3), again.stack.frame(3))
-    assert np.array_equal(one.channels[0].values, again.channels[0].values)
-    assert not np.array_equal(one.stack.frame(3), other.stack.frame(3))
-    noise = one.channels[0].values - still.channels[0].values
-    assert 0.2 < np.std(noise) / one.channels[0].noise_std < 2.5  # ten values: far outside once in 10 000
-    logged = [next(e.drive for e in x.prescribed if e.nodes == "RIGHT" and e.component == "x") for x in (one, still)]
+    assert np.array_equal(one.recording.stack.frame(3), again.recording.stack.frame(3))
+    assert np.array_equal(one.model.channels[0].values, again.model.channels[0].values)
+    assert not np.array_equal(one.recording.stack.frame(3), other.recording.stack.frame(3))
+    noise = one.model.channels[0].values - still.model.channels[0].values
+    assert 0.2 < np.std(noise) / one.model.channels[0].noise_std < 2.5  # ten values: far outside once in 10 000
+    logged = [next(e.drive for e in x.model.prescribed if e.nodes == "RIGHT" and e.component == "x")
+              for x in (one, still)]
     assert np.abs(logged[0].values - logged[1].values).max() > 0.0 == logged[0].values[0]
-    bright = np.mean(one.stack.frame(3)) / np.mean(still.stack.frame(3))
-    assert bright != pytest.approx(1.0, abs=1e-4) and one.stack.frame(0).mean() == pytest.approx(
-        still.stack.frame(0).mean(), abs=0.1)  # the reference keeps its light
+    bright = np.mean(one.recording.stack.frame(3)) / np.mean(still.recording.stack.frame(3))
+    assert bright != pytest.approx(1.0, abs=1e-4) and one.recording.stack.frame(0).mean() == pytest.approx(
+        still.recording.stack.frame(0).mean(), abs=0.1)  # the reference keeps its light
 
 
 def test_a_case_identifies_by_the_estimator_that_it_asks_for(folder):

@@ -48,23 +48,24 @@ def test_a_sensor_of_more_bits_rounds_in_smaller_steps_of_the_same_scale(bits):
 
 def test_where_eight_are_identified_the_other_two_are_known(rendered):
     experiment = rendered(case("guess8/120").overrides)
-    assert set(NAMES) - set(experiment.parameters.free) == {"strip.mu", "strip.eta0"}
-    assert experiment.parameters["strip.mu"].value == 0.08 and experiment.parameters["strip.r2"].value == -3.6
+    assert set(NAMES) - set(experiment.model.parameters.free) == {"strip.mu", "strip.eta0"}
+    assert experiment.model.parameters["strip.mu"].value == 0.08
+    assert experiment.model.parameters["strip.r2"].value == -3.6
 
 
 def test_the_schedule_frees_rejuvenation_first_and_everything_then(rendered):
     experiment = rendered(case("rejuvenation/130-staged").overrides)
     first, second = resolve_stages(experiment)
     assert first.free == REJUVENATION and second.free == NAMES
-    assert experiment.parameters["strip.r0"].value == pytest.approx(1.3 * 0.965)
-    assert experiment.parameters["strip.Gr"].value == pytest.approx(1.01 * 26.0)
+    assert experiment.model.parameters["strip.r0"].value == pytest.approx(1.3 * 0.965)
+    assert experiment.model.parameters["strip.Gr"].value == pytest.approx(1.01 * 26.0)
 
 
 def test_random_starts_are_all_different_and_within_their_range(rendered):
     factors = random_factors()
     assert factors.shape == (10, 10) and factors.min() >= 0.5 and factors.max() <= 1.5
     assert len(np.unique(factors)) == 100
-    start = rendered(scaled(factors[3])).parameters
+    start = rendered(scaled(factors[3])).model.parameters
     # start values are written with six digits
     assert [start[n].value for n in NAMES] == pytest.approx(
         factors[3] * [26, 27, 0.965, 50, -3, 0.7, 0.08, 3750, 634, 1.47e11], rel=1e-5

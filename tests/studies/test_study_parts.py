@@ -30,10 +30,10 @@ def test_a_window_is_the_test_with_its_later_frames_left_out(rendered):
 
     whole = rendered(elastic_strip(1.1))
     window = leading_frames(whole, 4)
-    assert window.n_frames == len(window.labels) == window.stack.n_frames == 4
-    excluded = replace(whole, excluded=tuple(range(4, whole.n_frames)))
+    assert window.model.n_frames == len(window.recording.labels) == window.recording.stack.n_frames == 4
+    excluded = replace(whole, recording=replace(whole.recording, excluded=tuple(range(4, whole.model.n_frames))))
     first, second = identify(window), identify(excluded)
-    for name in whole.parameters.free:  # the same sums in the same order: what comes later has no influence
+    for name in whole.model.parameters.free:  # the same sums in the same order: what comes later has no influence
         assert first.parameters[name].value == second.parameters[name].value
         assert first.result["parameters"][name]["std"] == second.result["parameters"][name]["std"]
 
@@ -64,14 +64,14 @@ def test_only_the_first_frames_of_a_stack_are_there():
 def test_both_forms_of_the_law_start_with_the_same_strip(rendered):
     overrides, truth = reference_form(1.3)
     by_k, by_k0 = rendered(scaled(1.3)), rendered(overrides)
-    last = [list(build_forward(e).march(e.parameters))[-1].u for e in (by_k, by_k0)]
+    last = [list(build_forward(e).march(e.model.parameters))[-1].u for e in (by_k, by_k0)]
     np.testing.assert_allclose(last[0], last[1], atol=1e-9)  # mm; start values are written with six digits
     assert truth["strip.K0"] == pytest.approx(338.0 * 2e-3**0.83)
 
 
 def test_a_strip_that_never_yields_has_two_unknowns(rendered):
     experiment = rendered(elastic_strip())
-    assert experiment.parameters.free == ("elastomer.C10", "strip.E")
+    assert experiment.model.parameters.free == ("elastomer.C10", "strip.E")
 
 
 def test_cases_are_chosen_by_group_or_name():

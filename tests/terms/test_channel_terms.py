@@ -19,23 +19,23 @@ DIFFERENCE = 1e-6  # relative; terms are at most quadratic, so that central diff
 def plate():
     """A plate whose channel has courses of friction and drift that the data give."""
     body = experiment()
-    n = body.n_frames
+    n = body.model.n_frames
     hat = np.linspace(0.0, 1.0, n)
     stems = [term.course.stem for term in CHANNEL_TERMS if term.course]
-    channel = replace(body.channels[0], hats={knot_name(stem, n - 1): hat for stem in stems})
-    return replace(body, channels=(channel,))
+    channel = replace(body.model.channels[0], hats={knot_name(stem, n - 1): hat for stem in stems})
+    return replace(body, model=replace(body.model, channels=(channel,)))
 
 
 def with_terms(body, shares, terms):
     """The parameters of terms, away from their nulls by shares of their scales."""
     unknowns = [parameter for term in terms
-                for parameter in term.parameters(body.channels[0], body.times, body.prescribed)]
+                for parameter in term.parameters(body.model.channels[0], body.model.times, body.model.prescribed)]
     values = [replace(p, value=p.value + share * p.scale) for p, share in zip(unknowns, shares, strict=False)]
     return ParameterSet(values)
 
 
 def shown(body, parameters, force=FORCE):
-    return shown_value(body, body.channels[0], parameters, FRAME, force)
+    return shown_value(body, body.model.channels[0], parameters, FRAME, force)
 
 
 @pytest.mark.parametrize("term", CHANNEL_TERMS, ids=lambda term: term.name)
@@ -68,19 +68,20 @@ def test_a_term_is_a_candidate_with_words_and_probes(term):
     candidate = candidates[term.name]
     assert candidate.side == "force" and candidate.title == term.title and candidate.separating_tests
     assert set(term.rivals) <= set(candidates)
-    unknowns = {parameter.name for parameter in term.parameters(body.channels[0], body.times, body.prescribed)}
-    for probe in term.probes(body, body.channels[0]):
-        assert body.channels[0].dof(probe.name) in unknowns and probe.value != probe.null
+    unknowns = {parameter.name for parameter in term.parameters(body.model.channels[0], body.model.times,
+                                                                body.model.prescribed)}
+    for probe in term.probes(body, body.model.channels[0]):
+        assert body.model.channels[0].dof(probe.name) in unknowns and probe.value != probe.null
     assert all(channel_term(name) is term for name in term.names)
 
 
 @pytest.mark.parametrize("term", [term for term in CHANNEL_TERMS if term.course], ids=lambda term: term.name)
 def test_a_course_is_given_for_every_degree_of_freedom_of_its_term(term):
     body = plate()
-    knot = knot_name(term.course.stem, body.n_frames - 1)
+    knot = knot_name(term.course.stem, body.model.n_frames - 1)
     for name in (*term.names, knot):
-        assert term.course.amplitude(body, body.channels[0], name).shape == (body.n_frames,)
-    assert term.course.amplitude(body, body.channels[0], knot_name(term.course.stem, 1)) is None
+        assert term.course.amplitude(body, body.model.channels[0], name).shape == (body.model.n_frames,)
+    assert term.course.amplitude(body, body.model.channels[0], knot_name(term.course.stem, 1)) is None
 
 
 def test_scale_and_offset_are_probed_on_applied_loads_too():

@@ -28,13 +28,13 @@ def known(folder, null, motion=None, **changes):
     values = {f"BODY.{name}": value for name, value in NULLS[null].truth.items()}
 
     def at(experiment):
-        return identification_at(experiment, experiment.parameters.as_values() | values,
-                                 np.zeros((experiment.n_frames, 1)), None)
+        return identification_at(experiment, experiment.model.parameters.as_values() | values,
+                                 np.zeros((experiment.model.n_frames, 1)), None)
 
     def recorded(seen):
         return at(load_experiment(folder, stack=write_public(folder, scene, seen, Paint(1, 2, noise_gv=0.5))))
 
-    mesh = refined(recorded(at_rest(scene)).experiment).experiment.mesh
+    mesh = refined(recorded(at_rest(scene)).experiment).experiment.model.mesh
     return recorded(Motion(mesh, *motion(recorded(at_rest(scene))))) if motion else recorded(at_rest(scene))
 
 
@@ -46,7 +46,7 @@ def at_rest(scene):
 def bricks(experiment, parameters):
     """Motion of the sheet's nodes, and readings  # (T, n_nodes, 2), (T, n_channels)"""
     found = solve(build_forward(thick(experiment)), parameters)
-    return found.u[:, :experiment.mesh.n_nodes, :2], found.channels
+    return found.u[:, :experiment.model.mesh.n_nodes, :2], found.channels
 
 
 def test_the_error_of_bricks_is_that_against_finer_ones(tmp_path):
@@ -55,7 +55,7 @@ def test_the_error_of_bricks_is_that_against_finer_ones(tmp_path):
     experiment = found.experiment
     error, twice = brick_mesh_error(found.model_point), refined(refined(experiment).experiment)
     (coarse, coarse_force), (finest, force) = (bricks(one, found.parameters) for one in (experiment, twice.experiment))
-    lacks = finest[:, :experiment.mesh.n_nodes] - coarse
+    lacks = finest[:, :experiment.model.mesh.n_nodes] - coarse
     assert np.linalg.norm(error.u - lacks) < 0.6 * np.linalg.norm(lacks)
     assert np.abs(error.channels - (force - coarse_force)).max() < 0.6 * np.abs(force - coarse_force).max()
     # and is larger than that of the sheet, which has no grip that keeps its thickness
@@ -67,9 +67,10 @@ def test_of_too_many_bricks_the_error_is_that_of_an_elastic_body(null, share, tm
     """In proportion to the motion and to the readings: of a beam that yields, about half of it."""
     found = known(tmp_path, null, finite=True)
     whole = brick_mesh_error(found.model_point)
-    reading = found.experiment.channels[0]
+    reading = found.experiment.model.channels[0]
     (given,) = bricks(found.experiment, found.parameters)[1].T
-    measured = replace(found.experiment, channels=(replace(reading, values=given),))
+    measured = replace(found.experiment, model=replace(found.experiment.model,
+                                                       channels=(replace(reading, values=given),)))
     monkeypatch.setattr("idic.simulation_error.mesh.LIMITS", NodeLimits(solid_in_few_frames=0))
     elastic = brick_mesh_error(replace(found.model_point, experiment=measured))
     assert np.linalg.norm(elastic.u - whole.u) < share * np.linalg.norm(whole.u)
@@ -106,7 +107,7 @@ def test_what_finer_bricks_lack_still_is_estimated_from_the_recording(tmp_path, 
     def motion(found):
         once = refined(found.experiment).experiment
         u, channels = bricks(refined(once).experiment, found.parameters)
-        return u[:, :once.mesh.n_nodes], channels[:, 0]
+        return u[:, :once.model.mesh.n_nodes], channels[:, 0]
 
     found = known(tmp_path, "elastic", motion)
     mesh, of_bricks = brick_mesh_error(found.model_point), thickness_error(found.model_point)
@@ -118,11 +119,12 @@ def test_what_finer_bricks_lack_still_is_estimated_from_the_recording(tmp_path, 
     (_, own), (_, force) = (bricks(one, found.parameters) for one in (found.experiment, refined(refined(
         found.experiment).experiment).experiment))
     assert error.of_mesh.channels[-1, 0] == pytest.approx(force[-1, 0] - own[-1, 0], rel=0.2)
-    motions = without_reactions(mesh, found.experiment)
+    motions = without_reactions(mesh, found.experiment.model)
 
     def beside(factor):
         held = of_bricks.plus(MotionError(0.0 * mesh.u, mesh.channels))
-        there = replace(found.experiment, motion_error=held.on_top_of(motions.scaled(factor)))
+        there = replace(found.experiment, model=replace(found.experiment.model,
+                                                        motion_error=held.on_top_of(motions.scaled(factor))))
         return residual_evidence(replace(found, experiment=there, forward=build_forward(there)), light=False)
 
     assert further_share(beside(1.0 + share), motions) == 0.0

@@ -46,13 +46,13 @@ def test_the_error_of_a_mesh_is_that_against_elements_of_a_quarter_of_its_size(t
     second = refined(first.experiment)
     coarse, finest = (solve(build_forward(one), found.parameters) for one in (experiment, second.experiment))
     carry = second.carry @ first.carry
-    known = projection(second.experiment.mesh, carry)(finest.u[1] - carry @ coarse.u[1])
+    known = projection(second.experiment.model.mesh, carry)(finest.u[1] - carry @ coarse.u[1])
     # corners of held edges: halving the elements takes two thirds of the error away
     assert np.linalg.norm(error.u[1] - known) < 0.5 * np.linalg.norm(known)
     # a reaction converges slower: what smaller elements still change is estimated, and a tenth of it all is left
     channel = finest.channels[1] - coarse.channels[1]
     assert np.abs(error.channels[1] - channel).max() < 0.2 * np.abs(channel).max()
-    knowing = replace(found, experiment=replace(experiment, motion_error=error))
+    knowing = replace(found, experiment=replace(experiment, model=replace(experiment.model, motion_error=error)))
     knowing = replace(knowing, forward=build_forward(knowing.experiment))
     residual = residual_evidence(knowing)
     np.testing.assert_allclose(residual.u[0], coarse.u[1] + error.u[1], atol=1e-12)

@@ -50,7 +50,7 @@ def scene_of_world(grip=None, **changes):
 def at_truth(folder, scene, motion, **other):
     experiment = load_experiment(folder, stack=write_public(folder, scene, motion, Paint(1, 2)))
     values = {f"BODY.{name}": value for name, value in (NULLS["elastic"].truth | other).items()}
-    return identification_at(experiment, values, np.zeros((experiment.n_frames, 1)), None)
+    return identification_at(experiment, values, np.zeros((experiment.model.n_frames, 1)), None)
 
 
 def edited(folder, old, new, **other):
@@ -62,22 +62,24 @@ def edited(folder, old, new, **other):
     text = file.read_text().replace(old, new)
     file.write_text(text.replace("nu =", "alpha = { value = 1e-3, unit = \"1/K\" }\nnu =") if other else text)
     experiment = load_experiment(folder, stack=stack)
-    values = experiment.parameters.as_values() | {f"BODY.{k}": v for k, v in (NULLS["elastic"].truth | other).items()}
-    return identification_at(experiment, values, np.zeros((experiment.n_frames, 1)), None)
+    values = experiment.model.parameters.as_values() | {f"BODY.{k}": v for k,
+                                                        v in (NULLS["elastic"].truth | other).items()}
+    return identification_at(experiment, values, np.zeros((experiment.model.n_frames, 1)), None)
 
 
 def free_to_contract(experiment):
     """Pulled by rollers: its ends are free across."""
-    ends = tuple(replace(entry, component="x") for entry in experiment.prescribed
+    ends = tuple(replace(entry, component="x") for entry in experiment.model.prescribed
                  if (entry.nodes, entry.component) in (("LEFT", "x"), ("RIGHT", "y")))
-    return replace(experiment, mesh=replace(experiment.mesh, node_sets={
-        **experiment.mesh.node_sets, "CORNER": experiment.mesh.node_sets["LEFT"][:1]}),
-        prescribed=(*ends, Prescribed("CORNER", "y", ends[0].drive)),
-        channels=tuple(replace(channel, component="x") for channel in experiment.channels))
+    return replace(experiment, model=replace(experiment.model, mesh=replace(experiment.model.mesh, node_sets={
+        **experiment.model.mesh.node_sets, "CORNER": experiment.model.mesh.node_sets["LEFT"][:1]}),
+                                             prescribed=(*ends, Prescribed("CORNER", "y", ends[0].drive)),
+                                             channels=tuple(replace(channel, component="x")
+                                                            for channel in experiment.model.channels)))
 
 
 def with_bricks_known(found, error):
-    experiment = replace(found.experiment, motion_error=error.on_top_of(None))
+    experiment = replace(found.experiment, model=replace(found.experiment.model, motion_error=error.on_top_of(None)))
     return replace(found, experiment=experiment, forward=build_forward(experiment))
 
 
@@ -97,8 +99,8 @@ def test_bricks_of_a_large_mesh_are_simulated_where_motions_are_superposed(tmp_p
     monkeypatch.setattr("idic.simulation_error.bricks.LIMITS", NodeLimits(solid=1))
     mesh = true_mesh(scene)
     found = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
-    finite = replace(found.experiment, materials=tuple(
-        replace(material, kinematics="finite") for material in found.experiment.materials))
+    finite = replace(found.experiment, model=replace(found.experiment.model, materials=tuple(
+        replace(material, kinematics="finite") for material in found.experiment.model.materials)))
     assert np.abs(thickness_error(found).u).max() > 1e-3
     assert thickness_error(replace(found, experiment=finite, forward=build_forward(finite))) is None
 
@@ -108,14 +110,16 @@ def test_a_sheet_without_bricks_is_told(tmp_path, monkeypatch):
     mesh = true_mesh(scene)
     found = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
     assert untested_thickness(found) == []
-    sheet = found.experiment.mesh
+    sheet = found.experiment.model.mesh
     (block,) = sheet.blocks
     mixed = [("quad8", block.connectivity[:-1]), ("tri6", block.connectivity[-1:, :6])]
     others = {"mixes elements (quad8, tri6)": mixed,
               "first order": [("quad4", block.connectivity[:, :4])]}
     for said, cells in others.items():
-        made = replace(found.experiment, mesh=make_mesh(sheet.nodes, cells, node_sets=dict(sheet.node_sets),
-                                                        element_sets=dict(sheet.element_sets)))
+        made = replace(found.experiment, model=replace(found.experiment.model,
+                                                       mesh=make_mesh(sheet.nodes, cells,
+                                                                      node_sets=dict(sheet.node_sets),
+                                                        element_sets=dict(sheet.element_sets))))
         (caution,) = untested_thickness(replace(found, experiment=made))
         assert said in caution and "2.81 mm" in caution
     monkeypatch.setattr("idic.simulation_error.bricks.LIMITS", NodeLimits(superposed=1000))
@@ -138,8 +142,8 @@ def test_a_spot_of_the_sheet_is_a_column_through_its_bricks(tmp_path):
     spot = ('\n[[heterogeneity]]\nset = "BODY"\nform = "inclusion"\ncentre_mm = [0.5, 0.2]\nradius_mm = 0.6\n'
             'stiffness = 0.3\n')
     found = edited(tmp_path, "[[channel]]", f"{spot}\n[[channel]]")
-    thin = replace(found.experiment, thickness=0.02, channels=tuple(
-        replace(channel, factor=channel.factor / 100.0) for channel in found.experiment.channels))
+    thin = replace(found.experiment, model=replace(found.experiment.model, thickness=0.02, channels=tuple(
+        replace(channel, factor=channel.factor / 100.0) for channel in found.experiment.model.channels)))
     real, none = (thickness_error(replace(found, experiment=one, forward=build_forward(one)))
                   for one in (found.experiment, thin))
     assert np.abs(none.u).max() < 0.05 * np.abs(real.u).max()
@@ -154,11 +158,12 @@ def test_a_hole_of_another_size_goes_through_the_bricks(tmp_path):
     file = tmp_path / "experiment.toml"
     file.write_text(f'{file.read_text()}\n[[dof]]\nname = "geometry.hole_radius"\nidentify = true\n')
     experiment = load_experiment(tmp_path, stack=stack)
-    parameters = experiment.parameters.as_values()
+    parameters = experiment.model.parameters.as_values()
     larger = parameters | {"geometry.hole_radius": 1.05 * parameters["geometry.hole_radius"]}
-    local = np.zeros((experiment.n_frames, 1))
+    local = np.zeros((experiment.model.n_frames, 1))
     morphing = identification_at(experiment, larger, local, None)
-    made = replace(experiment.at_geometry(experiment.parameters.with_values(larger)), morphs=())
+    there = experiment.at_geometry(experiment.model.parameters.with_values(larger))
+    made = replace(there, model=replace(there.model, morphs=()))
     of_mesh = thickness_error(replace(morphing, experiment=made, forward=build_forward(made)))
     error = thickness_error(morphing)
     np.testing.assert_allclose(error.u, of_mesh.u, atol=1e-9)
@@ -170,12 +175,14 @@ def with_ends(found, drive_of, thickness=None):
     """Both ends moved by another drive, in both components; thickness : of the specimen, in mm, with its force."""
     experiment = found.experiment
     ends = tuple(Prescribed(name, c, drive_of(name, c)) for name in ("LEFT", "RIGHT") for c in "xy")
-    share = 1.0 if thickness is None else thickness / experiment.thickness
+    share = 1.0 if thickness is None else thickness / experiment.model.thickness
     shapes = (replace(one, value=0.02 * (-1) ** k * (k % 3)) for k, one in enumerate(boundary_parameters(ends, 0.05)))
     parameters = ParameterSet((*found.parameters.values(), *shapes))
-    made = replace(experiment, prescribed=ends, thickness=share * experiment.thickness, parameters=parameters,
-                   channels=tuple(replace(one, factor=share * one.factor) for one in experiment.channels))
-    local = np.zeros((made.n_frames, build_forward(made).drives.n_local))
+    made = replace(experiment, model=replace(experiment.model, prescribed=ends, thickness=share
+                                             * experiment.model.thickness, parameters=parameters,
+                                             channels=tuple(replace(one, factor=share * one.factor)
+                                                            for one in experiment.model.channels)))
+    local = np.zeros((made.model.n_frames, build_forward(made).drives.n_local))
     return identification_at(made, parameters.as_values(), local, None)
 
 
@@ -210,7 +217,7 @@ def test_bricks_move_along_with_the_shapes_of_an_edge(tmp_path, kind):
     held = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
     found, thinner = (with_ends(held, lambda name, c: Parametrised(kind, 4, 1), share) for share in (None, 0.02))
     real, thin = thickness_error(found), thickness_error(thinner)
-    ends = np.concatenate([found.experiment.mesh.node_sets[name] for name in ("LEFT", "RIGHT")])
+    ends = np.concatenate([found.experiment.model.mesh.node_sets[name] for name in ("LEFT", "RIGHT")])
     assert np.abs(thin.u).max() < 0.05 * np.abs(real.u).max()
     assert np.abs(real.u).max() > 1e-4 and np.abs(real.u[:, ends]).max() < 1e-12
 
@@ -222,16 +229,17 @@ def test_a_load_acts_through_the_thickness(tmp_path, kind, component, shape):
     scene = scene_of_world((0.0, 0.2))
     mesh = true_mesh(scene)
     found = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
-    sheet = found.experiment.mesh if shape == "quadrilaterals" else in_triangles(found.experiment.mesh)
+    sheet = found.experiment.model.mesh if shape == "quadrilaterals" else in_triangles(found.experiment.model.mesh)
     end = set(sheet.node_sets["RIGHT"].tolist())
     loaded = [edge for edge in boundary_faces(sheet) if set(sheet.face_nodes(edge).tolist()) <= end]
     sheet = replace(sheet, edge_sets={"PULLED": np.array(loaded)})
     load = Load("PULLED", kind, Column("load", np.array([0.0, 5.0])), component)
-    held = replace(found.experiment, mesh=sheet, loads=(load,), channels=(), prescribed=tuple(
-        Prescribed("LEFT", c, Constant(0.0)) for c in "xy"))
+    held = replace(found.experiment, model=replace(found.experiment.model, mesh=sheet, loads=(load,), channels=(),
+                                                   prescribed=tuple(
+        Prescribed("LEFT", c, Constant(0.0)) for c in "xy")))
     corner = replace(sheet, node_sets=sheet.node_sets | {"CORNER": sheet.node_sets["LEFT"][:1]})
-    free = replace(held, mesh=corner, prescribed=(Prescribed("LEFT", "x", Constant(0.0)),
-                                                  Prescribed("CORNER", "y", Constant(0.0))))
+    free = replace(held, model=replace(held.model, mesh=corner, prescribed=(Prescribed("LEFT", "x", Constant(0.0)),
+                                                  Prescribed("CORNER", "y", Constant(0.0)))))
 
     def share(experiment):
         there = replace(found, experiment=experiment, forward=build_forward(experiment),
@@ -242,18 +250,19 @@ def test_a_load_acts_through_the_thickness(tmp_path, kind, component, shape):
     assert share(free) < 1e-8
     assert share(held) > 1e-3
     of_mesh = {"quadrilaterals": 0.1, "triangles": 0.3}[shape]  # two diagonals in the corners; tetrahedra 0.01 mm flat
-    assert share(replace(held, thickness=0.02)) < of_mesh * share(held)
+    assert share(replace(held, model=replace(held.model, thickness=0.02))) < of_mesh * share(held)
 
 
 def test_an_extensometer_reads_the_seen_surface_of_the_bricks(tmp_path):
     scene = scene_of_world((0.0, 0.2))
     mesh = true_mesh(scene)
     found = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
-    (force,) = found.experiment.channels
-    sets = found.experiment.mesh.node_sets | {"GAUGE": np.arange(5, 9)}
+    (force,) = found.experiment.model.channels
+    sets = found.experiment.model.mesh.node_sets | {"GAUGE": np.arange(5, 9)}
     gauge = replace(force, column="gauge_mm", kind="displacement", nodes="GAUGE", component="y", factor=1.0)
-    experiment = replace(found.experiment, mesh=replace(found.experiment.mesh, node_sets=sets),
-                         channels=(force, gauge))
+    experiment = replace(found.experiment, model=replace(found.experiment.model,
+                                                         mesh=replace(found.experiment.model.mesh, node_sets=sets),
+                                                         channels=(force, gauge)))
     error = thickness_error(replace(found, experiment=experiment, forward=build_forward(experiment)))
     np.testing.assert_allclose(error.channels[:, 1], error.u[:, 5:9, 1].mean(axis=1), atol=1e-12)
     np.testing.assert_allclose(error.channels[:, 0], thickness_error(found).channels[:, 0], rtol=1e-9, atol=1e-9)
@@ -333,11 +342,11 @@ def test_triangles_have_solid_elements_that_move_as_the_bricks_of_quadrilaterals
     scene = scene_of_world((0.0, 0.2))
     mesh = true_mesh(scene)
     found = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
-    coarse = found.experiment.mesh
+    coarse = found.experiment.model.mesh
     fine, n = halve(coarse).mesh, coarse.n_nodes
 
     def moved_otherwise(sheet):
-        made = replace(found.experiment, mesh=sheet)
+        made = replace(found.experiment, model=replace(found.experiment.model, mesh=sheet))
         error = thickness_error(replace(found, experiment=made, forward=build_forward(made)))
         return error.u[1, np.argmin(((sheet.nodes[None] - coarse.nodes[:, None])**2).sum(axis=2), axis=1)]
 

@@ -179,7 +179,8 @@ def test_the_tool_counts_the_noise_that_the_images_show(noise, ratio, tmp_path):
     mesh = true_mesh(scene)
     still = Motion(mesh, np.zeros((4, mesh.n_nodes, 2)), np.linspace(0.0, 9.0, 4))
     source = FolderSource.of(tmp_path, write_public(tmp_path, scene, still, Paint(1, 2)))
-    stated, found = source.load().noise, source.with_measured_noise().with_edits({"camera.k1": 1e-7}).load().noise
+    stated = source.load().recording.noise
+    found = source.with_measured_noise().with_edits({"camera.k1": 1e-7}).load().recording.noise
     assert (found == stated) if noise == "white" else found.std_gv == pytest.approx(ratio * stated.std_gv, rel=0.05)
 
 

@@ -8,7 +8,9 @@ import numpy as np
 
 from idic.fe import boundary_faces, make_mesh, surface_cells
 from idic.images import ArrayStack, Camera, dense_speckle
-from idic.model import Column, Constant, Experiment, FurtherCamera, Material, Noise, Options, Prescribed, build_forward
+from idic.model import (
+    Column, Constant, Experiment, FurtherCamera, Material, Model, Noise, Options, Prescribed, Recording, build_forward,
+)
 from idic.parameters import Parameter, ParameterSet
 from idic.virtual_tests.render import render
 from idic.virtual_tests import Sensor, painted
@@ -40,10 +42,10 @@ def side_and_front():
     tops = zip("xyz", (0.1, 0.15, -0.2), strict=True)  # mm
     moves += [Prescribed("RIGHT", c, Column(c, top * times / 2)) for c, top in tops]
     parameters = ParameterSet([Parameter("BODY.E", 1000.0, "MPa"), Parameter("BODY.nu", 0.3, "", True)])
+    model = Model("solid", mesh, None, (Material("BODY", "elastic", "small"),), parameters, tuple(moves), (), (), FRONT,
+                  times, surface="FRONT")
     body = Experiment(
-        title="bar", folder="", kind="solid", mesh=mesh, thickness=None,
-        materials=(Material("BODY", "elastic", "small"),), parameters=parameters, prescribed=tuple(moves), loads=(),
-        channels=(), camera=FRONT, stack=None, labels=("0", "1", "2"), times=times, surface="FRONT", noise=Noise(1.0),
+        "bar", "", Recording(None, ("0", "1", "2"), noise=Noise(1.0)), model,
         options=Options(brightness="none", lowpass_px=0.0),
         cameras=(FurtherCamera("side", SIDE, None, ("0", "1", "2"), Noise(1.0), surface="BELOW", axis_order=ORDER),))
     states = list(build_forward(body).march(parameters, ("BODY.nu",)))
@@ -54,4 +56,5 @@ def side_and_front():
         stacks.append(ArrayStack(np.array(list(render(
             [state.u[:, order] for state in states], mesh.nodes[:, order], surface_cells(mesh, surface), camera,
             texture, Sensor(shape, bits=0, background=128.0), np.random.default_rng(0))))))
-    return replace(body, stack=stacks[0], cameras=(replace(body.cameras[0], stack=stacks[1]),)), states
+    return replace(body, recording=replace(body.recording, stack=stacks[0]),
+                   cameras=(replace(body.cameras[0], stack=stacks[1]),)), states

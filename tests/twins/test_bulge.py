@@ -64,11 +64,11 @@ def small(tmp_path_factory):
 
 def residuals(experiment):
     """rms residual of every frame at the experiment's parameters, in its unit of height."""
-    reference = build_experiment_reference(experiment, experiment.camera)
-    view, forward = view_of(experiment, experiment.camera), build_forward(experiment)
-    nodes = experiment.mesh.nodes
+    reference = build_experiment_reference(experiment, experiment.model.camera)
+    view, forward = view_of(experiment, experiment.model.camera), build_forward(experiment)
+    nodes = experiment.model.mesh.nodes
     rms = []
-    for frame, state in enumerate(forward.march(experiment.parameters)):
+    for frame, state in enumerate(forward.march(experiment.model.parameters)):
         found = reference.compare_pixels(experiment, frame, view.motion(nodes, state.u), np.zeros(0))
         assert found.valid.mean() > 0.97
         rms.append(float(np.sqrt(np.mean(found.r[found.valid].astype(float) ** 2))))
@@ -95,7 +95,7 @@ def test_the_folder_is_complete_and_repeatable(small, tmp_path):
     assert image.dtype == np.float32 and image.shape == SMALL.shape and 80.0 < image.mean() < 95.0
     truth = json.loads((folder / "truth.json").read_text())
     assert truth["parameters"] == TRUTH and truth["same_mesh"]
-    started = load_experiment(small).parameters
+    started = load_experiment(small).model.parameters
     for name, value in TRUTH.items():
         assert started[name].free and started[name].shown == pytest.approx(1.3 * value, rel=1e-5)
     write_bulge(tmp_path / "again", size=SMALL)

@@ -25,7 +25,7 @@ def test_stress_in_unseen_modes_is_the_true_one_within_two_percent_where_the_ban
     found = experiment.parameters.with_values({name: entry["value"] for name, entry in result["parameters"].items()
                                                if "_g" in name})
     motions = solve(build_forward(experiment), found).u[-1:]
-    curve, = rubber_curves(experiment, found, result, motions)
+    curve, = rubber_curves(experiment.model, found, result, motions)
     for mode in curve.modes:
         inside = np.ones(len(mode.stretch), dtype=bool)
         for end, own in zip(truth.reached, invariants(mode.mode, mode.stretch), strict=True):

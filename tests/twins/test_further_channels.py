@@ -26,15 +26,16 @@ NOISE = 1.0  # grey values
 
 def recorded(body, channels=(), seed=1):
     """The body with images of its own motion, what these channels read of it, and noise on both."""
-    body = replace(body, channels=tuple(channels))
+    body = replace(body, model=replace(body.model, channels=tuple(channels)))
     rng = np.random.default_rng(seed)
-    truth = solve(build_forward(body), body.parameters).channels
+    truth = solve(build_forward(body), body.model.parameters).channels
     made = tuple(replace(channel, values=truth[:, i] + channel.noise_std * rng.standard_normal(len(TIMES)))
                  for i, channel in enumerate(channels))
-    clean = photographed(replace(body, channels=()))
-    images = np.array([clean.stack.frame(k) for k in range(len(TIMES))])
+    clean = photographed(replace(body, model=replace(body.model, channels=())))
+    images = np.array([clean.recording.stack.frame(k) for k in range(len(TIMES))])
     stack = ArrayStack(images + NOISE * rng.standard_normal(images.shape))
-    return replace(body, channels=made, stack=stack, noise=Noise(NOISE))
+    return replace(body, recording=replace(body.recording, stack=stack, noise=Noise(NOISE)),
+                   model=replace(body.model, channels=made))
 
 
 def reading(kind, nodes, component, noise, **more):
@@ -43,7 +44,7 @@ def reading(kind, nodes, component, noise, **more):
 
 def started(body, **values):
     """The same with other starting values."""
-    return replace(body, parameters=body.parameters.with_values(values))
+    return replace(body, model=replace(body.model, parameters=body.model.parameters.with_values(values)))
 
 
 def outcome(body):
@@ -69,8 +70,10 @@ def two_bodies(channels):
     values = {"LOWER": 1000.0, "UPPER": 2500.0}
     parameters = [Parameter(f"{name}.E", value, "MPa", True, transform="log") for name, value in values.items()]
     parameters += [Parameter(f"{name}.nu", 0.3) for name in values]
-    body = replace(body, mesh=mesh, prescribed=tuple(prescribed), parameters=ParameterSet(parameters),
-                   materials=tuple(Material(name, "elastic", "small") for name in values), channels=())
+    body = replace(body, model=replace(body.model, mesh=mesh, prescribed=tuple(prescribed),
+                                       parameters=ParameterSet(parameters),
+                                       materials=tuple(Material(name, "elastic", "small") for name in values),
+                                       channels=()))
     return recorded(body, channels)
 
 
@@ -106,9 +109,11 @@ def pulled_by_force(top=60.0):
 
 
 def test_an_extensometer_reads_the_mean_motion_between_two_sets():
-    body = replace(pulled_by_force(), channels=(reading("displacement", "RIGHT", "x", 1e-4, minus="LEFT"),))
-    solution = solve(build_forward(body), body.parameters)
-    nodes = body.mesh.node_sets["RIGHT"]
+    pulled = pulled_by_force()
+    body = replace(pulled, model=replace(pulled.model,
+                                         channels=(reading("displacement", "RIGHT", "x", 1e-4, minus="LEFT"),)))
+    solution = solve(build_forward(body), body.model.parameters)
+    nodes = body.model.mesh.node_sets["RIGHT"]
     assert solution.channels[:, 0] == pytest.approx(solution.u[:, nodes, 0].mean(axis=1), rel=1e-12)
 
 
@@ -119,9 +124,9 @@ def inflated(scale=1.0, log=False, noise_std=0.0, seed=1, follower=True):
     load = Load("RIGHT", "pressure", drive, follower=follower, identify_scale=True)
     values = {"C10": 3.0, "kappa": 30.0}
     body = experiment(law="neo_hookean", values=values, prescribed=held_left(), loads=(load,), kinematics="finite")
-    parameters = [replace(p, transform="log") for p in body.parameters.values()]
+    parameters = [replace(p, transform="log") for p in body.model.parameters.values()]
     parameters += [replace(p, value=scale) for p in load_parameters((load,)) if p.name.endswith("scale")]
-    body = replace(body, parameters=ParameterSet(parameters))
+    body = replace(body, model=replace(body.model, parameters=ParameterSet(parameters)))
     return recorded(body, (reading("pressure", "RIGHT", None, 0.005),) if log else (), seed)
 
 
@@ -149,22 +154,24 @@ def test_a_log_of_the_pressure_determines_the_moduli():
 @pytest.mark.parametrize("follower", [True, False])
 def test_influence_of_a_load_of_one_frame_meets_a_difference_quotient(follower):
     """Elastic: nothing remembers earlier frames, so that the same-frame influence is the whole."""
-    body = replace(inflated(follower=follower), stack=None)
-    drive = replace(body.loads[0].drive, noise_std=0.01)
-    body = replace(body, loads=(replace(body.loads[0], drive=drive),),
-                   channels=(reading("displacement", "RIGHT", "x", 1e-3), reading("pressure", "RIGHT", None, 1e-3),
-                             reading("reaction", "LEFT", "x", 0.1)))
+    body = inflated(follower=follower)
+    body = replace(body, recording=replace(body.recording, stack=None))
+    drive = replace(body.model.loads[0].drive, noise_std=0.01)
+    body = replace(body, model=replace(body.model, loads=(replace(body.model.loads[0], drive=drive),),
+                                       channels=(reading("displacement", "RIGHT", "x", 1e-3),
+                                                 reading("pressure", "RIGHT", None, 1e-3),
+                             reading("reaction", "LEFT", "x", 0.1))))
     forward, step = build_forward(body), 1e-4
     none = np.zeros((len(TIMES), 1))
-    states = list(forward.march(body.parameters, (SCALE,), none, influence=True))
-    ends = [solve(forward, body.parameters, none + sign * step) for sign in (1, -1)]
+    states = list(forward.march(body.model.parameters, (SCALE,), none, influence=True))
+    ends = [solve(forward, body.model.parameters, none + sign * step) for sign in (1, -1)]
     for state in states[1:]:
         k = state.frame
         quotient = (ends[0].u[k] - ends[1].u[k]) / (2 * step)
         assert np.abs(state.local_du[..., 0] - quotient).max() < 1e-6 * np.abs(quotient).max()  # O(step²)
         quotient = (ends[0].channels[k] - ends[1].channels[k]) / (2 * step)
         assert state.local_dchannels[:, 0] == pytest.approx(quotient, rel=1e-6, abs=1e-6 * np.abs(quotient).max())
-    at = lambda value: solve(forward, body.parameters.with_values({SCALE: value}))  # noqa: E731
+    at = lambda value: solve(forward, body.model.parameters.with_values({SCALE: value}))  # noqa: E731
     plus, minus = at(1 + step), at(1 - step)
     for state in states[1:]:
         for found, upper, lower in ((state.du[..., 0], plus.u, minus.u),
@@ -177,13 +184,13 @@ def test_the_noise_of_a_pressure_log_is_taken_out_frame_by_frame():
     """A log that is 5 % off at random moves the modulus by many standard deviations unless its noise is told."""
     clean = inflated()
     rng = np.random.default_rng(5)
-    values = clean.loads[0].drive.values * 1.0
+    values = clean.model.loads[0].drive.values * 1.0
     noisy = values + 0.05 * rng.standard_normal(len(TIMES)) * (values != 0)
     errors, free = {}, ("BODY.C10",)
     for told in (0.0, 0.05):
         drive = Column("pump", noisy, told)
-        body = replace(clean, loads=(replace(clean.loads[0], drive=drive),),
-                       parameters=clean.parameters.with_free(free))
+        body = replace(clean, model=replace(clean.model, loads=(replace(clean.model.loads[0], drive=drive),),
+                                            parameters=clean.model.parameters.with_free(free)))
         found = outcome(started(body, **{"BODY.C10": 2.7}))[0]["BODY.C10"]
         errors[told] = abs(found["value"] - 3.0) / found["std_noise"]
     assert errors[0.05] < 3.0

@@ -112,11 +112,11 @@ def test_the_folder_starts_at_110_percent_and_says_how_the_images_were_made(tmp_
     for foreign in (False, True):
         folder = write_example("polycarbonate", tmp_path / str(foreign), foreign=foreign, noise=None).parent
         experiment, truth = load_experiment(folder / "experiment.toml"), json.loads((folder / "truth.json").read_text())
-        assert experiment.parameters.free == tuple(truth["parameters"])
+        assert experiment.model.parameters.free == tuple(truth["parameters"])
         for name, value in truth["parameters"].items():
-            assert experiment.parameters[name].value == pytest.approx(1.1 * value, rel=1e-5)
+            assert experiment.model.parameters[name].value == pytest.approx(1.1 * value, rel=1e-5)
         assert truth["same_mesh"] is not foreign and truth["added_noise_std_gv"] == 0.0
-        assert experiment.channels[0].noise_std == 0.5 and truth["channel_noise_std"]["force_N"] == 0.0
+        assert experiment.model.channels[0].noise_std == 0.5 and truth["channel_noise_std"]["force_N"] == 0.0
 
 
 def test_with_the_default_options_the_true_motion_leaves_rounding_up_to_a_stretch_of_1_7(tmp_path):
@@ -128,14 +128,14 @@ def test_with_the_default_options_the_true_motion_leaves_rounding_up_to_a_stretc
     clean = write_virtual_model(tmp_path, test, floor_gv=0.033)
     stack = RoundedStack(ArrayStack(np.stack([clean.frame(k) for k in range(clean.n_frames)])), 8)
     experiment = load_experiment(tmp_path, {"options.element_order": "as_given"}, stack=stack)  # nodes of the truth
-    options, nodes = experiment.options, experiment.mesh.nodes
+    options, nodes = experiment.options, experiment.model.mesh.nodes
     assert options.lowpass_px == 0.6 and options.border_px == 4 and options.edge_margin_px == 3
-    reference = build_experiment_reference(experiment, experiment.camera)
+    reference = build_experiment_reference(experiment, experiment.model.camera)
     assert (np.abs(test.displacements[-1][:len(nodes)]).max() / 0.1862) > 50.0  # px
 
     def chi2(reference, frame):
         moved = nodes + np.pad(test.displacements[frame][:len(nodes)], ((0, 0), (0, 1)))
-        u = experiment.camera.project(moved) - experiment.camera.project(nodes)
+        u = experiment.model.camera.project(moved) - experiment.model.camera.project(nodes)
         spline = prefilter(stack.frame(frame), 5, 0.6)
         light = solve_brightness(nodal_equations(reference, spline, u)).coefficients
         return residual_map(reference, spline, u, "frame", light).chi2_dof(12**-0.5)

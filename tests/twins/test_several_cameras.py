@@ -68,7 +68,8 @@ def test_two_cameras_with_one_view_have_errors_smaller_by_the_root_of_two(tmp_pa
         rng = np.random.default_rng(seed)
         stacks = [ArrayStack(np.array([record(i, Sensor(eye.shape, noise_std=eye.noise), rng) for i in images]))
                   for eye, images in zip(twins, views, strict=True)]
-        drawn = replace(two, stack=stacks[0], cameras=(replace(two.cameras[0], stack=stacks[1]),))
+        drawn = replace(two, recording=replace(two.recording, stack=stacks[0]),
+                        cameras=(replace(two.cameras[0], stack=stacks[1]),))
         found = identify(drawn).result["parameters"]
         scores += [(found[f"{n}.E"]["value"] - TRUTH[n]) / found[f"{n}.E"]["std"] for n in TRUTH]
     # 24 scores: their rms is 1 within 15 %; interpolation adds a bias of some 0.3 std on 55 x 50 px
@@ -77,9 +78,9 @@ def test_two_cameras_with_one_view_have_errors_smaller_by_the_root_of_two(tmp_pa
 
 def context_of(experiment):
     forward = build_forward(experiment)
-    names = experiment.parameters.free
-    camera = camera_at(experiment, experiment.parameters)
-    return forward, CorrelationContext(experiment, experiment.parameters, names, names, camera,
+    names = experiment.model.parameters.free
+    camera = camera_at(experiment, experiment.model.parameters)
+    return forward, CorrelationContext(experiment, experiment.model.parameters, names, names, camera,
                                        build_experiment_reference(experiment, camera), noise_weights(experiment),
                                        forward.drives.local_precision)
 
@@ -90,7 +91,7 @@ def test_without_shared_unknowns_the_information_of_two_cameras_is_the_sum_of_th
     forward, single = context_of(experiment)
     both = with_all_cameras(single)
     other = replace(both.others[0], others=())
-    state = list(forward.march(experiment.parameters, single.moving))[2]
+    state = list(forward.march(experiment.model.parameters, single.moving))[2]
     response = FrameResponse(2, state.u, state.channels, state.du, state.dchannels, state.local_du,
                              state.local_dchannels)
     joined, first, second = (frame_system(c, response, np.zeros(0)) for c in (both, single, other))
@@ -107,9 +108,9 @@ def test_degrees_of_freedom_of_the_second_camera_are_its_own(views, tmp_path):
     off = "".join(f'[[dof]]\nname = "behind.{name}"\n' for name in ("rotation_deg", "pixel_size"))
     path = write_folder(tmp_path / "off", [WHOLE_EYE, RIGHT_EYE], [clean_views([WHOLE_EYE])[0], views[1]], further=off)
     experiment = load_experiment(path)
-    start = experiment.parameters["behind.rotation_deg"].value
-    shifted = experiment.parameters.with_values({"behind.rotation_deg": start + 0.5})
-    found = identify(replace(experiment, parameters=shifted)).result
+    start = experiment.model.parameters["behind.rotation_deg"].value
+    shifted = experiment.model.parameters.with_values({"behind.rotation_deg": start + 0.5})
+    found = identify(replace(experiment, model=replace(experiment.model, parameters=shifted))).result
     assert found["status"] == "converged"
     back = found["parameters"]["behind.rotation_deg"]
     assert back["std"] is None or back["value"] == pytest.approx(start, abs=4 * back["std"])

@@ -46,15 +46,16 @@ def drawn(experiment, clean, seed):
     sensor = Sensor(SHAPE, noise_std=Twin().noise, background=25.0)
     stack = ArrayStack(np.array([record(image, sensor, rng) for image in images]))
     channels = tuple(replace(channel, values=force + channel.noise_std * rng.standard_normal(len(force)))
-                     for channel in experiment.channels)
+                     for channel in experiment.model.channels)
     prescribed = []
-    for entry in experiment.prescribed:
+    for entry in experiment.model.prescribed:
         noise = getattr(entry.drive, "noise_std", 0.0)
         if noise:
             values = np.array(GRIP) + noise * rng.standard_normal(len(GRIP)) * (np.array(TIMES) > 0)
             entry = replace(entry, drive=replace(entry.drive, values=values))
         prescribed.append(entry)
-    return replace(experiment, stack=stack, channels=channels, prescribed=tuple(prescribed))
+    return replace(experiment, recording=replace(experiment.recording, stack=stack),
+                   model=replace(experiment.model, channels=channels, prescribed=tuple(prescribed)))
 
 
 def scores(folder, toml, draws, **truth):

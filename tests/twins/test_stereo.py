@@ -50,8 +50,8 @@ def folder(tmp_path_factory):
 
 def context_of(experiment):
     forward = build_forward(experiment)
-    names, camera = experiment.parameters.free, camera_at(experiment, experiment.parameters)
-    return forward, CorrelationContext(experiment, experiment.parameters, names, names, camera,
+    names, camera = experiment.model.parameters.free, camera_at(experiment, experiment.model.parameters)
+    return forward, CorrelationContext(experiment, experiment.model.parameters, names, names, camera,
                                        build_experiment_reference(experiment, camera), noise_weights(experiment),
                                        forward.drives.local_precision, local_scatter=forward.drives.local_scatter)
 
@@ -60,7 +60,7 @@ def test_the_equations_of_two_cameras_with_a_lens_add(folder):
     experiment = load_experiment(folder)
     forward, single = context_of(experiment)
     both = with_all_cameras(single)
-    state = list(forward.march(experiment.parameters, single.moving, influence=True))[-1]
+    state = list(forward.march(experiment.model.parameters, single.moving, influence=True))[-1]
     response = FrameResponse(state.frame, state.u, state.channels, state.du, state.dchannels, state.local_du[..., :0],
                              state.local_dchannels[:, :0])
     bare = np.zeros((0, 0))
@@ -81,12 +81,12 @@ def test_two_textures_compared_pixel_by_pixel_give_the_same_equations(folder):
     experiment = replace(plain, cameras=(replace(plain.cameras[0], texture="left"),))
 
     def context_at(values):
-        parameters = experiment.parameters.with_values(values)
+        parameters = experiment.model.parameters.with_values(values)
         camera = camera_at(experiment, parameters)
         return with_all_cameras(CorrelationContext(experiment, parameters, names, (), camera,
             build_experiment_reference( experiment, camera), noise_weights(experiment), np.zeros((0, 0))))
 
-    start = experiment.parameters.as_values()
+    start = experiment.model.parameters.as_values()
     context = context_at(start)
     found = texture_equations(context, names)
     assert found.pairs[0].is_used and found.pairs[0].correlation > 0.99
@@ -95,7 +95,7 @@ def test_two_textures_compared_pixel_by_pixel_give_the_same_equations(folder):
 
     def shown(values):
         """Where the other camera shows the point that a pixel shows: rays meet the plane z = 0."""
-        left, right = (camera_at(view, experiment.parameters.with_values(values)) for view in experiment.views)
+        left, right = (camera_at(view, experiment.model.parameters.with_values(values)) for view in experiment.views)
         return right.project(left.inverse(pixels))
 
     at = shown(start)
@@ -104,12 +104,12 @@ def test_two_textures_compared_pixel_by_pixel_give_the_same_equations(folder):
     ok = sees[row, column] > 0
     columns = np.empty((len(pixels), 2, len(names)))
     for i, name in enumerate(names):
-        step = 1e-3 * experiment.parameters[name].scale
+        step = 1e-3 * experiment.model.parameters[name].scale
         columns[:, :, i] = (shown({**start, name: start[name] + step}) - shown({**start, name: start[name] - step})
                             ) / (2.0 * step)
     across = np.stack([one.camera.inverse(pixels + h) - one.camera.inverse(pixels - h) for h in np.eye(2)], axis=2)
     F = two.camera.jacobian(one.camera.inverse(pixels))[:, :, :2] @ (0.5 * across[:, :2])
-    images = [view.stack.frame(0).astype(float) for view in experiment.views]
+    images = [view.recording.stack.frame(0).astype(float) for view in experiment.views]
     degree, gain = context.reference.degree, found.pairs[0].gain
     slopes = np.linalg.solve(np.swapaxes(F, 1, 2), spline_slopes(images[0], pixels, degree)[:, :, None])[:, :, 0]
     r = context.reference.f - context.reference.level - gain * (
@@ -119,7 +119,7 @@ def test_two_textures_compared_pixel_by_pixel_give_the_same_equations(folder):
     of_patch = (patch[:, None] == np.arange(patch.max() + 1)).astype(float)
     light = np.linalg.qr(np.hstack([of_patch, of_patch * context.reference.f[ok, None]]))[0]
     L, r = L - light @ (light.T @ L), r[ok] - light @ (light.T @ r[ok])
-    weight, excess = 1.0 / (1.0 + gain**2) / experiment.noise.std_gv**2, found.pairs[0].excess
+    weight, excess = 1.0 / (1.0 + gain**2) / experiment.recording.noise.std_gv**2, found.pairs[0].excess
     M, b = weight / excess * L.T @ L, weight / excess * L.T @ r
     std = np.sqrt(np.diagonal(M))
     assert found.pairs[0].n_pixels == ok.sum()
@@ -129,23 +129,23 @@ def test_two_textures_compared_pixel_by_pixel_give_the_same_equations(folder):
     assert found.phi == pytest.approx(weight * r @ r, rel=5e-3)
     # noise of both reference images scatters b as much as independent noise of every pixel does, the excess the rest
     assert 1.0 < excess < 2.0  # no low-pass here: the images alias
-    scatter = experiment.noise.std_gv**2 * reference_gram(context, found.shared) + found.spread
+    scatter = experiment.recording.noise.std_gv**2 * reference_gram(context, found.shared) + found.spread
     np.testing.assert_allclose(scatter / np.outer(std, std), M / np.outer(std, std), atol=0.06)
 
 
 def test_the_error_of_a_coarse_mesh_is_the_motion_of_a_finer_one_less_its_own(folder):
     experiment = load_experiment(folder)
     assert counts_mesh_error(experiment)
-    forward, parameters, last = build_forward(experiment), experiment.parameters, 2  # elastic up to there
-    local = np.zeros((experiment.n_frames, forward.drives.n_local))
-    rest = np.zeros_like(experiment.mesh.nodes)
+    forward, parameters, last = build_forward(experiment), experiment.model.parameters, 2  # elastic up to there
+    local = np.zeros((experiment.model.n_frames, forward.drives.n_local))
+    rest = np.zeros_like(experiment.model.mesh.nodes)
     found = mesh_error_in(ModelPoint(experiment, parameters, local), np.array([0, last]), [rest, rest])
     finer = refined(experiment)
     exact = list(build_forward(finer.experiment).march_at(parameters, local, np.array([0, last])))[-1]
     own = list(forward.march_at(parameters, local, np.array([0, last])))[-1]
     # 7 of 7704 N; the loose equilibrium is worth 1e-5 of the force
     assert found.channels[1][0] == pytest.approx(exact.channels[0] - own.channels[0], abs=2e-5 * own.channels[0])
-    at_nodes = exact.u[:experiment.mesh.n_nodes] - own.u  # the projection is another mean of the same field
+    at_nodes = exact.u[:experiment.model.mesh.n_nodes] - own.u  # the projection is another mean of the same field
     assert np.corrcoef(found.u[1].ravel(), at_nodes.ravel())[0, 1] > 0.9
     assert np.allclose(found.at(1)[0], 0.5 * found.u[1]) and np.allclose(found.at(1)[1], 0.5 * found.channels[1])
 
@@ -226,10 +226,10 @@ def test_parameters_of_the_stereo_test_are_within_their_stated_deviations(folder
 def test_the_evidence_of_a_diagnosis_joins_both_cameras(folder):
     experiment = load_experiment(folder)
     exact = tuple(replace(entry, drive=replace(entry.drive, noise_std=0.0)) if isinstance(entry.drive, Column)
-                  else entry for entry in experiment.prescribed)  # no unknown of a frame that the cameras share
-    experiment = replace(experiment, prescribed=exact)
+                  else entry for entry in experiment.model.prescribed)  # no unknown of a frame that the cameras share
+    experiment = replace(experiment, model=replace(experiment.model, prescribed=exact))
     left, right = (replace(view, cameras=()) for view in experiment.views)
-    local = np.zeros((experiment.n_frames, 0))
+    local = np.zeros((experiment.model.n_frames, 0))
     both, *alone = (residual_evidence(identification_at(one, TRUTH, local, None)) for one in (experiment, left, right))
     assert [len(one.cameras) for one in (both, *alone)] == [2, 1, 1]
     assert both.evidence.n_pixels == sum(one.evidence.n_pixels for one in alone)
@@ -244,7 +244,7 @@ def test_the_evidence_of_a_diagnosis_joins_both_cameras(folder):
     of_force = sum(white[0].channels[t].T @ part.channel_q for t, part in enumerate(both.evidence.parts))
     assert np.all(np.abs(scores[0] - scores[1] - scores[2] + of_force) < 0.2 * np.sqrt(np.diagonal(expected)))
     # motion of the body to all images, and back by the transpose
-    rng, n_nodes = np.random.default_rng(0), experiment.mesh.n_nodes
+    rng, n_nodes = np.random.default_rng(0), experiment.model.mesh.n_nodes
     moved, p = rng.normal(size=(n_nodes, 3, 1)), rng.normal(size=(len(both.evidence.seen), 1))
     back = image_adjoint(both, -1, p).reshape(moved.shape)
     assert np.sum(in_images(both, -1, moved) * p) == pytest.approx(np.sum(back * moved))
@@ -255,14 +255,16 @@ def test_the_evidence_of_a_diagnosis_joins_both_cameras(folder):
 
 def test_candidates_of_the_calibration_speak_of_every_camera(folder):
     experiment = load_experiment(folder)
-    where = Situation(read_toml(folder / "experiment.toml"), experiment, experiment.parameters.as_values(), {}, {},
-                      np.zeros((experiment.n_frames, experiment.mesh.n_nodes, 3)), np.zeros((experiment.n_frames, 1)))
+    where = Situation(read_toml(folder / "experiment.toml"), experiment, experiment.model.parameters.as_values(), {},
+                      {},
+                      np.zeros((experiment.model.n_frames, experiment.model.mesh.n_nodes, 3)),
+                      np.zeros((experiment.model.n_frames, 1)))
     known = {candidate.name: candidate for candidate in candidate_library()}
     of_rig = [variant for name in ("focal_length", "stereo_angle") for variant in known[name].variants(where)]
     assert [variant.label for variant in of_rig] == ["another focal length of left", "another focal length of right",
                                                      "right is turned against left"]
     for variant in of_rig:
-        assert set(variant.new) <= set(load_experiment(folder, variant.edits).parameters.free)
+        assert set(variant.new) <= set(load_experiment(folder, variant.edits).model.parameters.free)
 
 
 @pytest.mark.slow  # a minute of processor time

@@ -92,7 +92,7 @@ def time_error_in_std(experiment, found, factor=16) -> float:
     point."""
     values, n = found.state.accepted.values, found.state.increments.per_frame or 1
     finer, weights = evaluate_at(experiment, values, found.local, found.state.generalised, factor * n)
-    parameters, steps = experiment.parameters.with_values(values), []
+    parameters, steps = experiment.model.parameters.with_values(values), []
     for point in (finer, found.point):
         scaled = scaled_system(point.system, parameters, point.reference_gram, weights.image_noise)
         steps.append(spectrum(scaled).inverse @ scaled.b)
@@ -126,7 +126,7 @@ def test_the_estimated_time_error_of_given_increments_is_their_error(short):
     one = identify(given)
     bias = time_step_bias(evaluate_at, given, one.state.accepted.values, one.local, one.state.generalised, one.point)
     for name, estimated in bias.items():
-        std = found.result["parameters"][name]["std"] * experiment.parameters[name].factor
+        std = found.result["parameters"][name]["std"] * experiment.model.parameters[name].factor
         error = one.parameters[name].value - found.parameters[name].value
         assert abs(estimated - error) < 0.2 * abs(error) + std
 
@@ -151,11 +151,18 @@ def test_plasticity_in_few_frames_takes_more_than_one_increment_per_frame(plasti
     assert time_error_in_std(experiment, found, 4) < 0.25
 
 
+def with_noise(experiment, factor: float):
+    """The same recording whose noise is said to be so many times larger."""
+    noise = experiment.recording.noise
+    channels = tuple(replace(channel, noise_std=factor * channel.noise_std) for channel in experiment.model.channels)
+    return replace(experiment, model=replace(experiment.model, channels=channels),
+                   recording=replace(experiment.recording, noise=replace(noise, std_gv=factor * noise.std_gv)))
+
+
 def test_one_increment_per_frame_stays_to_the_last_bit_where_its_error_is_small(plastic):
     """The same recording with twenty times its noise: the error of the increments is below a quarter of a std."""
     experiment, _, _ = plastic
-    noisy = replace(experiment, noise=replace(experiment.noise, std_gv=20.0 * experiment.noise.std_gv), channels=tuple(
-        replace(channel, noise_std=20.0 * channel.noise_std) for channel in experiment.channels))
+    noisy = with_noise(experiment, 20.0)
     found, one = identify(noisy), identify(with_substeps(noisy, 1))
     assert found.state.accepted == one.state.accepted and found.result["end"] == one.result["end"]
     assert found.state.increments.per_frame is None and found.result["increments"]["status"] == "enough"
@@ -170,8 +177,7 @@ def test_one_increment_per_frame_stays_to_the_last_bit_where_its_error_is_small(
 def test_steps_of_two_frames_spare_the_comparison_with_finer_increments(plastic):
     """With sixty times the noise their estimate lies below the part of the limit up to which six frames tell it."""
     experiment, _, _ = plastic
-    noisy = replace(experiment, noise=replace(experiment.noise, std_gv=60.0 * experiment.noise.std_gv), channels=tuple(
-        replace(channel, noise_std=60.0 * channel.noise_std) for channel in experiment.channels))
+    noisy = with_noise(experiment, 60.0)
     found, one = identify(noisy), identify(with_substeps(noisy, 1))
     compared = [entry for entry in found.state.history if entry.get("compared")]
     assert len(compared) == 1 and compared[0]["phi"] is not None
@@ -204,7 +210,7 @@ def test_the_time_error_of_plasticity_in_few_frames_is_estimated_and_removed(tmp
     given, chosen = with_substeps(experiment, 1), identify(experiment)
     one, fine = identify(given), identify(with_substeps(experiment, 16))
     bias = time_step_bias(evaluate_at, given, one.state.accepted.values, one.local, one.state.generalised, one.point)
-    assert path_dependent_laws(experiment) == ("j2_linear",) and one.state.increments.per_frame is None
+    assert path_dependent_laws(experiment.model) == ("j2_linear",) and one.state.increments.per_frame is None
     assert chosen.result["increments"]["status"] == "enough" and time_error_in_std(experiment, chosen, 4) < 0.5
     errors = {}
     for name, estimated in bias.items():

@@ -29,7 +29,8 @@ def test_the_rehearsal_is_the_demo_in_small(tmp_path):
     for table in ("experiment", "material", "boundary", "channel", "options"):
         assert written[table] == demo[table]
     experiment = load_experiment(path)
-    assert {block.cell for block in experiment.mesh.blocks} == {"quad8"} and max(experiment.stack.shape) < FULL.shape[1]
+    assert {block.cell for block in experiment.model.mesh.blocks} == {"quad8"}
+    assert max(experiment.recording.stack.shape) < FULL.shape[1]
 
 
 def test_code_on_disk_is_told_from_none(tmp_path):

@@ -29,11 +29,11 @@ def demo(tmp_path_factory):
 def test_an_example_folder_is_a_valid_experiment_whose_start_is_off_the_truth(demo):
     experiment = load_experiment(demo)
     truth = json.loads((demo.parent / "truth.json").read_text())
-    assert set(truth["parameters"]) == set(experiment.parameters.free)
+    assert set(truth["parameters"]) == set(experiment.model.parameters.free)
     for name, true in truth["parameters"].items():
-        assert 0.1 < abs(experiment.parameters[name].shown / true - 1.0) < 0.5
-    assert experiment.n_frames == 12 and experiment.stack.shape == (125, 190)
-    assert experiment.noise.std_gv == pytest.approx(truth["noise_std_gv"], abs=1e-3)
+        assert 0.1 < abs(experiment.model.parameters[name].shown / true - 1.0) < 0.5
+    assert experiment.model.n_frames == 12 and experiment.recording.stack.shape == (125, 190)
+    assert experiment.recording.noise.std_gv == pytest.approx(truth["noise_std_gv"], abs=1e-3)
 
 
 @pytest.mark.slow  # two more renderings
@@ -73,11 +73,13 @@ def test_a_simulated_experiment_repeats_the_original_at_the_true_parameters(demo
     path = simulate(demo, tmp_path / "virtual", overrides=truth, seed=3)
     virtual, original = load_experiment(path), load_experiment(demo)
     assert json.loads((path.parent / "truth.json").read_text())["parameters"] == truth
-    assert virtual.n_frames == original.n_frames and virtual.stack.shape == original.stack.shape
-    assert np.array_equal(virtual.mesh.nodes, original.mesh.nodes)
+    assert virtual.model.n_frames == original.model.n_frames
+    assert virtual.recording.stack.shape == original.recording.stack.shape
+    assert np.array_equal(virtual.model.mesh.nodes, original.model.mesh.nodes)
     # two logs with 5 N of noise each, and the mesh's own 0.3 % of 4900 N
-    assert np.abs(virtual.channels[0].values - original.channels[0].values).max() < 4 * 5.0 * np.sqrt(2) + 15.0
-    grips = [e.prescribed[2].drive.values for e in (virtual, original)]
+    assert np.abs(virtual.model.channels[0].values
+                  - original.model.channels[0].values).max() < 4 * 5.0 * np.sqrt(2) + 15.0
+    grips = [e.model.prescribed[2].drive.values for e in (virtual, original)]
     assert np.abs(grips[0] - grips[1]).max() < 4 * 0.0002 * np.sqrt(2) * 2  # relative to a noisy reference
     image = tifffile.imread(path.parent / "images" / "frame_000.tif")
     assert image.dtype == np.uint8 and image.std() > 30
@@ -122,9 +124,9 @@ def test_the_new_log_is_in_the_units_of_its_columns(tmp_path):
         (source / "experiment.toml").write_text(toml)
         first = load_experiment(source)
         again = load_experiment(simulate(source, tmp_path / name))
-        drives = [[p.drive for p in e.prescribed if isinstance(p.drive, Column)][0] for e in (first, again)]
+        drives = [[p.drive for p in e.model.prescribed if isinstance(p.drive, Column)][0] for e in (first, again)]
         np.testing.assert_allclose(drives[1].values, drives[0].values, atol=5 * 0.2e-3)  # noise of the grip, mm
-        force = again.channels[0].values
+        force = again.model.channels[0].values
         stiffness = 70e3 * 2.0 * 4.0 / 3.0  # N/mm, of the block without its clamps: within 20 % of it
         assert force[-1] == pytest.approx(stiffness * drives[0].values[-1], rel=0.2)
 
@@ -141,8 +143,8 @@ def test_the_log_of_a_simulated_experiment_is_on_time(tmp_path, own_times):
     first = load_experiment(folder, late)
     path = simulate(folder, tmp_path / "out", late, noise_std_gv=0.0)
     again = load_experiment(path)
-    moved = [build_drives(e).histories(e.parameters)[-1, -1] for e in (first, again)]
-    assert again.parameters["time.offset"].value == 0.0 != first.parameters["time.offset"].value
+    moved = [build_drives(e).histories(e.model.parameters)[-1, -1] for e in (first, again)]
+    assert again.model.parameters["time.offset"].value == 0.0 != first.model.parameters["time.offset"].value
     assert json.loads((path.parent / "truth.json").read_text())["parameters"]["time.offset"] == 0.0
     np.testing.assert_allclose(moved[1], moved[0], rtol=1e-5)
 

@@ -117,7 +117,7 @@ def test_the_workers_copy_images_as_one_process_does(cluster, tmp_path, monkeypa
     paths = [tmp_path / f"{k}.tif" for k in range(40)]  # three chunks
     for k, path in enumerate(paths):
         tifffile.imwrite(path, np.random.default_rng(k).integers(0, 256, (50, 60), dtype=np.uint8))
-    experiment = replace(experiment, stack=open_stack(paths))
+    experiment = replace(experiment, recording=replace(experiment.recording, stack=open_stack(paths)))
     monkeypatch.setattr("idic.run.prepared.prepare.BYTES_FOR_WORKERS", 0)
     seen, copies = [], []
     for name, runner in (("one", SerialRunner()), ("workers", cluster)):
@@ -132,7 +132,7 @@ def test_the_workers_copy_images_as_one_process_does(cluster, tmp_path, monkeypa
         assert np.array_equal(copies[1].frame(k), tifffile.imread(paths[k]))
     paths[20].write_bytes(paths[20].read_bytes()[:1000])
     with store.claim("identity"), pytest.raises(InputError, match="20.tif"):
-        ingest(store, replace(experiment, identity="another"), cluster)
+        ingest(store, replace(experiment, recording=replace(experiment.recording, identity="another")), cluster)
     assert store.finished("images") is not None  # the earlier copy stays
 
 

@@ -48,7 +48,7 @@ def client(tmp_path_factory):
 @pytest.fixture
 def experiment(tmp_path):
     folder = write_experiment(tmp_path / "test")
-    return ExperimentToSee(str(folder), {}, load_experiment(folder).identity)
+    return ExperimentToSee(str(folder), {}, load_experiment(folder).recording.identity)
 
 
 def test_a_worker_that_shares_everything_passes_and_nothing_is_left(client, experiment, tmp_path):
@@ -61,7 +61,7 @@ def test_a_worker_that_shares_everything_passes_and_nothing_is_left(client, expe
 def test_a_worker_that_reads_another_experiment_is_named_before_anything_is_written(client, tmp_path):
     """The driver has read the experiment; then the worker finds another one at its path."""
     folder = write_experiment(tmp_path / "test")
-    read = ExperimentToSee(str(folder), {}, load_experiment(folder).identity)
+    read = ExperimentToSee(str(folder), {}, load_experiment(folder).recording.identity)
     toml = folder / "experiment.toml"
     toml.write_text(toml.read_text().replace("thickness_mm = 2.0", "thickness_mm = 2.5"))
     with pytest.raises(InputError) as refused:
