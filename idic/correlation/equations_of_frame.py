@@ -25,7 +25,7 @@ from idic.correlation.views.pinhole_view import PinholeView
 from idic.correlation.views.view import View, view_of
 from idic.fe import nodal_deformation
 from idic.images import AnyCamera, PLACEMENT_STEM, PlacedCamera
-from idic.model import Experiment
+from idic.model import Experiment, Model
 
 
 def with_all_cameras(context: CorrelationContext,
@@ -62,7 +62,7 @@ def frame_equations(context: CorrelationContext, response: FrameResponse,
     A frame without contrast has no pixel in any sum.
     """
     experiment, reference = context.experiment, context.reference
-    response = turned_response(experiment, response)
+    response = turned_response(experiment.model, response)
     nodes, view = experiment.model.mesh.nodes, view_of(experiment, context.camera).at(response.frame)
     motion, jacobian = view.motion(nodes, response.u), view.jacobian(nodes, response.u)
     nodal, columns = reference.compare(experiment, response.frame, motion), _columns(context, response, view, jacobian)
@@ -83,12 +83,12 @@ def frame_equations(context: CorrelationContext, response: FrameResponse,
         few=isinstance(reference, FieldReference))
 
 
-def turned_response(experiment: Experiment, response: FrameResponse) -> FrameResponse:
+def turned_response(model: Model, response: FrameResponse) -> FrameResponse:
     """The motion in the axes of this camera."""
-    if not (experiment.model.axis_order or experiment.model.sees_back):
+    if not (model.axis_order or model.sees_back):
         return response
-    return replace(response, u=experiment.model.turned(response.u), du=experiment.model.turned(response.du),
-                   local_du=experiment.model.turned(response.local_du))
+    return replace(response, u=model.turned(response.u), du=model.turned(response.du),
+                   local_du=model.turned(response.local_du))
 
 
 def _without_pixels(reference: Reference, nodal: NodalEquations) -> NodalEquations:
@@ -114,9 +114,10 @@ def _columns(context: CorrelationContext, response: FrameResponse, view: View | 
     """The same; view, jacobian : of the frame."""
     experiment, nodes = context.experiment, context.experiment.model.mesh.nodes
     of_camera = [name for name in context.names if name not in context.moving and _is_of_camera(context, name)]
-    if gradient is None and (of_camera or _moves_nodes(experiment, context.moving)):
-        gradient = nodal_gradient(experiment, response.u)
-    moved = view.projected(jacobian, at_fixed_pixels(experiment, response.u, response.du, context.moving, gradient))
+    if gradient is None and (of_camera or _moves_nodes(experiment.model, context.moving)):
+        gradient = nodal_gradient(experiment.model, response.u)
+    moved = view.projected(jacobian, at_fixed_pixels(experiment.model, response.u, response.du, context.moving,
+                                                     gradient))
     columns, stem = np.zeros((len(moved), len(context.names))), f"{experiment.recording.camera_name}."
     for i, name in enumerate(context.names):
         if name in context.moving:
@@ -132,33 +133,33 @@ def _is_of_camera(context: CorrelationContext, name: str) -> bool:
     return placed or name.startswith(f"{context.experiment.recording.camera_name}.")
 
 
-def _moves_nodes(experiment: Experiment, moving: Sequence[str]) -> bool:
+def _moves_nodes(model: Model, moving: Sequence[str]) -> bool:
     """Whether one of these degrees of freedom moves the nodes of the undeformed mesh."""
-    return any(morph.name in moving for morph in experiment.model.morphs)
+    return any(morph.name in moving for morph in model.morphs)
 
 
-def at_fixed_pixels(experiment: Experiment, u: np.ndarray, du: np.ndarray, moving: Sequence[str],
+def at_fixed_pixels(model: Model, u: np.ndarray, du: np.ndarray, moving: Sequence[str],
                     gradient: np.ndarray | None = None) -> np.ndarray:
     """Sensitivities at fixed points of the undeformed body instead of at nodes that move  # (n_nodes, dim, n_moving)
 
     Where a degree of freedom moves the nodes by V = dX/dlam: phi = dU/dlam - (grad u) V (docs/method.md, equation 5.5).
     gradient : `nodal_gradient` of the motion, where it is known already
     """
-    if not _moves_nodes(experiment, moving):
+    if not _moves_nodes(model, moving):
         return du
-    velocity = {morph.name: morph.velocity for morph in experiment.model.morphs}
-    du, gradient = du.copy(), nodal_gradient(experiment, u) if gradient is None else gradient
+    velocity = {morph.name: morph.velocity for morph in model.morphs}
+    du, gradient = du.copy(), nodal_gradient(model, u) if gradient is None else gradient
     for i, name in enumerate(moving):
         if name in velocity:
-            v = experiment.model.turned(velocity[name])
+            v = model.turned(velocity[name])
             du[:, :, i] -= np.einsum("nij,nj->ni", gradient, v)
             du[:, :v.shape[1], i] += v
     return du
 
 
-def nodal_gradient(experiment: Experiment, u: np.ndarray) -> np.ndarray:
+def nodal_gradient(model: Model, u: np.ndarray) -> np.ndarray:
     """Deformation gradient at the nodes  # (n_nodes, dim, dim), of a motion with a third component (n_nodes, 3, 2)"""
-    gradient = nodal_deformation(experiment.model.mesh, u)
+    gradient = nodal_deformation(model.mesh, u)
     return np.where(np.isnan(gradient), np.eye(*gradient.shape[1:]), gradient)  # nodes of no element do not matter
 
 

@@ -30,14 +30,15 @@ _traced: dict[tuple, tuple[PixelMap, np.ndarray | None]] = {}
 
 def camera_at(experiment: Experiment, parameters: ParameterSet) -> AnyCamera:
     """The camera with the camera degrees of freedom of these parameters."""
+    model = experiment.model
     stem = experiment.recording.camera_name
-    if isinstance(experiment.model.camera, PlacedCamera):
+    if isinstance(model.camera, PlacedCamera):
         lens = {name.removeprefix(f"{stem}."): at.value for name, at in parameters.items()
                 if name.startswith(f"{stem}.")}
         common = {name: at.value for name, at in parameters.items() if name.startswith(f"{PLACEMENT_STEM}.")}
-        return experiment.model.camera.with_parameters(lens | common)
+        return model.camera.with_parameters(lens | common)
     values = {name: parameters[f"{stem}.{name}"].value for name in CAMERA_PARAMETERS if f"{stem}.{name}" in parameters}
-    camera = experiment.model.camera.with_parameters(values) if values else experiment.model.camera
+    camera = model.camera.with_parameters(values) if values else model.camera
     if camera.motion is None:
         return camera
     amplitudes = {name: parameters[f"{stem}.{name}"].value for name in camera.motion.names}
@@ -55,20 +56,21 @@ def build_experiment_reference(experiment: Experiment, camera: AnyCamera) -> Ref
     InputError
         If no part of the mesh is visible.
     """
-    if experiment.recording.points is not None:
+    recording = experiment.recording
+    if recording.points is not None:
         return build_field_reference(experiment, camera)
     view = view_of(experiment, camera)
     if view.kind == SECTION:
         return _section_reference(experiment, camera)
-    options, stack = experiment.options, experiment.recording.stack
-    mask = _inside_borders(experiment.recording.mask, stack.shape, options.border_px if view.kind == GREY else 0)
+    options, stack = experiment.options, recording.stack
+    mask = _inside_borders(recording.mask, stack.shape, options.border_px if view.kind == GREY else 0)
     pixel_map, mask = _kept_pixels(experiment, camera, mask)
     if options.left_out_px:
         mask = _outside_circles(mask, stack.shape, options.left_out_px)
         pixel_map = mapped_pixels(experiment, camera, mask)
     image = stack.frame(experiment.model.reference)
     if view.kind == GREY:
-        images = [stack.frame(k) for k in experiment.recording.averaged] or image
+        images = [stack.frame(k) for k in recording.averaged] or image
         return grey_reference(pixel_map, images, experiment)
     degree = DEGREES[options.interpolation]
     gaps = pixels_at_gaps(height_frame(image, 0.0, degree, options.lowpass_px))
@@ -85,6 +87,7 @@ def _kept_pixels(experiment: Experiment, camera: AnyCamera,
     Rays are traced for some microseconds per pixel: the noise, the start, the identification and its judgement each
     attach the same reference image.
     """
+    model = experiment.model
     def found() -> tuple[PixelMap, np.ndarray | None]:
         pixel_map, margin = mapped_pixels(experiment, camera, mask), experiment.options.edge_margin_px
         if not margin:
@@ -94,8 +97,8 @@ def _kept_pixels(experiment: Experiment, camera: AnyCamera,
 
     if not isinstance(camera, PlacedCamera):
         return found()
-    mesh, one = experiment.model.mesh, camera.effective
-    faces = [] if experiment.model.surface is None else mesh.edge_sets[experiment.model.surface]
+    mesh, one = model.mesh, camera.effective
+    faces = [] if model.surface is None else mesh.edge_sets[model.surface]
     digest = blake2b()
     for part in (mesh.nodes, *(block.connectivity for block in mesh.blocks), faces, one.intrinsic, one.rotation,
                  one.translation_mm, () if mask is None else mask):
@@ -112,19 +115,21 @@ def _kept_pixels(experiment: Experiment, camera: AnyCamera,
 
 def mapped_pixels(experiment: Experiment, camera: AnyCamera, mask: np.ndarray | None) -> PixelMap:
     """The pixels of the seen surface within a mask (ny, nx), bool, None: everywhere."""
-    mesh, shape = experiment.model.mesh, experiment.recording.stack.shape
-    cells = surface_cells(mesh, experiment.model.surface)
+    model = experiment.model
+    mesh, shape = model.mesh, experiment.recording.stack.shape
+    cells = surface_cells(mesh, model.surface)
     if isinstance(camera, PlacedCamera):
-        return build_ray_map(mesh, cells, camera, shape, mask, experiment.model.surface)
+        return build_ray_map(mesh, cells, camera, shape, mask, model.surface)
     return build_pixel_map(mesh.nodes, cells, camera, shape, mask)
 
 
 def _section_reference(experiment: Experiment, camera: Camera) -> SectionReference:
     """The reference of a cross-section: its columns instead of its pixels."""
+    model = experiment.model
     options, stack = experiment.options, experiment.recording.stack
-    section = build_section_map(experiment.model.mesh, experiment.model.surface, camera, stack.shape, experiment.recording.mask,
-                                experiment.model.symmetry is not None, options.edge_margin_px)
-    return build_section_reference(section, stack.frame(experiment.model.reference), DEGREES[options.interpolation],
+    section = build_section_map(model.mesh, model.surface, camera, stack.shape, experiment.recording.mask,
+                                model.symmetry is not None, options.edge_margin_px)
+    return build_section_reference(section, stack.frame(model.reference), DEGREES[options.interpolation],
                                    options.lowpass_px)
 
 

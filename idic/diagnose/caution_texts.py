@@ -109,7 +109,8 @@ def thickness_caution(diagnosis: Diagnosis) -> list[str]:
     is_first = first_error is not None and first_error.thickness is not None  # counted before any cause
     value_text = f" ({values})" if is_first and values else ""
     addition = "" if diagnosis.state.final is None else ", nor does the enriched experiment"
-    return [f"The specimen is not in plane stress: the motion of bricks of its thickness ({experiment.model.thickness:.3g} "
+    return [f"The specimen is not in plane stress: the motion of bricks of its thickness "
+            f"({experiment.model.thickness:.3g} "
             f"mm) differs from the model by up to {moved:.2g} px (rms of a frame){''.join(shares)}, and the recording "
             f"shows it. The diagnosis counts the difference; the identified parameters do not{value_text}{addition}. "
             "Identify again with a mesh of bricks (kind = \"solid\")."]
@@ -171,9 +172,10 @@ def neglected_cautions(diagnosis: Diagnosis) -> list[str]:
     if neglected is None:
         return []
     parameters = diagnosis.last_parameters
-    ends = " with ends that keep theirs" if gripped_ends(experiment) else ""
+    ends = " with ends that keep theirs" if gripped_ends(experiment.model) else ""
     assumptions = {
-        BRICKS: (f"Plane stress is an assumption: bricks of the specimen's thickness ({experiment.model.thickness:.3g} "
+        BRICKS: (f"Plane stress is an assumption: bricks of the specimen's thickness "
+                     f"({experiment.model.thickness:.3g} "
                  f"mm){ends}", 'a mesh of bricks (kind = "solid")'),
         FINITE_STRAINS: ("Small strains are an assumption: the same law with finite strains and rotations",
                          'finite strains (kinematics = "finite")')}
@@ -319,7 +321,7 @@ def softening_caution(rounds: Sequence[Round]) -> list[str]:
 def _not_simulated(diagnosis: Diagnosis) -> list[str]:
     """Why the next experiment is the library's general one, where candidates are indistinguishable."""
     is_open = bool(diagnosis.verdict.indistinguishable)
-    reason = reason_against_continuation(diagnosis.identification.experiment) if is_open else None
+    reason = reason_against_continuation(diagnosis.identification.experiment.model) if is_open else None
     if reason is None:
         return []
     return ["The next experiment is the library's general advice for these candidates; none was simulated with the "
@@ -350,7 +352,7 @@ CAUTIONS: tuple[Callable[[Diagnosis], list[str]], ...] = (  # in the order in wh
     _register,
     _quick,
     lambda diagnosis: too_coarse(diagnosis.rounds),
-    lambda diagnosis: outline_caution(open_share(diagnosis.identification.experiment), diagnosis.verdict.word),
+    lambda diagnosis: outline_caution(open_share(diagnosis.identification.experiment.model), diagnosis.verdict.word),
     thickness_caution,
     finite_caution,
     mesh_caution,

@@ -132,7 +132,8 @@ def _verdict(identification: Identification, state: State, remainder: Remainder)
     source = (state.final or state.model).source
     is_located = state.mismatch is not None and state.mismatch.is_significant
     return conclude(state.rounds, *heldout, is_located, remainder.excesses,
-                    unloads(identification.experiment), copies * floor_px**2 * state.power_of_copy, remainder.channels,
+                    unloads(identification.experiment.model), copies * floor_px**2 * state.power_of_copy,
+                    remainder.channels,
                     lambda ranked: _freedom(source, ranked))
 
 
@@ -178,7 +179,7 @@ def _neglected(identified: Identified, state: State, corrected: FittedModel | No
 def _separating_test(identification: Identification, state: State, verdict: Verdict) -> str | None:
     """The outline where it is open; else the simulated test that separates the first indistinguishable group for which
     there is one."""
-    if open_share(identification.experiment) is not None and verdict.word not in ("none", "blind"):
+    if open_share(identification.experiment.model) is not None and verdict.word not in ("none", "blind"):
         return DRAW_FIRST
     setting = state.setting
     for entry in state.rounds:
@@ -205,7 +206,7 @@ def _free_law(identification: Identification, state: State, verdict: Verdict) ->
     model, and of the last one where it holds causes that are not of the specimen."""
     setting, final = state.setting, state.final
     if setting.quick or state.end is not None or not is_offered(verdict, state.mismatch, state.rounds,
-                                                                identification.experiment):
+                                                                identification.experiment.model):
         return None
     models = [state.first]
     if final is not None and final.residual is not None and has_other_sides(state.rounds):

@@ -24,7 +24,7 @@ from idic.diagnose.selection.rival import Round, winners
 from idic.diagnose.selection.state import State
 from idic.diagnose.selection.verdict import Verdict
 from idic.laws import knots, rubber_level_names, weight_names
-from idic.model import Experiment
+from idic.model import Model
 
 BULK = "bulk"
 N_KNOTS, N_SECOND_KNOTS = 8, 5  # of a hardening curve or dW/dI1, of dW/dI2
@@ -94,7 +94,7 @@ class FreeForm(FreeModel):
                 "std": [self.refitted.stds.get(name) for name in law.names]}
 
 
-def is_offered(verdict: Verdict, mismatch: Mismatch | None, rounds: Sequence[Round], experiment: Experiment) -> bool:
+def is_offered(verdict: Verdict, mismatch: Mismatch | None, rounds: Sequence[Round], model: Model) -> bool:
     """Whether a free law is offered.
 
     No named cause fits, a material has a free law of its class, and the nested tests or a selected candidate assign the
@@ -102,7 +102,7 @@ def is_offered(verdict: Verdict, mismatch: Mismatch | None, rounds: Sequence[Rou
     """
     classes = ("elastic", *YIELDING, *RUBBERS, *RELAXING)
     if verdict.word != "outside_library" or mismatch is None or not any(
-            material.law in classes for material in experiment.model.materials):
+            material.law in classes for material in model.materials):
         return False
     return BULK in (mismatch.side, *(winner.ranked.candidate.side for winner in winners(rounds)))
 

@@ -13,7 +13,7 @@ from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.errors import NotConverged
 from idic.fe import EXTERNAL, nodal_deformation
 from idic.laws import compile, get_law, uniaxial
-from idic.model import Experiment, nodes_of
+from idic.model import Model, nodes_of
 from idic.parameters import ParameterSet
 
 MIN_STRESS_DIFFERENCE = 0.01  # of the largest stress: two curves that a figure could not tell apart
@@ -80,9 +80,10 @@ def law_pairs(diagnosis: Diagnosis) -> tuple[LawPair, ...]:
         replacement = enriched.model.material_of(material.element_set)
         if EXTERNAL in (material.law, replacement.law):
             continue
-        strain = _largest_strain(base, material.element_set, diagnosis.identified.residual.u[..., :base.model.n_dim])
-        base_curve = _curve(base, material, diagnosis.identification.parameters.as_values(), strain)
-        enriched_curve = _curve(enriched, replacement, _parameters(diagnosis).as_values(), strain)
+        strain = _largest_strain(base.model, material.element_set,
+                                 diagnosis.identified.residual.u[..., :base.model.n_dim])
+        base_curve = _curve(base.model, material, diagnosis.identification.parameters.as_values(), strain)
+        enriched_curve = _curve(enriched.model, replacement, _parameters(diagnosis).as_values(), strain)
         if base_curve is None or enriched_curve is None:
             continue
         if np.abs(base_curve - enriched_curve).max() < MIN_STRESS_DIFFERENCE * np.abs(enriched_curve).max():
@@ -92,11 +93,11 @@ def law_pairs(diagnosis: Diagnosis) -> tuple[LawPair, ...]:
     return tuple(pairs)
 
 
-def _largest_strain(experiment: Experiment, element_set: str, motions: np.ndarray) -> float:
+def _largest_strain(model: Model, element_set: str, motions: np.ndarray) -> float:
     """Largest stretch less one over all frames, at `STRAIN_PERCENTILE` of the nodes of a set."""
-    nodes, largest = nodes_of(experiment.model.mesh, element_set), 0.0
+    nodes, largest = nodes_of(model.mesh, element_set), 0.0
     for u in motions:
-        F = nodal_deformation(experiment.model.mesh, u)[nodes]
+        F = nodal_deformation(model.mesh, u)[nodes]
         stretch = np.linalg.svd(F[np.isfinite(F).all(axis=(1, 2))], compute_uv=False)
         largest = max(largest, float(np.percentile(np.abs(stretch - 1.0).max(axis=1), STRAIN_PERCENTILE)))
     return largest
@@ -106,9 +107,9 @@ def _words(law: str) -> str:
     return law.replace("_", " ")
 
 
-def _curve(experiment: Experiment, material, values: Mapping[str, float], strain: float) -> np.ndarray | None:
+def _curve(model: Model, material, values: Mapping[str, float], strain: float) -> np.ndarray | None:
     """Nominal stress (STEPS,) MPa; None where the point finds no equilibrium."""
-    seconds = float(experiment.model.times[-1] - experiment.model.times[experiment.model.reference])
+    seconds = float(model.times[-1] - model.times[model.reference])
     constants = [values.get(f"{material.element_set}.{p.name}", p.null) for p in get_law(material.law).parameters]
     if any(value is None for value in constants):
         return None

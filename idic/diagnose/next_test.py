@@ -28,8 +28,8 @@ from idic.errors import InputError, NotConverged
 from idic.identification import Identification
 from idic.images import Camera
 from idic.model import (
-    CORRECTION_TERMS, Column, Controlled, Correction, Experiment, Measured, Parametrised, Temperature, TemperatureField,
-    build_forward,
+    CORRECTION_TERMS, Column, Controlled, Correction, Experiment, Measured, Model, Parametrised, Temperature,
+    TemperatureField, build_forward,
 )
 
 MIN_SEPARATING_CHI2 = 25.0  # D of a reliable separation: five standard deviations
@@ -69,7 +69,7 @@ class Separation:
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class SeparatedModel:
     """A fitted model with its residual on the recording in hand."""
 
     name: str
@@ -103,20 +103,20 @@ def next_experiment(members: Sequence[FittedModel]) -> str | None:
     return f"{best.words}: it separates {names} (expected chi-square {best.D:.3g})"
 
 
-def _simulated(member: FittedModel) -> Model:
+def _simulated(member: FittedModel) -> SeparatedModel:
     identified = member.identification()
-    return Model(member.fit.name, identified, residual_evidence(identified))
+    return SeparatedModel(member.fit.name, identified, residual_evidence(identified))
 
 
-def separations(base: Model, rival: Model) -> tuple[Separation, ...]:
+def separations(base: SeparatedModel, rival: SeparatedModel) -> tuple[Separation, ...]:
     """D of every continuation that both models get through, in the order of the menu.
 
     None where a motion is not a logged one (`reason_against_continuation`).
     """
     experiment, tried = base.identification.experiment, []
-    if any(reason_against_continuation(model.identification.experiment) for model in (base, rival)):
+    if any(reason_against_continuation(model.identification.experiment.model) for model in (base, rival)):
         return ()
-    course = _programme(experiment)
+    course = _programme(experiment.model)
     for continuation in menu(float(course[-1])):
         try:
             tried.append(Separation(continuation.words, separation_chi2(base, rival, continuation)))
@@ -125,7 +125,7 @@ def separations(base: Model, rival: Model) -> tuple[Separation, ...]:
     return tuple(tried)
 
 
-def separation_chi2(base: Model, rival: Model, continuation: Continuation) -> float:
+def separation_chi2(base: SeparatedModel, rival: SeparatedModel, continuation: Continuation) -> float:
     """D of one continuation, the smaller way round, at the nodes that both models see.
 
     A lens or a hole that differs takes pixels from some nodes and gives them to others.
@@ -141,21 +141,21 @@ def separation_chi2(base: Model, rival: Model, continuation: Continuation) -> fl
                _apart(rival.residual.evidence.at(dofs), second, first, continuation))
 
 
-def reason_against_continuation(experiment: Experiment) -> str | None:
+def reason_against_continuation(model: Model) -> str | None:
     """Why the programme of a test cannot be continued in a simulation, None where it can.
 
     Images that were never taken say nothing of how a measured edge or a virtual boundary would move.
     """
-    edges = sorted({f"{entry.nodes} along {entry.component}" for entry in experiment.model.prescribed
+    edges = sorted({f"{entry.nodes} along {entry.component}" for entry in model.prescribed
                     if isinstance(entry.drive, Measured | Parametrised)})
     if edges:
         return f"the motion of {', '.join(edges)} is known from images alone"
-    return "no motion or load of the test is logged" if _programme(experiment) is None else None
+    return "no motion or load of the test is logged" if _programme(model) is None else None
 
 
-def unloads(experiment: Experiment) -> bool | None:
+def unloads(model: Model) -> bool | None:
     """Whether the logged motion or load came back to zero after its largest value; None where none is logged."""
-    course = _programme(experiment)
+    course = _programme(model)
     if course is None:
         return None
     return bool((np.abs(course[np.argmax(np.abs(course)):]) < MAX_UNLOADED_SHARE).any())
@@ -166,10 +166,9 @@ def recommended(tried: Sequence[Separation]) -> Separation | None:
     return next((t for t in tried if t.D >= MIN_SEPARATING_CHI2), max(tried, key=lambda t: t.D, default=None))
 
 
-def _programme(experiment: Experiment) -> np.ndarray | None:
+def _programme(model: Model) -> np.ndarray | None:
     """The largest logged motion or load over its largest value  # (n_frames,)"""
-    logged = [drive.values for drive in experiment.model.drives if isinstance(drive, Column)]
-    moving = [values for values in logged if np.abs(values).max() > 0.0]
+    moving = [drive.values for drive in model.logged_drives if np.abs(drive.values).max() > 0.0]
     if not moving:
         return None
     largest = max(moving, key=lambda values: np.abs(values).max())
@@ -178,8 +177,9 @@ def _programme(experiment: Experiment) -> np.ndarray | None:
 
 def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
     """The experiment with the frames of a continuation behind its own; their measurements are zero."""
-    n, course = len(continuation.motion), _programme(experiment)
-    times = experiment.model.times[-1] + np.cumsum(continuation.seconds) * (experiment.model.times[-1] - experiment.model.times[0])
+    model = experiment.model
+    n, course = len(continuation.motion), _programme(model)
+    times = model.times[-1] + np.cumsum(continuation.seconds) * (model.times[-1] - model.times[0])
     peak, factors = int(np.argmax(np.abs(course))), np.array(continuation.motion)
 
     def scaled(values: np.ndarray) -> np.ndarray:
@@ -211,10 +211,15 @@ def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
 
     channels = tuple(replace(c, values=np.concatenate([c.values, np.zeros(n)]), rates=steady(c.rates),
                              hats={name: held(hat) for name, hat in c.hats.items()})
-                     for c in experiment.model.channels)
-    prescribed = tuple(carried(entry) for entry in experiment.model.prescribed)
-    return replace(experiment, recording=replace(experiment.recording, labels=(*experiment.recording.labels, *(f"next {k}" for k in range(n)))), model=replace(experiment.model, motion_error=None, times=np.concatenate([experiment.model.times, times]), camera=_held(experiment.model.camera, n), channels=channels, prescribed=prescribed, loads=tuple(carried(entry) for entry in experiment.model.loads), temperatures=tuple(replace(carried(entry), hats=_further(entry.hats, n))
-                                      for entry in experiment.model.temperatures)))
+                     for c in model.channels)
+    prescribed = tuple(carried(entry) for entry in model.prescribed)
+    return replace(experiment, recording=replace(experiment.recording, labels=(*experiment.recording.labels,
+                                                                               *(f"next {k}" for k in range(n)))),
+                   model=replace(model, motion_error=None, times=np.concatenate([model.times, times]),
+                                 camera=_held(model.camera, n), channels=channels, prescribed=prescribed,
+                                 loads=tuple(carried(entry) for entry in model.loads),
+                                 temperatures=tuple(replace(carried(entry), hats=_further(entry.hats, n))
+                                      for entry in model.temperatures)))
 
 
 def _further(hats: np.ndarray | None, n: int) -> np.ndarray | None:
@@ -239,7 +244,7 @@ class _Shown:
     channel_residual: np.ndarray
 
 
-def _shown(model: Model, continuation: Continuation, dofs: np.ndarray) -> _Shown:
+def _shown(model: SeparatedModel, continuation: Continuation, dofs: np.ndarray) -> _Shown:
     evidence, context = model.residual.evidence, model.residual.context
     experiment = continued(context.experiment, continuation)
     forward = build_forward(experiment)
@@ -250,11 +255,12 @@ def _shown(model: Model, continuation: Continuation, dofs: np.ndarray) -> _Shown
     fields, channels, motion, channel_residual = [], [], [], []
     for at in forward.march(context.parameters, context.moving, local, None, forward.drives.n_local > 0):
         frame = at.frame + experiment.model.reference
-        if frame in recorded_frames or frame >= context.experiment.model.n_frames:  # of the recording: what follows is new
+        is_new = frame >= context.experiment.model.n_frames
+        if is_new or frame in recorded_frames:
             response = FrameResponse(frame, at.seen_u, at.channels, at.seen_du, at.dchannels, at.seen_local_du,
                                      at.local_dchannels)
             rows = channel_equations(cameras[0].context, response)
-            seen_by = [(camera, turned_response(camera.context.experiment, response)) for camera in cameras]
+            seen_by = [(camera, turned_response(camera.context.experiment.model, response)) for camera in cameras]
             fields.append(np.concatenate([global_columns(camera.context, camera_response)
                                           for camera, camera_response in seen_by])[dofs])
             channels.append(rows.d_global)

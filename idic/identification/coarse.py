@@ -35,7 +35,8 @@ from idic.identification.loop import start
 from idic.identification.step.schedule import first_free
 from idic.identification.step.state import Evaluation, LoopState
 from idic.model import (
-    Experiment, ForwardModel, Parametrised, Stage, TemperatureField, build_forward, selected_frames, tried_increments,
+    Experiment, ForwardModel, Model, Parametrised, Stage, TemperatureField, build_forward, selected_frames,
+    tried_increments,
 )
 from idic.parameters import ParameterSet
 
@@ -78,10 +79,12 @@ def coarse_fit(experiment: Experiment, u_px: np.ndarray | None, values: Mapping[
     simplified : on a mesh of fewer elements
     """
     asked = experiment.model.parameters.with_free(first_free(experiment))  # the others keep their values
-    setup = _prepare(replace(experiment, model=replace(experiment.model, parameters=asked)), u_px, simplified)
+    setup = _prepare(experiment.with_parameters(asked), u_px, simplified)
     here = {**setup.experiment.model.parameters.as_values(), **values}
-    setup = replace(setup, experiment=replace(setup.experiment, model=replace(setup.experiment.model, parameters=setup.experiment.model.parameters.with_values(here)), stages=(Stage("all"),), options=replace(setup.experiment.options, max_iterations=evaluations, estimator="ordinary",
-                        schedule="all", search="never", step_limit=None, trial_steps=1)))
+    options = replace(setup.experiment.options, max_iterations=evaluations, estimator="ordinary", schedule="all",
+                      search="never", step_limit=None, trial_steps=1)
+    there = setup.experiment.with_parameters(setup.experiment.model.parameters.with_values(here))
+    setup = replace(setup, experiment=replace(there, stages=(Stage("all"),), options=options))
     points = MemoryPoints(setup.experiment, setup.weights.image_noise, start(setup.experiment), _Point(None, None, 0.0),
                           partial(_evaluate, setup))
     state, end = run_loop(points), points.point
@@ -116,11 +119,11 @@ class _Point:
 def _prepare(experiment: Experiment, u_px: np.ndarray | None, simplified: bool) -> _Setup:
     if u_px is None:
         u_px = np.full((experiment.model.n_frames, experiment.model.mesh.n_nodes, 2), np.nan)
-    frames = coarse_frames(experiment)
+    frames = coarse_frames(experiment.model)
     if simplified or len(frames) < experiment.model.n_frames - experiment.model.reference:
         experiment = replace(experiment, options=replace(experiment.options, substeps=1))
     experiment, u_px = selected_frames(experiment, frames), u_px[frames]
-    if simplified and (coarse := coarse_mesh(experiment)) is not None:
+    if simplified and (coarse := coarse_mesh(experiment.model)) is not None:
         experiment, u_px = on_coarse_mesh(experiment, coarse), u_px[:, coarse.nodes]
     u_px[[experiment.model.reference, *experiment.recording.excluded]] = np.nan
     forward = replace(build_forward(experiment), control=FAST_FAILURE)
@@ -137,11 +140,11 @@ def _prepare(experiment: Experiment, u_px: np.ndarray | None, simplified: bool) 
     return _Setup(experiment, forward, moving, u_px, local, weights, points)
 
 
-def coarse_mesh(experiment: Experiment) -> Coarse | None:
+def coarse_mesh(model: Model) -> Coarse | None:
     """A mesh of about `COARSE_ELEMENTS` for the experiment; None where there is none, or shapes on its nodes are
     parameters."""
-    shaped = experiment.model.morphs or any(isinstance(entry.drive, Parametrised) for entry in experiment.model.prescribed)
-    return None if shaped else coarsen(experiment.model.mesh, COARSE_ELEMENTS)
+    shaped = model.morphs or any(isinstance(entry.drive, Parametrised) for entry in model.prescribed)
+    return None if shaped else coarsen(model.mesh, COARSE_ELEMENTS)
 
 
 def on_coarse_mesh(experiment: Experiment, coarse: Coarse) -> Experiment:
@@ -152,11 +155,11 @@ def on_coarse_mesh(experiment: Experiment, coarse: Coarse) -> Experiment:
     return replace(experiment, model=replace(experiment.model, mesh=coarse.mesh, temperatures=temperatures))
 
 
-def coarse_frames(experiment: Experiment) -> list[int]:
+def coarse_frames(model: Model) -> list[int]:
     """The simulated frames: the reference and at most `MAX_FRAMES` evenly after it, with the last one."""
-    if experiment.model.camera.motion is not None:
-        return list(range(experiment.model.n_frames))  # its courses are known by the number of the frame
-    first, last = experiment.model.reference, experiment.model.n_frames - 1
+    if model.camera.motion is not None:
+        return list(range(model.n_frames))  # its courses are known by the number of the frame
+    first, last = model.reference, model.n_frames - 1
     number = min(last - first, MAX_FRAMES)
     return np.unique(np.rint(np.linspace(first, last, number + 1)).astype(int)).tolist()
 
@@ -195,7 +198,8 @@ def _simulate(setup: _Setup, parameters: ParameterSet,
     try:
         for at in forward.march(parameters, setup.moving, setup.local, frozen, forward.drives.n_local > 0):
             taken = at.steps.times
-            came.append(FrameResponse(at.frame + experiment.model.reference, at.seen_u, at.channels, at.seen_du, at.dchannels,
+            came.append(FrameResponse(at.frame + experiment.model.reference, at.seen_u, at.channels, at.seen_du,
+                                      at.dchannels,
                                       at.local_du, at.local_dchannels))
     except NotConverged as problem:
         return came, taken, problem

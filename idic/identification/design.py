@@ -256,8 +256,9 @@ class _Walk:
         full = self._analysis(evaluation, experiment)
         image = materials = None
         if self.image_only is not None:
-            image = self._analysis(self._evaluation(self.image_only), replace(experiment, model=replace(experiment.model, channels=())))
-        kept = [i for i, own in enumerate(context.names) if of_material(own, experiment)]
+            image = self._analysis(self._evaluation(self.image_only),
+                                   replace(experiment, model=replace(experiment.model, channels=())))
+        kept = [i for i, own in enumerate(context.names) if of_material(own, experiment.model)]
         if 0 < len(kept) < len(context.names):
             part = Evaluation(0, evaluation.system.restrict([context.names[i] for i in kept]),
                               evaluation.reference_gram[np.ix_(kept, kept)])

@@ -92,19 +92,20 @@ def frame_entries(experiment: Experiment, fits: Mapping[int, FrameFit], excluded
 
     free_chi2 : (n_frames,) chi² per pixel of a free FE-DIC, NaN where it is unknown
     """
-    references = experiment.recording.averaged or (experiment.model.reference,)
-    correlated = [k for k in fits if k not in experiment.recording.excluded and fits[k].n_pixels]
+    model, recording = experiment.model, experiment.recording
+    references = recording.averaged or (model.reference,)
+    correlated = [k for k in fits if k not in recording.excluded and fits[k].n_pixels]
     typical = float(np.median([fits[k].chi2_dof for k in correlated])) if correlated else float("nan")
     entries = []
-    for frame in range(experiment.model.n_frames):
+    for frame in range(model.n_frames):
         fit, reference = fits.get(frame), frame in references
         of_free = np.inf if free_chi2 is None else MAX_CHI2_OVER_FREE_DIC * free_chi2[frame]
         allowed = max(MIN_UNEXPLAINED_CHI2, np.fmin(MAX_CHI2_OVER_MEDIAN * typical, of_free))
         if reference:
             status = "ok"
-        elif frame < experiment.model.reference or frame in excluded_by_user:
+        elif frame < model.reference or frame in excluded_by_user:
             status = "excluded"
-        elif frame in experiment.recording.excluded:
+        elif frame in recording.excluded:
             status = "lost" if fit is not None and fit.n_pixels == 0 else "unexplained"
         elif fit is not None and fit.n_pixels == 0:
             status = "lost"
@@ -113,8 +114,8 @@ def frame_entries(experiment: Experiment, fits: Mapping[int, FrameFit], excluded
         else:
             status = "ok"
         entries.append({
-            "frame": frame, "label": experiment.recording.labels[frame], "status": status, "reference": reference,
-            "rms_gv": 0.0 if frame == experiment.model.reference else fit.rms_gv if fit else None,
+            "frame": frame, "label": recording.labels[frame], "status": status, "reference": reference,
+            "rms_gv": 0.0 if frame == model.reference else fit.rms_gv if fit else None,
             "chi2_dof": None if reference or fit is None else fit.chi2_dof,
             "n_pixels": None if fit is None else fit.n_pixels, "used": frame in correlated})
     return entries
@@ -128,7 +129,7 @@ def camera_entries(experiment: Experiment, point: Evaluation | None, fit: PointF
         used = used_fits(view, fit.frames[number])
         lost = None if point is None else int(sum(record.cameras[number, 1] for record in point.system.frames))
         entries[view.recording.camera_name] = {
-            "noise": noise_content(view),
+            "noise": noise_content(view.recording),
             "residual": {"image_rms_gv": mean_rms(used), "image_chi2_dof": mean_chi2(used), "lost_pixels": lost},
             "frames": frame_entries(view, fit.frames[number], excluded_by_user, fit.free_chi2[number])}
     for pair in fit.textures:
@@ -166,9 +167,10 @@ def residual_summary(experiment: Experiment, fits: Sequence[Mapping[int, FrameFi
     channels : (n_frames, n_channels) measured minus simulated; channel_noise : (n_channels,)
     free_dic : ``chi2_dof`` and ``rms_gv`` of every frame of a free FE-DIC  # (n_frames,)
     """
+    model = experiment.model
     used = used_fits(experiment, fits[0])
-    factors = [channel.shown_factor for channel in experiment.model.channels]
-    shown = [(i, channel.column) for i, channel in enumerate(experiment.model.channels) if len(channels)]
+    factors = [channel.shown_factor for channel in model.channels]
+    shown = [(i, channel.column) for i, channel in enumerate(model.channels) if len(channels)]
     summary = {
         "image_rms_gv": mean_rms(used),
         "image_chi2_dof": mean_chi2([fit for camera in fits for fit in used_fits(experiment, camera)]),
@@ -177,7 +179,7 @@ def residual_summary(experiment: Experiment, fits: Sequence[Mapping[int, FrameFi
         "channel_chi2_dof": {column: float(np.mean(channels[:, i] ** 2) / channel_noise[i] ** 2)
                              for i, column in shown},
         "channel_noise_std": {c.column: float(channel_noise[i]) / factors[i]
-                              for i, c in enumerate(experiment.model.channels)},
+                              for i, c in enumerate(model.channels)},
     }
     if free_dic is not None:
         frames = [fit.frame for fit in used]

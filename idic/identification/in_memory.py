@@ -68,12 +68,13 @@ class Identification:
     @property
     def parameters(self) -> ParameterSet:
         """All parameters at the accepted point."""
-        return parameters_at(self.experiment, self.state)
+        return parameters_at(self.experiment.model, self.state)
 
     @property
     def model_point(self) -> ModelPoint:
         """The model there without a known error, to compare it with another one (`idic.simulation_error`)."""
-        return ModelPoint(replace(self.experiment, model=replace(self.experiment.model, motion_error=None)), self.parameters, self.local, self.steps)
+        return ModelPoint(replace(self.experiment, model=replace(self.experiment.model, motion_error=None)),
+                          self.parameters, self.local, self.steps)
 
     def march(self, names: Sequence[str] = (), influence: bool = False) -> Iterator[FrameState]:
         """Simulate the accepted point once more, beginning at its solution where that is at hand.
@@ -241,7 +242,7 @@ def _prepare(experiment: Experiment, motion: Mapping[str, np.ndarray] | None = N
     forward = build_forward(experiment)
     moving = tuple(name for name in experiment.model.parameters.free if forward.moves(name))
     check_method(experiment)
-    if is_two_step(experiment) and motion is None:
+    if is_two_step(experiment.options) and motion is None:
         motion = {view.recording.camera_name: measure(view) for view in experiment.views}
     return _Setup(experiment, forward, moving, noise_weights(experiment), {}, motion or {})
 

@@ -28,7 +28,7 @@ from idic.identification.step.increments import n_intervals
 from idic.identification.step.schedule import is_preliminary
 from idic.identification.step.stages import check_images
 from idic.identification.step.state import Evaluation, LoopState
-from idic.model import Experiment, Stage
+from idic.model import Experiment, Model, Stage
 from idic.parameters import Parameter, ParameterSet
 from idic.readers import parse_unit
 
@@ -93,7 +93,7 @@ class Joint:
     @property
     def intervals(self) -> int:
         """Intervals between the simulated frames of all experiments."""
-        return sum(n_intervals(experiment) for experiment in self.experiments.values())
+        return sum(n_intervals(experiment.model) for experiment in self.experiments.values())
 
     def combine(self, evaluations: Mapping[str, Evaluation], image_noise: Mapping[str, float]) -> Evaluation:
         """The evaluation of the whole; its image noise is that of the first experiment.
@@ -129,7 +129,8 @@ def join(experiments: Mapping[str, Experiment]) -> Joint:
     """
     if len(experiments) == 1:
         (name, experiment), = experiments.items()
-        return Joint(experiments, {name: {parameter: parameter for parameter in experiment.model.parameters}}, experiment)
+        return Joint(experiments, {name: {parameter: parameter for parameter in experiment.model.parameters}},
+                     experiment)
     names = joint_names(experiments)
     parameters: dict[str, Parameter] = {}
     notes = []
@@ -141,13 +142,22 @@ def join(experiments: Mapping[str, Experiment]) -> Joint:
             elif parameters[joint].value != parameter.value:
                 notes.append(f"{joint} starts from {parameters[joint].shown:g} {parameter.unit}, as in the first "
                              f"experiment; {name} says {parameter.shown:g}")
-    joint_priors = list(dict.fromkeys(prior.renamed(names[name]) for name, experiment in experiments.items()
-                                      for prior in experiment.model.parameters.joint))  # that of a shared curve counts once
+    joint_priors = list(dict.fromkeys(  # that of a shared curve counts once
+        prior.renamed(names[name]) for name, experiment in experiments.items()
+        for prior in experiment.model.parameters.joint))
     first = next(iter(experiments.values()))
     every = list(experiments.values())
     _check_options(experiments)
-    whole = replace(first, model=replace(first.model, parameters=ParameterSet(parameters.values(), joint_priors), prescribed=tuple(entry for e in every for entry in e.model.prescribed), materials=tuple({m.element_set: m for e in reversed(every) for m in e.model.materials}.values()), loads=tuple(load for e in every for load in e.model.loads), channels=tuple(replace(c, column=f"{name}.{c.column}", times=e.model.times)
-                       for name, e in experiments.items() for c in e.model.channels)), title=" + ".join(e.title for e in every), stages=_stages(experiments, names), cameras=(), notes=tuple(dict.fromkeys([*(f"{name}: {note}" for name, e in experiments.items() for note in e.notes),
+    whole = replace(first, model=replace(first.model, parameters=ParameterSet(parameters.values(), joint_priors),
+                                         prescribed=tuple(entry for e in every for entry in e.model.prescribed),
+                                         materials=tuple({m.element_set: m for e in reversed(every)
+                                                          for m in e.model.materials}.values()),
+                                         loads=tuple(load for e in every for load in e.model.loads),
+                                         channels=tuple(replace(c, column=f"{name}.{c.column}", times=e.model.times)
+                       for name, e in experiments.items() for c in e.model.channels)),
+                    title=" + ".join(e.title for e in every), stages=_stages(experiments, names), cameras=(),
+                    notes=tuple(dict.fromkeys([*(f"{name}: {note}" for name, e in experiments.items()
+                                                 for note in e.notes),
                                    *notes])))
     return Joint(experiments, names, whole)
 
@@ -167,10 +177,12 @@ def joint_names(experiments: Mapping[str, Experiment], separator: str = ".",
     own_directions = _own_directions(experiments)
 
     def shared(parameter: Parameter, experiment: Experiment) -> bool:
-        return of_material(parameter.name, experiment) and parameter.shared and parameter.name not in own_directions
+        return of_material(parameter.name,
+                           experiment.model) and parameter.shared and parameter.name not in own_directions
 
     names = {name: {own: own if shared(parameter, experiment) else f"{name}{separator}{own}"
-                    for own, parameter in experiment.model.parameters.items()} for name, experiment in experiments.items()}
+                    for own, parameter in experiment.model.parameters.items()} for name,
+             experiment in experiments.items()}
     stated: dict[str, Parameter] = {}
     for name, experiment in experiments.items():
         _check_laws(experiments, name)
@@ -181,10 +193,10 @@ def joint_names(experiments: Mapping[str, Experiment], separator: str = ".",
     return names
 
 
-def of_material(name: str, experiment: Experiment) -> bool:
+def of_material(name: str, model: Model) -> bool:
     """Whether a degree of freedom belongs to a material rather than to the test."""
     element_set, _, parameter = name.partition(".")
-    return any(element_set == material.element_set for material in experiment.model.materials) and "." not in parameter
+    return any(element_set == material.element_set for material in model.materials) and "." not in parameter
 
 
 def _check_options(experiments: Mapping[str, Experiment]) -> None:
@@ -212,7 +224,7 @@ def _own_directions(experiments: Mapping[str, Experiment]) -> frozenset[str]:
     stated: dict[str, set[tuple[float, bool]]] = {}
     for experiment in experiments.values():
         for name, p in experiment.model.parameters.items():
-            if p.unit == "deg" and of_material(name, experiment):
+            if p.unit == "deg" and of_material(name, experiment.model):
                 stated.setdefault(name, set()).add((p.value, p.free))
     return frozenset(name for name, ways in stated.items() if len(ways) > 1)
 

@@ -38,7 +38,7 @@ from idic.identification.step.trust_radius import (
     radius_after_step,
     step_length,
 )
-from idic.model import Experiment, Stage
+from idic.model import Experiment, Model, Stage
 from idic.parameters import ParameterSet
 
 MIN_DAMPING = 1e-5  # below, damping ends; it falls slowly, as the step just rejected without it would be rejected again
@@ -191,6 +191,6 @@ def experiment_of(experiment: Experiment, state: LoopState) -> Experiment:
     return seen_in(experiment, resolve_stages(experiment)[state.schedule.stage])
 
 
-def parameters_at(experiment: Experiment, state: LoopState) -> ParameterSet:
+def parameters_at(model: Model, state: LoopState) -> ParameterSet:
     """The accepted parameters (the start where no point was accepted)."""
-    return experiment.model.parameters.with_values({} if state.accepted is None else state.accepted.values)
+    return model.parameters.with_values({} if state.accepted is None else state.accepted.values)

@@ -87,12 +87,13 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
     cost : wall_s, forward_s, image_s, peak_rss_mb, forward_runs
     joint : the experiments whose whole this is; None: a single one
     """
-    parameters = parameters_at(experiment, state)
+    model = experiment.model
+    parameters = parameters_at(model, state)
     result: dict[str, Any] = {"schema": SCHEMA, "status": state.status, "end": end_entry(state),
               "title": experiment.title, "parameters": {}, "derived": {},
               "iterations": state.iteration, "evaluations": state.evaluations, "rounds": state.rounds,
               "forward_runs": int(cost.get("forward_runs", state.evaluations)),
-              "quantity": experiment.recording.quantity, "noise": noise_content(experiment),
+              "quantity": experiment.recording.quantity, "noise": noise_content(experiment.recording),
               "residual": dict(residual),
               "correlation": {"names": [], "matrix": []}, "eigenvalues": [], "eigenvectors": [],
               "not_identifiable": [], "frames": [dict(frame) for frame in frames],
@@ -111,15 +112,15 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
         analysis = Analysis(experiment, parameters, point, image_noise, discrepancy, joint and joint.names)
         result |= analysis.summary() | (WITHOUT_STD if state.failed else {})
         if analysis.channels and not state.failed:
-            result["noise"] |= {"channels": channel_noise_content(experiment, analysis.channels)}
-            result["notes"] += channel_noise_notes(experiment, analysis.channels)
-        if not state.failed and experiment.model.solver is None and (is_raised_by_default(experiment.model.mesh) or (
-                experiment.model.n_dim == 3 and (can_raise_order(experiment.model.mesh) or can_halve(experiment.model.mesh)))):
+            result["noise"] |= {"channels": channel_noise_content(model, analysis.channels)}
+            result["notes"] += channel_noise_notes(model, analysis.channels)
+        if not state.failed and model.solver is None and (is_raised_by_default(model.mesh) or (
+                model.n_dim == 3 and (can_raise_order(model.mesh) or can_halve(model.mesh)))):
             result["notes"].append(MESH_COUNTED if analysis.mesh_bias is not None else MESH_CONTRADICTED
                                    if analysis.mesh_contradicted else MESH_NOT_COUNTED)
     for p in parameters.values():
-        entry = _parameter_entry(p, experiment.model.parameters, analysis, state.failed)
-        bias = time_bias(experiment, state.increments).get(p.name)
+        entry = _parameter_entry(p, model.parameters, analysis, state.failed)
+        bias = time_bias(model, state.increments).get(p.name)
         entry["time_bias"] = None if bias is None or entry["std"] is None else bias / p.factor
         if analysis is not None and p.free and entry["std"] is not None and analysis.mesh_bias is not None:
             entry["mesh_bias"] = float(analysis.direction(p.name) @ analysis.mesh_bias) / p.factor
@@ -133,7 +134,7 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
 
 def record_notes(experiment: Experiment, parameters: ParameterSet) -> list[str]:
     """Notes on the records of one experiment: its images, the places in its body, the readings of its log."""
-    return [*noise_notes(experiment), *gradient_notes(experiment), *strayed(experiment, parameters),
+    return [*noise_notes(experiment), *gradient_notes(experiment), *strayed(experiment.model, parameters),
             *repeated_readings(experiment)]
 
 
@@ -146,8 +147,9 @@ def joint_record_notes(joint: Joint, parameters: ParameterSet) -> list[str]:
 
 def shift_notes(experiment: Experiment, parameters: ParameterSet, entries: Mapping[str, Mapping]) -> list[str]:
     """Where the columns of the log count far from the times that they were read at: they are straight in between."""
-    entry, shift = entries.get("time.offset"), experiment.model.log_shift(parameters)
-    interval = float(np.median(np.diff(experiment.model.times))) if experiment.model.n_frames > 1 else np.inf
+    model = experiment.model
+    entry, shift = entries.get("time.offset"), model.log_shift(parameters)
+    interval = float(np.median(np.diff(model.times))) if model.n_frames > 1 else np.inf
     if entry is None or not entry["free"] or entry["std"] is None or abs(shift) < max(
             MAX_STRAIGHT_SHARE * interval, MIN_SHIFT_STD * entry["std"] * parameters["time.offset"].factor):
         return []
@@ -209,7 +211,7 @@ class Analysis:
         self.joint_names = joint_names or {"": {name: name for name in parameters}}
         self.names = point.system.names
         self.channels = {} if planned else estimated_channel_noise(experiment, parameters, point)
-        system = with_channel_noise(point.system, experiment, self.channels)
+        system = with_channel_noise(point.system, experiment.model, self.channels)
         self.scaled: Scaled = scaled_system(system, parameters, point.reference_gram, image_noise)
         self.found: Spectrum = spectrum(self.scaled)
         self.of_noise = covariance(self.scaled, self.found)
@@ -221,7 +223,7 @@ class Analysis:
         if not isinstance(discrepancy, str):
             if self.channels and discrepancy.channel_rows is not None:
                 discrepancy = replace(discrepancy, noise=discrepancy.noise + added_spread(
-                    discrepancy.channel_rows, compared_readings(point.system), experiment, self.channels))
+                    discrepancy.channel_rows, compared_readings(point.system), experiment.model, self.channels))
             self.variances = estimate(discrepancy, self.found.inverse, self.scaled.slopes, self.scaled.b, weight)
             self.of_model = answer @ self.variances.covariance @ answer.T
         known = None if isinstance(discrepancy, str) else discrepancy.mesh_error
@@ -293,7 +295,8 @@ class Analysis:
 
     def _has_force(self) -> bool:
         """Whether a force or a load is known: a displacement alone gives no stress."""
-        return bool(self.experiment.model.loads) or any(c.kind != "displacement" for c in self.experiment.model.channels)
+        return bool(self.experiment.model.loads) or any(c.kind != "displacement"
+                                                        for c in self.experiment.model.channels)
 
     def _reason(self, i: int, partners: list[str]) -> tuple[str, float | None]:
         """Why the data leave parameter i open: it has no effect, or one that its partners can imitate, with the

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 from idic.errors import InputError
-from idic.model import Experiment
+from idic.model import Experiment, Model
 
 DIRECT, PERTURBED, AUTO = "direct", "perturbed", "auto"
 DIRECT_SHARE = 0.12  # extra cost of one directly differentiated parameter in forward runs (studies/bench measures it)
@@ -31,7 +31,7 @@ def choose_sensitivity(wanted: str, n_moving: int, workers: int, n_shape: int = 
     return DIRECT if direct <= perturbed else PERTURBED
 
 
-def checked_sensitivity(wanted: str, experiment: Experiment) -> str:
+def checked_sensitivity(wanted: str, model: Model) -> str:
     """The wanted way; an external solver allows perturbed runs only.
 
     Raises
@@ -39,10 +39,10 @@ def checked_sensitivity(wanted: str, experiment: Experiment) -> str:
     InputError
         Direct differentiation with an external solver.
     """
-    if experiment.model.solver is None:
+    if model.solver is None:
         return wanted
     if wanted == DIRECT:
-        raise InputError("an external solver gives no derivatives", file=experiment.model.solver.experiment_file,
+        raise InputError("an external solver gives no derivatives", file=model.solver.experiment_file,
                          key="--sensitivity", expected="perturbed (or auto)", found="direct",
                          remedy="leave --sensitivity out: idic makes one perturbed run per parameter")
     return PERTURBED

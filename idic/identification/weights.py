@@ -30,7 +30,7 @@ def noise_weights(experiment: Experiment, views: Sequence[Experiment] = ()) -> W
                          expected="its standard deviation", found="nothing",
                          remedy="give it, or use idic.identify, which measures it")
     seen, *others = (float(view.recording.noise.in_sums_gv * np.sqrt(gradient_noise_share(view))) for view in views)
-    noises = np.array([logged_noise(experiment, channel) for channel in experiment.model.channels], dtype=float)
+    noises = np.array([logged_noise(experiment.model, channel) for channel in experiment.model.channels], dtype=float)
     share = ordinary_variance(experiment.recording.n_references)
     return Weights(1.0 / (share * seen**2), seen, noises**-2.0, noises,
                    tuple(1.0 / (share * other**2) for other in others), tuple(others))

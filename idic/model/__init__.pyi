@@ -6,7 +6,8 @@ from .experiment import Experiment
 from .model import Model
 from .options import Options, Stage
 from .parts import (
-    Channel, Column, Constant, Controlled, Correction, Drive, Heterogeneity, Load, Material, Measured, Parametrised, Prescribed, Temperature, TemperatureField, corrections_of,
+    Channel, Column, Constant, Controlled, Correction, Drive, Heterogeneity, Load, Material, Measured, Parametrised,
+    Prescribed, Temperature, TemperatureField, corrections_of,
 )
 from .recording import CorrelatedNoise, Depth, FieldPoints, FurtherCamera, Noise, Recording
 from .first_frames import leading_frames, selected_frames
@@ -30,7 +31,8 @@ __all__ = [
     "Column", "Constant", "Controlled", "CorrectedMotion", "Correction", "CorrectionTerm", "CorrelatedNoise",
     "Depth", "Drive", "DriveTable", "Experiment", "FieldPoints", "ForwardModel", "FurtherCamera", "Gauge",
     "Heterogeneity", "Load", "Material", "Measured", "Model", "MotionError", "Noise", "Options", "Parametrised",
-    "Prescribed", "Readings", "Recording", "Stage", "StatedCurve", "Temperature", "TemperatureField", "boundary_parameters", "build_drives",
+    "Prescribed", "Readings", "Recording", "Stage", "StatedCurve", "Temperature", "TemperatureField",
+    "boundary_parameters", "build_drives",
     "build_forward", "channel_term", "corrections_of", "hats", "in_words", "is_mode", "is_stereo", "jump_frame",
     "jump_name", "knot_frames", "knot_name", "leading_frames", "load_parameters", "mode_names", "mode_shapes",
     "motions", "nodal_temperature", "nodes_of", "pixel_size", "rates_since_reference", "selected_frames",

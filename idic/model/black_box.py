@@ -148,7 +148,7 @@ class ExternalForward:
         mesh, reactions = experiment.model.mesh, [c for c in experiment.model.channels if c.kind == "reaction"]
         return ExpectedOutput(np.asarray(mesh.node_labels), experiment.model.n_dim, self._clock()[1:],
                       tuple(dict.fromkeys(f"{c.nodes}.{c.component}" for c in reactions)),
-                      {c.nodes: set_nodes(experiment, c.nodes) for c in reactions},
+                      {c.nodes: set_nodes(experiment.model, c.nodes) for c in reactions},
                       float(np.linalg.norm(np.ptp(mesh.nodes, axis=0))))
 
     def _clock(self) -> np.ndarray:
@@ -199,11 +199,12 @@ def build_external(experiment: Experiment) -> ExternalForward:
     InputError
         The deck uses an unknown name, or does not use a drive or an identified parameter.
     """
+    model = experiment.model
     drives = build_drives(experiment)
-    forward = ExternalForward(experiment, drives, build_readings(experiment, drives.loads))
-    setup, file = experiment.model.solver, experiment.model.solver.experiment_file
+    forward = ExternalForward(experiment, drives, build_readings(model, drives.loads))
+    setup, file = model.solver, model.solver.experiment_file
     _check_drives(forward)
-    tables, values = forward._tables(experiment.model.parameters, None), forward._values(experiment.model.parameters)
+    tables, values = forward._tables(model.parameters, None), forward._values(model.parameters)
     setup.deck.check(set(tables) | set(values))
     try:
         setup.deck.render(values | tables)
@@ -217,13 +218,13 @@ def build_external(experiment: Experiment) -> ExternalForward:
             raise InputError("a motion or load that the deck does not read", file=setup.deck.file,
                              expected=f"{{{TABLE}{name}}}: lines of time and value", found="nowhere in the deck",
                              remedy="write it as the data of an *AMPLITUDE, or remove the [[boundary]]")
-    for name in experiment.model.parameters.free:
-        material = name.rpartition(".")[0] in {m.element_set for m in experiment.model.materials}
+    for name in model.parameters.free:
+        material = name.rpartition(".")[0] in {m.element_set for m in model.materials}
         if (material or name == THICKNESS) and name not in setup.deck.names:
             raise InputError("a parameter to be identified that the deck does not read", file=setup.deck.file,
                              expected=f"{{{name}}}", found="nowhere in the deck",
                              remedy="write it where the deck has its value, or lock it with identify = false")
-    morphs = any(morph.name in experiment.model.parameters for morph in experiment.model.morphs)
+    morphs = any(morph.name in model.parameters for morph in model.morphs)
     if morphs and setup.mesh_file is None:
         raise InputError("a geometry that changes, but the deck has its own mesh", file=file, key="solver.mesh",
                          expected="the name under which idic writes the mesh", found="nothing",
@@ -235,7 +236,7 @@ def _check_drives(forward: ExternalForward) -> None:
     """Refuse drives that are not one history for a whole node set."""
     experiment, basis = forward.experiment, forward.drives.basis
     file = experiment.model.solver.experiment_file
-    if (drive := controlled(experiment)) is not None:
+    if (drive := controlled(experiment.model)) is not None:
         raise InputError("a gauge that controls a motion or force", file=file, key="[[boundary]] controlled_by",
                          expected="numbers or columns: an external solver is given the motion before it starts",
                          found=f"controlled_by, column {drive.column}",

@@ -18,6 +18,7 @@ from idic.fe import (
 from idic.images import PlacedCamera
 from idic.model.boundary_modes import edge_shapes, start_and_middle, time_courses
 from idic.model.experiment import Experiment
+from idic.model.model import Model
 from idic.model.parts import (
     Column, Constant, Controlled, Correction, Measured, Parametrised, Prescribed, corrections_of,
 )
@@ -117,7 +118,7 @@ def mode_names(entry: Prescribed) -> list[str]:
     return [f"{stem}.s{i}t{j}" for i in range(drive.modes) for j in range(drive.time_modes)]
 
 
-def mode_shapes(experiment: Experiment, nodes: np.ndarray, drive: Parametrised,
+def mode_shapes(model: Model, nodes: np.ndarray, drive: Parametrised,
                 stem: str) -> tuple[np.ndarray, np.ndarray]:
     """Shapes of a parametrised drive on the nodes of its set and its courses in time  # (n, modes), (n_frames, t_modes)
 
@@ -126,11 +127,11 @@ def mode_shapes(experiment: Experiment, nodes: np.ndarray, drive: Parametrised,
     if drive.shapes is not None:
         return drive.shapes, drive.courses
     kind = "polynomial" if drive.kind == "polynomial" else "bspline"
-    return (edge_shapes(experiment.model.mesh, nodes, kind, drive.modes, stem),
-            time_courses(experiment.model.times, experiment.model.reference, kind, drive.time_modes))
+    return (edge_shapes(model.mesh, nodes, kind, drive.modes, stem),
+            time_courses(model.times, model.reference, kind, drive.time_modes))
 
 
-def set_nodes(experiment: Experiment, name: str) -> np.ndarray:
+def set_nodes(model: Model, name: str) -> np.ndarray:
     """Node indices of a set.
 
     Raises
@@ -138,7 +139,7 @@ def set_nodes(experiment: Experiment, name: str) -> np.ndarray:
     InputError
         If the mesh has no such node set.
     """
-    sets = experiment.model.mesh.node_sets
+    sets = model.mesh.node_sets
     if name not in sets:
         raise InputError(f"no node set {name}", file="experiment.toml", key="[[boundary]] nodes",
                          expected=f"one of {', '.join(sorted(sets)) or '(the mesh has no node sets)'}", found=name,
@@ -181,7 +182,7 @@ class _Builder:
         self.controlled: int | None = None
 
     def add(self, prescribed: Prescribed) -> None:
-        nodes = set_nodes(self.experiment, prescribed.nodes)
+        nodes = set_nodes(self.experiment.model, prescribed.nodes)
         component = COMPONENTS.index(prescribed.component)
         stem = f"boundary.{prescribed.nodes}.{prescribed.component}"
         drive = prescribed.drive
@@ -205,7 +206,7 @@ class _Builder:
 
     def correct(self, prescribed: Prescribed) -> None:
         """Drives for the corrections of an entry, once it is known which degrees of freedom are held."""
-        nodes = set_nodes(self.experiment, prescribed.nodes)
+        nodes = set_nodes(self.experiment.model, prescribed.nodes)
         stem = f"boundary.{prescribed.nodes}.{prescribed.component}"
         for correction in corrections_of(prescribed.drive):
             component, shape = correction.pattern(correction, self.experiment.model.mesh, nodes, prescribed.component)
@@ -254,8 +255,9 @@ class _Builder:
     def _add_column(self, stem, rows, drive: Column) -> None:
         late = None
         if "time.offset" in self.experiment.model.parameters and drive.rates is not None:
-            late = rates_since_reference(self.experiment, drive.rates)
-        index = self._drive(stem, drive.values if late is None else drive.values - self.experiment.model.log_offset * late)
+            late = rates_since_reference(self.experiment.model, drive.rates)
+        index = self._drive(stem, drive.values if late is None
+                            else drive.values - self.experiment.model.log_offset * late)
         self._pattern(rows, index, np.ones(len(rows)))
         if drive.identify_offset:
             moved = np.ones(self.frames)
@@ -326,7 +328,7 @@ class _Builder:
 
     def _add_parametrised(self, stem, rows, positions, nodes, drive: Parametrised) -> None:
         """nodes : all of the set; positions : the places of those that no earlier entry moves."""
-        shapes, courses = mode_shapes(self.experiment, nodes, drive, stem)
+        shapes, courses = mode_shapes(self.experiment.model, nodes, drive, stem)
         for i in range(drive.modes):
             index = self._drive(f"{stem}.s{i}", np.zeros(self.frames))
             self._pattern(rows, index, shapes[positions, i])
@@ -345,18 +347,18 @@ class _Builder:
                 derivatives[name][:, drive] = history
         columns = np.array(self.columns).T if self.columns else np.zeros((self.frames, 0))
         dofs = np.array(list(self.dof_index), dtype=np.int64)
-        loads = build_loads(self.experiment)
+        loads = build_loads(self.experiment.model)
         return DriveTable(dofs, basis, tuple(self.names), columns, derivatives, tuple(self.local),
                           _block_diagonal([*self.precisions, loads.local_precision]),
                           np.array([*self.measured, *(False for _ in loads.local)], dtype=bool), loads, self.controlled)
 
 
-def rates_since_reference(experiment: Experiment, rates: np.ndarray) -> np.ndarray:
+def rates_since_reference(model: Model, rates: np.ndarray) -> np.ndarray:
     """Derivative by a time shift of the log of a motion that counts from the reference frame, mm/s  # (n_frames,)
 
     A later reading of the log has a later zero, too, unless the reference is the first frame, where the test begins.
     """
-    return rates - rates[experiment.model.reference] if experiment.model.reference > 0 else rates
+    return rates - rates[model.reference] if model.reference > 0 else rates
 
 
 def second_differences(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:

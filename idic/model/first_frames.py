@@ -11,6 +11,7 @@ from idic.errors import InputError
 from idic.images import LeadingFrames
 from idic.model.drives import rates_since_reference
 from idic.model.experiment import Experiment
+from idic.model.model import Model
 from idic.model.parts import Channel, Column, Constant, Controlled, Parametrised, Temperature
 
 
@@ -25,32 +26,44 @@ def leading_frames(experiment: Experiment, n_frames: int) -> Experiment:
     InputError
         If no frame after the reference would remain.
     """
-    n_recorded = experiment.model.n_frames
-    if not experiment.model.reference + 2 <= n_frames <= n_recorded:
+    model = experiment.model
+    n_recorded = model.n_frames
+    if not model.reference + 2 <= n_frames <= n_recorded:
         raise InputError("a window of frames outside the test", key="n_frames",
-                         expected=f"{experiment.model.reference + 2} to {n_recorded} frames", found=f"{n_frames}",
+                         expected=f"{model.reference + 2} to {n_recorded} frames", found=f"{n_frames}",
                          remedy="keep the reference and at least one frame after it")
     if n_frames == n_recorded:
         return experiment
     cut = selected_frames(experiment, range(n_frames))
     cameras = tuple(replace(camera, stack=_images(camera.stack, n_frames), labels=camera.labels[:n_frames])
                     for camera in experiment.cameras)
-    return replace(cut, recording=replace(cut.recording, stack=_images(experiment.recording.stack, n_frames)), cameras=cameras)
+    return replace(cut, recording=replace(cut.recording, stack=_images(experiment.recording.stack, n_frames)),
+                   cameras=cameras)
 
 
 def selected_frames(experiment: Experiment, frames: Sequence[int]) -> Experiment:
     """The records of these frames (ascending, the reference among them) without any images or further cameras: what
     the simulation of a test with fewer frames needs."""
+    model, recording = experiment.model, experiment.recording
     pick = np.asarray(frames)
     place = {int(frame): k for k, frame in enumerate(pick)}
-    return replace(experiment, recording=replace(experiment.recording, labels=tuple(experiment.recording.labels[k] for k in pick), stack=None, averaged=tuple(place[k] for k in experiment.recording.averaged if k in place), excluded=tuple(place[k] for k in experiment.recording.excluded if k in place)), model=replace(experiment.model, times=experiment.model.times[pick], reference=place[experiment.model.reference], prescribed=tuple(replace(p, drive=_drive(_from_zero(experiment, p.drive), pick))
-                         for p in experiment.model.prescribed), loads=tuple(replace(load, drive=_drive(load.drive, pick)) for load in experiment.model.loads), channels=tuple(_channel(channel, pick) for channel in experiment.model.channels), temperatures=tuple(_temperature(entry, pick) for entry in experiment.model.temperatures)), cameras=())
+    return replace(experiment, recording=replace(recording, labels=tuple(recording.labels[k] for k in pick),
+                                                 stack=None, averaged=tuple(place[k] for k in recording.averaged
+                                                                            if k in place),
+                                                 excluded=tuple(place[k] for k in recording.excluded if k in place)),
+                   model=replace(model, times=model.times[pick], reference=place[model.reference],
+                                 prescribed=tuple(replace(p, drive=_drive(_from_zero(model, p.drive), pick))
+                         for p in model.prescribed), loads=tuple(replace(load, drive=_drive(load.drive, pick))
+                                                                 for load in model.loads),
+                                 channels=tuple(_channel(channel, pick) for channel in model.channels),
+                                 temperatures=tuple(_temperature(entry, pick) for entry in model.temperatures)),
+                   cameras=())
 
 
-def _from_zero(experiment: Experiment, drive):
+def _from_zero(model: Model, drive):
     """A logged motion whose rates count from those of the reference frame, whatever its number will be."""
     rates = drive.rates if isinstance(drive, (Column, Controlled)) else None
-    return drive if rates is None else replace(drive, rates=rates_since_reference(experiment, rates))
+    return drive if rates is None else replace(drive, rates=rates_since_reference(model, rates))
 
 
 def _drive(drive, pick: np.ndarray):

@@ -22,6 +22,7 @@ from idic.laws import EXPANSION, compile as compile_law
 from idic.model.black_box import ExternalForward, build_external
 from idic.model.drives import COMPONENTS, DriveTable, build_drives, rates_since_reference, set_nodes
 from idic.model.experiment import Experiment
+from idic.model.model import Model
 from idic.model.parts import Load
 from idic.model.heterogeneity import variation_of, variations_at
 from idic.model.loads import LoadHistories, is_follower
@@ -83,7 +84,7 @@ class ForwardModel:
         return None
 
     def _variation(self, name: str) -> tuple[int, str] | None:
-        return variation_of(self.experiment, name)
+        return variation_of(self.experiment.model, name)
 
     def _expansion(self, name: str) -> int | None:
         """The section whose thermal expansion this is, where there is a temperature."""
@@ -129,15 +130,16 @@ class ForwardModel:
         thickness, loads = self.model.thickness, self.model.loads
         experiment = self.experiment.at_geometry(parameters)
         if experiment is not self.experiment and loads.dead is not None:
-            loads = _loads(experiment, self.drives.loads)  # a traction on a rim that moves
+            loads = _loads(experiment.model, self.drives.loads)  # a traction on a rim that moves
         if "geometry.thickness" in parameters:
             thickness = parameters["geometry.thickness"].value
         loads = _with_histories(loads, self._load_values(parameters, local))
         if loads.dead is not None and thickness != self.model.thickness:
             growth = np.where(self._per_thickness(), thickness / self.model.thickness, 1.0)
             loads = replace(loads, dead_histories=loads.dead_histories * growth)
-        return replace(self.model, mesh=experiment.model.mesh, constraints=constraints, thickness=thickness, loads=loads,
-                       control=self._control(parameters), variations=variations_at(experiment, parameters),
+        return replace(self.model, mesh=experiment.model.mesh, constraints=constraints, thickness=thickness,
+                       loads=loads,
+                       control=self._control(parameters), variations=variations_at(experiment.model, parameters),
                        **self._thermal(parameters))
 
     def _thermal(self, parameters: ParameterSet) -> dict[str, Any]:
@@ -178,14 +180,14 @@ class ForwardModel:
 
     def _from_reference(self, histories: np.ndarray) -> np.ndarray:
         """Histories of the simulated frames; at the reference frame nothing has moved."""
-        return from_reference(self.experiment, histories)
+        return from_reference(self.experiment.model, histories)
 
     def _late_readings(self) -> np.ndarray | None:
         """Derivative of the readings of the controlling gauge by `time.offset`, mm/s  # (n_simulated,)"""
-        drive = controlled(self.experiment)
+        drive = controlled(self.experiment.model)
         if drive is None or drive.rates is None:
             return None
-        return self._from_reference(rates_since_reference(self.experiment, drive.rates))
+        return self._from_reference(rates_since_reference(self.experiment.model, drive.rates))
 
     def _control(self, parameters: ParameterSet) -> PathControl | None:
         """The controlling gauge with its readings at these parameters."""
@@ -351,14 +353,16 @@ def build_forward(experiment: Experiment) -> ForwardModel | ExternalForward:
     model = Body(
         mesh=mesh, kind=experiment.model.kind, sections=sections,
         constraints=Constraints(drives.dofs, drives.basis, histories),
-        thickness=experiment.model.thickness or 1.0, loads=_loads(experiment, drives.loads), channels=_reactions(experiment),
+        thickness=experiment.model.thickness or 1.0, loads=_loads(experiment.model, drives.loads),
+        channels=_reactions(experiment.model),
         locking=experiment.options.locking, surface_side=experiment.surface_side,
-        control=path_control(experiment, drives))
+        control=path_control(experiment.model, drives))
     validate(model, len(histories))
-    warmed = any(f"{section.name}.{EXPANSION.name}" in experiment.model.parameters or section.law.spec.temperature is not None
+    warmed = any(f"{section.name}.{EXPANSION.name}" in experiment.model.parameters
+                 or section.law.spec.temperature is not None
                  for section in sections)
-    return ForwardModel(experiment, drives, model, nodal_temperature(experiment) if warmed else None,
-                        build_readings(experiment, drives.loads))
+    return ForwardModel(experiment, drives, model, nodal_temperature(experiment.model) if warmed else None,
+                        build_readings(experiment.model, drives.loads))
 
 
 def tried_increments(forward: ForwardModel | ExternalForward, times: np.ndarray, increments: int | None,
@@ -386,25 +390,25 @@ def solve(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray | N
     return Solution(np.array(u), np.array(channels), np.array(state.steps.times))
 
 
-def _reactions(experiment: Experiment) -> tuple[Reaction, ...]:
-    forces = [channel for channel in experiment.model.channels if channel.kind == "reaction"]
-    if forces and experiment.model.kind != "solid" and experiment.model.thickness is None:
+def _reactions(model: Model) -> tuple[Reaction, ...]:
+    forces = [channel for channel in model.channels if channel.kind == "reaction"]
+    if forces and model.kind != "solid" and model.thickness is None:
         raise InputError("a force is compared but no thickness is given", file="experiment.toml",
                          key="[experiment] thickness_mm", expected="the thickness of the specimen", found="nothing",
                          remedy="add thickness_mm, or take the [[channel]] out")
     return tuple(
-        Reaction(set_nodes(experiment, channel.nodes) * experiment.model.n_dim + COMPONENTS.index(channel.component),
+        Reaction(set_nodes(model, channel.nodes) * model.n_dim + COMPONENTS.index(channel.component),
                  channel.factor) if channel.kind == "reaction" else Reaction(np.zeros(0, dtype=int))
-        for channel in experiment.model.channels)  # other channels than reactions are read elsewhere (`idic.model.readings`)
+        for channel in model.channels)  # other channels than reactions are read elsewhere (`idic.model.readings`)
 
 
-def _loads(experiment: Experiment, histories: LoadHistories) -> Loads:
+def _loads(model: Model, histories: LoadHistories) -> Loads:
     """Follower pressures on their faces, everything else as dead nodal forces."""
-    edges = experiment.model.mesh.edge_sets
-    faces = tuple(edges[load.edges] for load in experiment.model.loads if is_follower(load))
-    dead = [_dead_load(experiment, load, edges[load.edges]) for load in experiment.model.loads if not is_follower(load)]
+    edges = model.mesh.edge_sets
+    faces = tuple(edges[load.edges] for load in model.loads if is_follower(load))
+    dead = [_dead_load(model, load, edges[load.edges]) for load in model.loads if not is_follower(load)]
     loads = Loads(dead=np.array(dead).T if dead else None, pressure_faces=faces)
-    values = histories.values(experiment.model.parameters)[experiment.model.reference:, histories.solver_order]
+    values = histories.values(model.parameters)[model.reference:, histories.solver_order]
     return _with_histories(loads, values)
 
 
@@ -415,12 +419,12 @@ def _with_histories(loads: Loads, values: np.ndarray) -> Loads:
                    pressure_histories=values[:, n_dead:] if loads.pressure_faces else None)
 
 
-def _dead_load(experiment: Experiment, load: Load, edges: np.ndarray) -> np.ndarray:
+def _dead_load(model: Model, load: Load, edges: np.ndarray) -> np.ndarray:
     """Nodal forces (n_dof,) per unit of the load's history."""
-    mesh, thickness = experiment.model.mesh, experiment.model.thickness or 1.0
+    mesh, thickness = model.mesh, model.thickness or 1.0
     if load.kind == "pressure":
         return dead_pressure(mesh, edges, thickness)
-    vector = np.eye(experiment.model.n_dim)[COMPONENTS.index(load.component)]
+    vector = np.eye(model.n_dim)[COMPONENTS.index(load.component)]
     if load.kind == "force":
         vector = load.share * vector / face_area(mesh, edges, thickness)
     return traction(mesh, edges, vector, thickness)

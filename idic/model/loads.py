@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.model.experiment import Experiment
+from idic.model.model import Model
 from idic.model.parts import Column, Constant, Load
 from idic.parameters import Parameter, ParameterSet
 
@@ -66,21 +66,21 @@ class LoadHistories:
         return np.array([_value(parameters, f"{stem}.{kind}", default) for stem in self.stems])
 
 
-def build_loads(experiment: Experiment) -> LoadHistories:
+def build_loads(model: Model) -> LoadHistories:
     """The load histories of an experiment."""
-    columns, rates = np.zeros((2, experiment.model.n_frames, len(experiment.model.loads)))
+    columns, rates = np.zeros((2, model.n_frames, len(model.loads)))
     local, stds = [], []
-    for i, load in enumerate(experiment.model.loads):
+    for i, load in enumerate(model.loads):
         logged = isinstance(load.drive, Column)
         columns[:, i] = load.drive.values if logged else _constant(load)
-        if logged and load.drive.rates is not None and "time.offset" in experiment.model.parameters:
+        if logged and load.drive.rates is not None and "time.offset" in model.parameters:
             rates[:, i] = load.drive.rates
-            columns[:, i] -= experiment.model.log_offset * rates[:, i]  # of an offset of zero
+            columns[:, i] -= model.log_offset * rates[:, i]  # of an offset of zero
         if logged and load.drive.noise_std > 0:
             local.append(i)
             stds.append(load.drive.noise_std)
-    follower = np.array([is_follower(load) for load in experiment.model.loads], dtype=bool)
-    return LoadHistories(tuple(load.stem for load in experiment.model.loads), columns, rates, follower, tuple(local),
+    follower = np.array([is_follower(load) for load in model.loads], dtype=bool)
+    return LoadHistories(tuple(load.stem for load in model.loads), columns, rates, follower, tuple(local),
                          np.diag(np.array(stds, dtype=float) ** -2.0))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from idic.fe import FrameState, PathControl
 from idic.model.drives import COMPONENTS, DriveTable, set_nodes
-from idic.model.experiment import Experiment
+from idic.model.model import Model
 from idic.model.parts import Channel, Controlled
 from idic.model.loads import LoadHistories
 
@@ -40,51 +40,51 @@ class Readings:
             local_dchannels=state.local_dchannels + self.motion @ flat(state.local_du) + self.load @ local)
 
 
-def build_readings(experiment: Experiment, loads: LoadHistories) -> Readings | None:
+def build_readings(model: Model, loads: LoadHistories) -> Readings | None:
     """The rows of an experiment's channels; None where all of them are reactions."""
-    channels = experiment.model.channels
+    channels = model.channels
     if all(channel.kind == "reaction" for channel in channels):
         return None
-    motion, load = np.zeros((len(channels), experiment.model.mesh.nodes.size)), np.zeros((len(channels), len(loads.stems)))
+    motion, load = np.zeros((len(channels), model.mesh.nodes.size)), np.zeros((len(channels), len(loads.stems)))
     for row, channel in enumerate(channels):
         if channel.kind == "displacement":
-            motion[row] = channel.factor * _mean_displacement(experiment, channel)
+            motion[row] = channel.factor * _mean_displacement(model, channel)
         elif channel.kind == "pressure":
             load[row, read_load(channel, loads)] = channel.factor
     return Readings(motion, load)
 
 
-def _mean_displacement(experiment: Experiment, place: Channel | Controlled) -> np.ndarray:
+def _mean_displacement(model: Model, place: Channel | Controlled) -> np.ndarray:
     """Weights of a mean displacement of a node set, less that of another  # (n_dof,)"""
-    weights = np.zeros(experiment.model.mesh.nodes.size)
+    weights = np.zeros(model.mesh.nodes.size)
     for name, sign in ((place.nodes, 1.0), (place.minus, -1.0)):
         if name is not None:
-            nodes = set_nodes(experiment, name)
-            weights[nodes * experiment.model.n_dim + COMPONENTS.index(place.component)] += sign / len(nodes)
+            nodes = set_nodes(model, name)
+            weights[nodes * model.n_dim + COMPONENTS.index(place.component)] += sign / len(nodes)
     return weights
 
 
-def controlled(experiment: Experiment) -> Controlled | None:
+def controlled(model: Model) -> Controlled | None:
     """The motion or load whose size a gauge decides."""
-    return next((drive for drive in experiment.model.drives if isinstance(drive, Controlled)), None)
+    return next((drive for drive in model.drives if isinstance(drive, Controlled)), None)
 
 
-def path_control(experiment: Experiment, drives: DriveTable) -> PathControl | None:
+def path_control(model: Model, drives: DriveTable) -> PathControl | None:
     """What the gauge reads and decides, with its course of the simulated frames; None without one."""
-    drive = controlled(experiment)
+    drive = controlled(model)
     if drive is None:
         return None
     load = None
     if drives.controlled is None:
-        place = next(i for i, entry in enumerate(experiment.model.loads) if isinstance(entry.drive, Controlled))
+        place = next(i for i, entry in enumerate(model.loads) if isinstance(entry.drive, Controlled))
         load = int(np.argsort(drives.loads.solver_order)[place])
-    return PathControl(_mean_displacement(experiment, drive), from_reference(experiment, drive.course),
+    return PathControl(_mean_displacement(model, drive), from_reference(model, drive.course),
                        drives.controlled, load)
 
 
-def from_reference(experiment: Experiment, course: np.ndarray) -> np.ndarray:
+def from_reference(model: Model, course: np.ndarray) -> np.ndarray:
     """A course of the simulated frames, zero at the reference  # (n_simulated, ...)"""
-    cut = course[experiment.model.reference:].copy()
+    cut = course[model.reference:].copy()
     cut[0] = 0.0
     return cut
 

@@ -143,7 +143,8 @@ class Recording:
     height_unit: float = 1.0  # mm per unit of pixel value of a height image
     noise: Noise = field(default_factory=lambda: Noise(None))
     camera_name: str = "camera"  # of the main camera, by which frames are named
-    averaged: tuple[int, ...] = ()  # frames at rest whose mean is the reference image, the reference the last; () = that
+    averaged: tuple[int,
+                    ...] = ()  # frames at rest whose mean is the reference image, the reference the last; () = that
     points: FieldPoints | None = None  # of a measured field: then a frame of the stack is (n_points, 2), in µm
     still_frames: tuple[int, ...] = ()  # that were declared to be taken at rest
     still_stack: Stack | None = None  # separate images at rest, of the main camera

@@ -15,7 +15,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe import conducted
-from idic.model.experiment import Experiment
+from idic.model.model import Model
 from idic.model.parts import Column
 from idic.model.free_course import TEMPERATURE, knot_name
 from idic.parameters import ParameterSet
@@ -41,7 +41,7 @@ class NodalTemperature:
         return values
 
 
-def nodal_temperature(experiment: Experiment) -> NodalTemperature | None:
+def nodal_temperature(model: Model) -> NodalTemperature | None:
     """Change of temperature of an experiment; None where it has no temperatures.
 
     Raises
@@ -49,13 +49,13 @@ def nodal_temperature(experiment: Experiment) -> NodalTemperature | None:
     InputError
         Values of another size than frames and nodes, or a piece of the mesh that no temperature reaches.
     """
-    if not experiment.model.temperatures:
+    if not model.temperatures:
         return None
-    shape = (experiment.model.n_frames, experiment.model.mesh.n_nodes)
+    shape = (model.n_frames, model.mesh.n_nodes)
     values, rates, shifts = np.full(shape, np.nan), np.full(shape, np.nan), False
     above = np.zeros(shape)  # °C
-    for entry in experiment.model.temperatures:
-        nodes = np.arange(shape[1]) if entry.nodes is None else np.asarray(experiment.model.mesh.node_sets[entry.nodes])
+    for entry in model.temperatures:
+        nodes = np.arange(shape[1]) if entry.nodes is None else np.asarray(model.mesh.node_sets[entry.nodes])
         if isinstance(entry.drive, Column):
             nodal_values = np.broadcast_to(np.asarray(entry.drive.values, float)[:, None], (shape[0], len(nodes)))
             rate = entry.drive.rates
@@ -68,11 +68,11 @@ def nodal_temperature(experiment: Experiment) -> NodalTemperature | None:
         slope = np.zeros(shape[0]) if rate is None else rate
         rates[:, nodes] = np.where(has_value, slope[:, None], rates[:, nodes])
         shifts = shifts or rate is not None
-    reference = experiment.model.reference
-    start = conducted(experiment.model.mesh, (values - above)[reference][None])[0]
-    values = conducted(experiment.model.mesh, values)
-    rates = conducted(experiment.model.mesh, rates) if shifts else None
-    knots = {knot_name(TEMPERATURE, frame): hat for entry in experiment.model.temperatures
+    reference = model.reference
+    start = conducted(model.mesh, (values - above)[reference][None])[0]
+    values = conducted(model.mesh, values)
+    rates = conducted(model.mesh, rates) if shifts else None
+    knots = {knot_name(TEMPERATURE, frame): hat for entry in model.temperatures
              for frame, hat in zip(entry.knots, () if entry.hats is None else entry.hats, strict=True)}
     return NodalTemperature(values - values[reference], None if rates is None else rates - rates[reference], start,
                             knots)

@@ -29,10 +29,11 @@ def dataset(content: Mapping, fields: Fields, frames: Sequence[int] | None, resi
     if isinstance(requested, str) or not hasattr(requested, "__len__") or not len(requested):
         raise InputError("no frames to give", key="frames", expected="a list of numbers, as [0, -1]",
                          found=repr(frames), remedy="write a list, or leave frames out for all of them")
-    numbers = [checked_frame(experiment, frame) for frame in requested]
+    numbers = [checked_frame(experiment.model, frame) for frame in requested]
     u = np.array([fields.u(frame)[:, :experiment.model.n_dim] for frame in numbers])
     pairs = PAIRS[experiment.model.n_dim]
-    factors = np.array([channel.shown_factor for channel in experiment.model.channels])  # (n_channels,) of their columns
+    factors = np.array([channel.shown_factor
+                        for channel in experiment.model.channels])  # (n_channels,) of their columns
     variables: dict[str, Any] = {
         "u": (("frame", "node", "component"), u,
               {"long_name": "simulated displacement", "units": experiment.model.length_unit}),
@@ -45,27 +46,32 @@ def dataset(content: Mapping, fields: Fields, frames: Sequence[int] | None, resi
         variables |= _measured(fields, numbers)
     if residual:
         variables["residual"] = (("frame", "row", "column"), _residuals(fields, numbers),
-                                 {"long_name": "f(x) - g(x + u) in the reference image" if experiment.recording.points is None
+                                 {"long_name": "f(x) - g(x + u) in the reference image"
+                                  if experiment.recording.points is None
                                   else "displacement measured minus simulated, rms of the components of a point",
                                   "units": experiment.recording.value_unit})
     coordinates: dict[str, Any] = {
         "frame": numbers, "label": ("frame", [experiment.recording.labels[frame] for frame in numbers]),
         "time": ("frame", experiment.model.times[numbers],
                  {"units": "s" if experiment.model.has_times else "1"}),
-        "node": ("node", np.asarray(experiment.model.mesh.node_labels), {"long_name": "number of the node in the mesh"}),
+        "node": ("node", np.asarray(experiment.model.mesh.node_labels),
+                 {"long_name": "number of the node in the mesh"}),
         "component": list("xyz"[:experiment.model.n_dim]),
         "strain_component": ["xyz"[i] + "xyz"[j] for i, j in pairs],
         "channel": [channel.column for channel in experiment.model.channels],
-        "channel_units": ("channel", np.array([channel.shown_unit for channel in experiment.model.channels], dtype=str)),
+        "channel_units": ("channel", np.array([channel.shown_unit for channel in experiment.model.channels],
+                                              dtype=str)),
     }
     for axis in range(experiment.model.n_dim):
-        coordinates["xyz"[axis]] = ("node", experiment.model.mesh.nodes[:, axis], {"units": experiment.model.length_unit})
+        coordinates["xyz"[axis]] = ("node", experiment.model.mesh.nodes[:, axis],
+                                    {"units": experiment.model.length_unit})
     if residual:
         unit = "px" if experiment.recording.points is None else "1"  # rows of images, or of the grid of points
         for name, size in zip(("row", "column"), experiment.recording.image_shape, strict=True):
             coordinates[name] = (name, np.arange(size), {"units": unit})
     return xarray.Dataset(variables, coordinates, {"title": experiment.title, "status": content["status"],
-                                                   "kind": experiment.model.kind, "reference_frame": experiment.model.reference})
+                                                   "kind": experiment.model.kind,
+                                                   "reference_frame": experiment.model.reference})
 
 
 def strains(mesh: Mesh, u: np.ndarray) -> np.ndarray:
@@ -104,7 +110,8 @@ def _measured(fields: Fields, frames: Sequence[int]) -> dict[str, Any]:
             if i < 2 and j < 2:
                 E[k, surface.index, number] = tensor[:, i, j]
     return {"u_measured": (("frame", "node", "component"), u,
-                           {"long_name": "displacement measured by a free FE-DIC", "units": experiment.model.length_unit}),
+                           {"long_name": "displacement measured by a free FE-DIC",
+                            "units": experiment.model.length_unit}),
             "strain_measured": (("frame", "node", "strain_component"), E,
                                 {"long_name": "Green-Lagrange strain of the measured displacement", "units": "1"})}
 

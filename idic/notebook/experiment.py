@@ -300,7 +300,8 @@ def _save_log(file: Path, log: Log) -> None:
 
 def _named_frames(tables: Mapping, record: Record, labels: Sequence[str]) -> dict:
     """The keys that name frames, by the labels of the images as they are written."""
-    frames_by_key = {"reference": list(record.recording.averaged) or [record.model.reference], "exclude_frames": list(record.recording.excluded),
+    frames_by_key = {"reference": list(record.recording.averaged) or [record.model.reference],
+                     "exclude_frames": list(record.recording.excluded),
              "still_frames": list(record.recording.still_frames)}
     named = tables["experiment"]
     return {key: [labels[k] for k in numbers] for key, numbers in frames_by_key.items() if key in named

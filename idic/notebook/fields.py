@@ -19,7 +19,7 @@ from idic.errors import InputError
 from idic.measure import free_motion, in_mm, seen_by
 from idic.identification import Identification, response_of
 from idic.images import AnyCamera, Camera
-from idic.model import Experiment
+from idic.model import Experiment, Model
 from idic.run import (
     BASE, FrameArrays, RunContext, channels_of, correlation_context, folders_of, group_name, open_run,
     refuse_passed_point, residuals_of,
@@ -93,13 +93,13 @@ class FieldsInMemory:
         return {response.frame: response for response in states}
 
     def u(self, frame: int) -> np.ndarray:
-        return self.responses[checked_frame(self.experiment, frame)].u
+        return self.responses[checked_frame(self.experiment.model, frame)].u
 
     def u_measured(self, frame: int) -> np.ndarray:
-        return _freely_measured(self.context, checked_frame(self.experiment, frame), self.u)
+        return _freely_measured(self.context, checked_frame(self.experiment.model, frame), self.u)
 
     def residual(self, frame: int) -> np.ndarray:
-        pixels = self.pixels(checked_frame(self.experiment, frame, later=True))
+        pixels = self.pixels(checked_frame(self.experiment.model, frame, later=True))
         return self.context.reference.pixel_map.to_image(np.where(pixels.valid, pixels.r, np.nan))
 
     def pixels(self, frame: int, number: int = 0) -> ResidualMap:
@@ -120,7 +120,7 @@ class FieldsInMemory:
 
     @property
     def measured(self) -> np.ndarray:
-        return measured_values(self.experiment, self.found.parameters)
+        return measured_values(self.experiment.model, self.found.parameters)
 
 
 @dataclass(frozen=True)
@@ -160,17 +160,18 @@ class FieldsOfRun:
         return camera_at(self.experiment, self.experiment.model.parameters.with_values(self._accepted["values"]))
 
     def u(self, frame: int) -> np.ndarray:
-        k = checked_frame(self.experiment, frame) - self.experiment.model.reference
+        k = checked_frame(self.experiment.model, frame) - self.experiment.model.reference
         return FrameArrays.open(self.context.store.group(group_name(self._accepted["evaluation"], BASE)),
                                 "u").read(k, k + 1)[0]
 
     def u_measured(self, frame: int) -> np.ndarray:
         parameters = self.experiment.model.parameters.with_values(self._accepted["values"])
-        return _freely_measured(correlation_context(self.context, parameters), checked_frame(self.experiment, frame),
+        return _freely_measured(correlation_context(self.context, parameters),
+                                checked_frame(self.experiment.model, frame),
                                 self.u)
 
     def residual(self, frame: int) -> np.ndarray:
-        return self._residuals(checked_frame(self.experiment, frame, later=True))
+        return self._residuals(checked_frame(self.experiment.model, frame, later=True))
 
     @cached_property
     def _residuals(self) -> Callable[[int], np.ndarray]:
@@ -217,7 +218,7 @@ def nothing_simulated(history: Sequence[Mapping]) -> InputError:
                       remedy="correct start values, loads or boundaries, and identify again")
 
 
-def checked_frame(experiment: Experiment, frame: int, later: bool = False) -> int:
+def checked_frame(model: Model, frame: int, later: bool = False) -> int:
     """The number of a simulated frame, counted from the end where it is negative; later : than the reference.
 
     Raises
@@ -225,7 +226,7 @@ def checked_frame(experiment: Experiment, frame: int, later: bool = False) -> in
     InputError
         There is no such frame.
     """
-    first, n = experiment.model.reference + later, experiment.model.n_frames
+    first, n = model.reference + later, model.n_frames
     try:
         is_whole = int(frame) == frame  # a time of 2.7 s is no frame
     except (TypeError, ValueError):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from html import escape
 
-from idic.model import Column, Constant, Controlled, Drive, Experiment, Parametrised
+from idic.model import Column, Constant, Controlled, Drive, Experiment, Model, Parametrised
 from idic.notebook.estimates import Estimates, estimates_html
 from idic.parameters import Parameter
 from idic.report import overlay, result_headline, with_std
@@ -15,21 +15,22 @@ PICTURE_PX = 480  # width
 
 def experiment_html(experiment: Experiment) -> str:
     """What was recorded, what is identified, the mesh on the reference image, notes."""
-    facts = [experiment.recording.in_words().replace(" x ", " × "),
-             f"{experiment.model.mesh.n_elements} elements, {experiment.model.mesh.n_nodes} nodes",
-             experiment.model.kind.replace("_", " ")]
-    if experiment.model.thickness is not None:
-        facts.append(f"{experiment.model.thickness:g} {experiment.model.length_unit} thick")
-    facts.append("noise to be measured" if experiment.recording.noise.std_gv is None
-                 else f"noise {experiment.recording.noise.std_gv:.3g} {escape(experiment.recording.value_unit)}")
-    drives = [f"{entry.nodes}: u{entry.component} {_drive(entry.drive, experiment.model.length_unit)}"
-              for entry in experiment.model.prescribed]
-    drives += [f"{load.edges}: {load.kind} {_drive(load.drive, '')}" for load in experiment.model.loads]
-    channels = [f"{channel.column}: {channel.kind} of {channel.nodes}" for channel in experiment.model.channels]
-    picture = "" if experiment.recording.stack is None else (
+    model, recording = experiment.model, experiment.recording
+    facts = [recording.in_words().replace(" x ", " × "),
+             f"{model.mesh.n_elements} elements, {model.mesh.n_nodes} nodes",
+             model.kind.replace("_", " ")]
+    if model.thickness is not None:
+        facts.append(f"{model.thickness:g} {model.length_unit} thick")
+    facts.append("noise to be measured" if recording.noise.std_gv is None
+                 else f"noise {recording.noise.std_gv:.3g} {escape(recording.value_unit)}")
+    drives = [f"{entry.nodes}: u{entry.component} {_drive(entry.drive, model.length_unit)}"
+              for entry in model.prescribed]
+    drives += [f"{load.edges}: {load.kind} {_drive(load.drive, '')}" for load in model.loads]
+    channels = [f"{channel.column}: {channel.kind} of {channel.nodes}" for channel in model.channels]
+    picture = "" if recording.stack is None else (
         f"<img alt='mesh on the reference image' style='max-width:100%;width:{PICTURE_PX}px' "
         f"src='{overlay(experiment).data_uri}'>")
-    return (f"<div><b>{escape(experiment.title)}</b><p>{', '.join(facts)}</p>{_start_values(experiment)}"
+    return (f"<div><b>{escape(experiment.title)}</b><p>{', '.join(facts)}</p>{_start_values(model)}"
             f"{_listed('Boundaries', drives)}{_listed('Channels', channels)}{_listed('Notes', experiment.notes)}"
             f"{picture}</div>")
 
@@ -42,10 +43,10 @@ def result_html(content: Mapping, estimates: Estimates, failure: str | None = No
             f"{''.join(f'<p>{escape(sentence)}</p>' for sentence in sentences)}</div>")
 
 
-def _start_values(experiment: Experiment) -> str:
+def _start_values(model: Model) -> str:
     rows = "".join(f"<tr><td style='text-align:left'>{escape(p.name)}</td>"
                    f"<td>{escape(with_std(p.shown, None, p.unit))}</td>"
-                   f"<td style='text-align:left'>{_role(p)}</td></tr>" for p in experiment.model.parameters.values())
+                   f"<td style='text-align:left'>{_role(p)}</td></tr>" for p in model.parameters.values())
     return (f"<table><thead><tr><th "
             f"style='text-align:left'>parameter</th><th>start</th><th></th></tr></thead><tbody>{rows}</tbody></table>")
 

@@ -99,7 +99,7 @@ def load_result(run: str | os.PathLike) -> Result:
 def _in_memory(experiment: Experiment, say: Callable[[str], None]) -> Result:
     began, cpu = time.perf_counter(), time.process_time()
     with threadpool_limits(1, user_api="blas"):
-        if by_evidence(experiment.record):
+        if by_evidence(experiment.record.model):
             experiment = experiment.changed(chosen_tables(experiment.record, with_overrides(experiment.tables, None),
                                                           say))
         prepared = prepare_in_memory(experiment.record, say)
@@ -108,9 +108,10 @@ def _in_memory(experiment: Experiment, say: Callable[[str], None]) -> Result:
         fields = FieldsInMemory(identification)
         content = experiment_result(prepared.experiment, identification.state, identification.point,
                                     identification.weights, _fit(prepared, identification, fields),
-                                    experiment.record.recording.excluded, {"forward_runs": identification.state.evaluations},
+                                    experiment.record.recording.excluded,
+                                    {"forward_runs": identification.state.evaluations},
                                     identification.discrepancy)
-    content["has_force"] = has_force(prepared.experiment)
+    content["has_force"] = has_force(prepared.experiment.model)
     content["cost"] |= {"wall_s": time.perf_counter() - began, "cpu_s": time.process_time() - cpu}
     say(content["status"])
     return Result(finite(content), fields)

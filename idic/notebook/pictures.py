@@ -49,7 +49,7 @@ class Plots:
 
         frame : later than the reference; negative: counted from the last
         """
-        number = checked_frame(self._fields.experiment, frame, later=True)
+        number = checked_frame(self._fields.experiment.model, frame, later=True)
         entry, unit = self._content["frames"][number], self._fields.experiment.recording.value_unit
         noise = _noise_level(entry)
         values = self._fields.residual(number) / (noise or 1.0)

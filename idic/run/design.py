@@ -151,7 +151,8 @@ def pictures_of(design: Design, pattern: str) -> PlanPictures:
     """Data of the figures of a plan that are not in its summary."""
     experiment = design.experiment
     grey = view_of(experiment, experiment.model.camera).n_components == 2
-    cells = tuple((block.cell, block.connectivity) for block in surface_cells(experiment.model.mesh, experiment.model.surface)) \
+    cells = tuple((block.cell, block.connectivity)
+                  for block in surface_cells(experiment.model.mesh, experiment.model.surface)) \
         if grey else ()
     reference = None if pattern == VIRTUAL_SPECKLE else experiment.recording.picture(experiment.model.reference)
     return PlanPictures(reference, experiment.model.camera.project(experiment.model.mesh.nodes),

@@ -51,7 +51,7 @@ def with_chosen_knots(parts: Mapping[str, RunPart], say: Say = lambda text: None
 
 def _refuse_evidence(experiments: Iterable[Experiment]) -> None:
     for experiment in experiments:
-        for curve in by_evidence(experiment):
+        for curve in by_evidence(experiment.model):
             raise InputError("knots by evidence work for one experiment only",
                              key=f"material.{curve.names[0].partition('.')[0]}", found=f'knots = "{BY_EVIDENCE}"',
                              expected="a number of knots where several experiments are identified together",
@@ -70,7 +70,7 @@ def chosen_tables(experiment: Experiment, tables: Mapping, say: Say = lambda tex
     InputError
         A value of the curve that is not identified.
     """
-    stated = by_evidence(experiment)
+    stated = by_evidence(experiment.model)
     for curve in stated:
         locked = [name for name in curve.names if not experiment.model.parameters[name].free]
         if locked:

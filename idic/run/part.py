@@ -43,7 +43,7 @@ class RunPart:
     def check(self, sensitivity: str) -> None:
         """Everything that can be wrong before something is written."""
         check_before_writing(self.experiment)
-        checked_sensitivity(sensitivity, self.experiment)
+        checked_sensitivity(sensitivity, self.experiment.model)
         refuse_names_that_are_one(self.experiment.model.parameters, self.store.run)
         refuse_names_that_are_one((channel.column for channel in self.experiment.model.channels), self.store.run)
 

@@ -60,7 +60,8 @@ class PartPoints:
             _scale_paper_weights(session, trial)
         context = session.context.at_stage(stage)
         weights = generalised_weights(context.weights) if trial.generalised else context.weights
-        shared = correlation_context(context, context.experiment.model.parameters.with_values(trial.trial.values), weights)
+        shared = correlation_context(context, context.experiment.model.parameters.with_values(trial.trial.values),
+                                     weights)
         increments = len(read_array(context.store.group(group_name(trial.evaluations, BASE)), "steps"))
         with open_spool(context.store.run) as spool:
             system = sum_system(session, trial, weights, stage, spool)

@@ -18,7 +18,7 @@ from idic.correlation import GREY, SPACE, TexturePair, correlated_frames, textur
 from idic.identification import (
     ElementSums, Evaluation, FrameFit, LoopState, PointFit, chunk_frames, element_sums, experiment_result,
 )
-from idic.model import Experiment, Stage
+from idic.model import Model, Stage
 from idic.run.judgement.accepted_point import channel_table, solver_notes
 from idic.run.judgement.discrepancy import discrepancy_job, discrepancy_of
 from idic.run.judgement.fields import write_fields
@@ -110,7 +110,7 @@ def postprocess(session: Session, state: LoopState, timing: Timing, began: float
         write_fields(job, session.runner)
     result = experiment_result(experiment, state, point, context.weights, fit, context.settings["excluded_by_user"],
                                _cost(state, timing, began), discrepancy_of(session, state, point, stage))
-    result |= judgement.top | {"has_force": has_force(experiment), "sensitivity": session.sensitivity}
+    result |= judgement.top | {"has_force": has_force(experiment.model), "sensitivity": session.sensitivity}
     result["residual"] |= judgement.residual
     write_result(session.run, result)
     if state.status != "interrupted" and state.accepted is not None:
@@ -156,9 +156,9 @@ def write_interrupted(session: Session, state: LoopState, timing: Timing, began:
     return result
 
 
-def has_force(experiment: Experiment) -> bool:
+def has_force(model: Model) -> bool:
     """Whether a force or a pressure is known: motion alone gives no stress."""
-    return bool(experiment.model.loads) or any(channel.is_load for channel in experiment.model.channels)
+    return bool(model.loads) or any(channel.is_load for channel in model.channels)
 
 
 def _fits_of_cameras(session: Session, state: LoopState,

@@ -60,7 +60,7 @@ class Run:
         folders = RunFolders.planned(out, paths)
         parts = {name: RunPart(RunStore(folder), path, dict(overrides))
                  for (name, folder), path in zip(folders.parts.items(), paths, strict=True)}
-        if any(by_evidence(part.experiment) for part in parts.values()):
+        if any(by_evidence(part.experiment.model) for part in parts.values()):
             from idic.run.knots import with_chosen_knots  # here: most runs begin sooner without
 
             parts = with_chosen_knots(parts, say)

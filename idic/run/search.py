@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.identification import CoarseFit, FoundStart, StartTrial, coarse_fit, first_free, search, wants_search
-from idic.model import Experiment, Measured
+from idic.model import Measured, Model
 from idic.run.prepared.context import open_run
 from idic.run.prepared.prepare import read_free_motion, run_free_dic
 from idic.run.prepared.session import Session
@@ -50,7 +50,7 @@ def start_values(session: Session) -> Mapping[str, float] | None:
 
     session.say("searching for start values")
     start = search(context.experiment, fit_all, session.say)
-    write_json(context.store.run / SEARCH_FILE, _summary(context.experiment, start))
+    write_json(context.store.run / SEARCH_FILE, _summary(context.experiment.model, start))
     return start.values if start.moved else None
 
 
@@ -62,12 +62,14 @@ def fit_trial(job: TrialJob) -> CoarseFit:
     name = f"search/{job.number:02d}"
     ident = {"values": {key: to_hex(value) for key, value in sorted(trial.values.items())},
              "evaluations": trial.evaluations, "simplified": trial.simplified, "free": list(first_free(experiment)),
-             "edges": "measured" if any(isinstance(p.drive, Measured) for p in experiment.model.prescribed) else "given"}
+             "edges": "measured" if any(isinstance(p.drive, Measured) for p in experiment.model.prescribed)
+             else "given"}
     finished = _kept(context.store.finished(name, ident), names)
     if finished is not None:
         return finished
     u_px = read_free_motion(context.store) if context.store.finished("dic") is not None else None
-    fit = coarse_fit(replace(experiment, recording=replace(experiment.recording, stack=None)), u_px, trial.values, trial.evaluations, trial.simplified)
+    fit = coarse_fit(replace(experiment, recording=replace(experiment.recording, stack=None)), u_px, trial.values,
+                     trial.evaluations, trial.simplified)
     with context.store.building(name, ident) as folder:
         write_array(folder, "values", np.array([fit.values[key] for key in names]))
         write_array(folder, "facts", np.array([fit.phi, fit.points, fit.evaluations, fit.part], float))
@@ -86,9 +88,9 @@ def _kept(folder: Path | None, names: Sequence[str]) -> CoarseFit | None:
     return CoarseFit(dict(zip(names, values, strict=True)), float(phi), int(points), int(evaluations), float(part))
 
 
-def _summary(experiment: Experiment, start: FoundStart) -> dict:
-    shown = lambda values: {name: values[name] / experiment.model.parameters[name].factor  # noqa: E731
-                            for name in experiment.model.parameters.free}
+def _summary(model: Model, start: FoundStart) -> dict:
+    shown = lambda values: {name: values[name] / model.parameters[name].factor  # noqa: E731
+                            for name in model.parameters.free}
     return {"schema": SCHEMA, "begins_at": shown(start.values),
             "tried": [{"label": label, "misfit": fit.misfit if np.isfinite(fit.phi) else None,
                        "simulated_part": fit.part, "evaluations": fit.evaluations, "values": shown(fit.values)}

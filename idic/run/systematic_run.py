@@ -85,7 +85,7 @@ def _assessed(run: str | Path, runner: TaskRunner, bias: bool, spread: bool, pro
     result = _finished(run)  # read again: until the lock was taken another command could write it
     context = open_run(str(run))
     jobs = [AssessmentJob(str(run), None)] if bias else []
-    if bias and path_dependent_laws(context.experiment):
+    if bias and path_dependent_laws(context.experiment.model):
         jobs.append(AssessmentJob(str(run), None, increments=True))
     n_biases = len(jobs)
     if spread:
@@ -152,10 +152,11 @@ def _treated(context: RunContext, state: LoopState, treatment: Treatment) -> tup
     options = {"options.estimator": "generalised" if state.generalised else "ordinary"}
     experiment = load_experiment(settings["experiment"], dict(settings["overrides"]) | options | treatment.overrides)
     experiment = with_stored_noise(with_stored_images(context.store, experiment), settings)
-    experiment = replace(experiment, recording=replace(experiment.recording, excluded=tuple(settings["excluded"])), stages=())
+    experiment = replace(experiment, recording=replace(experiment.recording, excluded=tuple(settings["excluded"])),
+                         stages=())
     same = {name: value for name, value in state.accepted.values.items()
             if name in experiment.model.parameters and not name.startswith("boundary.")}
-    experiment = replace(experiment, model=replace(experiment.model, parameters=experiment.model.parameters.with_values(same)))
+    experiment = experiment.with_parameters(experiment.model.parameters.with_values(same))
     measured = any(isinstance(entry.drive, Measured) for entry in experiment.model.prescribed)
     if not measured and not starts_from_dic(experiment):
         as_given = "boundary" not in treatment.overrides

@@ -15,7 +15,7 @@ import numpy as np
 
 from idic.errors import NotConverged
 from idic.fe import FrameState, Body, is_linear
-from idic.model import Experiment, ForwardModel, MotionError, build_forward
+from idic.model import Experiment, ForwardModel, Model, MotionError, build_forward
 from idic.simulation_error.comparison import LOOSE, ModelPoint, compared_increments
 from idic.simulation_error.limits import LIMITS
 from idic.simulation_error.real_thickness import can_be_thick, extruded, thick
@@ -78,7 +78,7 @@ def bricks_of(point: ModelPoint, sheet: Iterable[SheetFrame], neighbour: Bricks 
     experiment, n, path = point.experiment, point.experiment.model.mesh.n_nodes, []
     u = np.zeros((experiment.model.n_frames, *experiment.model.mesh.nodes.shape))
     channels = np.zeros((experiment.model.n_frames, len(experiment.model.channels)))
-    linear, names = is_linear(model.model), _of_the_laws(experiment, of_sheet or ())
+    linear, names = is_linear(model.model), _of_the_laws(experiment.model, of_sheet or ())
     columns = [(of_sheet or ()).index(name) for name in names]
     changes = None if of_sheet is None else ErrorChanges(names, np.zeros((*u.shape, len(names))),
                                                          np.zeros((*channels.shape, len(names))))
@@ -120,8 +120,9 @@ def simulated_sheet(point: ModelPoint, names: Sequence[str] = (),
 
 def reason_against_bricks(experiment: Experiment) -> str | None:
     """Why a sheet of known, even thickness is not compared with bricks; None where it is, and of all other bodies."""
-    cells = {block.cell for block in experiment.model.mesh.blocks}
-    if experiment.model.solver is not None or experiment.model.kind != "plane_stress" or experiment.model.thickness is None:
+    model = experiment.model
+    cells = {block.cell for block in model.mesh.blocks}
+    if model.solver is not None or model.kind != "plane_stress" or model.thickness is None:
         return None
     if len(cells) > 1:
         return f"the mesh mixes elements ({', '.join(sorted(cells))})"
@@ -129,14 +130,14 @@ def reason_against_bricks(experiment: Experiment) -> str | None:
         return 'the elements are of first order (element_order under [options])'
     if not can_be_thick(experiment):
         return None
-    nodes = extruded(experiment.model.mesh, 0.5 * float(experiment.model.thickness)).n_nodes
+    nodes = extruded(model.mesh, 0.5 * float(model.thickness)).n_nodes
     limit = _max_bricks(build_forward(experiment).model)
     return f"bricks behind this mesh would have {nodes} nodes, more than {limit}" if nodes > limit else None
 
 
-def _of_the_laws(experiment: Experiment, names: Sequence[str]) -> tuple[str, ...]:
+def _of_the_laws(model: Model, names: Sequence[str]) -> tuple[str, ...]:
     """The parameters that the error of plane stress may follow: those of the laws."""
-    sets = {material.element_set for material in experiment.model.materials}
+    sets = {material.element_set for material in model.materials}
     return tuple(name for name in names if name.partition(".")[0] in sets)
 
 

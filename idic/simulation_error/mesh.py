@@ -23,7 +23,7 @@ from itertools import pairwise
 import numpy as np
 
 from idic.fe import Body, can_halve, can_raise_order, is_linear
-from idic.model import Experiment, ForwardModel, MotionError, build_forward
+from idic.model import Experiment, ForwardModel, Model, MotionError, build_forward
 from idic.simulation_error.comparison import (
     ErrorInFrames, ModelPoint, BetterModel, error_in_every_frame, error_in_frames,
 )
@@ -38,25 +38,25 @@ MAX_STRIDE_SHARE = 0.125  # of the frames: how far apart those may be in which f
 STILL_SHARE = 0.05  # of the largest rate of a motion: a slower one is taken as rest
 
 
-def can_be_refined(experiment: Experiment) -> bool:
+def can_be_refined(model: Model) -> bool:
     """Whether a finer mesh of this experiment can be made and is not too large."""
-    if experiment.model.solver is not None:
+    if model.solver is not None:
         return False
-    mesh, raised = experiment.model.mesh, can_raise_order(experiment.model.mesh)
+    mesh, raised = model.mesh, can_raise_order(model.mesh)
     if not (raised or can_halve(mesh)):
         return False
-    plane = experiment.model.n_dim == 2
+    plane = model.n_dim == 2
     growth = (3 if plane else 4) if raised else (4 if plane else 7)
     return growth * mesh.n_nodes <= (LIMITS.plane if plane else LIMITS.solid)
 
 
 def mesh_error(point: ModelPoint) -> MotionError | None:
     """What a simulation lacks by its mesh; None where no finer one can be made or simulated."""
-    if not can_be_refined(point.experiment):
+    if not can_be_refined(point.experiment.model):
         return None
     finer = refined(point.experiment, raise_bricks=True)
     error = error_in_every_frame(point, _on_finer_mesh(point, finer))
-    return error if error is None or finer.is_raised else _with_reactions_of_the_limit(error, point.experiment)
+    return error if error is None or finer.is_raised else _with_reactions_of_the_limit(error, point.experiment.model)
 
 
 def mesh_error_in(point: ModelPoint, frames: np.ndarray, motions: Sequence[np.ndarray]) -> ErrorInFrames | None:
@@ -64,7 +64,7 @@ def mesh_error_in(point: ModelPoint, frames: np.ndarray, motions: Sequence[np.nd
 
     frames : the reference and later ones; motions : (n_nodes, dim) mm of each of them: first guesses
     """
-    if not can_be_refined(point.experiment):
+    if not can_be_refined(point.experiment.model):
         return None
     finer = refined(point.experiment, raise_bricks=True)
     return error_in_frames(point, _on_finer_mesh(point, finer), frames, motions)  # carried guesses cost more: they fold
@@ -74,7 +74,7 @@ def brick_mesh_error(point: ModelPoint) -> MotionError | None:
     """What the surface of bricks of a sheet's thickness lacks by their mesh; None where there are none, or those behind
     the finer sheet are too many or cannot be simulated. Of many bricks that of an elastic body is taken."""
     experiment = point.experiment
-    if not (can_be_refined(experiment) and can_be_thick(experiment)):
+    if not (can_be_refined(experiment.model) and can_be_thick(experiment)):
         return None
     finer = refined(experiment)
     bricks, finer_bricks = thick(experiment), thick(finer.experiment)
@@ -89,28 +89,30 @@ def brick_mesh_error(point: ModelPoint) -> MotionError | None:
     error = error_in_frames(
         replace(point, experiment=bricks),
         BetterModel(finer_bricks, finer.carried_local(point.local),
-                    lambda state, better: difference(state.u[:n, :2], better.u[:m, :2])), experiment.model.reference + frames)
+                    lambda state, better: difference(state.u[:n, :2], better.u[:m, :2])),
+        experiment.model.reference + frames)
     if error is None:
         return None
     of_mesh = error.in_every_frame(experiment.model.n_frames)
-    return of_mesh if finer.is_raised else _with_reactions_of_the_limit(of_mesh, experiment)
+    return of_mesh if finer.is_raised else _with_reactions_of_the_limit(of_mesh, experiment.model)
 
 
 def as_elastic(experiment: Experiment) -> Experiment | None:
     """The experiment with linear elasticity of small strains in the place of laws that have E and nu; None where one
     has other constants, or where pressures follow the surface and temperatures the body."""
-    named = experiment.model.parameters.keys()
+    model = experiment.model
+    named = model.parameters.keys()
     if any(f"{material.element_set}.{constant}" not in named
-           for material in experiment.model.materials for constant in ("E", "nu")):
+           for material in model.materials for constant in ("E", "nu")):
         return None
-    materials = tuple(replace(material, law="elastic", kinematics="small") for material in experiment.model.materials)
-    elastic = replace(experiment, model=replace(experiment.model, materials=materials))
+    materials = tuple(replace(material, law="elastic", kinematics="small") for material in model.materials)
+    elastic = replace(experiment, model=replace(model, materials=materials))
     return elastic if is_linear(build_forward(thick(elastic)).model) else None
 
 
-def without_reactions(error: MotionError, experiment: Experiment) -> MotionError:
+def without_reactions(error: MotionError, model: Model) -> MotionError:
     """The same error of motions and other channels: reactions are at their limit, whatever else is lacking."""
-    factor = np.array([0.0 if channel.kind == "reaction" else 1.0 for channel in experiment.model.channels])
+    factor = np.array([0.0 if channel.kind == "reaction" else 1.0 for channel in model.channels])
     return replace(error, channels=factor * error.channels)
 
 
@@ -147,14 +149,15 @@ def _of_elastic_bricks(point: ModelPoint, elastic: Experiment) -> MotionError | 
     simulated = np.zeros_like(error.channels)
     for state in forward.march(point.parameters, (), point.local):
         simulated[elastic.model.reference + state.frame] = state.channels
-    measured = np.array([channel.values for channel in elastic.model.channels]).reshape(len(elastic.model.channels), -1).T
+    measured = np.array([channel.values for channel in elastic.model.channels]).reshape(len(elastic.model.channels),
+                                                                                        -1).T
     size = (simulated**2).sum(axis=0)
     share = np.divide((simulated * measured).sum(axis=0), size, out=np.zeros_like(size), where=size > 0.0)
     return replace(error, channels=error.channels * np.clip(share, 0.0, 1.0))
 
 
-def _with_reactions_of_the_limit(error: MotionError, experiment: Experiment) -> MotionError:
+def _with_reactions_of_the_limit(error: MotionError, model: Model) -> MotionError:
     """With what still smaller elements would change in reactions. Motions converge faster: of six specimens of the
     trial the second halving changed them by a tenth of the first, and the force by 0.17 to 0.5."""
-    factor = np.array([1.0 + REACTION_LEFT if channel.kind == "reaction" else 1.0 for channel in experiment.model.channels])
+    factor = np.array([1.0 + REACTION_LEFT if channel.kind == "reaction" else 1.0 for channel in model.channels])
     return replace(error, channels=factor * error.channels)

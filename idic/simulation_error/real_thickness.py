@@ -16,7 +16,7 @@ import numpy as np
 
 from idic.fe import Mesh, Morph, TET_EDGES, boundary_faces, make_mesh, n_face_corners
 from idic.model import (
-    Channel, Constant, Controlled, Experiment, Measured, Parametrised, Prescribed, Temperature, TemperatureField,
+    Channel, Constant, Controlled, Experiment, Measured, Model, Parametrised, Prescribed, Temperature, TemperatureField,
     mode_shapes, set_nodes,
 )
 
@@ -34,12 +34,13 @@ MAX_LAYERS = 3
 def can_be_thick(experiment: Experiment) -> bool:
     """Whether bricks of its thickness can be made: a sheet of eight-node quadrilaterals, or of six-node triangles, in
     plane stress, of known thickness."""
-    plain = (experiment.model.solver is None and experiment.model.kind == "plane_stress" and experiment.model.thickness is not None
-             and experiment.model.length_unit == "mm" and experiment.model.symmetry is None and experiment.surface_side == 0
-             and "geometry.thickness" not in experiment.model.parameters)
-    uneven = any(entry.form == "thickness" for entry in experiment.model.heterogeneities)
+    model = experiment.model
+    plain = (model.solver is None and model.kind == "plane_stress" and model.thickness is not None
+             and model.length_unit == "mm" and model.symmetry is None and experiment.surface_side == 0
+             and "geometry.thickness" not in model.parameters)
+    uneven = any(entry.form == "thickness" for entry in model.heterogeneities)
     return (plain and not uneven
-            and {block.cell for block in experiment.model.mesh.blocks} in ({"quad8"}, {"tri6"}))
+            and {block.cell for block in model.mesh.blocks} in ({"quad8"}, {"tri6"}))
 
 
 def thick(experiment: Experiment) -> Experiment:
@@ -47,17 +48,25 @@ def thick(experiment: Experiment) -> Experiment:
 
     experiment : of which `can_be_thick` holds
     """
-    mesh = extruded(experiment.model.mesh, 0.5 * float(experiment.model.thickness))
-    front, flat = in_front(experiment.model.mesh, mesh), [MIDDLE, *gripped_ends(experiment)]
-    prescribed = (*(_moved_through(experiment, entry, mesh, front) for entry in experiment.model.prescribed),
+    model = experiment.model
+    mesh = extruded(model.mesh, 0.5 * float(model.thickness))
+    front, flat = in_front(model.mesh, mesh), [MIDDLE, *gripped_ends(model)]
+    prescribed = (*(_moved_through(model, entry, mesh, front) for entry in model.prescribed),
                   *(Prescribed(name, "z", Constant(0.0)) for name in flat))
-    return replace(experiment, model=replace(experiment.model, kind="solid", mesh=mesh, thickness=None, prescribed=prescribed, motion_error=None, surface=SEEN, loads=tuple(replace(load, share=0.5 * load.share) for load in experiment.model.loads), temperatures=tuple(_through(entry, front) for entry in experiment.model.temperatures), morphs=tuple(_flat(morph, front) for morph in experiment.model.morphs), channels=tuple(_of_solid(channel) for channel in experiment.model.channels)))
+    return replace(experiment, model=replace(model, kind="solid", mesh=mesh, thickness=None, prescribed=prescribed,
+                                             motion_error=None, surface=SEEN,
+                                             loads=tuple(replace(load, share=0.5 * load.share)
+                                                         for load in model.loads),
+                                             temperatures=tuple(_through(entry, front)
+                                                                for entry in model.temperatures),
+                                             morphs=tuple(_flat(morph, front) for morph in model.morphs),
+                                             channels=tuple(_of_solid(channel) for channel in model.channels)))
 
 
-def gripped_ends(experiment: Experiment) -> list[str]:
+def gripped_ends(model: Model) -> list[str]:
     """Node sets that keep their thickness: held or moved in both components, not measured."""
     components: dict[str, set[str]] = {}
-    for entry in experiment.model.prescribed:
+    for entry in model.prescribed:
         if not isinstance(entry.drive, (Measured, Parametrised)):
             components.setdefault(entry.nodes, set()).add(entry.component)
     return [name for name, directions in components.items() if directions >= {"x", "y"}]
@@ -190,7 +199,7 @@ def _of_solid(channel: Channel) -> Channel:
                    minus=None if channel.minus is None else as_seen(channel.minus))
 
 
-def _moved_through(experiment: Experiment, entry: Prescribed, solid: Mesh, front: np.ndarray) -> Prescribed:
+def _moved_through(model: Model, entry: Prescribed, solid: Mesh, front: np.ndarray) -> Prescribed:
     """A motion of the sheet through the thickness: shapes of an edge as in front, gauges on the seen surface."""
     drive = entry.drive
     if isinstance(drive, Controlled):
@@ -198,9 +207,9 @@ def _moved_through(experiment: Experiment, entry: Prescribed, solid: Mesh, front
                                             minus=None if drive.minus is None else as_seen(drive.minus)))
     if not isinstance(drive, Parametrised):
         return entry
-    edge = set_nodes(experiment, entry.nodes)
-    shapes, courses = mode_shapes(experiment, edge, drive, f"boundary.{entry.nodes}.{entry.component}")
-    place = np.full(experiment.model.mesh.n_nodes, -1)
+    edge = set_nodes(model, entry.nodes)
+    shapes, courses = mode_shapes(model, edge, drive, f"boundary.{entry.nodes}.{entry.component}")
+    place = np.full(model.mesh.n_nodes, -1)
     place[edge] = np.arange(len(edge))
     return replace(entry, drive=replace(drive, shapes=shapes[place[front[solid.node_sets[entry.nodes]]]],
                                         courses=courses))

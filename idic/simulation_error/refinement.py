@@ -72,8 +72,9 @@ def refined(experiment: Experiment, raise_bricks: bool = False) -> Refined:
     InputError
         An external solver, whose mesh is its own; tetrahedra of second order.
     """
-    mesh = experiment.model.mesh
-    if experiment.model.solver is not None:
+    model = experiment.model
+    mesh = model.mesh
+    if model.solver is not None:
         raise InputError("an external solver has its own mesh", expected="the built-in solver", found="external",
                          remedy="refine the mesh of the external solver and identify again")
     if is_raised_by_default(mesh) or (raise_bricks and can_raise_order(mesh)):
@@ -86,13 +87,14 @@ def refined(experiment: Experiment, raise_bricks: bool = False) -> Refined:
         raise InputError("these elements are not refined", expected="triangles, quadrilaterals, bricks, tet4",
                          found=", ".join(block.cell for block in mesh.blocks),
                          remedy="use such elements, or compare with an identification on a finer mesh")
-    remeshed = replace(experiment, model=replace(experiment.model, mesh=fine, motion_error=None))
-    prescribed = tuple(_carried_shapes(experiment, remeshed, carry, entry) for entry in experiment.model.prescribed)
+    remeshed = replace(experiment, model=replace(model, mesh=fine, motion_error=None))
+    prescribed = tuple(_carried_shapes(experiment, remeshed, carry, entry) for entry in model.prescribed)
     temperatures = tuple(
         replace(entry, drive=replace(entry.drive, values=(carry @ entry.drive.values.T).T))
-        if isinstance(entry.drive, TemperatureField) else entry for entry in experiment.model.temperatures)
-    morphs = tuple(replace(morph, velocity=carry @ morph.velocity) for morph in experiment.model.morphs)
-    finer = replace(remeshed, model=replace(remeshed.model, prescribed=prescribed, temperatures=temperatures, morphs=morphs))
+        if isinstance(entry.drive, TemperatureField) else entry for entry in model.temperatures)
+    morphs = tuple(replace(morph, velocity=carry @ morph.velocity) for morph in model.morphs)
+    finer = replace(remeshed, model=replace(remeshed.model, prescribed=prescribed, temperatures=temperatures,
+                                            morphs=morphs))
     return Refined(experiment, finer, carry, way)
 
 
@@ -136,8 +138,8 @@ def _carried_shapes(experiment: Experiment, finer: Experiment, carry: sparse.csr
     if not isinstance(drive, Parametrised) or drive.shapes is None:
         return entry
     nodal = np.zeros((experiment.model.mesh.n_nodes, drive.shapes.shape[1]))
-    nodal[set_nodes(experiment, entry.nodes)] = drive.shapes
-    return replace(entry, drive=replace(drive, shapes=(carry @ nodal)[set_nodes(finer, entry.nodes)]))
+    nodal[set_nodes(experiment.model, entry.nodes)] = drive.shapes
+    return replace(entry, drive=replace(drive, shapes=(carry @ nodal)[set_nodes(finer.model, entry.nodes)]))
 
 
 def _midpoints(n_old: int, fine: Mesh) -> sparse.csr_array:

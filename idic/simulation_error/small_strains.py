@@ -21,13 +21,14 @@ from idic.simulation_error.limits import LIMITS
 def with_finite_strains(experiment: Experiment) -> Experiment | None:
     """The experiment with the finite form of every law of small strains; None where there is none, or a law has no
     such form."""
-    small = [material for material in experiment.model.materials if material.kinematics == "small"]
-    if experiment.model.solver is not None or not small:
+    model = experiment.model
+    small = [material for material in model.materials if material.kinematics == "small"]
+    if model.solver is not None or not small:
         return None
     if any("finite" not in get_law(material.law).kinematics for material in small):
         return None
-    return replace(experiment, model=replace(experiment.model, motion_error=None, materials=tuple(
-        replace(material, kinematics="finite") for material in experiment.model.materials)))
+    return replace(experiment, model=replace(model, motion_error=None, materials=tuple(
+        replace(material, kinematics="finite") for material in model.materials)))
 
 
 def strain_error(point: ModelPoint) -> MotionError | None:

@@ -15,7 +15,8 @@ from idic.experiment_file import DesignTable, locate, read_toml, recorded, to_to
 from idic.fe import surface_cells
 from idic.images import AnyCamera, PlacedCamera, sensor_levels
 from idic.model import (
-    Column, Controlled, Experiment, ForwardModel, Measured, Parametrised, build_forward, rates_since_reference, solve,
+    Column, Controlled, Experiment, ForwardModel, Measured, Model, Parametrised, build_forward, rates_since_reference,
+    solve,
 )
 from idic.readers import parse_unit, unit_in_name
 from idic.identification import chooses_increments, planned_speckle, recorded_or_planned
@@ -112,13 +113,14 @@ def _images(experiment: Experiment, camera: AnyCamera, motion: Sequence[np.ndarr
             speckle_rng: np.random.Generator, camera_rng: np.random.Generator,
             speckle: SolidSpeckle | None = None, planned: DesignTable | None = None) -> Iterator[np.ndarray]:
     """The images of the nodal displacements `motion` (n_nodes, dim) mm, one at a time; the speckle as it is planned."""
-    rise, mesh = None, experiment.model.mesh
+    model = experiment.model
+    rise, mesh = None, model.mesh
     if isinstance(camera, PlacedCamera):
-        yield from traced_images(mesh, experiment.model.surface, camera, motion, sensor, speckle, camera_rng)
+        yield from traced_images(mesh, model.surface, camera, motion, sensor, speckle, camera_rng)
         return
     if experiment.recording.quantity == "height":
         rise = view_of(experiment, camera).rise
-        if is_section(experiment):
+        if is_section(model):
             yield from _section_images(experiment, camera, motion, sensor, rise, speckle_rng, camera_rng)
             return
         texture = rough_surface(camera, sensor.shape, _roughness(experiment))(speckle_rng)
@@ -126,32 +128,34 @@ def _images(experiment: Experiment, camera: AnyCamera, motion: Sequence[np.ndarr
         texture = stated_speckle(camera, sensor.shape, planned.speckle_px, planned.contrast_gv)(speckle_rng, 2.0**bits)
     else:
         texture = medium_speckle(camera, sensor.shape)(speckle_rng, 2.0**bits)
-    cells = surface_cells(mesh, experiment.model.surface)
+    cells = surface_cells(mesh, model.surface)
     for frame, u in enumerate(motion):
         yield from render([u], mesh.nodes, cells, camera.at(frame), texture, sensor, camera_rng, rise)
 
 
 def _section_images(experiment, camera, motion, sensor, rise, speckle_rng, camera_rng):
     """Height images of a cross-section: lengths in the unit of the heights."""
+    model = experiment.model
     scale, (ny, nx) = 1.0 / experiment.recording.height_unit, sensor.shape
     pixel = scale * camera.pixel_size
     pattern = roughness(speckle_rng, _roughness(experiment), SECTION_LENGTH_PX * pixel)
     column = scale * camera.inverse(np.column_stack([np.arange(nx), np.zeros(nx)]))[:, 0]
     for u in motion:
-        section = seen_section(experiment.model.mesh, experiment.model.surface, u, scale, rise, experiment.model.symmetry is not None)
+        section = seen_section(model.mesh, model.surface, u, scale, rise, model.symmetry is not None)
         yield record(height_image(section, pattern, column, -pixel * np.arange(ny)), sensor, camera_rng)
 
 
 def _check(experiment: Experiment) -> None:
-    if experiment.recording.points is not None:
+    model, recording = experiment.model, experiment.recording
+    if recording.points is not None:
         raise InputError(
             "the fields of another DIC system cannot be simulated",
             key="experiment.fields",
             expected="an experiment with images",
-            found=experiment.recording.in_words(),
+            found=recording.in_words(),
             remedy="describe camera and mesh of the test with images; idic design predicts the error bars of fields",
         )
-    measured = [p for p in experiment.model.prescribed
+    measured = [p for p in model.prescribed
                 if isinstance(p.drive, Measured) or (isinstance(p.drive, Parametrised) and p.drive.kind == "dic")]
     if measured:
         raise InputError(
@@ -161,29 +165,30 @@ def _check(experiment: Experiment) -> None:
             found='"measured"' if isinstance(measured[0].drive, Measured) else '{ virtual = "dic" }',
             remedy='give the motion, for instance uy = { column = "grip_displacement_mm" }',
         )
-    if is_section(experiment) and experiment.recording.quantity != "height":
+    if is_section(model) and recording.quantity != "height":
         raise InputError(
             "grey images of a cross-section seen from above cannot be simulated",
             key="experiment.surface",
             expected='a plane specimen, a solid with its face set, or quantity = "height"',
-            found=f"kind = {experiment.model.kind!r} with the edge set {experiment.model.surface}",
+            found=f"kind = {model.kind!r} with the edge set {model.surface}",
             remedy="leave surface out, or simulate height images",
         )
 
 
 def _sensor(experiment: Experiment, bits: int, noise_std_gv: float | None, planned: bool = False) -> Sensor:
     """planned : the noise is stated in grey values of the images that are written"""
+    recording = experiment.recording
     levels = 2.0**bits
-    if experiment.recording.quantity == "height":  # a height is taken at a point, not gathered over the area of a pixel
-        std = noise_std_gv if noise_std_gv is not None else experiment.recording.noise.std_gv
+    if recording.quantity == "height":  # a height is taken at a point, not gathered over the area of a pixel
+        std = noise_std_gv if noise_std_gv is not None else recording.noise.std_gv
         std = HEIGHT_NOISE_SHARE * _roughness(experiment) if std is None else std
-        return Sensor(experiment.recording.stack.shape, bits=0, noise_std=std, supersampling=1)
+        return Sensor(recording.stack.shape, bits=0, noise_std=std, supersampling=1)
     if noise_std_gv is None:
-        noise_of_file = experiment.recording.noise.std_gv
-        image = np.asarray(recorded(experiment.recording.stack).frame(experiment.model.reference))
+        noise_of_file = recording.noise.std_gv
+        image = np.asarray(recorded(recording.stack).frame(experiment.model.reference))
         factor = 1.0 if planned else levels / sensor_levels(image)
         noise_std_gv = factor * noise_of_file if noise_of_file else DEFAULT_NOISE_GV * levels / 256.0
-    return Sensor(experiment.recording.stack.shape, bits=bits, noise_std=noise_std_gv, background=BACKGROUND_SHARE * levels)
+    return Sensor(recording.stack.shape, bits=bits, noise_std=noise_std_gv, background=BACKGROUND_SHARE * levels)
 
 
 def _roughness(experiment: Experiment) -> float:
@@ -201,31 +206,32 @@ def _columns(
     experiment: Experiment, forward: ForwardModel, simulated: np.ndarray, rng: np.random.Generator
 ) -> dict[str, np.ndarray]:
     """Every column of the new log in internal units: channels and drives as simulated, with their noise."""
+    model = experiment.model
     columns: dict[str, np.ndarray] = {}
-    drives = (*experiment.model.drives, *(entry.drive for entry in experiment.model.temperatures))
+    drives = (*model.drives, *(entry.drive for entry in model.temperatures))
     for number, drive in enumerate(drives):
-        is_motion = number < len(experiment.model.prescribed)
+        is_motion = number < len(model.prescribed)
         if isinstance(drive, Column):
-            course = _on_time(experiment, drive.values, drive.rates, is_motion)
+            course = _on_time(model, drive.values, drive.rates, is_motion)
             columns[drive.column] = noisy_channel(course, drive.noise_std, rng)
         elif isinstance(drive, Controlled):
-            columns[drive.column] = _on_time(experiment, drive.course, drive.rates, True)
-    values = np.zeros((experiment.model.n_frames, len(experiment.model.channels)))
+            columns[drive.column] = _on_time(model, drive.course, drive.rates, True)
+    values = np.zeros((model.n_frames, len(model.channels)))
     for i, frame in enumerate(forward.frames):
-        values[frame] = channel_values(experiment, experiment.model.parameters, simulated[i], frame)
-    for i, channel in enumerate(experiment.model.channels):
+        values[frame] = channel_values(experiment, model.parameters, simulated[i], frame)
+    for i, channel in enumerate(model.channels):
         columns[channel.column] = noisy_channel(values[:, i], channel.noise_std or 0.0, rng)
     return columns
 
 
-def _on_time(experiment: Experiment, values: np.ndarray, rates: np.ndarray | None, is_motion: bool) -> np.ndarray:
+def _on_time(model: Model, values: np.ndarray, rates: np.ndarray | None, is_motion: bool) -> np.ndarray:
     """A logged course at `time.offset`; a motion counts from the reference frame  # (n_frames,)"""
-    shift = experiment.model.log_shift(experiment.model.parameters)
+    shift = model.log_shift(model.parameters)
     if rates is None or not shift:
         return values
-    late = rates_since_reference(experiment, rates).copy() if is_motion else rates
+    late = rates_since_reference(model, rates).copy() if is_motion else rates
     if is_motion:
-        late[experiment.model.reference] = 0.0
+        late[model.reference] = 0.0
     return values + shift * late
 
 
@@ -292,7 +298,8 @@ def _camera_tables(raw: Mapping, experiment: Experiment, sensors: Sequence[Senso
             calibration = source.parent / table["calibration"]
             if calibration not in copied:
                 is_used = calibration.name in copied.values()
-                copied[calibration] = f"{view.recording.camera_name}_{calibration.name}" if is_used else calibration.name
+                camera_name = view.recording.camera_name
+                copied[calibration] = f"{camera_name}_{calibration.name}" if is_used else calibration.name
                 shutil.copy(calibration, folder / copied[calibration])
             table["calibration"] = copied[calibration]
         std = sensor.total_noise_std or MIN_NOISE * _roughness(view)

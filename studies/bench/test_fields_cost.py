@@ -98,7 +98,8 @@ def solution(folder) -> tuple[np.ndarray, float]:
         boundary=GRIPS, force="force_N") + "noise_std = 1.0\n")
     experiment = load_experiment(folder)
     solved = solve(build_forward(experiment), experiment.model.parameters)
-    pm = build_point_map(experiment.model.mesh.nodes, surface_cells(experiment.model.mesh, None), experiment.model.camera,
+    pm = build_point_map(experiment.model.mesh.nodes, surface_cells(experiment.model.mesh, None),
+                         experiment.model.camera,
                          experiment.recording.points.positions_px, experiment.recording.points.shape)
     u = np.full((len(at), 2), np.nan)
     u[pm.point] = pm.interpolate(solved.u[-1])

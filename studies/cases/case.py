@@ -54,7 +54,8 @@ def run_case(job: CaseJob) -> str:
     case = next(case for case in study.cases if case.key == job.key)
     rendering = study.rendering(case.images)
     experiment = case_experiment(store, rendering, case)
-    truth = experiment.model.parameters.with_values(_known(experiment.model.parameters, true_values(job.out, rendering.name)
+    truth = experiment.model.parameters.with_values(_known(experiment.model.parameters,
+                                                           true_values(job.out, rendering.name)
                                                      | case.truth))
     began, cpu = time.perf_counter(), time.process_time()
     if case.identify:
@@ -65,13 +66,16 @@ def run_case(job: CaseJob) -> str:
         identification = identify(used_part, local, searched=searched)
         cost = _cost(began, cpu)
         facts, arrays = outcome_of(identification, truth)
-        arrays["start"] = np.array([experiment.model.parameters[name].shown for name in facts["names"]])  # before the search
+        arrays["start"] = np.array([experiment.model.parameters[name].shown
+                                    for name in facts["names"]])  # before the search
         end = identification.parameters
     else:
-        facts, arrays, cost, end = {"names": list(experiment.model.parameters.free), "status": "simulated"}, {}, {}, truth
+        facts, arrays, cost, end = {"names": list(experiment.model.parameters.free),
+                                    "status": "simulated"}, {}, {}, truth
     arrays |= stored_fields(case.keep, experiment, end, truth)
     arrays["times"] = experiment.model.times
-    facts |= {"case": asdict(case), "noise": experiment.recording.noise.std_gv, "value_unit": experiment.recording.value_unit,
+    facts |= {"case": asdict(case), "noise": experiment.recording.noise.std_gv,
+              "value_unit": experiment.recording.value_unit,
               "pixel_mm": experiment.model.camera.pixel_size, **cost}
     store.write_case(case.key, case.ident(rendering), facts, arrays)
     return case.key
@@ -142,7 +146,7 @@ def with_searched_start(experiment: Experiment) -> tuple[Experiment, bool]:
     bare = replace(experiment, recording=replace(experiment.recording, stack=None))
     outcome = search(experiment, lambda trials: [coarse_fit(bare, u_px, t.values, t.evaluations, t.simplified)
                                              for t in trials])
-    return replace(experiment, model=replace(experiment.model, parameters=experiment.model.parameters.with_values(outcome.values))), outcome.moved
+    return experiment.with_parameters(experiment.model.parameters.with_values(outcome.values)), outcome.moved
 
 
 def with_measured_start(experiment: Experiment) -> tuple[Experiment, np.ndarray | None]:

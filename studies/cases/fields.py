@@ -38,9 +38,10 @@ def stored_fields(names: tuple[str, ...], experiment: Experiment, identified: Pa
 
 def surface_nodes(experiment: Experiment) -> np.ndarray:
     """Nodes in view, ordered by x  # (n,)"""
-    mesh, camera = experiment.model.mesh, experiment.model.camera
-    _, cells = seen_nodes(mesh, experiment.model.kind, experiment.model.surface)
-    inside = visible_cells(mesh, experiment.model.kind, experiment.model.surface, camera, experiment.recording.image_shape)
+    model = experiment.model
+    mesh, camera = model.mesh, model.camera
+    _, cells = seen_nodes(mesh, model.kind, model.surface)
+    inside = visible_cells(mesh, model.kind, model.surface, camera, experiment.recording.image_shape)
     nodes = np.unique(np.concatenate([cell for cell, is_visible in zip(cells, inside, strict=True) if is_visible]))
     return nodes[np.argsort(mesh.nodes[nodes, 0], kind="stable")]
 
@@ -60,15 +61,16 @@ def _sensitivities(experiment: Experiment, identified: ParameterSet, truth: Para
 
     With channels also ``channels`` (n_frames, c) and ``rho`` (n_frames, c, m), lambda dF/dlambda.
     """
-    nodes, names = surface_nodes(experiment), experiment.model.parameters.free
+    model = experiment.model
+    nodes, names = surface_nodes(experiment), model.parameters.free
     slopes = np.array([truth[name].slope() for name in names])
     phi, channels, rho = [], [], []
     for state in _march(experiment, truth, names):
         phi.append(state.du[nodes] * slopes)
         channels.append(state.channels.copy())
         rho.append(state.dchannels * slopes)
-    arrays = {"x": experiment.model.mesh.nodes[nodes], "phi": np.array(phi)}
-    return arrays if not experiment.model.channels else arrays | {"channels": np.array(channels), "rho": np.array(rho)}
+    arrays = {"x": model.mesh.nodes[nodes], "phi": np.array(phi)}
+    return arrays if not model.channels else arrays | {"channels": np.array(channels), "rho": np.array(rho)}
 
 
 def _residuals(experiment: Experiment, identified: ParameterSet, truth: ParameterSet) -> dict[str, np.ndarray]:
@@ -87,8 +89,9 @@ def _levels(experiment: Experiment, identified: ParameterSet, truth: ParameterSe
 
     Every frame has a level, also those that took no part in the identification.
     """
-    frames = correlated_frames(experiment, range(experiment.model.n_frames))
-    mean, size = np.full(experiment.model.n_frames, np.nan), np.full(experiment.model.n_frames, np.nan)
+    model = experiment.model
+    frames = correlated_frames(experiment, range(model.n_frames))
+    mean, size = np.full(model.n_frames, np.nan), np.full(model.n_frames, np.nan)
     for frame, _, r in _residual_maps(experiment, identified, frames):
         mean[frame], size[frame] = r.mean(), np.abs(r).mean()
     return {"level_mean": mean, "level_abs": size}

@@ -71,24 +71,26 @@ def as_measured_fields(experiment: Experiment, half: int, step: int) -> Experime
 
     Subsets are 2 half + 1 px wide and `step` px apart. Their noise is estimated from the displacements.
     """
-    stack, pm = experiment.recording.stack, build_experiment_reference(experiment, experiment.model.camera).pixel_map
+    model = experiment.model
+    stack, pm = experiment.recording.stack, build_experiment_reference(experiment, model.camera).pixel_map
     specimen = pm.to_image(np.ones(pm.n_pixels), 0.0) > 0.0
     centres = subset_grid(specimen, half, step)
-    frames = range(experiment.model.reference, experiment.model.n_frames)
-    moved = np.zeros((experiment.model.n_frames, len(centres), 2))
+    frames = range(model.reference, model.n_frames)
+    moved = np.zeros((model.n_frames, len(centres), 2))
     moved[frames.start:] = subset_displacements([stack.frame(k) for k in frames], centres,
                                                 half)
-    size = experiment.model.camera.pixel_size
+    size = model.camera.pixel_size
     points = FieldPoints(centres.astype(float), stack.shape, size, 2.0 * half + 1.0)
     fields = ArrayStack((points.um_per_px * moved).astype(np.float32))
-    estimate = field_noise(fields, points.positions_px / step, frames, experiment.model.reference)
+    estimate = field_noise(fields, points.positions_px / step, frames, model.reference)
     assert estimate is not None
     rows = tuple(tuple(row) for row in estimate.correlation.tolist())
     noise = Noise(estimate.std, "stage_differences",
                   correlated=CorrelatedNoise(estimate.std, estimate.sum_std, rows, estimate.std))
     options = replace(experiment.options, brightness="none", lowpass_px=0.0, edge_margin_px=0, border_px=0,
                       estimator="auto")
-    return replace(experiment, recording=replace(experiment.recording, stack=fields, points=points, quantity="displacement", noise=noise), options=options)
+    return replace(experiment, recording=replace(experiment.recording, stack=fields, points=points,
+                                                 quantity="displacement", noise=noise), options=options)
 
 
 def quantised(experiment: Experiment, bits: int) -> Experiment:
@@ -99,17 +101,18 @@ def quantised(experiment: Experiment, bits: int) -> Experiment:
 
 
 def _with_noisy_records(experiment: Experiment, seed: int, correlation: float) -> Experiment:
+    model = experiment.model
     rng = np.random.default_rng((seed, RECORDS_STREAM))
     channels = tuple(replace(channel, values=channel.values + (channel.noise_std or 0.0) * autoregression(
-        rng.standard_normal(len(channel.values)), correlation)) for channel in experiment.model.channels)
+        rng.standard_normal(len(channel.values)), correlation)) for channel in model.channels)
     prescribed = []
-    for entry in experiment.model.prescribed:
+    for entry in model.prescribed:
         if isinstance(entry.drive, Column) and entry.drive.noise_std:
             noise = entry.drive.noise_std * rng.standard_normal(len(entry.drive.values))
-            noise[experiment.model.reference] = 0.0  # motions are relative to the reference
+            noise[model.reference] = 0.0  # motions are relative to the reference
             entry = replace(entry, drive=replace(entry.drive, values=entry.drive.values + noise))
         prescribed.append(entry)
-    return replace(experiment, model=replace(experiment.model, channels=channels, prescribed=tuple(prescribed)))
+    return replace(experiment, model=replace(model, channels=channels, prescribed=tuple(prescribed)))
 
 
 def autoregression(white: np.ndarray, correlation: float) -> np.ndarray:

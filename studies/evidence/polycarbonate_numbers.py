@@ -124,7 +124,8 @@ def _print_step(label: str, images, n_bits: int, overrides: Mapping[str, object]
     if n_bits:
         rounded = RoundedStack(stack, n_bits)
         std = float(np.hypot(SPLINE_FLOOR, rounded.step / np.sqrt(12.0)))
-        experiment = replace(experiment, recording=replace(experiment.recording, stack=rounded, noise=replace(experiment.recording.noise, std_gv=std)))
+        experiment = replace(experiment, recording=replace(experiment.recording, stack=rounded,
+                                                           noise=replace(experiment.recording.noise, std_gv=std)))
     identification = identify(experiment)
     system = identification.point.system
     parameters, noise = identification.experiment.model.parameters, identification.weights.image_noise

@@ -70,7 +70,8 @@ class Bench:
         motion = solver(plain)
         stack = write_public(folder, plain, motion, paint)
         experiment = load_experiment(folder, stack=stack)
-        identification = identify(replace(experiment, recording=replace(experiment.recording, noise=measured_noise(experiment))))
+        identification = identify(replace(experiment,
+                                          recording=replace(experiment.recording, noise=measured_noise(experiment))))
         return cls(plain, motion, paint, residual_evidence(identification))
 
     def measure(self, scene: Scene, solver: Solver = solve) -> Seen:
@@ -97,7 +98,8 @@ class Bench:
 
     def _column(self, scene: Scene, motion: Motion, plain: Scene, plain_motion: Motion) -> Columns:
         evidence, context = self.residual.evidence, self.residual.context
-        nodes, n = context.experiment.model.mesh.nodes, plain_motion.mesh.n_nodes  # nodes of the second face of a cut follow
+        # nodes of the second face of a cut follow
+        nodes, n = context.experiment.model.mesh.nodes, plain_motion.mesh.n_nodes
         fields = []
         for k in evidence.frames:
             moved = apparent(scene, motion, int(k))[:n] - apparent(plain, plain_motion, int(k))[:n]
@@ -122,7 +124,8 @@ class Bench:
         correlation, and a blur changes them most.
         """
         context = self.residual.context
-        sensor_gv, nodes, n = context.experiment.recording.noise.std_gv, context.experiment.model.mesh.nodes, self.motion.mesh.n_nodes
+        sensor_gv = context.experiment.recording.noise.std_gv
+        nodes, n = context.experiment.model.mesh.nodes, self.motion.mesh.n_nodes
         pixel_map = context.reference.pixel_map
         points, shapes = pixel_map.points(), pixel_map.shape_matrix()
         total, count = 0.0, 0

@@ -54,7 +54,8 @@ class FolderSource:
 
     def with_measured_noise(self) -> FolderSource:
         """With the noise that a RUN of this folder would count (`idic.identification.noise.input_noise`)."""
-        return replace(self, original=replace(self.original, recording=replace(self.original.recording, noise=measured_noise(self.original))))
+        return replace(self, original=replace(self.original, recording=replace(self.original.recording,
+                                                                               noise=measured_noise(self.original))))
 
     def with_edits(self, edits: Mapping[str, Any]) -> FolderSource:
         return replace(self, edits={**self.edits, **edits})

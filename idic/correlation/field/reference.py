@@ -26,7 +26,7 @@ from idic.correlation.image_equations.frame import FrameGram, NodalEquations
 from idic.correlation.image_equations.residual import ResidualMap
 from idic.fe import surface_cells
 from idic.images import Camera
-from idic.model import Depth, Experiment
+from idic.model import Depth, Experiment, Model
 from idic.readers import BENDING_DEGREE, powers
 
 
@@ -208,19 +208,20 @@ def build_field_reference(experiment: Experiment, camera: Camera) -> FieldRefere
     InputError
         If no point lies on the mesh.
     """
-    points = experiment.recording.points
+    model, recording = experiment.model, experiment.recording
+    points = recording.points
     assert points is not None
-    cells = surface_cells(experiment.model.mesh, experiment.model.surface)
-    point_map = build_point_map(experiment.model.mesh.nodes, cells, camera, points.positions_px, points.shape,
-                                experiment.recording.mask, points.n_components)
+    cells = surface_cells(model.mesh, model.surface)
+    point_map = build_point_map(model.mesh.nodes, cells, camera, points.positions_px, points.shape,
+                                recording.mask, points.n_components)
     averaged = None
     if points.subset_px > 0.0:
-        averaged = _over_subsets(experiment, camera, point_map, points.subset_px)
-    return FieldReference(point_map, points.um_per_px, experiment.recording.n_references, averaged, points.free_rigid,
+        averaged = _over_subsets(model, camera, point_map, points.subset_px)
+    return FieldReference(point_map, points.um_per_px, recording.n_references, averaged, points.free_rigid,
                           points.depth)
 
 
-def _over_subsets(experiment: Experiment, camera: Camera, point_map: PointMap, width: float) -> sparse.csr_array:
+def _over_subsets(model: Model, camera: Camera, point_map: PointMap, width: float) -> sparse.csr_array:
     """Shape functions averaged over the subset around every point, as far as it lies on the mesh  # (n_pixels, n_nodes)
 
     The displacement that an affine subset finds in a smooth field is its best affine field at the middle, the mean over
@@ -232,8 +233,8 @@ def _over_subsets(experiment: Experiment, camera: Camera, point_map: PointMap, w
     weights = np.outer(along_one, along_one).ravel()
     seen, number = np.unique(point_map.point, return_inverse=True)
     samples = (point_map.positions[seen][:, None] + offsets).reshape(-1, 2)
-    cells = surface_cells(experiment.model.mesh, experiment.model.surface)
-    there = build_point_map(experiment.model.mesh.nodes, cells, camera, samples, point_map.shape)
+    cells = surface_cells(model.mesh, model.surface)
+    there = build_point_map(model.mesh.nodes, cells, camera, samples, point_map.shape)
     first = there.component == 0
     sample = there.point[first]
     values = sparse.csr_array(there.shape_matrix()[np.flatnonzero(first)])

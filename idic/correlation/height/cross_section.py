@@ -71,7 +71,8 @@ class SectionReference:
     def compare_pixels(self, experiment: Experiment, frame: int, motion: np.ndarray,
                        coefficients: np.ndarray) -> ResidualMap:
         """Residual of every pixel; coefficients : (nb,) levelling."""
-        return section_residual_map(self, experiment.recording.stack.frame(frame), motion, experiment.options.brightness,
+        return section_residual_map(self, experiment.recording.stack.frame(frame), motion,
+                                    experiment.options.brightness,
                                     coefficients)
 
     def shows_nothing(self, equations: NodalEquations) -> bool:

@@ -202,7 +202,8 @@ class _Comparison:
         sums = sum(float((np.add.reduceat(d * r, starts) ** 2).sum()) for d in gradient)  # of each element
         white = self.variance * sum(float((d**2).sum()) for d in gradient)
         excess = max(sums / white, 1.0) if white > 0.0 else 1.0
-        pair = TexturePair(self.one.experiment.recording.camera_name, self.two.experiment.recording.camera_name, nodal.n_valid,
+        pair = TexturePair(self.one.experiment.recording.camera_name, self.two.experiment.recording.camera_name,
+                           nodal.n_valid,
                            reference.pixel_map.n_pixels, correlation, self.gain, excess)
         return pair, min(rr, (1.0 - MIN_CORRELATION**2) * squares)
 

@@ -24,7 +24,7 @@ from idic.correlation.views.pinhole_view import PinholeView, in_space
 from idic.errors import InputError
 from idic.fe import Mesh, cell_type
 from idic.images import AnyCamera, Camera, PlacedCamera, fixed_pixel_sensitivity, normal_sign
-from idic.model import Experiment
+from idic.model import Experiment, Model
 
 GREY, HEIGHT, SECTION, SPACE = "grey", "height", "section", "space"
 
@@ -139,25 +139,26 @@ def view_of(experiment: Experiment, camera: AnyCamera) -> View | PinholeView:
     InputError
         For height images of a plane mesh without the edge set that is seen.
     """
+    model, recording = experiment.model, experiment.recording
     if isinstance(camera, PlacedCamera):
-        return PinholeView(camera, experiment.model.mesh, experiment.model.surface)
-    if experiment.recording.points is not None and experiment.recording.points.depth is not None:
-        return View(SPACE, camera, 2, normal_sign(camera) / experiment.recording.points.pitch_mm)
-    if experiment.recording.quantity in ("grey", "displacement"):
+        return PinholeView(camera, model.mesh, model.surface)
+    if recording.points is not None and recording.points.depth is not None:
+        return View(SPACE, camera, 2, normal_sign(camera) / recording.points.pitch_mm)
+    if recording.quantity in ("grey", "displacement"):
         return View(GREY, camera)
-    if experiment.model.n_dim == 3:
-        return View(HEIGHT, camera, 2, surface_sign(experiment.model.mesh, experiment.model.surface) / experiment.recording.height_unit)
-    if experiment.model.surface is None:
+    if model.n_dim == 3:
+        return View(HEIGHT, camera, 2, surface_sign(model.mesh, model.surface) / recording.height_unit)
+    if model.surface is None:
         raise InputError("height images of a plane mesh in its own plane", file="experiment.toml",
                          key="experiment.quantity", expected="a solid with its face set, or a cross-section with its "
-                         "edge set in `surface`", found=f"kind = {experiment.model.kind!r} without a surface",
+                         "edge set in `surface`", found=f"kind = {model.kind!r} without a surface",
                          remedy="name the set that is seen, or model the specimen as a solid")
-    return View(SECTION, camera, 1, surface_sign(experiment.model.mesh, experiment.model.surface) / experiment.recording.height_unit)
+    return View(SECTION, camera, 1, surface_sign(model.mesh, model.surface) / recording.height_unit)
 
 
-def is_section(experiment: Experiment) -> bool:
+def is_section(model: Model) -> bool:
     """Whether a plane mesh is a cross-section whose edge set is seen from above."""
-    return experiment.model.n_dim == 2 and experiment.model.surface is not None
+    return model.n_dim == 2 and model.surface is not None
 
 
 def surface_sign(mesh: Mesh, surface: str) -> float:

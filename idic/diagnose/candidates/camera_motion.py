@@ -19,7 +19,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
         return ()
     if any(name.startswith((f"{stem}col_at[", f"{stem}row_at[")) for name in experiment.model.parameters):
         return ()
-    frames = [k for k in range(experiment.model.reference + 1, experiment.model.n_frames) if k not in experiment.recording.excluded]
+    frames = [k for k in range(experiment.model.reference + 1, experiment.model.n_frames)
+              if k not in experiment.recording.excluded]
     if len(frames) > MAX_TESTED_FRAMES:
         frames = [frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, MAX_TESTED_FRAMES).astype(int))]
     half = 0.5 * float(np.hypot(*experiment.recording.image_shape))

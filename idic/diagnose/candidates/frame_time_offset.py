@@ -8,16 +8,15 @@ import numpy as np
 
 from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.physics.edits import further_dofs
-from idic.model import Column
 
 PROBE_INTERVAL_SHARE = 0.05  # of the time between two frames
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment, name = situation.experiment, "time.offset"
-    logged = [entry.drive for entry in (*experiment.model.prescribed, *experiment.model.loads) if isinstance(entry.drive, Column)]  # type: ignore[attr-defined]
-    has_rates = any(entry.rates is not None for entry in (*logged, *experiment.model.channels))  # type: ignore[attr-defined]
-    if not has_rates or not experiment.model.has_times:
+    model = experiment.model
+    rates = [*(drive.rates for drive in model.logged_drives), *(channel.rates for channel in model.channels)]
+    if all(entry is None for entry in rates) or not model.has_times:
         return ()
     edits = further_dofs(situation, name)
     if edits is None:

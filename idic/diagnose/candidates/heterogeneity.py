@@ -37,7 +37,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 
 def _inclusions(situation: Situation, element_set: str) -> Iterator[Variant]:
-    places, spacing = grid(situation.experiment.model.mesh.nodes[nodes_of(situation.experiment.model.mesh, element_set)][:, :2])
+    places, spacing = grid(situation.experiment.model.mesh.nodes[nodes_of(situation.experiment.model.mesh,
+                                                                          element_set)][:, :2])
     dof, body = f"{element_set}{STIFFNESS_SUFFIX}", situation.experiment.model.mesh.size
     for x, y in places:
         for size in RADII_OVER_SPACING:

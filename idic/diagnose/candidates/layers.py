@@ -151,7 +151,8 @@ def _variant(situation: Situation, name: str, line: Line, searched: int) -> Vari
     free = table | {key: table[key] | {"identify": True} for key in ("period_mm", "direction_deg", "offset_mm")}
     free["share"] = {"value": 0.5, "identify": True, "prior": {"mean": 0.5, "std": SHARE_STD}}
     return Variant(f"{name} has stiff and soft layers, a period of {line.period:.3g} "
-                   f"{situation.experiment.model.length_unit} at {line.direction:.0f} degrees", _added(situation, table),
+                   f"{situation.experiment.model.length_unit} at {line.direction:.0f} degrees",
+                   _added(situation, table),
                    (ratio,), {ratio: 1.0}, {ratio: PROBE_RATIO}, sign=1, exact=True, refit=_added(situation, free),
                    searched=searched, unresolved=_unresolved(situation, name, line))
 

@@ -7,7 +7,6 @@ import numpy as np
 from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.physics.edits import camera_key, further_dofs
 from idic.images import Camera
-from idic.model import Column
 
 PROBE_MAGNIFICATION = 1e-3  # relative magnification at the end, or at the largest load
 
@@ -33,10 +32,9 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 def changing_columns(situation: Situation) -> list[str]:
     """The forces and motions of the log that change."""
-    experiment = situation.experiment
-    logged = [(channel.column, channel.values) for channel in experiment.model.channels]
-    logged += [(entry.drive.column, entry.drive.values) for entry in (*experiment.model.prescribed, *experiment.model.loads)  # type: ignore[attr-defined]
-               if isinstance(entry.drive, Column)]  # type: ignore[attr-defined]
+    model = situation.experiment.model
+    logged = [(channel.column, channel.values) for channel in model.channels]
+    logged += [(drive.column, drive.values) for drive in model.logged_drives]
     return list(dict(column for column in logged if float(np.ptp(column[1])) > 0.0))
 
 

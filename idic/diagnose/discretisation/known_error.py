@@ -55,8 +55,9 @@ def error_beside(identification: Identification, bricks: MotionError,
     mesh = brick_mesh_error(identification.model_point)
     if mesh is None:
         return bricks.on_top_of(of_sheet or mesh_error(identification.model_point))
-    error, motions = bricks.on_top_of(mesh), without_reactions(mesh, identification.experiment)
-    corrected = at_values(identification, replace(identification.experiment, model=replace(identification.experiment.model, motion_error=error)),
+    error, motions = bricks.on_top_of(mesh), without_reactions(mesh, identification.experiment.model)
+    corrected = at_values(identification, replace(identification.experiment,
+                                                  model=replace(identification.experiment.model, motion_error=error)),
                           identification.parameters.as_values())
     share = further_share(residual_evidence(corrected, light=False), motions)
     return bricks.on_top_of(mesh.plus(motions.scaled(share)))
@@ -98,7 +99,8 @@ def knowing(source: ExperimentSource, identification: Identification, error: Mot
 
     responses : of the identification with the error, where it has been simulated
     """
-    corrected = at_values(identification, replace(identification.experiment, model=replace(identification.experiment.model, motion_error=error)),
+    corrected = at_values(identification, replace(identification.experiment,
+                                                  model=replace(identification.experiment.model, motion_error=error)),
                           identification.parameters.as_values())
     residual = residual_evidence(corrected, light=False, responses=responses)
     return source.with_motion_error(error), moved(corrected, following(residual)[0])

@@ -62,7 +62,8 @@ class Sheet:
     def left(self, error: MotionError) -> Left:
         """Beside an error."""
         experiment = self.identification.experiment
-        corrected = at_values(self.identification, replace(experiment, model=replace(experiment.model, motion_error=error)),
+        corrected = at_values(self.identification,
+                              replace(experiment, model=replace(experiment.model, motion_error=error)),
                               self.identification.parameters.as_values())
         frames = set(correlated_frames(experiment, range(experiment.model.n_frames)))
         responses = [replace(response, u=response.u + error.u[response.frame],
@@ -83,7 +84,8 @@ def sheet_at(identification: Identification, neighbour: Sheet | None = None) -> 
     NotConverged
         If equilibrium is not found.
     """
-    plain = at_values(identification, replace(identification.experiment, model=replace(identification.experiment.model, motion_error=None)),
+    plain = at_values(identification, replace(identification.experiment,
+                                              model=replace(identification.experiment.model, motion_error=None)),
                       identification.parameters.as_values())
     names = tuple(name for name in plain.parameters.free if plain.forward.moves(name))
     guesses = None if neighbour is None else neighbour.guesses(plain, names)

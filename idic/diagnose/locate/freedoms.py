@@ -16,7 +16,7 @@ from idic.correlation import GREY, View, nodal_gradient
 from idic.diagnose.locate.tangents import Tangent
 from idic.diagnose.residual.residual_evidence import CameraResidual, ResidualEvidence
 from idic.images import CAMERA_PARAMETERS, PLACEMENT_STEM, PlacedCamera, RIGID
-from idic.model import COMPONENTS, Experiment, set_nodes
+from idic.model import COMPONENTS, Model, set_nodes
 
 EDGE_MODE_DEGREE = 3  # of the modes along an edge
 FACE_MODE_DEGREE = 2  # of those on a face
@@ -24,18 +24,18 @@ PLACED = tuple(f"{PLACEMENT_STEM}.{name}" for name in RIGID)
 CONSTANT_CAMERA_PARAMETERS = ("k1", "tilt_x", "tilt_y")  # of the camera in all frames, the reference included
 
 
-def edge_modes(experiment: Experiment, nodes: np.ndarray) -> np.ndarray:
+def edge_modes(model: Model, nodes: np.ndarray) -> np.ndarray:
     """Legendre polynomials along the main direction of a set, or over its two main directions of a solid's face
 
     Returns
     -------
     (n, modes); of a set without extent the constant only
     """
-    points = experiment.model.mesh.nodes[nodes]
+    points = model.mesh.nodes[nodes]
     centred = points - points.mean(axis=0)
     size, directions = np.linalg.svd(centred, full_matrices=False)[1:]
     along = [centred @ d for d, s in zip(directions, size, strict=True) if s > 1e-6 * max(size[0], 1e-300)]
-    along = [a / np.abs(a).max() for a in along[:experiment.model.n_dim - 1]]
+    along = [a / np.abs(a).max() for a in along[:model.n_dim - 1]]
     if not along or not np.isfinite(along[0]).all():
         return np.ones((len(nodes), 1))
     if len(along) == 1:
@@ -45,16 +45,16 @@ def edge_modes(experiment: Experiment, nodes: np.ndarray) -> np.ndarray:
     return modes[:, order <= FACE_MODE_DEGREE]
 
 
-def boundary_patterns(experiment: Experiment, held_dofs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def boundary_patterns(model: Model, held_dofs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Motion of held dofs (mm) and nodal forces on the others (N per node)  # (n_dof, p) each, one of them zero"""
-    n_dim, n_dof = experiment.model.n_dim, experiment.model.mesh.nodes.size
+    n_dim, n_dof = model.n_dim, model.mesh.nodes.size
     is_held = np.zeros(n_dof, dtype=bool)
     is_held[held_dofs] = True
     motions: list[np.ndarray] = []
     forces: list[np.ndarray] = []
-    for name in dict.fromkeys(entry.nodes for entry in experiment.model.prescribed):
-        nodes = set_nodes(experiment, name)
-        shapes = edge_modes(experiment, nodes)
+    for name in dict.fromkeys(entry.nodes for entry in model.prescribed):
+        nodes = set_nodes(model, name)
+        shapes = edge_modes(model, nodes)
         for component in range(len(COMPONENTS[:n_dim])):
             dofs = nodes * n_dim + component
             for moved, kind in ((is_held[dofs], motions), (~is_held[dofs], forces)):
@@ -100,7 +100,7 @@ def _of_camera(camera: CameraResidual, frame: int, u: np.ndarray) -> np.ndarray:
     experiment, view = camera.context.experiment, camera.view
     nodes = experiment.model.mesh.nodes
     if view.kind != GREY:
-        return _of_instrument(experiment, view, u)
+        return _of_instrument(experiment.model, view, u)
     frame_view = view.at(frame)
     if isinstance(view.camera, PlacedCamera):
         distortion, tilts = view.camera.lens.leading, PLACED[:2]
@@ -109,7 +109,7 @@ def _of_camera(camera: CameraResidual, frame: int, u: np.ndarray) -> np.ndarray:
         names, constant = CAMERA_PARAMETERS, CONSTANT_CAMERA_PARAMETERS
     deformed = frame_view.deformed(nodes, u)
     moved = [frame_view.moved_camera.parameter_jacobian(deformed, name).ravel() for name in names]
-    gradient = nodal_gradient(experiment, u)
+    gradient = nodal_gradient(experiment.model, u)
     still = [frame_view.camera_column(nodes, u, gradient, name) for name in constant]
     return np.column_stack(moved + still)
 
@@ -120,18 +120,18 @@ def _unit(fields: np.ndarray) -> np.ndarray:
     return fields / np.where(largest > 0.0, largest, 1.0)
 
 
-def _of_instrument(experiment: Experiment, view: View, u: np.ndarray) -> np.ndarray:
+def _of_instrument(model: Model, view: View, u: np.ndarray) -> np.ndarray:
     """What a profilometer may do in one frame; in a symmetric section it must do the same to both halves
 
     Returns
     -------
     (3 n_nodes, q) column, row, height
     """
-    at = view.camera.project(view.points(experiment.model.mesh.nodes))
-    rise = view.motion(experiment.model.mesh.nodes, u)[:, 2]
-    centre = view.camera.project(np.zeros((1, experiment.model.n_dim)))[0] if experiment.model.symmetry else at.mean(axis=0)
+    at = view.camera.project(view.points(model.mesh.nodes))
+    rise = view.motion(model.mesh.nodes, u)[:, 2]
+    centre = view.camera.project(np.zeros((1, model.n_dim)))[0] if model.symmetry else at.mean(axis=0)
     (x, y), unit, none = (at - centre).T, np.ones(len(at)), np.zeros(len(at))
     fields = [(x, y, none), (none, none, unit), (none, none, rise)]
-    if not experiment.model.symmetry:
+    if not model.symmetry:
         fields += [(unit, none, none), (none, unit, none), (-y, x, none), (none, none, x), (none, none, y)]
     return np.stack(fields, axis=-1).transpose(1, 0, 2).reshape(3 * len(at), -1)

@@ -147,7 +147,7 @@ def _fields(identification: Identification, residual: ResidualEvidence) -> list[
     fields, patterns = [], None
     for tangent in tangents(identification, residual):
         if patterns is None:
-            patterns = boundary_patterns(residual.context.experiment, tangent.held)
+            patterns = boundary_patterns(residual.context.experiment.model, tangent.held)
         fields.append((sparse.csr_array(camera_fields(residual, tangent.index)),
                        sparse.csr_array(boundary_fields(residual, tangent, patterns)), basis))
     return fields

@@ -8,7 +8,7 @@ from typing import Any
 
 from idic.diagnose.physics.candidate import Situation
 from idic.fe import OUTLINE
-from idic.model import Experiment, without_knot
+from idic.model import Model, without_knot
 
 
 def further_dofs(situation: Situation, *names: str, **values: float) -> dict[str, Any] | None:
@@ -66,8 +66,8 @@ def camera_key(situation: Situation, key: str) -> str:
     return f"camera.0.{key}" if isinstance(situation.document.get("camera"), list) else f"camera.{key}"
 
 
-def open_share(experiment: Experiment) -> float | None:
+def open_share(model: Model) -> float | None:
     """By how much the narrowest width of an outline of points may be off, of that width; None where the mesh is none,
     or its edges are identified."""
-    moved = any(name.startswith(OUTLINE) for name in experiment.model.parameters.free)
-    return None if moved else experiment.model.outline_share
+    moved = any(name.startswith(OUTLINE) for name in model.parameters.free)
+    return None if moved else model.outline_share

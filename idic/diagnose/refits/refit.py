@@ -254,7 +254,8 @@ def _started(start: Start, evaluations: int | None) -> Experiment:
     parameters = start.experiment.model.parameters
     values = {name: float(np.clip(value, *parameters[name].bounds))
               for name, value in parameters.own_of(start.values).items()}
-    return replace(start.experiment, model=replace(start.experiment.model, parameters=parameters.with_starts(values)), stages=(), options=options)
+    return replace(start.experiment, model=replace(start.experiment.model, parameters=parameters.with_starts(values)),
+                   stages=(), options=options)
 
 
 def _fitting(local: np.ndarray, experiment: Experiment) -> np.ndarray | None:

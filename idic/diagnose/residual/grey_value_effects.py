@@ -161,7 +161,9 @@ def sums_against(context: CorrelationContext, image: np.ndarray) -> tuple[np.nda
     """
     experiment = context.experiment
     picture, reference = context.reference.synthetic_image(image)
-    bare_experiment = replace(experiment, recording=replace(experiment.recording, stack=ArrayStack(picture[None]), noise=replace(experiment.recording.noise, std_gv=None)), options=replace(experiment.options, lowpass_px=0.0))
+    bare_experiment = replace(experiment, recording=replace(experiment.recording, stack=ArrayStack(picture[None]),
+                                                            noise=replace(experiment.recording.noise, std_gv=None)),
+                              options=replace(experiment.options, lowpass_px=0.0))
     still = reference.compare(bare_experiment, 0, np.zeros((len(experiment.model.mesh.nodes), reference.n_components)))
     return still.q, still.rb
 

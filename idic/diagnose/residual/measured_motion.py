@@ -24,7 +24,7 @@ import numpy as np
 from idic.identification import Identification, misfit
 from idic.images import Stack, StackView
 from idic.measure import boundary_start, edge_modes, with_boundary_start
-from idic.model import Experiment, FieldPoints, Measured, Noise, pixel_size
+from idic.model import Experiment, FieldPoints, Measured, Noise, Recording, pixel_size
 
 MAX_REGISTER_PX = 1.0  # rms of a frame; with more the residual of its image is no error of motion to first order
 MIN_MISFIT_CHI2 = 10.0  # per pixel; where contrast is well above noise, an error of 1 px leaves more
@@ -86,9 +86,9 @@ class OutOfRegister:
                 f"{self.image_chi2:.3g} to {self.enriched_chi2:.3g}.")
 
 
-def holds_motion(experiment: Experiment) -> bool:
+def holds_motion(recording: Recording) -> bool:
     """Whether an experiment is one of `by_motion`, or a copy of it with noise."""
-    stack = experiment.recording.stack
+    stack = recording.stack
     while isinstance(stack, StackView) and not isinstance(stack, MotionStack):
         stack = stack.stack
     return isinstance(stack, MotionStack)
@@ -139,7 +139,8 @@ def with_edge_modes(document: Mapping[str, Any], experiment: Experiment, u_px: n
                  if entry.nodes == table.get("nodes") and isinstance(entry.drive, Measured)]
         if not edges:
             continue
-        number = max(edge_modes(experiment, entry, u_px, MOTION_STD_PX, experiment.recording.excluded) for entry in edges)
+        number = max(edge_modes(experiment, entry, u_px, MOTION_STD_PX, experiment.recording.excluded)
+                     for entry in edges)
         for key in ("u", "ux", "uy"):
             drive = table.get(key)
             if drive == "measured" or (isinstance(drive, Mapping) and drive.get("measured")):
@@ -156,7 +157,7 @@ def by_motion(experiment: Experiment, u_px: np.ndarray, excluded: Collection[int
     start = boundary_start(experiment, u_px, excluded)
     experiment = with_boundary_start(experiment, start)
     names = [name for name in experiment.model.parameters.free if name not in start.values]
-    experiment = replace(experiment, model=replace(experiment.model, parameters=experiment.model.parameters.with_free(names)))
+    experiment = experiment.with_parameters(experiment.model.parameters.with_free(names))
     at = experiment.model.camera.project(experiment.model.mesh.nodes)
     ny, nx = experiment.recording.image_shape
     is_inside = (at >= 0.0).all(axis=1) & (at <= [nx - 1, ny - 1]).all(axis=1)
@@ -166,4 +167,7 @@ def by_motion(experiment: Experiment, u_px: np.ndarray, excluded: Collection[int
     points = FieldPoints(at[is_measured], (ny, nx), mm_per_px)
     options = replace(experiment.options, brightness="none", defocus="none", lowpass_px=0.0, edge_margin_px=0,
                       border_px=0)
-    return replace(experiment, recording=replace(experiment.recording, stack=stack, points=points, quantity="displacement", mask=None, excluded=excluded, noise=Noise(MOTION_STD_PX * UM_PER_MM * mm_per_px, "given")), options=options)
+    return replace(experiment, recording=replace(experiment.recording, stack=stack, points=points,
+                                                 quantity="displacement", mask=None, excluded=excluded,
+                                                 noise=Noise(MOTION_STD_PX * UM_PER_MM * mm_per_px, "given")),
+                   options=options)

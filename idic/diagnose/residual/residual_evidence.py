@@ -107,7 +107,8 @@ def simulated(identification: Identification, null: bool = True) -> list[FrameRe
                                        for r in responses]
     moving = tuple(name for name in experiment.model.parameters.free if null and forward.moves(name))
     states = identification.march(moving, forward.drives.n_local > 0)
-    return [response_of(at, experiment.model.reference) for at in states if at.frame + experiment.model.reference in compared]
+    return [response_of(at, experiment.model.reference) for at in states
+            if at.frame + experiment.model.reference in compared]
 
 
 def with_error_added(responses: Sequence[FrameResponse], error: MotionError) -> list[FrameResponse]:
@@ -149,7 +150,7 @@ class _CameraPasses:
     def __init__(self, context: CorrelationContext, responses: Sequence[FrameResponse]):
         experiment, nodes = context.experiment, context.experiment.model.mesh.nodes
         self.context, self.view, self.unturned = context, view_of(experiment, context.camera), responses
-        self.responses = [turned_response(experiment, response) for response in responses]
+        self.responses = [turned_response(experiment.model, response) for response in responses]
         self.views = [self.view.at(response.frame) for response in responses]
         motions = [view.motion(nodes, response.u) for view, response in zip(self.views, self.responses, strict=True)]
         self.maps = _ResidualMaps(context, [response.frame for response in responses], motions)
@@ -168,7 +169,8 @@ class _CameraPasses:
         if lost.mean() > MAX_LOST_SHARE:
             return self
         experiment, shows = self.context.experiment, self.context.reference.pixel_map.to_image(~lost, 0.0) > 0.0
-        lasting_experiment = replace(experiment, recording=replace(experiment.recording, mask=shows), options=replace(experiment.options, edge_margin_px=0))
+        lasting_experiment = replace(experiment, recording=replace(experiment.recording, mask=shows),
+                                     options=replace(experiment.options, edge_margin_px=0))
         reference = build_experiment_reference(lasting_experiment, self.context.camera)
         lasting = replace(self.context, experiment=lasting_experiment, reference=reference)
         return _CameraPasses(lasting, self.unturned)
@@ -308,7 +310,8 @@ def _light(context: CorrelationContext, bb: np.ndarray, rb: np.ndarray) -> float
     frame_columns[:end:2, 0], frame_columns[1:end:2] = 1.0, np.column_stack([layout.mean[:end // 2], np.ones(end // 2)])
     systems, gains = [(bb, rb), (frame_columns.T @ bb @ frame_columns, frame_columns.T @ rb)], []
     for matrix, rhs in systems:
-        gains.append(float(rhs @ np.linalg.pinv(matrix, hermitian=True) @ rhs) / context.experiment.recording.noise.std_gv**2
+        gains.append(float(rhs @ np.linalg.pinv(matrix, hermitian=True) @ rhs)
+                     / context.experiment.recording.noise.std_gv**2
                      - np.linalg.matrix_rank(matrix, hermitian=True))
     return gains[0] - gains[1]
 

@@ -22,7 +22,8 @@ def maps_of_evidence(residual: ResidualEvidence, frame: int) -> tuple[np.ndarray
 def maps_of_identification(identification: Identification, frame: int) -> tuple[np.ndarray, ...]:
     """Residual maps of an identified point, one per camera; it is simulated up to this frame, without derivatives  #
     (ny, nx)"""
-    u = next(state.u for state in identification.march() if state.frame + identification.experiment.model.reference == frame)
+    u = next(state.u for state in identification.march()
+             if state.frame + identification.experiment.model.reference == frame)
     return tuple(residual_in_sigma(context, frame, context.experiment.model.turned(u))
                  for context in joined_cameras(context_of(identification)))
 
@@ -46,7 +47,7 @@ def residual_in_sigma(context: CorrelationContext, frame: int, u: np.ndarray) ->
     noise = experiment.recording.noise.std_gv * np.sqrt(pixels.reference_gain / pixels.n_images + pixels.noise_gain)
     r = pixels.r.astype(float) / noise
     image = context.reference.pixel_map.to_image(np.where(pixels.valid, r, np.nan))
-    points = experiment.recording.points if holds_motion(experiment) else None
+    points = experiment.recording.points if holds_motion(experiment.recording) else None
     return image if points is None else spread(image, points.positions_px)
 
 

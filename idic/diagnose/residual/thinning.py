@@ -75,11 +75,15 @@ def thinned(experiment: Experiment, sign: int, seed: int) -> Experiment:
     ----------
     sign : `CHOICE` or `JUDGEMENT`
     """
+    recording = experiment.recording
     cameras = tuple(_thinned_camera(camera, sign, seed, number)
                     for number, camera in enumerate(experiment.cameras, start=1))
-    channels = tuple(_thinned_channel(channel, logged_noise(experiment, channel), sign, seed, number)
+    channels = tuple(_thinned_channel(channel, logged_noise(experiment.model, channel), sign, seed, number)
                      for number, channel in enumerate(experiment.model.channels))
-    return replace(experiment, recording=replace(experiment.recording, stack=ThinnedStack(experiment.recording.stack, experiment.recording.noise, sign, seed, points=experiment.recording.points), noise=_noisier(experiment.recording.noise)), model=replace(experiment.model, channels=channels), cameras=cameras)
+    return replace(experiment, recording=replace(recording, stack=ThinnedStack(recording.stack, recording.noise, sign,
+                                                                               seed, points=recording.points),
+                                                 noise=_noisier(recording.noise)),
+                   model=replace(experiment.model, channels=channels), cameras=cameras)
 
 
 def _noisier(noise: Noise) -> Noise:

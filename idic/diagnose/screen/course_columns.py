@@ -13,7 +13,8 @@ import numpy as np
 
 from idic.diagnose.physics.candidate import Variant
 from idic.model import (
-    CORRECTION_TERMS, Correction, Experiment, TEMPERATURE, TemperatureField, corrections_of, knot_name, without_knot,
+    CORRECTION_TERMS, Correction, Experiment, Model, TEMPERATURE, TemperatureField, corrections_of, knot_name,
+    without_knot,
 )
 
 Pattern = tuple[str, str, str, tuple]  # node set, component, kind, keys that this kind alone has
@@ -42,7 +43,7 @@ def timed(experiment: Experiment, variant: Variant) -> TimedVariant | None:
     """
     if (warm := _warmth(experiment, variant)) is not None:
         return warm
-    terms = [term for name in variant.new if (term := _correction(experiment, name)) is not None]
+    terms = [term for name in variant.new if (term := _correction(experiment.model, name)) is not None]
     if not terms or not variant.exact or len(terms) < len(variant.new):
         return None
     number, first = terms[0]
@@ -57,21 +58,24 @@ def timed(experiment: Experiment, variant: Variant) -> TimedVariant | None:
     corrections = tuple(steady if term is first else term for term in corrections_of(entry.drive))
     prescribed = list(experiment.model.prescribed)
     prescribed[number] = replace(entry, drive=replace(entry.drive, corrections=corrections))
-    return TimedVariant(variant, pattern, names, courses, replace(experiment, model=replace(experiment.model, prescribed=tuple(prescribed))))
+    return TimedVariant(variant, pattern, names, courses,
+                        replace(experiment, model=replace(experiment.model, prescribed=tuple(prescribed))))
 
 
 def _warmth(experiment: Experiment, variant: Variant) -> TimedVariant | None:
     """A temperature whose course the data give: the response to 1 K, times the courses of its knots."""
+    model = experiment.model
     if not variant.new or without_knot(variant.new[0]) != TEMPERATURE:
         return None
-    free_entry = next(entry for entry in experiment.model.temperatures if entry.hats is not None)
+    free_entry = next(entry for entry in model.temperatures if entry.hats is not None)
     of_name = {knot_name(TEMPERATURE, frame): hat for frame, hat in zip(free_entry.knots, free_entry.hats, strict=True)}
-    warm = np.ones((experiment.model.n_frames, experiment.model.mesh.n_nodes))
-    warm[:experiment.model.reference + 1] = 0.0
+    warm = np.ones((model.n_frames, model.mesh.n_nodes))
+    warm[:model.reference + 1] = 0.0
     steady = tuple(replace(entry, drive=TemperatureField(warm), knots=(), hats=None) if entry is free_entry else entry
-                   for entry in experiment.model.temperatures)
+                   for entry in model.temperatures)
     return TimedVariant(variant, (TEMPERATURE, "", "warmth", ()), variant.new,
-                        np.array([of_name[name] for name in variant.new]).T, replace(experiment, model=replace(experiment.model, temperatures=steady)))
+                        np.array([of_name[name] for name in variant.new]).T,
+                        replace(experiment, model=replace(model, temperatures=steady)))
 
 
 def unit_values(timed_variant: TimedVariant) -> dict[str, float]:
@@ -90,10 +94,10 @@ def times_courses(variants: Sequence[TimedVariant], patterns: Sequence[Pattern],
     return fields[..., indices] * courses[:, None, :], channels[..., indices] * courses[:, None, :]
 
 
-def _correction(experiment: Experiment, name: str) -> tuple[int, Correction] | None:
+def _correction(model: Model, name: str) -> tuple[int, Correction] | None:
     """The correction whose amplitude is a degree of freedom, with the number of its prescribed displacement."""
     stem, _, word = name.rpartition(".")
-    for number, entry in enumerate(experiment.model.prescribed):
+    for number, entry in enumerate(model.prescribed):
         if stem == f"boundary.{entry.nodes}.{entry.component}":
             for correction in corrections_of(entry.drive):
                 if correction.name == word and CORRECTION_TERMS[correction.kind].is_timed:

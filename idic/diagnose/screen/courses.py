@@ -14,8 +14,8 @@ import numpy as np
 from idic.images import PlacedCamera
 from idic.laws import EXPANSION
 from idic.model import (
-    CORRECTION_TERMS, Experiment, TEMPERATURE, TemperatureField, channel_term, corrections_of, jump_frame, knot_name,
-    without_knot,
+    CORRECTION_TERMS, Experiment, Model, TEMPERATURE, TemperatureField, channel_term, corrections_of, jump_frame,
+    knot_name, without_knot,
 )
 
 SUPPOSED_EXPANSION_PER_K = 1e-5  # 1/K: without a log of the temperature the data give its product with that
@@ -53,34 +53,35 @@ class Course:
 
 def course_of(experiment: Experiment, name: str) -> np.ndarray | None:
     """Amplitude in every frame per unit of a degree of freedom  # (n_frames,); None where it has no course."""
+    model = experiment.model
     stem, _, word = name.rpartition(".")
     if without_knot(name) == TEMPERATURE or word == EXPANSION.name:
-        return _of_warmth(experiment, name)
-    for entry in experiment.model.prescribed:
+        return _of_warmth(model, name)
+    for entry in model.prescribed:
         if stem == f"boundary.{entry.nodes}.{entry.component}":
             return next((c.course for c in corrections_of(entry.drive)
                          if c.name == word and CORRECTION_TERMS[c.kind].is_timed), None)
-    for channel in experiment.model.channels:
+    for channel in model.channels:
         term = channel_term(without_knot(word))
         if stem == f"channel.{channel.column}" and term is not None and term.course is not None:
             return term.course.amplitude(experiment, channel, word)
-    motion = experiment.model.camera.motion
-    if motion is not None and not isinstance(experiment.model.camera, PlacedCamera) and stem == experiment.recording.camera_name \
+    motion = model.camera.motion
+    if motion is not None and not isinstance(model.camera, PlacedCamera) and stem == experiment.recording.camera_name \
             and word in motion.names and word.startswith("magnification"):
         return motion.courses[motion.names.index(word)]
     return None
 
 
-def _of_warmth(experiment: Experiment, name: str) -> np.ndarray | None:
+def _of_warmth(model: Model, name: str) -> np.ndarray | None:
     """Change of the temperature, K, per unit of a knot, or of the expansion under a supposed course: the warmth at an
     expansion of `SUPPOSED_EXPANSION_PER_K`. None where the temperature is logged; a course is taken for supposed."""
-    for entry in experiment.model.temperatures:
+    for entry in model.temperatures:
         if entry.hats is not None:
             return {knot_name(TEMPERATURE, frame): hat for frame, hat in zip(entry.knots, entry.hats, strict=True)
                     }.get(name)
         if isinstance(entry.drive, TemperatureField) and entry.drive.source.endswith(".course"):
             values = entry.drive.values[:, 0]
-            return (values - values[experiment.model.reference]) / SUPPOSED_EXPANSION_PER_K
+            return (values - values[model.reference]) / SUPPOSED_EXPANSION_PER_K
     return None
 
 
@@ -105,21 +106,22 @@ def courses_of(cause: str, experiment: Experiment, null: Experiment, names: Iter
         band = np.sum([std * np.abs(course) for _, course, std in terms], axis=0)
         jumps = tuple((frame, values[name], std) for name, _, std in terms if (frame := jump_frame(name)) is not None)
         first = terms[0][0]
-        courses.append(Course(cause, stem, _unit(experiment, first), value, band, without_knot(first) != first, jumps))
+        courses.append(Course(cause, stem, _unit(experiment.model, first), value, band, without_knot(first) != first,
+                              jumps))
     return courses
 
 
-def _unit(experiment: Experiment, name: str) -> str:
+def _unit(model: Model, name: str) -> str:
     """Of the amplitude: that of a rate or of a share of the motion times its course."""
-    unit = experiment.model.parameters[name].unit
+    unit = model.parameters[name].unit
     if name.rpartition(".")[2] == EXPANSION.name:
         return "K"
     if name.startswith("channel.") and not unit:  # a share of the reading
-        return next(channel.unit for channel in experiment.model.channels if name.startswith(f"channel.{channel.column}."))
+        return next(channel.unit for channel in model.channels if name.startswith(f"channel.{channel.column}."))
     if unit.startswith("rad"):
         return "rad"
     if name.startswith("boundary."):
-        return experiment.model.length_unit
+        return model.length_unit
     return unit.removesuffix("/s").replace("1", "") if unit.endswith("/s") else unit
 
 

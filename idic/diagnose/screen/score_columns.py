@@ -27,7 +27,7 @@ from idic.diagnose.screen.course_columns import timed, times_courses, unit_value
 from idic.errors import NotConverged
 from idic.fe import Alternative, Responses, first_responses
 from idic.identification import Identification
-from idic.model import Experiment, ForwardModel, build_forward
+from idic.model import Experiment, ForwardModel, Model, build_forward
 
 Load = Callable[[Mapping[str, Any]], Experiment]  # edits of experiment.toml -> the experiment
 Gradients = dict[tuple[int, int], np.ndarray]  # deformation gradient at the nodes by frame and camera
@@ -99,7 +99,7 @@ def _stepped(identification: Identification, residual: ResidualEvidence, trials:
         alike = idle.setdefault((candidate.name, variant.new), {name: variant.null[name] for name in variant.idle})
         untimed.append((candidate, variant, answers.position(experiment, variant.probe),
                         None if variant.exact else answers.position(experiment, {**variant.null, **alike})))
-        moved.append(_node_motion(experiment, variant))
+        moved.append(_node_motion(experiment.model, variant))
     first = {timed_variant.pattern: timed_variant for _, timed_variant in reversed(shared)}
     of_patterns = [answers.position(timed_variant.unit, unit_values(timed_variant)) for timed_variant in first.values()]
     start = identification.experiment.model.reference
@@ -118,7 +118,7 @@ def _stepped(identification: Identification, residual: ResidualEvidence, trials:
         read = answers.read(int(residual.evidence.frames[t]), answer)
         du, dchannels = answer.du[..., picked], read[:, picked]
         du[..., nulls] -= answer.du[..., of_nulls]
-        _to_fixed_points(identification.experiment, residual.u[t], moved, du)
+        _to_fixed_points(identification.experiment.model, residual.u[t], moved, du)
         dchannels[:, nulls] -= read[:, of_nulls]
         for k, (u, readings) in simulations.items():
             du[..., k], dchannels[:, k] = u[frames[t]] - residual.solved_u[t], readings[frames[t]] - solved[t]
@@ -154,7 +154,8 @@ def _simulated(experiment: Experiment, identification: Identification) -> tuple[
     values = experiment.model.parameters.own_of(identification.parameters.as_values())
     try:
         states = [(state.u.copy(), state.channels.copy()) for state in forward.march(
-            experiment.model.parameters.with_values(values), (), identification.local, identification.steps, may_cut=True)]
+            experiment.model.parameters.with_values(values), (), identification.local, identification.steps,
+            may_cut=True)]
     except NotConverged:
         return None
     return np.array([u for u, _ in states]), np.array([channels for _, channels in states])
@@ -172,10 +173,11 @@ class _Answers:
 
     def position(self, experiment: Experiment, at: Mapping[str, float]) -> int:
         """Place among the others of an experiment at the identified values and these."""
-        values = experiment.model.parameters.own_of(self.values)
-        parameters = experiment.model.parameters.with_values(values | dict(at))
-        key = pickle.dumps((experiment.model.materials, experiment.model.prescribed, experiment.model.loads, experiment.model.temperatures,
-                            experiment.model.heterogeneities, sorted(parameters.as_values().items())))
+        model = experiment.model
+        values = model.parameters.own_of(self.values)
+        parameters = model.parameters.with_values(values | dict(at))
+        key = pickle.dumps((model.materials, model.prescribed, model.loads, model.temperatures,
+                            model.heterogeneities, sorted(parameters.as_values().items())))
         if key not in self.place:
             self.place[key] = len(self.others)
             alternative, loads = _alternative(experiment, self.identification, parameters.as_values())
@@ -197,21 +199,21 @@ class _Answers:
         return answer.dchannels + moved + readings.load @ pressed
 
 
-def _node_motion(experiment: Experiment, variant: Variant) -> np.ndarray | None:
+def _node_motion(model: Model, variant: Variant) -> np.ndarray | None:
     """Motion of the nodes (n_nodes, dim) mm from a variant's null to its probe; None where its mesh stays."""
-    motions = [experiment.model.turned(morph.velocity) * (variant.probe[morph.name] - variant.null[morph.name])
-               for morph in experiment.model.morphs if morph.name in variant.new]
+    motions = [model.turned(morph.velocity) * (variant.probe[morph.name] - variant.null[morph.name])
+               for morph in model.morphs if morph.name in variant.new]
     return np.sum(motions, axis=0) if motions else None
 
 
-def _to_fixed_points(experiment: Experiment, u: np.ndarray, moved: Sequence[np.ndarray | None], du: np.ndarray) -> None:
+def _to_fixed_points(model: Model, u: np.ndarray, moved: Sequence[np.ndarray | None], du: np.ndarray) -> None:
     """Responses at nodes that move become those at fixed points of the body, in place (docs/method.md, equation 5.5).
 
     u : with the thickness change before a lens, (n_nodes, 3); du : (n_nodes, dim, n) without it
     """
     if all(motion is None for motion in moved):
         return
-    gradient = nodal_gradient(experiment, u)
+    gradient = nodal_gradient(model, u)
     for k, motion in enumerate(moved):
         if motion is not None:
             du[..., k] -= np.einsum("nij,nj->ni", gradient[:, :du.shape[1]], motion) - motion
@@ -248,7 +250,8 @@ def _direct(identification: Identification, residual: ResidualEvidence, variant:
     experiment = load(variant.edits)
     values = experiment.model.parameters.own_of(identification.parameters.as_values())
     parameters = experiment.model.parameters.with_values(values | dict(variant.null))
-    base = replace(identification.experiment, model=replace(identification.experiment.model, parameters=parameters, channels=experiment.model.channels))
+    base = replace(identification.experiment, model=replace(identification.experiment.model, parameters=parameters,
+                                                            channels=experiment.model.channels))
     contexts = [_with_motion(camera.context, base, experiment) for camera in residual.cameras]
     n_seen, n_channels = len(residual.evidence.seen), residual.channels.shape[1]
     fields = np.zeros((len(residual.u), n_seen, len(variant.new)))
@@ -262,10 +265,10 @@ def _direct(identification: Identification, residual: ResidualEvidence, variant:
         names = tuple(variant.new[i] for i in places)
         columns = []
         for number, context in enumerate(contexts):
-            camera_response = turned_response(context.experiment, response)
+            camera_response = turned_response(context.experiment.model, response)
             if (t, number) not in gradients and any(name.startswith(f"{context.experiment.recording.camera_name}.")
                                                     for name in names):
-                gradients[t, number] = nodal_gradient(context.experiment, camera_response.u)
+                gradients[t, number] = nodal_gradient(context.experiment.model, camera_response.u)
             columns.append(global_columns(replace(context, names=names), camera_response, gradients.get((t, number))))
         fields[t][:, places] = np.concatenate(columns)[residual.evidence.seen]
         channels[t][:, places] = channel_equations(replace(contexts[0], names=names), response).d_global

@@ -15,7 +15,7 @@ from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.errors import NotConverged
 from idic.fe import PointValues
 from idic.identification import Identification
-from idic.model import Experiment
+from idic.model import Model
 
 STRESS_QUANTILES = (0.50, 0.60, 0.70, 0.80, 0.90, 0.95, 0.98)  # quantiles over the points of a set
 
@@ -35,7 +35,8 @@ def situation(identification: Identification, residual: ResidualEvidence, docume
         reached: dict[str, list[np.ndarray]] = {name: [] for name in names}
         for points in state.points:
             name = names[points.section]
-            reached[name].append(equivalent_stress(points, experiment, name, identification.parameters.as_values()))
+            reached[name].append(equivalent_stress(points, experiment.model, name,
+                                                   identification.parameters.as_values()))
             strain[name] = max(strain[name], float(equivalent_strain(points.F, experiment.model.kind).max(initial=0.0)))
         for name, parts in reached.items():
             values = np.concatenate(parts)
@@ -52,18 +53,18 @@ def _stiffness_score(identification: Identification, residual: ResidualEvidence)
         return None
 
 
-def equivalent_stress(points: PointValues, experiment: Experiment, name: str,
+def equivalent_stress(points: PointValues, model: Model, name: str,
                       values: Mapping[str, float]) -> np.ndarray:
     """Von Mises stress at the points, of the Kirchhoff stress P F^T in finite strain  # (n_points,) MPa
 
     In plane strain the stress along the third direction is nu times the trace of the others.
     """
-    finite = experiment.model.material_of(name).kinematics == "finite"
+    finite = model.material_of(name).kinematics == "finite"
     tau = np.einsum("nij,nkj->nik", points.P, points.F) if finite else points.P
     tensor = np.zeros((len(tau), 3, 3))
     d = tau.shape[1]
     tensor[:, :d, :d] = 0.5 * (tau + tau.transpose(0, 2, 1))
-    if experiment.model.kind == "plane_strain" and d == 2:
+    if model.kind == "plane_strain" and d == 2:
         tensor[:, 2, 2] = values.get(f"{name}.nu", 0.5) * (tau[:, 0, 0] + tau[:, 1, 1])
     deviator = tensor - np.trace(tensor, axis1=1, axis2=2)[:, None, None] / 3.0 * np.eye(3)
     return np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))

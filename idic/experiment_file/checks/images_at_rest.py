@@ -63,14 +63,16 @@ def with_notes_on_references(experiment: Experiment, file) -> Experiment:
     InputError
         One of them shows no pattern.
     """
-    if len(experiment.recording.averaged) < 2 or experiment.recording.quantity != "grey" or experiment.recording.stack is None:
+    recording = experiment.recording
+    if len(recording.averaged) < 2 or recording.quantity != "grey" or recording.stack is None:
         return experiment
     notes = []
     for view in experiment.views:
         points, cells = seen_nodes(view.model.mesh, view.model.kind, view.model.surface)
         shape = view.recording.image_shape
         region = seen_region(corners_px(points, cells, view.model.kind, view.model.surface, view.model.camera),
-                             visible_cells(view.model.mesh, view.model.kind, view.model.surface, view.model.camera, shape), shape, view.recording.mask)
+                             visible_cells(view.model.mesh, view.model.kind, view.model.surface, view.model.camera,
+                                           shape), shape, view.recording.mask)
         images = [np.asarray(view.recording.stack.frame(k)) for k in view.recording.averaged]
         labels = [view.recording.labels[k] for k in view.recording.averaged]
         check_pattern(images, labels, region, file, "experiment.reference")

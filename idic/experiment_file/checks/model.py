@@ -189,20 +189,21 @@ def checked_heights(experiment: Experiment, file) -> Experiment:
     InputError
         Pixels on the specimen hold a number that is no height.
     """
-    if experiment.recording.quantity != "height" or experiment.recording.stack is None:
+    model, recording = experiment.model, experiment.recording
+    if recording.quantity != "height" or recording.stack is None:
         return experiment
-    points, cells = seen_nodes(experiment.model.mesh, experiment.model.kind, experiment.model.surface)
-    region = seen_region(corners_px(points, cells, experiment.model.kind, experiment.model.surface, experiment.model.camera),
-                         visible_cells(experiment.model.mesh, experiment.model.kind, experiment.model.surface, experiment.model.camera,
-                                       experiment.recording.image_shape), experiment.recording.image_shape, experiment.recording.mask)
-    compared = [k for k in range(experiment.model.reference, experiment.model.n_frames) if k not in experiment.recording.excluded]
+    points, cells = seen_nodes(model.mesh, model.kind, model.surface)
+    region = seen_region(corners_px(points, cells, model.kind, model.surface, model.camera),
+                         visible_cells(model.mesh, model.kind, model.surface, model.camera,
+                                       recording.image_shape), recording.image_shape, recording.mask)
+    compared = [k for k in range(model.reference, model.n_frames) if k not in recording.excluded]
     looked_at = np.unique(np.linspace(0, len(compared) - 1, _FRAMES_LOOKED_AT).round().astype(int))
     for k in (compared[place] for place in looked_at):
-        if (mark := gap_mark(experiment.recording.stack.frame(k), region)) is not None:
+        if (mark := gap_mark(recording.stack.frame(k), region)) is not None:
             value, n = mark
             raise InputError("a number in the place of missing heights", file=file, key="experiment.images",
-                             expected="NaN where a pixel has no height", found=f"{experiment.recording.labels[k]}: {n} pixels of "
-                             f"{value:g} {experiment.recording.value_unit}, far from all others",
+                             expected="NaN where a pixel has no height", found=f"{recording.labels[k]}: {n} pixels of "
+                             f"{value:g} {recording.value_unit}, far from all others",
                              remedy=f"write NaN in the place of {value:g} (numpy: image[image == {value:g}] = nan, as "
                                     "32-bit float), or leave these pixels out by a mask")
     return experiment

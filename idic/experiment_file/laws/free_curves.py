@@ -19,7 +19,6 @@ data ask for; ``smoothness`` scales the prior,
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -30,7 +29,7 @@ from idic.laws import (
     knots_of_rubber, level_names, prior_rows, ring_knots_of, rise, rubber_level_names as rubber_levels,
     surface_weights, times_of, weight_names,
 )
-from idic.model import Experiment, Material, StatedCurve
+from idic.model import Material, Model, StatedCurve
 from idic.parameters import Parameter, SmoothnessPrior
 from idic.readers import factor_between
 
@@ -145,9 +144,9 @@ def is_number(value: object) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-def by_evidence(experiment: Experiment) -> tuple[StatedCurve, ...]:
+def by_evidence(model: Model) -> tuple[StatedCurve, ...]:
     """The free curves whose knots are still to be chosen."""
-    return tuple(curve for curve in experiment.model.free_curves if curve.by_evidence)
+    return tuple(curve for curve in model.free_curves if curve.by_evidence)
 
 
 def free_curves(materials: Sequence[Material], tables: Mapping[str, MaterialTable],

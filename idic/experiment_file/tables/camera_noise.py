@@ -135,9 +135,11 @@ def _by_grey_level(model: NoiseModel, reference: np.ndarray, source: str, file) 
 
 def with_stabilised_images(experiment: Experiment) -> Experiment:
     """The experiment with transformed grey values of the main camera if its noise depends on the grey value."""
-    if experiment.recording.noise.stabiliser is None:
+    recording = experiment.recording
+    if recording.noise.stabiliser is None:
         return experiment
-    return replace(experiment, recording=replace(experiment.recording, stack=StabilisedStack(experiment.recording.stack, experiment.recording.noise.stabiliser)))
+    return replace(experiment, recording=replace(recording,
+                                                 stack=StabilisedStack(recording.stack, recording.noise.stabiliser)))
 
 
 def recorded(stack: Stack) -> Stack:

@@ -26,7 +26,7 @@ from idic.identification.discrepancy.fields import (
 )
 from idic.identification.free_motion.two_step import is_two_step
 from idic.identification.step.state import Evaluation
-from idic.model import Experiment, ForwardModel
+from idic.model import Experiment, ForwardModel, Model
 from idic.parameters import ParameterSet
 from idic.simulation_error import ErrorInFrames, ModelPoint, can_be_refined, mesh_error_in, strain_error_in
 
@@ -85,17 +85,17 @@ def reason_against(experiment: Experiment, point: Evaluation | None) -> str:
         return "no simulation converged"
     if experiment.recording.quantity == "height":
         return "height images: std counts noise alone"
-    if is_two_step(experiment):
+    if is_two_step(experiment.options):
         return "the second of two steps compares with a measured motion: std counts noise alone"
-    if 8.0 * COPIES * experiment.model.mesh.nodes.size * _n_unknowns(experiment) > MAX_BYTES:
+    if 8.0 * COPIES * experiment.model.mesh.nodes.size * _n_unknowns(experiment.model) > MAX_BYTES:
         return "the mesh has too many nodes for the sums of a discrepancy: std counts noise alone"
     return "" if correlated_frames(experiment, range(experiment.model.n_frames)) else "no frame is compared"
 
 
-def _n_unknowns(experiment: Experiment) -> int:
+def _n_unknowns(model: Model) -> int:
     """At most."""
-    d, hats = experiment.model.n_dim, hats_over(experiment.model.mesh.nodes)
-    return N_COURSES * hats.n * (d + d * (d + 1) // 2) + N_CHANNEL_COURSES * len(experiment.model.channels)
+    d, hats = model.n_dim, hats_over(model.mesh.nodes)
+    return N_COURSES * hats.n * (d + d * (d + 1) // 2) + N_CHANNEL_COURSES * len(model.channels)
 
 
 def discrepancy_system(context: CorrelationContext, forward: object, local: np.ndarray, u: Iterable[np.ndarray],
@@ -216,9 +216,12 @@ class _Fields:
             spread = np.linspace(0, len(frames) - 1, min(STRESS_FRAMES, len(frames))).round().astype(int)
             chosen, motion = np.array(frames)[np.unique(spread)], {}
             known = _stress_responses(forward, context.parameters, local,
-                                      _recorded(u, experiment.model.reference + 1, set(chosen.tolist()), motion), chosen,
+                                      _recorded(u, experiment.model.reference + 1, set(chosen.tolist()), motion),
+                                      chosen,
                                       hats)
-            errors = errors_of_known_size(ModelPoint(replace(experiment, model=replace(experiment.model, motion_error=None)), context.parameters, local),
+            errors = errors_of_known_size(ModelPoint(replace(experiment, model=replace(experiment.model,
+                                                                                       motion_error=None)),
+                                                     context.parameters, local),
                                           motion)
         return cls(experiment, hats, frames, known, {name: own for name, own in errors.items() if own is not None})
 
@@ -226,7 +229,8 @@ class _Fields:
     def sizes(self) -> tuple[int, int, int]:
         """Numbers of motion fields, stress fields and channels."""
         d = self.experiment.model.n_dim
-        return d * self.hats.n, (d * (d + 1) // 2 * self.hats.n if self.known else 0), len(self.experiment.model.channels)
+        return d * self.hats.n, (d * (d + 1) // 2 * self.hats.n if self.known
+                                 else 0), len(self.experiment.model.channels)
 
     @property
     def n_unknowns(self) -> int:
@@ -294,7 +298,7 @@ class _Fields:
 def counts_mesh_error(experiment: Experiment) -> bool:
     """Whether the error of the motion by the mesh is a column: of solids, as far as the finer mesh is not too large.
     In the plane a whole step on the finer mesh is cheap (`idic.identification.systematic.discretisation`)."""
-    return experiment.options.weighting == "noise" and experiment.model.n_dim == 3 and can_be_refined(experiment)
+    return experiment.options.weighting == "noise" and experiment.model.n_dim == 3 and can_be_refined(experiment.model)
 
 
 def errors_of_known_size(point: ModelPoint, known: Mapping[int, np.ndarray]) -> dict[str, ErrorInFrames | None]:
@@ -304,7 +308,8 @@ def errors_of_known_size(point: ModelPoint, known: Mapping[int, np.ndarray]) -> 
     """
     experiment = point.experiment
     frames = np.array([experiment.model.reference, *sorted(known)])
-    motions = [np.zeros_like(experiment.model.mesh.nodes), *(known[frame][:, :experiment.model.n_dim] for frame in sorted(known))]
+    motions = [np.zeros_like(experiment.model.mesh.nodes),
+               *(known[frame][:, :experiment.model.n_dim] for frame in sorted(known))]
     of_mesh = {MESH: mesh_error_in(point, frames, motions)} if counts_mesh_error(experiment) else {}
     return of_mesh | {STRAINS: strain_error_in(point, frames, motions)}
 

@@ -14,7 +14,8 @@ from idic.model import Experiment, Measured, build_drives, is_stereo, mode_names
 def needs_free_dic(experiment: Experiment) -> bool:
     """Whether motion or noise must first be measured from the images of the main camera alone."""
     measured = any(isinstance(entry.drive, Measured) for entry in experiment.model.prescribed)
-    return (measured or experiment.recording.noise.std_gv is None or starts_from_dic(experiment) or is_two_step(experiment))
+    return (measured or experiment.recording.noise.std_gv is None or starts_from_dic(experiment)
+            or is_two_step(experiment.options))
 
 
 def starts_from_dic(experiment: Experiment) -> bool:
@@ -49,7 +50,8 @@ def without_edges(experiment: Experiment, lost: np.ndarray, u_mm: np.ndarray | N
     if not any(isinstance(entry.drive, Measured) for entry in experiment.model.prescribed):
         return []
     lost = lost if u_mm is None else np.isnan(u_mm).all(axis=(1, 2))
-    return [int(k) for k in np.flatnonzero(lost) if k > experiment.model.reference and k not in experiment.recording.excluded]
+    return [int(k) for k in np.flatnonzero(lost) if k > experiment.model.reference
+            and k not in experiment.recording.excluded]
 
 
 def measured_start(experiment: Experiment, u_px: np.ndarray, excluded: Collection[int],
@@ -60,22 +62,23 @@ def measured_start(experiment: Experiment, u_px: np.ndarray, excluded: Collectio
     where `needs_motion_in_space`, in its place; nodes : whose motion both hold, `measured_nodes` among them, None: all.
     Returns (n_frames, m) mm.
     """
+    model = experiment.model
     drives = build_drives(experiment)
-    local = np.zeros((experiment.model.n_frames, drives.n_local))
+    local = np.zeros((model.n_frames, drives.n_local))
     if not drives.measured.any():
         return local
-    u, place = u_mm, np.arange(experiment.model.mesh.n_nodes)
+    u, place = u_mm, np.arange(model.mesh.n_nodes)
     if nodes is not None:
-        place = np.full(experiment.model.mesh.n_nodes, -1)
+        place = np.full(model.mesh.n_nodes, -1)
         place[nodes] = np.arange(len(nodes))
     if u is None:
-        here = experiment.model.mesh.nodes if nodes is None else experiment.model.mesh.nodes[nodes]
-        back = np.linalg.inv(experiment.model.camera.jacobian(here)[:, :, :2])  # (n_nodes, 2, 2) mm/px
+        here = model.mesh.nodes if nodes is None else model.mesh.nodes[nodes]
+        back = np.linalg.inv(model.camera.jacobian(here)[:, :, :2])  # (n_nodes, 2, 2) mm/px
         u = np.einsum("nij,tnj->tni", back, u_px)
-    good = [k for k in range(experiment.model.n_frames) if k not in excluded and np.isfinite(u[k]).any()]
+    good = [k for k in range(model.n_frames) if k not in excluded and np.isfinite(u[k]).any()]
     for column, (drive, is_measured) in enumerate(zip(drives.local, drives.measured, strict=False)):
         if is_measured:
-            node, component = np.divmod(drives.dofs[drives.basis[:, drive] != 0.0], experiment.model.n_dim)
+            node, component = np.divmod(drives.dofs[drives.basis[:, drive] != 0.0], model.n_dim)
             if component[0] >= u.shape[2]:
                 continue  # measured out of the plane: from rest
             of_nodes = u[good][:, place[node], component]  # those that move together; all but one of them are hidden
@@ -83,7 +86,7 @@ def measured_start(experiment: Experiment, u_px: np.ndarray, excluded: Collectio
             series = np.array([row[np.isfinite(row)].mean() if row_seen else np.nan
                                for row, row_seen in zip(of_nodes, seen, strict=True)])
             if seen.any():
-                local[:, column] = np.interp(np.arange(experiment.model.n_frames), np.array(good)[seen], series[seen])
+                local[:, column] = np.interp(np.arange(model.n_frames), np.array(good)[seen], series[seen])
     return local
 
 

@@ -21,23 +21,23 @@ from idic.correlation import GreyReference, MeasuredReference, mean_information
 from idic.errors import InputError
 from idic.fe import surface_cells
 from idic.measure import Regularisation, build_smoother, dic_stack, measured_nodes
-from idic.model import Experiment
+from idic.model import Experiment, Options
 
 INTEGRATED, WEIGHTED, UNWEIGHTED = "integrated", "two_step", "two_step_unweighted"
 METHODS = (INTEGRATED, WEIGHTED, UNWEIGHTED)
 _SAMPLED_NODES = 200
 
 
-def is_two_step(experiment: Experiment) -> bool:
+def is_two_step(options: Options) -> bool:
     """Whether the motion is measured first and the model fitted to it afterwards."""
-    return experiment.options.method != INTEGRATED
+    return options.method != INTEGRATED
 
 
-def regularisation_of(experiment: Experiment) -> Regularisation:
+def regularisation_of(options: Options) -> Regularisation:
     """How the free FE-DIC of an experiment is regularised: "auto" is none for two steps, mechanical otherwise."""
-    wanted = experiment.options.dic_regularisation
+    wanted = options.dic_regularisation
     if wanted == "auto":
-        wanted = "none" if is_two_step(experiment) else "mechanical"
+        wanted = "none" if is_two_step(options) else "mechanical"
     return Regularisation(wanted)
 
 
@@ -49,11 +49,12 @@ def check_method(experiment: Experiment) -> None:
     InputError
         Height images; a camera or a geometry that is a degree of freedom; generalised least squares.
     """
-    if not is_two_step(experiment):
+    model = experiment.model
+    if not is_two_step(experiment.options):
         return
-    moved = [name for view in experiment.views for name in experiment.model.parameters.free
+    moved = [name for view in experiment.views for name in model.parameters.free
              if name.startswith(f"{view.recording.camera_name}.")]
-    moved += [morph.name for morph in experiment.model.morphs if experiment.model.parameters[morph.name].free]
+    moved += [morph.name for morph in model.morphs if model.parameters[morph.name].free]
     problems = {
         "height images": experiment.recording.quantity != "grey",
         f"{', '.join(moved)} as degrees of freedom, which move the mesh over the image": bool(moved),
@@ -69,7 +70,7 @@ def check_method(experiment: Experiment) -> None:
 
 def measure(experiment: Experiment) -> np.ndarray:
     """The first step: nodal motion of all frames in the image  # (n_frames, n_nodes, 2) px, NaN: not measured"""
-    return dic_stack(experiment, regularisation_of(experiment)).u_px
+    return dic_stack(experiment, regularisation_of(experiment.options)).u_px
 
 
 def measured_reference(experiment: Experiment, image: GreyReference, motion_px: np.ndarray) -> MeasuredReference:
@@ -77,10 +78,11 @@ def measured_reference(experiment: Experiment, image: GreyReference, motion_px: 
 
     image, motion_px : reference image and measured motion of the first step
     """
-    still = image.compare(experiment, experiment.model.reference, np.zeros((experiment.model.mesh.n_nodes, 2)))
+    model = experiment.model
+    still = image.compare(experiment, model.reference, np.zeros((model.mesh.n_nodes, 2)))
     seen = measured_nodes(still.H)
-    smoother = build_smoother(image.pixel_map.nodes_px, surface_cells(experiment.model.mesh, experiment.model.surface),
-                              regularisation_of(experiment))
+    smoother = build_smoother(image.pixel_map.nodes_px, surface_cells(model.mesh, model.surface),
+                              regularisation_of(experiment.options))
     penalty = sparse.csc_array(smoother.matrix(float(np.mean(image.fx**2 + image.fy**2)) / 2, ~seen))
     motion = np.where(seen[:, None], motion_px, np.nan)
     information = None

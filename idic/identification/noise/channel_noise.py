@@ -18,7 +18,7 @@ from idic.identification.noise.channel_correlation import ChannelNoise, channel_
 from idic.identification.noise.input_noise import logged_noise
 from idic.identification.step.parameter_covariance import scaled_system
 from idic.identification.step.state import Evaluation
-from idic.model import Column, Experiment
+from idic.model import Column, Experiment, Model
 from idic.parameters import ParameterSet
 
 MIN_STEP_SHARE = 1e-3  # of the range of a motion: less from frame to frame is none
@@ -27,9 +27,9 @@ MIN_RUNS = 3  # of equal readings, with jumps between them; fewer are plateaus
 MIN_KEPT = 1e-3  # of a reading: the unknowns of a frame fit more of it, and it tells nothing
 
 
-def weighted_std(experiment: Experiment, number: int) -> float:
+def weighted_std(model: Model, number: int) -> float:
     """Standard deviation that a channel is weighted by: the stated one, else that of its course."""
-    return logged_noise(experiment, experiment.model.channels[number])
+    return logged_noise(model, model.channels[number])
 
 
 def estimated_channel_noise(experiment: Experiment, parameters: ParameterSet,
@@ -47,7 +47,7 @@ def estimated_channel_noise(experiment: Experiment, parameters: ParameterSet,
     scaled = scaled_system(replace(system, end_noise=None), parameters, np.zeros_like(system.M), 0.0)
     found = {}
     for number, channel in enumerate(experiment.model.channels):
-        std = weighted_std(experiment, number)
+        std = weighted_std(experiment.model, number)
         compared = [record for record in system.frames if np.isfinite(record.channel_residual[number])]
         residual = np.array([record.channel_residual[number] for record in compared])
         rows = np.array([record.channel_columns[number] for record in compared])
@@ -65,13 +65,13 @@ def estimated_channel_noise(experiment: Experiment, parameters: ParameterSet,
     return found
 
 
-def with_channel_noise(system: CorrelationSystem, experiment: Experiment,
+def with_channel_noise(system: CorrelationSystem, model: Model,
                        noises: Mapping[int, ChannelNoise]) -> CorrelationSystem:
     """The system whose spread counts the correlation of the channels over frames."""
     if not noises:
         return system
     rows = np.array([record.channel_columns for record in system.frames])
-    added = added_spread(rows, compared_readings(system), experiment, noises)
+    added = added_spread(rows, compared_readings(system), model, noises)
     return replace(system, spread=system.spread + added)
 
 
@@ -80,7 +80,7 @@ def compared_readings(system: CorrelationSystem) -> np.ndarray:
     return np.isfinite([record.channel_residual for record in system.frames])
 
 
-def added_spread(rows: np.ndarray, compared: np.ndarray, experiment: Experiment,
+def added_spread(rows: np.ndarray, compared: np.ndarray, model: Model,
                  noises: Mapping[int, ChannelNoise]) -> np.ndarray:
     """What correlated channels add to the covariance of b  # (n, n)
 
@@ -88,24 +88,24 @@ def added_spread(rows: np.ndarray, compared: np.ndarray, experiment: Experiment,
     """
     added = np.zeros((rows.shape[2], rows.shape[2]))
     for number, noise in noises.items():
-        std, own = weighted_std(experiment, number), rows[compared[:, number], number]
+        std, own = weighted_std(model, number), rows[compared[:, number], number]
         change = noise.covariance - std**2 * np.eye(len(own))
         added += own.T @ change @ own / std**4
     return added
 
 
-def channel_noise_content(experiment: Experiment, noises: Mapping[int, ChannelNoise]) -> dict[str, dict]:
+def channel_noise_content(model: Model, noises: Mapping[int, ChannelNoise]) -> dict[str, dict]:
     """The correlated channels for the result (docs/quantities.md), in the units of their columns."""
-    return {(channel := experiment.model.channels[number]).column: {
+    return {(channel := model.channels[number]).column: {
         "std": noise.std / channel.shown_factor,
-        "weighted_std": weighted_std(experiment, number) / channel.shown_factor, "order": noise.order,
+        "weighted_std": weighted_std(model, number) / channel.shown_factor, "order": noise.order,
         "correlation": noise.correlation, "probability_independent": noise.independent}
         for number, noise in noises.items()}
 
 
-def channel_noise_notes(experiment: Experiment, noises: Mapping[int, ChannelNoise]) -> list[str]:
+def channel_noise_notes(model: Model, noises: Mapping[int, ChannelNoise]) -> list[str]:
     """Notes for the result."""
-    return [f"The noise of channel {(channel := experiment.model.channels[number]).column} is correlated from frame to frame "
+    return [f"The noise of channel {(channel := model.channels[number]).column} is correlated from frame to frame "
             f"({noise.correlation:.2f} between consecutive ones, standard deviation "
             f"{noise.std / channel.shown_factor:.3g} {channel.shown_unit}): it averages out less over the frames. The "
             "error bars count this."
@@ -114,9 +114,10 @@ def channel_noise_notes(experiment: Experiment, noises: Mapping[int, ChannelNois
 
 def repeated_readings(experiment: Experiment) -> Iterator[str]:
     """Channels that repeat their reading while the specimen is moved: of a log slower than the images, or rounded."""
-    counted = [k for k in range(experiment.model.reference, experiment.model.n_frames) if k not in experiment.recording.excluded]
-    drives = [one.drive for one in experiment.model.prescribed if isinstance(one.drive, Column)]
-    for channel in experiment.model.channels if len(counted) > 2 else ():
+    model = experiment.model
+    counted = [k for k in range(model.reference, model.n_frames) if k not in experiment.recording.excluded]
+    drives = [one.drive for one in model.prescribed if isinstance(one.drive, Column)]
+    for channel in model.channels if len(counted) > 2 else ():
         for drive in (drive for drive in drives if channel.kind != "pressure" and drive.column != channel.column):
             steps, change = np.diff(drive.values[counted]), np.diff(channel.values[counted])
             moving = np.abs(steps) > MIN_STEP_SHARE * np.ptp(drive.values[counted])

@@ -75,7 +75,8 @@ def _responses(forward: ForwardModel, context: CorrelationContext, ends: np.ndar
     nothing = np.zeros((n, drives.columns.shape[1]))
     still = replace(drives, columns=nothing, derivatives=dict.fromkeys(drives.derivatives, nothing),
                     loads=replace(drives.loads, columns=nothing[:, :0], rates=nothing[:, :0]))
-    experiment = replace(forward.experiment, model=replace(forward.experiment.model, times=np.arange(n, dtype=float), reference=0, motion_error=None))
+    experiment = replace(forward.experiment, model=replace(forward.experiment.model, times=np.arange(n, dtype=float),
+                                                           reference=0, motion_error=None))
     alone = replace(forward, experiment=experiment, drives=still)
     names = () if around is None else context.moving
     states = alone.march(context.parameters, names, np.vstack([0.0 * ends[:1], ends]), None, around is None)

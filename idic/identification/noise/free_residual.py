@@ -18,7 +18,7 @@ from idic.measure import dic_stack
 from idic.images import (
     MARGIN_PX, MIN_GOOD_TILES, NoiseCovariance, TileNoise, evaluate, pooled, prefilter, tile_corners, tile_noise,
 )
-from idic.model import Experiment
+from idic.model import Experiment, Recording
 
 MAX_FRAMES = 3  # that are followed, the first ones after the reference
 
@@ -33,18 +33,20 @@ def free_residual_noise(view: Experiment, reference: ReferenceImage, region: np.
     region : (ny, nx) bool, the specimen in it
     """
     corners, side = tile_corners(scipy.ndimage.binary_erosion(region, iterations=MARGIN_PX))
-    chosen = [k for k in range(view.model.reference + 1, view.model.n_frames) if k not in view.recording.excluded][:MAX_FRAMES]
+    chosen = [k for k in range(view.model.reference + 1, view.model.n_frames)
+              if k not in view.recording.excluded][:MAX_FRAMES]
     if len(corners) < MIN_GOOD_TILES or not chosen:
         return None
     others = set(range(view.model.n_frames)) - {view.model.reference, *chosen}
-    motion = dic_stack(replace(view, recording=replace(view.recording, excluded=tuple(sorted(others | set(view.recording.excluded))))))
+    motion = dic_stack(replace(view, recording=replace(view.recording,
+                                                       excluded=tuple(sorted(others | set(view.recording.excluded))))))
     followed = [k for k in chosen if motion.status[k] == "ok"]
-    rng, still = np.random.default_rng(0), _raw(view, view.model.reference)
+    rng, still = np.random.default_rng(0), _raw(view.recording, view.model.reference)
     return pooled([_tiles(view, reference, frame, motion.u_px[frame], still, corners, side, rng) for frame in followed])
 
 
-def _raw(view: Experiment, frame: int) -> np.ndarray:
-    return np.asarray(view.recording.stack.frame(frame), float)
+def _raw(recording: Recording, frame: int) -> np.ndarray:
+    return np.asarray(recording.stack.frame(frame), float)
 
 
 def _tiles(view: Experiment, reference: ReferenceImage, frame: int, u_px: np.ndarray, still: np.ndarray,
@@ -59,7 +61,7 @@ def _tiles(view: Experiment, reference: ReferenceImage, frame: int, u_px: np.nda
         values[inside] = evaluate(prefilter(image, reference.degree), places[inside])
         return pixels.to_image(values)
 
-    moved = on_material(_raw(view, frame))
+    moved = on_material(_raw(view.recording, frame))
     white = (rng.standard_normal(shape) - on_material(rng.standard_normal(shape))) / np.sqrt(2.0)
     found = []
     for row, column in corners:

@@ -19,7 +19,7 @@ from idic.images import (
     Camera, DEGREES, NoiseCovariance, gradient_at_pixels, gradient_noise_share, noise_covariance, pixel_gain,
     prefilter,
 )
-from idic.model import Channel, CorrelatedNoise, Experiment, Noise
+from idic.model import Channel, CorrelatedNoise, Experiment, Model, Noise, Recording
 
 MAD_TO_STD = 1.4826  # median absolute deviation -> standard deviation of a normal distribution
 MIN_CHANNEL_NOISE_SHARE = 1e-4  # of the range of a series
@@ -39,9 +39,9 @@ TOLD = {STILL: "still frames show", CONSECUTIVE: "consecutive images show",
 MIN_TOLD_CORRELATION = 0.05  # of neighbouring pixels
 
 
-def logged_noise(experiment: Experiment, channel: Channel) -> float:
+def logged_noise(model: Model, channel: Channel) -> float:
     """Standard deviation of a reading of a channel: the stated one, else that of its course over all frames."""
-    times = experiment.model.times if channel.times is None else channel.times
+    times = model.times if channel.times is None else channel.times
     return float(channel.noise_std or channel_noise(channel.values, times))
 
 
@@ -113,12 +113,13 @@ def gradient_noise(experiment: Experiment) -> float:
     0 where it is not known (height images, images of unknown noise), infinite where all of the gradient is noise. The
     share over the whole image, background included, is the answer where that is small already.
     """
-    noise = experiment.recording.noise.std_gv
-    if experiment.recording.stack is None or experiment.recording.quantity != "grey" or not noise:
+    recording = experiment.recording
+    noise = recording.noise.std_gv
+    if recording.stack is None or recording.quantity != "grey" or not noise:
         return 0.0
     options = experiment.options
-    degree, noise = DEGREES[options.interpolation], noise / np.sqrt(experiment.recording.n_references)
-    image = experiment.recording.stack.frame(experiment.model.reference)
+    degree, noise = DEGREES[options.interpolation], noise / np.sqrt(recording.n_references)
+    image = recording.stack.frame(experiment.model.reference)
     iy, ix = (part.ravel() for part in np.indices(image.shape, dtype=np.int32))
     slopes = gradient_at_pixels(prefilter(image, degree, options.lowpass_px), ix, iy)
     share = gradient_noise_share(*slopes, noise, degree, options.lowpass_px)
@@ -158,7 +159,8 @@ def measured_noise(view: Experiment) -> Noise:
     that differs by more than `MAX_NOISE_RATIO` times the noise shows motion or light.
     """
     noise = view.recording.noise
-    if view.recording.stack is None or view.recording.quantity != "grey" or not noise.std_gv or noise.correlated is not None:
+    recording = view.recording
+    if recording.stack is None or recording.quantity != "grey" or not noise.std_gv or noise.correlated is not None:
         return noise
     reference = build_experiment_reference(view, view.model.camera)
     region = reference.pixel_map.to_image(np.ones(len(reference.pixel_map.points())), 0.0) > 0.0
@@ -183,11 +185,11 @@ def _judged(noise: Noise, found: NoiseCovariance, lowpass_px: float, source: str
                    correlated=CorrelatedNoise(found.std_gv, found.sum_std_gv, rows, noise.std_gv, source))
 
 
-def noise_content(view: Experiment) -> dict:
+def noise_content(recording: Recording) -> dict:
     """The noise of one camera for the result: of a compared pixel, and of sums against the gradient where it
     differs."""
-    noise = view.recording.noise
-    content = {"std_gv": noise.std_gv, "source": noise.source, "unit": view.recording.value_unit}
+    noise = recording.noise
+    content = {"std_gv": noise.std_gv, "source": noise.source, "unit": recording.value_unit}
     if (found := noise.correlated) is None:
         return content
     told = {"covariance_source": found.source} if found.source else {}
@@ -211,7 +213,8 @@ def noise_notes(experiment: Experiment) -> list[str]:
         if view.recording.points is not None:
             notes.append(_field_note(noise=view.recording.noise, beside=found.neighbour_correlation))
             continue
-        text = (f"image noise{of}: {found.stated_gv:.3g} {view.recording.value_unit} ({view.recording.noise.source.replace('_', ' ')}), "
+        text = (f"image noise{of}: {found.stated_gv:.3g} {view.recording.value_unit} "
+                f"({view.recording.noise.source.replace('_', ' ')}), "
                 f"but {TOLD[found.source]} {found.recorded_gv:.3g}")
         if abs(found.neighbour_correlation) > MIN_TOLD_CORRELATION:
             text += f" with a correlation of {found.neighbour_correlation:.2f} between neighbouring pixels"

@@ -33,7 +33,7 @@ def recordings(view: Experiment) -> Iterator[Recording]:
     """The recordings of one camera, the best one first; frames that are left out do not count in the test."""
     still = find_still_frames(view)
     if still.separate:
-        stack = declared_stack(view)
+        stack = declared_stack(view.recording)
         yield Recording(stack, tuple(range(stack.n_frames)), STILL)
     declared = tuple(sorted({*view.recording.still_frames, *view.recording.averaged}))
     rest = declared if len(declared) > 1 else _run_around(still.frames, view.model.reference)

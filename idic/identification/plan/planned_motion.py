@@ -14,7 +14,7 @@ from idic.errors import InputError
 from idic.experiment_file import ExperimentFile
 from idic.identification.free_motion.free_motion_start import measured_start
 from idic.measure import boundary_start, dic_stack, with_boundary_start
-from idic.model import COMPONENTS, Experiment, Measured, Parametrised, Prescribed, build_drives, set_nodes
+from idic.model import COMPONENTS, Experiment, Measured, Model, Parametrised, Prescribed, build_drives, set_nodes
 
 Courses = Mapping[str, Sequence[Sequence[float]]]
 
@@ -44,13 +44,13 @@ def edge_motion(experiment: Experiment, courses: Courses, recorded: bool,
     unknown = [p for p in experiment.model.prescribed if isinstance(p.drive, (Measured, Parametrised))]
     given = [p for p in unknown if _key(p) in courses]
     if given:
-        motion, notes = _prescribed_motion(experiment, given, courses), ()
+        motion, notes = _prescribed_motion(experiment.model, given, courses), ()
     elif unknown and recorded:
         motion = dic_stack(experiment).u_px
         notes = ("edges of unknown motion move as a free FE-DIC of the images measures",)
     else:
         motion, notes = None, ()
-    _check_known(experiment, unknown, given, motion is not None, recorded, file)
+    _check_known(experiment.model, unknown, given, motion is not None, recorded, file)
     if motion is None:
         return experiment, np.zeros((experiment.model.n_frames, build_drives(experiment).n_local)), ()
     excluded = experiment.recording.excluded
@@ -58,19 +58,19 @@ def edge_motion(experiment: Experiment, courses: Courses, recorded: bool,
     return experiment, measured_start(experiment, motion, excluded), notes
 
 
-def _prescribed_motion(experiment: Experiment, given: Sequence[Prescribed], courses: Courses) -> np.ndarray:
+def _prescribed_motion(model: Model, given: Sequence[Prescribed], courses: Courses) -> np.ndarray:
     """What a camera would measure of the edges that move along their courses  # (n_frames, n_nodes, 2) px"""
-    u = np.zeros((experiment.model.n_frames, *experiment.model.mesh.nodes.shape))
+    u = np.zeros((model.n_frames, *model.mesh.nodes.shape))
     for entry in given:
         times, course = np.array(courses[_key(entry)]).T
-        history = np.interp(experiment.model.times, times, course)
-        history = history - history[experiment.model.reference]
-        u[:, set_nodes(experiment, entry.nodes), COMPONENTS.index(entry.component)] = history[:, None]
-    rest = experiment.model.camera.project(experiment.model.mesh.nodes)
-    return np.array([experiment.model.camera.project(experiment.model.mesh.nodes + frame) - rest for frame in u])
+        history = np.interp(model.times, times, course)
+        history = history - history[model.reference]
+        u[:, set_nodes(model, entry.nodes), COMPONENTS.index(entry.component)] = history[:, None]
+    rest = model.camera.project(model.mesh.nodes)
+    return np.array([model.camera.project(model.mesh.nodes + frame) - rest for frame in u])
 
 
-def _check_known(experiment: Experiment, unknown, given, moves: bool, recorded: bool, file) -> None:
+def _check_known(model: Model, unknown, given, moves: bool, recorded: bool, file) -> None:
     for entry in unknown:
         key, drive = _key(entry), entry.drive
         of_images = isinstance(drive, Parametrised) and drive.kind == "dic"
@@ -82,7 +82,7 @@ def _check_known(experiment: Experiment, unknown, given, moves: bool, recorded: 
             raise InputError("the motion of a measured edge is not known before the test", file=file,
                              key=f'design.program."{key}"',
                              expected="its course in time, in mm (px without a scale)", found="none",
-                             remedy=f'add for instance  "{key}" = [[0, 0], [{experiment.model.times[-1]:g}, 0.4]]')
+                             remedy=f'add for instance  "{key}" = [[0, 0], [{model.times[-1]:g}, 0.4]]')
 
 
 def _key(prescribed: Prescribed) -> str:

@@ -23,7 +23,7 @@ from idic.experiment_file import (
     with_overrides,
 )
 from idic.images import dense_speckle
-from idic.model import Experiment, Noise
+from idic.model import Experiment, Noise, Recording
 from idic.readers import MatchedLog, check_increasing, inside, matching_files, open_stack, unit_in_name
 from idic.identification.plan.planned_motion import edge_keys, edge_motion
 
@@ -319,11 +319,11 @@ class PlannedFolder(ExperimentFolder):
         return made
 
 
-def image_unit(experiment: Experiment) -> str:
+def image_unit(recording: Recording) -> str:
     """What pixel values count: grey values, or the unit of the heights."""
-    if experiment.recording.points is not None:
-        return experiment.recording.value_unit
-    return experiment.recording.value_unit
+    if recording.points is not None:
+        return recording.value_unit
+    return recording.value_unit
 
 
 def columns_of(config: ExperimentFile) -> set[str]:
@@ -334,17 +334,18 @@ def columns_of(config: ExperimentFile) -> set[str]:
 
 def _with_noise(experiment: Experiment, *given: float | None) -> tuple[Experiment, str]:
     """The experiment with its image noise: the first that is given, else its own, else an assumption; and a note."""
+    recording = experiment.recording
     chosen = next((std for std in given if std is not None), None)
     if chosen is not None:
         source = Noise(chosen, "given")
-    elif experiment.recording.noise.std_gv is not None:
-        source = experiment.recording.noise
+    elif recording.noise.std_gv is not None:
+        source = recording.noise
     else:
-        contrast = float(np.std(experiment.recording.stack.frame(experiment.model.reference)))
+        contrast = float(np.std(recording.stack.frame(experiment.model.reference)))
         source = Noise(NOISE_SHARE * contrast, "assumed")
     told = {"given": "as given", "still_frames": "from still frames",
             "stage_differences": "from the differences of stages",
             "assumed": f"assumed: {100 * NOISE_SHARE:g} % of the contrast; give noise_std_gv or --noise-gv"}
-    what = "image noise" if experiment.recording.points is None else "noise of a component"
-    return (replace(experiment, recording=replace(experiment.recording, noise=source)),
-            f"{what}: {source.std_gv:.3g} {image_unit(experiment)} ({told.get(source.source, source.source)})")
+    what = "image noise" if recording.points is None else "noise of a component"
+    return (replace(experiment, recording=replace(recording, noise=source)),
+            f"{what}: {source.std_gv:.3g} {image_unit(recording)} ({told.get(source.source, source.source)})")

@@ -44,7 +44,7 @@ def specimens_content(joint: Joint, state: LoopState, parts: Mapping[str, Evalua
     counts = Counter(joined for names in joint.names.values() for joined in names.values())
     shared = [name for name in joint.whole.model.parameters.free if counts[name] > 1]
     current = {name: replace(p, prior_mean=None, prior_std=None)  # as every specimen sees them: in the same scaled unit
-               for name, p in parameters_at(joint.whole, state).items() if name in shared}
+               for name, p in parameters_at(joint.whole.model, state).items() if name in shared}
     own = {name: _own_values(joint, name, state, parts[name], noise[name], discrepancies[name], current)
            for name in parts}
     return {name: _entry(current[name], {specimen: values[name] for specimen, values in own.items() if name in values})
@@ -58,7 +58,7 @@ def _own_values(joint: Joint, name: str, state: LoopState, point: Evaluation, no
     shared : the shared parameters, by the name in the whole, without their priors
     """
     experiment, names = joint.experiments[name], joint.names[name]
-    given = parameters_at(experiment, joint.state_of(name, state))
+    given = parameters_at(experiment.model, joint.state_of(name, state))
     parameters = ParameterSet(
         (replace(shared[names[p.name]], name=p.name) if names[p.name] in shared else p for p in given.values()),
         [prior for prior in given.joint if not any(names.get(own) in shared for own in prior.names)])

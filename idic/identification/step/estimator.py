@@ -18,7 +18,7 @@ from idic.identification.step.parameter_covariance import (
 )
 from idic.identification.step.state import GENERALISED, GENERALISED_REJECTED, ORDINARY, Evaluation
 from idic.images import DEGREES, lowpass, spline_error, still_gain
-from idic.model import Experiment, Measured, Parametrised
+from idic.model import Experiment, Measured, Model, Parametrised
 
 MAX_WORTHWHILE_STD_RATIO = 0.9  # standard deviation over that of ordinary least squares, of at least one parameter
 MAX_LOCAL_UNKNOWNS = 6000  # frame-local unknowns of all frames, eliminated together: 0.3 GB
@@ -87,7 +87,7 @@ def next_estimator(present: str, status: str, experiment: Experiment, names: Seq
     if any(isinstance(entry.drive, Measured) for entry in experiment.model.prescribed) and (
             misfit(point, experiment.options.lowpass_px) > MAX_EXPLAINED_CHI2):
         return present
-    if predicted_gain(experiment, names, point, image_noise) >= MAX_WORTHWHILE_STD_RATIO:
+    if predicted_gain(experiment.model, names, point, image_noise) >= MAX_WORTHWHILE_STD_RATIO:
         return present
     return present if spline_share(experiment) > MAX_SPLINE_ERROR_SHARE else GENERALISED
 
@@ -131,11 +131,12 @@ def spline_share(experiment: Experiment) -> float:
     weigh every frame as a new draw, so that their error bars are too small: by up to 13 times on a virtual test of 12
     and 16 bits without noise.
     """
-    noise = experiment.recording.noise.std_gv
-    if experiment.recording.stack is None or experiment.recording.quantity != "grey" or not noise:
+    recording = experiment.recording
+    noise = recording.noise.std_gv
+    if recording.stack is None or recording.quantity != "grey" or not noise:
         return 0.0
     options = experiment.options
-    image = lowpass(np.asarray(experiment.recording.stack.frame(experiment.model.reference), dtype=np.float32), options.lowpass_px)
+    image = lowpass(np.asarray(recording.stack.frame(experiment.model.reference), dtype=np.float32), options.lowpass_px)
     return spline_error(image, DEGREES[options.interpolation], noise) / noise
 
 
@@ -150,12 +151,12 @@ def with_final_weights(point: Evaluation, experiment: Experiment, names: Sequenc
                    reference_gram=np.zeros_like(point.reference_gram))
 
 
-def predicted_gain(experiment: Experiment, names: Sequence[str], point: Evaluation, image_noise: float) -> float:
+def predicted_gain(model: Model, names: Sequence[str], point: Evaluation, image_noise: float) -> float:
     """The smallest ratio of the standard deviations of generalised to those of ordinary least squares, 1 without any.
 
     point : of ordinary least squares, with `predicted`
     """
-    parameters = experiment.model.parameters.with_free(names)
+    parameters = model.parameters.with_free(names)
     system = point.system.restrict(names)
     pick = [point.system.names.index(name) for name in names]
     gram = point.reference_gram[np.ix_(pick, pick)]

@@ -51,7 +51,7 @@ from idic.identification.step.state import (
     TrustRegion,
 )
 from idic.laws import get_law
-from idic.model import Experiment, Measured, Stage
+from idic.model import Experiment, Measured, Model, Stage
 
 MAX_ERROR_STD = 0.25  # of a parameter by the increments, standard deviations
 REMAINING_SHARE = 1.0 / 3.0  # of the change by halving: the error after it, of second order
@@ -74,24 +74,24 @@ CURVATURE = 5.0
 MAX_KNOWN_ERROR = 0.1  # of that distance, over the largest change with which increments are enough
 
 
-def rate_dependent_laws(experiment: Experiment) -> tuple[str, ...]:
+def rate_dependent_laws(model: Model) -> tuple[str, ...]:
     """Laws of the experiment that depend on time; none with an external solver, which takes its own increments."""
-    if experiment.model.solver is not None:
+    if model.solver is not None:
         return ()
-    return tuple(dict.fromkeys(m.law for m in experiment.model.materials if get_law(m.law).rate_dependent))
+    return tuple(dict.fromkeys(m.law for m in model.materials if get_law(m.law).rate_dependent))
 
 
-def path_dependent_laws(experiment: Experiment) -> tuple[str, ...]:
+def path_dependent_laws(model: Model) -> tuple[str, ...]:
     """Laws of the experiment with a memory, plasticity and damage among them: their stress depends on the increments,
     if less than that of a rate-dependent law. None with an external solver."""
-    if experiment.model.solver is not None:
+    if model.solver is not None:
         return ()
-    return tuple(dict.fromkeys(m.law for m in experiment.model.materials if get_law(m.law).n_state > 0))
+    return tuple(dict.fromkeys(m.law for m in model.materials if get_law(m.law).n_state > 0))
 
 
 def chooses_increments(experiment: Experiment) -> bool:
     """Whether the number of increments is found by an error estimate: a law has a memory, and no number is given."""
-    return experiment.options.substeps is None and bool(path_dependent_laws(experiment))
+    return experiment.options.substeps is None and bool(path_dependent_laws(experiment.model))
 
 
 def with_increments_judged(state: LoopState, experiment: Experiment, last: Stage, point: Evaluation,
@@ -115,15 +115,15 @@ def with_increments_judged(state: LoopState, experiment: Experiment, last: Stage
     if coarser is not None:
         choice = replace(choice, coarser=None, change={name: here[name] - coarser[name] for name in here})
     if choice.change is not None and (largest_change(choice, state, experiment, last, point, image_noise, status)
-                                      <= max_change(experiment, choice)):
+                                      <= max_change(experiment.model, choice)):
         return replace(state, increments=replace(choice, status=ENOUGH, coarser=None if known is None else coarser))
     finer = 2 * (choice.per_frame or 1)
-    if finer > max_increments(experiment):
+    if finer > max_increments(experiment.model):
         return replace(state, increments=replace(choice, status=AT_LIMIT))
     if experiment.options.max_iterations - state.rounds < MIN_EVALUATIONS:
         return replace(state, increments=replace(choice, status=OPEN))
-    if choice == IncrementChoice() and not rate_dependent_laws(experiment):
-        half_rate = n_intervals(experiment) >= MIN_HALF_RATE_INTERVALS
+    if choice == IncrementChoice() and not rate_dependent_laws(experiment.model):
+        half_rate = n_intervals(experiment.model) >= MIN_HALF_RATE_INTERVALS
         return _to_compare(state, HALF_RATE if half_rate else finer)
     return _to_finer(state, finer, dict(here), choice.change)
 
@@ -153,7 +153,7 @@ def knows_end(step: Step, state: LoopState, experiment: Experiment) -> bool:
     choice = state.increments
     if not chooses_increments(experiment) or choice.status != OPEN or choice.coarser is None:
         return False
-    return is_whole(step, state) and error_of(step) < MAX_KNOWN_ERROR * max_change(experiment, choice)
+    return is_whole(step, state) and error_of(step) < MAX_KNOWN_ERROR * max_change(experiment.model, choice)
 
 
 def is_whole(step: Step, state: LoopState) -> bool:
@@ -168,17 +168,17 @@ def error_of(step: Step) -> float:
     return CURVATURE * step.largest * step.relative
 
 
-def meets_a_jump(state: LoopState, experiment: Experiment, trial: Evaluation, accepted: Evaluation) -> bool:
+def meets_a_jump(state: LoopState, model: Model, trial: Evaluation, accepted: Evaluation) -> bool:
     """Whether trials may have been rejected since the functional jumps: an increment found no equilibrium and was
     halved, at the accepted point or at the last trial.
 
     Laws that depend on time have a rule of their own (`is_too_coarse`).
     """
     per_frame = state.increments.per_frame or 1
-    intervals = n_intervals(experiment) if trial.intervals is None else trial.intervals
+    intervals = n_intervals(model) if trial.intervals is None else trial.intervals
     whole = intervals * (per_frame + (per_frame // 2 if state.increments.per_frame else 0))
     return (trial.system is not None and max(trial.increments, accepted.increments) > whole > 0
-            and accepted.increments > 0 and per_frame < MOST_COARSE and not rate_dependent_laws(experiment)
+            and accepted.increments > 0 and per_frame < MOST_COARSE and not rate_dependent_laws(model)
             and state.trust.rejections >= MAX_COARSE_REJECTIONS)
 
 
@@ -193,11 +193,11 @@ def is_too_coarse(state: LoopState, experiment: Experiment, jump: bool = False) 
     choice, rejections = state.increments, state.trust.rejections
     if (not chooses_increments(experiment) or choice.status not in (AS_GIVEN, OPEN)
             or experiment.options.max_iterations - state.rounds < MIN_EVALUATIONS
-            or 2 * (choice.per_frame or 1) > max_increments(experiment)):
+            or 2 * (choice.per_frame or 1) > max_increments(experiment.model)):
         return False
     if jump:
         return True
-    return choice == IncrementChoice() and bool(rate_dependent_laws(experiment)) and (
+    return choice == IncrementChoice() and bool(rate_dependent_laws(experiment.model)) and (
         state.schedule.iterations >= MAX_COARSE_STEPS or rejections >= MAX_COARSE_REJECTIONS)
 
 
@@ -208,7 +208,7 @@ def has_rough_steps(experiment: Experiment) -> bool:
     ones, which the derivatives leave out.
     """
     measured = any(isinstance(entry.drive, Measured) for entry in experiment.model.prescribed)
-    return measured and chooses_increments(experiment) and not rate_dependent_laws(experiment)
+    return measured and chooses_increments(experiment) and not rate_dependent_laws(experiment.model)
 
 
 def is_judged_next(state: LoopState, experiment: Experiment) -> bool:
@@ -242,37 +242,37 @@ def with_comparison_judged(state: LoopState, experiment: Experiment, last: Stage
     change = {name: (moved[name].value if name in moved else value) - value for name, value in here.as_values().items()}
     one = IncrementChoice(None, ENOUGH, None, change)
     largest = largest_change(one, state, experiment, last, accepted, image_noise, state.end.status)
-    many = n_intervals(experiment) >= MANY_INTERVALS
+    many = n_intervals(experiment.model) >= MANY_INTERVALS
     trusted = MAX_HALF_RATE_SHARE if many else MAX_HALF_RATE_SHARE_OF_FEW
-    if half_rate and largest > trusted * max_change(experiment, one):
+    if half_rate and largest > trusted * max_change(experiment.model, one):
         return _to_compare(state, 2)
-    if largest > max_change(experiment, one):
+    if largest > max_change(experiment.model, one):
         return replace(state, increments=replace(state.increments, status=OPEN), trust=TrustRegion(),
                        schedule=SchedulePosition(state.schedule.stage))
     return replace(state, increments=one, trial=Trial(dict(state.accepted.values)))
 
 
-def remaining_share(experiment: Experiment, choice: IncrementChoice) -> float:
+def remaining_share(model: Model, choice: IncrementChoice) -> float:
     """Error that is left over the change of a parameter that is known of a choice."""
     if choice.per_frame is None:
         return 1.0
-    first_of_a_law_without_time = choice.per_frame == 2 and not rate_dependent_laws(experiment)
+    first_of_a_law_without_time = choice.per_frame == 2 and not rate_dependent_laws(model)
     return REMAINING_SHARE_WITHOUT_TIME if first_of_a_law_without_time else REMAINING_SHARE
 
 
-def max_change(experiment: Experiment, choice: IncrementChoice) -> float:
+def max_change(model: Model, choice: IncrementChoice) -> float:
     """Largest change of a parameter with which a choice is enough, standard deviations."""
-    return MAX_ERROR_STD / remaining_share(experiment, choice)
+    return MAX_ERROR_STD / remaining_share(model, choice)
 
 
-def max_increments(experiment: Experiment) -> int:
+def max_increments(model: Model) -> int:
     """The limit of increments per frame: `MAX_INCREMENTS`, fewer in a test of many frames."""
-    return max(2, min(MAX_INCREMENTS, MAX_INCREMENTS_OF_TEST // n_intervals(experiment)))
+    return max(2, min(MAX_INCREMENTS, MAX_INCREMENTS_OF_TEST // n_intervals(model)))
 
 
-def n_intervals(experiment: Experiment) -> int:
+def n_intervals(model: Model) -> int:
     """Intervals between the simulated frames."""
-    return max(experiment.model.n_frames - 1 - experiment.model.reference, 1)
+    return max(model.n_frames - 1 - model.reference, 1)
 
 
 def largest_change(choice: IncrementChoice, state: LoopState, experiment: Experiment, last: Stage, point: Evaluation,
@@ -284,7 +284,7 @@ def largest_change(choice: IncrementChoice, state: LoopState, experiment: Experi
     """
     now = stage_parameters(experiment.model.parameters.with_values(state.accepted.values), last)
     scaled = scaled_at(point, now, last, image_noise)
-    left = remaining_share(experiment, choice) * np.array([choice.change[name] for name in scaled.names])
+    left = remaining_share(experiment.model, choice) * np.array([choice.change[name] for name in scaled.names])
     left /= np.where(scaled.slopes == 0.0, np.inf, scaled.slopes)
     if status != "stalled" and left @ scaled.M @ left < negligible(point.system, experiment.options.lowpass_px):
         return 0.0
@@ -300,9 +300,9 @@ def without_finer(state: LoopState) -> LoopState:
         state.increments, per_frame=coarser if coarser > 1 else None, coarser=None, status=FAILED))
 
 
-def time_bias(experiment: Experiment, choice: IncrementChoice) -> Mapping[str, float]:
+def time_bias(model: Model, choice: IncrementChoice) -> Mapping[str, float]:
     """Estimated error of the values by the increments (internal units); empty where none was estimated."""
-    share = remaining_share(experiment, choice)
+    share = remaining_share(model, choice)
     return {} if choice.change is None else {name: -share * change for name, change in choice.change.items()}
 
 
@@ -312,55 +312,56 @@ def increments_entry(experiment: Experiment, choice: IncrementChoice) -> dict:
     per_frame : of the finer simulation where two are extrapolated in time; chosen : "frames" (no law has a memory),
     "given" (``substeps``), "error_estimate"; status : "enough", or why the error may be larger
     """
-    laws, given = path_dependent_laws(experiment), experiment.options.substeps
+    laws, given = path_dependent_laws(experiment.model), experiment.options.substeps
     chosen = "given" if given is not None else "error_estimate" if laws else "frames"
     number = given or choice.per_frame or 1
     entry = {"per_frame": number, "extrapolated": choice.per_frame is not None, "chosen": chosen,
              "status": choice.status if chosen == "error_estimate" else None,
-             "rate_dependent_laws": list(rate_dependent_laws(experiment)), "path_dependent_laws": list(laws)}
+             "rate_dependent_laws": list(rate_dependent_laws(experiment.model)), "path_dependent_laws": list(laws)}
     return entry | {"words": describe(experiment, choice)}
 
 
 def describe(experiment: Experiment, choice: IncrementChoice) -> str:
     """The increments in one sentence part."""
     given, n = experiment.options.substeps, choice.per_frame
-    if given is not None and path_dependent_laws(experiment):
+    if given is not None and path_dependent_laws(experiment.model):
         return f"{given} per frame, as given by substeps; their error was not estimated"
     if not chooses_increments(experiment):
         return f"{given or 1} per frame"
     if n is None and choice.status == ENOUGH:
         return (f"1 per frame, chosen by an error estimate: shorter ones would change no parameter by more than "
-                f"{max_change(experiment, choice):g} std")
+                f"{max_change(experiment.model, choice):g} std")
     number = "1 per frame" if n is None else f"{n} per frame, extrapolated in time from {n // 2} and {n}"
     why = (f", chosen by an error estimate: halving them changed no parameter by more than "
-           f"{max_change(experiment, choice):g} std")
+           f"{max_change(experiment.model, choice):g} std")
     return number + (why if choice.status == ENOUGH else "")
 
 
 def planned_increments(experiment: Experiment) -> tuple[str, ...]:
     """What `idic check` says of the increments, before any simulation; nothing where no law has a memory, or where they
     are given to one without time."""
-    laws, given = ", ".join(path_dependent_laws(experiment)), experiment.options.substeps
-    in_time = bool(rate_dependent_laws(experiment))
+    laws, given = ", ".join(path_dependent_laws(experiment.model)), experiment.options.substeps
+    in_time = bool(rate_dependent_laws(experiment.model))
     if not laws or (given is not None and not in_time):
         return ()
     on = f"law {laws} depends on {'time' if in_time else 'its history'}"
     if given is not None:
         return (f"{on}: {given} increment{'s' if given > 1 else ''} per frame, as given by substeps",)
     return (f"{on}: the identification chooses the increments per frame by an error estimate, "
-            f"{max_increments(experiment)} at most",)
+            f"{max_increments(experiment.model)} at most",)
 
 
 def increment_notes(experiment: Experiment, choice: IncrementChoice) -> list[str]:
     """How many increments were chosen and why, or that they are not known to be short enough."""
     if not chooses_increments(experiment):
         return []
-    laws, n = ", ".join(path_dependent_laws(experiment)), choice.per_frame
+    laws, n = ", ".join(path_dependent_laws(experiment.model)), choice.per_frame
     if choice.status == ENOUGH:
         return [f"increments of law {laws}: {describe(experiment, choice)}"]
     changed = "" if choice.change is None else (f"; the last halving changed a parameter by more than "
-                                                f"{max_change(experiment, choice):g} std")
-    why = {AT_LIMIT: f"{max_increments(experiment)} are the limit here: record more frames where the load changes "
+                                                f"{max_change(experiment.model, choice):g} std")
+    why = {AT_LIMIT: f"{max_increments(experiment.model)} are the limit here: record more frames where the load "
+                     "changes "
                      f"fast, or give substeps",
            FAILED: "no equilibrium was found with shorter ones: give substeps, or check the loads",
            }.get(choice.status, "the search ended before shorter ones were tried: raise max_iterations")

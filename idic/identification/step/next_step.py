@@ -44,7 +44,7 @@ from idic.identification.step.state import (
     Trial,
     TrustRegion,
 )
-from idic.model import Experiment, Options, Stage
+from idic.model import Experiment, Model, Options, Stage
 from idic.parameters import ParameterSet
 
 MAX_REJECTIONS = 8  # in a row; steps have then shrunk to nothing
@@ -108,9 +108,9 @@ def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage],
     if state.trust.rejections >= MAX_REJECTIONS or (
             change is None and tried and step.significance < MIN_DAMPED_STEP_SHARE * options.tolerance):
         return _leave_stage(state, experiment, stages, point, image_noise, stuck(step, state.trust.rejections))
-    if state.rounds >= options.max_iterations - _can_return(state, experiment):
+    if state.rounds >= options.max_iterations - _can_return(state, experiment.options):
         end = out_of_iterations(options.max_iterations, "options", step, options)
-        if _can_return(state, experiment):
+        if _can_return(state, experiment.options):
             return _leave_stage(state, experiment, stages, point, image_noise, end)
         return replace(state, status=end.status, end=end)
     further = [] if state.generalised else parallel_steps(
@@ -159,20 +159,20 @@ def after_rejection(state: LoopState, experiment: Experiment, stages: Sequence[S
     """The next trial after a rejected one: a shorter step, or one from a non-smooth point between the two."""
     if accepted is None or accepted.system is None:
         return failed_simulation(state, trial.message)
-    non_smooth = _non_smooth_system(state, trial, accepted, experiment, stages[state.schedule.stage], image_noise)
+    non_smooth = _non_smooth_system(state, trial, accepted, experiment.model, stages[state.schedule.stage], image_noise)
     if non_smooth is not None:  # the step length changes with the derivative
         state = replace(state, trust=TrustRegion(rejections=state.trust.rejections))
-    jump = meets_a_jump(state, experiment, trial, accepted)
+    jump = meets_a_jump(state, experiment.model, trial, accepted)
     return next_step(state, experiment, stages, accepted, image_noise, non_smooth, jump=jump)
 
 
-def _non_smooth_system(state: LoopState, trial: Evaluation, accepted: Evaluation, experiment: Experiment, stage: Stage,
+def _non_smooth_system(state: LoopState, trial: Evaluation, accepted: Evaluation, model: Model, stage: Stage,
              image_noise: float) -> Scaled | None:
     """The system of the accepted point with the directional derivative, where the rejected trial shows a non-smooth
     point."""
     if trial.system is None or trial.system.generalised != accepted.system.generalised:
         return None
-    known = experiment.model.parameters.with_values(state.accepted.values)
+    known = model.parameters.with_values(state.accepted.values)
     parameters, moved = (stage_parameters(at, stage) for at in (known, known.with_values(state.trial.values)))
     here, there = scaled_at(accepted, parameters, stage, image_noise), scaled_at(trial, moved, stage, image_noise)
     return directional_derivative(here, there, spectrum(here), parameters, moved, NON_SMOOTH_TOLERANCE)
@@ -223,10 +223,10 @@ def _with_activation(state: LoopState, scaled: Scaled, parameters: ParameterSet,
     return replace(state, activation=known), change if tries else None
 
 
-def _can_return(state: LoopState, experiment: Experiment) -> bool:
+def _can_return(state: LoopState, options: Options) -> bool:
     """Whether one evaluation leads back from generalised least squares to the ordinary-least-squares solution."""
     return (state.generalised and state.estimator.ordinary_solution is not None
-            and experiment.options.estimator != GENERALISED)
+            and options.estimator != GENERALISED)
 
 
 def _leave_stage(state: LoopState, experiment: Experiment, stages: Sequence[Stage], point: Evaluation,

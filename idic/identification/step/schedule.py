@@ -36,11 +36,12 @@ def wants_search(experiment: Experiment) -> bool:
 
     Not where edges take a motion in space from the images: the search knows that of one camera.
     """
+    model = experiment.model
     options = experiment.options
-    in_space = is_stereo(experiment) and any(isinstance(entry.drive, Measured) for entry in experiment.model.prescribed)
-    asked = (options.search != "never" and options.method == "integrated" and experiment.model.solver is None
+    in_space = is_stereo(experiment) and any(isinstance(entry.drive, Measured) for entry in model.prescribed)
+    asked = (options.search != "never" and options.method == "integrated" and model.solver is None
              and not in_space)
-    return asked and any(experiment.model.parameters[name].start_values for name in first_free(experiment))
+    return asked and any(model.parameters[name].start_values for name in first_free(experiment))
 
 
 def first_free(experiment: Experiment) -> tuple[str, ...]:
@@ -88,4 +89,6 @@ def seen_in(experiment: Experiment, stage: Stage) -> Experiment:
     if stage.until_s is None:
         return experiment
     late = np.flatnonzero(experiment.model.times > stage.until_s)
-    return replace(experiment, recording=replace(experiment.recording, excluded=tuple(sorted({*experiment.recording.excluded, *map(int, late)}))))
+    return replace(experiment, recording=replace(experiment.recording,
+                                                 excluded=tuple(sorted({*experiment.recording.excluded,
+                                                                        *map(int, late)}))))

@@ -44,10 +44,11 @@ def resolve_stages(experiment: Experiment) -> tuple[Stage, ...]:
 
 def check_images(experiment: Experiment, stage: Stage, number: int) -> None:
     """Refuse a stage without an image to correlate (`InputError`)."""
-    if stage.until_s is None or correlated_frames(seen_in(experiment, stage), range(experiment.model.n_frames)):
+    model = experiment.model
+    if stage.until_s is None or correlated_frames(seen_in(experiment, stage), range(model.n_frames)):
         return
-    compared = correlated_frames(experiment, range(experiment.model.n_frames))
-    begins = f"{experiment.model.times[compared[0]]:g} s or later" if compared else "images after the reference"
+    compared = correlated_frames(experiment, range(model.n_frames))
+    begins = f"{model.times[compared[0]]:g} s or later" if compared else "images after the reference"
     raise InputError(f"stage {number + 1} ends before the first image that is compared", file="experiment.toml",
                      key="[[stage]] until_s", expected=begins, found=f"{stage.until_s:g} s",
                      remedy="let it end later, or leave until_s out")

@@ -28,7 +28,7 @@ from idic.identification.step.parameter_covariance import (
     MAX_UNDETERMINED_SHARE, scaled_system, spectrum, undetermined_share,
 )
 from idic.identification.step.state import Evaluation
-from idic.model import Experiment
+from idic.model import Experiment, Model
 from idic.parameters import ParameterSet
 from idic.simulation_error import refined
 
@@ -41,8 +41,9 @@ def is_coarse(experiment: Experiment) -> bool:
     Of solids, which would cost more than the identification, the error of the motion is estimated
     (`idic.identification.discrepancy.normal_equations`).
     """
-    return (experiment.model.solver is None and experiment.options.weighting == "noise" and experiment.model.mesh.n_dim == 2
-            and is_raised_by_default(experiment.model.mesh))
+    model = experiment.model
+    return (model.solver is None and experiment.options.weighting == "noise" and model.mesh.n_dim == 2
+            and is_raised_by_default(model.mesh))
 
 
 def with_mesh_error(found: DiscrepancySystem, evaluate: Evaluate, experiment: Experiment, values: Mapping[str, float],
@@ -104,7 +105,7 @@ def discretisation_bias(evaluate: Evaluate, experiment: Experiment, values: Mapp
     evaluated, weights = evaluate(finer.experiment, values, finer.carried_local(local), generalised, increments)
     if evaluated.system is None:
         raise NotConverged(f"the finer model does not converge: {evaluated.message}")
-    return _biases(experiment, values, evaluated, ended, weights.image_noise), finer.way
+    return _biases(experiment.model, values, evaluated, ended, weights.image_noise), finer.way
 
 
 def time_step_bias(evaluate: Evaluate, experiment: Experiment, values: Mapping[str, float], local: np.ndarray,
@@ -128,15 +129,15 @@ def time_step_bias(evaluate: Evaluate, experiment: Experiment, values: Mapping[s
     if evaluated.system is None:
         raise NotConverged(f"no equilibrium with shorter increments: {evaluated.message}")
     whole = 1.0 if increments is None else 4.0 / 3.0
-    found = _biases(experiment, values, evaluated, ended, weights.image_noise)
+    found = _biases(experiment.model, values, evaluated, ended, weights.image_noise)
     return {name: whole * bias for name, bias in found.items()}
 
 
-def _biases(experiment: Experiment, values: Mapping[str, float], evaluated: Evaluation, ended: Evaluation,
+def _biases(model: Model, values: Mapping[str, float], evaluated: Evaluation, ended: Evaluation,
             image_noise: float) -> dict[str, float]:
     """Values less those where one Gauss-Newton step of the finer model leads, without the step left of the given
     one."""
-    parameters = experiment.model.parameters.with_values(values)
+    parameters = model.parameters.with_values(values)
     steps = []
     for point in (evaluated, ended):
         scaled = scaled_system(point.system, parameters, point.reference_gram, image_noise)

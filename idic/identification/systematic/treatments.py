@@ -52,9 +52,10 @@ def treatments(experiment: Experiment, raw: Mapping) -> list[Treatment]:
 
 def _boundaries(experiment: Experiment, raw: Mapping) -> Iterator[tuple[str, list | None]]:
     """In words, and the [[boundary]] tables (None: those of the file)."""
+    model = experiment.model
     yield AS_GIVEN, None
-    drives = {type(entry.drive) for entry in experiment.model.prescribed}
-    if Column in drives and experiment.model.solver is None:
+    drives = {type(entry.drive) for entry in model.prescribed}
+    if Column in drives and model.solver is None:
         held = {(entry.get("nodes"), key) for entry in raw.get("boundary", []) for key in COMPONENTS
                 if key in entry or "u" in entry}
         yield "the grip may turn and run askew", _each(raw, lambda entry: _freed(entry, held))
@@ -64,28 +65,29 @@ def _boundaries(experiment: Experiment, raw: Mapping) -> Iterator[tuple[str, lis
         yield "virtual boundaries", _each(raw, lambda entry: _changed(entry, "measured", dict(OF_FREE_DIC)))
     if Parametrised in drives:
         yield "virtual boundaries with more modes", _each(raw, _with_more_modes)
-    stereo = experiment.model.n_dim == 3 and isinstance(experiment.model.camera, PlacedCamera)  # no edge of it is measured
-    if experiment.recording.quantity == "grey" and experiment.model.solver is None and Measured not in drives and not stereo:
+    stereo = model.n_dim == 3 and isinstance(model.camera, PlacedCamera)  # no edge of it is measured
+    if experiment.recording.quantity == "grey" and model.solver is None and Measured not in drives and not stereo:
         yield "measured edges", _each(raw, _measured)
 
 
 def _cameras(experiment: Experiment, raw: Mapping) -> Iterator[tuple[str, tuple[str, ...]]]:
     """In words, and the degrees of freedom that are added."""
+    model = experiment.model
     yield AS_GIVEN, ()
-    if experiment.recording.quantity != "grey" or experiment.model.solver is not None:
+    if experiment.recording.quantity != "grey" or model.solver is not None:
         return
-    stem, taken = experiment.recording.camera_name, set(experiment.model.parameters)
-    if isinstance(experiment.model.camera, PlacedCamera):
-        if experiment.model.has_times and not taken & set(SPECIMEN_MOTION):
+    stem, taken = experiment.recording.camera_name, set(model.parameters)
+    if isinstance(model.camera, PlacedCamera):
+        if model.has_times and not taken & set(SPECIMEN_MOTION):
             yield "the specimen may approach and tilt", SPECIMEN_MOTION
         return
     drift, load, lens = ((f"{stem}.{name}",) for name in ("magnification_drift", "magnification_load", "k1"))
     followed = _magnification_column(raw, stem)
     if followed and not taken & set(load):
         yield f"the magnification may follow {followed}", load
-    if experiment.model.has_times and not taken & set(drift):
+    if model.has_times and not taken & set(drift):
         yield "the magnification may drift", drift
-    if not experiment.model.has_times and not taken & set(lens):
+    if not model.has_times and not taken & set(lens):
         yield "the lens may distort", lens
     tilts = tuple(f"{stem}.{name}" for name in ("tilt_x", "tilt_y"))
     if not taken & set(tilts):

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from idic.model import (
-    COMPONENTS, Experiment, Parametrised, Prescribed, is_stereo, mode_names, mode_shapes, pixel_size, set_nodes,
+    COMPONENTS, Experiment, Model, Parametrised, Prescribed, is_stereo, mode_names, mode_shapes, pixel_size, set_nodes,
 )
 
 _MAX_FIT_RMS_PX = 0.1  # of the measured motion less its modes; with more, further modes are recommended
@@ -37,11 +37,12 @@ class BoundaryStart:
 
 def virtual_boundaries(experiment: Experiment) -> tuple[Prescribed, ...]:
     """The parametrised drives of an experiment that a free FE-DIC can see."""
-    section = experiment.model.surface is not None and experiment.model.kind != "solid"
+    model = experiment.model
+    section = model.surface is not None and model.kind != "solid"
     if experiment.recording.stack is None or experiment.recording.quantity == "height" or section:
         return ()
     seen_components = "xyz" if is_stereo(experiment) else "xy"
-    return tuple(p for p in experiment.model.prescribed
+    return tuple(p for p in model.prescribed
                  if isinstance(p.drive, Parametrised) and p.component in seen_components)
 
 
@@ -57,24 +58,25 @@ def boundary_start(experiment: Experiment, u_px: np.ndarray, excluded: Collectio
 
     Values that the user gave (``Model.stated_values``) stay; the others are fitted together with them.
     """
+    model = experiment.model
     values, modes, notes = {}, {}, []
     for entry in virtual_boundaries(experiment):
         stem, drive = f"boundary.{entry.nodes}.{entry.component}", entry.drive
-        nodes = set_nodes(experiment, entry.nodes)
-        motion = edge_motion(experiment, entry, u_px, excluded, u_mm)  # (n_frames, n) mm
+        nodes = set_nodes(model, entry.nodes)
+        motion = edge_motion(model, entry, u_px, excluded, u_mm)  # (n_frames, n) mm
         in_images = np.isfinite(motion).all(axis=0)
         if not in_images.any():
             notes.append(f"{stem}: no part of this edge is in the images; it starts from rest")
             continue
         if drive.kind == "dic":
-            shapes, courses, amplitudes = _strongest(motion, experiment.model.mesh.nodes[nodes], in_images, drive)
+            shapes, courses, amplitudes = _strongest(motion, model.mesh.nodes[nodes], in_images, drive)
             modes[f"{entry.nodes}.{entry.component}"] = shapes, courses
         else:
-            shapes, courses = mode_shapes(experiment, nodes, drive, stem)
+            shapes, courses = mode_shapes(model, nodes, drive, stem)
             amplitudes = None
         names = mode_names(entry)
-        given_names = {name for name in names if name in experiment.model.stated_values}
-        current_values = np.array([experiment.model.parameters[name].value for name in names])
+        given_names = {name for name in names if name in model.stated_values}
+        current_values = np.array([model.parameters[name].value for name in names])
         is_free = np.array([name not in given_names for name in names])
         if amplitudes is None or given_names:
             amplitudes = _projected(motion[:, in_images], shapes[in_images], courses, current_values, is_free)
@@ -93,28 +95,30 @@ def with_boundary_start(experiment: Experiment, start: BoundaryStart) -> Experim
         if mode is not None and isinstance(entry.drive, Parametrised):
             entry = replace(entry, drive=replace(entry.drive, shapes=mode[0], courses=mode[1]))
         prescribed.append(entry)
-    return replace(experiment, model=replace(experiment.model, prescribed=tuple(prescribed), parameters=experiment.model.parameters.with_values(start.values)), notes=(*experiment.notes, *start.notes))
+    return replace(experiment, model=replace(experiment.model, prescribed=tuple(prescribed),
+                                             parameters=experiment.model.parameters.with_values(start.values)),
+                   notes=(*experiment.notes, *start.notes))
 
 
-def edge_motion(experiment: Experiment, entry: Prescribed, u_px: np.ndarray, excluded: Collection[int] = (),
+def edge_motion(model: Model, entry: Prescribed, u_px: np.ndarray, excluded: Collection[int] = (),
                 u_mm: np.ndarray | None = None) -> np.ndarray:
     """Measured motion of a set of nodes, frames that are missing bridged in time  # (n_frames, n) mm, NaN: not seen"""
-    nodes, component = set_nodes(experiment, entry.nodes), COMPONENTS.index(entry.component)
-    camera, first = experiment.model.camera, experiment.model.reference
-    motion = np.full((experiment.model.n_frames, len(nodes)), np.nan)
+    nodes, component = set_nodes(model, entry.nodes), COMPONENTS.index(entry.component)
+    camera, first = model.camera, model.reference
+    motion = np.full((model.n_frames, len(nodes)), np.nan)
     if u_mm is not None:
-        later = [k for k in range(first, experiment.model.n_frames) if k not in excluded]
+        later = [k for k in range(first, model.n_frames) if k not in excluded]
         motion[later] = u_mm[later][:, nodes, component]
     else:
-        rest_px = camera.project(experiment.model.mesh.nodes[nodes])
+        rest_px = camera.project(model.mesh.nodes[nodes])
         plane = camera.inverse(rest_px)
-        for k in range(first, experiment.model.n_frames):
+        for k in range(first, model.n_frames):
             moved = u_px[k, nodes, :2]
             measured = np.isfinite(moved).all(axis=1)
             if k not in excluded and measured.any():
                 motion[k, measured] = (camera.inverse(rest_px[measured] + moved[measured]) - plane[measured])[:,
                                                                                                               component]
-    frames = np.arange(experiment.model.n_frames)
+    frames = np.arange(model.n_frames)
     motion[:first + 1] = 0.0
     for column in motion.T:
         measured = np.isfinite(column)
@@ -126,7 +130,7 @@ def edge_motion(experiment: Experiment, entry: Prescribed, u_px: np.ndarray, exc
 def edge_modes(experiment: Experiment, entry: Prescribed, u_px: np.ndarray, max_residual_px: float,
                excluded: Collection[int] = ()) -> int:
     """Fewest modes, in space and in time, that leave less than `max_residual_px` (rms) of a measured edge motion."""
-    motion = edge_motion(experiment, entry, u_px, excluded) / pixel_size(experiment)
+    motion = edge_motion(experiment.model, entry, u_px, excluded) / pixel_size(experiment)
     motion = motion[:, np.isfinite(motion).all(axis=0)]
     strength = np.linalg.svd(motion, compute_uv=False) ** 2
     residual_px = np.sqrt((strength.sum() - np.cumsum(strength)) / max(motion.size, 1))

@@ -91,11 +91,12 @@ def camera_floor(experiment: Experiment, reference: ReferenceImage, still: Still
         Frame -> displacement of the nodes (n_nodes, 2) px, NaN where unknown: the start of a still frame, and the
         motions of the specimen.
     """
-    if not still.found or not experiment.recording.noise.std_gv or experiment.model.mesh.n_nodes > MAX_NODES:
+    model, recording = experiment.model, experiment.recording
+    if not still.found or not recording.noise.std_gv or model.mesh.n_nodes > MAX_NODES:
         return None
-    cells, at = surface_cells(experiment.model.mesh, experiment.model.surface), reference.pixel_map.nodes_px
+    cells, at = surface_cells(model.mesh, model.surface), reference.pixel_map.nodes_px
     size = build_smoother(at, cells, Regularisation()).size_px
-    least = MIN_LENGTH_PX if experiment.recording.points is None else 0.0
+    least = MIN_LENGTH_PX if recording.points is None else 0.0
     smoother = build_smoother(at, cells, Regularisation("mechanical", max(LENGTH_NODES * size, least)))
     measured = list(_measured(experiment, reference, smoother, still, motion))
     if not measured:
@@ -114,7 +115,7 @@ def camera_floor(experiment: Experiment, reference: ReferenceImage, still: Still
                 continue  # a permanent strain: no camera's
             warp = without_rigid(u, at[nodes], leading[0])
         warp = warp.reshape(-1, 2)
-        in_reference = number in experiment.recording.averaged and not still.separate
+        in_reference = number in recording.averaged and not still.separate
         floors.append(_StillFrameFloor(number, drift, noise.excess(warp, in_reference),
                             float(noise.variance(in_reference).mean())))
     return _floor(floors, noise, nodes, smoother, still) if floors else None
@@ -152,7 +153,7 @@ def _measured(experiment: Experiment, reference: ReferenceImage, smoother: Smoot
 def _images(experiment: Experiment, still: StillFrames) -> tuple[Stack, list[int]]:
     """The stack of the still images, and at most `MAX_STILL_FRAMES` of their numbers."""
     if still.separate:
-        stack = declared_stack(experiment)
+        stack = declared_stack(experiment.recording)
         numbers = list(range(stack.n_frames))
     else:
         stack = experiment.recording.stack

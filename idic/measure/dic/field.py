@@ -20,7 +20,7 @@ from idic.measure.dic.frame import DicFrame, Factorisation, measured_nodes
 from idic.measure.dic.noise import fitted_dof
 from idic.measure.dic.regularisation import Regularisation, Smoother, build_smoother
 from idic.fe import surface_cells
-from idic.model import Experiment
+from idic.model import Experiment, Model
 
 MAX_RMS_RATIO = 2.0  # residual of a frame to the median of all; more is a jump (a crack, a break) that no mesh follows
 MIN_SEEN_PART = 0.5  # of the points; fewer: the frame is lost
@@ -81,10 +81,10 @@ def field_variance(frame: DicFrame, reference: FieldReference, dof: float) -> fl
     return frame.rr_gv2 / max(frame.n_pixels - dof, 1.0) / (1.0 + 1.0 / reference.n_images)
 
 
-def smoother_of(experiment: Experiment, reference: FieldReference, regularisation: Regularisation) -> Smoother:
+def smoother_of(model: Model, reference: FieldReference, regularisation: Regularisation) -> Smoother:
     """The regularisation on the nodes of the grid; without a length, waves of two nodes' distance are damped by
     half."""
-    nodes, cells = reference.pixel_map.nodes_px, surface_cells(experiment.model.mesh, experiment.model.surface)
+    nodes, cells = reference.pixel_map.nodes_px, surface_cells(model.mesh, model.surface)
     smoother = build_smoother(nodes, cells, regularisation)
     if regularisation.length_px is not None or regularisation.kind == "none":
         return smoother
@@ -98,18 +98,19 @@ def field_motion(experiment: Experiment, regularisation: Regularisation,
 
     keep : takes the motion of the frames one by one (`idic.measure.dic.stack.dic_stack`)
     """
-    reference = build_field_reference(experiment, experiment.model.camera).in_plane
-    smoother = smoother_of(experiment, reference, regularisation)
-    n, nodes = experiment.model.n_frames, experiment.model.mesh.n_nodes
+    model, recording = experiment.model, experiment.recording
+    reference = build_field_reference(experiment, model.camera).in_plane
+    smoother = smoother_of(model, reference, regularisation)
+    n, nodes = model.n_frames, model.mesh.n_nodes
     motions: list[np.ndarray] = []
     keep_motion = motions.append if keep is None else keep
     rms, chi2, local = (np.full(n, np.nan) for _ in range(3))
     pixels, lost = np.zeros(n, dtype=int), np.zeros(n, dtype=int)
-    std = experiment.recording.noise.std_gv or np.nan
+    std = recording.noise.std_gv or np.nan
     factor, dof = None, 0.0
     for k in range(n):
-        if k == experiment.model.reference or k in experiment.recording.excluded:
-            keep_motion(np.full((nodes, 2), 0.0 if k == experiment.model.reference else np.nan))
+        if k == model.reference or k in recording.excluded:
+            keep_motion(np.full((nodes, 2), 0.0 if k == model.reference else np.nan))
             continue
         frame = field_frame(reference, reference.measured(experiment, k), smoother)
         if frame is not None and frame.factorisation is not None:
@@ -124,7 +125,7 @@ def field_motion(experiment: Experiment, regularisation: Regularisation,
         if progress is not None:
             progress(k + 1, n)
     typical = np.nanmedian(rms) if np.isfinite(rms).any() else np.inf
-    status = ["excluded" if k in experiment.recording.excluded else "ok" if k == experiment.model.reference
+    status = ["excluded" if k in recording.excluded else "ok" if k == model.reference
               else "lost" if not np.isfinite(rms[k]) else "unexplained" if rms[k] > MAX_RMS_RATIO * typical else "ok"
               for k in range(n)]
     u_px = np.array(motions) if keep is None else np.empty((0, nodes, 2))

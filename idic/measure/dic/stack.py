@@ -132,12 +132,13 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
     >>> motion.status[-1], motion.u_px.shape == (experiment.n_frames, experiment.mesh.n_nodes, 2)
     ('ok', True)
     """
-    if experiment.recording.points is not None:
+    model, recording = experiment.model, experiment.recording
+    if recording.points is not None:
         return DicStack(**field_motion(experiment, _named(regularisation), progress, keep))
     setting = _set_up(experiment, regularisation)
-    n, nodes = experiment.model.n_frames, experiment.model.mesh.n_nodes
+    n, nodes = model.n_frames, model.mesh.n_nodes
     u_px = np.full((n, nodes, 2), np.nan)
-    u_px[experiment.model.reference] = 0.0
+    u_px[model.reference] = 0.0
     rms, variance, local = (np.full(n, np.nan) for _ in range(3))
     pixels, lost, iterations, attempts = (np.zeros(n, dtype=int) for _ in range(4))
     converged = np.zeros(n, dtype=bool)
@@ -153,13 +154,13 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
         if progress is not None:
             progress(n_done, n)
     status = _status(experiment, recognised, unexplained(np.where(recognised, rms, np.nan), mismatched))
-    good = np.array([s == "ok" and k not in experiment.recording.averaged for k, s in enumerate(status)])  # part of the reference
+    good = np.array([s == "ok" and k not in recording.averaged for k, s in enumerate(status)])  # part of the reference
     noise_gv = noise_of_frames(np.where(good, local, np.nan))
     if keep is not None:
         for motion in u_px:
             keep(motion)
         u_px = u_px[:0].copy()
-    return DicStack(u_px, status, rms, variance / (experiment.recording.noise.std_gv or noise_gv) ** 2, noise_gv, np.sqrt(local),
+    return DicStack(u_px, status, rms, variance / (recording.noise.std_gv or noise_gv) ** 2, noise_gv, np.sqrt(local),
                     pixels, lost, mismatched, iterations, converged, attempts, setting.smoother.length_px)
 
 
@@ -170,9 +171,10 @@ def _named(regularisation: Regularisation | str | None) -> Regularisation:
 
 
 def _set_up(experiment: Experiment, regularisation) -> _Setting:
+    model = experiment.model
     regularisation = _named(regularisation)
-    cells = surface_cells(experiment.model.mesh, experiment.model.surface)
-    reference = build_experiment_reference(experiment, experiment.model.camera)
+    cells = surface_cells(model.mesh, model.surface)
+    reference = build_experiment_reference(experiment, model.camera)
     smoother = build_smoother(reference.pixel_map.nodes_px, cells, regularisation)
     return _Setting(experiment, reference, smoother, cells, experiment.options.brightness, [])
 
@@ -182,8 +184,10 @@ def _frames(setting: _Setting) -> Iterator[tuple[int, DicFrame, int, Any]]:
     experiment = setting.experiment
     zero = np.zeros((experiment.model.mesh.n_nodes, 2))
     dof_of: tuple[Factorisation | None, float] = (None, 0.0)
-    for order in (range(experiment.model.reference + 1, experiment.model.n_frames), range(experiment.model.reference - 1, -1, -1)):
-        start = _LastFrame(experiment.model.reference, experiment.model.times[experiment.model.reference], zero, None, np.inf, None)
+    for order in (range(experiment.model.reference + 1, experiment.model.n_frames),
+                  range(experiment.model.reference - 1, -1, -1)):
+        start = _LastFrame(experiment.model.reference, experiment.model.times[experiment.model.reference], zero, None,
+                           np.inf, None)
         for k in order:
             if k in experiment.recording.excluded:
                 continue
@@ -288,11 +292,12 @@ def _suspicious(setting: _Setting, frame: DicFrame, largest_rms: float) -> bool:
 
 
 def _status(experiment: Experiment, recognised: np.ndarray, is_unexplained: np.ndarray) -> list[str]:
+    model = experiment.model
     status = []
-    for k in range(experiment.model.n_frames):
-        if k in experiment.recording.excluded and k != experiment.model.reference:
+    for k in range(model.n_frames):
+        if k in experiment.recording.excluded and k != model.reference:
             status.append("excluded")
-        elif k == experiment.model.reference:
+        elif k == model.reference:
             status.append("ok")
         elif not recognised[k]:
             status.append("lost")

@@ -84,6 +84,7 @@ def surface_motion(experiment: Experiment, length_mm: float | None = None,
     InputError
         If fewer than two cameras have a lens.
     """
+    model = experiment.model
     eyes = [_eye(view) for view in experiment.views if isinstance(view.model.camera, PlacedCamera)]
     if len(eyes) < 2:
         raise InputError("motion in space needs two cameras with a lens", key="camera",
@@ -91,13 +92,13 @@ def surface_motion(experiment: Experiment, length_mm: float | None = None,
                          'with model = "pinhole"', found=str(len(eyes)),
     remedy="use idic.measure.dic.dic_stack for one camera")
     cells = [(np.asarray(pm.conn), np.asarray(pm.kind)) for pm in (eye.reference.pixel_map for eye in eyes)]
-    smoother = surface_smoother(in_space(experiment.model.mesh.nodes), cells, length_mm)
-    n_frames = experiment.model.n_frames
+    smoother = surface_smoother(in_space(model.mesh.nodes), cells, length_mm)
+    n_frames = model.n_frames
     u_mm = np.full((n_frames, len(smoother.nodes), 3), np.nan)
-    u_mm[experiment.model.reference] = 0.0
+    u_mm[model.reference] = 0.0
     rms, iterations = np.full((n_frames, len(eyes)), np.nan), np.zeros(n_frames, dtype=int)
-    start, noise = np.zeros((experiment.model.mesh.n_nodes, 3)), None
-    frames = [k for k in range(experiment.model.reference + 1, n_frames) if k not in experiment.recording.excluded]
+    start, noise = np.zeros((model.mesh.n_nodes, 3)), None
+    frames = [k for k in range(model.reference + 1, n_frames) if k not in experiment.recording.excluded]
     for n_done, frame in enumerate(frames, 1):
         u, frame_rms, count, converged = _measure(eyes, frame, start, smoother)
         iterations[frame], rms[frame] = count, frame_rms
@@ -111,7 +112,8 @@ def surface_motion(experiment: Experiment, length_mm: float | None = None,
 
 
 def _eye(view: Experiment) -> _Eye:
-    noise, reference = view.recording.noise.in_sums_gv or DEFAULT_NOISE_GV, build_experiment_reference(view, view.model.camera)
+    noise, reference = view.recording.noise.in_sums_gv or DEFAULT_NOISE_GV, build_experiment_reference(view,
+                                                                                                       view.model.camera)
     variance = (1.0 + 1.0 / reference.n_images) * noise**2 * gradient_share(reference)
     return _Eye(view, view_of(view, view.model.camera), reference, 1.0 / variance)
 

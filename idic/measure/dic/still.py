@@ -19,7 +19,7 @@ import numpy as np
 
 from idic.correlation import camera_at, view_of
 from idic.images import StabilisedStack, Stack
-from idic.model import Column, Experiment
+from idic.model import Column, Experiment, Model, Recording
 
 MAX_LEVEL_SHARE = 0.01  # of the largest amplitude of the test's leading motion, or of the range of a reading
 MAX_OTHER_SHARE = 0.05  # of the largest motion without its rigid part (rms), within the two bounds that follow
@@ -66,8 +66,9 @@ def find_still_frames(experiment: Experiment, motion_px: np.ndarray | None = Non
     nodes : array of m node indices, optional
         The nodes that `motion_px` is given at; default all.
     """
-    declared = experiment.recording.still_frames
-    by_log = _rest_by_log(experiment)
+    recording = experiment.recording
+    declared = recording.still_frames
+    by_log = _rest_by_log(experiment.model)
     source, at_rest = "log", by_log
     if motion_px is not None:
         by_images = _rest_by_images(nodes_in_image(experiment)[slice(None) if nodes is None else nodes],
@@ -75,35 +76,35 @@ def find_still_frames(experiment: Experiment, motion_px: np.ndarray | None = Non
         source = "images"
         at_rest = by_images if by_log is None or by_images is None else by_images & by_log
     numbers = set() if at_rest is None else set(np.flatnonzero(at_rest).tolist())
-    numbers -= set(experiment.recording.excluded) - set(declared) - set(experiment.recording.averaged)
+    numbers -= set(recording.excluded) - set(declared) - set(recording.averaged)
     frames = tuple(sorted(numbers | set(declared)))
-    references = set(experiment.recording.averaged) | {experiment.model.reference}
+    references = set(recording.averaged) | {experiment.model.reference}
     detected = set(frames) - references - set(declared)
-    separate = experiment.recording.still_stack is not None
+    separate = recording.still_stack is not None
     if not set(frames) - {experiment.model.reference}:
         return StillFrames(source="declared" if separate else "", separate=separate)
     declaration = "declared" if declared or separate else ""
     return StillFrames(frames,
                        " and ".join(part for part in (declaration, source if detected else "") if part) or source,
-                       tuple(k for k in frames if _is_after_load(k, at_rest, experiment)), separate)
+                       tuple(k for k in frames if _is_after_load(k, at_rest, experiment.model)), separate)
 
 
-def declared_stack(experiment: Experiment) -> Stack:
+def declared_stack(recording: Recording) -> Stack:
     """The separate images at rest, with the grey values that the test is compared in."""
-    stack, stabiliser = experiment.recording.still_stack, experiment.recording.noise.stabiliser
+    stack, stabiliser = recording.still_stack, recording.noise.stabiliser
     return stack if stabiliser is None else StabilisedStack(stack, stabiliser)
 
 
-def _is_after_load(frame: int, at_rest: np.ndarray | None, experiment: Experiment) -> bool:
+def _is_after_load(frame: int, at_rest: np.ndarray | None, model: Model) -> bool:
     """Whether the specimen was under load between the reference frame and this one."""
-    return at_rest is not None and frame > experiment.model.reference and not at_rest[experiment.model.reference:frame].all()
+    return at_rest is not None and frame > model.reference and not at_rest[model.reference:frame].all()
 
 
-def _rest_by_log(experiment: Experiment) -> np.ndarray | None:
+def _rest_by_log(model: Model) -> np.ndarray | None:
     """Frames whose readings are all back at those of the reference frame; None without a reading  # (n_frames,)"""
     at_rest = None
-    for values in _readings(experiment):
-        change = np.abs(values - values[experiment.model.reference])
+    for values in _readings(model):
+        change = np.abs(values - values[model.reference])
         largest = change.max(initial=0.0)
         if not largest > MIN_READING_CHANGE * max(np.abs(values).max(initial=0.0), 1e-300):
             continue
@@ -112,11 +113,11 @@ def _rest_by_log(experiment: Experiment) -> np.ndarray | None:
     return at_rest
 
 
-def _readings(experiment: Experiment) -> Iterator[np.ndarray]:
+def _readings(model: Model) -> Iterator[np.ndarray]:
     """Every logged column that the model uses  # (n_frames,)"""
-    for channel in experiment.model.channels:
+    for channel in model.channels:
         yield np.asarray(channel.values, dtype=float)
-    for drive in (*(entry.drive for entry in experiment.model.prescribed), *(load.drive for load in experiment.model.loads)):
+    for drive in (*(entry.drive for entry in model.prescribed), *(load.drive for load in model.loads)):
         if isinstance(drive, Column):
             yield np.asarray(drive.values, dtype=float)
 

@@ -23,7 +23,7 @@ def summary(design: Design, pattern: str, path: Path | str, confusable: float) -
         "frames": experiment.model.n_frames, "duration_s": float(np.ptp(experiment.model.times)),
         "image_px": list(experiment.recording.image_shape[::-1]), "pixels": design.n_pixels,
         "points": points_of(design), "motion_px": float(design.motion_px.max()), "pattern": pattern,
-        "noise": {"std_gv": experiment.recording.noise.std_gv, "unit": image_unit(experiment),
+        "noise": {"std_gv": experiment.recording.noise.std_gv, "unit": image_unit(experiment.recording),
                   "source": experiment.recording.noise.source},
         "channels": {c.column: {"unit": c.unit, "noise_std": float(noise), "peak": float(peak)} for c, noise, peak in
                      zip(experiment.model.channels, design.channel_noise, design.channel_peak, strict=True)},

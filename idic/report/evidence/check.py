@@ -13,7 +13,7 @@ from scipy.ndimage import binary_erosion
 from idic.identification import planned_increments, repeated_readings
 from idic.experiment_file import corners_px, recorded, seen_nodes, seen_region, visible_cells
 from idic.images import largest_value, saturated_share
-from idic.model import Experiment, Measured, Noise, in_words
+from idic.model import Experiment, Measured, Model, Noise, Options, Recording, in_words
 from idic.readers import check_stages
 from idic.report.evidence.cost import Cost, expected_cost
 from idic.report.evidence.placement import ends_that_move_otherwise, mirrored_axes, misplaced_still_frames
@@ -122,8 +122,8 @@ class CheckReport:
                 *(f"warning      {self.name}: {text}" for text in self.warnings)]
 
 
-def _margin_note(experiment: Experiment) -> tuple[str, ...]:
-    margin = experiment.options.edge_margin_px
+def _margin_note(options: Options) -> tuple[str, ...]:
+    margin = options.edge_margin_px
     return (f"{margin} px along the edges of the mesh are not compared (edge_margin_px under [options])",
             ) if margin else ()
 
@@ -155,41 +155,43 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None, draw: bo
 
 def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
     """The facts on one camera; experiment : its view."""
-    stack, shape = experiment.recording.stack, experiment.recording.image_shape
-    reference = experiment.recording.picture(experiment.model.reference)
-    points, cells = seen_nodes(experiment.model.mesh, experiment.model.kind, experiment.model.surface)
-    visible = visible_cells(experiment.model.mesh, experiment.model.kind, experiment.model.surface, experiment.model.camera, shape)
-    corners = corners_px(points, cells, experiment.model.kind, experiment.model.surface, experiment.model.camera)
+    model, recording = experiment.model, experiment.recording
+    stack, shape = recording.stack, recording.image_shape
+    reference = recording.picture(model.reference)
+    points, cells = seen_nodes(model.mesh, model.kind, model.surface)
+    visible = visible_cells(model.mesh, model.kind, model.surface, model.camera, shape)
+    corners = corners_px(points, cells, model.kind, model.surface, model.camera)
     areas = np.array([_area(cell) for cell in corners])[visible]
-    roi = seen_region(corners, visible, shape, experiment.recording.mask)
-    noise = experiment.recording.noise
+    roi = seen_region(corners, visible, shape, recording.mask)
+    noise = recording.noise
     picture = overlay(experiment) if draw else None
-    labels = experiment.recording.labels
+    labels = recording.labels
     return CheckReport(
-        experiment.title, stack.n_frames, labels[experiment.model.reference], tuple(labels[k] for k in experiment.recording.excluded),
-        (shape[1], shape[0]), str(reference.dtype), experiment.model.mesh.n_nodes, experiment.model.mesh.n_elements,
+        experiment.title, stack.n_frames, labels[model.reference], tuple(labels[k] for k in recording.excluded),
+        (shape[1], shape[0]), str(reference.dtype), model.mesh.n_nodes, model.mesh.n_elements,
         len(cells), int(visible.sum()),
-        float(areas.mean()), float(areas.min()), experiment.model.length_unit, experiment.model.parameters.free,
-        tuple(channel.column for channel in experiment.model.channels), noise, float(np.nanstd(reference[roi])),
-        (*experiment.notes, *_margin_note(experiment), *planned_increments(experiment)),
+        float(areas.mean()), float(areas.min()), model.length_unit, model.parameters.free,
+        tuple(channel.column for channel in model.channels), noise, float(np.nanstd(reference[roi])),
+        (*experiment.notes, *_margin_note(experiment.options), *planned_increments(experiment)),
         _warnings_of_images(experiment, reference, corners, visible, roi, areas)
-        if experiment.recording.points is None else tuple(_field_warnings(experiment, corners, visible)), picture,
-        experiment.recording.camera_name,
-        value_unit=experiment.recording.value_unit, points=_points_line(experiment), starts=start_values(experiment))
+        if recording.points is None else tuple(_field_warnings(experiment, corners, visible)), picture,
+        recording.camera_name,
+        value_unit=recording.value_unit, points=_points_line(recording), starts=start_values(model))
 
 
 def overlay(experiment: Experiment) -> Picture:
     """The mesh of a view, drawn on its reference image or on the measured points."""
-    points, cells = seen_nodes(experiment.model.mesh, experiment.model.kind, experiment.model.surface)
-    camera, shape = experiment.model.camera, experiment.recording.image_shape
-    corners = corners_px(points, cells, experiment.model.kind, experiment.model.surface, camera)
-    sets = _sets_px(experiment, points)
-    if experiment.recording.points is not None:
-        return mesh_on_points(camera.inverse(experiment.recording.points.positions_px),
+    model, recording = experiment.model, experiment.recording
+    points, cells = seen_nodes(model.mesh, model.kind, model.surface)
+    camera, shape = model.camera, recording.image_shape
+    corners = corners_px(points, cells, model.kind, model.surface, camera)
+    sets = _sets_px(model, points)
+    if recording.points is not None:
+        return mesh_on_points(camera.inverse(recording.points.positions_px),
                               [camera.inverse(cell) for cell in corners],
                               {name: camera.inverse(at) for name, at in sets.items()})
-    visible = visible_cells(experiment.model.mesh, experiment.model.kind, experiment.model.surface, camera, shape)
-    return mesh_overlay(experiment.recording.stack.frame(experiment.model.reference), corners, visible, sets, experiment.recording.mask)
+    visible = visible_cells(model.mesh, model.kind, model.surface, camera, shape)
+    return mesh_overlay(recording.stack.frame(model.reference), corners, visible, sets, recording.mask)
 
 
 def _area(cell: np.ndarray) -> float:
@@ -198,11 +200,11 @@ def _area(cell: np.ndarray) -> float:
     return area if len(cell) > 2 else float(np.hypot(*(cell[1] - cell[0])))
 
 
-def _sets_px(experiment: Experiment, points: np.ndarray) -> dict[str, np.ndarray]:
-    used = [entry.nodes for entry in experiment.model.prescribed]
-    used += [name for c in experiment.model.channels if c.kind != "pressure" for name in (c.nodes, c.minus) if name]
+def _sets_px(model: Model, points: np.ndarray) -> dict[str, np.ndarray]:
+    used = [entry.nodes for entry in model.prescribed]
+    used += [name for c in model.channels if c.kind != "pressure" for name in (c.nodes, c.minus) if name]
     names = dict.fromkeys(used)
-    return {name: experiment.model.camera.project(points[experiment.model.mesh.node_sets[name]]) for name in names}
+    return {name: model.camera.project(points[model.mesh.node_sets[name]]) for name in names}
 
 
 def _place_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, areas: np.ndarray, noise: Noise):
@@ -224,28 +226,29 @@ def _place_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarr
 
 def _image_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray):
     """Warnings of the images; every one is decoded."""
-    image = recorded(experiment.recording.stack).frame(experiment.model.reference)
+    recording = experiment.recording
+    image = recorded(recording.stack).frame(experiment.model.reference)
     share = saturated_share(image, roi) or 0.0
     if share > _MAX_SATURATED_SHARE:
         yield (f"{100 * share:.1f} % of the pixels in the ROI are saturated (grey value {largest_value(image)}): "
                "the pattern is cut there. A shorter exposure next time; now a mask without them")
-    if experiment.recording.quantity == "grey":
-        yield from misplaced_still_frames(experiment, roi)
+    if recording.quantity == "grey":
+        yield from misplaced_still_frames(recording, roi)
     inner = binary_erosion(roi, iterations=2)  # outside the specimen there is no height
     gaps = float(np.isnan(reference[inner]).mean()) if reference.dtype.kind == "f" and inner.any() else 0.0
     if gaps > _MAX_GAP_SHARE:
         yield (f"{100 * gaps:.0f} % of the reference image in the ROI has no value, and interpolation also loses the "
                "neighbours of each gap: fill the gaps, or mask them")
     mean, previous, previous_values = float(reference[roi].mean()), -1, np.zeros(0)
-    for k in range(experiment.recording.stack.n_frames):
-        values = experiment.recording.stack.frame(k)[roi]  # decodes every image: damaged ones are found here
-        if k not in experiment.recording.excluded:
+    for k in range(recording.stack.n_frames):
+        values = recording.stack.frame(k)[roi]  # decodes every image: damaged ones are found here
+        if k not in recording.excluded:
             if previous >= 0 and np.array_equal(values, previous_values, equal_nan=values.dtype.kind == "f"):
                 yield from repeated_image(experiment, previous, k)
             previous, previous_values = k, values
         jump = abs(float(values.mean()) - mean) > _MAX_BRIGHTNESS_CHANGE * abs(mean)
-        if jump and k not in experiment.recording.excluded and experiment.recording.quantity == "grey":
-            yield (f"{experiment.recording.labels[k]}: the mean grey value differs by more than {100 * _MAX_BRIGHTNESS_CHANGE:g} "
+        if jump and k not in recording.excluded and recording.quantity == "grey":
+            yield (f"{recording.labels[k]}: the mean grey value differs by more than {100 * _MAX_BRIGHTNESS_CHANGE:g} "
                    "% from the reference: check lighting and exposure, or exclude the frame")
 
 
@@ -263,28 +266,29 @@ def _scale_warnings(experiment: Experiment, corners: list[np.ndarray], visible: 
     return implausible_scale(np.ptp(every, axis=0), experiment.recording.image_shape, float(visible.mean()), part)
 
 
-def _points_line(experiment: Experiment) -> str:
-    if experiment.recording.points is None:
+def _points_line(recording: Recording) -> str:
+    if recording.points is None:
         return ""
-    at, grid = experiment.recording.points, experiment.recording.image_shape
+    at, grid = recording.points, recording.image_shape
     return f"{len(at.positions_px)} over {grid[1]} x {grid[0]} places of a grid, {at.pitch_mm:.3g} mm apart"
 
 
 def _field_warnings(experiment: Experiment, corners: list[np.ndarray], visible: np.ndarray) -> Iterator[str]:
     """Warnings of measured fields; every stage is read."""
-    points = experiment.recording.points
-    assert points is not None and experiment.recording.stack is not None
+    recording = experiment.recording
+    points = recording.points
+    assert points is not None and recording.stack is not None
     sizes = np.array([_area(cell) for cell, is_visible in zip(corners, visible, strict=True) if is_visible])
     if sizes.mean() < MIN_POINTS_PER_ELEMENT:
         yield (f"only {sizes.mean():.1f} points per element: larger elements would make the motion of the free fit "
                f"less "
                "noisy")
-    counted = [k for k in range(experiment.model.n_frames) if k not in experiment.recording.excluded]
-    check_stages(experiment.recording.stack, counted)
+    counted = [k for k in range(experiment.model.n_frames) if k not in recording.excluded]
+    check_stages(recording.stack, counted)
     for k in counted:
-        part = float(np.isfinite(np.asarray(experiment.recording.stack.frame(k))).all(axis=1).mean())
+        part = float(np.isfinite(np.asarray(recording.stack.frame(k))).all(axis=1).mean())
         if part < MIN_SEEN_PART:
-            yield f"{experiment.recording.labels[k]}: only {100 * part:.0f} % of the points of the reference stage are measured"
+            yield f"{recording.labels[k]}: only {100 * part:.0f} % of the points of the reference stage are measured"
     for column, label in dropped_loads(experiment):
         yield (f"{label}: {column} falls to less than a tenth of its largest value and stays there: after the break? "
                f"then "
@@ -304,14 +308,15 @@ def dropped_loads(experiment: Experiment) -> Iterator[tuple[str, str]]:
 
 
 def _model_warnings(experiment: Experiment):
-    yield from implausible_values(experiment)
-    yield from separate_pieces(experiment.model.mesh, experiment.model.length_unit)
+    model = experiment.model
+    yield from implausible_values(model)
+    yield from separate_pieces(model.mesh, model.length_unit)
     yield from opposed_forces(experiment)
-    yield from sums_of_all_reactions(experiment)
+    yield from sums_of_all_reactions(model)
     yield from repeated_readings(experiment)
     yield from loaded_reference(experiment)
-    if not experiment.model.parameters.free:
+    if not model.parameters.free:
         yield "no parameter is to be identified: write identify = true for at least one"
-    if all(c.kind == "displacement" for c in experiment.model.channels) and not experiment.model.loads:
+    if all(c.kind == "displacement" for c in model.channels) and not model.loads:
         yield ("without a force no stiffness or strength in MPa can be identified: compare the force of the log in a "
                "[[channel]] (idic init writes its lines behind #)")

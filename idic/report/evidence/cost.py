@@ -21,7 +21,7 @@ from idic.fe import Fill, MAX_HALF_BANDWIDTH_OF_BAND_LU, MIN_OPERATIONS_PER_ENTR
 from idic.correlation import MAX_DENSE_UNKNOWNS
 from idic.identification import rate_dependent_laws
 from idic.laws import get_law
-from idic.model import Column, Experiment, Measured
+from idic.model import Column, Experiment, Measured, Model, Recording
 
 # memory, bytes
 _PROCESS = 0.35e9  # libraries and compiled kernels
@@ -102,19 +102,20 @@ def expected_cost(experiment: Experiment) -> Cost:
 
     An external solver counts nothing: its cost is its own.
     """
-    mesh, options = experiment.model.mesh, experiment.options
-    n_frames, n_free = experiment.model.n_frames, len(experiment.model.parameters.free)
+    model = experiment.model
+    mesh, options = model.mesh, experiment.options
+    n_frames, n_free = model.n_frames, len(model.parameters.free)
     nodal = 8.0 * mesh.n_nodes * mesh.n_dim * (1 + n_free)  # bytes of displacements and sensitivities of a frame
-    frames = n_frames - experiment.model.reference
+    frames = n_frames - model.reference
     pixels = sum(math.prod(view.recording.image_shape) for view in experiment.views if view.recording.stack is not None)
-    images = pixels * n_frames * _bytes_per_pixel(experiment)
+    images = pixels * n_frames * _bytes_per_pixel(experiment.recording)
     image_pass = _PER_PIXEL_S * pixels * n_frames
     evaluations = min(_EVALUATIONS, options.max_iterations)
     body = SimulationCost(0.0, 0.0, 0.0)
-    if experiment.model.solver is None:
-        body = simulation_cost(mesh, frames, 0 if _is_linear(experiment) else frames * _increments(experiment), n_free)
+    if model.solver is None:
+        body = simulation_cost(mesh, frames, 0 if _is_linear(model) else frames * _increments(experiment), n_free)
     time_s = _START + _PER_PIXEL_ONCE_S * pixels + evaluations * (body.time_s + image_pass)
-    if experiment.recording.noise.std_gv is None or _measured_unknowns(experiment):
+    if experiment.recording.noise.std_gv is None or _measured_unknowns(model):
         time_s += _FREE_DIC_PASSES * image_pass
     memory = (_PROCESS + body.factor + body.kept_bytes + _PER_PIXEL * pixels / max(len(experiment.views), 1)
               + max(nodal, 8e6) + _generalised(experiment, n_frames))
@@ -178,39 +179,40 @@ def _half_bandwidth(mesh: Mesh) -> int:
     return mesh.n_dim * (narrowest + 1) - 1
 
 
-def _is_linear(experiment: Experiment) -> bool:
+def _is_linear(model: Model) -> bool:
     """Whether one factorisation serves all frames."""
     return all(material.kinematics == "small" and not get_law(material.law).state_names
-               for material in experiment.model.materials)
+               for material in model.materials)
 
 
 def _increments(experiment: Experiment) -> float:
     """Increments per frame; where the identification chooses them, those that most rate-dependent laws end with."""
-    return experiment.options.substeps or (_CHOSEN_INCREMENTS if rate_dependent_laws(experiment) else 1)
+    return experiment.options.substeps or (_CHOSEN_INCREMENTS if rate_dependent_laws(experiment.model) else 1)
 
 
-def _measured_unknowns(experiment: Experiment) -> int:
+def _measured_unknowns(model: Model) -> int:
     """Unknowns of every frame on edges whose motion is measured."""
-    return sum(len(experiment.model.mesh.node_sets[entry.nodes]) for entry in experiment.model.prescribed
+    return sum(len(model.mesh.node_sets[entry.nodes]) for entry in model.prescribed
                if isinstance(entry.drive, Measured))
 
 
 def _generalised(experiment: Experiment, n_frames: int) -> float:
     """Bytes of generalised least squares: a matrix of the unknowns of all frames, or where they are many of the nodal
     values."""
-    edges = _measured_unknowns(experiment)
+    model = experiment.model
+    edges = _measured_unknowns(model)
     if experiment.options.estimator == "ordinary" or (experiment.options.estimator == "auto" and not edges):
         return 0.0
-    logged = sum(isinstance(entry.drive, Column) and entry.drive.noise_std > 0.0 for entry in experiment.model.prescribed)
+    logged = sum(isinstance(entry.drive, Column) and entry.drive.noise_std > 0.0 for entry in model.prescribed)
     unknowns = 2 * len(experiment.views) + logged + edges
-    n, values = n_frames * unknowns, experiment.model.mesh.n_nodes * experiment.model.mesh.n_dim
+    n, values = n_frames * unknowns, model.mesh.n_nodes * model.mesh.n_dim
     if n <= MAX_DENSE_UNKNOWNS:
         return 24.0 * n * (n + values)
     return 24.0 * (2 * values) ** 2  # their columns lie on disk
 
 
-def _bytes_per_pixel(experiment: Experiment) -> int:
-    dtype = getattr(experiment.recording.stack.entries[0], "dtype", "uint16") if hasattr(experiment.recording.stack,
+def _bytes_per_pixel(recording: Recording) -> int:
+    dtype = getattr(recording.stack.entries[0], "dtype", "uint16") if hasattr(recording.stack,
                                                                                "entries") else "uint16"
     return np.dtype(dtype).itemsize
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from idic.laws import Smoothness, basis, between_knots, classical_fits, knots, knots_of, level_names
 from idic.measure import FieldSeries
-from idic.model import Experiment
+from idic.model import Model
 from idic.parameters import ParameterSet
 from idic.report.result.record import HardeningCurve
 
@@ -19,7 +19,7 @@ REACHED_PERCENTILE = 99.0  # percent of the nodes: the few at notches of the mes
 MIN_REACHED = 1e-4  # plastic strain below which there is no curve to draw
 
 
-def hardening_curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
+def hardening_curves(model: Model, parameters: ParameterSet, result: Mapping,
                      series: FieldSeries | None) -> tuple[HardeningCurve, ...]:
     """One curve per material with a free hardening curve of which something was identified.
 
@@ -28,13 +28,13 @@ def hardening_curves(experiment: Experiment, parameters: ParameterSet, result: M
     parameters : the identified values, internal units
     series : fields of the simulation, with the plastic strain that the specimen has reached
     """
-    return tuple(_curves(experiment, parameters, result, series))
+    return tuple(_curves(model, parameters, result, series))
 
 
-def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
+def _curves(model: Model, parameters: ParameterSet, result: Mapping,
             series: FieldSeries | None) -> Iterator[HardeningCurve]:
     state = None if series is None else series.states.get("plastic_strain")
-    for material in experiment.model.materials:
+    for material in model.materials:
         n = knots_of(material.law)
         if n == 0:
             continue
@@ -60,12 +60,12 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
         fits = classical_fits(p, stress, covariance, np.searchsorted(p, compared))
         std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         yield HardeningCurve(material.element_set, p, stress, std, at, reached, fits,
-                             smoothness_of(experiment, names[0]))
+                             smoothness_of(model, names[0]))
 
 
-def smoothness_of(experiment: Experiment, first: str) -> Smoothness:
+def smoothness_of(model: Model, first: str) -> Smoothness:
     """The smoothness of the free curve whose first value has this name."""
-    return next((curve.smoothness for curve in experiment.model.free_curves if curve.names[0] == first),
+    return next((curve.smoothness for curve in model.free_curves if curve.names[0] == first),
                 Smoothness())
 
 

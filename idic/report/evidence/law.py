@@ -9,7 +9,7 @@ import numpy as np
 from idic.errors import NotConverged
 from idic.fe import EXTERNAL, green_strain, nodal_deformation
 from idic.laws import compile, get_law, uniaxial
-from idic.model import Experiment, Material
+from idic.model import Experiment, Material, Model
 from idic.parameters import ParameterSet
 from idic.report.result.record import LawCurve
 
@@ -35,7 +35,8 @@ def law_curves(experiment: Experiment, parameters: ParameterSet, result: Mapping
 
 def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
             motions: np.ndarray) -> Iterator[LawCurve]:
-    for material in experiment.model.materials:
+    model = experiment.model
+    for material in model.materials:
         if material.law == EXTERNAL:
             continue
         names = [f"{material.element_set}.{name}" for name in get_law(material.law).parameter_names]
@@ -44,13 +45,13 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
             continue
         missing = tuple(name for name, entry in zip(names, entries, strict=True)
                         if entry.get("free") and entry.get("std") is None)
-        seconds = float(experiment.model.times[-1] - experiment.model.times[experiment.model.reference])
+        seconds = float(model.times[-1] - model.times[model.reference])
         empty = LawCurve(material.element_set, material.law, NOTHING, NOTHING, NOTHING, NOTHING, seconds, missing)
         if missing:
             yield empty
             continue
-        axis, sign = _direction(experiment, material, motions)
-        strain = sign * min(_largest_strain(experiment, material, motions), MAX_PUSH if sign < 0 else np.inf)
+        axis, sign = _direction(model, material, motions)
+        strain = sign * min(_largest_strain(model, material, motions), MAX_PUSH if sign < 0 else np.inf)
         curve = _curve(experiment, material, names, parameters, result, strain, axis)
         if curve is not None:
             yield curve
@@ -59,12 +60,13 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
 def _curve(experiment, material: Material, names, parameters: ParameterSet, result: Mapping,
            strain: float, axis: int) -> LawCurve | None:
     """The curve up to `strain` along an axis; None where the point finds no equilibrium there."""
+    model = experiment.model
     law = compile(material.law, material.kinematics)
-    seconds = float(experiment.model.times[-1] - experiment.model.times[experiment.model.reference])
+    seconds = float(model.times[-1] - model.times[model.reference])
     path, times = np.linspace(0.0, strain, CURVE_STEPS), np.linspace(0.0, seconds, CURVE_STEPS)
     try:
         identified, started = (uniaxial(law, [values[name].value for name in names], path, times=times, axis=axis)
-                          for values in (parameters, experiment.model.parameters))
+                          for values in (parameters, model.parameters))
     except NotConverged:
         return None
     table = result["correlation"]
@@ -79,10 +81,10 @@ def _curve(experiment, material: Material, names, parameters: ParameterSet, resu
                     started.P[:, axis, axis], seconds, axis="xyz"[axis])
 
 
-def _direction(experiment: Experiment, material: Material, motions: np.ndarray) -> tuple[int, int]:
+def _direction(model: Model, material: Material, motions: np.ndarray) -> tuple[int, int]:
     """Axis of the mesh nearest to the largest mean strain of the set, and whether it is stretched (1) or pressed
     (-1)."""
-    mesh, largest, direction = experiment.model.mesh, 0.0, (0, 1)
+    mesh, largest, direction = model.mesh, 0.0, (0, 1)
     nodes = nodes_of(mesh, mesh.element_sets[material.element_set])
     for u in motions:
         F = nodal_deformation(mesh, u[:, :mesh.n_dim])[nodes]
@@ -94,9 +96,9 @@ def _direction(experiment: Experiment, material: Material, motions: np.ndarray) 
     return direction
 
 
-def _largest_strain(experiment: Experiment, material: Material, motions: np.ndarray) -> float:
+def _largest_strain(model: Model, material: Material, motions: np.ndarray) -> float:
     """The largest change of length, as a part of it, that nearly all nodes of the set stay within."""
-    mesh, largest = experiment.model.mesh, MIN_CURVE_STRAIN
+    mesh, largest = model.mesh, MIN_CURVE_STRAIN
     nodes = nodes_of(mesh, mesh.element_sets[material.element_set])
     for u in motions:
         F = nodal_deformation(mesh, u[:, :mesh.n_dim])[nodes]

@@ -12,7 +12,7 @@ from idic.correlation import is_section
 from idic.measure import coarse_motion
 from idic.experiment_file import corners_px, seen_nodes, seen_region, visible_cells
 from idic.images import Camera, CameraMotion
-from idic.model import Column, Constant, Experiment
+from idic.model import Column, Constant, Experiment, Recording
 from idic.report.evidence.plausible import MAX_PLAIN_SHARE, MIN_VISIBLE, without_pattern
 
 MAX_CHANGE_SHARE = 0.5  # of the contrast: a difference that large is a motion of speckles, or another specimen
@@ -24,12 +24,12 @@ MAX_OTHERWISE = 0.35  # distance of the seen motion from another reading of the 
 MIN_STRETCH, MAX_STRETCH = 0.3, 2.5  # motion between the ends, seen over logged
 
 
-def misplaced_still_frames(experiment: Experiment, roi: np.ndarray) -> Iterator[str]:
+def misplaced_still_frames(recording: Recording, roi: np.ndarray) -> Iterator[str]:
     """Declared still frames whose pattern is elsewhere than in the first of them.
 
     `idic.images.quality.drift` reports shifts below half a pixel and removes them from the noise.
     """
-    images = list(_still_images(experiment))
+    images = list(_still_images(recording))
     if len(images) < 2:
         return
     first, f = images[0]
@@ -40,26 +40,27 @@ def misplaced_still_frames(experiment: Experiment, roi: np.ndarray) -> Iterator[
                    "more, so their difference is not noise. Leave it out of still_frames, or give noise_std_gv")
 
 
-def _still_images(experiment: Experiment) -> Iterator[tuple[str, np.ndarray]]:
-    stack = experiment.recording.still_stack
+def _still_images(recording: Recording) -> Iterator[tuple[str, np.ndarray]]:
+    stack = recording.still_stack
     if stack is not None:
         for k in range(min(stack.n_frames, MAX_STILL_FRAMES)):
-            yield experiment.recording.still_labels[k], np.asarray(stack.frame(k), dtype=float)
+            yield recording.still_labels[k], np.asarray(stack.frame(k), dtype=float)
         return
-    for k in experiment.recording.still_frames[:MAX_STILL_FRAMES]:
-        yield experiment.recording.labels[k], np.asarray(experiment.recording.stack.frame(k), dtype=float)
+    for k in recording.still_frames[:MAX_STILL_FRAMES]:
+        yield recording.labels[k], np.asarray(recording.stack.frame(k), dtype=float)
 
 
 def mirrored_axes(experiment: Experiment, reference: np.ndarray, roi: np.ndarray) -> Iterator[str]:
     """An axis whose mirror image would put the mesh on the pattern, where a part of the ROI has none."""
     camera, noise = experiment.model.camera, experiment.recording.noise.std_gv
-    if not isinstance(camera, Camera) or is_section(experiment) or experiment.recording.quantity != "grey":
+    if not isinstance(camera, Camera) or is_section(experiment.model) or experiment.recording.quantity != "grey":
         return
     plain_share = float(without_pattern(reference, roi, noise).mean())
     if plain_share <= MAX_PLAIN_SHARE:
         return
     for name, flip in (("columns", np.diag([-1.0, 1.0])), ("rows", np.diag([1.0, -1.0]))):
-        region = _region(replace(experiment, model=replace(experiment.model, camera=replace(camera, matrix=flip @ camera.matrix))))
+        region = _region(replace(experiment, model=replace(experiment.model,
+                                                           camera=replace(camera, matrix=flip @ camera.matrix))))
         share = 1.0 if region is None else float(without_pattern(reference, region, noise).mean())
         if share < MAX_SHARE_OF_MIRRORED * plain_share:
             yield (f"mirrored along the {name} of the image, {share:.0%} of the ROI would be without pattern; now it "
@@ -72,21 +73,22 @@ def ends_that_move_otherwise(experiment: Experiment, reference: np.ndarray) -> I
     The affine motion of the surface between the reference and the first frame whose logged motion is clear is compared
     with the log at the driven and at the held end.
     """
-    camera = experiment.model.camera
+    model, recording = experiment.model, experiment.recording
+    camera = model.camera
     moving = getattr(camera, "motion", None)
-    if experiment.recording.quantity != "grey" or experiment.recording.points is not None or is_section(experiment) or (
+    if recording.quantity != "grey" or recording.points is not None or is_section(model) or (
             isinstance(moving, CameraMotion) and any("_at[" in name for name in moving.names)):
         return
-    driven = [condition for condition in experiment.model.prescribed if isinstance(condition.drive, Column)]
-    counted = [k for k in range(experiment.model.n_frames) if k not in experiment.recording.excluded]
-    points, _ = seen_nodes(experiment.model.mesh, experiment.model.kind, experiment.model.surface)
+    driven = [condition for condition in model.prescribed if isinstance(condition.drive, Column)]
+    counted = [k for k in range(model.n_frames) if k not in recording.excluded]
+    points, _ = seen_nodes(model.mesh, model.kind, model.surface)
     for condition in driven if len(driven) == 1 and len(counted) > 1 else ():
-        fixed_end = next((candidate for candidate in experiment.model.prescribed if candidate.component == condition.component
+        fixed_end = next((candidate for candidate in model.prescribed if candidate.component == condition.component
                      and isinstance(candidate.drive, Constant) and candidate.drive.value == 0.0), None)
         if fixed_end is None or condition.component == "z":
             return
-        ends = [points[experiment.model.mesh.node_sets[nodes]] for nodes in (condition.nodes, fixed_end.nodes)]
-        steps = np.zeros((experiment.model.n_frames, points.shape[1]))
+        ends = [points[model.mesh.node_sets[nodes]] for nodes in (condition.nodes, fixed_end.nodes)]
+        steps = np.zeros((model.n_frames, points.shape[1]))
         steps[:, "xyz".index(condition.component)] = condition.drive.values
         moved = np.array([(camera.project(ends[0] + step) - camera.project(ends[0])).mean(axis=0) for step in steps])
         sizes = np.hypot(*moved.T)
@@ -95,10 +97,10 @@ def ends_that_move_otherwise(experiment: Experiment, reference: np.ndarray) -> I
         if not size >= MIN_LOGGED_PX:  # no number, too
             return
         at = [camera.project(end).mean(axis=0) for end in ends]
-        image_motion = coarse_motion(reference, experiment.recording.picture(frame), camera.project(points), np.array(at))
+        image_motion = coarse_motion(reference, recording.picture(frame), camera.project(points), np.array(at))
         if image_motion is not None:
             yield from _otherwise(image_motion @ logged / size**2, size, condition, fixed_end.nodes,
-                                  experiment.recording.labels[frame])
+                                  recording.labels[frame])
 
 
 def _otherwise(shares: np.ndarray, size: float, condition, fixed_set: str, label: str) -> Iterator[str]:
@@ -121,10 +123,11 @@ def _otherwise(shares: np.ndarray, size: float, condition, fixed_set: str, label
 
 def _region(experiment: Experiment) -> np.ndarray | None:
     """The ROI, None where less than half of the mesh is in the image  # (ny, nx) bool"""
+    model = experiment.model
     shape = experiment.recording.image_shape
-    view = (experiment.model.kind, experiment.model.surface, experiment.model.camera)
-    points, cells = seen_nodes(experiment.model.mesh, *view[:2])
-    visible = visible_cells(experiment.model.mesh, *view, shape)
+    view = (model.kind, model.surface, model.camera)
+    points, cells = seen_nodes(model.mesh, *view[:2])
+    visible = visible_cells(model.mesh, *view, shape)
     if visible.mean() < MIN_VISIBLE:
         return None
     return seen_region(corners_px(points, cells, *view), visible, shape, experiment.recording.mask)

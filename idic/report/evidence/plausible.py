@@ -12,7 +12,7 @@ from idic.fe import Mesh, bodies
 from idic.identification import MIN_STEP_SHARE
 from idic.images import BLOCK_PX, compressed_at, edge_blur, speckle_size
 from idic.laws import law_for
-from idic.model import Column, Experiment
+from idic.model import Column, Experiment, Model
 
 MAX_FROM_TYPICAL = 200.0    # ratio of a stress-like value to the typical one of its law; GPa read as MPa is 1000
 MIN_VISIBLE = 0.5           # of the elements: with fewer, scale or origin is suspect
@@ -32,22 +32,22 @@ SAME_PLACE = 1e-7           # of the size of a mesh: nodes that are closer were 
 NO_PATTERN = np.zeros(1, dtype=bool)
 
 
-def start_values(experiment: Experiment) -> tuple[str, ...]:
+def start_values(model: Model) -> tuple[str, ...]:
     """Of every free parameter ``" from 70 GPa"``: its start value in the user's unit."""
     texts = []
-    for name in experiment.model.parameters.free:
-        parameter = experiment.model.parameters[name]
+    for name in model.parameters.free:
+        parameter = model.parameters[name]
         texts.append(f" from {parameter.value / parameter.factor:.6g} {parameter.unit}".rstrip())
     return tuple(texts)
 
 
-def implausible_values(experiment: Experiment) -> Iterator[str]:
+def implausible_values(model: Model) -> Iterator[str]:
     """Moduli and strengths that differ from the typical ones of their law by orders of magnitude.
 
     The laws of an external solver are its own: nothing is known of them.
     """
-    for material in experiment.model.materials if experiment.model.solver is None else ():
-        parameters = {name.removeprefix(f"{material.element_set}."): p for name, p in experiment.model.parameters.items()
+    for material in model.materials if model.solver is None else ():
+        parameters = {name.removeprefix(f"{material.element_set}."): p for name, p in model.parameters.items()
                if name.startswith(f"{material.element_set}.")}
         for declared in law_for(material.law, parameters).parameters:
             parameter = parameters.get(declared.name)
@@ -65,9 +65,10 @@ def opposed_forces(experiment: Experiment) -> Iterator[str]:
     """Forces with the wrong sign: a reaction is the force on a node set, with the motion at the moving set and against
     it at the held one; no material opposes this over a whole test.
     """
-    moved = [(condition, condition.drive) for condition in experiment.model.prescribed if isinstance(condition.drive, Column)]
-    counted = [k for k in range(experiment.model.n_frames) if k not in experiment.recording.excluded]
-    for channel in experiment.model.channels if len(counted) > 2 else ():
+    model = experiment.model
+    moved = [(condition, condition.drive) for condition in model.prescribed if isinstance(condition.drive, Column)]
+    counted = [k for k in range(model.n_frames) if k not in experiment.recording.excluded]
+    for channel in model.channels if len(counted) > 2 else ():
         along = [(condition.nodes, drive) for condition, drive in moved if condition.component == channel.component]
         if channel.kind != "reaction" or len(along) != 1:
             continue
@@ -83,23 +84,25 @@ def opposed_forces(experiment: Experiment) -> Iterator[str]:
 
 def repeated_image(experiment: Experiment, previous: int, k: int) -> Iterator[str]:
     """Two frames with the same grey values, unless the log shows that nothing happens between them."""
-    columns = [channel.values for channel in experiment.model.channels]
-    columns += [condition.drive.values for condition in experiment.model.prescribed if isinstance(condition.drive, Column)]
-    columns += [load.drive.values for load in experiment.model.loads if isinstance(load.drive, Column)]
+    model = experiment.model
+    columns = [channel.values for channel in model.channels]
+    columns += [condition.drive.values for condition in model.prescribed if isinstance(condition.drive, Column)]
+    columns += [load.drive.values for load in model.loads if isinstance(load.drive, Column)]
     if columns and all(abs(column[k] - column[previous]) <= MIN_STEP_SHARE * np.ptp(column) for column in columns):
         return
-    yield (f"{experiment.recording.labels[k]} repeats {experiment.recording.labels[previous]} to the last grey value: an image that the "
+    labels = experiment.recording.labels
+    yield (f"{labels[k]} repeats {labels[previous]} to the last grey value: an image that the "
            "recording lost, and replaced by the one before. Its motion is that of another moment: list it in "
            "exclude_frames, and check that log and images still belong together after it")
 
 
-def sums_of_all_reactions(experiment: Experiment) -> Iterator[str]:
+def sums_of_all_reactions(model: Model) -> Iterator[str]:
     """Forces of node sets that hold every driven node: in equilibrium all reactions together are zero."""
-    if experiment.model.loads or experiment.model.solver is not None:
+    if model.loads or model.solver is not None:
         return
-    sets = experiment.model.mesh.node_sets
-    for channel in experiment.model.channels:
-        driven = [sets[condition.nodes] for condition in experiment.model.prescribed
+    sets = model.mesh.node_sets
+    for channel in model.channels:
+        driven = [sets[condition.nodes] for condition in model.prescribed
                   if condition.component == channel.component]
         if channel.kind == "reaction" and driven and np.isin(np.concatenate(driven), sets[channel.nodes]).all():
             yield (f"{channel.column}: {channel.nodes} holds every node that is moved or held along "
@@ -109,11 +112,12 @@ def sums_of_all_reactions(experiment: Experiment) -> Iterator[str]:
 
 def loaded_reference(experiment: Experiment) -> Iterator[str]:
     """Forces at the reference frame, where the simulation has none, unless their offset is identified."""
-    for channel in experiment.model.channels if not experiment.model.loads else ():
-        counted = [k for k in range(experiment.model.n_frames) if k not in experiment.recording.excluded]
-        force, start = channel.values[counted], float(channel.values[experiment.model.reference])
+    model = experiment.model
+    for channel in model.channels if not model.loads else ():
+        counted = [k for k in range(model.n_frames) if k not in experiment.recording.excluded]
+        force, start = channel.values[counted], float(channel.values[model.reference])
         offset = f"channel.{channel.column}.offset"
-        offset_parameter = experiment.model.parameters.get(offset)
+        offset_parameter = model.parameters.get(offset)
         corrected = offset_parameter is not None and (offset_parameter.free or offset_parameter.value != 0.0)
         least = max(MAX_FIRST_FORCE * float(np.ptp(force)), 5.0 * (channel.noise_std or 0.0))
         if channel.kind == "reaction" and not corrected and abs(start) > least:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from idic.laws import FORMS, classical_fits, grid, grid_covariance, relaxing, times_of, weight_names
-from idic.model import Experiment
+from idic.model import Model
 from idic.parameters import ParameterSet
 from idic.report.evidence.hardening import covariance_of, smoothness_of
 from idic.report.result.record import RelaxationCurve
@@ -15,7 +15,7 @@ from idic.report.result.record import RelaxationCurve
 POINTS_BETWEEN = 4  # of the drawn curve, between the points that are compared with the classical forms
 
 
-def relaxation_curves(experiment: Experiment, parameters: ParameterSet,
+def relaxation_curves(model: Model, parameters: ParameterSet,
                       result: Mapping) -> tuple[RelaxationCurve, ...]:
     """One curve per material with a free spectrum of which something was identified, over the times of the frames.
 
@@ -23,12 +23,12 @@ def relaxation_curves(experiment: Experiment, parameters: ParameterSet,
     ----------
     parameters : the identified values, internal units
     """
-    return tuple(_curves(experiment, parameters, result))
+    return tuple(_curves(model, parameters, result))
 
 
-def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping) -> Iterator[RelaxationCurve]:
-    times = experiment.model.times[experiment.model.reference:]
-    for material in experiment.model.materials:
+def _curves(model: Model, parameters: ParameterSet, result: Mapping) -> Iterator[RelaxationCurve]:
+    times = model.times[model.reference:]
+    for material in model.materials:
         n = times_of(material.law)
         if n == 0 or len(times) < 2:
             continue
@@ -53,4 +53,4 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping) -
         std[determined] = np.sqrt(np.diag(parameter_covariance))
         yield RelaxationCurve(stem, t, modulus, np.sqrt(np.maximum(np.diag(covariance), 0.0)), taus, np.array(weights),
                               std[2:], classical_fits(t, modulus, covariance, at, FORMS),
-                              smoothness_of(experiment, names[2]).strength)
+                              smoothness_of(model, names[2]).strength)

@@ -13,7 +13,7 @@ from idic.errors import InputError, NotConverged
 from idic.fe import followed, normal_axis, seen_first
 from idic.identification import design_test
 from idic.images import PLACEMENT_STEM, PlacedCamera
-from idic.model import Experiment, Measured, Noise, set_nodes
+from idic.model import Experiment, Measured, Model, Noise, set_nodes
 
 N_FRAMES = 6  # that are compared; all are simulated
 LONGEST_S = 1200.0  # of an identification, of which the simulation here is a tenth
@@ -27,13 +27,14 @@ def rig_warnings(experiment: Experiment, time_s: float) -> Iterator[str]:
     The spectrum is that of `idic.identification.design` at the start values, in one simulation: the same directions
     that the identification would leave out in the end.
     """
-    yield from _held_thickness(experiment)
+    yield from _held_thickness(experiment.model)
     compared = [camera for camera in experiment.cameras if camera.texture is not None]
     if compared and not determined_by_texture(experiment, experiment.model.parameters.free):
         names = ", ".join(camera.name for camera in compared)
         yield (f"texture of {names} changes nothing: no lens, pose, placement or shape is free; set "
                "identify_calibration, or give [[dof]] such as placement.t_z")
-    stems = {PLACEMENT_STEM, *(view.recording.camera_name for view in experiment.views if isinstance(view.model.camera, PlacedCamera))}
+    stems = {PLACEMENT_STEM, *(view.recording.camera_name for view in experiment.views
+                               if isinstance(view.model.camera, PlacedCamera))}
     rig_parameters = [name for name in experiment.model.parameters.free if name.partition(".")[0] in stems]
     if len(stems) == 1 or not rig_parameters:
         return
@@ -62,20 +63,25 @@ def _sentence(reason: str) -> str:
 
 def _thinned(experiment: Experiment) -> Experiment:
     """The experiment with few frames to compare, and a noise where none is known."""
-    counted = [k for k in range(experiment.model.reference + 1, experiment.model.n_frames) if k not in experiment.recording.excluded]
+    model, recording = experiment.model, experiment.recording
+    counted = [k for k in range(model.reference + 1, model.n_frames) if k not in recording.excluded]
     frames = {counted[i] for i in np.linspace(0, len(counted) - 1, min(N_FRAMES, len(counted))).astype(int)}
     noise = Noise(ASSUMED_NOISE_GV, "assumed")
-    return replace(experiment, recording=replace(experiment.recording, excluded=tuple(k for k in range(experiment.model.reference + 1, experiment.model.n_frames) if k not in frames), noise=noise if experiment.recording.noise.std_gv is None else experiment.recording.noise), cameras=tuple(replace(camera, noise=noise) if camera.noise.std_gv is None else camera
+    return replace(experiment, recording=replace(recording, excluded=tuple(k for k in range(model.reference + 1,
+                                                                                            model.n_frames)
+                                                                           if k not in frames), noise=noise
+                                                 if recording.noise.std_gv is None else recording.noise),
+                   cameras=tuple(replace(camera, noise=noise) if camera.noise.std_gv is None else camera
                       for camera in experiment.cameras))
 
 
-def _held_thickness(experiment: Experiment) -> Iterator[str]:
+def _held_thickness(model: Model) -> Iterator[str]:
     """Measured edges whose visible surface does not determine the motion through the thickness."""
-    mesh, surface = experiment.model.mesh, experiment.model.surface
+    mesh, surface = model.mesh, model.surface
     if mesh.n_dim == 2 or surface is None or normal_axis(mesh, surface) is not None:
         return
-    for name in dict.fromkeys(entry.nodes for entry in experiment.model.prescribed if isinstance(entry.drive, Measured)):
-        nodes = set_nodes(experiment, name)
+    for name in dict.fromkeys(entry.nodes for entry in model.prescribed if isinstance(entry.drive, Measured)):
+        nodes = set_nodes(model, name)
         leaders = seen_first(mesh, surface, nodes)
         if len(leaders) and followed(mesh.nodes[nodes], leaders)[1].size:
             yield (f"measured edge {name}: its hidden nodes follow the seen ones across the thickness as well, which "

@@ -12,7 +12,7 @@ from idic.laws import (
     INVARIANTS, RUBBER_TESTS, basis, classical_fits, classical_forms, invariants, knots, knots_of_rubber,
     rubber_level_names, stress_matrix,
 )
-from idic.model import Experiment, Material
+from idic.model import Material, Model
 from idic.parameters import ParameterSet
 from idic.report.evidence.hardening import covariance_of, smoothness_of
 from idic.report.evidence.law import nodes_of
@@ -25,7 +25,7 @@ REACHED_PERCENTILE = 99.0
 SMALLEST_STRETCH, LARGEST_STRETCH = 1.02, 10.0  # of the curves: below, all forms are one
 
 
-def rubber_curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
+def rubber_curves(model: Model, parameters: ParameterSet, result: Mapping,
                   motions: np.ndarray) -> tuple[RubberCurve, ...]:
     """One record per material with a free energy of which something was identified.
 
@@ -35,12 +35,12 @@ def rubber_curves(experiment: Experiment, parameters: ParameterSet, result: Mapp
     motions : (n_frames, n_nodes, dim) mm
         Simulated displacement of some frames, from which the largest invariants are taken.
     """
-    return tuple(_curves(experiment, parameters, result, motions))
+    return tuple(_curves(model, parameters, result, motions))
 
 
-def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
+def _curves(model: Model, parameters: ParameterSet, result: Mapping,
             motions: np.ndarray) -> Iterator[RubberCurve]:
-    for material in experiment.model.materials:
+    for material in model.materials:
         counts = tuple(n for n in knots_of_rubber(material.law) if n)
         if not counts:
             continue
@@ -55,7 +55,7 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
         levels = np.array([parameters[name].value for name in names])
         covariance = np.zeros((len(names), len(names)))
         covariance[np.ix_(determined, determined)] = covariance_of(result, parameters, [names[i] for i in determined])
-        reached = _reached(experiment, material, motions)
+        reached = _reached(model, material, motions)
         modes, rows, points = [], [], []
         for mode in RUBBER_TESTS:
             end = _largest_stretch(mode, reached[:len(counts)])
@@ -75,16 +75,16 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
             B, part = basis(x, end, n), slice(cut[k], cut[k + 1])
             slopes.append(RubberSlope(invariant, x, B @ levels[part], _std(B, covariance[part, part]), knots(end, n)))
         yield RubberCurve(material.element_set, tuple(RubberMode(*mode) for mode in modes), tuple(slopes), reached,
-                          fits, tuple(smoothness_of(experiment, names[place]).strength for place in cut[:-1]))
+                          fits, tuple(smoothness_of(model, names[place]).strength for place in cut[:-1]))
 
 
 def _std(J: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     return np.sqrt(np.maximum(np.einsum("mi,ij,mj->m", J, covariance, J), 0.0))
 
 
-def _reached(experiment: Experiment, material: Material, motions: np.ndarray) -> tuple[float, float]:
+def _reached(model: Model, material: Material, motions: np.ndarray) -> tuple[float, float]:
     """I1 - 3 and I2 - 3 that nearly all nodes of the set stay within; a plane body keeps its volume."""
-    mesh, nodes = experiment.model.mesh, nodes_of(experiment.model.mesh, experiment.model.mesh.element_sets[material.element_set])
+    mesh, nodes = model.mesh, nodes_of(model.mesh, model.mesh.element_sets[material.element_set])
     largest = [0.0, 0.0]
     for u in motions:
         F = nodal_deformation(mesh, u[:, :mesh.n_dim])[nodes]

@@ -9,13 +9,13 @@ import numpy as np
 
 from idic.correlation import SectionReference, section_motion
 from idic.measure import section_field, smoothing_length
-from idic.model import Experiment
+from idic.model import Experiment, Recording
 from idic.report.result.record import FrameView, FreeFields, NoiseFloor, SectionProfile
 
 SEED = 20  # of the noise of the still image
 
 
-def section_fields(experiment: Experiment, reference: SectionReference, columns_px: np.ndarray, frames: Sequence[int],
+def section_fields(recording: Recording, reference: SectionReference, columns_px: np.ndarray, frames: Sequence[int],
                    motion: Callable[[int], np.ndarray]) -> FreeFields | None:
     """Free motion of the section in some frames, started from the simulated one.
 
@@ -25,7 +25,7 @@ def section_fields(experiment: Experiment, reference: SectionReference, columns_
     differences, rises, residuals, chi2 = [], [], [], []
     for frame in frames:
         start = motion(frame)
-        fit = section_field(reference, experiment.recording.stack.frame(frame), start, columns_px)
+        fit = section_field(reference, recording.stack.frame(frame), start, columns_px)
         if not fit.residual.valid.any():
             return None
         away = np.full_like(start, np.nan)
@@ -34,7 +34,7 @@ def section_fields(experiment: Experiment, reference: SectionReference, columns_
         rises.append(away[:, 2])
         residual = np.where(fit.residual.valid, fit.residual.r, np.nan)
         residuals.append(reference.pixel_map.to_image(residual))
-        chi2.append(fit.chi2_dof(experiment.recording.noise.std_gv))
+        chi2.append(fit.chi2_dof(recording.noise.std_gv))
     if not frames:
         return None
     return FreeFields(tuple(frames), np.array(differences), np.array(residuals, dtype=np.float32), np.array(chi2),
@@ -44,10 +44,11 @@ def section_fields(experiment: Experiment, reference: SectionReference, columns_
 def with_section_floor(floor: NoiseFloor, experiment: Experiment, reference: SectionReference,
                        columns_px: np.ndarray) -> NoiseFloor:
     """The floor with the free measurement of a still image: the reference with the noise of a difference."""
-    sigma, averaged = experiment.recording.noise.std_gv, experiment.recording.averaged or (experiment.model.reference,)
+    recording = experiment.recording
+    sigma, averaged = recording.noise.std_gv, recording.averaged or (experiment.model.reference,)
     if not sigma:
         return floor
-    still = np.mean([np.asarray(experiment.recording.stack.frame(k), dtype=float) for k in averaged], axis=0)
+    still = np.mean([np.asarray(recording.stack.frame(k), dtype=float) for k in averaged], axis=0)
     noise = np.random.default_rng(SEED).standard_normal(still.shape)
     still = still + sigma * np.sqrt(1.0 + 1.0 / len(averaged)) * noise
     fit = section_field(reference, still, np.zeros((len(columns_px), 3)), columns_px)

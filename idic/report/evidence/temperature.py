@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from idic.laws import PRODUCT_SIGN, STEP, factor, get_law, terms_of
-from idic.model import Experiment, nodal_temperature
+from idic.model import Model, nodal_temperature
 from idic.parameters import ParameterSet
 from idic.report.evidence.hardening import covariance_of
 from idic.report.result.record import TemperatureFactor
@@ -15,19 +15,19 @@ from idic.report.result.record import TemperatureFactor
 POINTS = 60  # of a curve
 
 
-def temperature_factors(experiment: Experiment, parameters: ParameterSet,
+def temperature_factors(model: Model, parameters: ParameterSet,
                         result: Mapping) -> tuple[TemperatureFactor, ...]:
     """One record per temperature term of every material; none where the experiment has no temperature."""
-    field = nodal_temperature(experiment)
+    field = nodal_temperature(model)
     if field is None:
         return ()
-    temperatures = field.start + field.values[experiment.model.reference:]
-    return tuple(_factors(experiment, parameters, result, np.linspace(temperatures.min(), temperatures.max(), POINTS)))
+    temperatures = field.start + field.values[model.reference:]
+    return tuple(_factors(model, parameters, result, np.linspace(temperatures.min(), temperatures.max(), POINTS)))
 
 
-def _factors(experiment: Experiment, parameters: ParameterSet, result: Mapping,
+def _factors(model: Model, parameters: ParameterSet, result: Mapping,
              T: np.ndarray) -> Iterator[TemperatureFactor]:
-    for material in experiment.model.materials:
+    for material in model.materials:
         dependence = get_law(material.law).temperature if "(" in material.law else None
         if dependence is None:
             continue

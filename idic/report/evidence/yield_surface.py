@@ -11,7 +11,7 @@ from idic.laws import (
     ClassicalFit, FAMILY_ERROR, classical_fits, classical_surfaces, equivalent, ring_knots_of, surface_weights,
 )
 from idic.measure import FieldSeries
-from idic.model import Experiment
+from idic.model import Model
 from idic.parameters import ParameterSet
 from idic.report.evidence.hardening import covariance_of, smoothness_of
 from idic.report.result.record import YieldSurface
@@ -22,7 +22,7 @@ MOST_DIRECTIONS = 40  # that are compared with classical forms, the most visited
 MIN_GROWTH = 1e-5  # of plastic strain from frame to frame: flows
 
 
-def yield_surfaces(experiment: Experiment, parameters: ParameterSet, result: Mapping,
+def yield_surfaces(model: Model, parameters: ParameterSet, result: Mapping,
                    series: FieldSeries | None) -> tuple[YieldSurface, ...]:
     """One surface per material with a free yield surface of which something was identified.
 
@@ -31,12 +31,12 @@ def yield_surfaces(experiment: Experiment, parameters: ParameterSet, result: Map
     parameters : the identified values, internal units
     series : fields of the simulation, with stress and plastic strain of the specimen
     """
-    return tuple(_surfaces(experiment, parameters, result, series))
+    return tuple(_surfaces(model, parameters, result, series))
 
 
-def _surfaces(experiment: Experiment, parameters: ParameterSet, result: Mapping,
+def _surfaces(model: Model, parameters: ParameterSet, result: Mapping,
               series: FieldSeries | None) -> Iterator[YieldSurface]:
-    for material in experiment.model.materials:
+    for material in model.materials:
         n, stem = ring_knots_of(material.law), material.element_set
         if n == 0 or f"{stem}.yield_stress" not in parameters:
             continue
@@ -66,7 +66,7 @@ def _surfaces(experiment: Experiment, parameters: ParameterSet, result: Mapping,
             stds = std_of(along, along_C)
             fits = surface_fits(visited, along, along_C)
         yield YieldSurface(stem, section, r, std_of(r, C), visited, along, stds, fits,
-                           NEIGHBOURS * smoothness_of(experiment, names[1]).strength)
+                           NEIGHBOURS * smoothness_of(model, names[1]).strength)
 
 
 def std_of(radius: np.ndarray, covariance: np.ndarray) -> np.ndarray:

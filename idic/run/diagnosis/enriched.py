@@ -31,12 +31,13 @@ def write_enriched(source: Source, experiment: Experiment, values: Mapping[str, 
     Path
         The file.
     """
+    model = experiment.model
     folder = Path(source.run) / FOLDER
     if folder.exists():
         shutil.rmtree(folder)
     folder.mkdir(parents=True)
-    free = {name: value / experiment.model.parameters[name].factor for name, value in values.items()
-            if name in experiment.model.parameters and experiment.model.parameters[name].free}
+    free = {name: value / model.parameters[name].factor for name, value in values.items()
+            if name in model.parameters and model.parameters[name].free}
     document = source.document()
     document = with_overrides(document, {name: value for name, value in free.items() if _in_file(document, name)})
     _start_heterogeneities(document, free)

@@ -50,7 +50,8 @@ def on_measured_motion(source: Source, found: Identification, runner: TaskRunner
     edits = with_edge_modes(source.document(), found.experiment, u_px)
     there = MotionSource(source.run, {**source.edits, **edits})
     experiment = there.load()
-    values = {name: value for name, value in found.parameters.as_values().items() if name in experiment.model.parameters}
+    values = {name: value for name, value in found.parameters.as_values().items()
+              if name in experiment.model.parameters}
     starts = experiment.model.parameters.with_values(values)
     return there, identify(replace(experiment, model=replace(experiment.model, parameters=starts), stages=())), far
 
@@ -65,7 +66,8 @@ def judged_by_images(diagnosis: Diagnosis, far: OutOfRegister, stage: Callable[[
     options = replace(experiment.options, max_iterations=MAX_IMAGE_EVALUATIONS)
     starts = experiment.model.parameters.with_values(
         {name: value for name, value in final.fit.values.items() if name in experiment.model.parameters})
-    found = identify(replace(experiment, model=replace(experiment.model, parameters=starts), options=options, stages=()))
+    found = identify(replace(experiment, model=replace(experiment.model, parameters=starts), options=options,
+                             stages=()))
     return far if found.point is None else replace(far, enriched_chi2=image_chi2(found))
 
 

@@ -46,7 +46,8 @@ def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_
     if (spots := diagnosis.spots) is not None:
         without = free_parameters(spots.result)
         content = diagnosis_content(replace(diagnosis, spots=None), without, wall_s)
-        return finite(with_spots(content, spots, before, without, diagnosis.identification.experiment.model.length_unit))
+        return finite(with_spots(content, spots, before, without,
+                                 diagnosis.identification.experiment.model.length_unit))
     after = _after(diagnosis)
     real_body = of_real_body(diagnosis, after or before)
     last = {name: real_body.get(name) or after.get(name) or entry for name, entry in before.items()}

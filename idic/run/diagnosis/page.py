@@ -49,7 +49,8 @@ def record_of(diagnosis: Diagnosis, content: Mapping, titles: Mapping[str, str],
         excess_frames=verdict.before.frames, excess_before=verdict.before.frame_excess,
         excess_after=verdict.after.frame_excess if diagnosis.state.final is not None else None,
         excess_std=verdict.before.frame_excess_std,
-        abscissa=experiment.model.times, time_label=time_label(experiment.model.times), curves=_curves(diagnosis), further=further,
+        abscissa=experiment.model.times, time_label=time_label(experiment.model.times), curves=_curves(diagnosis),
+        further=further,
         windows=notes.attempt("the parameters over the frames", _windows, diagnosis, otherwise=()),
         laws=notes.attempt("the curves of the laws", law_pairs, diagnosis, otherwise=()))
 

@@ -17,7 +17,7 @@ from idic.errors import InputError
 from idic.experiment_file import with_overrides
 from idic.identification import Identification
 from idic.measure import BoundaryStart, with_boundary_start
-from idic.model import Experiment, MotionError, Parametrised
+from idic.model import Experiment, Model, MotionError, Options, Parametrised
 from idic.run.prepared.context import RunContext, open_run, stored_start
 from idic.run.prepared.session import open_session
 from idic.run.prepared.warm_start import first_order_prediction
@@ -53,7 +53,7 @@ class Source:
         """The experiment with further edits and the run's images, noise and excluded frames."""
         context = self.context
         experiment = context.tables.edited({**self.edits, **(edits or {})}, context.experiment).experiment()
-        experiment = with_boundary_start(experiment, _of_edges(experiment, stored_start(context.store,
+        experiment = with_boundary_start(experiment, _of_edges(experiment.model, stored_start(context.store,
                                                                                         context.settings)))
         return replace(experiment, model=replace(experiment.model, motion_error=self.motion_error))
 
@@ -64,11 +64,11 @@ class Source:
         return replace(self, motion_error=error)
 
 
-def _of_edges(experiment: Experiment, start: BoundaryStart) -> BoundaryStart:
+def _of_edges(model: Model, start: BoundaryStart) -> BoundaryStart:
     """What a run has measured of its virtual edges, as far as the edited experiment still has them."""
-    virtual = {f"{entry.nodes}.{entry.component}" for entry in experiment.model.prescribed
+    virtual = {f"{entry.nodes}.{entry.component}" for entry in model.prescribed
                if isinstance(entry.drive, Parametrised) and entry.drive.kind == "dic"}
-    return BoundaryStart({name: value for name, value in start.values.items() if name in experiment.model.parameters},
+    return BoundaryStart({name: value for name, value in start.values.items() if name in model.parameters},
                          {name: modes for name, modes in start.modes.items() if name in virtual})
 
 
@@ -92,7 +92,7 @@ def open_source(run: str | Path) -> tuple[Source, Identification]:
         raise InputError("the identification has no accepted point", file=run, expected="a finished identification",
                          found="none that was accepted", remedy="see RUN/report.html for what went wrong")
     context = session.context
-    _check(context.experiment, run)
+    _check(context.experiment.options, run)
     number = state.accepted.number
     point = load_evaluation(context.store, number, context.names)
     local = read_array(context.store.group(group_name(number, "start")), "local")
@@ -113,8 +113,8 @@ def _stored(simulation: Path) -> Callable[[], Iterator[np.ndarray]] | None:
     return read
 
 
-def _check(experiment: Experiment, run: Path) -> None:
-    if experiment.options.weighting != "noise":
+def _check(options: Options, run: Path) -> None:
+    if options.weighting != "noise":
         raise InputError("a diagnosis weighs by noise", file=run, key="[options] weighting", expected='"noise"',
-                         found=repr(experiment.options.weighting), remedy='identify with weighting = "noise"')
+                         found=repr(options.weighting), remedy='identify with weighting = "noise"')
 

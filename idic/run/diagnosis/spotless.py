@@ -25,7 +25,9 @@ def without_spots(source: ExperimentSource, found: Identification,
     there = source.with_edits({LEFT_OUT: known + circles})
     experiment = there.load()
     values = experiment.model.parameters.own_of(found.parameters.as_values())
-    again = identify(replace(experiment, model=replace(experiment.model, parameters=experiment.model.parameters.with_values(values)), stages=()))
+    again = identify(replace(experiment, model=replace(experiment.model,
+                                                       parameters=experiment.model.parameters.with_values(values)),
+                             stages=()))
     if again.point is None:
         return source, found, None
     places = tuple(_place(again, spot.column, spot.row) for spot in spots)

@@ -11,7 +11,7 @@ from idic.diagnose import (
     Diagnosis, Mismatch, ResidualEvidence, SelectedEffect, element_centres, holds_motion, place_words,
 )
 from idic.fe import cell_type
-from idic.model import Experiment
+from idic.model import Experiment, Model
 from idic.report import Picture, WhereRecord, pictures, spot_picture, time_label
 
 
@@ -46,8 +46,9 @@ def where_record(residual: ResidualEvidence, mismatch: Mismatch, selected: Selec
              "when": _when(begin, interval, mismatch.visible_frame), "course": mismatch.course.words}
     shares = {name: nested_tests.share(name) for name in nested_tests.levels if name not in ("force", "brightness")}
     return WhereRecord(
-        reference=experiment.recording.picture(experiment.model.reference) if evidence.n_components == 2 or experiment.recording.points else None,
-        outlines=_outlines(experiment, residual), statistic=source_map.statistic,
+        reference=experiment.recording.picture(experiment.model.reference) if evidence.n_components == 2
+        or experiment.recording.points else None,
+        outlines=_outlines(experiment.model, residual), statistic=source_map.statistic,
         p=np.where(source_map.same_sign, source_map.p, 1.0), source_elements=source_elements,
         since=source_map.first_frames(evidence.frames, begin), blind=_blind(experiment, residual),
         times=abscissa[evidence.frames], time_label=time_label(abscissa),
@@ -69,28 +70,29 @@ def _when(begin: int | None, interval: tuple[int, int] | None, visible: int | No
     return f"The mismatch begins at frame {begin}" + (f" (95 %: {interval[0]} to {interval[1]})." if interval else ".")
 
 
-def _outlines(experiment: Experiment, residual: ResidualEvidence) -> list[np.ndarray]:
-    nodes = experiment.model.mesh.nodes
+def _outlines(model: Model, residual: ResidualEvidence) -> list[np.ndarray]:
+    nodes = model.mesh.nodes
     at = nodes if residual.view.kind == SECTION else residual.context.camera.project(residual.view.points(nodes))
     return [at[nodes[:min(cell_type(block.cell).n_corners, 4)]]  # of a solid's cell one face
-            for block in experiment.model.mesh.blocks for nodes in block.connectivity]
+            for block in model.mesh.blocks for nodes in block.connectivity]
 
 
 def _blind(experiment: Experiment, residual: ResidualEvidence) -> np.ndarray:
     """Elements without pixels, or without a node whose motion was measured  # (n_elements,) bool; of a cross-section
     those outside the visible columns"""
-    if holds_motion(experiment):
+    model = experiment.model
+    if holds_motion(experiment.recording):
         seen = np.unique(residual.evidence.seen // residual.evidence.n_components)
-        return np.concatenate([~np.isin(block.connectivity, seen).any(axis=1) for block in experiment.model.mesh.blocks])
+        return np.concatenate([~np.isin(block.connectivity, seen).any(axis=1) for block in model.mesh.blocks])
     if residual.view.kind == SECTION:
-        x = experiment.model.mesh.nodes[:, 0]
+        x = model.mesh.nodes[:, 0]
         seen = x[residual.context.reference.pixel_map.visible_nodes]
-        middle = element_centres(experiment.model.mesh)[:, 0]
+        middle = element_centres(model.mesh)[:, 0]
         return (middle < seen.min()) | (middle > seen.max())
-    blind = np.ones(experiment.model.mesh.n_elements, dtype=bool)
+    blind = np.ones(model.mesh.n_elements, dtype=bool)
     for camera in residual.cameras:
         owners = np.asarray(camera.context.reference.pixel_map.element)
-        if experiment.model.n_dim == 3:  # faces, of one kind
-            owners = np.asarray(experiment.model.mesh.edge_sets[camera.context.experiment.model.surface])[owners, 0]
+        if model.n_dim == 3:  # faces, of one kind
+            owners = np.asarray(model.mesh.edge_sets[camera.context.experiment.model.surface])[owners, 0]
         blind[owners] = False
     return blind

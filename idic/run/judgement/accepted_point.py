@@ -46,7 +46,7 @@ def channel_table(context: RunContext, values: Mapping[str, float],
     simulated = np.full((experiment.model.n_frames, len(experiment.model.channels)), np.nan)
     for i, frame in enumerate(range(experiment.model.reference, experiment.model.n_frames)):
         simulated[frame] = channel_values(experiment, parameters, stored[i], frame)
-    return simulated, measured_values(experiment, parameters)
+    return simulated, measured_values(experiment.model, parameters)
 
 
 def solver_notes(context: RunContext, values: Mapping[str, float], evaluation: int) -> list[str]:

@@ -24,7 +24,8 @@ def discrepancy_job(session: Session, state: LoopState, point: Evaluation | None
         return None
     changes = perturbations(session.experiment, session.sensitivity, state.accepted.values, context.moving)
     weights = generalised_weights(context.weights) if point.system.generalised else None
-    return CorrelationJob(session.run, state.accepted.number, 0, session.experiment.model.n_frames, state.accepted.values,
+    return CorrelationJob(session.run, state.accepted.number, 0, session.experiment.model.n_frames,
+                          state.accepted.values,
                           changes, weights, stage, state.increments.per_frame)
 
 

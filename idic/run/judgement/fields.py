@@ -18,7 +18,7 @@ from idic.images import Camera
 from idic.measure import (
     FieldSeries, free_motion, in_mm, noise_samples, seen_by, simulated_states, smoothed_length, surface_of,
 )
-from idic.model import Experiment, ForwardModel
+from idic.model import Experiment, ForwardModel, Model
 from idic.run.judgement.floor import PointJob, simulated_motion
 from idic.run.prepared.context import RunContext, correlation_context, open_run
 from idic.run.prepared.tasks import read_motion
@@ -49,15 +49,17 @@ class FieldJob:
 
 def field_frames(experiment: Experiment) -> tuple[int, ...]:
     """The frames whose fields are shown: the reference, and the correlated ones after it, the last among them."""
-    frames = [k for k in correlated_frames(experiment, range(experiment.model.n_frames)) if k > experiment.model.reference]
+    model = experiment.model
+    frames = [k for k in correlated_frames(experiment, range(model.n_frames)) if k > model.reference]
     picks = np.linspace(0, len(frames) - 1, min(MAX_FIELD_FRAMES - 1, len(frames))) if frames else np.zeros(0)
-    return (experiment.model.reference, *dict.fromkeys(frames[int(round(p))] for p in picks))
+    return (model.reference, *dict.fromkeys(frames[int(round(p))] for p in picks))
 
 
 def write_fields(job: PointJob, runner: TaskRunner) -> None:
     """Measure and simulate the fields of an accepted point, unless the store has them; nothing of a cross-section."""
     context = open_run(job.run)
-    if is_section(context.experiment) or context.store.finished(FIELDS, {"evaluation": job.evaluation}) is not None:
+    if is_section(context.experiment.model) or context.store.finished(FIELDS,
+                                                                      {"evaluation": job.evaluation}) is not None:
         return
     frames = field_frames(context.experiment)
     index = surface_of(context.experiment.model.mesh, context.experiment.model.surface).index
@@ -66,7 +68,8 @@ def write_fields(job: PointJob, runner: TaskRunner) -> None:
         write_array(folder, "nodes", np.asarray(index, dtype=np.int64))
         shared = correlation_context(context, context.experiment.model.parameters.with_values(job.values))
         jobs, names = [FieldJob(job, str(folder), frames, simulated=True)], ["stress-and-state"]
-        plain = shared.experiment.recording.noise.std_gv and isinstance(shared.camera, Camera)  # a lens does not see a plane
+        plain = shared.experiment.recording.noise.std_gv and isinstance(shared.camera,
+                                                                        Camera)  # a lens does not see a plane
         seen = seen_by(shared.experiment, shared.reference.image) if plain else None
         if seen is not None:
             write_array(folder, "smoothed", np.array([smoothed_length(seen, shared.camera)]))
@@ -130,21 +133,21 @@ def write_states(job: FieldJob) -> None:
         write_array(job.target, f"{_STATE}{name}", rounded(values.astype(np.float32), DIGITS))
 
 
-def read_fields(context: RunContext, evaluation: int, experiment: Experiment) -> FieldSeries | None:
+def read_fields(context: RunContext, evaluation: int, model: Model) -> FieldSeries | None:
     """What `write_fields` stored of a point; None where there is nothing; experiment : at the identified geometry."""
     folder = context.store.finished(FIELDS, {"evaluation": evaluation})
     if folder is None:
         return None
     frames, index = read_array(folder, "frames"), read_array(folder, "nodes")
     u = FrameArrays.open(context.store.group(group_name(evaluation, BASE)), "u")
-    simulated = np.array([u.read(k, k + 1)[0][index, :2] for k in frames - experiment.model.reference])
+    simulated = np.array([u.read(k, k + 1)[0][index, :2] for k in frames - model.reference])
 
     def stored(name: str) -> np.ndarray | None:
         return read_array(folder, name).astype(float) if (folder / name).is_dir() else None
 
     states = {path.name.removeprefix(_STATE): read_array(folder, path.name).astype(float)
               for path in sorted(folder.iterdir()) if path.name.startswith(_STATE)}
-    return FieldSeries(surface_of(experiment.model.mesh, experiment.model.surface), tuple(frames.tolist()), simulated,
+    return FieldSeries(surface_of(model.mesh, model.surface), tuple(frames.tolist()), simulated,
                        stored("measured"), stored("noise"), stored("stress"), states,
-                       None if (length := stored("smoothed")) is None else float(length[0]), experiment.model.kind,
-                       experiment.model.length_unit)
+                       None if (length := stored("smoothed")) is None else float(length[0]), model.kind,
+                       model.length_unit)

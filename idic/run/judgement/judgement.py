@@ -76,7 +76,8 @@ def tried_remedies(job: PointJob) -> tuple[Remedy, ...]:
     parameters = context.experiment.model.parameters.with_values(job.values)
     shared = correlation_context(context, parameters)
     experiment = shared.experiment
-    if view_of(experiment, shared.camera).kind != GREY or experiment.recording.points is not None or not experiment.recording.noise.std_gv:
+    is_grey = view_of(experiment, shared.camera).kind == GREY and experiment.recording.points is None
+    if not is_grey or not experiment.recording.noise.std_gv:
         return ()
     return try_remedies(experiment, shared.camera, [k for k in shown_frames(experiment) if k not in job.lost],
                         simulated_motion(context, job.evaluation, parameters))

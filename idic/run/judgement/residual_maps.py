@@ -77,4 +77,5 @@ def residuals_of(context: RunContext, entry: Mapping, camera: int = 0) -> Callab
     records = load_evaluation(context.store, entry["evaluation"], context.names).system.frames
     brightness = {record.frame: tuple(record.brightness_of(camera).tolist()) for record in records}
     at = PointResiduals(context, entry["evaluation"], entry["values"], brightness, camera)
-    return lambda frame: at.map(frame) if context.experiment.model.reference < frame < context.experiment.model.n_frames else None
+    model = context.experiment.model
+    return lambda frame: at.map(frame) if model.reference < frame < model.n_frames else None

@@ -96,7 +96,8 @@ def _open_run(run: str, content: bytes) -> RunContext:
     experiment = tables.experiment()
     if experiment.recording.identity != settings["identity"]:
         raise InputError("the experiment has changed since this run began", file=settings["experiment"],
-                         expected=f"identity {settings['identity'][:16]}", found=f"identity {experiment.recording.identity[:16]}",
+                         expected=f"identity {settings['identity'][:16]}",
+                         found=f"identity {experiment.recording.identity[:16]}",
                          remedy="restore its files, or identify it again into a new RUN")
     experiment = with_stored_noise(with_stored_images(store, experiment), settings)
     experiment = replace(experiment, recording=replace(experiment.recording, excluded=tuple(settings["excluded"])))
@@ -136,7 +137,8 @@ def correlation_context(context: RunContext, parameters: ParameterSet,
     shape = tuple(parameters[name].value for name in context.forward.morphs)
 
     def attach(view: Experiment, camera: Camera) -> Reference:
-        key = (str(context.store.run), context.experiment.recording.identity, shape, camera.key, view.options.lowpass_px)
+        key = (str(context.store.run), context.experiment.recording.identity, shape, camera.key,
+               view.options.lowpass_px)
         place = (key[0], view.recording.camera_name)
         kept, reference = _references.get(place, (None, None))
         if kept != key:
@@ -152,7 +154,7 @@ def correlation_context(context: RunContext, parameters: ParameterSet,
 
 def _with_motion(context: RunContext, view: Experiment, image: Reference) -> Reference:
     """The reference of the comparison: the images, or with two steps the motion that the first one measured."""
-    if not is_two_step(context.experiment):
+    if not is_two_step(context.experiment.options):
         return image
     number = [own.recording.camera_name for own in context.experiment.views].index(view.recording.camera_name)
     folder = context.store.group(group_of(context.experiment, number, "dic"))

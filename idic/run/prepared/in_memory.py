@@ -39,12 +39,12 @@ class Prepared:
         """The experiment where the search has left it."""
         if self.begin is None:
             return self.experiment
-        return replace(self.experiment, model=replace(self.experiment.model, parameters=self.experiment.model.parameters.with_values(self.begin)))
+        return self.experiment.with_parameters(self.experiment.model.parameters.with_values(self.begin))
 
     @property
     def motion(self) -> dict[str, np.ndarray] | None:
         """The first of two steps: per camera (n_frames, n_nodes, 2) px; None where the method is integrated."""
-        return {name: free.u_px for name, free in self.free.items()} if is_two_step(self.experiment) else None
+        return {name: free.u_px for name, free in self.free.items()} if is_two_step(self.experiment.options) else None
 
 
 def prepare_in_memory(experiment: Experiment, say: Callable[[str], None] = lambda text: None) -> Prepared:
@@ -60,7 +60,7 @@ def prepare_in_memory(experiment: Experiment, say: Callable[[str], None] = lambd
     check_before_writing(experiment)
     views, free = experiment.views, {}
     for number in [*([0] if needs_free_dic(experiment) else []), *cameras_to_measure(experiment)]:
-        free[views[number].recording.camera_name] = dic_stack(views[number], regularisation_of(experiment))
+        free[views[number].recording.camera_name] = dic_stack(views[number], regularisation_of(experiment.options))
     motion = None
     if needs_free_dic(experiment):
         main = free[views[0].recording.camera_name]
@@ -69,10 +69,12 @@ def prepare_in_memory(experiment: Experiment, say: Callable[[str], None] = lambd
                             in_space=motion_in_space(experiment) if needs_motion_in_space(experiment) else None)
     beginning = beginning_of(experiment, motion)
     measured = with_boundary_start(experiment, beginning.boundary)
-    noises = camera_noises(experiment, {number: free[view.recording.camera_name].noise_gv for number, view in enumerate(views)
+    noises = camera_noises(experiment, {number: free[view.recording.camera_name].noise_gv for number,
+                                        view in enumerate(views)
                                         if view.recording.camera_name in free}, beginning.excluded)
     cameras = tuple(replace(camera, noise=noise) for camera, noise in zip(measured.cameras, noises[1:], strict=True))
-    measured = replace(measured, recording=replace(measured.recording, noise=noises[0], excluded=tuple(sorted(beginning.excluded))), cameras=cameras)
+    measured = replace(measured, recording=replace(measured.recording, noise=noises[0],
+                                                   excluded=tuple(sorted(beginning.excluded))), cameras=cameras)
     return _searched(Prepared(measured, beginning.local, free), say)
 
 
@@ -84,7 +86,7 @@ def _searched(prepared: Prepared, say: Callable[[str], None]) -> Prepared:
     name, free, u_px = experiment.views[0].recording.camera_name, dict(prepared.free), None
     if experiment.recording.quantity != "height":
         if name not in free:
-            free[name] = dic_stack(experiment, regularisation_of(experiment))
+            free[name] = dic_stack(experiment, regularisation_of(experiment.options))
         u_px = free[name].u_px
     bare = replace(experiment, recording=replace(experiment.recording, stack=None))
     start = search(experiment, lambda trials: [coarse_fit(bare, u_px, trial.values, trial.evaluations, trial.simplified)

@@ -46,7 +46,8 @@ class Beginning:
 def beginning_of(experiment: Experiment, motion: FreeMotion | None) -> Beginning:
     """What to begin with; motion : None where no free FE-DIC is needed."""
     if motion is None:
-        return Beginning(tuple(experiment.recording.excluded), np.zeros((experiment.model.n_frames, build_drives(experiment).n_local)))
+        return Beginning(tuple(experiment.recording.excluded),
+                         np.zeros((experiment.model.n_frames, build_drives(experiment).n_local)))
     excluded = list(experiment.recording.excluded)
     excluded += [int(k) for k in np.flatnonzero(motion.unexplained) if int(k) not in excluded]
     excluded += [k for k in without_edges(experiment, motion.lost, motion.in_space) if k not in excluded]
@@ -58,7 +59,7 @@ def beginning_of(experiment: Experiment, motion: FreeMotion | None) -> Beginning
 def cameras_to_measure(experiment: Experiment) -> list[int]:
     """The numbers of the further cameras (from 1) that need a free FE-DIC of their own."""
     return [number for number, camera in enumerate(experiment.cameras, 1)
-            if camera.noise.std_gv is None or is_two_step(experiment)]
+            if camera.noise.std_gv is None or is_two_step(experiment.options)]
 
 
 def camera_noises(experiment: Experiment, free_noises: Mapping[int, float], excluded: tuple[int, ...]) -> list[Noise]:

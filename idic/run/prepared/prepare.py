@@ -45,20 +45,21 @@ def check_before_writing(experiment: Experiment) -> None:
         No images, nothing to identify, sets or constraints that make no model, a mesh that is not in the image, modes
         to be measured on an edge that is not in the image.
     """
-    if experiment.recording.stack is None:
+    model, recording = experiment.model, experiment.recording
+    if recording.stack is None:
         raise InputError("there are no images", file="experiment.toml", key="[experiment] images",
                          expected="a folder of TIFF or PNG images", found="nothing",
                          remedy='write for example  images = "images/*.tif"')
     _check_heights(experiment)
-    if isinstance(experiment.recording.stack, FieldStack):
-        check_stages(experiment.recording.stack, [k for k in range(experiment.model.n_frames) if k not in experiment.recording.excluded])
+    if isinstance(recording.stack, FieldStack):
+        check_stages(recording.stack, [k for k in range(model.n_frames) if k not in recording.excluded])
     check_method(experiment)
     resolve_stages(experiment)
     build_forward(experiment)
-    if experiment.model.solver is not None:
-        experiment.model.solver.require_ready()
+    if model.solver is not None:
+        model.solver.require_ready()
     reference, *_ = [build_experiment_reference(view, camera_at(view,
-    experiment.model.parameters)) for view in experiment.views]
+    model.parameters)) for view in experiment.views]
     _check_measurable(experiment, reference.pixel_map.visible_nodes)
 
 
@@ -86,7 +87,7 @@ def _check_measurable(experiment: Experiment, visible: np.ndarray) -> None:
     for entry in experiment.model.prescribed:
         if not isinstance(entry.drive, Parametrised) or entry.drive.kind != "dic":
             continue
-        if entry not in seen or not np.isin(set_nodes(experiment, entry.nodes), visible).any():
+        if entry not in seen or not np.isin(set_nodes(experiment.model, entry.nodes), visible).any():
             raise InputError("a motion that the images do not show", file="experiment.toml",
                              key=f"[[boundary]] nodes = {entry.nodes}, u{entry.component}",
                              expected="an edge in the image, moving in its plane",
@@ -153,7 +154,8 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
     noises = camera_noises(experiment, {
         number: read_free_dic(store, group_of(experiment, number, "dic"))["noise_gv"]
         for number, view in enumerate(experiment.views) if view.recording.noise.std_gv is None}, beginning.excluded)
-    views = [replace(view, recording=replace(view.recording, noise=noise)) for noise, view in zip(noises, experiment.views, strict=True)]
+    views = [replace(view, recording=replace(view.recording, noise=noise)) for noise,
+             view in zip(noises, experiment.views, strict=True)]
     weights = noise_weights(experiment, views)
     write_description(run, {
         "experiment": str(Path(path).resolve()), "overrides": overrides, "identity": experiment.recording.identity,
@@ -199,7 +201,7 @@ def run_free_dic(job: tuple[str, str, dict, int]) -> None:
         array = FrameArrays.create(folder, "u_px", experiment.model.n_frames, shape,
                                    stored_frames(experiment.model.n_frames, 16 * shape[0]), compressed=True)
         with array.writer() as writer:
-            stack = dic_stack(view, regularisation_of(experiment), keep=writer.append)
+            stack = dic_stack(view, regularisation_of(experiment.options), keep=writer.append)
         write_array(folder, "rms_gv", stack.rms_gv)
         write_array(folder, "chi2_dof", stack.chi2_dof)
         for name in ("unexplained", "lost"):

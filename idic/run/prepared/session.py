@@ -58,7 +58,7 @@ def open_session(run: Path | str, runner: TaskRunner, sensitivity: str, progress
     """A session on a prepared RUN, new or resumed."""
     context = open_run(str(run))
     n_shape = sum(name in context.forward.morphs for name in context.moving)
-    sensitivity = checked_sensitivity(sensitivity, context.experiment)
+    sensitivity = checked_sensitivity(sensitivity, context.experiment.model)
     chosen = choose_sensitivity(sensitivity, len(context.moving), runner.workers, n_shape)
     callbacks = {name: call for name, call in (("progress", progress), ("say", say)) if call is not None}
     return Session(str(run), runner, chosen, **callbacks)

@@ -44,17 +44,18 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
         return motion(frame)[:, :2]
 
     shown = shown_frames(experiment)
-    frames = [k for k in correlated_frames(experiment, range(experiment.model.n_frames)) if k != experiment.model.reference]
+    frames = [k for k in correlated_frames(experiment, range(experiment.model.n_frames))
+              if k != experiment.model.reference]
     seen = seen_by(experiment, reference) if experiment.recording.noise.std_gv else None
     floor = noise_floor(seen, sensitivities, result, reference)
-    views = frame_views(experiment, frames, lambda frame: at_rest + plane(frame),
+    views = frame_views(experiment.recording, frames, lambda frame: at_rest + plane(frame),
                         residuals_of(context, last_accepted(result)))
     free = None if seen is None else read_free(context.store, point) or free_motions(seen, shown, plane)
     free = None if free is None else with_residuals(seen, free)
     if reference.is_section:
         views = with_profiles(views, reference, motion)
         if experiment.recording.noise.std_gv:
-            free = section_fields(experiment, reference, at_rest[:, 0], shown, motion)
+            free = section_fields(experiment.recording, reference, at_rest[:, 0], shown, motion)
             floor = with_section_floor(floor, experiment, reference, at_rest[:, 0])
     sources = ["given" if source == "given" else f"{source} of the log"
                for source in context.settings["channel_noise_source"]]
@@ -65,8 +66,8 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
         points=points,
         free_fields=free,
         curves=law_curves(experiment, parameters, result, motions),
-        rubber=rubber_curves(experiment, parameters, result, motions),
-        relaxation=relaxation_curves(experiment, parameters, result),
+        rubber=rubber_curves(experiment.model, parameters, result, motions),
+        relaxation=relaxation_curves(experiment.model, parameters, result),
         practice=practice_of(experiment, reference, result, floor, sources),
         views=views,
     )

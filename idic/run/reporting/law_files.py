@@ -16,7 +16,7 @@ from idic.laws import (
     ELASTOPLASTIC, EXPANSION, LISTS, LOCUS_NAME, PRODUCT_SIGN, PROGRAMS, RINGS, WrittenTerm, get_law, material_card,
     terms_of,
 )
-from idic.model import Experiment, nodal_temperature
+from idic.model import Model, nodal_temperature
 from idic.readers import factor_between
 from idic.run.prepared.context import open_run
 from idic.run.reporting.write import accepted_parameters
@@ -49,7 +49,7 @@ def export_laws(run: Path | str, folder: Path | str) -> tuple[WrittenLaw, ...]:
         raise InputError("the laws of this RUN belong to another solver", file=run, key="--export",
                          expected="a law of idic", found="[solver]", remedy="take the parameters from its result.json")
     folder.mkdir(parents=True, exist_ok=True)
-    written, visited = [], _visited_temperatures(context.experiment)
+    written, visited = [], _visited_temperatures(context.experiment.model)
     for material in materials:
         names = [*get_law(material.law).parameter_names, EXPANSION.name]
         values = {name: parameters[f"{material.element_set}.{name}"].value for name in names
@@ -69,12 +69,12 @@ def export_laws(run: Path | str, folder: Path | str) -> tuple[WrittenLaw, ...]:
     return tuple(written)
 
 
-def _visited_temperatures(experiment: Experiment) -> tuple[float, ...]:
+def _visited_temperatures(model: Model) -> tuple[float, ...]:
     """Temperatures (°C) over the range of the test, for the tables of cards."""
-    field = nodal_temperature(experiment)
+    field = nodal_temperature(model)
     if field is None:
         return ()
-    seen = field.start + field.values[experiment.model.reference:]
+    seen = field.start + field.values[model.reference:]
     return tuple(float(T) for T in np.unique(np.linspace(seen.min(), seen.max(), CARD_TEMPERATURES)))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from idic.fe import Mesh
 from idic.measure import field_columns
-from idic.model import Experiment
+from idic.model import Model
 from idic.report import RunRecord
 from idic.run.prepared.context import RunContext
 from idic.run.store.arrays import FrameArrays
@@ -23,7 +23,7 @@ COLLECTION = "fields.pvd"
 N_DIGITS = 17  # binary ones of a strain or stress in a file to look at
 
 
-def write_paraview(context: RunContext, experiment: Experiment, record: RunRecord, folder: Path) -> None:
+def write_paraview(context: RunContext, model: Model, record: RunRecord, folder: Path) -> None:
     """Write ``fields.pvd`` and its frames on the simulated mesh (mm or px); nothing where no point was accepted.
 
     experiment : at the geometry that was identified
@@ -32,7 +32,7 @@ def write_paraview(context: RunContext, experiment: Experiment, record: RunRecor
     if not accepted:
         return
     u = FrameArrays.open(context.store.group(group_name(accepted[-1], BASE)), "u")
-    write_collection(folder, experiment.model.mesh, _frames(experiment, u, record))
+    write_collection(folder, model.mesh, _frames(model, u, record))
 
 
 def write_collection(folder: Path, mesh: Mesh, frames: Iterable[tuple[float, Mapping[str, np.ndarray]]]) -> Path:
@@ -83,16 +83,16 @@ def _shortened(values: np.ndarray) -> np.ndarray:
     return np.ldexp(np.round(np.ldexp(scale, N_DIGITS)), exponent - N_DIGITS).astype(np.float32)
 
 
-def _frames(experiment: Experiment, u: FrameArrays,
+def _frames(model: Model, u: FrameArrays,
             record: RunRecord) -> Iterator[tuple[float, Mapping[str, np.ndarray]]]:
-    data, start = record.sensitivities, experiment.model.reference
+    data, start = record.sensitivities, model.reference
     for k in range(u.n_frames):
-        fields = {f"displacement_{experiment.model.length_unit}": u.read(k, k + 1)[0].astype(np.float32)}
+        fields = {f"displacement_{model.length_unit}": u.read(k, k + 1)[0].astype(np.float32)}
         if data is not None and data.frame == start + k:
             fields |= {f"sensitivity_px_per_{step.replace(' ', '')}_{name}": _shortened(data.phi_px[i])
                        for i, (name, step) in enumerate(zip(data.names, data.steps, strict=True))}
-        fields |= _measured_and_derived(record, start + k, len(experiment.model.mesh.nodes))
-        yield experiment.model.times[start + k], fields
+        fields |= _measured_and_derived(record, start + k, len(model.mesh.nodes))
+        yield model.times[start + k], fields
 
 
 def _measured_and_derived(record: RunRecord, frame: int, n_nodes: int) -> dict[str, np.ndarray]:

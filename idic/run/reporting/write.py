@@ -14,7 +14,7 @@ from idic.correlation import SPACE, at_fixed_pixels, camera_at, is_section, view
 from idic.errors import InputError
 from idic.fe import surface_cells
 from idic.identification import ratios_of
-from idic.model import Experiment, is_mode, nodal_temperature
+from idic.model import Experiment, Model, is_mode, nodal_temperature
 from idic.parameters import ParameterSet
 from idic.report import (
     ChannelRecord, EDGE, FieldFrames, ResidualMaps, RunRecord, Sensitivities, all_pictures, all_tables, draw_sections,
@@ -84,7 +84,7 @@ def write_numbers(run: Path, record: RunRecord, paraview: bool = False) -> None:
     if paraview:
         context = open_run(str(run))
         there = context.experiment.at_geometry(accepted_parameters(record.result, context.experiment.model.parameters))
-        write_paraview(context, there, record, run / "paraview")
+        write_paraview(context, there.model, record, run / "paraview")
 
 
 def _write_joint_report(run: Path, stage: Callable[[str], None], paraview: bool,
@@ -125,18 +125,18 @@ def load_record(run: Path | str) -> RunRecord:
         time_label=time_label(experiment.model.times),
         notes=_notes(context, result),
         pixel_size_mm=_pixel_size(experiment),
-        temperature=_temperature(experiment, parameters),
+        temperature=_temperature(experiment.model, parameters),
     )
     if not accepted:
         return RunRecord(**common)
     floor = read_floor(context.store)
     main, *others = [_seen(context, result, there, number, parameters) for number in range(len(there.views))]
-    series = series_of(run, context, result, there)
+    series = series_of(run, context, result, there.model)
     record = RunRecord(**(common | main), channels=_channels(context, result), series=series,
-                       hardening=hardening_curves(experiment, parameters, result, series),
-                       surfaces=yield_surfaces(experiment, parameters, result, series),
-                       temperature_factors=temperature_factors(experiment, parameters, result),
-                       gauges=gauges_of(context, there),
+                       hardening=hardening_curves(experiment.model, parameters, result, series),
+                       surfaces=yield_surfaces(experiment.model, parameters, result, series),
+                       temperature_factors=temperature_factors(experiment.model, parameters, result),
+                       gauges=gauges_of(context, there.model),
                        camera_floor_px=None if floor is None else floor.nodes_px,
                        **evidence(context, result, accepted[-1], parameters, main["sensitivities"]))
     names = [camera.name for camera in there.cameras]
@@ -181,7 +181,8 @@ def _refuse_another_experiment(run: Path, context: RunContext, result: Mapping) 
             "the experiment has changed since it was identified",
             file=run,
             expected=f"a mesh of {stored} nodes, as in the RUN",
-            found=f"{context.experiment.model.mesh.n_nodes} nodes" if not unknown else f"no {', '.join(sorted(unknown))}",
+            found=f"{context.experiment.model.mesh.n_nodes} nodes" if not unknown
+            else f"no {', '.join(sorted(unknown))}",
             remedy="identify it again into a new RUN, or restore the experiment folder",
         )
 
@@ -201,20 +202,21 @@ def _history(result: Mapping, parameters: ParameterSet) -> tuple[dict, ...]:
 
 
 def _cells(experiment: Experiment) -> tuple[tuple[str, np.ndarray], ...]:
-    if experiment.recording.quantity == "height" and is_section(experiment):
-        faces = experiment.model.mesh.edge_sets[experiment.model.surface]
-        return ((EDGE, np.array([experiment.model.mesh.face_nodes(face) for face in faces])),)
-    return tuple((block.cell, block.connectivity) for block in surface_cells(experiment.model.mesh, experiment.model.surface))
+    model = experiment.model
+    if experiment.recording.quantity == "height" and is_section(model):
+        faces = model.mesh.edge_sets[model.surface]
+        return ((EDGE, np.array([model.mesh.face_nodes(face) for face in faces])),)
+    return tuple((block.cell, block.connectivity) for block in surface_cells(model.mesh, model.surface))
 
 
 def _pixel_size(experiment) -> float | None:
     return experiment.model.camera.pixel_size if experiment.model.length_unit == "mm" else None
 
 
-def _temperature(experiment: Experiment, parameters: ParameterSet) -> np.ndarray | None:
+def _temperature(model: Model, parameters: ParameterSet) -> np.ndarray | None:
     """Lowest, mean and highest change of the nodes since the reference, with the accepted knots of a course that the
     data give  # (n_frames, 3) K"""
-    field = nodal_temperature(experiment)
+    field = nodal_temperature(model)
     if field is None:
         return None
     values = field.at(0.0, parameters)
@@ -314,30 +316,32 @@ def _residuals(context: RunContext, result: Mapping, number: int) -> ResidualMap
 
 def _fields(context: RunContext, point: int, experiment: Experiment, parameters: ParameterSet) -> FieldFrames | None:
     """Displacement of some frames as one camera sees it; experiment : the view of that camera."""
+    recording = experiment.recording
     frames = shown_frames(experiment)
     view, nodes = view_of(experiment, camera_at(experiment, parameters)), experiment.model.mesh.nodes
     u = np.array([view.at(frame).motion(nodes, experiment.model.turned(_read(context, point, BASE, "u", frame)))
                   for frame in frames])
     if not frames:
         return None
-    unit = 1.0 if experiment.recording.points is None else experiment.recording.points.um_per_px
-    rise = {f"rise [{experiment.recording.value_unit}]": unit * u[:, :, 2]} if view.n_components == 3 else {}
+    unit = 1.0 if recording.points is None else recording.points.um_per_px
+    rise = {f"rise [{recording.value_unit}]": unit * u[:, :, 2]} if view.n_components == 3 else {}
     return FieldFrames(frames, u[:, :, :2], rise)
 
 
 def _sensitivities(context: RunContext, point: int, experiment: Experiment,
                    parameters: ParameterSet) -> Sensitivities | None:
     """Fields of the parameters that move the simulation, in the frame in which they move most, seen by one camera."""
+    model = experiment.model
     chosen = [i for i, name in enumerate(context.moving) if not is_mode(name)]
     names = tuple(context.moving[i] for i in chosen)
     frames = shown_frames(experiment)
     if not names or not frames:
         return None
     frame = frames[-1]
-    u = experiment.model.turned(_read(context, point, BASE, "u", frame))
-    columns = experiment.model.turned(_columns(context, point, frame, parameters)[..., chosen])
-    du = at_fixed_pixels(experiment, u, columns, names)
-    view, nodes = view_of(experiment, camera_at(experiment, parameters)).at(frame), experiment.model.mesh.nodes
+    u = model.turned(_read(context, point, BASE, "u", frame))
+    columns = model.turned(_columns(context, point, frame, parameters)[..., chosen])
+    du = at_fixed_pixels(model, u, columns, names)
+    view, nodes = view_of(experiment, camera_at(experiment, parameters)).at(frame), model.mesh.nodes
     columns = view.columns(nodes, u, du).reshape(len(nodes), view.n_components, len(names))
     if view.n_components == 3 and view.kind != SPACE:
         columns[:, 2] *= experiment.recording.height_unit / view.camera.pixel_size

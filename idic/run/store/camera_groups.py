@@ -61,7 +61,8 @@ def with_stored_images(store: RunStore, experiment: Experiment) -> Experiment:
     """The experiment with the ingested images of all its cameras."""
     stacks = [ZarrStack(store.group(group_of(experiment, number, IMAGES))) for number in range(len(experiment.views))]
     cameras = tuple(replace(camera, stack=stack) for camera, stack in zip(experiment.cameras, stacks[1:], strict=True))
-    return with_stabilised_images(replace(experiment, recording=replace(experiment.recording, stack=stacks[0]), cameras=cameras))
+    return with_stabilised_images(replace(experiment, recording=replace(experiment.recording, stack=stacks[0]),
+                                          cameras=cameras))
 
 
 def noise_entry(noise: Noise) -> dict:
@@ -81,4 +82,7 @@ def with_stored_noise(experiment: Experiment, settings: Mapping) -> Experiment:
     """The experiment with the camera noise that was determined before the first simulation."""
     noises = [_noise_from(entry) for entry in (settings["noise"], *settings["camera_noises"])]
     cameras = tuple(replace(camera, noise=noise) for camera, noise in zip(experiment.cameras, noises[1:], strict=True))
-    return replace(experiment, recording=replace(experiment.recording, noise=replace(noises[0], stabiliser=experiment.recording.noise.stabiliser)), cameras=cameras)
+    return replace(experiment, recording=replace(experiment.recording,
+                                                 noise=replace(noises[0],
+                                                               stabiliser=experiment.recording.noise.stabiliser)),
+                   cameras=cameras)

@@ -32,11 +32,14 @@ def judged(experiment: Experiment, withheld: tuple[int, ...]) -> tuple[np.ndarra
     free_dic = dic_stack(experiment)
     excluded = [k for k, status in enumerate(free_dic.status) if status != "ok"]
     if experiment.recording.noise.std_gv is None:
-        experiment = replace(experiment, recording=replace(experiment.recording, noise=Noise(free_dic.noise_gv, "residual_of_free_dic")))
+        experiment = replace(experiment, recording=replace(experiment.recording,
+                                                           noise=Noise(free_dic.noise_gv, "residual_of_free_dic")))
     local = measured_start(experiment, free_dic.u_px, excluded)
     experiment = replace(experiment, recording=replace(experiment.recording, excluded=tuple(excluded)))
     full_fit = identify(experiment, local)
-    partial_fit = identify(replace(experiment, recording=replace(experiment.recording, excluded=(*excluded, *withheld)), model=replace(experiment.model, parameters=experiment.model.parameters.with_values(full_fit.state.accepted.values))), local)
+    shorter = replace(experiment, recording=replace(experiment.recording, excluded=(*excluded, *withheld)))
+    values = full_fit.state.accepted.values
+    partial_fit = identify(shorter.with_parameters(experiment.model.parameters.with_values(values)), local)
     evaluated, _ = evaluate_at(experiment, partial_fit.state.accepted.values, full_fit.local)
     n = experiment.model.n_frames
     return (np.stack([free_dic.rms_gv, residuals(full_fit.point, n), residuals(evaluated, n)], axis=1),
@@ -56,7 +59,8 @@ def main() -> None:
     for k, row in enumerate(residual_rows):
         if np.isfinite(row[1]):
             star = " (held out)" if k in withheld else ""
-            lines.append(f"| {experiment.recording.labels[k]}{star} | " + " | ".join(f"{value:.3f}" for value in row) + " |")
+            lines.append(f"| {experiment.recording.labels[k]}{star} | " + " | ".join(f"{value:.3f}"
+                                                                                     for value in row) + " |")
     for title, result in zip(("all frames", "without"), results, strict=True):
         values = {name: (entry["value"], entry["std"]) for name, entry in result["parameters"].items()
                   if entry["free"] and entry["std"] is not None}

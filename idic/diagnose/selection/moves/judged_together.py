@@ -67,7 +67,7 @@ def on_blocks(selected: Selected) -> State:
     residual = joined.residual
     of_grey_values = winner.ranked.variant.pixels is not None
     judged = () if of_grey_values else judged_by_step(model.residual, residual, setting.grid)
-    is_formal = bool(causes_of(state.rounds)) and holds_motion(residual.context.experiment) and any(
+    is_formal = bool(causes_of(state.rounds)) and holds_motion(residual.context.experiment.recording) and any(
         excess.matters for excess in local_residual_tests(model.residual, residual, setting.grid,
                                                           winner.refitted.values, setting.margin))
     entry = judged_alone(entry, judged, is_formal)

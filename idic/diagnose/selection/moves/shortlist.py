@@ -22,7 +22,7 @@ def with_refits(under_way: OpenRound) -> State:
     """The round with its rivals refitted, and the winner among them."""
     state, entry = under_way.state, under_way.round
     setting, model = state.setting, state.model
-    unit = state.power_of_copy if holds_motion(state.identification.experiment) else np.inf
+    unit = state.power_of_copy if holds_motion(state.identification.experiment.recording) else np.inf
     is_off = effect(model.fit.judgement, unit) > MAX_REGISTER_PX
     bends = not causes_of(state.rounds) and has_state(state.identification, YIELD_STATES)
     rivals = refitted(model.source, model.fit, entry.screening, state.refits, setting.grid, setting.seed, bends=bends,

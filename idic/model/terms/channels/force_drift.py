@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from idic.model.experiment import Experiment
+from idic.model.model import Model
 from idic.model.parts import Channel, Prescribed
 from idic.model.terms.channels.channel_term import ChannelTerm, Course, Probe, Reading, Step, logged_size
 from idic.parameters import Parameter
@@ -26,23 +27,24 @@ def parameters(channel: Channel, times: np.ndarray | None, prescribed: Sequence[
 
 def step(reading: float, at: Reading) -> Step:
     """r -> r + drift (t - t_0), or a course that the data give; t_0 : the reference frame, or `drift_from_s`"""
-    seconds = drifting(at.experiment, at.channel, at.frame)
+    seconds = drifting(at.experiment.model, at.channel, at.frame)
     knots = {name: float(hat[at.frame]) for name, hat in at.channel.hats_of("drift").items()}
     drifted = at.value("drift") * seconds
     return Step(reading + drifted + sum(at.value(name) * by for name, by in knots.items()), {"drift": seconds} | knots)
 
 
-def drifting(experiment: Experiment, channel: Channel, frame: int) -> float:
+def drifting(model: Model, channel: Channel, frame: int) -> float:
     """Seconds for which the reading of a channel has drifted."""
-    seconds = float(experiment.model.times[frame] - channel.starts.get("drift", experiment.model.times[experiment.model.reference]))
+    seconds = float(model.times[frame] - channel.starts.get("drift", model.times[model.reference]))
     return max(seconds, 0.0) if "drift" in channel.starts else seconds
 
 
 def probes(experiment: Experiment, channel: Channel) -> list[Probe]:
-    if not experiment.model.has_times:
+    model = experiment.model
+    if not model.has_times:
         return []
-    size, first = PROBE_FORCE_SHARE * float(np.abs(channel.values).max()), experiment.model.times[experiment.model.reference]
-    duration = float(experiment.model.times[-1] - first)
+    size, first = PROBE_FORCE_SHARE * float(np.abs(channel.values).max()), model.times[model.reference]
+    duration = float(model.times[-1] - first)
     drifts = [Probe(f"drift of {channel.column}", "drift", size / duration)]
     for onset in ONSETS:
         start = float(np.round(first + onset * duration, 9))
@@ -53,7 +55,7 @@ def probes(experiment: Experiment, channel: Channel) -> list[Probe]:
 
 def amplitude(experiment: Experiment, channel: Channel, name: str) -> np.ndarray | None:
     if name == "drift":
-        return np.array([drifting(experiment, channel, frame) for frame in range(experiment.model.n_frames)])
+        return np.array([drifting(experiment.model, channel, frame) for frame in range(experiment.model.n_frames)])
     return channel.hats_of("drift").get(name)
 
 

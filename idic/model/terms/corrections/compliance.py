@@ -26,7 +26,7 @@ def probes(experiment: Experiment, motion: Prescribed) -> list[Probe]:
         size = float(np.abs(force.values).max())
         if force.component == motion.component and size != 0.0:
             forms.append(Probe(f"{motion.nodes} gives way along {motion.component} with {force.column}",
-                               {"column": force.column}, probe_length(experiment) / size,
+                               {"column": force.column}, probe_length(experiment.model) / size,
                                sign=1 if is_logged else 0))
     return forms
 

@@ -17,6 +17,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.fe import Mesh
 from idic.model.experiment import Experiment
+from idic.model.model import Model
 from idic.model.parts import Column, Constant, Pattern, Prescribed, uniform
 
 ONSETS = (0.0, 0.2, 0.4, 0.6, 0.8)  # of the test, where a probe begins
@@ -219,20 +220,20 @@ def _sign_at_largest(drive: Column, values: np.ndarray) -> float:
 
 
 # probes -------------------------------------------------------------------------------------------
-def probe_starts(experiment: Experiment) -> list[dict[str, Any]]:
+def probe_starts(model: Model) -> list[dict[str, Any]]:
     """Keys of courses that begin at some moment: evenly in time from then on, or at once."""
-    first = float(experiment.model.times[experiment.model.reference])
-    duration = float(experiment.model.times[-1] - experiment.model.times[experiment.model.reference])
+    first = float(model.times[model.reference])
+    duration = float(model.times[-1] - model.times[model.reference])
     return [{"start_s": float(np.round(first + onset * duration, 9)), "course": course}
             for onset in ONSETS for course in (("ramp", "jump") if onset else ("ramp",))]
 
 
-def probe_length(experiment: Experiment) -> float:
+def probe_length(model: Model) -> float:
     """A displacement of a fifth of a pixel, mm."""
-    return PROBE_PX * experiment.model.camera.pixel_size
+    return PROBE_PX * model.camera.pixel_size
 
 
-def main_motion(experiment: Experiment) -> Column | None:
+def main_motion(model: Model) -> Column | None:
     """The logged motion that moves most."""
-    drives = [entry.drive for entry in experiment.model.prescribed if isinstance(entry.drive, Column)]
+    drives = [entry.drive for entry in model.prescribed if isinstance(entry.drive, Column)]
     return max(drives, key=lambda drive: np.abs(drive.values).max(), default=None)

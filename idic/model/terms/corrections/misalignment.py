@@ -28,15 +28,15 @@ def pattern(correction: Correction, mesh: Mesh, nodes: np.ndarray, component: st
 
 
 def probes(experiment: Experiment, motion: Prescribed) -> list[Probe]:
-    column = main_motion(experiment)
+    column = main_motion(experiment.model)
     is_held_across = any(entry.nodes == motion.nodes and entry.component != motion.component
                          and isinstance(entry.drive, (Column, Constant)) for entry in experiment.model.prescribed)
     if column is None or not isinstance(motion.drive, Column) or experiment.model.n_dim != 2 or not is_held_across:
         return []
-    length = probe_length(experiment)
+    length = probe_length(experiment.model)
     return [Probe(f"{motion.nodes} moves askew (u{motion.component})", {},
                   length / float(np.abs(column.values).max())),
-            *timed_probes(experiment, motion, "moves askew", length)]
+            *timed_probes(experiment.model, motion, "moves askew", length)]
 
 
 MISALIGNMENT = CorrectionTerm("misalignment", course, unit, GRIP_ROTATION, probes, pattern, is_timed=True,

@@ -8,6 +8,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.fe import Mesh
 from idic.model.experiment import Experiment
+from idic.model.model import Model
 from idic.model.parts import Column, Correction, Prescribed
 from idic.model.terms.corrections.correction_term import (
     Cause, CorrectedMotion, CorrectionTerm, Probe, follows_motion, in_proportion, main_motion, probe_length,
@@ -60,23 +61,24 @@ def reach(mesh: Mesh, nodes: np.ndarray, component: str) -> float:
 
 
 def probes(experiment: Experiment, motion: Prescribed) -> list[Probe]:
-    column, nodes = main_motion(experiment), experiment.model.mesh.nodes[experiment.model.mesh.node_sets[motion.nodes]]
+    mesh = experiment.model.mesh
+    column, nodes = main_motion(experiment.model), mesh.nodes[mesh.node_sets[motion.nodes]]
     if column is None or not float(np.ptp(nodes[:, 1 if motion.component == "x" else 0])) > 0.0:
         return []
     is_logged = isinstance(motion.drive, Column)
     size = float(np.abs(column.values).max()) if is_logged else 1.0
-    half, length = 0.5 * float(np.ptp(nodes, axis=0).max()), probe_length(experiment)
+    half, length = 0.5 * float(np.ptp(nodes, axis=0).max()), probe_length(experiment.model)
     return [Probe(f"{motion.nodes} turns (u{motion.component})", {} if is_logged else {"column": column.column},
                   length / (half * size)),
-            *timed_probes(experiment, motion, "turns", length / half)]
+            *timed_probes(experiment.model, motion, "turns", length / half)]
 
 
-def timed_probes(experiment: Experiment, motion: Prescribed, verb: str, value: float) -> list[Probe]:
+def timed_probes(model: Model, motion: Prescribed, verb: str, value: float) -> list[Probe]:
     """Probes that begin at some moment; [] where the test has no times."""
-    if not experiment.model.has_times:
+    if not model.has_times:
         return []
     return [Probe(f"{motion.nodes} {verb}{' at once' if keys['course'] == 'jump' else ''} from {keys['start_s']:.4g} s "
-                  f"on (u{motion.component})", keys, value) for keys in probe_starts(experiment)]
+                  f"on (u{motion.component})", keys, value) for keys in probe_starts(model)]
 
 
 ROTATION = CorrectionTerm("rotation", course, unit, GRIP_ROTATION, probes, pattern, reach, is_timed=True,

@@ -30,7 +30,7 @@ def probes(experiment: Experiment, motion: Prescribed) -> list[Probe]:
         size = float(np.abs(force.values).max())
         if force.kind == "reaction" and force.component == motion.component and size:
             forms += [Probe(label(motion.nodes, share * size, force.unit),
-                            {"column": force.column, "seated_at": share * size}, probe_length(experiment), sign=1)
+                            {"column": force.column, "seated_at": share * size}, probe_length(experiment.model), sign=1)
                       for share in SEATED_SHARES]
     return forms
 

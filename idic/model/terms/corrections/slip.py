@@ -23,10 +23,10 @@ def course(motion: CorrectedMotion) -> np.ndarray:
 
 def probes(experiment: Experiment, motion: Prescribed) -> list[Probe]:
     is_logged, forms = isinstance(motion.drive, Column), []
-    for keys in probe_starts(experiment):
+    for keys in probe_starts(experiment.model):
         speed = "at once" if keys["course"] == "jump" else "slowly"
         forms.append(Probe(f"{motion.nodes} slips {speed} along {motion.component} from {keys['start_s']:.4g} s", keys,
-                           probe_length(experiment), sign=1 if is_logged else 0))
+                           probe_length(experiment.model), sign=1 if is_logged else 0))
     return forms
 
 
