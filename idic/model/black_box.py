@@ -24,6 +24,8 @@ from idic.errors import InputError, NotConverged
 from idic.fe import ExternalSetup, ExternalSolver, FrameState, Solution, StepList, ExpectedOutput, inp_text
 from idic.model.drives import DriveTable, build_drives, set_nodes
 from idic.model.experiment import Experiment
+from idic.model.model import Model
+from idic.model.options import Options
 from idic.model.parts import Measured, Parametrised
 from idic.model.readings import Readings, build_readings, controlled
 from idic.parameters import ParameterSet
@@ -35,9 +37,10 @@ TIMES = ("TIME.end", "TIME.frames", "TIME.points")  # of the deck: its last time
 
 @dataclass(frozen=True)
 class ExternalForward:
-    """An experiment prepared for simulation by an external program."""
+    """A model prepared for simulation by an external program."""
 
-    experiment: Experiment
+    model: Model
+    options: Options
     drives: DriveTable
     readings: Readings | None
     scratch: Path | None = None  # folder of the folders of single runs; None: a temporary one
@@ -45,20 +48,20 @@ class ExternalForward:
 
     @property
     def setup(self) -> ExternalSetup:
-        return self.experiment.model.solver
+        return self.model.solver
 
     @property
     def frames(self) -> np.ndarray:
         """Frame numbers that are simulated: the reference and all later ones  # (n_simulated,)"""
-        return np.arange(self.experiment.model.reference, self.experiment.model.n_frames)
+        return np.arange(self.model.reference, self.model.n_frames)
 
     @property
     def morphs(self) -> tuple[str, ...]:
         """Degrees of freedom that move the nodes of the mesh."""
-        return tuple(morph.name for morph in self.experiment.model.morphs)
+        return tuple(morph.name for morph in self.model.morphs)
 
     @property
-    def model(self):
+    def body(self):
         raise InputError("stresses and tangents of an external solver are not available",
                          file=self.setup.experiment_file, key="solver",
                          expected="the built-in solver, where stresses and tangents are needed",
@@ -74,7 +77,7 @@ class ExternalForward:
         """By how much each frame-local unknown is shifted in its perturbed run  # (n_local,) mm, MPa or N"""
         drives, loads = self.drives, self.drives.loads
         histories = np.hstack([drives.columns[:, list(drives.local)], loads.columns[:, list(loads.local)]])
-        return np.maximum(self.experiment.options.perturbation * np.abs(histories).max(axis=0, initial=0.0),
+        return np.maximum(self.options.perturbation * np.abs(histories).max(axis=0, initial=0.0),
                           np.diagonal(drives.local_precision)**-0.5 if drives.n_local else 0.0)
 
     def respond(self, parameters: ParameterSet, local: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -85,11 +88,11 @@ class ExternalForward:
         NotConverged
             If the program crashed, took too long, or gave unusable output.
         """
-        at = self.experiment.at_geometry(parameters)
+        mesh = self.model.at_geometry(parameters).mesh
         request = replace(self._request, motions=self.motions(parameters, local))
         solver, texts = ExternalSolver(self.setup, request), self._tables(parameters, local)
         if self.setup.mesh_file is not None:
-            texts[self.setup.mesh_file] = inp_text(at.model.mesh, "idic", self.setup.element_types)
+            texts[self.setup.mesh_file] = inp_text(mesh, "idic", self.setup.element_types)
         if self.scratch is not None:
             solution = solver.run(self._values(parameters), texts, self.scratch, self.label)
         else:
@@ -116,21 +119,21 @@ class ExternalForward:
         u, channels = self.respond(parameters, local)
         perturbed = []
         for name in names:
-            change = parameters[name].perturbation(self.experiment.options.perturbation)
+            change = parameters[name].perturbation(self.options.perturbation)
             perturbed_parameters = parameters.with_values({name: parameters[name].value + change})
             perturbed.append((self.respond(perturbed_parameters, local), change))
         shifts = enumerate(self.local_changes()) if influence else ()
         local_runs = [(self.respond(parameters, self.shifted(local, i)), change) for i, change in shifts]
         du, dchannels = self._quotients(u, channels, perturbed)
         local_du, local_dchannels = self._quotients(u, channels, local_runs)
-        step_list = StepList(tuple(float(t) for t in self.experiment.model.times[self.experiment.model.reference:]))
+        step_list = StepList(tuple(float(t) for t in self.model.times[self.model.reference:]))
         for k, time in enumerate(step_list.times):
             yield FrameState(k, time, u[k], channels[k], du[k], dchannels[k], local_du[k], local_dchannels[k], 0, (),
                              step_list)
 
     def shifted(self, local: np.ndarray | None, index: int) -> np.ndarray:
         """Frame-local values with one of them shifted in all frames  # (n_frames, n_local)"""
-        moved = np.zeros((self.experiment.model.n_frames, self.drives.n_local)) if local is None else local.copy()
+        moved = np.zeros((self.model.n_frames, self.drives.n_local)) if local is None else local.copy()
         moved[:, index] += self.local_changes()[index]
         return moved
 
@@ -144,20 +147,20 @@ class ExternalForward:
 
     @cached_property
     def _request(self) -> ExpectedOutput:
-        experiment = self.experiment
-        mesh, reactions = experiment.model.mesh, [c for c in experiment.model.channels if c.kind == "reaction"]
-        return ExpectedOutput(np.asarray(mesh.node_labels), experiment.model.n_dim, self._clock()[1:],
+        model = self.model
+        mesh, reactions = model.mesh, [channel for channel in model.channels if channel.kind == "reaction"]
+        return ExpectedOutput(np.asarray(mesh.node_labels), model.n_dim, self._clock()[1:],
                       tuple(dict.fromkeys(f"{c.nodes}.{c.component}" for c in reactions)),
-                      {c.nodes: set_nodes(experiment.model, c.nodes) for c in reactions},
+                      {c.nodes: set_nodes(model, c.nodes) for c in reactions},
                       float(np.linalg.norm(np.ptp(mesh.nodes, axis=0))))
 
     def _clock(self) -> np.ndarray:
         """Times of the deck, 0 at the reference  # (n_simulated,)"""
-        times = self.experiment.model.times[self.experiment.model.reference:]
+        times = self.model.times[self.model.reference:]
         return np.arange(len(times), dtype=float) if self.setup.clock == "frames" else times - times[0]
 
     def _values(self, parameters: ParameterSet) -> dict[str, float]:
-        return {THICKNESS: self.experiment.model.thickness or 1.0, "TIME.end": float(self._clock()[-1]),
+        return {THICKNESS: self.model.thickness or 1.0, "TIME.end": float(self._clock()[-1]),
                 "TIME.frames": float(len(self.frames) - 1), **{n: float(v) for n, v in parameters.as_values().items()}}
 
     def _histories(self, parameters: ParameterSet, local: np.ndarray | None) -> np.ndarray:
@@ -179,8 +182,8 @@ class ExternalForward:
 
     def _channels(self, solution: Solution, parameters: ParameterSet, local: np.ndarray | None) -> np.ndarray:
         """What the channels read  # (n_simulated, n_channels)"""
-        forces = np.zeros((len(self.frames), len(self.experiment.model.channels)))
-        for column, channel in enumerate(self.experiment.model.channels):
+        forces = np.zeros((len(self.frames), len(self.model.channels)))
+        for column, channel in enumerate(self.model.channels):
             if channel.kind == "reaction":
                 forces[:, column] = channel.factor * solution.forces[f"{channel.nodes}.{channel.component}"]
         if self.readings is None:
@@ -201,7 +204,7 @@ def build_external(experiment: Experiment) -> ExternalForward:
     """
     model = experiment.model
     drives = build_drives(experiment)
-    forward = ExternalForward(experiment, drives, build_readings(model, drives.loads))
+    forward = ExternalForward(model, experiment.options, drives, build_readings(model, drives.loads))
     setup, file = model.solver, model.solver.experiment_file
     _check_drives(forward)
     tables, values = forward._tables(model.parameters, None), forward._values(model.parameters)
@@ -234,14 +237,14 @@ def build_external(experiment: Experiment) -> ExternalForward:
 
 def _check_drives(forward: ExternalForward) -> None:
     """Refuse drives that are not one history for a whole node set."""
-    experiment, basis = forward.experiment, forward.drives.basis
-    file = experiment.model.solver.experiment_file
-    if (drive := controlled(experiment.model)) is not None:
+    model, basis = forward.model, forward.drives.basis
+    file = model.solver.experiment_file
+    if (drive := controlled(model)) is not None:
         raise InputError("a gauge that controls a motion or force", file=file, key="[[boundary]] controlled_by",
                          expected="numbers or columns: an external solver is given the motion before it starts",
                          found=f"controlled_by, column {drive.column}",
                          remedy="use the built-in solver, or give the motion as a column")
-    for entry in experiment.model.prescribed:
+    for entry in model.prescribed:
         if isinstance(entry.drive, (Measured, Parametrised)):
             raise InputError("a motion that differs from node to node", file=file,
                              key=f"[[boundary]] nodes = {entry.nodes}, u{entry.component}",
@@ -252,6 +255,6 @@ def _check_drives(forward: ExternalForward) -> None:
         raise InputError("a motion that differs from node to node", file=file, key="[[boundary]]",
                          expected="one history per node set", found="corrections or overlapping motions",
                          remedy="use the built-in solver, or leave them out")
-    if experiment.model.temperatures:
+    if model.temperatures:
         raise InputError("temperatures with an external solver", file=file, key="[[boundary]] temperature",
                          expected="none: the deck has its own", found="a temperature", remedy="write it in the deck")

@@ -23,6 +23,7 @@ from idic.model.black_box import ExternalForward, build_external
 from idic.model.drives import COMPONENTS, DriveTable, build_drives, rates_since_reference, set_nodes
 from idic.model.experiment import Experiment
 from idic.model.model import Model
+from idic.model.options import Options
 from idic.model.parts import Load
 from idic.model.heterogeneity import variation_of, variations_at
 from idic.model.loads import LoadHistories, is_follower
@@ -46,11 +47,12 @@ class Solution:
 
 @dataclass(frozen=True)
 class ForwardModel:
-    """An experiment prepared for simulation."""
+    """A model prepared for simulation: the finite-element body and the drives."""
 
-    experiment: Experiment
+    model: Model
+    options: Options
     drives: DriveTable
-    model: Body  # with the histories of the experiment's starting values
+    body: Body  # with the histories of the model's starting values
     temperature: NodalTemperature | None = None  # None where no material knows it
     readings: Readings | None = None  # None where all channels are reactions
     control: Control | None = None  # None: as `idic.fe` has it
@@ -58,7 +60,7 @@ class ForwardModel:
     @property
     def frames(self) -> np.ndarray:
         """Frame numbers that are simulated: the reference and all later ones  # (n_simulated,)"""
-        return np.arange(self.experiment.model.reference, self.experiment.model.n_frames)
+        return np.arange(self.model.reference, self.model.n_frames)
 
     def moves(self, name: str) -> bool:
         """Whether a degree of freedom changes the simulation (and not only camera or channels)."""
@@ -73,10 +75,10 @@ class ForwardModel:
     @property
     def morphs(self) -> tuple[str, ...]:
         """Degrees of freedom that move the nodes of the mesh."""
-        return tuple(morph.name for morph in self.experiment.model.morphs)
+        return tuple(morph.name for morph in self.model.morphs)
 
     def _material(self, name: str) -> tuple[int, int] | None:
-        for index, section in enumerate(self.model.sections):
+        for index, section in enumerate(self.body.sections):
             prefix, _, parameter = name.rpartition(".")
             if prefix == section.name:
                 names = section.law.spec.parameter_names
@@ -84,18 +86,18 @@ class ForwardModel:
         return None
 
     def _variation(self, name: str) -> tuple[int, str] | None:
-        return variation_of(self.experiment.model, name)
+        return variation_of(self.model, name)
 
     def _expansion(self, name: str) -> int | None:
         """The section whose thermal expansion this is, where there is a temperature."""
-        names = [f"{section.name}.{EXPANSION.name}" for section in self.model.sections]
+        names = [f"{section.name}.{EXPANSION.name}" for section in self.body.sections]
         return names.index(name) if self.temperature is not None and name in names else None
 
     def _warming(self, name: str) -> np.ndarray | None:
         """Derivative of the temperature by `time.offset` (K/s) or a knot of its course  # (n_simulated, n_nodes)"""
         if self.temperature is not None and name in self.temperature.knots:
             hat = self._from_reference(self.temperature.knots[name])
-            return np.repeat(hat[:, None], self.experiment.model.mesh.n_nodes, axis=1)
+            return np.repeat(hat[:, None], self.model.mesh.n_nodes, axis=1)
         if name != "time.offset" or self.temperature is None or self.temperature.rates is None:
             return None
         return self._from_reference(self.temperature.rates)
@@ -117,7 +119,7 @@ class ForwardModel:
             return Direction(name, **parts)
         return Direction(name, material=self._material(name))
 
-    def model_at(self, parameters: ParameterSet, local: np.ndarray | None = None) -> Body:
+    def body_at(self, parameters: ParameterSet, local: np.ndarray | None = None) -> Body:
         """The finite-element model with drives, mesh, thickness and local values (n_frames, m) of these parameters.
 
         Raises
@@ -126,81 +128,80 @@ class ForwardModel:
             If the geometry would flatten an element.
         """
         histories = self._from_reference(self.drives.histories(parameters, local))
-        constraints = replace(self.model.constraints, histories=histories)
-        thickness, loads = self.model.thickness, self.model.loads
-        experiment = self.experiment.at_geometry(parameters)
-        if experiment is not self.experiment and loads.dead is not None:
-            loads = _loads(experiment.model, self.drives.loads)  # a traction on a rim that moves
+        constraints = replace(self.body.constraints, histories=histories)
+        thickness, loads = self.body.thickness, self.body.loads
+        model = self.model.at_geometry(parameters)
+        if model is not self.model and loads.dead is not None:
+            loads = _loads(model, self.drives.loads)  # a traction on a rim that moves
         if "geometry.thickness" in parameters:
             thickness = parameters["geometry.thickness"].value
         loads = _with_histories(loads, self._load_values(parameters, local))
-        if loads.dead is not None and thickness != self.model.thickness:
-            growth = np.where(self._per_thickness(), thickness / self.model.thickness, 1.0)
+        if loads.dead is not None and thickness != self.body.thickness:
+            growth = np.where(self._per_thickness(), thickness / self.body.thickness, 1.0)
             loads = replace(loads, dead_histories=loads.dead_histories * growth)
-        return replace(self.model, mesh=experiment.model.mesh, constraints=constraints, thickness=thickness,
-                       loads=loads,
-                       control=self._control(parameters), variations=variations_at(experiment.model, parameters),
+        return replace(self.body, mesh=model.mesh, constraints=constraints, thickness=thickness, loads=loads,
+                       control=self._control(parameters), variations=variations_at(model, parameters),
                        **self._thermal(parameters))
 
     def _thermal(self, parameters: ParameterSet) -> dict[str, Any]:
         """What of the model follows from the temperature: its history, the sections with their expansion."""
         if self.temperature is None:
             return {}
-        offset = self.experiment.model.log_shift(parameters)
+        offset = self.model.log_shift(parameters)
         sections = tuple(
             replace(section, expansion=parameters[name].value)
             if (name := f"{section.name}.{EXPANSION.name}") in parameters else section
-            for section in self.model.sections)
+            for section in self.body.sections)
         return {"sections": sections, "temperature": self._from_reference(self.temperature.at(offset, parameters)),
                 "start_temperature": self.temperature.start}
 
     def _per_thickness(self) -> np.ndarray:
         """Which dead loads are stresses on an edge, so that their force grows with the thickness  # (n_dead,) bool"""
-        dead = [load for load in self.experiment.model.loads if not is_follower(load)]
+        dead = [load for load in self.model.loads if not is_follower(load)]
         return np.array([load.kind != "force" for load in dead], dtype=bool)
 
     def _load_growth(self, parameters: ParameterSet) -> np.ndarray | None:
         """Derivative of the load histories by the thickness (follower pressures know it themselves)."""
-        loads = self.model.loads
+        loads = self.body.loads
         if loads.dead is None:
             return None
         values = self._load_values(parameters, None)[:, :loads.dead.shape[1]]
-        growth = np.where(self._per_thickness(), values / self.model.thickness, 0.0)
+        growth = np.where(self._per_thickness(), values / self.body.thickness, 0.0)
         return np.hstack([growth, np.zeros((len(growth), len(loads.pressure_faces)))])
 
     def _load_values(self, parameters: ParameterSet, local: np.ndarray | None) -> np.ndarray:
         """Histories of the loads as the solver numbers them, simulated frames  # (n_simulated, n_loads)"""
         loads, of_drives = self.drives.loads, len(self.drives.local)
         values = loads.values(parameters, None if local is None else local[:, of_drives:])
-        return values[self.experiment.model.reference:, loads.solver_order]
+        return values[self.model.reference:, loads.solver_order]
 
     def _load_change(self, name: str, parameters: ParameterSet) -> np.ndarray:
         loads = self.drives.loads
-        return loads.derivative(name, parameters)[self.experiment.model.reference:, loads.solver_order]
+        return loads.derivative(name, parameters)[self.model.reference:, loads.solver_order]
 
     def _from_reference(self, histories: np.ndarray) -> np.ndarray:
         """Histories of the simulated frames; at the reference frame nothing has moved."""
-        return from_reference(self.experiment.model, histories)
+        return from_reference(self.model, histories)
 
     def _late_readings(self) -> np.ndarray | None:
         """Derivative of the readings of the controlling gauge by `time.offset`, mm/s  # (n_simulated,)"""
-        drive = controlled(self.experiment.model)
+        drive = controlled(self.model)
         if drive is None or drive.rates is None:
             return None
-        return self._from_reference(rates_since_reference(self.experiment.model, drive.rates))
+        return self._from_reference(rates_since_reference(self.model, drive.rates))
 
     def _control(self, parameters: ParameterSet) -> PathControl | None:
         """The controlling gauge with its readings at these parameters."""
-        control, rates = self.model.control, self._late_readings()
+        control, rates = self.body.control, self._late_readings()
         if rates is None or "time.offset" not in parameters:
             return control
-        return replace(control, readings=control.readings + self.experiment.model.log_shift(parameters) * rates)
+        return replace(control, readings=control.readings + self.model.log_shift(parameters) * rates)
 
     def law_values(self, parameters: ParameterSet) -> dict[str, np.ndarray]:
         """Law parameters per section, in the law's order."""
         return {section.name: np.array([parameters[f"{section.name}.{name}"].value
                                         for name in section.law.spec.parameter_names])
-                for section in self.model.sections}
+                for section in self.body.sections}
 
     def march(self, parameters: ParameterSet, names: Sequence[str] = (), local: np.ndarray | None = None,
               steps: np.ndarray | None = None, influence: bool = False, warm_start: Iterable[np.ndarray] | None = None,
@@ -233,7 +234,7 @@ class ForwardModel:
         if not shape:
             yield from base
             return
-        changes = {name: parameters[name].perturbation(self.experiment.options.perturbation) for name in shape}
+        changes = {name: parameters[name].perturbation(self.options.perturbation) for name in shape}
         perturbed = [self._march(parameters.with_values({name: parameters[name].value + change}), (), local, steps,
                                  False, None, may_cut)
                      for name, change in changes.items()]
@@ -268,7 +269,7 @@ class ForwardModel:
         coarse_frames = set(every_second(len(self.frames)).tolist())
         warm_start = (u for number, (u, _) in enumerate(simulation()) if number in coarse_frames)
         coarse = self.march_at(parameters, local, every_second(len(self.frames)), warm_start)
-        return without_time_error(self.model, simulation(), coarse)
+        return without_time_error(self.body, simulation(), coarse)
 
     def march_at(self, parameters: ParameterSet, local: np.ndarray | None, frames: np.ndarray,
                  warm_start: Iterable[np.ndarray] | None = None) -> Iterator[FrameState]:
@@ -291,36 +292,36 @@ class ForwardModel:
                may_cut: bool = False, increments: int | None = None,
                frames: np.ndarray | None = None) -> Iterator[FrameState]:
         """One simulation, differentiated directly; frames : numbers of those that end an increment, None: all."""
-        model = self.model_at(parameters, local)
+        body = self.body_at(parameters, local)
         if influence:
             places = np.argsort(self.drives.loads.solver_order)
-            model = replace(model, local_drives=self.drives.local,
-                            local_loads=tuple(int(places[load]) for load in self.drives.loads.local))
+            body = replace(body, local_drives=self.drives.local,
+                           local_loads=tuple(int(places[load]) for load in self.drives.loads.local))
         directions = tuple(self.direction(name, parameters) for name in names)
-        times = self.experiment.model.times[self.experiment.model.reference:]
+        times = self.model.times[self.model.reference:]
         if frames is not None:
-            model, times = at_frames(model, frames), times[frames]
+            body, times = at_frames(body, frames), times[frames]
         frozen = None if steps is None else StepList(tuple(float(t) for t in steps))
-        arguments = (model, self.law_values(parameters), times, directions, frozen)
+        arguments = (body, self.law_values(parameters), times, directions, frozen)
         ways = {"control": self.control, "warm_start": warm_start, "may_cut": may_cut}
         if is_extrapolated(frozen) if frozen is not None else increments is not None:
             states = march_extrapolated(*arguments, increments=increments or 2, **ways)
         else:
-            substeps = self.experiment.options.substeps or 1
+            substeps = self.options.substeps or 1
             states = (superposed(*arguments, substeps=substeps, control=self.control)
                       or march(*arguments, substeps=substeps, **ways))
         if frames is not None:
             states = (replace(state, frame=int(frames[state.frame])) for state in states)
         if self.readings is not None:
             states = self._with_readings(states, self.readings, parameters, names, local, influence)
-        error, first = self.experiment.model.motion_error, self.experiment.model.reference
+        error, first = self.model.motion_error, self.model.reference
         for state in states:  # the error of a channel is that of the whole reading
             yield state if error is None else error.added(state, first + state.frame)
 
     def _with_readings(self, states: Iterable[FrameState], readings: Readings, parameters: ParameterSet,
                        names: Sequence[str], local: np.ndarray | None, influence: bool) -> Iterator[FrameState]:
         """The states with the channels that are no reactions."""
-        loads, first = self.drives.loads, self.experiment.model.reference
+        loads, first = self.drives.loads, self.model.reference
         values = loads.values(parameters, None if local is None else local[:, len(self.drives.local):])
         changes = [loads.derivative(name, parameters) if name in loads.names() else np.zeros_like(values)
                    for name in names]
@@ -340,29 +341,30 @@ def build_forward(experiment: Experiment) -> ForwardModel | ExternalForward:
     InputError
         If sets are missing, a body is unconstrained, or a force is compared without a thickness.
     """
-    if experiment.model.solver is not None:
+    model = experiment.model
+    if model.solver is not None:
         return build_external(experiment)
     drives = build_drives(experiment)
-    mesh = experiment.model.mesh
+    mesh = model.mesh
     sections = tuple(
         Section(material.element_set, compile_law(material.law, material.kinematics),
                 np.asarray(mesh.element_sets[material.element_set]))
-        for material in experiment.model.materials)
-    histories = drives.histories(experiment.model.parameters)[experiment.model.reference:].copy()
+        for material in model.materials)
+    histories = drives.histories(model.parameters)[model.reference:].copy()
     histories[0] = 0.0
-    model = Body(
-        mesh=mesh, kind=experiment.model.kind, sections=sections,
+    body = Body(
+        mesh=mesh, kind=model.kind, sections=sections,
         constraints=Constraints(drives.dofs, drives.basis, histories),
-        thickness=experiment.model.thickness or 1.0, loads=_loads(experiment.model, drives.loads),
-        channels=_reactions(experiment.model),
+        thickness=model.thickness or 1.0, loads=_loads(model, drives.loads),
+        channels=_reactions(model),
         locking=experiment.options.locking, surface_side=experiment.surface_side,
-        control=path_control(experiment.model, drives))
-    validate(model, len(histories))
-    warmed = any(f"{section.name}.{EXPANSION.name}" in experiment.model.parameters
+        control=path_control(model, drives))
+    validate(body, len(histories))
+    warmed = any(f"{section.name}.{EXPANSION.name}" in model.parameters
                  or section.law.spec.temperature is not None
                  for section in sections)
-    return ForwardModel(experiment, drives, model, nodal_temperature(experiment.model) if warmed else None,
-                        build_readings(experiment.model, drives.loads))
+    return ForwardModel(model, experiment.options, drives, body, nodal_temperature(model) if warmed else None,
+                        build_readings(model, drives.loads))
 
 
 def tried_increments(forward: ForwardModel | ExternalForward, times: np.ndarray, increments: int | None,
@@ -373,8 +375,8 @@ def tried_increments(forward: ForwardModel | ExternalForward, times: np.ndarray,
     """
     if not isinstance(forward, ForwardModel):
         return [None]
-    per_frame = increments or forward.experiment.options.substeps or 1
-    return increments_to_try(forward.model, times, per_frame, steps, extrapolated=increments is not None)
+    per_frame = increments or forward.options.substeps or 1
+    return increments_to_try(forward.body, times, per_frame, steps, extrapolated=increments is not None)
 
 
 def solve(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray | None = None,

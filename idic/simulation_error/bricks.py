@@ -78,7 +78,7 @@ def bricks_of(point: ModelPoint, sheet: Iterable[SheetFrame], neighbour: Bricks 
     experiment, n, path = point.experiment, point.experiment.model.mesh.n_nodes, []
     u = np.zeros((experiment.model.n_frames, *experiment.model.mesh.nodes.shape))
     channels = np.zeros((experiment.model.n_frames, len(experiment.model.channels)))
-    linear, names = is_linear(model.model), _of_the_laws(experiment.model, of_sheet or ())
+    linear, names = is_linear(model.body), _of_the_laws(experiment.model, of_sheet or ())
     columns = [(of_sheet or ()).index(name) for name in names]
     changes = None if of_sheet is None else ErrorChanges(names, np.zeros((*u.shape, len(names))),
                                                          np.zeros((*channels.shape, len(names))))
@@ -131,7 +131,7 @@ def reason_against_bricks(experiment: Experiment) -> str | None:
     if not can_be_thick(experiment):
         return None
     nodes = extruded(model.mesh, 0.5 * float(model.thickness)).n_nodes
-    limit = _max_bricks(build_forward(experiment).model)
+    limit = _max_bricks(build_forward(experiment).body)
     return f"bricks behind this mesh would have {nodes} nodes, more than {limit}" if nodes > limit else None
 
 
@@ -147,7 +147,7 @@ def _brick_model(experiment: Experiment) -> ForwardModel | None:
         return None
     forward = build_forward(thick(experiment))
     assert isinstance(forward, ForwardModel)  # a sheet of an external solver is not made thick
-    if forward.experiment.model.mesh.n_nodes > _max_bricks(forward.model):
+    if forward.model.mesh.n_nodes > _max_bricks(forward.body):
         return None
     return replace(forward, control=LOOSE)
 

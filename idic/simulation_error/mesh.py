@@ -79,13 +79,13 @@ def brick_mesh_error(point: ModelPoint) -> MotionError | None:
     finer = refined(experiment)
     bricks, finer_bricks = thick(experiment), thick(finer.experiment)
     forward = build_forward(bricks)
-    linear, n_nodes = is_linear(forward.model), finer_bricks.model.mesh.n_nodes
+    linear, n_nodes = is_linear(forward.body), finer_bricks.model.mesh.n_nodes
     if n_nodes > (LIMITS.superposed if linear else LIMITS.solid_in_few_frames):
         elastic = None if linear or n_nodes > LIMITS.superposed else as_elastic(experiment)
         return None if elastic is None else _of_elastic_bricks(point, elastic)
     n, m, difference = experiment.model.mesh.n_nodes, finer.experiment.model.mesh.n_nodes, finer.difference()
     n_simulated = experiment.model.n_frames - experiment.model.reference
-    frames = np.arange(n_simulated) if linear else compared_frames(forward.model_at(point.parameters, point.local))
+    frames = np.arange(n_simulated) if linear else compared_frames(forward.body_at(point.parameters, point.local))
     error = error_in_frames(
         replace(point, experiment=bricks),
         BetterModel(finer_bricks, finer.carried_local(point.local),
@@ -107,7 +107,7 @@ def as_elastic(experiment: Experiment) -> Experiment | None:
         return None
     materials = tuple(replace(material, law="elastic", kinematics="small") for material in model.materials)
     elastic = replace(experiment, model=replace(model, materials=materials))
-    return elastic if is_linear(build_forward(thick(elastic)).model) else None
+    return elastic if is_linear(build_forward(thick(elastic)).body) else None
 
 
 def without_reactions(error: MotionError, model: Model) -> MotionError:

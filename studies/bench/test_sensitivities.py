@@ -28,14 +28,14 @@ def test_sensitivities_of_solid_elements_cost_a_fraction_of_a_run(measured):
 
 def test_sensitivities_of_the_open_case_cost_a_fraction_of_a_run(measured, shared_data):
     forward = build_forward(load_experiment(shared_data("open-case-1-plate-with-hole-elastoplastic")))
-    parameters = forward.experiment.model.parameters
+    parameters = forward.model.parameters
     names = [name for name in parameters.free if forward.moves(name)]
 
     def run(names):
         return lambda: [None for _ in forward.march(parameters, names)]
 
     plain, direct = best_of([run(()), run(names)], 2)
-    mesh = forward.model.mesh
+    mesh = forward.body.mesh
     body = f"open case 1, {sum(b.n_elements for b in mesh.blocks)} {mesh.blocks[0].cell}, {len(forward.frames)} frames"
     report(measured, body, plain, direct, len(names))
     assert (direct / plain - 1) / len(names) < 0.5

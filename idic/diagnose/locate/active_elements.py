@@ -48,7 +48,7 @@ def activity(model: Identification) -> Activity | None:
     NotConverged
         If the model finds no equilibrium.
     """
-    experiment, sections = model.experiment, model.forward.model.sections
+    experiment, sections = model.experiment, model.forward.body.sections
     since = np.full(experiment.model.mesh.n_elements, -1)
     amount, verb = np.zeros(experiment.model.mesh.n_elements), ""
     for state in model.march():

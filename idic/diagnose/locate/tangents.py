@@ -72,7 +72,7 @@ def tangents(identification: Identification, residual: ResidualEvidence, only: i
         If a law finds no answer along the path.
     """
     forward, parameters = identification.forward, identification.parameters
-    model, params = forward.model_at(parameters, identification.local), forward.law_values(parameters)
+    model, params = forward.body_at(parameters, identification.local), forward.law_values(parameters)
     start = identification.experiment.model.reference
     times = identification.experiment.model.times[start:]
     system = discretise(model)

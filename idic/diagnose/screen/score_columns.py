@@ -240,7 +240,7 @@ def _alternative(experiment: Experiment, identification: Identification,
     forward = build_forward(experiment)
     parameters = experiment.model.parameters.with_values(values or identification.parameters.as_values())
     local = identification.local if forward.drives.n_local == identification.local.shape[1] else None
-    return (Alternative(forward.model_at(parameters, local), forward.law_values(parameters)),
+    return (Alternative(forward.body_at(parameters, local), forward.law_values(parameters)),
             forward.drives.loads.values(parameters))
 
 

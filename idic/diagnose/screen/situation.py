@@ -28,7 +28,7 @@ def situation(identification: Identification, residual: ResidualEvidence, docume
     document : the tables of experiment.toml with the run's overrides
     """
     experiment = identification.experiment
-    names = [section.name for section in identification.forward.model.sections]
+    names = [section.name for section in identification.forward.body.sections]
     stress = {name: np.zeros(0) for name in names}
     strain = dict.fromkeys(names, 0.0)
     for state in identification.march():

@@ -317,12 +317,12 @@ def errors_of_known_size(point: ModelPoint, known: Mapping[int, np.ndarray]) -> 
 def _stress_responses(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray, u: Iterable[np.ndarray],
                       frames: np.ndarray, hats: Hats) -> dict[int, Responses]:
     """The answer to stress errors in some frames, other channels than reactions included."""
-    start = forward.experiment.model.reference
-    base = Alternative(forward.model_at(parameters, local), forward.law_values(parameters))
-    times = forward.experiment.model.times[start:]
+    start = forward.model.reference
+    base = Alternative(forward.body_at(parameters, local), forward.law_values(parameters))
+    times = forward.model.times[start:]
     found = {}
     numbers = [int(frame) - start for frame in frames]
-    in_plane = (own[:, :forward.experiment.model.n_dim] for own in u)
+    in_plane = (own[:, :forward.model.n_dim] for own in u)
     for number, response in zip(numbers, stress_error_responses(base, times, in_plane, numbers, hats.values),
                                 strict=True):
         if forward.readings is not None:

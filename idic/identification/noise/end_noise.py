@@ -34,7 +34,7 @@ def with_end_noise(system: CorrelationSystem, context: CorrelationContext, forwa
     """
     experiment = context.experiment
     if not (isinstance(forward, ForwardModel) and experiment.recording.quantity == "displacement" and context.moving
-            and forward.drives.measured.any() and not experiment.model.loads and is_linear(forward.model)
+            and forward.drives.measured.any() and not experiment.model.loads and is_linear(forward.body)
             and experiment.options.weighting == "noise"):
         return system
     frames = correlated_frames(experiment, range(experiment.model.n_frames))
@@ -75,9 +75,8 @@ def _responses(forward: ForwardModel, context: CorrelationContext, ends: np.ndar
     nothing = np.zeros((n, drives.columns.shape[1]))
     still = replace(drives, columns=nothing, derivatives=dict.fromkeys(drives.derivatives, nothing),
                     loads=replace(drives.loads, columns=nothing[:, :0], rates=nothing[:, :0]))
-    experiment = replace(forward.experiment, model=replace(forward.experiment.model, times=np.arange(n, dtype=float),
-                                                           reference=0, motion_error=None))
-    alone = replace(forward, experiment=experiment, drives=still)
+    model = replace(forward.model, times=np.arange(n, dtype=float), reference=0, motion_error=None)
+    alone = replace(forward, model=model, drives=still)
     names = () if around is None else context.moving
     states = alone.march(context.parameters, names, np.vstack([0.0 * ends[:1], ends]), None, around is None)
     next(states)

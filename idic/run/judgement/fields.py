@@ -123,7 +123,7 @@ def write_states(job: FieldJob) -> None:
     known = (u for part in (first, read_motion(context, evaluation)) for u in part)
     states = forward.march(parameters, (), local, read_array(base, "steps"), warm_start=known, may_cut=True)
     try:
-        stress, found = simulated_states(forward.model, states, read_array(job.target, "nodes"),
+        stress, found = simulated_states(forward.body, states, read_array(job.target, "nodes"),
                                          [frame - start for frame in job.frames])
     except NotConverged as problem:
         write_array(job.target, "failure", np.frombuffer(str(problem).encode(), dtype=np.uint8))

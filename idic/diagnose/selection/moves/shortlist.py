@@ -65,7 +65,7 @@ def with_winner(selected: Selected, rival: Rival) -> State:
 
 def has_state(identification: Identification, states: Collection[str]) -> bool:
     """Whether a law of the identified model has one of these states."""
-    laws = (section.law.spec for section in identification.forward.model.sections)
+    laws = (section.law.spec for section in identification.forward.body.sections)
     return any(state in law.state_names for law in laws for state in states)
 
 
