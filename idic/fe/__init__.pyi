@@ -2,7 +2,7 @@ from .assembly.assembly import (
     Evaluation, System, discretise, evaluate_system, stiffness_times, transposed_stiffness_times,
 )
 from .body.boundary import constrain, dead_pressure, dofs_of, drives_at, face_area, traction
-from .body.model import Constraints, Direction, Loads, Body, PathControl, Reaction, Section, validate
+from .body.body import Constraints, Direction, Loads, Body, PathControl, Reaction, Section, validate
 from .body.variation import Variation
 from .conduction import conductance, conducted, unreached, volume
 from .equilibrium import Control, factorise_tangent

@@ -38,11 +38,11 @@ def solve_controlled(system: System, params: Mapping[str, np.ndarray], start: Co
     NotConverged
         With the reason; the caller may try a smaller increment.
     """
-    model, held_dofs = system.model, np.asarray(system.model.constraints.dofs)
+    body, held_dofs = system.body, np.asarray(system.body.constraints.dofs)
     limit, dt = control.clamp * system.size, drives.time - start.time
 
     def evaluate(u: np.ndarray, amplitude: float, guesses) -> tuple[Evaluation, Drives]:
-        scaled_drives = with_amplitude(model, drives, amplitude)
+        scaled_drives = with_amplitude(body, drives, amplitude)
         if effort is not None:
             effort.evaluations += 1
         return evaluate_system(system, params, u, start.states, dt, scaled_drives, guesses), scaled_drives
@@ -98,7 +98,7 @@ def _best(system: System, trials, evaluate, guesses, start: Evaluation) -> tuple
 
 def _reads_right(system: System, ev: Evaluation, drives: Drives, held_dofs: np.ndarray) -> bool:
     """Whether held dofs and gauge have what is asked, to rounding."""
-    gauge, u = system.model.control.gauge, ev.u.ravel()
+    gauge, u = system.body.control.gauge, ev.u.ravel()
     rounding = 64.0 * np.finfo(float).eps * float(np.abs(u).max(initial=0.0))
     off = float(np.abs(u[held_dofs] - drives.prescribed).max(initial=0.0))
     return bool(off <= rounding and abs(gauge @ u - drives.reading) <= rounding * np.abs(gauge).sum())
@@ -110,7 +110,7 @@ def _correction(system: System, ev: Evaluation, stiff: Evaluation, drives: Drive
 
     stiff : the evaluation whose tangent is taken: at first that of the last increment, which knows what flows and tears
     """
-    factor, gauge, free_dofs = factorise_tangent(system, stiff), system.model.control.gauge, system.pattern.dofs
+    factor, gauge, free_dofs = factorise_tangent(system, stiff), system.body.control.gauge, system.pattern.dofs
     move = np.zeros(ev.u.size)
     move[held_dofs] = drives.prescribed - ev.u.ravel()[held_dofs]
     rhs = -ev.residual.ravel()

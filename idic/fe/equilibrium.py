@@ -98,7 +98,7 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
     NotConverged
         With the reason; the caller may try a smaller increment.
     """
-    held_dofs = np.asarray(system.model.constraints.dofs)
+    held_dofs = np.asarray(system.body.constraints.dofs)
     limit, dt = control.clamp * system.size, drives.time - start.time
 
     def evaluate(u, guesses):
@@ -142,7 +142,7 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
 def linear_move(system: System, params: Mapping[str, np.ndarray], start: Converged, drives: Drives) -> np.ndarray:
     """The displacement increment to `drives` if stiffness stayed as it is at `start`  # (n_nodes, d) mm"""
     ev = admissible(evaluate_system(system, params, start.u, start.states, drives.time - start.time, drives))
-    held_dofs = np.asarray(system.model.constraints.dofs)
+    held_dofs = np.asarray(system.body.constraints.dofs)
     move, _ = _tangent_move(system, ev, drives, held_dofs, _Tangent.of(start))
     return move.reshape(start.u.shape)
 
@@ -329,12 +329,12 @@ def where_unbalanced(system: System, ev: Evaluation, unbalanced: float, scale: f
     """The largest out-of-balance force (N) in words: size, node, component, element, section."""
     worst = int(system.pattern.dofs[np.argmax(np.abs(ev.residual.ravel()[system.pattern.dofs]))])
     node, component = divmod(worst, system.n_dim)
-    mesh, place = system.model.mesh, ""
+    mesh, place = system.body.mesh, ""
     for group in system.groups:
         hit = np.flatnonzero((group.connectivity == node).any(axis=1))
         if len(hit):
             place = (f", element {mesh.element_labels[group.elements[hit[0]]]} of "
-                     f"{system.model.sections[group.section].name}")
+                     f"{system.body.sections[group.section].name}")
             break
     return (f"out of balance by {unbalanced:.3g} N ({unbalanced / max(scale, 1e-300):.1e} of the largest force) after "
             f"{iterations} Newton iterations, worst in {'xyz'[component]} at node {mesh.node_labels[node]}{place}")

@@ -23,10 +23,10 @@ import numpy as np
 
 from idic.fe.equilibrium import Control
 from idic.fe.time_march import FrameState, StepList, march
-from idic.fe.body.model import Direction, Body
+from idic.fe.body.body import Direction, Body
 
 
-def march_extrapolated(model: Body, params: Mapping[str, np.ndarray], times: np.ndarray,
+def march_extrapolated(body: Body, params: Mapping[str, np.ndarray], times: np.ndarray,
                        directions: Sequence[Direction] = (), steps: StepList | None = None, increments: int = 2,
                        control: Control | None = None, warm_start: Iterable[np.ndarray] | None = None,
                        may_cut: bool = False) -> Iterator[FrameState]:
@@ -46,16 +46,16 @@ def march_extrapolated(model: Body, params: Mapping[str, np.ndarray], times: np.
     """
     numbers, warm = (increments, increments // 2), (None, None) if warm_start is None else tee(warm_start)
     frozen = [None, None] if steps is None else [StepList(ends) for ends in split(steps.times)]
-    fine, coarse = (march(model, params, times, directions, step_list, number, control, start, may_cut)
+    fine, coarse = (march(body, params, times, directions, step_list, number, control, start, may_cut)
                     for step_list, number, start in zip(frozen, numbers, warm, strict=True))
-    order = time_order(model)
+    order = time_order(body)
     for fine_state, coarse_state in zip(fine, coarse, strict=True):
         yield _extrapolated(fine_state, coarse_state, order)
 
 
-def time_order(model: Body) -> int:
+def time_order(body: Body) -> int:
     """Order of the error of a simulation in the length of its increments: the lowest among its laws with a history."""
-    return min((section.law.spec.time_order for section in model.sections if section.law.spec.n_state), default=1)
+    return min((section.law.spec.time_order for section in body.sections if section.law.spec.n_state), default=1)
 
 
 def _extrapolated(fine: FrameState, coarse: FrameState, order: int) -> FrameState:
@@ -85,7 +85,7 @@ def whole_increments(times: np.ndarray, number: int) -> tuple[float, ...]:
                  for t in np.append(a + (b - a) / number * np.arange(1, number), b))
 
 
-def increments_to_try(model: Body, times: np.ndarray, substeps: int, last_ends: Sequence[float] | None,
+def increments_to_try(body: Body, times: np.ndarray, substeps: int, last_ends: Sequence[float] | None,
                       extrapolated: bool = False) -> list[tuple[float, ...] | None]:
     """Lists of increments for a model whose parameters moved since it was last solved, in the order to try them.
 
@@ -108,5 +108,5 @@ def increments_to_try(model: Body, times: np.ndarray, substeps: int, last_ends: 
     uncut_ends = whole_increments(times, substeps)
     if extrapolated:
         uncut_ends += whole_increments(times, substeps // 2)
-    more = len(last_ends) > len(uncut_ends) and not model.loads.pressure_faces
+    more = len(last_ends) > len(uncut_ends) and not body.loads.pressure_faces
     return [*([uncut_ends] if more else []), tuple(last_ends), None]

@@ -13,12 +13,12 @@ from idic.fe.assembly.point_means import add_point_values, quotient
 from idic.fe.time_march import FrameState, PointValues
 from idic.fe.mesh.element import cell_type, shape_gradients
 from idic.fe.mesh.mesh import Mesh
-from idic.fe.body.model import Body
+from idic.fe.body.body import Body
 
 QUANTITIES = ("F", "strain", "stress", "plastic_strain")
 
 
-def nodal_field(model: Body, frame: FrameState, quantity: str) -> np.ndarray:
+def nodal_field(body: Body, frame: FrameState, quantity: str) -> np.ndarray:
     """A quantity at the nodes of a simulated frame.
 
     Parameters
@@ -34,35 +34,35 @@ def nodal_field(model: Body, frame: FrameState, quantity: str) -> np.ndarray:
     if quantity not in QUANTITIES:
         raise InputError("unknown field", expected=", ".join(QUANTITIES), found=quantity,
                          remedy="write one of these names")
-    shape = () if quantity == "plastic_strain" else (model.mesh.n_dim,) * 2
-    total, weight = np.zeros((model.mesh.n_nodes, *shape)), np.zeros(model.mesh.n_nodes)
+    shape = () if quantity == "plastic_strain" else (body.mesh.n_dim,) * 2
+    total, weight = np.zeros((body.mesh.n_nodes, *shape)), np.zeros(body.mesh.n_nodes)
     for values in frame.points:
-        add_point_values(model.mesh, values.cell, values.elements, point_values(model, values, quantity),
-                         model.quadrature,
+        add_point_values(body.mesh, values.cell, values.elements, point_values(body, values, quantity),
+                         body.quadrature,
              total, weight)
     return quotient(total, weight)
 
 
-def nodal_state(model: Body, frame: FrameState, name: str) -> np.ndarray:
+def nodal_state(body: Body, frame: FrameState, name: str) -> np.ndarray:
     """A scalar state of the laws at the nodes; NaN at nodes of no element whose law has it  # (n_nodes,)"""
-    total, weight = np.zeros(model.mesh.n_nodes), np.zeros(model.mesh.n_nodes)
+    total, weight = np.zeros(body.mesh.n_nodes), np.zeros(body.mesh.n_nodes)
     for values in frame.points:
-        names = model.sections[values.section].law.spec.state_names
+        names = body.sections[values.section].law.spec.state_names
         if name in names:
-            add_point_values(model.mesh, values.cell, values.elements, values.state[:, names.index(name)],
-                             model.quadrature, total, weight)
+            add_point_values(body.mesh, values.cell, values.elements, values.state[:, names.index(name)],
+                             body.quadrature, total, weight)
     return quotient(total, weight)
 
 
-def point_values(model: Body, values: PointValues, quantity: str) -> np.ndarray:
+def point_values(body: Body, values: PointValues, quantity: str) -> np.ndarray:
     """A quantity at the integration points of one group  # (n_points, ...) as `nodal_field`"""
-    law = model.sections[values.section].law
+    law = body.sections[values.section].law
     if quantity == "F":
         return values.F
     if quantity == "strain":
         return small_strain(values.F) if law.small else green_strain(values.F)
     if quantity == "stress":
-        return values.P if law.small else cauchy_stress(model, values)
+        return values.P if law.small else cauchy_stress(body, values)
     names = law.spec.state_names
     if "plastic_strain" not in names:
         return np.zeros(len(values.F))
@@ -79,10 +79,10 @@ def green_strain(F: np.ndarray) -> np.ndarray:
     return (np.einsum("nki,nkj->nij", F, F) - np.eye(F.shape[1])) / 2
 
 
-def cauchy_stress(model: Body, values: PointValues) -> np.ndarray:
+def cauchy_stress(body: Body, values: PointValues) -> np.ndarray:
     """Cauchy stress P F^T / J of a finite-strain group, in plane for 2D  # (n_points, d, d) MPa"""
     J = np.linalg.det(values.F)
-    if model.kind == "plane_stress":
+    if body.kind == "plane_stress":
         J = J * values.state[:, -1]  # F33, which plane stress keeps behind the law's own state
     return np.einsum("nik,njk->nij", values.P, values.F) / J[:, None, None]
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from idic.fe.extrapolation import time_order
 from idic.fe.time_march import FrameState
-from idic.fe.body.model import Body
+from idic.fe.body.body import Body
 
 Motion = tuple[np.ndarray, np.ndarray]  # (n_nodes, d) mm and channels (n_channels,) of a frame
 
@@ -28,19 +28,19 @@ def every_second(n_frames: int) -> np.ndarray:
     return np.unique(np.append(np.arange(0, n_frames, 2), n_frames - 1))
 
 
-def at_frames(model: Body, frames: np.ndarray) -> Body:
+def at_frames(body: Body, frames: np.ndarray) -> Body:
     """The model with its histories at some frames."""
     def sampled(histories: np.ndarray | None) -> np.ndarray | None:
         return None if histories is None else histories[frames]
 
-    loads = replace(model.loads, dead_histories=sampled(model.loads.dead_histories),
-                    pressure_histories=sampled(model.loads.pressure_histories))
-    control = None if model.control is None else replace(model.control, readings=model.control.readings[frames])
-    constraints = replace(model.constraints, histories=model.constraints.histories[frames])
-    return replace(model, control=control, constraints=constraints, loads=loads, temperature=sampled(model.temperature))
+    loads = replace(body.loads, dead_histories=sampled(body.loads.dead_histories),
+                    pressure_histories=sampled(body.loads.pressure_histories))
+    control = None if body.control is None else replace(body.control, readings=body.control.readings[frames])
+    constraints = replace(body.constraints, histories=body.constraints.histories[frames])
+    return replace(body, control=control, constraints=constraints, loads=loads, temperature=sampled(body.temperature))
 
 
-def without_time_error(model: Body, fine: Iterable[Motion], coarse: Iterable[FrameState]) -> Iterator[Motion]:
+def without_time_error(body: Body, fine: Iterable[Motion], coarse: Iterable[FrameState]) -> Iterator[Motion]:
     """Motion and channels of every frame, extrapolated in time from a simulation and one in steps of two frames.
 
     Parameters
@@ -48,7 +48,7 @@ def without_time_error(model: Body, fine: Iterable[Motion], coarse: Iterable[Fra
     fine : every frame, the reference first
     coarse : some of them, numbered as those of `fine`, the reference and the last one included
     """
-    share, frames = 1.0 / (2.0 ** time_order(model) - 1.0), iter(fine)
+    share, frames = 1.0 / (2.0 ** time_order(body) - 1.0), iter(fine)
     first = next(frames)
     yield first
     last_frame, start_error = 0, tuple(np.zeros_like(part) for part in first)

@@ -28,7 +28,7 @@ from idic.fe.assembly.assembly import System, discretise
 from idic.fe.assembly.linear import kept_response
 from idic.fe.body.boundary import Drives, drives_at
 from idic.fe.equilibrium import kept_factor
-from idic.fe.body.model import Body
+from idic.fe.body.body import Body
 from idic.fe.sensitivity import answer_to_control
 
 
@@ -36,7 +36,7 @@ from idic.fe.sensitivity import answer_to_control
 class Alternative:
     """Another model on the same mesh with the same held dofs; params as for `march`."""
 
-    model: Body
+    body: Body
     params: Mapping[str, np.ndarray]
 
 
@@ -68,8 +68,8 @@ def first_responses(base: Alternative, times: np.ndarray, frames: Sequence[int],
     NotConverged
         If the law of `base` has no solution.
     """
-    first = discretise(base.model)
-    systems = [like(first, alternative.model) for alternative in alternatives]
+    first = discretise(base.body)
+    systems = [like(first, alternative.body) for alternative in alternatives]
     base_points, courses, course_of = ModelPoints(first, base), [], []
     for system, alternative in zip(systems, alternatives, strict=True):
         course = next((i for i, candidate in enumerate(courses) if candidate.serves(system, alternative)), None)
@@ -85,11 +85,11 @@ def first_responses(base: Alternative, times: np.ndarray, frames: Sequence[int],
         stresses = [course.attempt(*span) if living else None for course, living in zip(courses, alive, strict=True)]
         alive = [stress is not None for stress in stresses]
         forces, motions = np.zeros((moved.size, len(systems))), np.zeros((moved.size, len(systems)))
-        drives, held_dofs = drives_at(base.model, times, times[frame]), np.asarray(base.model.constraints.dofs)
+        drives, held_dofs = drives_at(base.body, times, times[frame]), np.asarray(base.body.constraints.dofs)
         for i, (system, course) in enumerate(zip(systems, course_of, strict=True)):
             if not alive[course]:
                 continue
-            other_drives = drives_at(system.model, times, times[frame])
+            other_drives = drives_at(system.body, times, times[frame])
             forces[:, i] = (_residual(system, stresses[course], other_drives, moved) - evaluation.residual).ravel()
             motions[held_dofs, i] = other_drives.prescribed - drives.prescribed
         responses = solved_responses(first, evaluation, factor, forces, motions)
@@ -98,28 +98,28 @@ def first_responses(base: Alternative, times: np.ndarray, frames: Sequence[int],
         yield responses
 
 
-def like(base: System, model: Body) -> System:
+def like(base: System, body: Body) -> System:
     """`discretise` of a model; numbering and shape functions of `base` are used again where they are the same."""
-    base_model = base.model
-    alike = _numbered_alike(model, base_model)
-    reusable = (alike and np.array_equal(model.mesh.nodes, base_model.mesh.nodes)
-                and (model.kind, model.thickness, model.locking) == (base_model.kind, base_model.thickness,
-                                                                     base_model.locking)
-                and model.quadrature == base_model.quadrature and not base_model.variations and not base.pressures
-                and not model.loads.pressure_faces and not any(group.mean_dilatation for group in base.groups)
+    base_body = base.body
+    alike = _numbered_alike(body, base_body)
+    reusable = (alike and np.array_equal(body.mesh.nodes, base_body.mesh.nodes)
+                and (body.kind, body.thickness, body.locking) == (base_body.kind, base_body.thickness,
+                                                                     base_body.locking)
+                and body.quadrature == base_body.quadrature and not base_body.variations and not base.pressures
+                and not body.loads.pressure_faces and not any(group.mean_dilatation for group in base.groups)
                 and all(section.law.spec.crack_band is None or section.law is base_section.law
-                        for section, base_section in zip(model.sections, base_model.sections, strict=True)))
+                        for section, base_section in zip(body.sections, base_body.sections, strict=True)))
     if not reusable:
-        return discretise(model, base.pattern if alike else None)
+        return discretise(body, base.pattern if alike else None)
     groups = []
     for group in base.groups:
-        factor = weight_factor(model, group.section, group.cell, group.connectivity, group.weights,
+        factor = weight_factor(body, group.section, group.cell, group.connectivity, group.weights,
                                         group.mean_dilatation)
         weights = group.weights if factor is None else group.weights * factor
-        law = model.sections[group.section].law
-        linear = kept_response(law, model.mode, group.grads, weights, len(group.elements), group.mean_dilatation)
+        law = body.sections[group.section].law
+        linear = kept_response(law, body.mode, group.grads, weights, len(group.elements), group.mean_dilatation)
         groups.append(replace(group, law=law, weights=weights, linear=linear))
-    return replace(base, model=model, groups=tuple(groups))
+    return replace(base, body=body, groups=tuple(groups))
 
 
 def _numbered_alike(first: Body, second: Body) -> bool:
@@ -135,19 +135,19 @@ def _numbered_alike(first: Body, second: Body) -> bool:
 class ModelPoints:
     """Stresses of a model's points along given displacements; they keep their history."""
 
-    def __init__(self, system: System, model: Alternative):
-        self.system, self.params, self.states = system, model.params, system.rest_states()
+    def __init__(self, system: System, body: Alternative):
+        self.system, self.params, self.states = system, body.params, system.rest_states()
 
-    def serves(self, system: System, model: Alternative) -> bool:
+    def serves(self, system: System, body: Alternative) -> bool:
         """Whether the points of another model go through the same."""
-        base_model, other_model = self.system.model, system.model
+        base_body, other_model = self.system.body, system.body
         if (len(self.system.groups) != len(system.groups)
-                or not _equal(base_model.temperature, other_model.temperature)
-                or not _equal(base_model.start_temperature, other_model.start_temperature)):
+                or not _equal(base_body.temperature, other_model.temperature)
+                or not _equal(base_body.start_temperature, other_model.start_temperature)):
             return False
         return all(a.law is b.law and a.name == b.name and a.expansion == b.expansion
-                   and np.array_equal(self.params[a.name], model.params[b.name])
-                   for a, b in zip(base_model.sections, other_model.sections, strict=True)) and all(
+                   and np.array_equal(self.params[a.name], body.params[b.name])
+                   for a, b in zip(base_body.sections, other_model.sections, strict=True)) and all(
                        a.mean_dilatation == b.mean_dilatation and (not a.mean_dilatation or a.weights is b.weights)
                        and np.array_equal(a.elements, b.elements)
                        for a, b in zip(self.system.groups, system.groups, strict=True))
@@ -164,7 +164,7 @@ class ModelPoints:
 
         Their new states are kept. `NotConverged` where the law has no solution.
         """
-        drives = drives_at(self.system.model, times, times[frame])
+        drives = drives_at(self.system.body, times, times[frame])
         evaluation = evaluate_system(self.system, self.params, u, self.states, times[frame] - times[start_frame],
                                      drives,
                                   guesses=self.states if start_frame else None, stiffness=stiffness)
@@ -190,7 +190,7 @@ def _residual(system: System, stresses: Evaluation, drives: Drives, u: np.ndarra
 def solved_responses(system: System, evaluation: Evaluation, factor, forces: np.ndarray,
                      motions: np.ndarray) -> Responses:
     """Answer of the tangent to forces lacking for equilibrium and to another prescribed motion  # (n_dof, m) each"""
-    free_dofs, channels = system.pattern.dofs, system.model.channels
+    free_dofs, channels = system.pattern.dofs, system.body.channels
     if motions.any():
         forces = forces + stiffness_times(system, evaluation, motions)
     moved = np.zeros_like(forces)
@@ -200,8 +200,8 @@ def solved_responses(system: System, evaluation: Evaluation, factor, forces: np.
         np.add.at(readings[:, k], np.asarray(channel.dofs, dtype=np.int64), channel.factor)
     channel_changes = readings.T @ forces + transposed_stiffness_times(system, evaluation, readings).T @ moved
     moved = motions + moved
-    if system.model.control is not None:  # the gauge stays on its course
-        gauge, (with_it, felt) = system.model.control.gauge, answer_to_control(system, evaluation, factor)
+    if system.body.control is not None:  # the gauge stays on its course
+        gauge, (with_it, felt) = system.body.control.gauge, answer_to_control(system, evaluation, factor)
         more = -(gauge @ moved) / (gauge @ with_it)
         moved, channel_changes = moved + with_it * more, channel_changes + readings.T @ (felt * more)
     return Responses(moved.reshape(*evaluation.u.shape, -1), channel_changes)

@@ -25,7 +25,7 @@ from idic.fe.thickness_change import influence_on_rise
 from idic.fe.body.boundary import drive_changes, pressure_force
 from idic.fe.equilibrium import Converged, consistent_factor
 from idic.fe.solver.linear import Factor
-from idic.fe.body.model import Direction, Body
+from idic.fe.body.body import Direction, Body
 
 
 @dataclass(frozen=True)
@@ -56,10 +56,10 @@ class Influence:
     rise: np.ndarray | None = None
 
 
-def check_directions(model: Body, directions: Sequence[Direction], n_frames: int) -> None:
+def check_directions(body: Body, directions: Sequence[Direction], n_frames: int) -> None:
     """Raise InputError for a direction that is not exactly one of the kinds or does not fit the model."""
-    n_drives = model.constraints.histories.shape[1]
-    n_loads = (0 if model.loads.dead is None else model.loads.dead.shape[1]) + len(model.loads.pressure_faces)
+    n_drives = body.constraints.histories.shape[1]
+    n_loads = (0 if body.loads.dead is None else body.loads.dead.shape[1]) + len(body.loads.pressure_faces)
     for d in directions:
         kinds = {"material": d.material is not None, "d_histories": d.d_histories is not None,
                  "d_loads": d.d_loads is not None, "thickness": d.thickness, "expansion": d.expansion is not None,
@@ -72,28 +72,28 @@ def check_directions(model: Body, directions: Sequence[Direction], n_frames: int
                              expected=f"one of {', '.join(kinds)} (d_loads may go with thickness; d_histories, "
                              "d_temperature, d_loads and d_readings go together)", found=f"{len(given_kinds)} of them",
                              remedy="give one direction per kind of parameter")
-        if given_kinds & {"expansion", "d_temperature"} and model.temperature is None:
+        if given_kinds & {"expansion", "d_temperature"} and body.temperature is None:
             raise InputError("a direction of thermal expansion, but no temperature", key=d.name,
                              expected="a temperature in the model", found="none",
                              remedy="give the model a temperature, or leave this direction out")
         for table_name, table, n in (("d_histories", d.d_histories, n_drives), ("d_loads", d.d_loads, n_loads),
-                                     ("d_temperature", d.d_temperature, model.mesh.n_nodes)):
+                                     ("d_temperature", d.d_temperature, body.mesh.n_nodes)):
             if table is not None and np.shape(table) != (n_frames, n):
                 raise InputError(f"{table_name} of direction {d.name} has the wrong shape", expected=str((n_frames, n)),
                                  found=str(np.shape(table)), remedy="give one row per frame")
-        if d.d_readings is not None and (model.control is None or np.shape(d.d_readings) != (n_frames,)):
+        if d.d_readings is not None and (body.control is None or np.shape(d.d_readings) != (n_frames,)):
             raise InputError(f"readings of direction {d.name} without a gauge, or of the wrong shape",
                              expected=f"{n_frames} values for a model with control",
                              found=str(np.shape(d.d_readings)), remedy="give one value per frame")
-        if d.thickness and model.kind == "solid":
+        if d.thickness and body.kind == "solid":
             raise InputError("a solid has no thickness parameter", key=d.name, remedy="lock it, or move the nodes")
 
 
 def at_rest(system: System, n_directions: int) -> Changes:
     """Zero derivatives of the reference state."""
-    mode = system.model.mode
+    mode = system.body.mode
     states = tuple(np.zeros((g.n_points, n_directions, g.law.n_state(mode))) for g in system.groups)
-    zero = np.zeros((system.model.n_dof, n_directions))
+    zero = np.zeros((system.body.n_dof, n_directions))
     return Changes(zero, zero, states)
 
 
@@ -128,12 +128,12 @@ def differentiate(system: System, params: Mapping[str, np.ndarray], directions: 
     forces += held_stiffness_times(system, end.evaluation, moved)
     forces[free_dofs] = 0.0  # in equilibrium along every direction; only rounding is left
     du += moved
-    if system.model.control is not None:
-        reading_changes = [change.reading for change in drive_changes(system.model, directions, times, end.time)]
+    if system.body.control is not None:
+        reading_changes = [change.reading for change in drive_changes(system.body, directions, times, end.time)]
         du, forces = on_course(system, end.evaluation, factor, du, forces, np.array(reading_changes))
     states = []
     for k, g in enumerate(end.evaluation.groups):
-        if system.groups[k].law.spec.n_state == 0 and not system.model.surface_side:  # nothing but F33, a start value
+        if system.groups[k].law.spec.n_state == 0 and not system.body.surface_side:  # nothing but F33, a start value
             states.append(start_changes.states[k])
             continue
         states.append(point_changes(system, k, g, _params(system, k, params), start.states, dt,
@@ -148,17 +148,17 @@ def influence_at(system: System, params: Mapping[str, np.ndarray], start: Conver
 
     start : of the increment that ends there; factor : of the consistent tangent at `end`, None: not known yet
     """
-    model = system.model
-    if not (model.local_drives or model.local_loads):
-        none = np.zeros((len(end.u), 0)) if model.surface_side else None
-        return Influence(np.zeros((*end.u.shape, 0)), np.zeros((model.n_dof, 0)), None, none)
+    body = system.body
+    if not (body.local_drives or body.local_loads):
+        none = np.zeros((len(end.u), 0)) if body.surface_side else None
+        return Influence(np.zeros((*end.u.shape, 0)), np.zeros((body.n_dof, 0)), None, none)
     factor = consistent_factor(system, end) if factor is None else factor
     if previous is not None and factor is previous.factor:
         return previous
     du, forces = local_influence(system, end, factor)
     constant = factor is end.factor and bool(end.factor_matrices)
     du = du.reshape(*end.u.shape, -1)
-    rise = influence_on_rise(system, params, start, end, du) if model.surface_side else None
+    rise = influence_on_rise(system, params, start, end, du) if body.surface_side else None
     return Influence(du, forces, factor if constant else None, rise)
 
 
@@ -172,8 +172,8 @@ def local_influence(system: System, end: Converged, factor: Factor) -> tuple[np.
     -------
     du (n_dof, m) mm per unit of drive or load, forces (n_dof, m) N per unit
     """
-    du, forces = answers(system, end.evaluation, factor, system.model.local_drives, system.model.local_loads)
-    if system.model.control is not None:
+    du, forces = answers(system, end.evaluation, factor, system.body.local_drives, system.body.local_loads)
+    if system.body.control is not None:
         du, forces = on_course(system, end.evaluation, factor, du, forces, np.zeros(du.shape[1]))
     return du, forces
 
@@ -186,8 +186,8 @@ def answers(system: System, evaluation: Evaluation, factor: Factor, drives: Sequ
     -------
     du (n_dof, m) mm, forces (n_dof, m) N, as `local_influence`
     """
-    constraints = system.model.constraints
-    du = np.zeros((system.model.n_dof, len(drives) + len(loads)))
+    constraints = system.body.constraints
+    du = np.zeros((system.body.n_dof, len(drives) + len(loads)))
     du[constraints.dofs, :len(drives)] = constraints.basis[:, list(drives)]
     forces = stiffness_times(system, evaluation, du)
     for k, load in enumerate(loads, len(drives)):
@@ -202,7 +202,7 @@ def answers(system: System, evaluation: Evaluation, factor: Factor, drives: Sequ
 
 def answer_to_control(system: System, evaluation: Evaluation, factor: Factor) -> tuple[np.ndarray, np.ndarray]:
     """Response to a unit of the controlled drive or load  # du (n_dof, 1) mm, forces (n_dof, 1) N"""
-    control = system.model.control
+    control = system.body.control
     return answers(system, evaluation, factor, *(() if number is None else (number,)
                                                  for number in (control.drive, control.load)))
 
@@ -213,7 +213,7 @@ def on_course(system: System, evaluation: Evaluation, factor: Factor, du: np.nda
 
     reading_changes : (nd,) mm, change of its reading
     """
-    gauge = system.model.control.gauge
+    gauge = system.body.control.gauge
     moved, felt = answer_to_control(system, evaluation, factor)
     more = (reading_changes - gauge @ du) / (gauge @ moved)
     return du + moved * more, forces + felt * more
@@ -221,11 +221,11 @@ def on_course(system: System, evaluation: Evaluation, factor: Factor, du: np.nda
 
 def _unit_load(system: System, u: np.ndarray, load: int) -> np.ndarray:
     """Nodal forces of a load of one unit on the present shape  # (n_dof,); load : dead ones first, then pressures"""
-    dead = system.model.loads.dead
+    dead = system.body.loads.dead
     n_dead = 0 if dead is None else dead.shape[1]
     if load < n_dead:
         return dead[:, load]
-    force, x = np.zeros(system.model.n_dof), system.model.mesh.nodes + u
+    force, x = np.zeros(system.body.n_dof), system.body.mesh.nodes + u
     for faces in system.pressures:
         if faces.load == load - n_dead:
             np.add.at(force, faces.dofs, pressure_force(faces, x).reshape(faces.dofs.shape))
@@ -247,7 +247,7 @@ def _part(changes: np.ndarray | None, selection) -> np.ndarray | None:
 
 
 def _params(system: System, k: int, params: Mapping[str, np.ndarray]) -> np.ndarray:
-    return params[system.model.sections[system.groups[k].section].name]
+    return params[system.body.sections[system.groups[k].section].name]
 
 
 def _parameter_changes(system: System, directions, params, times: np.ndarray,
@@ -264,7 +264,7 @@ def _parameter_changes(system: System, directions, params, times: np.ndarray,
         if g.temperature is not None:
             warming = _nodal_warming(system, directions, times, end)
             group_changes = group.law.spec.temperature.changes(
-                params[system.model.sections[group.section].name], g.temperature, group_changes,
+                params[system.body.sections[group.section].name], g.temperature, group_changes,
                 None if warming is None else points_of(system, group, warming), len(directions))
         if group.size is not None:
             group_changes = group.law.spec.crack_band.changes(band_place(group), group_changes, group.size)
@@ -274,18 +274,18 @@ def _parameter_changes(system: System, directions, params, times: np.ndarray,
 
 def _nodal_warming(system: System, directions, times: np.ndarray, end: Converged) -> np.ndarray | None:
     """Change of the temperature of the nodes along each direction  # (n_nodes, nd) K; None: none changes it"""
-    warmings = [change.temperature for change in drive_changes(system.model, directions, times, end.time)]
+    warmings = [change.temperature for change in drive_changes(system.body, directions, times, end.time)]
     if all(change is None for change in warmings):
         return None
-    return np.stack([np.zeros(system.model.mesh.n_nodes) if change is None else change for change in warmings], axis=1)
+    return np.stack([np.zeros(system.body.mesh.n_nodes) if change is None else change for change in warmings], axis=1)
 
 
 def _unit_changes(system, section: int, directions, params) -> np.ndarray | None:
     """Unit changes of the parameters of a section  # (nd, n_params); None: no direction concerns it"""
-    name = system.model.sections[section].name
+    name = system.body.sections[section].name
     rows = np.zeros((len(directions), len(params[name])))
     for k, direction in enumerate(directions):
-        if direction.material is not None and system.model.sections[direction.material[0]].name == name:
+        if direction.material is not None and system.body.sections[direction.material[0]].name == name:
             rows[k, direction.material[1]] = 1.0
     return rows if rows.any() else None
 
@@ -294,10 +294,10 @@ def _expansion_changes(system: System, directions, times: np.ndarray, end: Conve
     """Change of the free thermal expansion of the points of each group  # (n_points, nd); None: none changes it"""
     if end.drives.temperature is None:
         return [None] * len(system.groups)
-    warming = [change.temperature for change in drive_changes(system.model, directions, times, end.time)]
+    warming = [change.temperature for change in drive_changes(system.body, directions, times, end.time)]
     changes = []
     for group in system.groups:
-        nodal = expansion.nodal_changes(system.model, group.section, directions, end.drives.temperature, warming)
+        nodal = expansion.nodal_changes(system.body, group.section, directions, end.drives.temperature, warming)
         changes.append(None if nodal is None else points_of(system, group, nodal))
     return changes
 
@@ -313,18 +313,18 @@ def _add_variations(system: System, directions, end: Converged, forces: np.ndarr
 
 def _add_drive_changes(system: System, directions, times, end: Converged, du: np.ndarray, forces: np.ndarray) -> None:
     """Prescribed motion into du, loads and thickness into the change of the residual at fixed displacement."""
-    model, ev = system.model, end.evaluation
-    x = model.mesh.nodes + end.u
+    body, ev = system.body, end.evaluation
+    x = body.mesh.nodes + end.u
     for k, (direction, change) in enumerate(
-            zip(directions, drive_changes(model, directions, times, end.time), strict=True)):
-        du[model.constraints.dofs, k] = change.prescribed
+            zip(directions, drive_changes(body, directions, times, end.time), strict=True)):
+        du[body.constraints.dofs, k] = change.prescribed
         if direction.thickness:
-            forces[:, k] += ev.internal.ravel() / model.thickness
+            forces[:, k] += ev.internal.ravel() / body.thickness
         if change.dead.any():
-            forces[:, k] -= model.loads.dead @ change.dead
+            forces[:, k] -= body.loads.dead @ change.dead
         for faces in system.pressures:
             factor = change.pressure[faces.load]
             if direction.thickness:
-                factor += end.drives.pressure[faces.load] / model.thickness
+                factor += end.drives.pressure[faces.load] / body.thickness
             if factor != 0.0:
                 np.add.at(forces[:, k], faces.dofs, -factor * pressure_force(faces, x).reshape(faces.dofs.shape))

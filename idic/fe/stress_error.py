@@ -42,7 +42,7 @@ def stress_error_responses(base: Alternative, times: np.ndarray, u: Iterable[np.
     NotConverged
         If the law finds no stress along the path.
     """
-    system = discretise(base.model)
+    system = discretise(base.body)
     points = ModelPoints(system, base)
     sums = [_NodalSums.of(system, group, weights) for group in system.groups]
     factor, matrices = None, ()
@@ -68,7 +68,7 @@ class _NodalSums:
         n, nn, d = group.grads.shape
         rows = np.repeat(group.connectivity, group.points_per_element, axis=0).ravel()
         places = (rows, np.repeat(np.arange(n), nn))
-        shape = (len(system.model.mesh.nodes), n)
+        shape = (len(system.body.mesh.nodes), n)
         along = tuple(sparse.csr_array(((group.weights[:, None] * group.grads[:, :, axis]).ravel(), places),
                                        shape=shape) for axis in range(d))
         return cls(points_of(system, group, weights), along)

@@ -21,7 +21,7 @@ from idic.fe.assembly.assembly import System, discretise
 from idic.fe.body.boundary import drives_at
 from idic.fe.equilibrium import Control
 from idic.fe.time_march import FrameState, PointValues, StepList, march
-from idic.fe.body.model import Constraints, Direction, Body, validate
+from idic.fe.body.body import Constraints, Direction, Body, validate
 from idic.fe.sensitivity import check_directions
 
 MAX_BYTES = 3e8  # of the answers and their derivatives
@@ -56,7 +56,7 @@ class _Points:
 
     def __iter__(self) -> Iterator[PointValues]:
         system = self.body.system
-        drives = drives_at(self.body.model, self.body.times, self.time)
+        drives = drives_at(self.body.body, self.body.times, self.time)
         evaluation = evaluate_system(system, self.body.params, self.u, system.rest_states(), 0.0, drives,
                                      stiffness=False)
         for group, g in zip(system.groups, evaluation.groups, strict=True):
@@ -67,16 +67,16 @@ class _Points:
 class _Body:
     """The model at its parameters."""
 
-    model: Body
+    body: Body
     params: Mapping[str, np.ndarray]
     times: np.ndarray
 
     @cached_property
     def system(self) -> System:
-        return discretise(self.model)
+        return discretise(self.body)
 
 
-def superposed(model: Body, params: Mapping[str, np.ndarray], times: np.ndarray, directions: Sequence[Direction] = (),
+def superposed(body: Body, params: Mapping[str, np.ndarray], times: np.ndarray, directions: Sequence[Direction] = (),
                steps: StepList | None = None, substeps: int = 1,
                control: Control | None = None) -> Iterator[FrameState] | None:
     """The frames of `idic.fe.time_march.march`; None where the body is not linear or a sum would not be cheaper.
@@ -88,46 +88,46 @@ def superposed(model: Body, params: Mapping[str, np.ndarray], times: np.ndarray,
     InputError
         As `idic.fe.time_march.march`.
     """
-    if not is_linear(model):
+    if not is_linear(body):
         return None
-    validate(model, len(times))
-    check_directions(model, directions, len(times))
-    histories, slopes = _histories(model), [_slopes(model, direction) for direction in directions]
-    n_drives = model.constraints.histories.shape[1]
-    local = [*model.local_drives, *(n_drives + load for load in model.local_loads)]
+    validate(body, len(times))
+    check_directions(body, directions, len(times))
+    histories, slopes = _histories(body), [_slopes(body, direction) for direction in directions]
+    n_drives = body.constraints.histories.shape[1]
+    local = [*body.local_drives, *(n_drives + load for load in body.local_loads)]
     used = histories.any(axis=0) | np.any([slope.any(axis=0) for slope in slopes], axis=0)
     used[local] = True
-    columns, size = np.flatnonzero(used), model.n_dof * (1 + len(directions))
+    columns, size = np.flatnonzero(used), body.n_dof * (1 + len(directions))
     if not 0 < len(columns) < len(times) - 1 or 8.0 * size * len(columns) > MAX_BYTES:
         return None
     try:
-        answers = _answers(model, params, directions, columns, control)
+        answers = _answers(body, params, directions, columns, control)
     except NotConverged:
         return None  # the march says where
     place = np.searchsorted(columns, local)
-    return _frames(_Body(model, params, times), answers, histories[:, columns], [slope[:, columns] for slope in slopes],
+    return _frames(_Body(body, params, times), answers, histories[:, columns], [slope[:, columns] for slope in slopes],
                    place, _increments(times, steps, substeps))
 
 
-def is_linear(model: Body) -> bool:
+def is_linear(body: Body) -> bool:
     """Whether displacements and forces are linear in the histories of drives and loads."""
-    laws = [section.law for section in model.sections]
-    return (all(law.small and law.spec.linear for law in laws) and not model.loads.pressure_faces
-            and model.temperature is None and model.control is None)
+    laws = [section.law for section in body.sections]
+    return (all(law.small and law.spec.linear for law in laws) and not body.loads.pressure_faces
+            and body.temperature is None and body.control is None)
 
 
-def _histories(model: Body) -> np.ndarray:
+def _histories(body: Body) -> np.ndarray:
     """Of drives and dead loads, zero at the first frame  # (n_frames, n_drives + n_dead)"""
-    drives, dead = model.constraints.histories, model.loads.dead_histories
+    drives, dead = body.constraints.histories, body.loads.dead_histories
     histories = drives.copy() if dead is None else np.hstack([drives, dead])
     histories[0] = 0.0
     return histories
 
 
-def _slopes(model: Body, direction: Direction) -> np.ndarray:
+def _slopes(body: Body, direction: Direction) -> np.ndarray:
     """Derivative of the histories along a direction  # as `_histories`"""
-    slopes = np.zeros_like(_histories(model))
-    n_drives = model.constraints.histories.shape[1]
+    slopes = np.zeros_like(_histories(body))
+    n_drives = body.constraints.histories.shape[1]
     if direction.d_histories is not None:
         slopes[:, :n_drives] = direction.d_histories
     if direction.d_loads is not None:
@@ -136,39 +136,39 @@ def _slopes(model: Body, direction: Direction) -> np.ndarray:
     return slopes
 
 
-def _answers(model: Body, params: Mapping[str, np.ndarray], directions: Sequence[Direction], columns: np.ndarray,
+def _answers(body: Body, params: Mapping[str, np.ndarray], directions: Sequence[Direction], columns: np.ndarray,
              control: Control | None) -> _Answers:
     """The answers by a march whose frames are the units, one after the other."""
-    units, n_drives = _units(model, columns), model.constraints.histories.shape[1]
-    c, loads, n = model.constraints, model.loads, len(columns) + 1
+    units, n_drives = _units(body, columns), body.constraints.histories.shape[1]
+    c, loads, n = body.constraints, body.loads, len(columns) + 1
     tables = np.zeros((n, n_drives + (0 if loads.dead is None else loads.dead.shape[1])))
     tables[np.arange(1, n), columns] = units
     dead = None if loads.dead is None else tables[:, n_drives:]
-    unit_model = replace(model, constraints=Constraints(c.dofs, c.basis, tables[:, :n_drives]),
+    unit_model = replace(body, constraints=Constraints(c.dofs, c.basis, tables[:, :n_drives]),
                          loads=replace(loads, dead_histories=dead), local_drives=(), local_loads=())
     body_directions = [k for k, direction in enumerate(directions) if _of_the_body(direction)]
     chosen = [replace(directions[k], d_histories=None, d_loads=None) for k in body_directions]
     states = march(unit_model, params, np.arange(n, dtype=float), chosen, control=control)
     next(states)
-    sizes = model.n_dof, len(model.channels), model.mesh.n_nodes
+    sizes = body.n_dof, len(body.channels), body.mesh.n_nodes
     u, channels, rise = (np.zeros((size, n - 1)) for size in sizes)
     du, dchannels, d_rise = (np.zeros((len(directions), size, n - 1)) for size in sizes)
     for j, state in enumerate(states):
         u[:, j], channels[:, j] = state.u.ravel() / units[j], state.channels / units[j]
-        du[body_directions, :, j] = state.du.reshape(model.n_dof, len(body_directions)).T / units[j]
+        du[body_directions, :, j] = state.du.reshape(body.n_dof, len(body_directions)).T / units[j]
         dchannels[body_directions, :, j] = state.dchannels.T / units[j]
         if state.rise is not None:
             rise[:, j], d_rise[body_directions, :,
                                j] = state.rise / units[j], state.d_rise.T / units[j]
-    has_surface = bool(model.surface_side)
+    has_surface = bool(body.surface_side)
     return _Answers(columns, u, du, channels, dchannels, rise if has_surface else None, d_rise if has_surface else None)
 
 
-def _units(model: Body, columns: np.ndarray) -> np.ndarray:
+def _units(body: Body, columns: np.ndarray) -> np.ndarray:
     """Size of each unit: a small motion of the body, or the largest value of a load  # (q,)"""
-    basis, n_drives = np.abs(model.constraints.basis), model.constraints.histories.shape[1]
-    extent = float(np.linalg.norm(np.ptp(model.mesh.nodes, axis=0)))
-    largest = np.abs(_histories(model)).max(axis=0)
+    basis, n_drives = np.abs(body.constraints.basis), body.constraints.histories.shape[1]
+    extent = float(np.linalg.norm(np.ptp(body.mesh.nodes, axis=0)))
+    largest = np.abs(_histories(body)).max(axis=0)
     return np.array([UNIT_MOTION * extent / max(basis[:, j].max(initial=0.0), 1e-300) if j < n_drives
                      else largest[j] or 1.0 for j in columns])
 
@@ -191,7 +191,7 @@ def _increments(times: np.ndarray, steps: StepList | None, substeps: int) -> np.
 def _frames(body: _Body, answers: _Answers, histories: np.ndarray, slopes: Sequence[np.ndarray], local: np.ndarray,
             increments: np.ndarray) -> Iterator[FrameState]:
     """histories, slopes : (n_frames, q); local : (m,) columns of the answers"""
-    shape, times = body.model.mesh.nodes.shape, body.times
+    shape, times = body.body.mesh.nodes.shape, body.times
     local_du = np.ascontiguousarray(answers.u[:, local]).reshape(*shape, len(local))
     local_channels = np.ascontiguousarray(answers.channels[:, local])
     ends = np.searchsorted(increments, times, side="right")

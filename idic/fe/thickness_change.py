@@ -17,7 +17,7 @@ from idic.fe.assembly.assembly import stretch_changes
 from idic.fe.assembly.assembly import System
 from idic.fe.equilibrium import Converged
 from idic.fe.assembly.point_means import add_carried_values, quotient
-from idic.fe.body.model import Direction
+from idic.fe.body.body import Direction
 
 
 def surface_rise(system: System, end: Converged, changes: Sequence[np.ndarray],
@@ -26,30 +26,30 @@ def surface_rise(system: System, end: Converged, changes: Sequence[np.ndarray],
 
     changes : per group (n_points, nd, n_state), derivatives of the states
     """
-    model = system.model
-    half = 0.5 * model.surface_side * model.thickness
+    body = system.body
+    half = 0.5 * body.surface_side * body.thickness
     stretch = _at_nodes(system, [np.concatenate([g.state[:, -1:] - 1.0, change[:, :, -1]], axis=1)
                                  for g, change in zip(end.evaluation.groups, changes, strict=True)])
     slopes = half * stretch[:, 1:]
     for k, direction in enumerate(directions):
         if direction.thickness:
-            slopes[:, k] += half / model.thickness * stretch[:, 0]
+            slopes[:, k] += half / body.thickness * stretch[:, 0]
     return half * stretch[:, 0], slopes
 
 
 def influence_on_rise(system: System, params: Mapping[str, np.ndarray], start: Converged, end: Converged,
                       du: np.ndarray) -> np.ndarray:
     """What motions at the end of an increment do to the rise at fixed history  # du (n_nodes, d, m) -> (n_nodes, m)"""
-    model, dt = system.model, end.time - start.time
-    changes = [stretch_changes(system, k, g, params[model.sections[system.groups[k].section].name],
+    body, dt = system.body, end.time - start.time
+    changes = [stretch_changes(system, k, g, params[body.sections[system.groups[k].section].name],
                                         start.states, dt, du) for k, g in enumerate(end.evaluation.groups)]
-    return 0.5 * model.surface_side * model.thickness * _at_nodes(system, changes)
+    return 0.5 * body.surface_side * body.thickness * _at_nodes(system, changes)
 
 
 def _at_nodes(system: System, values: Sequence[np.ndarray]) -> np.ndarray:
     """Values of the points of every group, carried to the nodes  # (n_points, k) each -> (n_nodes, k)"""
-    model = system.model
-    total, weight = np.zeros((model.mesh.n_nodes, values[0].shape[1])), np.zeros(model.mesh.n_nodes)
+    body = system.body
+    total, weight = np.zeros((body.mesh.n_nodes, values[0].shape[1])), np.zeros(body.mesh.n_nodes)
     for group, point_values in zip(system.groups, values, strict=True):
-        add_carried_values(model.mesh, group.cell, group.elements, point_values, model.quadrature, total, weight)
+        add_carried_values(body.mesh, group.cell, group.elements, point_values, body.quadrature, total, weight)
     return np.nan_to_num(quotient(total, weight))  # nodes of no element stay

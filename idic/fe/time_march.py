@@ -16,7 +16,7 @@ from idic.fe.body.boundary import drives_at
 from idic.fe.controlled import solve_controlled
 from idic.fe.equilibrium import Control, Converged, Effort, consistent_factor, serves, solve_increment
 from idic.fe.increment_size import IncrementSize
-from idic.fe.body.model import Direction, Body, Reaction, validate
+from idic.fe.body.body import Direction, Body, Reaction, validate
 from idic.fe.predictor import WarmStart, extrapolated
 from idic.fe.thickness_change import surface_rise
 from idic.fe.solver.linear import Factor
@@ -108,7 +108,7 @@ class FrameState:
         return np.concatenate([self.local_du, self.local_rise[:, None]], axis=1)
 
 
-def march(model: Body, params: Mapping[str, np.ndarray], times: np.ndarray, directions: Sequence[Direction] = (),
+def march(body: Body, params: Mapping[str, np.ndarray], times: np.ndarray, directions: Sequence[Direction] = (),
           steps: StepList | None = None, substeps: int = 1, control: Control | None = None,
           warm_start: Iterable[np.ndarray] | None = None, may_cut: bool = False) -> Iterator[FrameState]:
     """Simulate the whole test and yield one `FrameState` per frame, the undeformed reference first.
@@ -144,22 +144,22 @@ def march(model: Body, params: Mapping[str, np.ndarray], times: np.ndarray, dire
     """
     times = np.asarray(times, dtype=float)
     control = Control() if control is None else control
-    _check_run(model, params, times, substeps)
-    validate(model, len(times))
-    check_directions(model, directions, len(times))
+    _check_run(body, params, times, substeps)
+    validate(body, len(times))
+    check_directions(body, directions, len(times))
     frozen = None if steps is None else _frozen_targets(steps, times)
-    return _frames(discretise(model), params, times, tuple(directions), frozen, substeps, control,
-                   None if warm_start is None else WarmStart(u[:, :model.mesh.n_dim] for u in warm_start), may_cut)
+    return _frames(discretise(body), params, times, tuple(directions), frozen, substeps, control,
+                   None if warm_start is None else WarmStart(u[:, :body.mesh.n_dim] for u in warm_start), may_cut)
 
 
-def _check_run(model: Body, params, times: np.ndarray, substeps: int) -> None:
+def _check_run(body: Body, params, times: np.ndarray, substeps: int) -> None:
     if times.ndim != 1 or len(times) == 0 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
         raise InputError("frame times must increase", expected="one finite time per frame, in increasing order",
                          found=str(times[:10]), remedy="check the time column of the log")
     if substeps < 1:
         raise InputError("at least one increment per frame is needed", expected="substeps >= 1", found=str(substeps),
                          remedy="set options.substeps to 1 or more")
-    for section in model.sections:
+    for section in body.sections:
         names = section.law.spec.parameter_names
         if section.name not in params:
             raise InputError(f"no parameters for {section.name}", expected=", ".join(names),
@@ -206,8 +206,8 @@ class _Increment:
 def _frames(system: System, params, times, directions, frozen, substeps, control, warm,
             may_cut) -> Iterator[FrameState]:
     """Each increment is differentiated while the next one is solved, where a second thread may do that."""
-    drives = drives_at(system.model, times, times[0])
-    rest_state = Converged(drives, np.zeros_like(system.model.mesh.nodes), system.rest_states())
+    drives = drives_at(system.body, times, times[0])
+    rest_state = Converged(drives, np.zeros_like(system.body.mesh.nodes), system.rest_states())
     yield _reference_frame(system, times, directions, rest_state)
     changes, influence = at_rest(system, len(directions)), None
     increments = _increments(system, params, times, rest_state, bool(directions), frozen, substeps, control, warm,
@@ -239,10 +239,10 @@ def _increments(system: System, params, times, rest_state: Converged, differenti
         full_step = (times[frame] - times[frame - 1]) / substeps
         frozen_part = None if frozen is None else (_next_target(state.time, times[frame], full_step,
                                                                 frozen) - state.time) / full_step
-        size.start_from_rest(system, params, state, drives_at(system.model, times, times[frame]), substeps, frozen_part)
+        size.start_from_rest(system, params, state, drives_at(system.body, times, times[frame]), substeps, frozen_part)
         while state.time < times[frame]:
             target = _next_target(state.time, times[frame], size.part * full_step, frozen)
-            drives = drives_at(system.model, times, target)
+            drives = drives_at(system.body, times, target)
             guess = extrapolated(state, earlier, drives) if size.extrapolates() else None
             if warm is not None and (state.time, target) == (times[frame - 1], times[frame]):
                 guess = warm.better(state.u, guess)
@@ -294,7 +294,7 @@ def _next_target(t: float, frame_time: float, interval: float, frozen: np.ndarra
 
 def _attempt(system, params, state: Converged, guess: np.ndarray | None, drives, control, effort: Effort) -> Converged:
     """Solve from a guess; if that fails from a tangent step, at last with a line search."""
-    if system.model.control is not None:
+    if system.body.control is not None:
         try:
             return solve_controlled(system, params, state, drives, control, effort=effort)
         except NotConverged:
@@ -330,25 +330,25 @@ def _channels(reactions: Sequence[Reaction], forces: np.ndarray) -> np.ndarray:
 
 def _frame_state(system: System, frame: int, end: Converged, changes: Changes, influence: Influence, newton, step_ends,
                  directions: Sequence[Direction]) -> FrameState:
-    model, shape = system.model, end.u.shape
+    body, shape = system.body, end.u.shape
     values = tuple(PointValues(group.section, group.cell, group.elements, g.F, g.P, g.state)
                    for group, g in zip(system.groups, end.evaluation.groups, strict=True))
-    rises = surface_rise(system, end, changes.states, directions) if model.surface_side else (None, None)
-    return FrameState(frame, end.time, end.u, _channels(model.channels, end.evaluation.residual.ravel()),
-                      changes.du.reshape(*shape, -1), _channels(model.channels, changes.forces),
-                      influence.du, _channels(model.channels, influence.forces), newton, values,
+    rises = surface_rise(system, end, changes.states, directions) if body.surface_side else (None, None)
+    return FrameState(frame, end.time, end.u, _channels(body.channels, end.evaluation.residual.ravel()),
+                      changes.du.reshape(*shape, -1), _channels(body.channels, changes.forces),
+                      influence.du, _channels(body.channels, influence.forces), newton, values,
                       StepList(step_ends), *rises, influence.rise)
 
 
 def _reference_frame(system: System, times, directions, rest_state: Converged) -> FrameState:
-    shape, n, m = rest_state.u.shape, len(system.model.channels), len(system.model.local_drives
-                                                                      + system.model.local_loads)
+    shape, n, m = rest_state.u.shape, len(system.body.channels), len(system.body.local_drives
+                                                                      + system.body.local_loads)
     local, local_forces = np.zeros((*shape, m)), np.zeros((n, m))
     identity = np.eye(shape[1])
     values = tuple(PointValues(g.section, g.cell, g.elements, np.tile(identity, (g.n_points, 1, 1)),
                                np.zeros((g.n_points, *identity.shape)), state)
                    for g, state in zip(system.groups, rest_state.states, strict=True))
     rises = ([np.zeros(shape[0]), np.zeros((shape[0], len(directions))), np.zeros((shape[0], m))]
-             if system.model.surface_side else [])
+             if system.body.surface_side else [])
     return FrameState(0, float(times[0]), rest_state.u, np.zeros(n), np.zeros((*shape, len(directions))),
                       np.zeros((n, len(directions))), local, local_forces, 0, values, StepList(), *rises)

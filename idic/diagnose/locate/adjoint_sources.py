@@ -110,7 +110,7 @@ def element_scores(residual: ResidualEvidence, tangent: Tangent, p: np.ndarray, 
     """
     load = image_adjoint(residual, tangent.index, p)
     readings = np.zeros_like(load)
-    for channel, row in zip(tangent.system.model.channels, channel_p, strict=True):
+    for channel, row in zip(tangent.system.body.channels, channel_p, strict=True):
         readings[np.asarray(channel.dofs, dtype=np.int64)] += channel.factor * row
     load = load + transposed_stiffness_times(tangent.system, tangent.evaluation, readings)
     if tangent.readings is not None:  # an extensometer moves with its nodes

@@ -35,7 +35,7 @@ class Tangent:
     @property
     def held(self) -> np.ndarray:
         """Prescribed degrees of freedom."""
-        return np.asarray(self.system.model.constraints.dofs)
+        return np.asarray(self.system.body.constraints.dofs)
 
     def answer(self, motion: np.ndarray, forces: np.ndarray) -> np.ndarray:
         """Displacement of the whole body under motion of held dofs and nodal forces  # (n_dof, m) each -> (n_dof, m)"""
@@ -52,7 +52,7 @@ class Tangent:
 
     def element_work(self, fields: np.ndarray) -> np.ndarray:
         """Work of the internal forces of every element on nodal fields  # (n_dof, m) -> (n_elements, m) N mm"""
-        work = np.zeros((self.system.model.mesh.n_elements, fields.shape[1]))
+        work = np.zeros((self.system.body.mesh.n_elements, fields.shape[1]))
         for group, at in zip(self.system.groups, self.evaluation.groups, strict=True):
             n_el, per = len(group.elements), group.points_per_element
             forces = np.einsum("p,pij,paj->pai", group.weights, at.P, group.grads)  # (n_points, nn, d)

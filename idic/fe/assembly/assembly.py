@@ -16,7 +16,7 @@ from idic.fe.solver import storage
 from idic.fe.solver.known_pattern import known_pattern
 from idic.fe.solver.linear import Pattern
 from idic.fe.mesh.element import quadrature_rule, shape_gradients
-from idic.fe.body.model import Body, Section, uses_mean_dilatation
+from idic.fe.body.body import Body, Section, uses_mean_dilatation
 from idic.laws import CompiledLaw, LawSpec, element_sizes
 
 
@@ -68,7 +68,7 @@ class Group:
 class System:
     """A model made ready to be solved."""
 
-    model: Body
+    body: Body
     groups: tuple[Group, ...]
     pressures: tuple[PressureFaces, ...]
     pressure_positions: tuple[np.ndarray, ...]
@@ -77,22 +77,22 @@ class System:
 
     @property
     def n_dim(self) -> int:
-        return self.model.mesh.n_dim
+        return self.body.mesh.n_dim
 
     def rest_states(self) -> tuple[np.ndarray, ...]:
         """The state of the points of each group at rest  # per group (n_points, n_state)"""
-        mode = self.model.mode
+        mode = self.body.mode
         return tuple(np.tile(g.law.initial_state(mode), (g.n_points, 1)) for g in self.groups)
 
 
-def discretise(model: Body, pattern: Pattern | None = None) -> System:
+def discretise(body: Body, pattern: Pattern | None = None) -> System:
     """Shape function gradients, numbering and scatter positions of a (validated) model.
 
     pattern : of another model with the same elements and held dofs, where there is one
     """
-    mesh = model.mesh
+    mesh = body.mesh
     parts = []
-    for index, section in enumerate(model.sections):
+    for index, section in enumerate(body.sections):
         for block in mesh.blocks:
             chosen = np.asarray(section.elements)
             chosen = chosen[(chosen >= block.first) & (chosen < block.first + block.n_elements)]
@@ -101,11 +101,11 @@ def discretise(model: Body, pattern: Pattern | None = None) -> System:
     d = mesh.n_dim
     dofs = [_dofs(connectivity, d) for *_, connectivity in parts]
     if pattern is None:
-        pattern = known_pattern(mesh.nodes, dofs, np.asarray(model.constraints.dofs))
-    groups = tuple(_group(model, pattern, *part, part_dofs) for part, part_dofs in zip(parts, dofs, strict=True))
-    pressures = pressure_faces(model)
+        pattern = known_pattern(mesh.nodes, dofs, np.asarray(body.constraints.dofs))
+    groups = tuple(_group(body, pattern, *part, part_dofs) for part, part_dofs in zip(parts, dofs, strict=True))
+    pressures = pressure_faces(body)
     extent = np.ptp(mesh.nodes[np.concatenate([p[-1].ravel() for p in parts])], axis=0)
-    return System(model, groups, pressures, tuple(pattern.positions(p.dofs) for p in pressures), pattern,
+    return System(body, groups, pressures, tuple(pattern.positions(p.dofs) for p in pressures), pattern,
                   float(np.linalg.norm(extent)))
 
 
@@ -113,19 +113,19 @@ def _dofs(connectivity, d):
     return np.ascontiguousarray((connectivity[:, :, None] * d + np.arange(d)).reshape(len(connectivity), -1))
 
 
-def _group(model: Body, pattern: Pattern, index: int, section: Section, cell: str, elements, connectivity, dofs):
+def _group(body: Body, pattern: Pattern, index: int, section: Section, cell: str, elements, connectivity, dofs):
     connectivity = np.ascontiguousarray(connectivity, dtype=np.int64)
-    xi, w = quadrature_rule(cell, model.quadrature.get(cell))
-    jac = np.einsum("eak,qai->eqki", model.mesh.nodes[connectivity], shape_gradients(cell, xi))  # dX_k/dxi_i
+    xi, w = quadrature_rule(cell, body.quadrature.get(cell))
+    jac = np.einsum("eak,qai->eqki", body.mesh.nodes[connectivity], shape_gradients(cell, xi))  # dX_k/dxi_i
     grads = np.einsum("qai,eqik->eqak", shape_gradients(cell, xi), np.linalg.inv(jac))
-    depth = model.thickness if model.mesh.n_dim == 2 else 1.0
+    depth = body.thickness if body.mesh.n_dim == 2 else 1.0
     volumes = np.linalg.det(jac) * w
     weights = (volumes * depth).ravel()
     size = None if section.law.spec.crack_band is None else np.repeat(
-        element_sizes(cell, volumes.sum(axis=1), model.mesh.n_dim), volumes.shape[1])
+        element_sizes(cell, volumes.sum(axis=1), body.mesh.n_dim), volumes.shape[1])
     grads = np.ascontiguousarray(grads.reshape(-1, *grads.shape[2:]))
-    remedy, mean_b = uses_mean_dilatation(model, cell), None
-    factor = weight_factor(model, index, cell, connectivity, weights, remedy)
+    remedy, mean_b = uses_mean_dilatation(body, cell), None
+    factor = weight_factor(body, index, cell, connectivity, weights, remedy)
     weights = weights if factor is None else weights * factor  # with mean dilatation the same all over an element
     if remedy and section.law.small:
         mean_b = np.empty(dofs.shape)
@@ -134,16 +134,16 @@ def _group(model: Body, pattern: Pattern, index: int, section: Section, cell: st
                  pattern.positions(dofs), remedy, mean_b,
                  float(np.abs(weights[:, None, None] * grads).reshape(*dofs.shape[:1], -1, grads[0].size).sum(1).max()),
                  float(np.abs(grads).max()), np.flatnonzero((pattern.equation[dofs] < 0).any(axis=1)), size,
-                 kept_response(section.law, model.mode, grads, weights, len(elements), remedy))
+                 kept_response(section.law, body.mode, grads, weights, len(elements), remedy))
 
 
-def weight_factor(model: Body, section: int, cell: str, connectivity: np.ndarray, weights: np.ndarray,
+def weight_factor(body: Body, section: int, cell: str, connectivity: np.ndarray, weights: np.ndarray,
                   mean_dilatation: bool) -> np.ndarray | None:
     """Factor of the model's variations on the weights of a group's points, None without any  # (n_points,)"""
-    if not model.variations:
+    if not body.variations:
         return None
-    places = expansion.at_points(model, cell, connectivity, weights, mean_dilatation, model.mesh.nodes)
-    return factor_of(model.variations, model.sections[section].name, places)
+    places = expansion.at_points(body, cell, connectivity, weights, mean_dilatation, body.mesh.nodes)
+    return factor_of(body.variations, body.sections[section].name, places)
 
 
 # evaluation ---------------------------------------------------------------------------------------
@@ -201,22 +201,22 @@ def evaluate_system(system: System, params: Mapping[str, np.ndarray], u: np.ndar
     states : per group (n_points, n_state), at the beginning of the step; not changed
     guesses : per group new states of an earlier iterate (start values of plane stress), optional
     """
-    model = system.model
+    body = system.body
     ev = Evaluation(u, [], np.zeros_like(u), external_force(system, drives, u), [])
     for k, group in enumerate(system.groups):
         g, trouble = _deform(group, u)
         if not trouble and drives.temperature is not None:
             trouble = _expand(system, group, drives.temperature, g)
-        values = params[model.sections[group.section].name]
+        values = params[body.sections[group.section].name]
         if not trouble and group.law.spec.temperature is not None:
             trouble = _warm(system, group, values, drives, g)
         if not trouble and group.size is not None:
             trouble = group.law.spec.crack_band.trouble(
                 dict(zip(group.law.spec.parameter_names, values, strict=True)), group.size)
         if not trouble:
-            guess = np.ascontiguousarray(guesses[k][:, -1]) if guesses is not None and model.mode == 2 else None
+            guess = np.ascontiguousarray(guesses[k][:, -1]) if guesses is not None and body.mode == 2 else None
             point_params = values_at(group, values, g)
-            args = (group.law, model.mode, g.Fbar, g.expansion, states[k], point_params, dt)
+            args = (group.law, body.mode, g.Fbar, g.expansion, states[k], point_params, dt)
             linear = _linear(group, g, point_params)
             if linear is not None:
                 ok, (g.P, g.state) = True, linear.stress(g.F)
@@ -234,7 +234,7 @@ def evaluate_system(system: System, params: Mapping[str, np.ndarray], u: np.ndar
         kernels.add_internal_forces(group.connectivity, group.grads, group.weights, g.P, ev.internal)
         ev.groups.append(g)
     if stiffness:
-        x = model.mesh.nodes + u
+        x = body.mesh.nodes + u
         ev.pressure_K = [-drives.pressure[p.load] * pressure_stiffness(p, x) for p in system.pressures]
     return ev
 
@@ -247,11 +247,11 @@ def _without_stress(law: LawSpec, params: np.ndarray) -> str:
 def external_force(system: System, drives: Drives, u: np.ndarray) -> np.ndarray:
     """Dead loads and follower pressure on the present shape  # (n_nodes, d) N"""
     force = np.zeros(u.size)
-    if system.model.loads.dead is not None:
-        force += system.model.loads.dead @ drives.dead
+    if system.body.loads.dead is not None:
+        force += system.body.loads.dead @ drives.dead
     for faces in system.pressures:
         np.add.at(force, faces.dofs, drives.pressure[faces.load]
-                  * pressure_force(faces, system.model.mesh.nodes + u).reshape(faces.dofs.shape))
+                  * pressure_force(faces, system.body.mesh.nodes + u).reshape(faces.dofs.shape))
     return force.reshape(u.shape)
 
 
@@ -275,7 +275,7 @@ def _deform(group: Group, u: np.ndarray) -> tuple[GroupEvaluation, str]:
 
 
 def _expand(system: System, group: Group, temperature: np.ndarray, g: GroupEvaluation) -> str:
-    nodal_expansion = system.model.sections[group.section].expansion * temperature
+    nodal_expansion = system.body.sections[group.section].expansion * temperature
     g.expansion = points_of(system, group, nodal_expansion)
     if not group.law.small and not g.expansion.min() > -1.0:
         return f"thermal expansion of {g.expansion.min():.3g} gives a stretch of zero or less: check alpha, its unit"
@@ -283,7 +283,7 @@ def _expand(system: System, group: Group, temperature: np.ndarray, g: GroupEvalu
 
 
 def _warm(system: System, group: Group, params: np.ndarray, drives: Drives, g: GroupEvaluation) -> str:
-    start = system.model.start_temperature
+    start = system.body.start_temperature
     if drives.temperature is None or start is None:
         raise InputError("a law depends on the temperature, which the model does not have", expected="a temperature",
                          found="none", remedy="give the model its temperature")
@@ -316,18 +316,18 @@ def band_place(group: Group) -> int:
 
 def points_of(system: System, group: Group, nodal: np.ndarray) -> np.ndarray:
     """Nodal values of an expansion or temperature at the points of a group  # (n_nodes, ...) -> (n_points, ...)"""
-    return expansion.at_points(system.model, group.cell, group.connectivity, group.weights, group.mean_dilatation,
+    return expansion.at_points(system.body, group.cell, group.connectivity, group.weights, group.mean_dilatation,
                                nodal)
 
 
 def stress_variations(system: System, group: Group, directions) -> np.ndarray | None:
     """Relative change of the weights of the points along each direction; None: none concerns the group  # (n, nd)"""
-    model, changes = system.model, np.zeros((group.n_points, len(directions)))
+    body, changes = system.body, np.zeros((group.n_points, len(directions)))
     for k, direction in enumerate(directions):
         if direction.variation is not None:
-            variation, name = model.variations[direction.variation[0]], direction.variation[1]
-            if variation.section == model.sections[group.section].name:
-                places = points_of(system, group, model.mesh.nodes)
+            variation, name = body.variations[direction.variation[0]], direction.variation[1]
+            if variation.section == body.sections[group.section].name:
+                places = points_of(system, group, body.mesh.nodes)
                 changes[:, k] = variation.slope(places, name) / variation.factor(places)
     return changes if changes.any() else None
 
@@ -432,7 +432,7 @@ def point_changes(system: System, k: int, g: GroupEvaluation, params: np.ndarray
     dparams : (nd, n_params), of each point (n_points, nd, n_params), or None (zero)
     dexpansion : (n_points, nd) change of the free thermal expansion, or None (zero)
     """
-    group, mode = system.groups[k], system.model.mode
+    group, mode = system.groups[k], system.body.mode
     d = system.n_dim
     nd = dstate.shape[1]
     if du is None and dparams is not None and _linear(group, g, params) is not None:
@@ -467,7 +467,7 @@ def stretch_changes(system: System, k: int, g: GroupEvaluation, params: np.ndarr
     _in_parts(group, lambda e, p: kernels.gradient_changes(group.connectivity[e], group.grads[p], du, dF[p]))
     unit = np.tile(np.eye(4).reshape(4, 2, 2), (group.n_points, 1, 1, 1))
     nothing = np.zeros((group.n_points, 4, g.state.shape[-1]))
-    slopes = expansion.directional(group.law, system.model.mode, g.Fbar, g.expansion, g.P, states[k],
+    slopes = expansion.directional(group.law, system.body.mode, g.Fbar, g.expansion, g.P, states[k],
                                    values_at(group, params, g), dt, unit, nothing, None, None,
                                    guess=np.ascontiguousarray(g.state[:, -1]))[1][:, :, -1]
     return np.einsum("pmc,pc->pm", dF.reshape(group.n_points, -1, 4), slopes)

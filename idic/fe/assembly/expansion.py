@@ -23,7 +23,7 @@ import numpy as np
 
 from idic.fe.assembly import in_parts
 from idic.fe.mesh.element import quadrature_rule, shape_functions
-from idic.fe.body.model import Direction, Body
+from idic.fe.body.body import Direction, Body
 from idic.laws import CompiledLaw, directional_stresses, point_stresses, point_tangents
 
 
@@ -111,7 +111,7 @@ def _total_output(law: CompiledLaw, mode: int, P, state, e, d: int):
 
 
 # fields ---------------------------------------------------------------------------------------------
-def at_points(model: Body, cell: str, connectivity, weights, mean: bool, nodal: np.ndarray) -> np.ndarray:
+def at_points(body: Body, cell: str, connectivity, weights, mean: bool, nodal: np.ndarray) -> np.ndarray:
     """Nodal values (n_nodes, ...) at the points of a group of elements; `mean`: their mean over each element.
 
     Elements with mean dilatation have one volume change each, so they get one expansion each: a thermal strain that
@@ -121,7 +121,7 @@ def at_points(model: Body, cell: str, connectivity, weights, mean: bool, nodal: 
     -------
     (n_points, ...)
     """
-    xi, _ = quadrature_rule(cell, model.quadrature.get(cell))
+    xi, _ = quadrature_rule(cell, body.quadrature.get(cell))
     values = np.einsum("qa,ea...->eq...", shape_functions(cell, xi), nodal[connectivity])
     if mean:
         w = weights.reshape(values.shape[:2])
@@ -130,7 +130,7 @@ def at_points(model: Body, cell: str, connectivity, weights, mean: bool, nodal: 
     return np.ascontiguousarray(values).reshape(-1, *nodal.shape[1:])
 
 
-def nodal_changes(model: Body, section: int, directions: Sequence[Direction], temperature: np.ndarray,
+def nodal_changes(body: Body, section: int, directions: Sequence[Direction], temperature: np.ndarray,
                   changes: Sequence[np.ndarray | None]) -> np.ndarray | None:
     """Change of the free expansion of a section's nodes along each direction; None: no direction concerns it.
 
@@ -140,10 +140,10 @@ def nodal_changes(model: Body, section: int, directions: Sequence[Direction], te
     -------
     (n_nodes, nd)
     """
-    alpha = model.sections[section].expansion
+    alpha = body.sections[section].expansion
     out = np.zeros((len(temperature), len(directions)))
     for k, (direction, change) in enumerate(zip(directions, changes, strict=True)):
-        if direction.expansion is not None and model.sections[direction.expansion].name == model.sections[section].name:
+        if direction.expansion is not None and body.sections[direction.expansion].name == body.sections[section].name:
             out[:, k] += temperature
         if change is not None:
             out[:, k] += alpha * change

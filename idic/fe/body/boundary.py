@@ -10,7 +10,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.fe.mesh.element import cell_type, quadrature_rule, shape_functions, shape_gradients
 from idic.fe.mesh.mesh import Mesh
-from idic.fe.body.model import Constraints, Direction, Body
+from idic.fe.body.body import Constraints, Direction, Body
 
 
 # from sets to dofs and load vectors ---------------------------------------------------------------
@@ -103,10 +103,10 @@ class PressureFaces:
     depth: float  # thickness in mm (2D)
 
 
-def pressure_faces(model: Body) -> tuple[PressureFaces, ...]:
+def pressure_faces(body: Body) -> tuple[PressureFaces, ...]:
     """The model's follower pressures, grouped by kind of face."""
-    mesh, groups = model.mesh, []
-    for load, faces in enumerate(model.loads.pressure_faces):
+    mesh, groups = body.mesh, []
+    for load, faces in enumerate(body.loads.pressure_faces):
         faces = np.asarray(faces).reshape(-1, 2)
         if len(faces) == 0:
             raise InputError("a pressure acts on no edge", remedy="check the edge set of the load")
@@ -116,7 +116,7 @@ def pressure_faces(model: Body) -> tuple[PressureFaces, ...]:
             dofs = (nodes[:, :, None] * mesh.n_dim + np.arange(mesh.n_dim)).reshape(len(nodes), -1)
             points, weights = quadrature_rule(str(kind))
             groups.append(PressureFaces(load, nodes, dofs, shape_functions(str(kind), points),
-                                        shape_gradients(str(kind), points), weights, _depth(mesh, model.thickness)))
+                                        shape_gradients(str(kind), points), weights, _depth(mesh, body.thickness)))
     return tuple(groups)
 
 
@@ -182,19 +182,19 @@ def at_time(table: np.ndarray | None, times: np.ndarray, t: float) -> np.ndarray
     return (1 - s) * start_value + s * table[k]
 
 
-def drives_at(model: Body, times: np.ndarray, t: float) -> Drives:
+def drives_at(body: Body, times: np.ndarray, t: float) -> Drives:
     """The drives of a model at time t."""
-    c = model.constraints
-    return Drives(t, c.basis @ at_time(c.histories, times, t), at_time(model.loads.dead_histories, times, t),
-                  at_time(model.loads.pressure_histories, times, t), _temperature_at(model.temperature, times, t),
-                  0.0 if model.control is None else _reading_at(model.control.readings, times, t))
+    c = body.constraints
+    return Drives(t, c.basis @ at_time(c.histories, times, t), at_time(body.loads.dead_histories, times, t),
+                  at_time(body.loads.pressure_histories, times, t), _temperature_at(body.temperature, times, t),
+                  0.0 if body.control is None else _reading_at(body.control.readings, times, t))
 
 
-def with_amplitude(model: Body, drives: Drives, amplitude: float) -> Drives:
+def with_amplitude(body: Body, drives: Drives, amplitude: float) -> Drives:
     """The drives with another size of what the gauge of the model controls."""
-    control, more = model.control, amplitude - drives.amplitude
+    control, more = body.control, amplitude - drives.amplitude
     if control.drive is not None:
-        prescribed = drives.prescribed + more * model.constraints.basis[:, control.drive]
+        prescribed = drives.prescribed + more * body.constraints.basis[:, control.drive]
         return replace(drives, prescribed=prescribed, amplitude=amplitude)
     loads = np.concatenate([drives.dead, drives.pressure])
     loads[control.load] += more
@@ -210,15 +210,15 @@ def _temperature_at(table: np.ndarray | None, times: np.ndarray, t: float) -> np
     return None if table is None else at_time(table, times, t)
 
 
-def drive_changes(model: Body, directions: Sequence[Direction], times: np.ndarray, t: float) -> list[Drives]:
+def drive_changes(body: Body, directions: Sequence[Direction], times: np.ndarray, t: float) -> list[Drives]:
     """Derivative of the drives along each direction at time t."""
-    n_p, loads = len(model.constraints.dofs), model.loads
+    n_p, loads = len(body.constraints.dofs), body.loads
     n_dead = 0 if loads.dead is None else loads.dead.shape[1]
     changes = []
     for direction in directions:
         prescribed, factors = np.zeros(n_p), np.zeros(n_dead + len(loads.pressure_faces))
         if direction.d_histories is not None:
-            prescribed = model.constraints.basis @ at_time(direction.d_histories, times, t)
+            prescribed = body.constraints.basis @ at_time(direction.d_histories, times, t)
         if direction.d_loads is not None:
             factors = at_time(direction.d_loads, times, t)
         changes.append(Drives(t, prescribed, factors[:n_dead], factors[n_dead:],

@@ -168,13 +168,13 @@ class Body:
         return self.mesh.nodes.size
 
 
-def uses_mean_dilatation(model: Body, cell: str) -> bool:
+def uses_mean_dilatation(body: Body, cell: str) -> bool:
     """Whether elements of this cell are computed with mean dilatation, against volumetric locking."""
-    if model.kind == "plane_stress" or model.locking == "none":
+    if body.kind == "plane_stress" or body.locking == "none":
         return False
-    if model.locking == "mean_dilatation":
+    if body.locking == "mean_dilatation":
         return not cell.startswith(("tri", "tet4"))
-    return cell in ("hex8", "tet10") or (cell == "quad4" and model.kind == "plane_strain")
+    return cell in ("hex8", "tet10") or (cell == "quad4" and body.kind == "plane_strain")
 
 
 MIN_NAMED = 0.1  # part of the largest component of a free rigid motion that a message names
@@ -184,49 +184,49 @@ MIN_NAMED = 0.1  # part of the largest component of a free rigid motion that a m
 _PASSED = PerMesh()  # checks that a mesh and its supports have passed
 
 
-def validate(model: Body, n_frames: int) -> None:
+def validate(body: Body, n_frames: int) -> None:
     """Raise InputError if the model cannot be solved as it stands."""
-    mesh = model.mesh
-    if model.kind not in MODES:
-        raise InputError("unknown kind of model", key="experiment.kind", expected=", ".join(MODES), found=model.kind,
+    mesh = body.mesh
+    if body.kind not in MODES:
+        raise InputError("unknown kind of model", key="experiment.kind", expected=", ".join(MODES), found=body.kind,
                          remedy="write one of these names")
-    expected_dim = 3 if model.kind == "solid" else 2
+    expected_dim = 3 if body.kind == "solid" else 2
     if mesh.n_dim != expected_dim:
-        raise InputError(f"{model.kind} needs a {expected_dim}D mesh", key="experiment.kind",
+        raise InputError(f"{body.kind} needs a {expected_dim}D mesh", key="experiment.kind",
                          expected=f"{expected_dim} coordinates per node", found=str(mesh.n_dim),
                          remedy="use a mesh of that dimension, or another kind")
-    if model.locking not in ("auto", "none", "mean_dilatation"):
-        raise InputError("unknown treatment of locking", expected="auto, none or mean_dilatation", found=model.locking,
+    if body.locking not in ("auto", "none", "mean_dilatation"):
+        raise InputError("unknown treatment of locking", expected="auto, none or mean_dilatation", found=body.locking,
                          remedy="write one of these names")
-    if model.locking == "mean_dilatation" and model.kind == "plane_stress":
+    if body.locking == "mean_dilatation" and body.kind == "plane_stress":
         raise InputError("plane stress does not lock: the thickness follows the volume",
                          found="locking = mean_dilatation", remedy="use locking = auto")
-    if not model.thickness > 0:
-        raise InputError("the thickness must be positive", expected="> 0 mm", found=str(model.thickness),
+    if not body.thickness > 0:
+        raise InputError("the thickness must be positive", expected="> 0 mm", found=str(body.thickness),
                          remedy="give the thickness of the specimen in mm (experiment.thickness_mm)")
     _PASSED.once(mesh, "elements", lambda: check_elements(mesh))
-    _check_sections(model)
-    _check_constraints(model, n_frames)
-    _check_loads(model, n_frames)
-    _check_temperature(model, n_frames)
-    _check_control(model, n_frames)
-    _PASSED.once(mesh, np.asarray(model.constraints.dofs).tobytes(), lambda: _check_rigid_motion(model))
+    _check_sections(body)
+    _check_constraints(body, n_frames)
+    _check_loads(body, n_frames)
+    _check_temperature(body, n_frames)
+    _check_control(body, n_frames)
+    _PASSED.once(mesh, np.asarray(body.constraints.dofs).tobytes(), lambda: _check_rigid_motion(body))
 
 
-def _check_sections(model: Body) -> None:
-    count = np.zeros(model.mesh.n_elements, dtype=int)
-    for section in model.sections:
+def _check_sections(body: Body) -> None:
+    count = np.zeros(body.mesh.n_elements, dtype=int)
+    for section in body.sections:
         np.add.at(count, section.elements, 1)
     for bad, fault in ((count == 0, "have no material"), (count > 1, "have more than one material")):
         if bad.any():
-            labels = list(map(str, model.mesh.element_labels[bad]))
+            labels = list(map(str, body.mesh.element_labels[bad]))
             raise InputError(f"{bad.sum()} element(s) {fault}", expected="each element in exactly one section",
                              found="elements " + ", ".join(labels[:10]) + (" ..." if len(labels) > 10 else ""),
                              remedy="check the element sets named in [material.SET]")
 
 
-def _check_constraints(model: Body, n_frames: int) -> None:
-    c = model.constraints
+def _check_constraints(body: Body, n_frames: int) -> None:
+    c = body.constraints
     if c.basis.shape != (len(c.dofs), c.histories.shape[1]) or len(c.histories) != n_frames:
         raise InputError("constraints of inconsistent size",
                          expected=f"basis ({len(c.dofs)}, n_drives), histories ({n_frames}, n_drives)",
@@ -234,8 +234,8 @@ def _check_constraints(model: Body, n_frames: int) -> None:
                          remedy="give basis and histories one column per drive")
     unique, counts = np.unique(c.dofs, return_counts=True)
     if (counts > 1).any():
-        node, component = divmod(int(unique[counts > 1][0]), model.mesh.n_dim)
-        raise InputError(f"u{'xyz'[component]} of node {model.mesh.node_labels[node]} is prescribed twice",
+        node, component = divmod(int(unique[counts > 1][0]), body.mesh.n_dim)
+        raise InputError(f"u{'xyz'[component]} of node {body.mesh.node_labels[node]} is prescribed twice",
                          remedy="let only one [[boundary]] prescribe it")
     if not np.isfinite(c.histories).all():
         frame = int(np.flatnonzero(~np.isfinite(c.histories).all(axis=1))[0])
@@ -248,8 +248,8 @@ def _check_constraints(model: Body, n_frames: int) -> None:
                          remedy="subtract the value of the reference frame")
 
 
-def _check_loads(model: Body, n_frames: int) -> None:
-    loads = model.loads
+def _check_loads(body: Body, n_frames: int) -> None:
+    loads = body.loads
     n_dead = 0 if loads.dead is None else loads.dead.shape[1]
     for kind, n, histories in (("dead load", n_dead, loads.dead_histories),
                                ("pressure", len(loads.pressure_faces), loads.pressure_histories)):
@@ -261,13 +261,13 @@ def _check_loads(model: Body, n_frames: int) -> None:
             raise InputError(f"a {kind} is not a number", remedy="check the log")
 
 
-def _check_control(model: Body, n_frames: int) -> None:
-    control = model.control
+def _check_control(body: Body, n_frames: int) -> None:
+    control = body.control
     if control is None:
         return
-    if np.shape(control.gauge) != (model.n_dof,) or np.shape(control.readings) != (n_frames,):
+    if np.shape(control.gauge) != (body.n_dof,) or np.shape(control.readings) != (n_frames,):
         raise InputError("a gauge that does not fit the model",
-                         expected=f"{model.n_dof} weights and {n_frames} readings",
+                         expected=f"{body.n_dof} weights and {n_frames} readings",
                          found=f"{np.shape(control.gauge)}, {np.shape(control.readings)}",
                          remedy="give one weight per degree of freedom and one reading per frame")
     if (control.drive is None) == (control.load is None):
@@ -282,30 +282,30 @@ def _check_control(model: Body, n_frames: int) -> None:
                          found=f"{control.readings[0]:g} mm", remedy="subtract the reading of the reference frame")
 
 
-def _check_temperature(model: Body, n_frames: int) -> None:
-    if model.temperature is None:
+def _check_temperature(body: Body, n_frames: int) -> None:
+    if body.temperature is None:
         return
-    start = model.start_temperature
-    if start is not None and not (np.shape(start) == (model.mesh.n_nodes,) and np.isfinite(start).all()):
+    start = body.start_temperature
+    if start is not None and not (np.shape(start) == (body.mesh.n_nodes,) and np.isfinite(start).all()):
         raise InputError("the temperature at the first frame does not fit the mesh",
-                         expected=f"{model.mesh.n_nodes} numbers",
+                         expected=f"{body.mesh.n_nodes} numbers",
                          found=str(np.shape(start)), remedy="give a temperature for every node")
-    expected = (n_frames, model.mesh.n_nodes)
-    if model.temperature.shape != expected:
+    expected = (n_frames, body.mesh.n_nodes)
+    if body.temperature.shape != expected:
         raise InputError("temperatures of inconsistent size", expected=f"{expected}: one per frame and node",
-                         found=str(model.temperature.shape), remedy="give a temperature for every frame and node")
-    if not np.isfinite(model.temperature).all():
-        frame, node = np.argwhere(~np.isfinite(model.temperature))[0]
-        raise InputError(f"the temperature of node {model.mesh.node_labels[node]} is not a number at frame {frame}",
+                         found=str(body.temperature.shape), remedy="give a temperature for every frame and node")
+    if not np.isfinite(body.temperature).all():
+        frame, node = np.argwhere(~np.isfinite(body.temperature))[0]
+        raise InputError(f"the temperature of node {body.mesh.node_labels[node]} is not a number at frame {frame}",
                          remedy="check the log or the infrared images")
 
 
-def _check_rigid_motion(model: Body) -> None:
+def _check_rigid_motion(body: Body) -> None:
     """Every part of the body must be held against translation and rotation."""
-    mesh = model.mesh
+    mesh = body.mesh
     names = [f"translation along {'xyz'[i]}" for i in range(mesh.n_dim)]
     names += ["rotation"] if mesh.n_dim == 2 else [f"rotation about {axis}" for axis in "xyz"]
-    for part in free_parts(mesh, np.asarray(model.constraints.dofs)):
+    for part in free_parts(mesh, np.asarray(body.constraints.dofs)):
         weights = np.abs(part.motions).max(axis=1)
         motions = [name for name, weight in zip(names, weights, strict=True) if weight > MIN_NAMED * weights.max()]
         piece = f"the piece with node {mesh.node_labels[part.nodes[0]]} ({len(part.nodes)} nodes)"
