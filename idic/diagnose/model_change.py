@@ -76,13 +76,13 @@ def law_pairs(diagnosis: Diagnosis) -> tuple[LawPair, ...]:
         return ()
     base, enriched = diagnosis.identification.experiment, diagnosis.enriched.residual.context.experiment
     pairs = []
-    for material in base.body.materials:
+    for material in base.model.materials:
         replacement = enriched.model.material_of(material.element_set)
         if EXTERNAL in (material.law, replacement.law):
             continue
-        strain = _largest_strain(base.body, material.element_set,
-                                 diagnosis.identified.residual.u[..., :base.body.n_dim])
-        base_curve = _curve(base.body, material, diagnosis.identification.parameters.as_values(), strain)
+        strain = _largest_strain(base.model, material.element_set,
+                                 diagnosis.identified.residual.u[..., :base.model.n_dim])
+        base_curve = _curve(base.model, material, diagnosis.identification.parameters.as_values(), strain)
         enriched_curve = _curve(enriched.model, replacement, _parameters(diagnosis).as_values(), strain)
         if base_curve is None or enriched_curve is None:
             continue

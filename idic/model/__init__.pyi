@@ -2,24 +2,24 @@ from .drives import (
     COMPONENTS, DriveTable, boundary_parameters, build_drives, is_stereo, mode_names, mode_shapes, pixel_size,
     rates_since_reference, set_nodes,
 )
-from .experiment import Experiment
-from .model import Model
-from .options import Options, Stage
-from .parts import (
+from .records.experiment import Experiment
+from .records.model import Model
+from .records.options import Options, Stage
+from .records.parts import (
     Channel, Column, Constant, Controlled, Correction, Drive, Heterogeneity, Load, Material, Measured, Parametrised,
     Prescribed, Temperature, TemperatureField, corrections_of,
 )
-from .recording import CorrelatedNoise, Depth, FieldPoints, FurtherCamera, Noise, Recording
+from .records.recording import CorrelatedNoise, Depth, FieldPoints, FurtherCamera, Noise, Recording
 from .first_frames import leading_frames, selected_frames
 from .forward import ForwardModel, build_forward, solve, tried_increments
-from .free_course import KNOTS, TEMPERATURE, hats, jump_frame, jump_name, knot_frames, knot_name, without_knot
-from .gauges import Gauge, KINDS
+from .records.free_course import KNOTS, TEMPERATURE, hats, jump_frame, jump_name, knot_frames, knot_name, without_knot
+from .records.gauges import Gauge, KINDS
 from .heterogeneity import nodes_of, strayed
 from .loads import load_parameters
 from .mode_words import in_words, is_mode, motions
-from .motion_error import MotionError
+from .records.motion_error import MotionError
 from .readings import Readings
-from .stated_curve import StatedCurve
+from .records.stated_curve import StatedCurve
 from .temperature import nodal_temperature
 from .terms.channels.channel_term import ChannelTerm
 from .terms.channels.channel_terms import CHANNEL_TERMS, channel_term, shown_value

@@ -23,10 +23,10 @@ import numpy as np
 from idic.errors import InputError, NotConverged
 from idic.fe import ExternalSetup, ExternalSolver, FrameState, Solution, StepList, ExpectedOutput, inp_text
 from idic.model.drives import DriveTable, build_drives, set_nodes
-from idic.model.experiment import Experiment
-from idic.model.model import Model
-from idic.model.options import Options
-from idic.model.parts import Measured, Parametrised
+from idic.model.records.experiment import Experiment
+from idic.model.records.model import Model
+from idic.model.records.options import Options
+from idic.model.records.parts import Measured, Parametrised
 from idic.model.readings import Readings, build_readings, controlled
 from idic.parameters import ParameterSet
 

@@ -17,9 +17,9 @@ from idic.fe import (
 )
 from idic.images import PlacedCamera
 from idic.model.boundary_modes import edge_shapes, start_and_middle, time_courses
-from idic.model.experiment import Experiment
-from idic.model.model import Model
-from idic.model.parts import (
+from idic.model.records.experiment import Experiment
+from idic.model.records.model import Model
+from idic.model.records.parts import (
     Column, Constant, Controlled, Correction, Measured, Parametrised, Prescribed, corrections_of,
 )
 from idic.model.loads import LoadHistories, build_loads

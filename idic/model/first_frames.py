@@ -10,9 +10,9 @@ import numpy as np
 from idic.errors import InputError
 from idic.images import LeadingFrames
 from idic.model.drives import rates_since_reference
-from idic.model.experiment import Experiment
-from idic.model.model import Model
-from idic.model.parts import Channel, Column, Constant, Controlled, Parametrised, Temperature
+from idic.model.records.experiment import Experiment
+from idic.model.records.model import Model
+from idic.model.records.parts import Channel, Column, Constant, Controlled, Parametrised, Temperature
 
 
 def leading_frames(experiment: Experiment, n_frames: int) -> Experiment:

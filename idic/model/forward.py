@@ -21,10 +21,10 @@ from idic.fe import (
 from idic.laws import EXPANSION, compile as compile_law
 from idic.model.black_box import ExternalForward, build_external
 from idic.model.drives import COMPONENTS, DriveTable, build_drives, rates_since_reference, set_nodes
-from idic.model.experiment import Experiment
-from idic.model.model import Model
-from idic.model.options import Options
-from idic.model.parts import Load
+from idic.model.records.experiment import Experiment
+from idic.model.records.model import Model
+from idic.model.records.options import Options
+from idic.model.records.parts import Load
 from idic.model.heterogeneity import variation_of, variations_at
 from idic.model.loads import LoadHistories, is_follower
 from idic.model.readings import Readings, build_readings, controlled, from_reference, path_control

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from idic.fe import Mesh, Variation
-from idic.model.model import Model
-from idic.model.parts import Heterogeneity
+from idic.model.records.model import Model
+from idic.model.records.parts import Heterogeneity
 from idic.parameters import ParameterSet
 
 

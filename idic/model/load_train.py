@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from idic.model.parts import Column, Prescribed
+from idic.model.records.parts import Column, Prescribed
 
 DEAD_BAND_SHARE = 0.01  # of the range of the motion: a way back that is shorter turns nothing
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.model.model import Model
-from idic.model.parts import Column, Constant, Load
+from idic.model.records.model import Model
+from idic.model.records.parts import Column, Constant, Load
 from idic.parameters import Parameter, ParameterSet
 
 UNITS = {"pressure": "MPa", "traction": "MPa", "force": "N"}

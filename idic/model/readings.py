@@ -11,8 +11,8 @@ import numpy as np
 
 from idic.fe import FrameState, PathControl
 from idic.model.drives import COMPONENTS, DriveTable, set_nodes
-from idic.model.model import Model
-from idic.model.parts import Channel, Controlled
+from idic.model.records.model import Model
+from idic.model.records.parts import Channel, Controlled
 from idic.model.loads import LoadHistories
 
 

@@ -15,9 +15,9 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe import conducted
-from idic.model.model import Model
-from idic.model.parts import Column
-from idic.model.free_course import TEMPERATURE, knot_name
+from idic.model.records.model import Model
+from idic.model.records.parts import Column
+from idic.model.records.free_course import TEMPERATURE, knot_name
 from idic.parameters import ParameterSet
 
 

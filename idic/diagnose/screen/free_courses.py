@@ -1,7 +1,7 @@
 """Variants whose course in time the data give: the pattern of a cause times one amplitude per knot.
 
 Ramps, jumps and motions in proportion follow few courses. A load cell that wanders off and back, or a grip that swings,
-has none of them: its drift at a constant rate is zero. The free course of the same pattern (`idic.model.free_course`)
+has none of them: its drift at a constant rate is zero. The free course of the same pattern (`records.free_course`)
 holds all courses that are smooth over some frames, so that one test of its knots together stands for them.
 
 Of the courses that explain as much, the one with the fewest knots is taken; it is zero at the others. A reading that

@@ -50,7 +50,7 @@ def local_residual_tests(base: ResidualEvidence, enriched: ResidualEvidence, gri
 def _new_inclusions(base: Experiment, enriched: Experiment,
                     values: Mapping[str, float]) -> Iterator[tuple[np.ndarray, float]]:
     """Centre (dim,) and radius, mm."""
-    names = {(entry.element_set, entry.name) for entry in base.body.heterogeneities}
+    names = {(entry.element_set, entry.name) for entry in base.model.heterogeneities}
     for entry in enriched.model.heterogeneities:
         stem = f"{entry.element_set}.{entry.name}"
         if entry.is_spot and (entry.element_set, entry.name) not in names:

@@ -281,7 +281,7 @@ def _with_motion(context: CorrelationContext, base: Experiment, enriched: Experi
     view_of_camera = next(view for view in base.views if view.recording.camera_name == name)
     motion = next(view.model.camera.motion for view in enriched.views if view.recording.camera_name == name)
     return replace(context, camera=replace(context.camera, motion=motion), experiment=view_of_camera,
-                   parameters=base.body.parameters, moving=())
+                   parameters=base.model.parameters, moving=())
 
 
 def _concerns(name: str, frame: int) -> bool:

@@ -11,7 +11,7 @@
 ``[solver]``
     An external program simulates: see docs/external-solver.md. Materials may then have
     ``law = "external"`` with parameters of any name, as used in the template of the deck.
-``[options]``: see `idic.model.experiment.Options`.
+``[options]``: see `idic.model.records.experiment.Options`.
 ``[[probe]]``, ``[[extensometer]]``, ``[[line]]``, ``[[circle]]``
     Where the report reads fields off: ``at``, ``from`` and ``to``, or ``centre`` and ``radius``, with ``_mm`` (mesh
     coordinates) or ``_px`` (column and row of the reference image). They change nothing of the identification.

@@ -2,7 +2,7 @@
 
 Candidates are screened with a few courses: in proportion to the motion or to time, ramps and jumps from some moments
 on. The cause that is selected keeps its pattern. Where its refit leaves more than noise, its course becomes linear
-between knots (`idic.model.free_course`) and the model is refitted; the copy without a part in the fit decides whether
+between knots (`records.free_course`) and the model is refitted; the copy without a part in the fit decides whether
 that course stays.
 
 A cause with one amplitude per knot follows any function of time. Where the load only grows, that is any function of the

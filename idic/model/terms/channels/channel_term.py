@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from idic.model.experiment import Experiment
-from idic.model.parts import Channel, Load, Prescribed
+from idic.model.records.experiment import Experiment
+from idic.model.records.parts import Channel, Load, Prescribed
 from idic.model.load_train import way_of
 from idic.parameters import Parameter, ParameterSet
 

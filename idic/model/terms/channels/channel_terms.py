@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from idic.model.experiment import Experiment
-from idic.model.parts import Channel
+from idic.model.records.experiment import Experiment
+from idic.model.records.parts import Channel
 from idic.model.terms.channels.channel_term import ChannelTerm, Reading
 from idic.model.terms.channels.force_drift import FORCE_DRIFT
 from idic.model.terms.channels.force_offset import FORCE_OFFSET

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from idic.model.experiment import Experiment
-from idic.model.model import Model
-from idic.model.parts import Channel, Prescribed
+from idic.model.records.experiment import Experiment
+from idic.model.records.model import Model
+from idic.model.records.parts import Channel, Prescribed
 from idic.model.terms.channels.channel_term import ChannelTerm, Course, Probe, Reading, Step, logged_size
 from idic.parameters import Parameter
 

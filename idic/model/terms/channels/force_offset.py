@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from idic.model.experiment import Experiment
-from idic.model.parts import Channel, Column, Load, Prescribed
+from idic.model.records.experiment import Experiment
+from idic.model.records.parts import Channel, Column, Load, Prescribed
 from idic.model.terms.channels.channel_term import ChannelTerm, Probe, Reading, Step, logged_size
 from idic.parameters import Parameter
 

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from idic.model.experiment import Experiment
-from idic.model.parts import Channel, Load, Prescribed
+from idic.model.records.experiment import Experiment
+from idic.model.records.parts import Channel, Load, Prescribed
 from idic.model.terms.channels.channel_term import ChannelTerm, Probe, Reading, Step
 from idic.parameters import Parameter
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from idic.model.experiment import Experiment
-from idic.model.parts import Channel, Prescribed
+from idic.model.records.experiment import Experiment
+from idic.model.records.parts import Channel, Prescribed
 from idic.model.load_train import way_of
 from idic.model.terms.channels.channel_term import ChannelTerm, Course, Probe, Reading, Step, logged_size
 from idic.parameters import Parameter

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from idic.model.experiment import Experiment
-from idic.model.parts import Channel, Prescribed
+from idic.model.records.experiment import Experiment
+from idic.model.records.parts import Channel, Prescribed
 from idic.model.terms.channels.channel_term import ChannelTerm, Probe, Reading, Step
 from idic.parameters import Parameter
 

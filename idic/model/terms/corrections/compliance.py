@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.model.experiment import Experiment
-from idic.model.parts import Column, Prescribed
+from idic.model.records.experiment import Experiment
+from idic.model.records.parts import Column, Prescribed
 from idic.model.terms.corrections.correction_term import (
     Cause, CorrectedMotion, CorrectionTerm, Probe, Required, against_motion_with, probe_length,
 )

@@ -16,9 +16,9 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe import Mesh
-from idic.model.experiment import Experiment
-from idic.model.model import Model
-from idic.model.parts import Column, Constant, Pattern, Prescribed, uniform
+from idic.model.records.experiment import Experiment
+from idic.model.records.model import Model
+from idic.model.records.parts import Column, Constant, Pattern, Prescribed, uniform
 
 ONSETS = (0.0, 0.2, 0.4, 0.6, 0.8)  # of the test, where a probe begins
 PROBE_PX = 0.2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from idic.model.free_course import without_knot
+from idic.model.records.free_course import without_knot
 from idic.model.terms.corrections.compliance import COMPLIANCE
 from idic.model.terms.corrections.correction_term import CorrectionTerm
 from idic.model.terms.corrections.misalignment import MISALIGNMENT

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from idic.fe import Mesh
-from idic.model.experiment import Experiment
-from idic.model.parts import Column, Constant, Correction, Prescribed
+from idic.model.records.experiment import Experiment
+from idic.model.records.parts import Column, Constant, Correction, Prescribed
 from idic.model.terms.corrections.correction_term import (
     CorrectedMotion, CorrectionTerm, Key, Probe, follows_motion, in_proportion, main_motion, probe_length,
 )

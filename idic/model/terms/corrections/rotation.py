@@ -7,9 +7,9 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe import Mesh
-from idic.model.experiment import Experiment
-from idic.model.model import Model
-from idic.model.parts import Column, Correction, Prescribed
+from idic.model.records.experiment import Experiment
+from idic.model.records.model import Model
+from idic.model.records.parts import Column, Correction, Prescribed
 from idic.model.terms.corrections.correction_term import (
     Cause, CorrectedMotion, CorrectionTerm, Probe, follows_motion, in_proportion, main_motion, probe_length,
     probe_starts,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from idic.fe import Mesh
-from idic.model.parts import Column, Correction
+from idic.model.records.parts import Column, Correction
 from idic.model.terms.corrections.correction_term import (
     CorrectedMotion, CorrectionTerm, Key, Required, follows_motion, in_length, in_proportion,
 )

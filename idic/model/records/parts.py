@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from idic.fe import Mesh
-from idic.model.free_course import jump_name, knot_name, without_knot
+from idic.model.records.free_course import jump_name, knot_name, without_knot
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Correction:
     kind : of a term of `idic.model.terms.corrections`; reach : largest value of the pattern (mm for a rotation);
     pattern : (correction, mesh, nodes of the set, component) -> the component that it moves, (n,) on the nodes;
     keys : entries of its table that no other kind has; number : that ends its name; knot : frame of its knot, of an
-    identified time course (`idic.model.free_course`); jumps : whether it is the frame of a jump instead.
+    identified time course (`idic.model.records.free_course`); jumps : whether it is the frame of a jump instead.
     """
 
     kind: str

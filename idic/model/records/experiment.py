@@ -10,10 +10,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from idic.images import PlacedCamera, normal_sign
-from idic.model.gauges import Gauge
-from idic.model.model import Model
-from idic.model.options import Options, Stage
-from idic.model.recording import FurtherCamera, Recording
+from idic.model.records.gauges import Gauge
+from idic.model.records.model import Model
+from idic.model.records.options import Options, Stage
+from idic.model.records.recording import FurtherCamera, Recording
 from idic.parameters import ParameterSet
 
 

@@ -13,12 +13,12 @@ import numpy as np
 from idic.errors import InputError
 from idic.fe import ExternalSetup, Mesh, Morph, morphed
 from idic.images import AnyCamera
-from idic.model.parts import Channel, Column, Drive, Heterogeneity, Load, Material, Prescribed, Temperature
-from idic.model.stated_curve import StatedCurve
+from idic.model.records.parts import Channel, Column, Drive, Heterogeneity, Load, Material, Prescribed, Temperature
+from idic.model.records.stated_curve import StatedCurve
 from idic.parameters import ParameterSet
 
 if TYPE_CHECKING:  # it knows the frames of a simulation, which know no model
-    from idic.model.motion_error import MotionError
+    from idic.model.records.motion_error import MotionError
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,1 @@
+"""What an experiment consists of: recording, model, options; records without behaviour of their own."""
