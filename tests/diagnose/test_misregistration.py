@@ -24,8 +24,9 @@ def speckle():
 
 
 def residual_of(f):
-    context = SimpleNamespace(reference=SimpleNamespace(f=f), weights=SimpleNamespace(image_noise=NOISE_GV))
-    return SimpleNamespace(cameras=(SimpleNamespace(context=context),), evidence=SimpleNamespace(n_pixels=f.size))
+    context = SimpleNamespace(weights=SimpleNamespace(image_noise=NOISE_GV))
+    cameras = (SimpleNamespace(grey_values=f, context=context),)
+    return SimpleNamespace(cameras=cameras, evidence=SimpleNamespace(n_pixels=f.size))
 
 
 def motions(chi2):

@@ -39,6 +39,11 @@ class CameraResidual:
     view: View
     shared_gv: np.ndarray
 
+    @property
+    def grey_values(self) -> np.ndarray:
+        """Of the reference image; of a camera that compares them  # (n_pixels,)"""
+        return grey_image(self.context).f
+
     def turned(self, field: np.ndarray) -> np.ndarray:
         """A nodal field of the simulation in the axes of this camera  # (n_nodes, dim, ...)"""
         return self.context.experiment.model.turned(field)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 
 from idic.diagnose.physics.candidate import Variant
-from idic.diagnose.residual.grey_value_effects import grey_image
 from idic.diagnose.residual.heldout import Misfit
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.thinning import COPY_VARIANCE_FACTOR
@@ -24,7 +23,7 @@ HIDDEN_BY_MOTION = ("the remaining motion reduces the contrast of the residual a
 def lost_contrast_chi2(residual: ResidualEvidence, motions: Misfit) -> float:
     """Chi-square of the contrast that is lost by unexplained motion; motions : what free motions explain."""
     off = max(float(motions.gain.sum() - motions.rank.sum()), 0.0)
-    contrast = [float(np.var(grey_image(camera.context).f)) / camera.context.weights.image_noise**2
+    contrast = [float(np.var(camera.grey_values)) / camera.context.weights.image_noise**2
                 for camera in residual.cameras]
     texture = residual.evidence.n_pixels * float(np.mean(contrast))
     return off**2 / (4.0 * texture) if texture else 0.0

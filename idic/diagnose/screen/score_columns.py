@@ -21,7 +21,7 @@ from idic.correlation import (
 from idic.diagnose.locate.freedoms import in_images
 from idic.diagnose.physics.candidate import Candidate, Variant
 from idic.diagnose.residual.evidence import Columns, joined
-from idic.diagnose.residual.grey_value_effects import columns_of_kind, grey_image
+from idic.diagnose.residual.grey_value_effects import columns_of_kind
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.course_columns import timed, times_courses, unit_values
 from idic.errors import NotConverged
@@ -77,7 +77,7 @@ def _of_grey_values(residual: ResidualEvidence, variant: Variant) -> Columns:
     evidence, (kind, courses) = residual.evidence, variant.pixels
     if not evidence.pixel_names:
         return residual.null.pick([])
-    mean = float(np.mean([grey_image(camera.context).f.mean() for camera in residual.cameras]))
+    mean = float(np.mean([camera.grey_values.mean() for camera in residual.cameras]))
     ways = columns_of_kind(evidence.pixel_names, kind, mean)
     pixels = np.einsum("ct,kn->tkcn", courses[:, evidence.frames], ways).reshape(len(evidence.frames), len(ways), -1)
     n, shape = pixels.shape[2], residual.channels.shape
