@@ -97,6 +97,11 @@ def ledgers(out: Path) -> dict[str, dict[str, Any]]:
             for path in sorted(out.glob("*/trace.json"))}
 
 
+def ledgers_of_tests(out: Path) -> dict[str, dict[str, Any]]:
+    """Traces of tests in a folder (`tested`), as those of worlds."""
+    return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(out.glob("tests/*.json"))}
+
+
 def decisions(path: Path = DECISIONS) -> dict[str, tuple[str, str]]:
     """{constant or move: (decision, reason)}."""
     with path.open(encoding="utf-8", newline="") as file:
@@ -129,7 +134,7 @@ def write_table(out: Path) -> Path:
 def table_text(out: Path) -> str:
     """The table in Markdown."""
     worlds, tried, decided = ledgers(out), tried_without(out), decisions()
-    asked, listed = asked_of(worlds), list(constants())
+    asked, in_tests, listed = asked_of(worlds), asked_of(ledgers_of_tests(out)), list(constants())
     number = Counter(asked.get(constant.name, Asked()).status for constant in listed)
     lines = ["# Ablation of the diagnosis", "",
              "`python -m idic_studies.ablation table OUT` writes this page; `sample`, `trace` and `without` make OUT.",
@@ -140,8 +145,10 @@ def table_text(out: Path) -> str:
              f"outcome at every place, {number[DECIDES]} decide, {number[VALUE]} are values that nothing is compared "
              "with (grids, probes, priors, tolerances of a search). Going without those of the first two kinds changes "
              "no answer to these worlds.", "",
+             "Column \"in tests\": the same of the default tests in tests/diagnose that were traced (`tested.py`). A "
+             "constant that decides there has its recording there.", "",
              *_worlds(out, list(worlds)), *_moves(worlds.values(), tried, decided),
-             *_constants(listed, asked, tried, decided)]
+             *_constants(listed, asked, in_tests, tried, decided)]
     return "\n".join(lines) + "\n"
 
 
@@ -164,16 +171,19 @@ def _moves(worlds: Iterable[Mapping[str, Any]], tried: Mapping, decided: Mapping
                                              "without it", "decision"), cells)
 
 
-def _constants(listed: Sequence[Constant], asked: Mapping[str, Asked], tried: Mapping, decided: Mapping) -> list[str]:
+def _constants(listed: Sequence[Constant], asked: Mapping[str, Asked], in_tests: Mapping[str, Asked], tried: Mapping,
+               decided: Mapping) -> list[str]:
     cells = []
     for constant in listed:
         answer = asked.get(constant.name, Asked())
         cells.append((constant.name, constant.value, constant.bounds, answer.status, str(answer.compared),
-                      f"{len(answer.worlds)}, {len(answer.minority)}", *_decision(constant.name, tried, decided)))
-    cells += [(name, "", "", "", "", "", *_decision(name, tried, decided)) for name, (decision, _) in decided.items()
-              if decision == "gone" and name not in {constant.name for constant in listed}]
+                      f"{len(answer.worlds)}, {len(answer.minority)}", in_tests.get(constant.name, Asked()).status,
+                      *_decision(constant.name, tried, decided)))
+    present = {constant.name for constant in listed}
+    cells += [(name, *[""] * 6, *_decision(name, tried, decided)) for name, (decision, _) in decided.items()
+              if decision == "gone" and name not in present]
     return _lines("Constants", ("constant", "value", "bounds", "status", "compared", "worlds read, decided",
-                                "without it", "decision"), cells)
+                                "in tests", "without it", "decision"), cells)
 
 
 def _decision(name: str, tried: Mapping[str, Mapping[str, Sequence[str]]],

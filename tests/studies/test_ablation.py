@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import ast
+import json
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
+from idic_studies.ablation.__main__ import omitted
 from idic_studies.ablation.inventory import constants
-from idic_studies.ablation.table import DECIDES, NOT_READ, ONE_OUTCOME, VALUE, Asked, asked_of, largest_share_unseen
+from idic_studies.ablation.table import (
+    DECIDES, NOT_READ, ONE_OUTCOME, VALUE, Asked, asked_of, largest_share_unseen, table_text,
+)
 from idic_studies.ablation.trace import Ledger, Omission, Rewriting, constants_of, traced_loop
 
 FILE = "idic/diagnose/module.py"
@@ -119,3 +123,25 @@ def test_the_inventory_lists_numbers_and_what_they_bound(tmp_path):
     assert [(c.name, c.value, c.bounds) for c in constants(tmp_path / "idic")] == [
         ("part.MIN_SHARE", "0.5", "of the motion"), ("part.MOST", "3", "of a fit"), ("part.LEAST", "0.001", "of a fit"),
         ("part.TWICE", "2 * MIN_SHARE", ""), ("part.GRID", "(1, 2)", "")]
+
+
+def test_the_table_tells_what_decided_and_which_answers_changed(tmp_path):
+    name, place = "selection.rival.MIN_HELDOUT_DROP", "idic/diagnose/selection/rival.py:53"
+    record = {"verdict": "single", "reported": ["creep"], "alarm": True, "false_physics": False, "inside": True,
+              "side_right": True, "onset_error": 0.0, "intervals": [2, 2], "probability": 0.9}
+    ledger = {"reads": {f"{name} {place}": 2}, "outcomes": {f"{name} {place} True": 1, f"{name} {place} False": 1},
+              "moves": {"free end": {"asked": 1, "applied": 1, "accepted": 1}}}
+    for path, content in ((tmp_path / "world" / "trace.json", {"record": record, "ledger": ledger}),
+                          (tmp_path / "without" / "free end" / "world.json", {"record": record}),
+                          (tmp_path / "without" / name / "world.json", {"record": record | {"verdict": "none"}})):
+        path.parent.mkdir(parents=True)
+        path.write_text(json.dumps(content))
+    lines = table_text(tmp_path).splitlines()
+    assert "| world | single | creep | yes | – | yes |" in lines
+    (row,) = (line for line in lines if line.startswith(f"| {name} |"))
+    assert "| decides | 2 | 1, 1 |" in row and "1 of 1 answers change (world: verdict)" in row
+    assert any(line.startswith("| free end | 1 | 1 | 1 | 1, 1 | 0 of 1 answers change |") for line in lines)
+    omission, worlds = omitted(tmp_path, name)
+    assert (omission.outcomes, worlds) == ({(name, place): False}, ["world"])
+    assert omitted(tmp_path, "free end") == (Omission(moves=("free end",)), ["world"])
+    assert omitted(tmp_path, f"{name}=4.0") == (Omission(values={name: 4.0}), ["world"])
