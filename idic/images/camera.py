@@ -8,7 +8,7 @@ Pixel centres are at integers, rows count downwards. A 3D point is seen along z 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -17,10 +17,33 @@ import numpy as np
 from idic.errors import InputError
 from idic.images.camera_motion import CameraMotion
 
-CAMERA_PARAMETERS = ("pixel_size", "rotation_deg", "shift_col", "shift_row", "k1", "tilt_x", "tilt_y")
-UNITS = {"pixel_size": "mm", "rotation_deg": "deg", "shift_col": "px", "shift_row": "px", "k1": "1/px^2",
-         "tilt_x": "1/mm", "tilt_y": "1/mm"}
 _AXES = {"+col": (1.0, 0.0), "-col": (-1.0, 0.0), "+row": (0.0, 1.0), "-row": (0.0, -1.0)}
+
+
+@dataclass(frozen=True)
+class CameraParameter:
+    """A degree of freedom of the camera.
+
+    unit : mm stands for the unit of length; scale : (px from the middle to a corner of the image, pixel size in mm) ->
+    change that moves the mesh at a corner by about three pixels; bends : straight lines of the specimen are curved or
+    converge
+    """
+
+    unit: str
+    scale: Callable[[float, float], float]
+    bends: bool = False
+
+
+_TILT = CameraParameter("1/mm", lambda half, size: 3.0 / (half * half * size), bends=True)
+CAMERA_PARAMETERS: dict[str, CameraParameter] = {
+    "pixel_size": CameraParameter("mm", lambda half, size: 3.0 * size / half),
+    "rotation_deg": CameraParameter("deg", lambda half, size: float(np.degrees(3.0 / half))),
+    "shift_col": CameraParameter("px", lambda half, size: 3.0),
+    "shift_row": CameraParameter("px", lambda half, size: 3.0),
+    "k1": CameraParameter("1/px^2", lambda half, size: 3.0 * half**-3, bends=True),
+    "tilt_x": _TILT,
+    "tilt_y": _TILT,
+}
 
 
 def rotation_matrix(degrees: float) -> np.ndarray:
@@ -136,7 +159,7 @@ class Camera:
 
     # degrees of freedom ---------------------------------------------------------------------------
     def values(self) -> dict[str, float]:
-        """The present values of `PARAMETERS`; `with_parameters(values())` changes nothing."""
+        """The present values of `CAMERA_PARAMETERS`; `with_parameters(values())` changes nothing."""
         return {
             "pixel_size": self.pixel_size, "rotation_deg": float(self.rotation_deg),
             "shift_col": float(self.shift_px[0]), "shift_row": float(self.shift_px[1]),
@@ -155,7 +178,7 @@ class Camera:
         return float(1.0 / np.sqrt(abs(np.linalg.det(self.matrix))))
 
     def with_parameters(self, values: Mapping[str, float]) -> Camera:
-        """The camera with these of `PARAMETERS` set (absolute values, not changes)."""
+        """The camera with these of `CAMERA_PARAMETERS` set (absolute values, not changes)."""
         unknown = set(values) - set(CAMERA_PARAMETERS)
         if unknown:
             raise InputError("no such camera parameter", key=", ".join(sorted(unknown)),
@@ -171,7 +194,7 @@ class Camera:
                        shift_px=np.array([changed["shift_col"], changed["shift_row"]]))
 
     def parameter_jacobian(self, points: np.ndarray, name: str) -> np.ndarray:
-        """d (column, row) of fixed mesh points by one of `PARAMETERS`  # (n, 2|3) mm -> (n, 2) px per unit"""
+        """d (column, row) of fixed mesh points by one of `CAMERA_PARAMETERS`  # (n, 2|3) mm -> (n, 2) px per unit"""
         x = _plane(points)
         p0, w = self._ideal(x)
         centred = p0 - self.origin_px - self.shift_px  # matrix X / w
@@ -240,7 +263,7 @@ def fixed_pixel_sensitivity(camera: Camera, points: np.ndarray, u: np.ndarray, g
     gradient : array (n, 2, 2)
         In-plane deformation gradient F = dx/dX at the points, in mesh coordinates.
     name : str
-        One of `PARAMETERS`, or of the camera's motion.
+        One of `CAMERA_PARAMETERS`, or of the camera's motion.
     later : Camera, optional
         The camera of the deformed frame, where it moves.
 

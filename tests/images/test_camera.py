@@ -42,7 +42,7 @@ def test_a_solid_is_seen_along_z():
 
 
 class TestTelecentric(CameraContract):
-    cameras, parameters, points, steps = CAMERAS, CAMERA_PARAMETERS, POINTS, STEPS
+    cameras, parameters, points, steps = CAMERAS, tuple(CAMERA_PARAMETERS), POINTS, STEPS
 
 
 @cameras

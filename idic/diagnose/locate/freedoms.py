@@ -21,7 +21,7 @@ from idic.model import COMPONENTS, Model, set_nodes
 EDGE_MODE_DEGREE = 3  # of the modes along an edge
 FACE_MODE_DEGREE = 2  # of those on a face
 PLACED = tuple(f"{PLACEMENT_STEM}.{name}" for name in RIGID)
-CONSTANT_CAMERA_PARAMETERS = ("k1", "tilt_x", "tilt_y")  # of the camera in all frames, the reference included
+BENDING = tuple(name for name, kind in CAMERA_PARAMETERS.items() if kind.bends)
 
 
 def edge_modes(model: Model, nodes: np.ndarray) -> np.ndarray:
@@ -106,7 +106,7 @@ def _of_camera(camera: CameraResidual, frame: int, u: np.ndarray) -> np.ndarray:
         distortion, tilts = view.camera.lens.leading, PLACED[:2]
         names, constant = ("fx", "cx", "cy", distortion, *PLACED), (distortion, "fx", *tilts)
     else:
-        names, constant = CAMERA_PARAMETERS, CONSTANT_CAMERA_PARAMETERS
+        names, constant = tuple(CAMERA_PARAMETERS), BENDING  # constant: in all frames, the reference included
     deformed = frame_view.deformed(nodes, u)
     moved = [frame_view.moved_camera.parameter_jacobian(deformed, name).ravel() for name in names]
     gradient = nodal_gradient(experiment.model, u)

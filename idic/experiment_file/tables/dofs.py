@@ -262,18 +262,13 @@ def _camera_dofs(camera_name: str, camera: AnyCamera, length_unit: str, image_sh
     by the step times the motion relative to the image size.
     """
     half = 0.5 * float(np.hypot(*image_shape))  # px from the middle to a corner
-    size = camera.pixel_size
-    tilt = 3.0 / (half * half * size)
-    scales = {"pixel_size": 3.0 * size / half, "rotation_deg": float(np.degrees(3.0 / half)), "shift_col": 3.0,
-              "shift_row": 3.0, "k1": 3.0 * half**-3, "tilt_x": tilt, "tilt_y": tilt}
-    units = {"pixel_size": length_unit, "rotation_deg": "deg", "shift_col": "px", "shift_row": "px", "k1": "1/px^2",
-             "tilt_x": f"1/{length_unit}", "tilt_y": f"1/{length_unit}"}
-    values = camera.values()
+    size, values = camera.pixel_size, camera.values()
     dofs = {}
-    for name in CAMERA_PARAMETERS:
+    for name, kind in CAMERA_PARAMETERS.items():
         bounds = (1e-3 * size, 1e3 * size) if name == "pixel_size" else (-np.inf, np.inf)
-        dofs[f"{camera_name}.{name}"] = Parameter(f"{camera_name}.{name}", values[name], units[name], bounds=bounds,
-                                                  scale=scales[name], max_step=CAMERA_MAX_STEP)
+        dofs[f"{camera_name}.{name}"] = Parameter(
+            f"{camera_name}.{name}", values[name], kind.unit.replace("mm", length_unit), bounds=bounds,
+            scale=kind.scale(half, size), max_step=CAMERA_MAX_STEP)
     return dofs
 
 
