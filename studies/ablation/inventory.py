@@ -54,12 +54,14 @@ def _of_module(text: str, module: str, file: str) -> Iterator[Constant]:
 def _assigned(statement: ast.stmt) -> Iterator[tuple[str, ast.expr]]:
     if isinstance(statement, ast.AnnAssign) and statement.value is not None and isinstance(statement.target, ast.Name):
         yield statement.target.id, statement.value
-    for target in statement.targets if isinstance(statement, ast.Assign) else ():
+    if not isinstance(statement, ast.Assign):
+        return
+    for target in statement.targets:
         if isinstance(target, ast.Name):
-            yield target.id, statement.value  # type: ignore[union-attr]
-        elif isinstance(target, ast.Tuple) and isinstance(statement.value, ast.Tuple):  # type: ignore[union-attr]
-            yield from ((leaf.id, value) for leaf, value in
-                        zip(target.elts, statement.value.elts, strict=True) if isinstance(leaf, ast.Name))  # type: ignore
+            yield target.id, statement.value
+        elif isinstance(target, ast.Tuple) and isinstance(statement.value, ast.Tuple):
+            yield from ((leaf.id, value) for leaf, value in zip(target.elts, statement.value.elts, strict=True)
+                        if isinstance(leaf, ast.Name))
 
 
 def is_number(value: ast.expr) -> bool:
