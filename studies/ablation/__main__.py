@@ -59,9 +59,9 @@ def omitted(out: Path, name: str) -> tuple[Omission, list[str]]:
         return Omission(values={name: float(number) if "." in number or "e" in number else int(number)}), list(
             asked_of(worlds)[name].worlds)
     if name in {constant.name for constant in constants()}:
-        asked = asked_of(worlds)[name]
-        outcomes = {(name, place): outcome for place, outcome in asked.usual.items()}
-        return Omission(outcomes=outcomes), list(asked.minority)
+        answer = asked_of(worlds)[name]
+        outcomes = {(name, place): outcome for place, outcome in answer.usual.items()}
+        return Omission(outcomes=outcomes), list(answer.minority)
     return Omission(moves=(name,)), [world for world, ledger in worlds.items()
                                      if ledger["moves"].get(name, {}).get("accepted", 0)]
 

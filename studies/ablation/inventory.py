@@ -60,8 +60,8 @@ def _assigned(statement: ast.stmt) -> Iterator[tuple[str, ast.expr]]:
         if isinstance(target, ast.Name):
             yield target.id, statement.value
         elif isinstance(target, ast.Tuple) and isinstance(statement.value, ast.Tuple):
-            yield from ((leaf.id, value) for leaf, value in
-                        zip(target.elts, statement.value.elts, strict=True) if isinstance(leaf, ast.Name))
+            yield from ((leaf.id, value) for leaf, value in zip(target.elts, statement.value.elts, strict=True)
+                        if isinstance(leaf, ast.Name))
 
 
 def is_number(value: ast.expr) -> bool:

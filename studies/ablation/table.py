@@ -62,7 +62,7 @@ def asked_of(ledgers: Mapping[str, Mapping[str, Mapping[str, int]]]) -> dict[str
                 continue
             total[name][place][outcome == "True"] += n
             outcomes_in[name][place, outcome == "True"].append(world)
-    found = {}
+    usage = {}
     for name in {*reads, *total}:
         usual, rare = {}, dict[str, None]()
         for place, number in total[name].items():
@@ -70,20 +70,20 @@ def asked_of(ledgers: Mapping[str, Mapping[str, Mapping[str, int]]]) -> dict[str
             usual[place] = counts[True] > counts[False]
             rare |= dict.fromkeys(outcomes_in[name][place, not usual[place]])
         places = {place: (number[True], number[False]) for place, number in total[name].items()}
-        found[name] = Asked(reads[name], sum(map(sum, places.values())), places, usual, tuple(read_in[name]),
+        usage[name] = Asked(reads[name], sum(map(sum, places.values())), places, usual, tuple(read_in[name]),
                             tuple(rare))
-    return found
+    return usage
 
 
 def moves_of(ledgers: Iterable[Mapping[str, Any]]) -> dict[str, Counter]:
     """{move: how often it was asked, applied, accepted, …} and in how many worlds it was applied and accepted."""
-    found: dict[str, Counter] = defaultdict(Counter)
+    numbers: dict[str, Counter] = defaultdict(Counter)
     for ledger in ledgers:
         for name, number in ledger["moves"].items():
-            found[name] += Counter(number)
-            found[name]["worlds applied"] += number.get("applied", 0) > 0
-            found[name]["worlds accepted"] += number.get("accepted", 0) > number.get("without effect", 0)
-    return dict(found)
+            numbers[name] += Counter(number)
+            numbers[name]["worlds applied"] += number.get("applied", 0) > 0
+            numbers[name]["worlds accepted"] += number.get("accepted", 0) > number.get("without effect", 0)
+    return dict(numbers)
 
 
 def largest_share_unseen(n: int, confidence: float = CONFIDENCE) -> float:
@@ -108,17 +108,17 @@ def decisions(path: Path = DECISIONS) -> dict[str, tuple[str, str]]:
         return {row["name"]: (row["decision"], row["reason"]) for row in csv.DictReader(file)}
 
 
-def changed(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
+def changed(complete: Mapping[str, Any], reduced: Mapping[str, Any]) -> list[str]:
     """Measures of the blind trial that differ between two answers to one world."""
-    return [name for name in MEASURES if before[name] != after[name]]
+    return [name for name in MEASURES if complete[name] != reduced[name]]
 
 
 def tried_without(out: Path) -> dict[str, dict[str, list[str]]]:
     """{constant, move or CONSTANT=NUMBER: {world: measures that differ}}."""
-    found: dict[str, dict[str, list[str]]] = defaultdict(dict)
+    changes: dict[str, dict[str, list[str]]] = defaultdict(dict)
     for path in sorted(out.glob("without/*/*.json")):
-        found[path.parent.name][path.stem] = changed(_record(out / path.stem / "trace.json"), _record(path))
-    return dict(found)
+        changes[path.parent.name][path.stem] = changed(_record(out / path.stem / "trace.json"), _record(path))
+    return dict(changes)
 
 
 def _record(path: Path) -> dict[str, Any]:
@@ -134,8 +134,8 @@ def write_table(out: Path) -> Path:
 def table_text(out: Path) -> str:
     """The table in Markdown."""
     worlds, tried, decided = ledgers(out), tried_without(out), decisions()
-    asked, in_tests, listed = asked_of(worlds), asked_of(ledgers_of_tests(out)), list(constants())
-    number = Counter(asked.get(constant.name, Asked()).status for constant in listed)
+    usage, in_tests, listed = asked_of(worlds), asked_of(ledgers_of_tests(out)), list(constants())
+    number = Counter(usage.get(constant.name, Asked()).status for constant in listed)
     lines = ["# Ablation of the diagnosis", "",
              "`python -m idic_studies.ablation table OUT` writes this page; `sample`, `trace` and `without` make OUT.",
              "",
@@ -148,7 +148,7 @@ def table_text(out: Path) -> str:
              "Column \"in tests\": the same of the default tests in tests/diagnose that were traced (`tested.py`). A "
              "constant that decides there has its recording there.", "",
              *_worlds(out, list(worlds)), *_moves(worlds.values(), tried, decided),
-             *_constants(listed, asked, in_tests, tried, decided)]
+             *_constants(listed, usage, in_tests, tried, decided)]
     return "\n".join(lines) + "\n"
 
 
@@ -171,17 +171,17 @@ def _moves(worlds: Iterable[Mapping[str, Any]], tried: Mapping, decided: Mapping
                                              "without it", "decision"), cells)
 
 
-def _constants(listed: Sequence[Constant], asked: Mapping[str, Asked], in_tests: Mapping[str, Asked], tried: Mapping,
+def _constants(listed: Sequence[Constant], usage: Mapping[str, Asked], in_tests: Mapping[str, Asked], tried: Mapping,
                decided: Mapping) -> list[str]:
     cells = []
     for constant in listed:
-        answer = asked.get(constant.name, Asked())
+        answer = usage.get(constant.name, Asked())
         cells.append((constant.name, constant.value, constant.bounds, answer.status, str(answer.compared),
                       f"{len(answer.worlds)}, {len(answer.minority)}", in_tests.get(constant.name, Asked()).status,
                       *_decision(constant.name, tried, decided)))
-    present = {constant.name for constant in listed}
+    names = {constant.name for constant in listed}
     cells += [(name, *[""] * 6, *_decision(name, tried, decided)) for name, (decision, _) in decided.items()
-              if decision == "gone" and name not in present]
+              if decision == "gone" and name not in names]
     return _lines("Constants", ("constant", "value", "bounds", "status", "compared", "worlds read, decided",
                                 "in tests", "without it", "decision"), cells)
 

@@ -11,15 +11,22 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import Any
 
-from idic_studies.ablation.trace import traced
+import pytest
 
-LEDGER = traced()
+from idic_studies.ablation.trace import Ledger, traced
+
+LEDGER = pytest.StashKey[Ledger]()
 
 
-def pytest_runtest_teardown(item: Any, nextitem: Any) -> None:
+def pytest_load_initial_conftests(early_config: pytest.Config) -> None:
+    """Begin the trace before a test imports the diagnosis."""
+    early_config.stash[LEDGER] = traced()
+
+
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
     """Write the ledger of all tests of this process so far, after the last test of every file."""
     target = os.environ.get("IDIC_TRACE")
     if target and (nextitem is None or nextitem.path != item.path):
-        Path(target).write_text(json.dumps(LEDGER.content, indent=0, sort_keys=True), encoding="utf-8")
+        content = item.config.stash[LEDGER].content
+        Path(target).write_text(json.dumps(content, indent=0, sort_keys=True), encoding="utf-8")

@@ -155,20 +155,20 @@ class Traced:
 
 
 def _compare(symbol: Callable) -> Callable:
-    def compare(self: Any, other: Any) -> Any:
-        if not isinstance(other, int | float | np.number):
+    def compare(self: Any, operand: Any) -> Any:
+        if not isinstance(operand, int | float | np.number):
             return NotImplemented
-        return self.ledger.compared(names_of(self, other), symbol(plain(self), plain(other)))
+        return self.ledger.compared(names_of(self, operand), symbol(plain(self), plain(operand)))
 
     return compare
 
 
 def _combine(symbol: Callable, is_reflected: bool) -> Callable:
-    def combine(self: Any, other: Any) -> Any:
-        if not isinstance(other, int | float | np.number):
+    def combine(self: Any, operand: Any) -> Any:
+        if not isinstance(operand, int | float | np.number):
             return NotImplemented
-        first, second = (plain(other), plain(self)) if is_reflected else (plain(self), plain(other))
-        return as_traced(symbol(first, second), names_of(self, other), self.ledger)
+        first, second = (plain(operand), plain(self)) if is_reflected else (plain(self), plain(operand))
+        return as_traced(symbol(first, second), names_of(self, operand), self.ledger)
 
     return combine
 
@@ -235,25 +235,25 @@ class Rewriting(ast.NodeTransformer):
         return node
 
     def _call(self, node: ast.AST, method: str, *arguments: Any) -> ast.Call:
-        given = [argument if isinstance(argument, ast.AST) else ast.Constant(argument) for argument in arguments]
+        nodes = [argument if isinstance(argument, ast.AST) else ast.Constant(argument) for argument in arguments]
         called = ast.Attribute(ast.Name("ledger__", ast.Load()), method, ast.Load())
-        return ast.fix_missing_locations(ast.copy_location(ast.Call(called, given, []), node))
+        return ast.fix_missing_locations(ast.copy_location(ast.Call(called, nodes, []), node))
 
 
 def constants_of(tree: ast.Module, module: str) -> dict[str, str]:
     """{local name: MODULE.NAME, from `ROOM` on} of the upper-case names that a module defines or imports from it."""
-    found = {}
+    names = {}
     for statement in tree.body:
         if isinstance(statement, ast.ImportFrom) and statement.module and statement.module.startswith(f"{ROOM}."):
             origin = statement.module.removeprefix(f"{ROOM}.")
-            found |= {a.asname or a.name: f"{origin}.{a.name}" for a in statement.names if a.name.isupper()}
+            names |= {a.asname or a.name: f"{origin}.{a.name}" for a in statement.names if a.name.isupper()}
         targets = statement.targets if isinstance(statement, ast.Assign) else (
             [statement.target] if isinstance(statement, ast.AnnAssign) else [])
         for target in targets:
             for leaf in (target.elts if isinstance(target, ast.Tuple) else [target]):
                 if isinstance(leaf, ast.Name) and leaf.id.isupper():
-                    found[leaf.id] = f"{module.removeprefix(f'{ROOM}.')}.{leaf.id}"
-    return found
+                    names[leaf.id] = f"{module.removeprefix(f'{ROOM}.')}.{leaf.id}"
+    return names
 
 
 class Loader(importlib.machinery.SourceFileLoader):
