@@ -11,22 +11,19 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from typing import Any
 
-import pytest
-
-from idic_studies.ablation.trace import Ledger, traced
-
-LEDGER = pytest.StashKey[Ledger]()
+from idic_studies.ablation.trace import traced
 
 
-def pytest_load_initial_conftests(early_config: pytest.Config) -> None:
+def pytest_load_initial_conftests(early_config: Any) -> None:
     """Begin the trace before a test imports the diagnosis."""
-    early_config.stash[LEDGER] = traced()
+    early_config.idic_ledger = traced()
 
 
-def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+def pytest_runtest_teardown(item: Any, nextitem: Any) -> None:
     """Write the ledger of all tests of this process so far, after the last test of every file."""
     target = os.environ.get("IDIC_TRACE")
     if target and (nextitem is None or nextitem.path != item.path):
-        content = item.config.stash[LEDGER].content
+        content = item.config.idic_ledger.content
         Path(target).write_text(json.dumps(content, indent=0, sort_keys=True), encoding="utf-8")
