@@ -23,6 +23,7 @@ MIN_PROMISE_SHARE = 0.5  # of the best rival's drop: a candidate that promises l
 LUCK_STD = 2.0  # standard deviations of a drop on one copy that may be luck
 MAX_ROOM_SHARE = 0.05  # of the drop of a refit: with less excess left it explains all
 FIRST_ORDER_ERROR_SHARE = 0.2  # of a promise: error of first order
+MAX_CLOSE_CHI2 = 25.0  # chi-square between two candidates that are hardly distinguishable, noise included
 # of the promised drop; a refit that keeps less began in the wrong place, or the promise was far from linear
 MIN_KEPT_SHARE = 0.5
 
@@ -162,7 +163,7 @@ def explains_all(ahead: Rival) -> bool:
 
 def promises_too_little(ranked: Ranked, ahead: Rival) -> bool:
     """Whether a candidate promises less than one that this record could not tell from the best would."""
-    return ranked.gain < (1.0 - FIRST_ORDER_ERROR_SHARE) * ahead.predicted
+    return ranked.gain < min((1.0 - FIRST_ORDER_ERROR_SHARE) * ahead.predicted, ahead.predicted - MAX_CLOSE_CHI2)
 
 
 def alternatives(shortlist: Sequence[Ranked]) -> list[Ranked]:
