@@ -30,9 +30,9 @@ def marches(monkeypatch):
     """Whether each simulation had a warm start."""
     march, begun = ForwardModel.march, []
 
-    def counted(self, *given, warm_start=None, **options):
+    def counted(self, parameters, names=(), local=None, steps=None, influence=False, warm_start=None, **options):
         begun.append(warm_start is not None)
-        return march(self, *given, warm_start=warm_start, **options)
+        return march(self, parameters, names, local, steps, influence, warm_start, **options)
 
     monkeypatch.setattr(ForwardModel, "march", counted)
     return begun

@@ -38,7 +38,7 @@ def corrected(folder, text):
 
 def of_motion(experiment):
     """The corrections of the upper end."""
-    return next(corrections_of(entry.drive) for entry in experiment.prescribed
+    return next(corrections_of(entry.drive) for entry in experiment.model.prescribed
                 if (entry.nodes, entry.component) == ("TOP", "y"))
 
 
@@ -54,8 +54,8 @@ def test_a_correction_is_zero_at_its_null_and_in_the_reference_and_its_derivativ
         experiment = corrected(tmp_path / str(number), text)
         (first, *_) = corrections = of_motion(experiment)
         names = [f"boundary.TOP.y.{correction.name}" for correction in corrections]
-        assert set(names) <= set(experiment.parameters.free)
-        drives, parameters = build_drives(experiment), experiment.parameters
+        assert set(names) <= set(experiment.model.parameters.free)
+        drives, parameters = build_drives(experiment), experiment.model.parameters
         moved = drives.basis @ drives.histories(parameters).T  # (n_p, n_frames)
         without = drives.basis @ drives.columns.T
         np.testing.assert_array_equal(moved, without)
@@ -63,15 +63,15 @@ def test_a_correction_is_zero_at_its_null_and_in_the_reference_and_its_derivativ
             assert parameters[name].scale > 0.0 and parameters[name].unit == first.unit
             ahead, behind = (drives.histories(parameters.with_values({name: sign * DIFFERENCE})) for sign in (1, -1))
             np.testing.assert_allclose((ahead - behind) / (2 * DIFFERENCE), drives.derivatives[name], atol=1e-12)
-            assert drives.derivatives[name].any() and not drives.derivatives[name][experiment.reference].any()
+            assert drives.derivatives[name].any() and not drives.derivatives[name][experiment.model.reference].any()
 
 
 @pytest.mark.parametrize("term", TERMS, ids=lambda term: term.kind)
 def test_the_reach_of_a_pattern_is_its_largest_value(term, tmp_path):
     experiment = corrected(tmp_path / "test", table(term))
-    nodes = np.asarray(experiment.mesh.node_sets["TOP"])
-    component, pattern = term.pattern(of_motion(experiment)[0], experiment.mesh, nodes, "y")
-    assert component in "xy" and np.abs(pattern).max() == pytest.approx(term.reach(experiment.mesh, nodes, "y"))
+    nodes = np.asarray(experiment.model.mesh.node_sets["TOP"])
+    component, pattern = term.pattern(of_motion(experiment)[0], experiment.model.mesh, nodes, "y")
+    assert component in "xy" and np.abs(pattern).max() == pytest.approx(term.reach(experiment.model.mesh, nodes, "y"))
 
 
 @pytest.mark.parametrize("term", TERMS, ids=lambda term: term.kind)
@@ -95,14 +95,14 @@ def test_a_correction_is_a_candidate_whose_probes_the_file_takes(term, tmp_path)
     folder, probes = small(tmp_path / "test"), 0
     experiment = load_experiment(folder)
     text = (folder / "experiment.toml").read_text()
-    for motion in experiment.prescribed:
+    for motion in experiment.model.prescribed:
         if (motion.nodes, motion.component) != ("TOP", "y"):
             continue
         for probe in term.probes(experiment, motion):
             keys = "".join(f", {key} = {value!r}" for key, value in probe.keys.items())
             edited = text.replace(MOTION, f'{MOTION[:-1]}, corrections = [{{ kind = "{term.kind}"{keys} }}] }}')
             (folder / "experiment.toml").write_text(edited)
-            assert f"boundary.TOP.y.{term.kind}" in load_experiment(folder).parameters.free
+            assert f"boundary.TOP.y.{term.kind}" in load_experiment(folder).model.parameters.free
             assert probe.value > 0.0 and probe.label.startswith("TOP ")
             probes += 1
             if term.scale:

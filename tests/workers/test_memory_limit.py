@@ -8,7 +8,7 @@ from experiment_file.small_experiment import write_experiment
 import idic.cli  # noqa: F401 - registers every command
 from idic.cli.app import app
 from idic.errors import InputError
-from idic.run import points, postprocess
+from idic.run import part_points, postprocess
 from idic.run.store import layout
 from idic.run import FrameArrays, checked_memory_limit, identify_run
 
@@ -62,7 +62,7 @@ def test_the_size_of_the_chunks_does_not_touch_the_result(tmp_path, monkeypatch)
         "experiment.reference": "frame_001.tif",
     }
     results = []
-    for module in (layout, points, postprocess):
+    for module in (layout, part_points, postprocess):
         monkeypatch.setattr(module, "chunk_frames", lambda n_frames: 3)  # of a test of 40 frames or more
     for size in (8_000_000, 2 * 8 * 20 * 2, 1):  # 3 frames, 2 frames, 1 frame of 20 nodes
         monkeypatch.setattr(layout, "CHUNK_BYTES", size)

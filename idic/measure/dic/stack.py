@@ -129,7 +129,7 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
     >>> from idic.measure.dic import Regularisation, dic_stack
     >>> experiment = load_experiment("my-test")
     >>> motion = dic_stack(experiment, Regularisation("mechanical", length_px=60))
-    >>> motion.status[-1], motion.u_px.shape == (experiment.n_frames, experiment.mesh.n_nodes, 2)
+    >>> motion.status[-1], motion.u_px.shape == (experiment.model.n_frames, experiment.model.mesh.n_nodes, 2)
     ('ok', True)
     """
     model, recording = experiment.model, experiment.recording
