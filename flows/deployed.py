@@ -55,8 +55,8 @@ def batch(experiments: list[str], out: str, starts: int | None = None, spread: f
     from idic_flows.public import batch as conducted
 
     paths, folder = [data_path(path, "experiments") for path in experiments], data_path(out, "out")
-    for one in read_batch(paths, overrides):  # a list may name any place
-        data_path(one.experiment, "experiments")
+    for entry in read_batch(paths, overrides):  # a list may name any place
+        data_path(entry.experiment, "experiments")
     content = conducted(paths, folder, starts=starts, spread=spread, seed=seed, resume=True, workers=workers,
                         scheduler=scheduler, sensitivity=sensitivity, overrides=overrides)
     message = f"{batch_headline(content)} {folder / 'batch.html'}"

@@ -40,10 +40,10 @@ class Budget:
     def __init__(self, burst: float = BURST, per_second: float = PER_SECOND):
         self._burst, self._per_second, self._left, self._when = burst, per_second, burst, 0.0
 
-    def take(self, now: float) -> bool:
+    def take(self, moment: float) -> bool:
         """Whether there is one, which is then used."""
-        self._left = min(self._burst, self._left + self._per_second * max(0.0, now - self._when))
-        self._when = now
+        self._left = min(self._burst, self._left + self._per_second * max(0.0, moment - self._when))
+        self._when = moment
         if self._left < 1.0:
             return False
         self._left -= 1.0
@@ -56,7 +56,7 @@ class _Attempt:
     place: str
     began: float
     run: uuid.UUID = field(default_factory=uuid.uuid4)
-    shown: bool = False
+    is_shown: bool = False
 
     def state(self, state: str, when: float, message: str = "") -> JobRun:
         over = None if state == RUNNING else when
@@ -69,78 +69,79 @@ class JobRuns:
     titles : a name for each job
     """
 
-    def __init__(self, titles: Sequence[str], budget: Budget, now: float):
-        self._titles, self._budget, self._opened = titles, budget, now
+    def __init__(self, titles: Sequence[str], budget: Budget, moment: float):
+        self._titles, self._budget, self._opened = titles, budget, moment
         self._waiting: dict[int, uuid.UUID | None] = dict.fromkeys(range(len(titles)))  # run, where it is shown
         self._attempts: dict[str, _Attempt] = {}
         self._tries = [0] * len(titles)
         self._together: list[_Attempt] = []
-        self._last_end = now
+        self._last_end = moment
 
-    def started(self, job: int, attempt: str, place: str, now: float) -> list[JobRun]:
+    def started(self, job: int, attempt: str, place: str, moment: float) -> list[JobRun]:
         """A job starts; a repetition is a run of its own."""
         self._tries[job] += 1
         repeated = self._tries[job] > 1
-        one = _Attempt(self._titles[job] + (f", attempt {self._tries[job]}" if repeated else ""), place, now)
+        entry = _Attempt(self._titles[job] + (f", attempt {self._tries[job]}" if repeated else ""), place, moment)
         waited = self._waiting.pop(job, None)
         if waited is not None:
-            one.run, one.shown = waited, True
-        self._attempts[attempt] = one
-        return self._running(one, now) if repeated or one.shown else []
+            entry.run, entry.is_shown = waited, True
+        self._attempts[attempt] = entry
+        return self._running(entry, moment) if repeated or entry.is_shown else []
 
-    def ended(self, attempt: str, problem: str, now: float) -> list[JobRun]:
+    def ended(self, attempt: str, problem: str, moment: float) -> list[JobRun]:
         """An attempt is over."""
-        one = self._attempts.pop(attempt, None)
-        if one is None:
+        entry = self._attempts.pop(attempt, None)
+        if entry is None:
             return []
         if problem:
-            return [one.state(FAILED, now, problem)]
-        if one.shown or now - one.began > SHORT_SECONDS or self._budget.take(now):
-            return [one.state(COMPLETED, now, f"in {one.place}")]
-        self._together.append(one)
-        self._last_end = now
+            return [entry.state(FAILED, moment, problem)]
+        if entry.is_shown or moment - entry.began > SHORT_SECONDS or self._budget.take(moment):
+            return [entry.state(COMPLETED, moment, f"in {entry.place}")]
+        self._together.append(entry)
+        self._last_end = moment
         return []
 
-    def lost(self, place: str, now: float) -> list[JobRun]:
+    def lost(self, place: str, moment: float) -> list[JobRun]:
         """A worker is gone."""
-        gone = [attempt for attempt, one in self._attempts.items() if one.place == place]
-        return [self._attempts.pop(attempt).state(CRASHED, now, f"{place} was lost; the job is repeated")
-                for attempt in gone]
+        attempts = [attempt for attempt, entry in self._attempts.items() if entry.place == place]
+        return [self._attempts.pop(attempt).state(CRASHED, moment, f"{place} was lost; the job is repeated")
+                for attempt in attempts]
 
-    def due(self, now: float) -> list[JobRun]:
+    def due(self, moment: float) -> list[JobRun]:
         """What has come to be shown by the passing of time."""
-        shown = []
-        for one in self._attempts.values():
-            if not one.shown and now - one.began >= SHOW_AFTER_SECONDS:
-                shown += self._running(one, now)
-        if now - self._opened >= SHOW_AFTER_SECONDS and len(self._titles) <= MAX_WAITING:
+        runs = []
+        for entry in self._attempts.values():
+            if not entry.is_shown and moment - entry.began >= SHOW_AFTER_SECONDS:
+                runs += self._running(entry, moment)
+        if moment - self._opened >= SHOW_AFTER_SECONDS and len(self._titles) <= MAX_WAITING:
             for job, run in self._waiting.items():
-                if run is None and self._budget.take(now):
+                if run is None and self._budget.take(moment):
                     self._waiting[job] = uuid.uuid4()
-                    shown.append(JobRun(self._waiting[job], self._titles[job], PENDING, now))
-        if self._together and now - self._together[0].began >= TOGETHER_SECONDS and self._budget.take(now):
-            shown += self._all_together()
-        return shown
+                    runs.append(JobRun(self._waiting[job], self._titles[job], PENDING, moment))
+        if self._together and moment - self._together[0].began >= TOGETHER_SECONDS and self._budget.take(moment):
+            runs += self._all_together()
+        return runs
 
-    def close(self, now: float) -> list[JobRun]:
+    def close(self, moment: float) -> list[JobRun]:
         """The call is over; what still runs or waits is the second copy of a job that is done, or no longer wanted."""
-        shown = self._all_together()
-        shown += [one.state(CANCELLED, now, "the job is done elsewhere, or no longer needed")
-                  for one in self._attempts.values() if one.shown]
-        shown += [JobRun(run, self._titles[job], CANCELLED, now, message="no longer needed")
-                  for job, run in self._waiting.items() if run is not None]
+        runs = self._all_together()
+        runs += [entry.state(CANCELLED, moment, "the job is done elsewhere, or no longer needed")
+                 for entry in self._attempts.values() if entry.is_shown]
+        runs += [JobRun(run, self._titles[job], CANCELLED, moment, message="no longer needed")
+                 for job, run in self._waiting.items() if run is not None]
         self._attempts, self._waiting = {}, {}
-        return shown
+        return runs
 
-    def _running(self, one: _Attempt, now: float) -> list[JobRun]:
-        one.shown = True
-        return [one.state(RUNNING, one.began, f"in {one.place}")]
+    def _running(self, entry: _Attempt, moment: float) -> list[JobRun]:
+        entry.is_shown = True
+        return [entry.state(RUNNING, entry.began, f"in {entry.place}")]
 
     def _all_together(self) -> list[JobRun]:
         if not self._together:
             return []
         jobs, self._together = self._together, []
-        first, last = jobs[0].name, jobs[-1].name
-        name = first if len(jobs) == 1 else f"{first} … {last} ({len(jobs)} short ones)"
-        return [JobRun(uuid.uuid4(), name, COMPLETED, self._last_end, min(one.began for one in jobs), self._last_end,
+        first_name, last_name = jobs[0].name, jobs[-1].name
+        name = first_name if len(jobs) == 1 else f"{first_name} … {last_name} ({len(jobs)} short ones)"
+        began = min(entry.began for entry in jobs)
+        return [JobRun(uuid.uuid4(), name, COMPLETED, self._last_end, began, self._last_end,
                        "short jobs, shown together")]

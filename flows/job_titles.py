@@ -26,16 +26,16 @@ def titles_of(jobs: Sequence[Any], names: Sequence[str], name_run: bool = False)
     begun = dict.fromkeys(chunks, 0)
     titles = []
     for job, name in zip(jobs, names, strict=True):
-        what = f"{name.split('-it')[0].replace('-', ' ')} it{getattr(job, 'evaluation', 0):03d}"
+        heading = f"{name.split('-it')[0].replace('-', ' ')} it{getattr(job, 'evaluation', 0):03d}"
         if name_run or len(runs) > 1:
-            what = f"{Path(getattr(job, 'run', '')).name}: {what}"
+            heading = f"{Path(getattr(job, 'run', '')).name}: {heading}"
         if isinstance(job, SimulationJob):
-            titles.append(f"{what} {_perturbed(job, base.get((job.run, job.evaluation)))}")
+            titles.append(f"{heading} {_perturbed(job, base.get((job.run, job.evaluation)))}")
         elif isinstance(job, CorrelationJob):
             begun[job.run, job.evaluation] += 1
             number, of = begun[job.run, job.evaluation], chunks[job.run, job.evaluation]
             frames = f"frame {job.first}" if job.last - job.first == 1 else f"frames {job.first}-{job.last - 1}"
-            titles.append(f"{what} {frames}, chunk {number} of {of}")
+            titles.append(f"{heading} {frames}, chunk {number} of {of}")
         else:
             titles.append(name)
     return titles

@@ -154,22 +154,22 @@ def show_killed_as_crashed() -> int:
     open_tasks = TaskRunFilter(state=TaskRunFilterState(type=TaskRunFilterStateType(
         any_=[StateType.RUNNING, StateType.PENDING])))
     with get_client(sync_client=True) as client:
-        ours = FlowFilter(name=FlowFilterName(like_="idic-"))
-        found = client.read_flow_runs(flow_filter=ours, flow_run_filter=running)
-        killed = [one for one in found if any(map(_names_a_dead_process, one.tags))]
-        for one in killed:
-            tasks = client.read_task_runs(flow_run_filter=FlowRunFilter(id=FlowRunFilterId(any_=[one.id])),
+        flow_filter = FlowFilter(name=FlowFilterName(like_="idic-"))
+        flow_runs = client.read_flow_runs(flow_filter=flow_filter, flow_run_filter=running)
+        killed = [flow_run for flow_run in flow_runs if any(map(_names_a_dead_process, flow_run.tags))]
+        for flow_run in killed:
+            tasks = client.read_task_runs(flow_run_filter=FlowRunFilter(id=FlowRunFilterId(any_=[flow_run.id])),
                                           task_run_filter=open_tasks)
             for task in tasks:
                 client.set_task_run_state(task.id, Crashed(message=KILLED), force=True)
-            client.set_flow_run_state(one.id, Crashed(message=KILLED), force=True)
+            client.set_flow_run_state(flow_run.id, Crashed(message=KILLED), force=True)
     return len(killed)
 
 
 def process_tag() -> str:
     """The tag by which a flow run names its process: machine, number and second of its start."""
-    own = this_process()
-    return f"{TAG}{own['host']}:{own['pid']}:{own['process_started']:.2f}"
+    process = this_process()
+    return f"{TAG}{process['host']}:{process['pid']}:{process['process_started']:.2f}"
 
 
 def _names_a_dead_process(tag: str) -> bool:

@@ -54,11 +54,11 @@ class ShownRunner:
         if not jobs or watch is not None or FlowRunContext.get() is None:
             yield from self._inner.stream(function, jobs, names, retries, progress, ahead, copies, watch)
             return
-        shown = _Shown(titles_of(jobs, names, self._name_run), names, self._budget)
+        watcher = _Shown(titles_of(jobs, names, self._name_run), names, self._budget)
         try:
-            yield from self._inner.stream(function, jobs, names, retries, progress, ahead, copies, shown)
+            yield from self._inner.stream(function, jobs, names, retries, progress, ahead, copies, watcher)
         finally:
-            shown.close()
+            watcher.close()
 
     def map(self, function, jobs, names, retries=0, progress=None) -> list[Any]:
         """See `TaskRunner.map`."""
@@ -101,12 +101,12 @@ class _Shown:
         over = False
         while not over:
             try:
-                what, *told = self._told.get(timeout=_LOOK_SECONDS)
+                event, *arguments = self._told.get(timeout=_LOOK_SECONDS)
             except queue.Empty:
-                what, told = "due", [time.monotonic()]
-            over = what == "close"
+                event, arguments = "due", [time.monotonic()]
+            over = event == "close"
             try:
-                for state in getattr(self._runs, what)(*told):
+                for state in getattr(self._runs, event)(*arguments):
                     self._send(state)
                 if not over:
                     for state in self._runs.due(time.monotonic()):
@@ -132,21 +132,22 @@ class _Sender:
         self._inputs = {} if stage is None else {"__parents__": [TaskRunResult(id=stage.task_run.id)]}
         self._before: dict[Any, Any] = {}
 
-    def __call__(self, shown: JobRun) -> None:
+    def __call__(self, job_run: JobRun) -> None:
         from prefect.client.schemas.objects import State, StateType, TaskRun
         from prefect.utilities.engine import emit_task_run_state_change_event
 
-        state = State(type=StateType[shown.state.upper()], name=shown.state, message=shown.message or None,
-                      timestamp=self._moment(shown.when))
-        run = TaskRun(id=shown.run, name=shown.name, flow_run_id=self._flow, task_key=f"idic-{self._kind}",
-                      dynamic_key=shown.run.hex, task_inputs=self._inputs, run_count=0 if shown.began is None else 1,
-                      expected_start_time=self._moment(shown.when if shown.began is None else shown.began),
-                      start_time=None if shown.began is None else self._moment(shown.began),
-                      end_time=None if shown.ended is None else self._moment(shown.ended), state=state)
-        if shown.began is not None and shown.ended is not None:
-            run.total_run_time = timedelta(seconds=shown.ended - shown.began)
-        emit_task_run_state_change_event(run, self._before.get(shown.run), state)
-        self._before[shown.run] = state
+        state = State(type=StateType[job_run.state.upper()], name=job_run.state, message=job_run.message or None,
+                      timestamp=self._moment(job_run.when))
+        run = TaskRun(id=job_run.run, name=job_run.name, flow_run_id=self._flow, task_key=f"idic-{self._kind}",
+                      dynamic_key=job_run.run.hex, task_inputs=self._inputs,
+                      run_count=0 if job_run.began is None else 1,
+                      expected_start_time=self._moment(job_run.when if job_run.began is None else job_run.began),
+                      start_time=None if job_run.began is None else self._moment(job_run.began),
+                      end_time=None if job_run.ended is None else self._moment(job_run.ended), state=state)
+        if job_run.began is not None and job_run.ended is not None:
+            run.total_run_time = timedelta(seconds=job_run.ended - job_run.began)
+        emit_task_run_state_change_event(run, self._before.get(job_run.run), state)
+        self._before[job_run.run] = state
 
     def _moment(self, seconds: float) -> datetime:
         return self._zero + timedelta(seconds=seconds)

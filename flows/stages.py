@@ -93,12 +93,12 @@ def schedule_table(experiment: Experiment) -> list[dict[str, str]]:
 def evaluations_table(experiment: Experiment, state: LoopState) -> list[dict[str, str]]:
     """A row per evaluated point: stage, objective, residual, outcome, damping, and the free parameters in their
     units."""
-    free = [experiment.model.parameters[name] for name in experiment.model.parameters.free]
+    parameters = [experiment.model.parameters[name] for name in experiment.model.parameters.free]
     return [{"evaluation": str(entry["evaluation"]),
              "stage": str(entry["stage"] + 1),
              "objective": "no simulation" if entry["phi"] is None else f"{entry['phi']:.6g}",
              "residual rms": "" if entry["rms_gv"] is None else f"{entry['rms_gv']:.4g}",
              "step": "accepted" if entry["accepted"] else "passed over" if entry["passed_over"] else "rejected",
              "damping": f"{entry['damping']:.3g}",
-             **{f"{p.name} [{p.unit or '-'}]": f"{entry['values'][p.name] / p.factor:.6g}" for p in free}}
+             **{f"{p.name} [{p.unit or '-'}]": f"{entry['values'][p.name] / p.factor:.6g}" for p in parameters}}
             for entry in state.history]

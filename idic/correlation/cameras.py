@@ -62,22 +62,22 @@ def joined_equations(equations: Sequence[FrameEquations], weights: Sequence[Weig
     for r, w, end, (n_pixels, n_lost) in zip(equations, weights, ends, pixels, strict=True):
         nb = len(r.rhs) - n_fields
         place = np.concatenate([np.arange(n_fields), np.arange(end - nb, end)])
-        own = CameraPart(n_pixels, n_lost, np.zeros((size, size)), np.zeros(size), r.rr, nb)
-        own.gram[np.ix_(place, place)] = r.gram
-        own.rhs[place] = r.rhs
+        part = CameraPart(n_pixels, n_lost, np.zeros((size, size)), np.zeros(size), r.rr, nb)
+        part.gram[np.ix_(place, place)] = r.gram
+        part.rhs[place] = r.rhs
         noise = w.image * w.image_noise  # of the weighted residual
-        gram += w.image * own.gram
-        rhs += w.image * own.rhs
+        gram += w.image * part.gram
+        rhs += w.image * part.rhs
         rr += w.image * r.rr
-        seen = np.zeros((size, size))
-        seen[np.ix_(place, place)] = r.kappa * r.gram if r.noise_gram is None else r.noise_gram
-        noise_gram += noise**2 * seen
+        noise_sums = np.zeros((size, size))
+        noise_sums[np.ix_(place, place)] = r.kappa * r.gram if r.noise_gram is None else r.noise_gram
+        noise_gram += noise**2 * noise_sums
         wide = np.zeros((len(r.shared), size))
         wide[:, place] = noise / first.image_noise * r.shared  # the covariance multiplies it by the noise of the first
         shared.append(wide)
         if r.basis is not None:
             bases.append(_widened(r.basis, noise / first.image_noise, place, size))
-        parts.append(own)
+        parts.append(part)
     joined = replace(main, gram=gram, rhs=rhs, rr=rr, shared=np.vstack(shared), noise_gram=noise_gram,
                      basis=_stacked(bases) if len(bases) == len(equations) else None)
     return joined, tuple(parts)

@@ -35,10 +35,10 @@ def channel_equations(context: CorrelationContext, response: FrameResponse) -> C
     residual, d_global, slopes = np.zeros(n_channels), np.zeros((n_channels, n)), np.ones(n_channels)
     shift = experiment.model.log_shift(parameters)
     for c, channel in enumerate(experiment.model.channels):
-        shown = shown_value(experiment, channel, parameters, frame, float(response.channels[c]))
-        rate, slopes[c] = 0.0 if channel.rates is None else channel.rates[frame], shown.slope
-        residual[c] = channel.values[frame] + shift * rate - shown.value
-        by_name = {**shown.by_name, "time.offset": -rate}
+        reading = shown_value(experiment, channel, parameters, frame, float(response.channels[c]))
+        rate, slopes[c] = 0.0 if channel.rates is None else channel.rates[frame], reading.slope
+        residual[c] = channel.values[frame] + shift * rate - reading.value
+        by_name = {**reading.by_name, "time.offset": -rate}
         for i, name in enumerate(context.names):
             d_global[c, i] = by_name.get(name, 0.0)
             if name in context.moving:

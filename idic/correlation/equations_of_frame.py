@@ -31,12 +31,13 @@ from idic.model import Experiment, Model
 def with_all_cameras(context: CorrelationContext,
                      attach: Callable[[Experiment, AnyCamera], Reference] | None = None) -> CorrelationContext:
     """The context of the main camera with those of the further ones; attach : `build_reference`, or a cache of it."""
-    others = []
+    companions = []
     for number, experiment in enumerate(context.experiment.views[1:]):
         camera = camera_at(experiment, context.parameters)
-        others.append(replace(context, experiment=experiment, camera=camera, weights=context.weights.of_camera(number),
-                              reference=(attach or build_experiment_reference)(experiment, camera)))
-    return replace(context, others=tuple(others))
+        companions.append(replace(context, experiment=experiment, camera=camera,
+                                  weights=context.weights.of_camera(number),
+                                  reference=(attach or build_experiment_reference)(experiment, camera)))
+    return replace(context, others=tuple(companions))
 
 
 def frame_system(context: CorrelationContext, response: FrameResponse, local: np.ndarray) -> CorrelationSystem:
@@ -67,7 +68,7 @@ def frame_equations(context: CorrelationContext, response: FrameResponse,
     motion, jacobian = view.motion(nodes, response.u), view.jacobian(nodes, response.u)
     nodal, columns = reference.compare(experiment, response.frame, motion), _columns(context, response, view, jacobian)
     if isinstance(reference, FieldReference) and isinstance(nodal, FieldEquations):
-        alike = reference.kept.columns(view, nodes, response.u, response.local_du)
+        alike = reference.products.columns(view, nodes, response.u, response.local_du)
         projected = nodal.gram_of(columns, alike)
         noise = NoiseTerms(SeenColumns(columns, alike, reference.visible(nodal)))
     else:

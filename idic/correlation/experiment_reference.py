@@ -75,8 +75,8 @@ def build_experiment_reference(experiment: Experiment, camera: AnyCamera) -> Ref
     degree = DEGREES[options.interpolation]
     gaps = pixels_at_gaps(height_frame(image, 0.0, degree, options.lowpass_px))
     if gaps.any():
-        seen = ~gaps if mask is None else mask & ~gaps
-        pixel_map = mapped_pixels(experiment, camera, seen)
+        roi = ~gaps if mask is None else mask & ~gaps
+        pixel_map = mapped_pixels(experiment, camera, roi)
     return build_height_reference(pixel_map, image, degree, options.lowpass_px)
 
 
@@ -97,20 +97,20 @@ def _kept_pixels(experiment: Experiment, camera: AnyCamera,
 
     if not isinstance(camera, PlacedCamera):
         return found()
-    mesh, one = model.mesh, camera.effective
+    mesh, lens = model.mesh, camera.effective
     faces = [] if model.surface is None else mesh.edge_sets[model.surface]
     digest = blake2b()
-    for part in (mesh.nodes, *(block.connectivity for block in mesh.blocks), faces, one.intrinsic, one.rotation,
-                 one.translation_mm, () if mask is None else mask):
+    for part in (mesh.nodes, *(block.connectivity for block in mesh.blocks), faces, lens.intrinsic, lens.rotation,
+                 lens.translation_mm, () if mask is None else mask):
         digest.update(np.ascontiguousarray(part))
         digest.update(str(np.shape(part)).encode())
     key = digest.digest(), experiment.recording.stack.shape, mask is None, experiment.options.edge_margin_px
-    kept = _traced.get(key)
-    if kept is None:
-        kept = _traced[key] = found()
+    entry = _traced.get(key)
+    if entry is None:
+        entry = _traced[key] = found()
         for oldest in list(_traced)[:-MAX_TRACED]:
             _traced.pop(oldest, None)
-    return kept
+    return entry
 
 
 def mapped_pixels(experiment: Experiment, camera: AnyCamera, mask: np.ndarray | None) -> PixelMap:
@@ -145,13 +145,13 @@ def _inside_borders(mask: np.ndarray | None, shape: tuple[int, int], border: int
 def _outside_circles(mask: np.ndarray | None, shape: tuple[int, int],
                      circles: tuple[tuple[float, float, float], ...]) -> np.ndarray:
     """The ROI less circles (column, row, radius), of which some may lie beyond the image  # (ny, nx) bool"""
-    kept = np.ones(shape, dtype=bool) if mask is None else mask.copy()
+    roi = np.ones(shape, dtype=bool) if mask is None else mask.copy()
     for column, row, radius in circles:
         first = np.clip(np.floor([row - radius, column - radius]).astype(int), 0, shape)
-        last = np.clip(np.ceil([row + radius + 1, column + radius + 1]).astype(int), first, shape)
-        y, x = np.mgrid[first[0]:last[0], first[1]:last[1]]
-        kept[y, x] &= np.hypot(x - column, y - row) > radius
-    return kept
+        end = np.clip(np.ceil([row + radius + 1, column + radius + 1]).astype(int), first, shape)
+        y, x = np.mgrid[first[0]:end[0], first[1]:end[1]]
+        roi[y, x] &= np.hypot(x - column, y - row) > radius
+    return roi
 
 
 def _without_edges(pixel_map: PixelMap, margin: int) -> np.ndarray:
@@ -162,11 +162,11 @@ def _without_edges(pixel_map: PixelMap, margin: int) -> np.ndarray:
     InputError
         If next to nothing is left.
     """
-    whole = np.isfinite(pixel_map.to_image(np.zeros(pixel_map.n_pixels)))
-    inner = scipy.ndimage.binary_erosion(whole, np.ones((3, 3), bool), iterations=margin, border_value=1)
-    if inner.sum() < 0.1 * whole.sum():
+    roi = np.isfinite(pixel_map.to_image(np.zeros(pixel_map.n_pixels)))
+    inner = scipy.ndimage.binary_erosion(roi, np.ones((3, 3), bool), iterations=margin, border_value=1)
+    if inner.sum() < 0.1 * roi.sum():
         raise InputError("the mesh is too thin in the image for its edge margin", file="experiment.toml",
                          key="[options] edge_margin_px", expected="a margin well below half the width of the specimen",
-                         found=f"{margin} px, which leaves {inner.sum()} of {whole.sum()} px",
+                         found=f"{margin} px, which leaves {inner.sum()} of {roi.sum()} px",
                          remedy="use a smaller margin")
     return inner

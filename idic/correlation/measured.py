@@ -80,12 +80,12 @@ class MeasuredReference:
 
     def equations(self, image: NodalEquations, frame: int, motion: np.ndarray) -> MeasuredEquations:
         """The same; image : nodal equations of the frame under the measured motion, `filled`."""
-        known = np.repeat(self.measured(frame), 2)
-        gap = np.where(known, (self.filled(frame) - motion).ravel(), 0.0)
+        covered = np.repeat(self.measured(frame), 2)
+        gap = np.where(covered, (self.filled(frame) - motion).ravel(), 0.0)
         light = solve_brightness(image)
-        q = _weighted(self, image, known, gap[:, None])[:, 0]
+        q = _weighted(self, image, covered, gap[:, None])[:, 0]
         rb = image.bb @ light.coefficients if len(light.coefficients) else image.rb
-        return MeasuredEquations(image, self, known, q, float(light.rr + gap @ q + light.coefficients @ rb), rb)
+        return MeasuredEquations(image, self, covered, q, float(light.rr + gap @ q + light.coefficients @ rb), rb)
 
     def noise_terms(self, equations: MeasuredEquations, columns: np.ndarray, projected: FrameGram) -> NoiseTerms:
         """Noise enters by the fields of `MeasuredEquations.noise` in the place of the columns."""
@@ -96,8 +96,8 @@ class MeasuredReference:
         shared[:len(fields), :m] = self.image.shared_columns(image, fields, 0)
         shared[len(fields):, :m] = bright
         around = np.repeat(self.image.visible_share(image), 2)
-        seen = equations.n_valid / max(equations.n_valid + equations.n_lost, 1)
-        visible = np.concatenate([around, np.full(nb, seen)])
+        share = equations.n_valid / max(equations.n_valid + equations.n_lost, 1)
+        visible = np.concatenate([around, np.full(nb, share)])
         return NoiseTerms(visible[:, None] * shared, gram=noise)
 
     def shows_nothing(self, equations: MeasuredEquations) -> bool:
@@ -143,7 +143,7 @@ class MeasuredEquations:
 
     image: NodalEquations
     reference: MeasuredReference
-    known: np.ndarray  # (2 n_nodes,) bool
+    covered: np.ndarray  # (2 n_nodes,) bool
     q: np.ndarray
     rr: float
     rb: np.ndarray
@@ -206,18 +206,18 @@ class MeasuredEquations:
 
     def _weighted(self, columns: np.ndarray) -> np.ndarray:
         """W times fields  # (2 n_nodes, m)"""
-        return _weighted(self.reference, self.image, self.known, columns)
+        return _weighted(self.reference, self.image, self.covered, columns)
 
 
-def _weighted(reference: MeasuredReference, equations: NodalEquations, known: np.ndarray,
+def _weighted(reference: MeasuredReference, equations: NodalEquations, covered: np.ndarray,
               columns: np.ndarray) -> np.ndarray:
-    columns = np.where(known[:, None], columns, 0.0)
+    columns = np.where(covered[:, None], columns, 0.0)
     if reference.information is not None:
         return reference.information * columns
     product = equations.H @ columns
     if equations.n_brightness:
         product = product - equations.hb @ (np.linalg.pinv(equations.bb, hermitian=True) @ (equations.hb.T @ columns))
-    return np.where(known[:, None], product, 0.0)
+    return np.where(covered[:, None], product, 0.0)
 
 
 def mean_information(equations: NodalEquations, penalty: sparse.csc_array, nodes: np.ndarray) -> float:

@@ -69,8 +69,8 @@ def closed_system(context: CorrelationContext, system: CorrelationSystem) -> tup
     texture = texture_equations(context, system.names)
     if texture is None:
         return close(system, context.weights, context.reference.n_images, gram)
-    closed, whole = close(system, context.weights, context.reference.n_images, gram, texture.shared)
-    return texture.added_to(closed), whole
+    closed, pattern_gram = close(system, context.weights, context.reference.n_images, gram, texture.shared)
+    return texture.added_to(closed), pattern_gram
 
 
 def close(system: CorrelationSystem, weights: Weights, n_images: int, gram: Callable[[np.ndarray], np.ndarray],
@@ -87,9 +87,9 @@ def close(system: CorrelationSystem, weights: Weights, n_images: int, gram: Call
     c = 1.0 / (sums.visible + n_images * np.maximum(kappa, 1e-3))
     if not weights.generalised:
         pattern = c[:, None] * shared  # w c S, in the basis
-        taken = variance * pattern.T @ sums.product
+        cross = variance * pattern.T @ sums.product
         ratio = ordinary_variance(n_images)  # of the two weights of an image
-        predicted = system.M + (ratio - 1.0) * sums.image - 0.5 * ratio**2 * (taken + taken.T)
+        predicted = system.M + (ratio - 1.0) * sums.image - 0.5 * ratio**2 * (cross + cross.T)
         return replace(bare, predicted=predicted), gram(shared + texture) / n_images
     return _without_pattern(system, sums, c, variance, n_images, gram, texture)
 
@@ -108,17 +108,17 @@ def _without_pattern(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, v
     product = np.hstack([sums.product, *(f.product for f in frames)])
     noisy = np.hstack([sums.noisy, *(f.kappa[:, None] * f.product for f in frames)])
     pattern = c[:, None] * columns
-    taken = variance * pattern.T @ product
-    A = _arrow(sums.matrix, [f.cross for f in frames], [f.matrix for f in frames]) - 0.5 * (taken + taken.T)
+    cross = variance * pattern.T @ product
+    A = _arrow(sums.matrix, [f.cross for f in frames], [f.matrix for f in frames]) - 0.5 * (cross + cross.T)
     b = np.concatenate([sums.rhs, *(f.rhs for f in frames)]) - variance * pattern.T @ sums.residual
     solved = solve_positive(A[n:, n:], np.column_stack([A[n:, :n], b[n:]])) if len(b) > n else np.zeros((0, n + 1))
     slope, step = solved[:, :n], solved[:, n]
     project = np.vstack([np.eye(n), -slope])  # column i of the projected problem
 
-    own = _arrow(sums.noise, [f.noise_cross for f in frames], [f.noise for f in frames])
+    noise = _arrow(sums.noise, [f.noise_cross for f in frames], [f.noise for f in frames])
     pattern, columns = pattern @ project, columns @ project
     crossed = variance * pattern.T @ (noisy @ project)
-    spread = project.T @ own @ project - crossed - crossed.T + variance * gram(np.sqrt(sums.kappa)[:, None] * pattern)
+    spread = project.T @ noise @ project - crossed - crossed.T + variance * gram(np.sqrt(sums.kappa)[:, None] * pattern)
     plain = system.phi_image / ordinary_variance(n_images)  # phi stays the sum that ordinary least squares make small
     closed = replace(system, phi=system.phi - system.phi_image + plain, phi_image=plain, generalised=True, sums=None,
                      shared=dense(system.shared)[:0], M=A[:n, :n] - A[:n, n:] @ slope, b=b[:n] - slope.T @ b[n:],
@@ -141,9 +141,9 @@ def _frame_by_frame(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, va
     inner[:r, r:] = inner[r:, :r] = np.eye(r) / half
 
     def sides(f: LocalEquations) -> tuple[np.ndarray, np.ndarray]:
-        own, product = c[:, None] * f.columns, np.asarray(f.product)
-        coupled = f.cross - half * (own.T @ sums.product + product.T @ pattern)
-        return np.hstack([own.T, product.T]), np.column_stack([coupled, f.rhs - variance * own.T @ sums.residual])
+        scaled, product = c[:, None] * f.columns, np.asarray(f.product)
+        coupled = f.cross - half * (scaled.T @ sums.product + product.T @ pattern)
+        return np.hstack([scaled.T, product.T]), np.column_stack([coupled, f.rhs - variance * scaled.T @ sums.residual])
 
     for f in sums.frames:
         U, Y = sides(f)
@@ -151,9 +151,9 @@ def _frame_by_frame(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, va
         inner -= U.T @ solved[:, :2 * r]
         outer += U.T @ solved[:, 2 * r:]
     outer = np.linalg.solve(inner, outer)
-    taken = variance * pattern.T @ sums.product
-    M, b = sums.matrix - 0.5 * (taken + taken.T), sums.rhs - variance * pattern.T @ sums.residual
-    own, columns, noisy, steps, slopes = sums.noise.copy(), sums.columns.copy(), sums.noisy.copy(), [], []
+    cross = variance * pattern.T @ sums.product
+    M, b = sums.matrix - 0.5 * (cross + cross.T), sums.rhs - variance * pattern.T @ sums.residual
+    noise, columns, noisy, steps, slopes = sums.noise.copy(), sums.columns.copy(), sums.noisy.copy(), [], []
     for f in sums.frames:
         U, Y = sides(f)
         solved = solve_positive(f.matrix, Y + U @ outer)
@@ -161,14 +161,14 @@ def _frame_by_frame(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, va
         M -= Y[:, :n].T @ slope
         b -= slope.T @ Y[:, n]
         crossed = f.noise_cross.T @ slope
-        own += slope.T @ f.noise @ slope - crossed - crossed.T
+        noise += slope.T @ f.noise @ slope - crossed - crossed.T
         columns -= f.columns @ slope
         noisy -= f.kappa[:, None] * (f.product @ slope)
         steps.append(step)
         slopes.append(slope)
     pattern = c[:, None] * columns
     crossed = variance * pattern.T @ noisy
-    spread = own - crossed - crossed.T + variance * gram(np.sqrt(sums.kappa)[:, None] * pattern)
+    spread = noise - crossed - crossed.T + variance * gram(np.sqrt(sums.kappa)[:, None] * pattern)
     plain = system.phi_image / ordinary_variance(n_images)
     closed = replace(system, phi=system.phi - system.phi_image + plain, phi_image=plain, generalised=True, sums=None,
                      shared=dense(system.shared)[:0], M=M, b=b, spread=spread,
@@ -180,15 +180,15 @@ def _arrow(shared: np.ndarray, crosses: Sequence[np.ndarray], blocks: Sequence[n
     """A symmetric matrix of shared unknowns, and of frame-local ones that know nothing of other frames."""
     n = len(shared)
     size = n + sum(len(block) for block in blocks)
-    whole, first = np.zeros((size, size)), n
-    whole[:n, :n] = shared
+    matrix, first = np.zeros((size, size)), n
+    matrix[:n, :n] = shared
     for cross, block in zip(crosses, blocks, strict=True):
-        last = first + len(block)
-        whole[first:last, first:last] = block
-        whole[first:last, :n] = cross
-        whole[:n, first:last] = cross.T
-        first = last
-    return whole
+        end = first + len(block)
+        matrix[first:end, first:end] = block
+        matrix[first:end, :n] = cross
+        matrix[:n, first:end] = cross.T
+        first = end
+    return matrix
 
 
 def _with_steps(frames: Sequence[FrameRecord], step: np.ndarray, slope: np.ndarray) -> tuple[FrameRecord, ...]:

@@ -88,7 +88,7 @@ class FreeForm(FreeModel):
         """The entry of diagnosis.json."""
         law = self.law
         return {"law": law.law, "title": law.title, "material": law.material, "describes": self.describes,
-                "share": self.share, "heldout_chi2_drop": self.heldout, "left_px": self.left.motion_px,
+                "share": self.share, "heldout_chi2_drop": self.heldout, "left_px": self.excess.motion_px,
                 "axes": list(law.axes), "unit": law.unit, "at": law.at.tolist(),
                 "value": [self.refitted.values[name] for name in law.names],
                 "std": [self.refitted.stds.get(name) for name in law.names]}

@@ -29,10 +29,10 @@ class WindowCurve:
     """
 
     name: str
-    before: np.ndarray
-    before_std: np.ndarray
-    after: np.ndarray | None
-    after_std: np.ndarray | None
+    value_before: np.ndarray
+    std_before: np.ndarray
+    value_after: np.ndarray | None
+    std_after: np.ndarray | None
     final: float
 
 
@@ -43,8 +43,8 @@ class LawPair:
     name: str
     laws: tuple[str, str]
     strain: np.ndarray
-    before: np.ndarray
-    after: np.ndarray
+    stress_before: np.ndarray
+    stress_after: np.ndarray
 
 
 def window_curves(diagnosis: Diagnosis) -> tuple[WindowCurve, ...]:

@@ -77,7 +77,7 @@ def test_a_linear_field_comes_back_at_every_node():
     linear = lambda p: 3.0 + 2.0 * p[:, 0] - 4.0 * p[:, 1]
     field = onto_nodes(mesh, mesh.blocks, CAMERA, [seen(linear)], smoothing_px=1e-3)
     np.testing.assert_allclose(field.values[0], linear(mesh.nodes), atol=2e-4)  # the smoothing's pull, (1e-3)^2 x 12 K
-    assert field.seen.all()
+    assert field.visible.all()
 
 
 def test_a_hill_comes_back_within_the_mesh_and_the_smoothing():
@@ -109,7 +109,7 @@ def test_pixels_without_a_value_do_not_count_and_unseen_nodes_get_theirs_by_cond
     left = x < 1.5
     assert np.abs(field.values[0, left] - 10.0 * x[left]).max() < 0.05
     hidden = x > 2.6
-    assert not field.seen[x > 3.0].any()
+    assert not field.visible[x > 3.0].any()
     assert np.abs(field.values[0, hidden] - 20.0).max() < 1.0  # the temperature of the border
 
 

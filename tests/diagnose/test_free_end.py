@@ -85,7 +85,7 @@ def test_parameters_beside_a_free_end_are_given_in_the_units_of_the_user():
     end = SimpleNamespace(refitted=SimpleNamespace(values={"BODY.E": 70e3, "BODY.nu": 0.3},
                                                    stds={"BODY.E": 500.0, "BODY.nu": None}),
                           motion=SimpleNamespace(nodes="LEFT", free_course=False), share=0.9, heldout=100.0,
-                          left=SimpleNamespace(motion_px=0.0), shapes=[], instead_of=())
+                          excess=SimpleNamespace(motion_px=0.0), shapes=[], instead_of=())
     parameters = ParameterSet([Parameter("BODY.E", 69e3, "GPa", factor=1e3), Parameter("BODY.nu", 0.3)])
     assert FreeEnd.content(end, ["BODY.E", "BODY.nu"], parameters)["parameters"] == {
         "BODY.E": {"value": 70.0, "std": 0.5}, "BODY.nu": {"value": 0.3, "std": None}}

@@ -76,14 +76,14 @@ def test_a_clean_recording_has_no_spots(recording):
 
 def test_dust_is_found_where_it_is(recording):
     (spot,) = found_in(recording, dusty)
-    assert (spot.kind, spot.others, spot.first) == (DUST, (), 0)
+    assert (spot.kind, spot.alternatives, spot.first) == (DUST, (), 0)
     assert np.hypot(spot.column - 130.0, spot.row - 40.0) < 1.0 and abs(spot.radius_px - 2.5) < 1.0
     assert spot.grey > 0.0 and len(spot.left_out) > 1  # under its way, too
 
 
 def test_lost_paint_is_found_from_its_frame_on(recording):
     (spot,) = found_in(recording, flaking())
-    assert (spot.kind, spot.others, spot.first) == (PAINT, (), 8) and spot.agreement > 0.8
+    assert (spot.kind, spot.alternatives, spot.first) == (PAINT, (), 8) and spot.agreement > 0.8
     assert np.hypot(spot.column - 128.0, spot.row - 80.0) < 1.0 and abs(spot.radius_px - 3.0) < 1.0
     ((column, row, radius),) = spot.left_out
     assert np.hypot(column - 128.0, row - 80.0) + 3.0 < radius
@@ -134,7 +134,7 @@ def test_spots_are_the_first_causes():
     assert told["probability"] == 0.91  # of nothing else, as without the spot
     blind = with_spots(content | {"verdict": "blind", "probability": None}, left, before, after, "mm")
     assert (blind["verdict"], blind["named"], is_sure(blind)) == ("blind", ["paint_loss"], False)
-    open_kind = replace(left, spots=(replace(spot, others=(DUST,)),))
+    open_kind = replace(left, spots=(replace(spot, alternatives=(DUST,)),))
     assert with_spots(content, open_kind, before, after, "mm")["verdict"] == "set"
     outside = with_spots(content | {"verdict": "outside_library"}, left, before, after, "mm")
     assert outside["verdict"] == "outside_library"

@@ -244,7 +244,7 @@ def test_a_course_that_stays_at_unloading_follows_the_largest_load():
     amplitude = np.maximum(np.maximum.accumulate(load) - 3.0, 0.0)
     print_ = fingerprint(amplitude, np.full(15, 0.1), times, load, 3.0)
     assert next(iter(print_.shares)) == "the largest load so far above a threshold"
-    assert print_.kept == pytest.approx(1.0)
+    assert print_.remanence == pytest.approx(1.0)
     assert fingerprint(load, np.full(15, 0.1), times, load, 0.0).words.startswith("The amplitude follows the load")
 
 
@@ -252,7 +252,7 @@ def test_a_specimen_that_keeps_a_fourth_of_its_load_keeps_nothing_of_an_elastic_
     """An offset of the load cell beside it: the amplitude in the last frame is 58 % of the largest."""
     load = np.array([1, 2, 3, 4, 5, 6, 7, 8, 6, 4, 2.0])
     said = fingerprint(load + 6.0, np.full(11, 0.1), np.arange(1.0, 12.0), load, 0.0)
-    assert said.kept == pytest.approx(0.0, abs=1e-12) and said.words.endswith("it goes back at unloading.")
+    assert said.remanence == pytest.approx(0.0, abs=1e-12) and said.words.endswith("it goes back at unloading.")
 
 
 def test_growth_after_the_corner_widens_the_interval():

@@ -27,57 +27,57 @@ def seen(states):
 
 
 def test_short_jobs_are_shown_at_their_end_and_beyond_the_budget_together():
-    runs = JobRuns(["chunk 1", "chunk 2", "chunk 3", "chunk 4"], Budget(burst=1, per_second=0.1), now=0.0)
+    runs = JobRuns(["chunk 1", "chunk 2", "chunk 3", "chunk 4"], Budget(burst=1, per_second=0.1), moment=0.0)
     shown = []
     for job, attempt in enumerate("abcd"):
-        shown += runs.started(job, attempt, HERE, now=0.1 * job)
-        shown += runs.ended(attempt, "", now=0.1 * job + 0.05)
+        shown += runs.started(job, attempt, HERE, moment=0.1 * job)
+        shown += runs.ended(attempt, "", moment=0.1 * job + 0.05)
     assert seen(shown) == [("chunk 1", "Completed")]
-    (rest,) = runs.close(now=0.5)
+    (rest,) = runs.close(moment=0.5)
     assert rest.name == "chunk 2 … chunk 4 (3 short ones)" and rest.state == "Completed"
     assert (rest.began, rest.ended) == pytest.approx((0.1, 0.35))
 
 
 def test_long_jobs_are_shown_while_they_wait_and_run():
-    runs = JobRuns(["base", "E + 7 MPa"], Budget(), now=0.0)
-    assert runs.started(0, "a", HERE, now=0.0) == [] and runs.due(now=1.9) == []
-    running, pending = runs.due(now=2.1)
+    runs = JobRuns(["base", "E + 7 MPa"], Budget(), moment=0.0)
+    assert runs.started(0, "a", HERE, moment=0.0) == [] and runs.due(moment=1.9) == []
+    running, pending = runs.due(moment=2.1)
     assert seen([running, pending]) == [("base", "Running"), ("E + 7 MPa", "Pending")] and running.when == 0.0
-    assert runs.due(now=2.2) == []
-    (over,), (next_one,) = runs.ended("a", "", now=5.0), runs.started(1, "b", HERE, now=5.0)
+    assert runs.due(moment=2.2) == []
+    (over,), (next_one,) = runs.ended("a", "", moment=5.0), runs.started(1, "b", HERE, moment=5.0)
     assert over.run == running.run and over.state == "Completed" and HERE in over.message
     assert next_one.run == pending.run and next_one.state == "Running"
 
 
 def test_a_job_that_takes_more_than_a_second_needs_no_budget():
-    runs = JobRuns(["chunk 1", "chunk 2"], Budget(burst=0, per_second=0), now=0.0)
+    runs = JobRuns(["chunk 1", "chunk 2"], Budget(burst=0, per_second=0), moment=0.0)
     for job, attempt in enumerate("ab"):
-        runs.started(job, attempt, HERE, now=0.0)
-    assert seen(runs.ended("a", "", now=1.5)) == [("chunk 1", "Completed")]
-    assert seen(runs.due(now=2.5)) == [("chunk 2", "Running")]
+        runs.started(job, attempt, HERE, moment=0.0)
+    assert seen(runs.ended("a", "", moment=1.5)) == [("chunk 1", "Completed")]
+    assert seen(runs.due(moment=2.5)) == [("chunk 2", "Running")]
 
 
 def test_what_fails_or_is_lost_is_shown_whatever_the_budget_and_its_repetition_is_a_run_of_its_own():
-    runs = JobRuns(["base", "E + 7 MPa"], Budget(burst=0, per_second=0), now=0.0)
+    runs = JobRuns(["base", "E + 7 MPa"], Budget(burst=0, per_second=0), moment=0.0)
     for job, attempt in enumerate("ab"):
-        assert runs.started(job, attempt, HERE, now=0.0) == []
-    (failed,) = runs.ended("a", "NotConverged: too large a step", now=0.1)
-    (lost,) = runs.lost(HERE, now=0.2)
+        assert runs.started(job, attempt, HERE, moment=0.0) == []
+    (failed,) = runs.ended("a", "NotConverged: too large a step", moment=0.1)
+    (lost,) = runs.lost(HERE, moment=0.2)
     assert seen([failed, lost]) == [("base", "Failed"), ("E + 7 MPa", "Crashed")]
     assert "too large" in failed.message and HERE in lost.message
-    (again,) = runs.started(1, "c", "worker tcp://127.0.0.1:2", now=0.3)
-    (over,) = runs.ended("c", "", now=0.4)
+    (again,) = runs.started(1, "c", "worker tcp://127.0.0.1:2", moment=0.3)
+    (over,) = runs.ended("c", "", moment=0.4)
     assert seen([again, over]) == [("E + 7 MPa, attempt 2", "Running"), ("E + 7 MPa, attempt 2", "Completed")]
     assert again.run == over.run != lost.run
-    assert runs.close(now=0.5) == []
+    assert runs.close(moment=0.5) == []
 
 
 def test_what_is_no_longer_wanted_is_shown_as_cancelled():
-    runs = JobRuns(["a", "b"], Budget(), now=0.0)
-    runs.started(0, "first", HERE, now=0.0)
-    runs.due(now=2.5)
-    assert seen(runs.close(now=3.0)) == [("a", "Cancelled"), ("b", "Cancelled")]
-    assert runs.close(now=4.0) == []
+    runs = JobRuns(["a", "b"], Budget(), moment=0.0)
+    runs.started(0, "first", HERE, moment=0.0)
+    runs.due(moment=2.5)
+    assert seen(runs.close(moment=3.0)) == [("a", "Cancelled"), ("b", "Cancelled")]
+    assert runs.close(moment=4.0) == []
 
 
 def test_simulations_are_named_by_the_change_of_their_parameter_and_chunks_by_their_frames(tmp_path):

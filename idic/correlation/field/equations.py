@@ -29,17 +29,17 @@ class KeptProduct:
         """`View.columns`, kept from frame to frame where neither fields nor scale change  # (c n_nodes, m)"""
         if not view.is_affine:
             return view.columns(nodes, u, fields)
-        last = self._fields  # one look: threads of a worker share it
-        if last is None or last[0] != view.camera.key or not (last[1] is fields or np.array_equal(last[1], fields)):
-            last = self._fields = view.camera.key, fields, view.columns(nodes, u, fields)
-        return last[2]
+        entry = self._fields  # one look: threads of a worker share it
+        if entry is None or entry[0] != view.camera.key or not (entry[1] is fields or np.array_equal(entry[1], fields)):
+            entry = self._fields = view.camera.key, fields, view.columns(nodes, u, fields)
+        return entry[2]
 
     def gram(self, H: sparse.csr_array, C: np.ndarray) -> np.ndarray:
         """C^T H C; H is the same in all calls  # (m, m)"""
-        last = self._last
-        if last is None or not (last[0] is C or np.array_equal(last[0], C)):
-            last = self._last = C, C.T @ (H @ C)
-        return last[1]
+        entry = self._last
+        if entry is None or not (entry[0] is C or np.array_equal(entry[0], C)):
+            entry = self._last = C, C.T @ (H @ C)
+        return entry[1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,12 +52,12 @@ class FieldEquations(NodalEquations):
         H_all.
     missing : csr_array (n_lost, 2 n_nodes)
         L of the rows that the frame does not show.
-    kept : KeptProduct
+    products : KeptProduct
     """
 
     all_points: sparse.csr_array
     missing: sparse.csr_array
-    kept: KeptProduct
+    products: KeptProduct
 
     def gram(self, columns: np.ndarray, alike: int = 0) -> FrameGram:
         """M and b of nodal fields; alike : how many of the last columns most frames share  # columns (2 n_nodes, m)"""
@@ -65,21 +65,21 @@ class FieldEquations(NodalEquations):
         k = columns.shape[1] - alike
         return self.gram_of(np.ascontiguousarray(columns[:, :k]), np.ascontiguousarray(columns[:, k:]))
 
-    def gram_of(self, own: np.ndarray, alike: np.ndarray) -> FrameGram:
+    def gram_of(self, distinct: np.ndarray, alike: np.ndarray) -> FrameGram:
         """The same of columns of the frame and of those that most frames share  # (c n_nodes, k), (c n_nodes, m - k)"""
-        k, m, nb = own.shape[1], own.shape[1] + alike.shape[1], self.n_brightness
-        product, alike_gram = self.all_points @ own, self.kept.gram(self.all_points, alike)
+        k, m, nb = distinct.shape[1], distinct.shape[1] + alike.shape[1], self.n_brightness
+        product, alike_gram = self.all_points @ distinct, self.products.gram(self.all_points, alike)
         matrix = np.zeros((m + nb, m + nb))
         with_alike = alike.T @ np.column_stack([product, self.q])  # in one pass: it is the largest array
-        matrix[:k, :k] = own.T @ product
+        matrix[:k, :k] = distinct.T @ product
         matrix[k:m, :k] = with_alike[:, :k]
         matrix[:k, k:m] = matrix[k:m, :k].T
         matrix[k:m, k:m] = alike_gram
         if self.missing.shape[0]:
-            gone = np.hstack([self.missing @ own, self.missing @ alike])
-            matrix[:m, :m] -= gone.T @ gone
+            lost = np.hstack([self.missing @ distinct, self.missing @ alike])
+            matrix[:m, :m] -= lost.T @ lost
         if nb:
-            matrix[:m, m:] = np.hstack([self.hb.T @ own, self.hb.T @ alike]).T
+            matrix[:m, m:] = np.hstack([self.hb.T @ distinct, self.hb.T @ alike]).T
             matrix[m:, :m] = matrix[:m, m:].T
             matrix[m:, m:] = self.bb
-        return FrameGram(matrix, np.concatenate([own.T @ self.q, with_alike[:, k], self.rb]), m, None)
+        return FrameGram(matrix, np.concatenate([distinct.T @ self.q, with_alike[:, k], self.rb]), m, None)

@@ -44,17 +44,17 @@ class PointMap(PixelMap):
         n = int(self.component.max()) + 1
         if n == 2:
             return self
-        kept = self.component < 2
-        rows = {name: getattr(self, name)[kept] for name in ("ix", "iy", "a", "b", "point", "component")}
+        selection = self.component < 2
+        rows = {name: getattr(self, name)[selection] for name in ("ix", "iy", "a", "b", "point", "component")}
         return replace(self, start=2 * self.start // n, n_unowned=2 * self.n_unowned // n, **rows)
 
     def to_image(self, values: np.ndarray, fill: float = np.nan) -> np.ndarray:
         """Root mean square of the components on the grid of the points, `fill` where there is none  # (ny, nx)"""
         values = np.asarray(values, dtype=float)
-        known = np.isfinite(values)
-        place = (self.iy[known].astype(np.int64) * self.shape[1] + self.ix[known])
+        finite = np.isfinite(values)
+        place = (self.iy[finite].astype(np.int64) * self.shape[1] + self.ix[finite])
         size = self.shape[0] * self.shape[1]
-        count, total = np.bincount(place, minlength=size), np.bincount(place, values[known] ** 2, size)
+        count, total = np.bincount(place, minlength=size), np.bincount(place, values[finite] ** 2, size)
         image = np.full(size, fill, dtype=np.float32)
         image[count > 0] = np.sqrt(total[count > 0] / count[count > 0])
         return image.reshape(self.shape)
@@ -123,8 +123,8 @@ def _owners(geometry, triangle, low, high, positions, tolerance):
             x, y = positions[p, 0], positions[p, 1]
             if x < low[e, 0] or x > high[e, 0] or y < low[e, 1] or y > high[e, 1]:
                 continue
-            found, qa, qb = invert(geometry[e], x, y, middle, middle)
-            if not found:
+            converged, qa, qb = invert(geometry[e], x, y, middle, middle)
+            if not converged:
                 continue
             beyond = max(-qa, -qb, qa + qb - 1.0) if triangle[e] else max(abs(qa), abs(qb)) - 1.0
             if beyond < excess[p]:

@@ -108,7 +108,7 @@ class FieldReference(NodalBasis):
         return sparse.csr_array(self.matrix.T @ self.matrix)
 
     @cached_property
-    def kept(self) -> KeptProduct:
+    def products(self) -> KeptProduct:
         """What a frame hands on to the next."""
         return KeptProduct()
 
@@ -152,7 +152,7 @@ class FieldReference(NodalBasis):
         return FieldEquations(self.matrix.T @ r, hessian, sparse.csr_array(self.matrix.T @ rigid), rigid.T @ rigid,
                               rigid.T @ r,
                               float(r @ r), pm.n_pixels - n_lost, n_lost, lost, np.flatnonzero(~valid), squares, 1.0,
-                              self.hessian, missing, self.kept)
+                              self.hessian, missing, self.products)
 
     def compare_pixels(self, experiment: Experiment, frame: int, motion: np.ndarray,
                        coefficients: np.ndarray) -> ResidualMap:
@@ -175,9 +175,9 @@ class FieldReference(NodalBasis):
 
     def visible(self, equations: NodalEquations) -> np.ndarray:
         """How much of the points around a node, and of all, the frame shows  # (c n_nodes + nb,)"""
-        seen = equations.n_valid / max(equations.n_valid + equations.n_lost, 1)
+        share = equations.n_valid / max(equations.n_valid + equations.n_lost, 1)
         around = np.repeat(self.visible_share(equations), self.n_components)
-        return np.concatenate([around, np.full(equations.n_brightness, seen)])
+        return np.concatenate([around, np.full(equations.n_brightness, share)])
 
     def pull_back(self, equations: NodalEquations) -> np.ndarray:
         """Nothing: points are material  # (n_nodes, c, c)"""
@@ -231,16 +231,16 @@ def _over_subsets(model: Model, camera: Camera, point_map: PointMap, width: floa
     across, along = np.meshgrid(0.5 * width * at, 0.5 * width * at)
     offsets = np.column_stack([across.ravel(), along.ravel()])
     weights = np.outer(along_one, along_one).ravel()
-    seen, number = np.unique(point_map.point, return_inverse=True)
-    samples = (point_map.positions[seen][:, None] + offsets).reshape(-1, 2)
+    points, number = np.unique(point_map.point, return_inverse=True)
+    samples = (point_map.positions[points][:, None] + offsets).reshape(-1, 2)
     cells = surface_cells(model.mesh, model.surface)
-    there = build_point_map(model.mesh.nodes, cells, camera, samples, point_map.shape)
-    first = there.component == 0
-    sample = there.point[first]
-    values = sparse.csr_array(there.shape_matrix()[np.flatnonzero(first)])
-    owner, own = np.divmod(sample, len(offsets))
-    weight = _at_the_middle(offsets[own], weights[own], owner, len(seen))
-    gather = sparse.csr_array((weight, (owner, np.arange(len(sample)))), shape=(len(seen), len(sample)))
+    sample_map = build_point_map(model.mesh.nodes, cells, camera, samples, point_map.shape)
+    first = sample_map.component == 0
+    sample = sample_map.point[first]
+    values = sparse.csr_array(sample_map.shape_matrix()[np.flatnonzero(first)])
+    owner, offset = np.divmod(sample, len(offsets))
+    weight = _at_the_middle(offsets[offset], weights[offset], owner, len(points))
+    gather = sparse.csr_array((weight, (owner, np.arange(len(sample)))), shape=(len(points), len(sample)))
     return sparse.csr_array(sparse.csr_array(gather @ values)[number])
 
 

@@ -90,8 +90,8 @@ class SectionReference:
     def synthetic_image(self, r: np.ndarray) -> tuple[np.ndarray, SectionReference]:
         """An image with the residual r (n_pixels,) at rest  # (ny, nx), and this reference without low-pass"""
         pm = self.pixel_map
-        shown = pm.to_image(from_blocks(self.f, pm.shape[0])[pm.valid] - r)
-        return np.where(np.isnan(shown), 0.0, shown) + self.level, replace(self, lowpass_px=0.0)
+        image = pm.to_image(from_blocks(self.f, pm.shape[0])[pm.valid] - r)
+        return np.where(np.isnan(image), 0.0, image) + self.level, replace(self, lowpass_px=0.0)
 
     def shared_columns(self, equations: NodalEquations, columns: np.ndarray, n_brightness: int) -> np.ndarray:
         """Columns of one frame as multiples of f_x and of 1, image column by image column; they add over the frames.
@@ -110,11 +110,11 @@ class SectionReference:
         fields = pm.at_columns(columns.reshape(pm.n_nodes, 3, -1)[:, [0, 2]])  # (n_columns, 2, m)
         along = (pm.side / moved.stretch)[:, None] * fields[:, 0]
         n, m = pm.n_columns, columns.shape[1]
-        whole = np.zeros((2 * n + n_brightness, m + n_brightness))
-        whole[:n, :m] = along
-        whole[n:2 * n, :m] = moved.dh[:, None] * along - fields[:, 1]
-        whole[2 * n:, m:] = np.eye(n_brightness)
-        return whole
+        shared = np.zeros((2 * n + n_brightness, m + n_brightness))
+        shared[:n, :m] = along
+        shared[n:2 * n, :m] = moved.dh[:, None] * along - fields[:, 1]
+        shared[2 * n:, m:] = np.eye(n_brightness)
+        return shared
 
     def pull_back(self, equations: NodalEquations) -> np.ndarray:
         """What takes a nodal field of a frame to the reference  # (n_nodes, 3, 3)"""
@@ -130,13 +130,13 @@ class SectionReference:
         """S^T S over the pixels of the reference, S from summed `shared_columns`  # (n, n)"""
         n = self.pixel_map.n_columns
         a, c, levels = shared[:n], shared[n:2 * n], shared[2 * n:]
-        whole = -np.stack([np.ones(n), self.x, np.zeros(n)])[:len(levels)].T @ levels  # (n, m) multiples of 1
-        c = c + whole
+        constants = -np.stack([np.ones(n), self.x, np.zeros(n)])[:len(levels)].T @ levels  # (n, m) multiples of 1
+        c = c + constants
         d = -np.broadcast_to(levels[2], c.shape) if len(levels) == 3 else np.zeros_like(c)  # multiples of y
         s = self.sums
-        own = a.T @ (s.fxfx[:, None] * a) + c.T @ (s.one[:, None] * c) + d.T @ (s.yy[:, None] * d)
+        squares = a.T @ (s.fxfx[:, None] * a) + c.T @ (s.count[:, None] * c) + d.T @ (s.yy[:, None] * d)
         cross = a.T @ (s.fx[:, None] * c) + a.T @ (s.yfx[:, None] * d) + c.T @ (s.y[:, None] * d)
-        return own + cross + cross.T
+        return squares + cross + cross.T
 
 
 def build_section_reference(section_map: SectionMap, image: np.ndarray, degree: int = 5,
@@ -162,11 +162,11 @@ def build_section_reference(section_map: SectionMap, image: np.ndarray, degree: 
     iy, ix = (a.ravel().astype(np.int32) for a in np.meshgrid(np.arange(pm.shape[0]), pm.column, indexing="ij"))
     fx = gradient_at_pixels(prefilter(blurred, degree), ix, iy)[0].reshape(pm.shape[0], -1)
     y = (np.arange(pm.shape[0]) - 0.5 * (pm.shape[0] - 1)) / (0.5 * pm.shape[0])
-    kept = replace(pm, valid=valid)
+    valid_map = replace(pm, valid=valid)
     return SectionReference(
-        kept, to_blocks(blurred[:, pm.column]), to_blocks(fx), to_blocks(valid), to_blocks(y[:, None])[:, 0].copy(),
-        (pm.column - 0.5 * (pm.shape[1] - 1)) / (0.5 * pm.shape[1]), column_sums(fx, valid, y), level, degree,
-        lowpass_px)
+        valid_map, to_blocks(blurred[:, pm.column]), to_blocks(fx), to_blocks(valid),
+        to_blocks(y[:, None])[:, 0].copy(), (pm.column - 0.5 * (pm.shape[1] - 1)) / (0.5 * pm.shape[1]),
+        column_sums(fx, valid, y), level, degree, lowpass_px)
 
 
 def section_equations(reference: SectionReference, image: np.ndarray, motion: np.ndarray,
@@ -188,28 +188,28 @@ def section_equations(reference: SectionReference, image: np.ndarray, motion: np
     sums = np.empty((pm.n_columns, N_SUMS))
     section_sums(frame.image, np.float32(frame.level), poles(reference.degree), frame.first, frame.weights, frame.shift,
                  reference.f, reference.fx, frame.w, reference.y, sums)
-    seen = frame.first >= 0
+    visible = frame.first >= 0
     sides = reference.sums if frame.valid is pm.valid else _frame_sums(reference, frame.valid)
-    total = sides.seen(seen)
+    total = sides.seen(visible)
     q, matrix = nodal_sums(pm, moved, sums, total)
     hb, bb, rb = levelling_blocks(pm, reference.x, moved, sums, total, levelling)
-    n_valid = int(total.one.sum())
-    lost, lost_pixels = _lost(pm, frame.valid, seen)
+    n_valid = int(total.count.sum())
+    lost, lost_pixels = _lost(pm, frame.valid, visible)
     return NodalEquations(q, matrix, hb, bb, rb, float(sums[:, 2].sum()), n_valid, pm.n_pixels - n_valid, lost,
                       lost_pixels, np.bincount(pm.edge, sums[:, 2], pm.n_elements),
-                      float((total.one / moved.stretch).sum() / max(n_valid, 1)), motion=moved)
+                      float((total.count / moved.stretch).sum() / max(n_valid, 1)), motion=moved)
 
 
-def _lost(pm: SectionMap, valid: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _lost(pm: SectionMap, valid: np.ndarray, visible: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Lost pixels per edge (n_elements,), and which they are (n_lost,)."""
-    if valid is pm.valid and seen.all():
+    if valid is pm.valid and visible.all():
         return np.zeros(pm.n_elements, dtype=np.int64), np.zeros(0, dtype=np.int64)
     if valid is pm.valid:
-        columns = np.flatnonzero(~seen)
+        columns = np.flatnonzero(~visible)
         lost = pm.valid[:, columns]
     else:
         columns = np.arange(pm.n_columns)
-        lost = pm.valid & ~(valid & seen)
+        lost = pm.valid & ~(valid & visible)
     per_edge = np.bincount(pm.edge[columns], lost.sum(axis=0), pm.n_elements)
     return per_edge.astype(np.int64), pm.numbers[:, columns][lost]
 
@@ -283,8 +283,9 @@ def _without_gaps(image: np.ndarray, shape, lowpass_px: float) -> tuple[np.ndarr
     filled, columns = np.array(image, dtype=np.float32), np.arange(shape[1])
     mean = float(image[~gap].mean()) if not gap.all() else 0.0
     for row in np.flatnonzero(gap.any(axis=1)):
-        known = ~gap[row]
-        filled[row, gap[row]] = np.interp(columns[gap[row]], columns[known], image[row, known]) if known.any() else mean
+        finite = ~gap[row]
+        filled[row, gap[row]] = (np.interp(columns[gap[row]], columns[finite], image[row, finite]) if finite.any()
+                                 else mean)
     if lowpass_px > 0.0:
         from scipy import ndimage  # here: an identification begins sooner
 

@@ -73,7 +73,7 @@ def fill_gaps(image: np.ndarray, gaps: np.ndarray) -> np.ndarray:
     if gaps.all():
         raise InputError("a height image without a single value", expected="heights", found="gaps only",
                          remedy="exclude the frame")
-    known = (~gaps).astype(float)
+    weight = (~gaps).astype(float)
     mean = float(image[~gaps].mean())
     values = np.where(gaps, 0.0, image - mean)
     row, column = np.indices(image.shape, dtype=float)
@@ -82,8 +82,8 @@ def fill_gaps(image: np.ndarray, gaps: np.ndarray) -> np.ndarray:
         return scipy.ndimage.gaussian_filter(field, _FILL_STD_PX, mode="constant", truncate=4.0)[gaps]
 
     x, y = column[gaps], row[gaps]
-    w, wx, wy = blurred(known), blurred(known * column), blurred(known * row)
-    wxx, wxy, wyy = blurred(known * column**2), blurred(known * column * row), blurred(known * row**2)
+    w, wx, wy = blurred(weight), blurred(weight * column), blurred(weight * row)
+    wxx, wxy, wyy = blurred(weight * column**2), blurred(weight * column * row), blurred(weight * row**2)
     v, vx, vy = blurred(values), blurred(values * column), blurred(values * row)
     # moments about the gap itself; the plane's value there is the fill
     sx, sy = wx - w * x, wy - w * y

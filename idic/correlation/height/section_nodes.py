@@ -26,7 +26,7 @@ class ColumnSums:
     y : row in half image heights from the middle.
     """
 
-    one: np.ndarray
+    count: np.ndarray
     fx: np.ndarray
     fxfx: np.ndarray
     y: np.ndarray
@@ -101,11 +101,11 @@ def nodal_sums(pm: SectionMap, moved: SectionMotion, sums: np.ndarray,
     """
     along, slope = pm.side / moved.stretch, moved.dh
     rhs = np.stack([along * (sums[:, 1] + slope * sums[:, 0]), -sums[:, 0]], axis=1)  # (n_columns, 2)
-    gg = along**2 * (total.fxfx + 2.0 * slope * total.fx + slope**2 * total.one)
-    g1 = -along * (total.fx + slope * total.one)
+    gg = along**2 * (total.fxfx + 2.0 * slope * total.fx + slope**2 * total.count)
+    g1 = -along * (total.fx + slope * total.count)
     start, dofs = pm.first_columns, pm.edge_dofs
     q_edge = np.add.reduceat((pm.weight[:, :, None] * rhs[:, None, :]).reshape(-1, 6), start)
-    parts = np.add.reduceat(np.stack([gg, g1, total.one], axis=1)[:, :, None] * pm.pairs[:, None, :], start)
+    parts = np.add.reduceat(np.stack([gg, g1, total.count], axis=1)[:, :, None] * pm.pairs[:, None, :], start)
     h_edge = parts.reshape(-1, 3, 3, 3)[:, [[0, 1], [1, 2]]].transpose(0, 3, 1, 4, 2)  # (n_edges, node, c, node, c)
     size = 3 * pm.n_nodes
     q = np.bincount(dofs.ravel(), q_edge.ravel(), size)
@@ -124,15 +124,15 @@ def levelling_blocks(pm: SectionMap, x: np.ndarray, moved: SectionMotion, sums: 
     if nb == 0:
         return sparse.csr_array((size, 0)), np.zeros((0, 0)), np.zeros(0)
     along = pm.side / moved.stretch
-    ones = [total.one, x * total.one, total.y]  # sums of the levels, and of the levels times f_x
+    ones = [total.count, x * total.count, total.y]  # sums of the levels, and of the levels times f_x
     slopes = [total.fx, x * total.fx, total.yfx]
     coupling = np.zeros((size, nb))
     for b in range(nb):
-        both = np.stack([-along * (slopes[b] + moved.dh * ones[b]), ones[b]], axis=1)  # (n_columns, 2)
-        nodal = np.einsum("ka,kc->kac", pm.weight, both)
+        pair = np.stack([-along * (slopes[b] + moved.dh * ones[b]), ones[b]], axis=1)  # (n_columns, 2)
+        nodal = np.einsum("ka,kc->kac", pm.weight, pair)
         np.add.at(coupling[:, b], 3 * pm.conn[:, :, None] + [0, 2], nodal)
-    own = np.array([[total.one.sum(), ones[1].sum(), ones[2].sum()],
-                    [ones[1].sum(), (x * ones[1]).sum(), (x * total.y).sum()],
-                    [ones[2].sum(), (x * total.y).sum(), total.yy.sum()]])[:nb, :nb]
+    block = np.array([[total.count.sum(), ones[1].sum(), ones[2].sum()],
+                      [ones[1].sum(), (x * ones[1]).sum(), (x * total.y).sum()],
+                      [ones[2].sum(), (x * total.y).sum(), total.yy.sum()]])[:nb, :nb]
     rhs = -np.array([sums[:, 0].sum(), x @ sums[:, 0], sums[:, 3].sum()])[:nb]
-    return sparse.csr_array(coupling), own, rhs
+    return sparse.csr_array(coupling), block, rhs

@@ -36,22 +36,22 @@ def tap_weights(position: np.ndarray, degree: int, reach: tuple[int, int]) -> tu
     -------
     first (n,) int32, weights (n, 6) float32, fraction (n,)
     """
-    whole = np.floor(position)
-    fraction = position - whole
+    floor = np.floor(position)
+    fraction = position - floor
     powers = fraction[:, None] ** np.arange(degree + 1)
     weights = np.zeros((len(position), N_TAPS), dtype=np.float32)
     weights[:, (5 - degree) // 2:N_TAPS - (5 - degree) // 2] = powers @ _polynomials(degree)
     inside = (position >= reach[0]) & (position <= reach[1])
-    return np.where(inside, whole - 2, -1).astype(np.int32), weights, fraction
+    return np.where(inside, floor - 2, -1).astype(np.int32), weights, fraction
 
 
 def to_blocks(image: np.ndarray) -> np.ndarray:
     """(ny, n_columns) as (n_blocks, n_columns, N_LANES) float32, rows missing at the end 0."""
     ny, n = image.shape
     blocks = -(-ny // N_LANES)
-    whole = np.zeros((blocks * N_LANES, n), dtype=np.float32)
-    whole[:ny] = image
-    return np.ascontiguousarray(whole.reshape(blocks, N_LANES, n).transpose(0, 2, 1))
+    padded = np.zeros((blocks * N_LANES, n), dtype=np.float32)
+    padded[:ny] = image
+    return np.ascontiguousarray(padded.reshape(blocks, N_LANES, n).transpose(0, 2, 1))
 
 
 def from_blocks(blocks: np.ndarray, ny: int) -> np.ndarray:

@@ -80,8 +80,8 @@ class HeightReference(NodalBasis):
 
     def synthetic_image(self, r: np.ndarray) -> tuple[np.ndarray, HeightReference]:
         """An image with the residual r (n_pixels,) at rest  # (ny, nx), and this reference without low-pass"""
-        shown = self.pixel_map.to_image(self.f - r)
-        return np.where(np.isnan(shown), 0.0, shown) + self.level, replace(self, lowpass_px=0.0)
+        heights = self.pixel_map.to_image(self.f - r)
+        return np.where(np.isnan(heights), 0.0, heights) + self.level, replace(self, lowpass_px=0.0)
 
     def _heights(self, experiment: Experiment, frame: int) -> HeightFrame:
         return height_frame(experiment.recording.stack.frame(frame), self.level, self.degree, self.lowpass_px)
@@ -123,8 +123,8 @@ def build_height_reference(pixel_map: PixelMap, image: np.ndarray, degree: int =
                          remedy="check the order of the images and the camera table")
     frame = height_frame(image, level, degree, lowpass_px)
     if lowpass_px > 0:
-        known = np.nan_to_num(np.asarray(image, dtype=np.float64) - level)
-        at_pixels = lowpass(known, lowpass_px)[pixel_map.iy, pixel_map.ix] + level
+        filled = np.nan_to_num(np.asarray(image, dtype=np.float64) - level)
+        at_pixels = lowpass(filled, lowpass_px)[pixel_map.iy, pixel_map.ix] + level
     fx, fy = gradient_at_pixels(frame.spline, pixel_map.ix, pixel_map.iy)
     middle = np.array([pixel_map.ix.mean(), pixel_map.iy.mean()])
     half = max(np.ptp(pixel_map.ix), np.ptp(pixel_map.iy), 1) / 2.0

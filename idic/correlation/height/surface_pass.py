@@ -82,7 +82,7 @@ def height_pass(start, ix, iy, a, b, f, fx, fy, motion, coefficients, width, deg
     first_tap = _INT(MIRROR_PAD_PX - (degree - 1) // 2)
     fraction_x, fraction_y = np.empty(_PIXELS_PER_BLOCK, np.float32), np.empty(_PIXELS_PER_BLOCK, np.float32)
     r = np.empty(_PIXELS_PER_BLOCK, np.float32)
-    raised, one = np.empty(_PIXELS_PER_BLOCK, np.float32), np.ones(_PIXELS_PER_BLOCK, np.float32)
+    raised, ones = np.empty(_PIXELS_PER_BLOCK, np.float32), np.ones(_PIXELS_PER_BLOCK, np.float32)
     base, lost = np.empty(_PIXELS_PER_BLOCK, np.int32), np.empty(_PIXELS_PER_BLOCK, np.int32)
     u, v, h = np.empty(8, np.float32), np.empty(8, np.float32), np.empty(8, np.float32)
     for e in range(start.size - 1):
@@ -106,7 +106,7 @@ def height_pass(start, ix, iy, a, b, f, fx, fy, motion, coefficients, width, deg
             n_lost[e] += _drop_lost(lost[:n], valid[s:t], r)
             _weighted_sums(a[s:t], b[s:t], fx[s:t], r[:n], sums[e, :8])
             _weighted_sums(a[s:t], b[s:t], fy[s:t], r[:n], sums[e, 8:16])
-            _weighted_sums(a[s:t], b[s:t], one[:n], r[:n], sums[e, 16:24])
+            _weighted_sums(a[s:t], b[s:t], ones[:n], r[:n], sums[e, 16:24])
             sums[e, 24] += _squares(r[:n])
 
 

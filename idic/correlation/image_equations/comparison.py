@@ -137,10 +137,10 @@ class NodalBasis(ABC):
         """The columns at the nodes of the reference, then the brightness  # (c n_nodes + nb, m + nb)"""
         mean, nb = self.pull_back(equations), n_brightness
         fields = np.einsum("nij,njm->nim", mean, columns.reshape(*mean.shape[:2], -1)).reshape(len(columns), -1)
-        whole = np.zeros((len(columns) + nb, columns.shape[1] + nb))
-        whole[:len(columns), :columns.shape[1]] = fields
-        whole[len(columns):, columns.shape[1]:] = np.eye(nb)
-        return whole
+        shared = np.zeros((len(columns) + nb, columns.shape[1] + nb))
+        shared[:len(columns), :columns.shape[1]] = fields
+        shared[len(columns):, columns.shape[1]:] = np.eye(nb)
+        return shared
 
     def shared_gram(self, experiment: Experiment, shared: np.ndarray) -> tuple[np.ndarray, int]:
         """S^T H S with H and the brightness blocks of the reference image at rest, and the number of rows of S."""
@@ -159,8 +159,8 @@ class NodalBasis(ABC):
                                                                equations.hb.toarray()]))
         product = np.vstack([nodal[:, 1:], np.hstack([projected.matrix[m:, :m], equations.bb])])
         around = np.repeat(self.visible_share(equations), self.n_components)
-        seen = equations.n_valid / max(equations.n_valid + equations.n_lost, 1)
-        visible = np.concatenate([around, np.full(equations.n_brightness, seen)])
+        share = equations.n_valid / max(equations.n_valid + equations.n_lost, 1)
+        visible = np.concatenate([around, np.full(equations.n_brightness, share)])
         rhs = np.concatenate([nodal[:, 0], equations.rb])
         shared = self.shared_columns(equations, columns, equations.n_brightness)
         return NoiseTerms(visible[:, None] * shared,
@@ -178,5 +178,5 @@ class NodalBasis(ABC):
 
     def visible_share(self, equations: NodalEquations) -> np.ndarray:
         """How much of the pixels around a node the frame shows, 0 … 1  # (n_nodes,)"""
-        shown = 1.0 - equations.lost / np.maximum(self.pixel_map.pixels_per_element, 1)
-        return at_nodes(self.pixel_map, shown[:, None, None])[:, 0, 0]
+        share = 1.0 - equations.lost / np.maximum(self.pixel_map.pixels_per_element, 1)
+        return at_nodes(self.pixel_map, share[:, None, None])[:, 0, 0]

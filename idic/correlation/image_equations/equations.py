@@ -48,10 +48,10 @@ class ChannelEquations:
 class SeenColumns:
     """Columns of a frame, those that most frames share apart, and its rigid motion, times what it shows of them.
 
-    own : (c n_nodes, k); alike : (c n_nodes, m - k); visible : (c n_nodes + nb,)
+    distinct : (c n_nodes, k); alike : (c n_nodes, m - k); visible : (c n_nodes + nb,)
     """
 
-    own: np.ndarray
+    distinct: np.ndarray
     alike: np.ndarray
     visible: np.ndarray
 
@@ -59,47 +59,47 @@ class SeenColumns:
         """The own columns less `slope` times all others  # slope (m - k + nb, k) -> (c n_nodes + nb, k)"""
         m = self.alike.shape[1]
         if (self.visible == 1.0).all():
-            return ColumnSum(np.vstack([self.own, -slope[m:]]), self.alike, -slope[:m])
-        return self.visible[:, None] * np.vstack([self.own - self.alike @ slope[:m], -slope[m:]])
+            return ColumnSum(np.vstack([self.distinct, -slope[m:]]), self.alike, -slope[:m])
+        return self.visible[:, None] * np.vstack([self.distinct - self.alike @ slope[:m], -slope[m:]])
 
 
 @dataclass(frozen=True, eq=False)
 class ColumnSum:
-    """A sum of columns over frames, own + alike @ coefficients: what frames share is multiplied once, after the sum.
+    """A sum of columns over frames, distinct + alike @ coefficients; what frames share is multiplied after the sum.
 
-    own : (n_shared, n); alike : (c n_nodes, q); coefficients : (q, n)
+    distinct : (n_shared, n); alike : (c n_nodes, q); coefficients : (q, n)
     """
 
-    own: np.ndarray
+    distinct: np.ndarray
     alike: np.ndarray
     coefficients: np.ndarray
 
     def mapped(self, change: Callable[[np.ndarray], np.ndarray]) -> ColumnSum:
         """The sum in other unknowns; change : (rows, n) -> (rows, n_new), linear"""
-        return ColumnSum(change(self.own), self.alike, change(self.coefficients))
+        return ColumnSum(change(self.distinct), self.alike, change(self.coefficients))
 
 
 def dense(columns: np.ndarray | ColumnSum) -> np.ndarray:
     """The sum itself  # (n_shared, n)"""
     if not isinstance(columns, ColumnSum):
         return columns
-    found = columns.own.copy()
-    found[:len(columns.alike)] += columns.alike @ columns.coefficients
-    return found
+    total = columns.distinct.copy()
+    total[:len(columns.alike)] += columns.alike @ columns.coefficients
+    return total
 
 
-def added(one: np.ndarray | ColumnSum, other: np.ndarray | ColumnSum) -> np.ndarray | ColumnSum:
+def added(first: np.ndarray | ColumnSum, second: np.ndarray | ColumnSum) -> np.ndarray | ColumnSum:
     """The sum of two sums of columns; an array may be changed in place."""
-    if isinstance(one, ColumnSum) and isinstance(other, ColumnSum):
-        if one.alike is not other.alike:
-            return added(dense(one), other)
-        return ColumnSum(one.own + other.own, one.alike, one.coefficients + other.coefficients)
-    if isinstance(other, ColumnSum):
-        one, other = other, one
-    if isinstance(one, ColumnSum):
-        return replace(one, own=one.own + other)
-    one += other
-    return one
+    if isinstance(first, ColumnSum) and isinstance(second, ColumnSum):
+        if first.alike is not second.alike:
+            return added(dense(first), second)
+        return ColumnSum(first.distinct + second.distinct, first.alike, first.coefficients + second.coefficients)
+    if isinstance(second, ColumnSum):
+        first, second = second, first
+    if isinstance(first, ColumnSum):
+        return replace(first, distinct=first.distinct + second)
+    first += second
+    return first
 
 
 @dataclass(frozen=True)

@@ -221,11 +221,12 @@ def _brightness_blocks(layout: Brightness, grey: np.ndarray, centre: np.ndarray,
 def _squares_about_mean(bb: np.ndarray, rb: np.ndarray, rr: float) -> tuple[float, float]:
     """Sums of squares of f and of g(x + u) = f - r about their means, patch by patch (GV²)."""
     gain, offset = slice(0, None, 2), slice(1, None, 2)
-    seen = np.diagonal(bb)[offset] > 0
-    numbers, sums = np.diagonal(bb)[offset][seen], np.diagonal(bb[gain, offset])[seen]  # of f centred
-    squares = np.diagonal(bb)[gain][seen].sum()
+    patches = np.diagonal(bb)[offset] > 0
+    numbers, sums = np.diagonal(bb)[offset][patches], np.diagonal(bb[gain, offset])[patches]  # of f centred
+    squares = np.diagonal(bb)[gain][patches].sum()
     still = squares - (sums**2 / numbers).sum()
-    return float(still), float(squares + 2.0 * rb[gain].sum() + rr - ((sums + rb[offset][seen]) ** 2 / numbers).sum())
+    moved = squares + 2.0 * rb[gain].sum() + rr - ((sums + rb[offset][patches]) ** 2 / numbers).sum()
+    return float(still), float(moved)
 
 
 @njit(cache=True, nogil=True)

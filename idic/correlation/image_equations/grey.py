@@ -61,11 +61,13 @@ class GreyReference(NodalBasis, ReferenceImage):
                        coefficients: np.ndarray) -> ResidualMap:
         """Residual of every pixel; coefficients : (nb,) gains and offsets, then the blur."""
         blurred = experiment.options.defocus != "none" and len(coefficients) > 0
-        own = coefficients[:-1] if blurred else coefficients
-        found = residual_map(self, frame_spline(experiment, frame), motion, experiment.options.brightness, own)
+        brightness = coefficients[:-1] if blurred else coefficients
+        residual = residual_map(self, frame_spline(experiment, frame), motion, experiment.options.brightness,
+                                brightness)
         if not blurred:
-            return found
-        return replace(found, r=found.r - np.where(found.valid, np.float32(coefficients[-1]) * self.blur_column, 0))
+            return residual
+        blur = np.where(residual.valid, np.float32(coefficients[-1]) * self.blur_column, 0)
+        return replace(residual, r=residual.r - blur)
 
     def shows_nothing(self, equations: NodalEquations) -> bool:
         """Whether the frame has hardly any contrast on the specimen."""
@@ -84,9 +86,9 @@ def grey_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarray
                    experiment: Experiment) -> GreyReference:
     """The reference image of these images (ny, nx), with interpolation, low-pass and noise of the experiment."""
     options = experiment.options
-    made = build_reference(pixel_map, images, DEGREES[options.interpolation], options.patch_px, options.lowpass_px,
-                           options.border_px, experiment.recording.noise.std_gv, options.camera_blur_px)
-    return GreyReference(**vars(made))
+    reference = build_reference(pixel_map, images, DEGREES[options.interpolation], options.patch_px, options.lowpass_px,
+                                options.border_px, experiment.recording.noise.std_gv, options.camera_blur_px)
+    return GreyReference(**vars(reference))
 
 
 def frame_spline(experiment: Experiment, frame: int) -> Spline:
@@ -116,8 +118,8 @@ def blur_of_noise(lowpass_px: float, correlation: np.ndarray | None = None) -> f
     column, middle = blur_column(kernel), len(kernel) // 2
     if correlation is None:
         return float(column[middle, middle])
-    near = slice(middle - reach, middle + reach + 1)
-    return float((np.asarray(correlation) * column[near, near]).sum())
+    window = slice(middle - reach, middle + reach + 1)
+    return float((np.asarray(correlation) * column[window, window]).sum())
 
 
 def blur_bias(noise: Noise, reference: ReferenceImage) -> float:
@@ -125,11 +127,12 @@ def blur_bias(noise: Noise, reference: ReferenceImage) -> float:
     (GV²); 0 where the noise is not known."""
     if noise.std_gv is None:
         return 0.0
-    found = noise.correlated
-    if found is None:
+    correlated_noise = noise.correlated
+    if correlated_noise is None:
         product = noise.std_gv**2 * blur_of_noise(reference.lowpass_px)
     else:
-        product = found.recorded_gv**2 * blur_of_noise(reference.lowpass_px, np.array(found.correlation))
+        product = correlated_noise.recorded_gv**2 * blur_of_noise(reference.lowpass_px,
+                                                                  np.array(correlated_noise.correlation))
     return product / reference.n_images
 
 
@@ -138,14 +141,14 @@ def with_blur(reference: ReferenceImage, equations: NodalEquations, spline: Spli
     """The equations of a frame with the column of its blur after those of its brightness."""
     column = reference.blur_column.astype(float)
     lost = equations.lost_pixels if equations.n_lost else None
-    found = pixel_residual(reference, spline, equations.motion, lost)
+    residual = pixel_residual(reference, spline, equations.motion, lost)
     still_q, still_rb = _coupling(reference, brightness) if lost is None else _sums_of_blur(reference, brightness, lost)
     q = np.einsum("nij,ni->nj", equations.motion.pull_back, still_q.reshape(-1, 2)).ravel()
-    seen = found.valid
-    rhs = float(column[seen] @ found.r[seen].astype(float)) - blur_bias(noise, reference) * int(seen.sum())
+    valid = residual.valid
+    rhs = float(column[valid] @ residual.r[valid].astype(float)) - blur_bias(noise, reference) * int(valid.sum())
     n = equations.n_brightness
     bb = np.zeros((n + 1, n + 1))
-    bb[:n, :n], bb[n, n] = equations.bb, float(column[seen] @ column[seen])
+    bb[:n, :n], bb[n, n] = equations.bb, float(column[valid] @ column[valid])
     bb[n, :n] = bb[:n, n] = still_rb
     hb = sparse.csr_array(sparse.hstack([equations.hb, sparse.csr_array(q[:, None])]))
     return replace(equations, hb=hb, bb=bb, rb=np.append(equations.rb, rhs))
@@ -153,10 +156,10 @@ def with_blur(reference: ReferenceImage, equations: NodalEquations, spline: Spli
 
 def _coupling(reference: ReferenceImage, brightness: str) -> tuple[np.ndarray, np.ndarray]:
     """Sums of the blur's column over all pixels, computed once."""
-    known = _couplings.setdefault(reference, {})
-    if brightness not in known:
-        known[brightness] = _sums_of_blur(reference, brightness)
-    return known[brightness]
+    couplings = _couplings.setdefault(reference, {})
+    if brightness not in couplings:
+        couplings[brightness] = _sums_of_blur(reference, brightness)
+    return couplings[brightness]
 
 
 def _sums_of_blur(reference: ReferenceImage, brightness: str,
@@ -165,9 +168,9 @@ def _sums_of_blur(reference: ReferenceImage, brightness: str,
 
     lost : numbers of pixels that a frame does not show: what it shows must be summed in every product
     """
-    pm, known = reference.pixel_map, _blurred.get(reference)
-    if known is None:
+    pm, spline = reference.pixel_map, _blurred.get(reference)
+    if spline is None:
         image = np.nan_to_num(pm.to_image(reference.f - reference.blur_column)).astype(np.float32)
-        known = _blurred[reference] = prefilter(image, reference.degree)
-    still = nodal_equations(reference, known, np.zeros((pm.n_nodes, 2)), brightness, lost)
+        spline = _blurred[reference] = prefilter(image, reference.degree)
+    still = nodal_equations(reference, spline, np.zeros((pm.n_nodes, 2)), brightness, lost)
     return still.q, still.rb

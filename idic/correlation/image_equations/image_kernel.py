@@ -128,9 +128,9 @@ def _matched(f, maps, first, weights, out):
     """f and its derivatives from pixel `first` on, weighed: a block of the reference with the blur of the frame."""
     w0, w1, w2, w3, w4, w5, w6, w7 = (weights[0], weights[1], weights[2], weights[3], weights[4], weights[5],
                                       weights[6], weights[7])
-    last = first + f.size
-    d0, d1, d2, d3 = maps[0, first:last], maps[1, first:last], maps[2, first:last], maps[3, first:last]
-    d4, d5, d6, d7 = maps[4, first:last], maps[5, first:last], maps[6, first:last], maps[7, first:last]
+    end = first + f.size
+    d0, d1, d2, d3 = maps[0, first:end], maps[1, first:end], maps[2, first:end], maps[3, first:end]
+    d4, d5, d6, d7 = maps[4, first:end], maps[5, first:end], maps[6, first:end], maps[7, first:end]
     for k in range(f.size):
         out[k] = (f[k] + w0 * d0[k] + w1 * d1[k] + w2 * d2[k] + w3 * d3[k] + w4 * d4[k] + w5 * d5[k] + w6 * d6[k]
                   + w7 * d7[k])

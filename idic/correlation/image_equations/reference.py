@@ -120,10 +120,10 @@ class ReferenceImage:
         """
         if self.image_gv is None:
             return motion
-        seen = motion.copy()
-        seen[:, :, 0] += mean_shift(element_curvature(self.pixel_map, motion, inverse), self.fineness, self.lowpass_px,
-                                    self.camera_blur_px)
-        return seen
+        pattern_motion = motion.copy()
+        pattern_motion[:, :, 0] += mean_shift(element_curvature(self.pixel_map, motion, inverse), self.fineness,
+                                              self.lowpass_px, self.camera_blur_px)
+        return pattern_motion
 
     @cached_property
     def fineness(self) -> float:
@@ -212,9 +212,9 @@ def _gradient(pixel_map: PixelMap, image: np.ndarray, degree: int, lowpass_px: f
     share = gradient_noise_share(fx, fy, noise_std, degree, lowpass_px) if noise_std else 0.0
     if share <= MAX_GRADIENT_NOISE:
         return fx, fy, share
-    seen = np.zeros(image.shape, dtype=bool)
-    seen[pixel_map.iy, pixel_map.ix] = True
-    pattern, noise_std = without_noise(image, seen, noise_std, lowpass_px)
+    roi = np.zeros(image.shape, dtype=bool)
+    roi[pixel_map.iy, pixel_map.ix] = True
+    pattern, noise_std = without_noise(image, roi, noise_std, lowpass_px)
     share = gradient_noise_share(fx, fy, noise_std, degree, lowpass_px)
     return (*gradient(pattern), share) if MAX_GRADIENT_NOISE < share < np.inf else (fx, fy, share)
 

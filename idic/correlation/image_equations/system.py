@@ -36,8 +36,8 @@ class SharedSums:
     kappa: np.ndarray
     image: np.ndarray
 
-    def __add__(self, other: SharedSums) -> SharedSums:
-        return SharedSums(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
+    def __add__(self, summand: SharedSums) -> SharedSums:
+        return SharedSums(*(getattr(self, f.name) + getattr(summand, f.name) for f in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -61,8 +61,8 @@ class OpenSums:
     noise: np.ndarray
     frames: tuple[LocalEquations, ...]
 
-    def __add__(self, other: OpenSums) -> OpenSums:
-        return OpenSums(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
+    def __add__(self, summand: OpenSums) -> OpenSums:
+        return OpenSums(*(getattr(self, f.name) + getattr(summand, f.name) for f in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -175,8 +175,8 @@ def solve_positive(matrix: np.ndarray, rhs: np.ndarray) -> np.ndarray:
         values, vectors = np.linalg.eigh(scaled)
         if not values[0] > -MAX_ROUNDING:
             raise
-        seen = values > MAX_ROUNDING
-        return vectors[:, seen] @ ((vectors[:, seen].T @ (rhs * scale)).T / values[seen]).T * scale
+        determined = values > MAX_ROUNDING
+        return vectors[:, determined] @ ((vectors[:, determined].T @ (rhs * scale)).T / values[determined]).T * scale
     return cho_solve(factor, rhs * scale, check_finite=False) * scale
 
 
@@ -194,22 +194,22 @@ def eliminate(frame: int, names: Sequence[str], equations: FrameEquations, weigh
     n, m = len(names), len(equations.local_gap)
     size = len(equations.rhs)
     image = weights.image * equations.gram
-    whole, columns = _whole(equations, weights, n)
+    matrix, columns = _whole(equations, weights, n)
     rhs = weights.image * equations.rhs + columns.T @ (weights.channels * equations.channels.residual)
     rhs[n:n + m] += equations.local_precision @ equations.local_gap
 
     slope = np.zeros((size - n, n))
-    step, kept = np.zeros(size - n), np.ones(len(columns))
+    step, redundancy = np.zeros(size - n), np.ones(len(columns))
     if size > n:
-        solved = solve_positive(whole[n:, n:], np.column_stack([whole[n:, :n], rhs[n:], columns[:, n:].T]))
+        solved = solve_positive(matrix[n:, n:], np.column_stack([matrix[n:, :n], rhs[n:], columns[:, n:].T]))
         slope, step = solved[:, :n], solved[:, n]
-        kept -= weights.channels * (columns[:, n:] * solved[:, n + 1:].T).sum(axis=1)
+        redundancy -= weights.channels * (columns[:, n:] * solved[:, n + 1:].T).sum(axis=1)
     project = np.vstack([np.eye(n), -slope])  # column i of the projected problem
 
     phi = (weights.image * equations.rr + weights.channels @ equations.channels.residual**2
            + equations.local_gap @ equations.local_precision @ equations.local_gap - rhs[n:] @ step)
-    seen = equations.kappa * equations.gram if equations.noise_gram is None else equations.noise_gram
-    noise = weights.image_noise**2 * weights.image**2 * seen
+    noise_gram = equations.kappa * equations.gram if equations.noise_gram is None else equations.noise_gram
+    noise = weights.image_noise**2 * weights.image**2 * noise_gram
     noise = noise + columns.T @ ((weights.channels * weights.channel_noise)[:, None] ** 2 * columns)
     noise[n:n + m, n:n + m] += equations.local_precision if equations.scatter is None else equations.scatter
     full_step = np.concatenate([np.zeros(n), step])
@@ -218,15 +218,15 @@ def eliminate(frame: int, names: Sequence[str], equations: FrameEquations, weigh
     record = FrameRecord(frame, n_pixels, n_lost, rr, equations.channels.residual - columns @ full_step,
                          step[:m].copy(), -slope[:m].copy(), step[m:].copy(),
                          np.array([[n_pixels, n_lost, rr, size - n - m]]), columns @ project,
-                         float(np.trace(solve_positive(whole[n:, n:], image[n:, n:]))) if equations.few and size > n
-                         else 0.0, kept)
+                         float(np.trace(solve_positive(matrix[n:, n:], image[n:, n:]))) if equations.few and size > n
+                         else 0.0, redundancy)
     sums = None
     if equations.basis is not None and weights.generalised:
-        sums = _open_sums(equations, weights.image, whole, rhs, noise, full_step, n)
+        sums = _open_sums(equations, weights.image, matrix, rhs, noise, full_step, n)
     elif equations.basis is not None:
         sums = _shared_sums(equations, weights, image, project, full_step)
     return CorrelationSystem(
-        names=tuple(names), M=project.T @ whole @ project, b=rhs[:n] - slope.T @ rhs[n:], phi=float(phi),
+        names=tuple(names), M=project.T @ matrix @ project, b=rhs[:n] - slope.T @ rhs[n:], phi=float(phi),
         phi_image=weights.image * rr, spread=project.T @ noise @ project,
         shared=_shared_columns(equations, weights.image, slope), frames=(record,), sums=sums)
 
@@ -264,43 +264,43 @@ def _shared_columns(equations: FrameEquations, weight: float, slope: np.ndarray)
     """Weighted sum of the columns, the local unknowns eliminated  # slope (m + nb, n) -> (n_shared, n)"""
     columns, n = equations.shared, slope.shape[1]
     if isinstance(columns, SeenColumns):
-        found = columns.projected(slope)
-        return found.mapped(lambda part: weight * part) if isinstance(found, ColumnSum) else weight * found
+        projected = columns.projected(slope)
+        return projected.mapped(lambda part: weight * part) if isinstance(projected, ColumnSum) else weight * projected
     return weight * (columns @ np.vstack([np.eye(n), -slope]))
 
 
 def _shared_sums(equations: FrameEquations, weights: Weights, image: np.ndarray, project: np.ndarray,
                  step: np.ndarray) -> SharedSums:
     """image : (k, k) weighted Gram matrix of the pixels; step : (k,) of the frame-local unknowns."""
-    own, w = equations.basis, weights.image
-    product = w * (own.product @ project)
-    return SharedSums(w * (own.rhs - own.product @ step), product, own.kappa[:, None] * product, own.visible,
-                      own.kappa * own.visible, project.T @ image @ project)
+    basis, w = equations.basis, weights.image
+    product = w * (basis.product @ project)
+    return SharedSums(w * (basis.rhs - basis.product @ step), product, basis.kappa[:, None] * product, basis.visible,
+                      basis.kappa * basis.visible, project.T @ image @ project)
 
 
-def _open_sums(equations: FrameEquations, weight: float, whole: np.ndarray, rhs: np.ndarray, noise: np.ndarray,
+def _open_sums(equations: FrameEquations, weight: float, matrix: np.ndarray, rhs: np.ndarray, noise: np.ndarray,
                step: np.ndarray, n: int) -> OpenSums:
-    """whole, rhs, noise : of all unknowns of the frame, the n shared ones first; weighted. step : their step in this
+    """matrix, rhs, noise : of all unknowns of the frame, the n shared ones first; weighted. step : their step in this
     frame alone, which is taken first: an offset of many standard deviations then leaves noise only, and the basis, an
     approximation where the strain is large, does not carry it."""
-    own, rhs = equations.basis, rhs - whole @ step
+    basis, rhs = equations.basis, rhs - matrix @ step
     assert isinstance(equations.shared, np.ndarray)  # as wherever there is a basis
-    columns, product = weight * equations.shared, weight * own.product
-    local = LocalEquations(whole[n:, n:], whole[n:, :n], rhs[n:], noise[n:, n:], noise[n:, :n], columns[:, n:],
-                      product[:, n:], own.kappa)
-    return OpenSums(weight * own.rhs - product @ step, columns[:, :n], product[:, :n],
-                    own.kappa[:, None] * product[:, :n], own.visible, own.kappa * own.visible, whole[:n, :n], rhs[:n],
-                    noise[:n, :n], (local,))
+    columns, product = weight * equations.shared, weight * basis.product
+    local = LocalEquations(matrix[n:, n:], matrix[n:, :n], rhs[n:], noise[n:, n:], noise[n:, :n], columns[:, n:],
+                      product[:, n:], basis.kappa)
+    return OpenSums(weight * basis.rhs - product @ step, columns[:, :n], product[:, :n],
+                    basis.kappa[:, None] * product[:, :n], basis.visible, basis.kappa * basis.visible, matrix[:n, :n],
+                    rhs[:n], noise[:n, :n], (local,))
 
 
 def reduce_systems(systems: Iterable[CorrelationSystem]) -> CorrelationSystem:
     """Sum in the order given: the same bits however the parts were computed. Of an iterator no two are held at once."""
-    rest = iter(systems)
-    first = next(rest)
+    stream = iter(systems)
+    first = next(stream)
     M, b, spread = first.M.copy(), first.b.copy(), first.spread.copy()
     shared = first.shared.copy() if isinstance(first.shared, np.ndarray) else first.shared
     phi, phi_image, frames, sums = first.phi, first.phi_image, list(first.frames), first.sums
-    for system in rest:
+    for system in stream:
         M += system.M
         b += system.b
         spread += system.spread

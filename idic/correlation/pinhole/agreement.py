@@ -42,32 +42,32 @@ class Agreement:
     share: float
 
 
-def speckle_agreement(mesh: Mesh, one: Seen, two: Seen, blur_px: float = 0.0) -> Agreement:
+def speckle_agreement(mesh: Mesh, first: Seen, second: Seen, blur_px: float = 0.0) -> Agreement:
     """How two cameras agree on the speckle; blur_px : of both images first."""
-    every = max(1, int(np.ceil(np.sqrt(one.image.size / MAX_POINTS))))
-    some, wanted = (np.zeros(seen.image.shape, dtype=bool) for seen in (one, two))
-    some[::every, ::every] = True
-    ny, nx = two.image.shape
+    every = max(1, int(np.ceil(np.sqrt(first.image.size / MAX_POINTS))))
+    sampled, targets = (np.zeros(view.image.shape, dtype=bool) for view in (first, second))
+    sampled[::every, ::every] = True
+    ny, nx = second.image.shape
     try:
-        pixels = _ray_map(mesh, one, some)
+        pixels = _ray_map(mesh, first, sampled)
         places = pixels.interpolate(in_space(mesh.nodes))
-        at = two.camera.project(places)
+        at = second.camera.project(places)
         column, row = np.rint(at).astype(int).T
         inside = (column >= 0) & (column < nx) & (row >= 0) & (row < ny)
-        wanted[row[inside], column[inside]] = True
-        other = _ray_map(mesh, two, wanted)
+        targets[row[inside], column[inside]] = True
+        target_map = _ray_map(mesh, second, targets)
     except InputError:
         return Agreement(float("nan"), 0.0)
-    images = [scipy.ndimage.gaussian_filter(np.asarray(seen.image, dtype=float), blur_px) for seen in (one, two)]
-    inside = seen_as_well(places, two.camera, other, in_space(mesh.nodes))
+    images = [scipy.ndimage.gaussian_filter(np.asarray(view.image, dtype=float), blur_px) for view in (first, second)]
+    inside = seen_as_well(places, second.camera, target_map, in_space(mesh.nodes))
     share = float(inside.mean())
     if inside.sum() < MIN_POINTS:
         return Agreement(float("nan"), share)
-    ours = images[0][pixels.iy[inside], pixels.ix[inside]]
-    theirs = scipy.ndimage.map_coordinates(images[1], at[inside, ::-1].T, order=1)
-    if ours.std() == 0.0 or theirs.std() == 0.0:
+    first_grey = images[0][pixels.iy[inside], pixels.ix[inside]]
+    second_grey = scipy.ndimage.map_coordinates(images[1], at[inside, ::-1].T, order=1)
+    if first_grey.std() == 0.0 or second_grey.std() == 0.0:
         return Agreement(float("nan"), share)
-    return Agreement(float(np.corrcoef(ours, theirs)[0, 1]), share)
+    return Agreement(float(np.corrcoef(first_grey, second_grey)[0, 1]), share)
 
 
 def seen_as_well(places: np.ndarray, camera: PlacedCamera, pixel_map: PixelMap, nodes: np.ndarray) -> np.ndarray:
@@ -77,18 +77,18 @@ def seen_as_well(places: np.ndarray, camera: PlacedCamera, pixel_map: PixelMap, 
     """
     column, row = np.rint(camera.project(places)).astype(int).T
     ny, nx = pixel_map.shape
-    seen = (column >= 0) & (column < nx) & (row >= 0) & (row < ny)
-    there = np.full((ny, nx, 3), np.nan)
-    there[pixel_map.iy, pixel_map.ix] = pixel_map.interpolate(nodes)
-    apart = np.linalg.norm(there[row[seen], column[seen]] - places[seen], axis=1)
-    seen[seen] = apart < MAX_APART_PX * camera.pixel_size  # not where it is NaN
-    return seen
+    visible = (column >= 0) & (column < nx) & (row >= 0) & (row < ny)
+    grid = np.full((ny, nx, 3), np.nan)
+    grid[pixel_map.iy, pixel_map.ix] = pixel_map.interpolate(nodes)
+    distance = np.linalg.norm(grid[row[visible], column[visible]] - places[visible], axis=1)
+    visible[visible] = distance < MAX_APART_PX * camera.pixel_size  # not where it is NaN
+    return visible
 
 
-def _ray_map(mesh: Mesh, seen: Seen, mask: np.ndarray) -> PixelMap:
-    return build_ray_map(mesh, surface_cells(mesh, seen.surface), seen.camera, seen.image.shape, mask, seen.surface)
+def _ray_map(mesh: Mesh, view: Seen, mask: np.ndarray) -> PixelMap:
+    return build_ray_map(mesh, surface_cells(mesh, view.surface), view.camera, view.image.shape, mask, view.surface)
 
 
 def agreements(mesh: Mesh, cameras: Sequence[Seen]) -> list[Agreement]:
     """Of the first camera with every other one."""
-    return [speckle_agreement(mesh, cameras[0], other) for other in cameras[1:]]
+    return [speckle_agreement(mesh, cameras[0], camera) for camera in cameras[1:]]

@@ -48,14 +48,14 @@ def build_ray_map(mesh: Mesh, cells: Sequence[Block], camera: PlacedCamera, imag
         Where the mesh is not in front of the camera, the mask has another size, or no pixel is left.
     """
     ny, nx = (int(n) for n in image_shape)
-    whole = mask is None
+    unmasked = mask is None
     mask = checked_mask(mask, (ny, nx))
-    one = camera.effective
-    nodes_px = one.project(mesh.nodes)
+    lens = camera.effective
+    nodes_px = lens.project(mesh.nodes)
     element, conn, kind = flat_elements(cells)
     n_seen = len(element)
-    if mesh.n_dim == 3 and surface is not None and (others := _other_faces(mesh, surface)):
-        hiding = flat_elements(others)
+    if mesh.n_dim == 3 and surface is not None and (faces := _other_faces(mesh, surface)):
+        hiding = flat_elements(faces)
         conn, kind = np.concatenate([conn, hiding[1]]), np.concatenate([kind, hiding[2]])
     boxes = _boxes(nodes_px, conn, kind, ny, nx)
     inside = np.flatnonzero((boxes[:, 0] <= boxes[:, 1]) & (boxes[:, 2] <= boxes[:, 3]))
@@ -63,11 +63,11 @@ def build_ray_map(mesh: Mesh, cells: Sequence[Block], camera: PlacedCamera, imag
         raise nothing_visible(nodes_px, (ny, nx), mask)
     conn, kind, boxes = conn[inside], kind[inside], boxes[inside]
     geometry = np.empty((len(inside), 3, N_MONOMIALS))
-    to_monomials(_in_camera(mesh.nodes, one), conn, kind, TRANSFORMS, N_NODES, geometry)
+    to_monomials(_in_camera(mesh.nodes, lens), conn, kind, TRANSFORMS, N_NODES, geometry)
     column0, row0 = int(boxes[:, 0].min()), int(boxes[:, 2].min())
     window = mask[row0 : boxes[:, 3].max() + 1, column0 : boxes[:, 1].max() + 1]
     rows, columns = np.mgrid[: window.shape[0], : window.shape[1]]
-    ideal = one.normalised(np.column_stack([columns.ravel() + column0, rows.ravel() + row0]).astype(float))
+    ideal = lens.normalised(np.column_stack([columns.ravel() + column0, rows.ravel() + row0]).astype(float))
     owner, a, b = _find_hits(geometry, kind % 2 == 0, boxes, window, ideal.reshape(*window.shape, 2), column0, row0,
                              EDGE_TOLERANCE, mesh.n_dim == 3)
     owner[owner >= np.searchsorted(inside, n_seen)] = -1  # hidden
@@ -80,8 +80,8 @@ def build_ray_map(mesh: Mesh, cells: Sequence[Block], camera: PlacedCamera, imag
     return PixelMap(
         (ny, nx), nodes_px, element[inside[visible]], conn[visible], kind[visible], start,
         (ix + column0).astype(np.int32), (iy + row0).astype(np.int32), a.astype(np.float32), b.astype(np.float32),
-        centre, np.linalg.inv(_slopes(geometry[visible], centre, one)),
-        n_unowned=0 if whole else int(mask.sum()) - len(ix),
+        centre, np.linalg.inv(_slopes(geometry[visible], centre, lens)),
+        n_unowned=0 if unmasked else int(mask.sum()) - len(ix),
     )
 
 
@@ -94,15 +94,15 @@ def _slopes(geometry: np.ndarray, at: np.ndarray, camera: LensCamera) -> np.ndar
     """d (column, row) / d (a, b) of every face at one place of it  # (n, 3, 8), (n, 2) -> (n, 2, 2) px"""
     points = np.einsum("eck,ek->ec", geometry, monomials(at[:, 0], at[:, 1]))
     tangents = np.einsum("eck,ekd->ecd", geometry, monomial_slopes(at[:, 0], at[:, 1]))
-    here = replace(camera, rotation=np.eye(3), translation_mm=np.zeros(3))
-    return here.jacobian(points) @ tangents
+    centred_camera = replace(camera, rotation=np.eye(3), translation_mm=np.zeros(3))
+    return centred_camera.jacobian(points) @ tangents
 
 
 def _other_faces(mesh: Mesh, surface: str) -> list[Block]:
     """The faces of the body that are not in the set."""
-    seen = {tuple(face) for face in np.asarray(mesh.edge_sets[surface]).tolist()}
-    others = [face for face in boundary_faces(mesh).tolist() if tuple(face) not in seen]
-    return face_cells(mesh, np.array(others, dtype=np.int64).reshape(-1, 2))
+    visible = {tuple(face) for face in np.asarray(mesh.edge_sets[surface]).tolist()}
+    hiding = [face for face in boundary_faces(mesh).tolist() if tuple(face) not in visible]
+    return face_cells(mesh, np.array(hiding, dtype=np.int64).reshape(-1, 2))
 
 
 def _boxes(nodes_px, conn, kind, ny, nx):
@@ -135,10 +135,10 @@ def _find_hits(geometry, triangle, boxes, mask, ideal, column0, row0, tolerance,
                 p, q = ideal[i, j, 0], ideal[i, j, 1]
                 if not mask[i, j] or not (p == p and q == q):
                     continue
-                found, qa, qb = _hit(geometry[e], p, q, pa, pb)
-                if not found:
-                    found, qa, qb = _hit(geometry[e], p, q, middle, middle)
-                if not found:
+                hit, qa, qb = _hit(geometry[e], p, q, pa, pb)
+                if not hit:
+                    hit, qa, qb = _hit(geometry[e], p, q, middle, middle)
+                if not hit:
                     pa, pb = middle, middle
                     continue
                 pa, pb = qa, qb
@@ -175,9 +175,9 @@ def _hit(g, p, q, a, b):
             m01 += w0 * by_b
             m10 += w1 * by_a
             m11 += w1 * by_b
-        going_on, found, a, b = newton_step(a, b, m00, m01, m10, m11, r0, r1)
+        going_on, converged, a, b = newton_step(a, b, m00, m01, m10, m11, r0, r1)
         if not going_on:
-            return found, a, b
+            return converged, a, b
     return False, a, b
 
 

@@ -109,20 +109,20 @@ def texture_equations(context: CorrelationContext, names: tuple[str, ...]) -> Te
     n, rows = len(names), [_n_rows(camera) for camera in context.cameras]
     starts, pairs = np.cumsum([0, *rows]), []
     total = TextureEquations(np.zeros((n, n)), np.zeros(n), 0.0, np.zeros((n, n)), np.zeros((starts[-1], n)), ())
-    for first, second in _compared(context):
-        one, two = context.cameras[first], context.cameras[second]
-        found = _Comparison(one, two)
-        pairs.append(found.pair)
-        total = replace(total, phi=total.phi + found.phi)
-        if found.pair.is_used:
-            M, b, of_one, of_two = found.equations(names)
+    for i, j in _compared(context):
+        first, second = context.cameras[i], context.cameras[j]
+        comparison = _Comparison(first, second)
+        pairs.append(comparison.pair)
+        total = replace(total, phi=total.phi + comparison.phi)
+        if comparison.pair.is_used:
+            M, b, of_one, of_two = comparison.equations(names)
             noise = context.weights.image_noise  # of the main camera, by which the covariance multiplies `shared`
-            for start, own, sigma in ((starts[first], of_one, one.weights.image_noise),
-                                      (starts[second], of_two, two.weights.image_noise)):
-                total.shared[start:start + len(own)] += found.weight * sigma / noise * own
-            base = found.weight * found.variance
+            for start, columns, sigma in ((starts[i], of_one, first.weights.image_noise),
+                                          (starts[j], of_two, second.weights.image_noise)):
+                total.shared[start:start + len(columns)] += comparison.weight * sigma / noise * columns
+            base = comparison.weight * comparison.variance
             total = replace(total, M=total.M + M, b=total.b + b,
-                            spread=total.spread + (found.pair.excess - 1.0) * base * M)
+                            spread=total.spread + (comparison.pair.excess - 1.0) * base * M)
     return replace(total, pairs=tuple(pairs))
 
 
@@ -134,8 +134,8 @@ def texture_pairs(context: CorrelationContext) -> tuple[TexturePair, ...]:
 
 def determined_by_texture(experiment: Experiment, names: Sequence[str]) -> list[str]:
     """Which degrees of freedom a comparison of textures depends on."""
-    compared = {name for further in experiment.cameras if further.texture is not None
-                for name in (further.texture, further.name)}
+    compared = {name for camera in experiment.cameras if camera.texture is not None
+                for name in (camera.texture, camera.name)}
     views = [view for view in experiment.views if view.recording.camera_name in compared]
     return [name for name in names if any(moves_at_rest(view, name) for view in views)]
 
@@ -143,9 +143,9 @@ def determined_by_texture(experiment: Experiment, names: Sequence[str]) -> list[
 def _compared(context: CorrelationContext) -> Iterator[tuple[int, int]]:
     """Numbers of the two cameras of every pair, that of the texture first."""
     names = [camera.experiment.recording.camera_name for camera in context.cameras]
-    for number, further in enumerate(context.experiment.cameras, 1):
-        if further.texture is not None and isinstance(context.cameras[number].reference, GreyReference):
-            yield names.index(further.texture), number
+    for number, camera in enumerate(context.experiment.cameras, 1):
+        if camera.texture is not None and isinstance(context.cameras[number].reference, GreyReference):
+            yield names.index(camera.texture), number
 
 
 def _n_rows(context: CorrelationContext) -> int:
@@ -160,31 +160,31 @@ def _n_rows(context: CorrelationContext) -> int:
 class _Comparison:
     """The reference image of camera `two` against that of camera `one`."""
 
-    def __init__(self, one: CorrelationContext, two: CorrelationContext):
-        assert isinstance(one.reference, GreyReference) and isinstance(two.reference, GreyReference)
-        self.one, self.two, self.reference, self.other = one, two, one.reference, two.reference
+    def __init__(self, first: CorrelationContext, second: CorrelationContext):
+        assert isinstance(first.reference, GreyReference) and isinstance(second.reference, GreyReference)
+        self.first, self.second, self.reference, self.other = first, second, first.reference, second.reference
         # rounded: the same at neighbouring parameters; the brightness columns fit the rest
         self.gain = float(10.0 ** round(np.log10(self.reference.contrast / self.other.contrast), 2))
-        own, n_images = one.weights, self.reference.n_images
-        self.variance = (own.image_noise**2 + (self.gain * two.weights.image_noise) ** 2) / n_images
-        self.weight = own.image * own.image_noise**2 / self.variance
-        self.weight *= 1.0 if own.generalised else 1.0 + 1.0 / n_images
-        seen = self._seen()
-        spline, motion = self._spline(), way_between(self.reference.pixel_map, one, two)
-        self.nodal = nodal_equations(self.reference, spline, motion, BRIGHTNESS, np.flatnonzero(~seen))
-        self.pair, left = self._judged(spline)
-        self.phi = self.weight * left  # of one weight at all points of a search: it is to fall
+        weights, n_images = first.weights, self.reference.n_images
+        self.variance = (weights.image_noise**2 + (self.gain * second.weights.image_noise) ** 2) / n_images
+        self.weight = weights.image * weights.image_noise**2 / self.variance
+        self.weight *= 1.0 if weights.generalised else 1.0 + 1.0 / n_images
+        visible = self._seen()
+        spline, motion = self._spline(), way_between(self.reference.pixel_map, first, second)
+        self.nodal = nodal_equations(self.reference, spline, motion, BRIGHTNESS, np.flatnonzero(~visible))
+        self.pair, squares = self._judged(spline)
+        self.phi = self.weight * squares  # of one weight at all points of a search: it is to fall
         self.weight /= self.pair.excess
 
     def _seen(self) -> np.ndarray:
         """Pixels of the first camera whose point is compared in the second one as well  # (n_pixels,) bool"""
-        nodes = in_space(self.one.experiment.model.mesh.nodes)
-        here = self.reference.pixel_map.interpolate(nodes)  # (n_pixels, 3) mm
-        return seen_as_well(here, self.two.camera, self.other.pixel_map, nodes)
+        nodes = in_space(self.first.experiment.model.mesh.nodes)
+        points = self.reference.pixel_map.interpolate(nodes)  # (n_pixels, 3) mm
+        return seen_as_well(points, self.second.camera, self.other.pixel_map, nodes)
 
     def _spline(self) -> Spline:
         """The reference image of the second camera in the grey values of the first."""
-        view, reference = self.two.experiment, self.reference
+        view, reference = self.second.experiment, self.reference
         images = [view.recording.stack.frame(k) for k in view.recording.averaged or (view.model.reference,)]
         mean = np.mean([np.asarray(image, dtype=np.float64) for image in images], axis=0)
         matched = reference.level + self.gain * (mean - self.other.level)
@@ -196,24 +196,24 @@ class _Comparison:
         brightness = solve_positive(nodal.bb, nodal.rb)
         rr, (_, squares) = max(nodal.rr - float(brightness @ nodal.rb), 0.0), nodal.squares or (0.0, 0.0)
         correlation = float(np.sqrt(max(1.0 - rr / squares, 0.0))) if squares > 0.0 else 0.0
-        left = residual_map(reference, spline, nodal.motion, BRIGHTNESS, brightness, nodal.lost_pixels)
-        starts, r = reference.pixel_map.start[:-1], np.where(left.valid, left.r, 0.0).astype(float)
-        gradient = [np.where(left.valid, d, 0.0).astype(float) for d in (reference.fx, reference.fy)]
+        residual = residual_map(reference, spline, nodal.motion, BRIGHTNESS, brightness, nodal.lost_pixels)
+        starts, r = reference.pixel_map.start[:-1], np.where(residual.valid, residual.r, 0.0).astype(float)
+        gradient = [np.where(residual.valid, d, 0.0).astype(float) for d in (reference.fx, reference.fy)]
         sums = sum(float((np.add.reduceat(d * r, starts) ** 2).sum()) for d in gradient)  # of each element
         white = self.variance * sum(float((d**2).sum()) for d in gradient)
         excess = max(sums / white, 1.0) if white > 0.0 else 1.0
-        pair = TexturePair(self.one.experiment.recording.camera_name, self.two.experiment.recording.camera_name,
+        pair = TexturePair(self.first.experiment.recording.camera_name, self.second.experiment.recording.camera_name,
                            nodal.n_valid,
                            reference.pixel_map.n_pixels, correlation, self.gain, excess)
         return pair, min(rr, (1.0 - MIN_CORRELATION**2) * squares)
 
     def equations(self, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """M (n, n), b (n,), weighted, and the columns (2 n_nodes, n) in the bases of both references."""
-        pixel_map, n, columns = self.reference.pixel_map, len(names), columns_between(self.one, self.two, names)
-        found = self.nodal.gram(columns)
-        whole, rhs = self.weight * found.matrix, self.weight * found.rhs
-        slope = solve_positive(whole[n:, n:], np.column_stack([whole[n:, :n], rhs[n:]]))
-        M, b = whole[:n, :n] - whole[:n, n:] @ slope[:, :n], rhs[:n] - whole[:n, n:] @ slope[:, n]
+        pixel_map, n, columns = self.reference.pixel_map, len(names), columns_between(self.first, self.second, names)
+        gram = self.nodal.gram(columns)
+        matrix, rhs = self.weight * gram.matrix, self.weight * gram.rhs
+        slope = solve_positive(matrix[n:, n:], np.column_stack([matrix[n:, :n], rhs[n:]]))
+        M, b = matrix[:n, :n] - matrix[:n, n:] @ slope[:, :n], rhs[:n] - matrix[:n, n:] @ slope[:, n]
         share = np.zeros(pixel_map.n_nodes)  # of the pixels around a node that both cameras show
         share[pixel_map.visible_nodes] = self.reference.visible_share(self.nodal)[pixel_map.visible_nodes]
         fields = share[:, None, None] * columns.reshape(-1, 2, n)

@@ -17,33 +17,34 @@ from idic.images import PLACEMENT_STEM, PlacedCamera
 from idic.model import Experiment
 
 
-def way_between(pixel_map: PixelMap, one: CorrelationContext, two: CorrelationContext) -> np.ndarray:
+def way_between(pixel_map: PixelMap, first: CorrelationContext, second: CorrelationContext) -> np.ndarray:
     """From the pixel of one camera to that of the other: monomial coefficients  # (n_elements, 2, 8) px
 
     Quadratic on every face, also of linear elements: perspective is not linear between their nodes.
     """
-    nodes, found = in_space(one.experiment.model.mesh.nodes), np.zeros((pixel_map.n_elements, 2, N_MONOMIALS))
+    nodes, way = in_space(first.experiment.model.mesh.nodes), np.zeros((pixel_map.n_elements, 2, N_MONOMIALS))
     for kind in np.unique(pixel_map.kind):
         quadratic, of_kind = 2 + kind % 2, pixel_map.kind == kind
         points, n = NODE_POINTS[quadratic], N_NODES[kind]
         shape = (monomials(points[:, 0], points[:, 1]) @ TRANSFORMS[kind])[:, :n]  # (n_points, n)
         places = np.einsum("qi,eid->eqd", shape, nodes[pixel_map.conn[of_kind, :n]]).reshape(-1, 3)
-        apart = (two.camera.project(places) - one.camera.project(places)).reshape(-1, len(points), 2)
-        found[of_kind] = np.einsum("kq,eqc->eck", TRANSFORMS[quadratic][:, :len(points)], apart)
-    return found
+        shift = (second.camera.project(places) - first.camera.project(places)).reshape(-1, len(points), 2)
+        way[of_kind] = np.einsum("kq,eqc->eck", TRANSFORMS[quadratic][:, :len(points)], shift)
+    return way
 
 
-def columns_between(one: CorrelationContext, two: CorrelationContext, names: tuple[str, ...]) -> np.ndarray:
+def columns_between(first: CorrelationContext, second: CorrelationContext, names: tuple[str, ...]) -> np.ndarray:
     """Motion of the second image against the first by every degree of freedom  # (2 n_nodes, n) px per unit"""
-    experiment = one.experiment
+    experiment = first.experiment
     nodes = experiment.model.mesh.nodes
     tangents = in_space(surface_tangents(experiment.model.mesh, experiment.model.surface))  # (n_nodes, 3, 2)
-    before, after = (context.camera.jacobian(nodes) @ tangents for context in (one, two))
+    first_slopes, second_slopes = (context.camera.jacobian(nodes) @ tangents for context in (first, second))
     columns = np.zeros((len(nodes), 2, len(names)))
     for i, name in enumerate(names):
-        if moves_at_rest(one.experiment, name) or moves_at_rest(two.experiment, name):
-            along = solved_at_seen(before, _velocity(one, name))  # of the point that a pixel shows, along the surface
-            columns[:, :, i] = _velocity(two, name) - np.einsum("nck,nk->nc", after, along)
+        if moves_at_rest(first.experiment, name) or moves_at_rest(second.experiment, name):
+            # of the point that a pixel shows, along the surface
+            along = solved_at_seen(first_slopes, _velocity(first, name))
+            columns[:, :, i] = _velocity(second, name) - np.einsum("nck,nk->nc", second_slopes, along)
     return columns.reshape(2 * len(nodes), -1)
 
 

@@ -156,7 +156,7 @@ def dot3(p, q, x, y, z):
 
 @njit(cache=True, nogil=True)
 def _accumulate(powers, weight, slope, n, count, products, moments, grey):
-    one, f = weight[4, :count], weight[3, :count]
+    ones, f = weight[4, :count], weight[3, :count]
     for k in range(n):
         p = powers[k, :count]
         for m in range(k + 1):
@@ -165,11 +165,11 @@ def _accumulate(powers, weight, slope, n, count, products, moments, grey):
             products[k, m, 1] += xy
             products[k, m, 2] += yy
         for c in range(2):
-            with_f, with_one, _ = dot3(p, slope[c, :count], f, one, one)
+            with_f, with_one, _ = dot3(p, slope[c, :count], f, ones, ones)
             moments[k, c, 0] += with_f
             moments[k, c, 1] += with_one
-    number, total, square = dot3(one, powers[0, :count], one, f, f)
-    _, square, _ = dot3(f, powers[0, :count], one, f, f)
+    number, total, square = dot3(ones, powers[0, :count], ones, f, f)
+    _, square, _ = dot3(f, powers[0, :count], ones, f, f)
     grey[0] += number
     grey[1] += total
     grey[2] += square

@@ -29,9 +29,9 @@ def monomials(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def monomial_slopes(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Their derivatives by a and b  # a, b (...,) -> (..., 8, 2)"""
-    zero, one = np.zeros_like(a), np.ones_like(a)
-    by_a = np.stack([zero, one, zero, b, 2 * a, zero, 2 * a * b, b * b], axis=-1)
-    by_b = np.stack([zero, zero, one, a, zero, 2 * b, a * a, 2 * a * b], axis=-1)
+    zeros, ones = np.zeros_like(a), np.ones_like(a)
+    by_a = np.stack([zeros, ones, zeros, b, 2 * a, zeros, 2 * a * b, b * b], axis=-1)
+    by_b = np.stack([zeros, zeros, ones, a, zeros, 2 * b, a * a, 2 * a * b], axis=-1)
     return np.stack([by_a, by_b], axis=-1)
 
 
@@ -80,10 +80,10 @@ def find_owners(geometry, triangle, boxes, mask, column0, row0, tolerance):
                 i, j = row - row0, column - column0
                 if not mask[i, j]:
                     continue
-                found, qa, qb = invert(geometry[e], column, row, pa, pb)
-                if not found:
-                    found, qa, qb = invert(geometry[e], column, row, middle, middle)
-                if not found:
+                converged, qa, qb = invert(geometry[e], column, row, pa, pb)
+                if not converged:
+                    converged, qa, qb = invert(geometry[e], column, row, middle, middle)
+                if not converged:
                     pa, pb = middle, middle
                     continue
                 pa, pb = qa, qb
@@ -113,8 +113,8 @@ def newton_step(a, b, xa, xb, ya, yb, rx, ry):
     a, b = a + da, b + db
     if not (abs(a) < 10.0 and abs(b) < 10.0):
         return False, False, a, b
-    found = abs(da) + abs(db) < 1e-8  # quadratic convergence: the next step would be 1e-16
-    return not found, found, a, b
+    converged = abs(da) + abs(db) < 1e-8  # quadratic convergence: the next step would be 1e-16
+    return not converged, converged, a, b
 
 
 @njit(cache=True, nogil=True)
@@ -131,9 +131,9 @@ def invert(g, x, y, a, b):
         xb = g[0, 2] + a * g[0, 3] + 2.0 * b * g[0, 5] + aa * g[0, 6] + 2.0 * ab * g[0, 7]
         ya = g[1, 1] + b * g[1, 3] + 2.0 * a * g[1, 4] + 2.0 * ab * g[1, 6] + bb * g[1, 7]
         yb = g[1, 2] + a * g[1, 3] + 2.0 * b * g[1, 5] + aa * g[1, 6] + 2.0 * ab * g[1, 7]
-        going_on, found, a, b = newton_step(a, b, xa, xb, ya, yb, rx, ry)
+        going_on, converged, a, b = newton_step(a, b, xa, xb, ya, yb, rx, ry)
         if not going_on:
-            return found, a, b
+            return converged, a, b
     return False, a, b
 
 

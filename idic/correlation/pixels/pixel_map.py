@@ -207,7 +207,7 @@ def build_pixel_map(nodes: np.ndarray, cells: Sequence[Block], camera: Camera, i
         Where the mask has another size, a cell is not a surface cell, or no pixel is left.
     """
     ny, nx = (int(n) for n in image_shape)
-    whole = mask is None
+    unmasked = mask is None
     mask = checked_mask(mask, (ny, nx))
     nodes_px = camera.project(nodes)
     element, conn, kind = flat_elements(cells)
@@ -230,7 +230,7 @@ def build_pixel_map(nodes: np.ndarray, cells: Sequence[Block], camera: Camera, i
     return PixelMap(
         (ny, nx), nodes_px, element[visible], conn[visible], kind[visible], start,
         (ix + column0).astype(np.int32), (iy + row0).astype(np.int32), a.astype(np.float32), b.astype(np.float32),
-        centre, np.linalg.inv(jacobian), n_unowned=0 if whole else int(mask.sum()) - len(ix),
+        centre, np.linalg.inv(jacobian), n_unowned=0 if unmasked else int(mask.sum()) - len(ix),
     )
 
 
@@ -278,8 +278,8 @@ def element_boxes(nodes_px, conn, kind, ny, nx):
         low[of_kind], high[of_kind] = points.min(axis=1), points.max(axis=1)
     margin = EDGE_TOLERANCE * (high - low).max(axis=1, initial=0.0, keepdims=True)
     low, high = np.clip([low - margin, high + margin], -1.0, max(ny, nx) + 1.0)  # keeps the integers small
-    first, last = np.maximum(np.ceil(low), 0), np.minimum(np.floor(high), [nx - 1, ny - 1])
-    return np.column_stack([first[:, 0], last[:, 0], first[:, 1], last[:, 1]]).astype(np.int64)
+    lowest, highest = np.maximum(np.ceil(low), 0), np.minimum(np.floor(high), [nx - 1, ny - 1])
+    return np.column_stack([lowest[:, 0], highest[:, 0], lowest[:, 1], highest[:, 1]]).astype(np.int64)
 
 
 def nothing_visible(nodes_px: np.ndarray, shape: tuple[int, int], mask: np.ndarray) -> InputError:
@@ -320,11 +320,11 @@ def _inverse_gradients(motion, centre, inverse_jacobian, inverse, det):
 
 
 @njit(cache=True, nogil=True)
-def _curvatures(motion, geometry, centre, inverse_jacobian, inverse, found):
+def _curvatures(motion, geometry, centre, inverse_jacobian, inverse, curvature):
     """Second derivatives of u at the centre of every element along the axes of the frame, u_c,kl F^-1_ki F^-1_lj.
 
     geometry (n_elements, 2, 8) monomial coefficients of the places of the nodes, the others as in `_inverse_gradients`;
-    found (n_elements, 2, 2, 2) by c, i, j in px/px².
+    curvature (n_elements, 2, 2, 2) by c, i, j in px/px².
     """
     second, slope, by = np.empty((2, 3)), np.empty((2, 2)), np.empty((2, 2))
     for e in range(motion.shape[0]):
@@ -343,12 +343,12 @@ def _curvatures(motion, geometry, centre, inverse_jacobian, inverse, found):
             for k in range(3):  # by a a, a b, b b, less what the curved coordinates have of it
                 order = 4 if k == 0 else (3 if k == 1 else 5)
                 second[c, k] = m[order] - slope[c, 0] * geometry[e, 0, order] - slope[c, 1] * geometry[e, 1, order]
-            one = m[6] - slope[c, 0] * geometry[e, 0, 6] - slope[c, 1] * geometry[e, 1, 6]
-            two = m[7] - slope[c, 0] * geometry[e, 0, 7] - slope[c, 1] * geometry[e, 1, 7]
-            second[c, 0] = 2.0 * (second[c, 0] + b * one)
-            second[c, 1] += 2.0 * (a * one + b * two)
-            second[c, 2] = 2.0 * (second[c, 2] + a * two)
+            aab = m[6] - slope[c, 0] * geometry[e, 0, 6] - slope[c, 1] * geometry[e, 1, 6]
+            abb = m[7] - slope[c, 0] * geometry[e, 0, 7] - slope[c, 1] * geometry[e, 1, 7]
+            second[c, 0] = 2.0 * (second[c, 0] + b * aab)
+            second[c, 1] += 2.0 * (a * aab + b * abb)
+            second[c, 2] = 2.0 * (second[c, 2] + a * abb)
             for i in range(2):
                 for j in range(2):
-                    found[e, c, i, j] = (second[c, 0] * by[0, i] * by[0, j] + second[c, 2] * by[1, i] * by[1, j]
-                                         + second[c, 1] * (by[0, i] * by[1, j] + by[1, i] * by[0, j]))
+                    curvature[e, c, i, j] = (second[c, 0] * by[0, i] * by[0, j] + second[c, 2] * by[1, i] * by[1, j]
+                                             + second[c, 1] * (by[0, i] * by[1, j] + by[1, i] * by[0, j]))

@@ -31,13 +31,13 @@ MAX_SAMPLES_PER_PIXEL = 16  # per direction
 
 @dataclass(frozen=True)
 class NodalField:
-    """values : (n_frames, n_nodes); n_pixels that took part in the first frame; seen : (n_nodes,) bool, nodes of
-    elements with samples; noise : standard deviation of a seen nodal value per standard deviation of a pixel;
+    """values : (n_frames, n_nodes); n_pixels that took part in the first frame; visible : (n_nodes,) bool, nodes of
+    elements with samples; noise : standard deviation of a visible nodal value per standard deviation of a pixel;
     steepest : largest step of the change since the first frame, per px."""
 
     values: np.ndarray
     n_pixels: int
-    seen: np.ndarray
+    visible: np.ndarray
     noise: float
     steepest: float
 
@@ -81,12 +81,12 @@ def onto_nodes(mesh: Mesh, cells: Sequence[Block], camera: Camera, images: Itera
         The body is not in the image, nothing is left of it, or a frame has no pixel with a value.
     """
     base = smoothing_px**2 * camera.pixel_size**2 / volume(mesh) * conductance(mesh)
-    at, samples, fit, made, first = None, None, None, [], None
+    samples_px, samples, fit, solutions, first = None, None, None, [], None
     for k, image in enumerate(images):
         nodes = mesh.nodes if motion is None else mesh.nodes + motion[k]
-        now = camera.project(nodes)
-        if at is None or np.abs(now - at).max() > MAX_MOTION_PX:
-            at, samples, fit = now, _samples(nodes, cells, camera, image.shape, margin_px), None
+        nodes_px = camera.project(nodes)
+        if samples_px is None or np.abs(nodes_px - samples_px).max() > MAX_MOTION_PX:
+            samples_px, samples, fit = nodes_px, _samples(nodes, cells, camera, image.shape, margin_px), None
         pixels = np.asarray(image, dtype=float).ravel()
         lost = ~np.isfinite(pixels)
         used = samples.from_pixels @ lost == 0.0
@@ -95,13 +95,13 @@ def onto_nodes(mesh: Mesh, cells: Sequence[Block], camera: Camera, images: Itera
                              found=f"none in frame {k}", remedy="repair or replace the image")
         if fit is None or not np.array_equal(used, fit.used):
             fit = _fit(samples, used, base)
-        made.append(fit.normal.solve(fit.data @ np.where(lost, 0.0, pixels)))
+        solutions.append(fit.normal.solve(fit.data @ np.where(lost, 0.0, pixels)))
         first = fit if first is None else first
-    values = np.array(made)
-    taken = abs(first.data)
-    seen = np.asarray(taken.sum(axis=1)).ravel() > 0
-    n_pixels = int((np.asarray(taken.sum(axis=0)).ravel() > 0).sum())
-    return NodalField(values, n_pixels, seen, _noise(first, np.flatnonzero(seen)), _steepest(samples, values))
+    values = np.array(solutions)
+    weights = abs(first.data)
+    visible = np.asarray(weights.sum(axis=1)).ravel() > 0
+    n_pixels = int((np.asarray(weights.sum(axis=0)).ravel() > 0).sum())
+    return NodalField(values, n_pixels, visible, _noise(first, np.flatnonzero(visible)), _steepest(samples, values))
 
 
 def _samples(nodes, cells, camera: Camera, shape, margin: int) -> _Samples:
@@ -114,9 +114,9 @@ def _samples(nodes, cells, camera: Camera, shape, margin: int) -> _Samples:
                            k1=camera.k1 / finer**2, centre_px=finer * camera.centre_px,
                            shift_px=finer * camera.shift_px)
         pixel_map = build_pixel_map(nodes, cells, enlarged, tuple(finer * (n - 1) + 1 for n in shape))
-    whole = np.isfinite(pixel_map.to_image(np.zeros(pixel_map.n_pixels)))
+    body = np.isfinite(pixel_map.to_image(np.zeros(pixel_map.n_pixels)))
     rim = finer * (margin + (finer > 1)) if margin else 0  # between pixels a sample takes from its neighbours, too
-    inner = scipy.ndimage.binary_erosion(whole, np.ones((3, 3), bool), iterations=rim, border_value=1) if rim else whole
+    inner = scipy.ndimage.binary_erosion(body, np.ones((3, 3), bool), iterations=rim, border_value=1) if rim else body
     keep = inner[pixel_map.iy, pixel_map.ix]
     if not keep.any():
         raise InputError("nothing is left of the body without its rim", key="edge_margin_px",

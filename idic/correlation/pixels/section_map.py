@@ -182,20 +182,20 @@ def _edges(mesh: Mesh, surface: str) -> tuple[np.ndarray, np.ndarray]:
     """Nodes of the edges that have a length along x  # (n, 3), and whether the third is a middle node (n,) bool"""
     faces = [mesh.face_nodes(face) for face in mesh.edge_sets[surface]]
     length = np.array([abs(np.ptp(mesh.nodes[nodes[:2], 0])) for nodes in faces])
-    seen = [nodes for nodes, size in zip(faces, length, strict=True) if size > 1e-9 * length.max(initial=0.0)]
-    if not seen:
+    edges = [nodes for nodes, size in zip(faces, length, strict=True) if size > 1e-9 * length.max(initial=0.0)]
+    if not edges:
         raise InputError("the surface has no edge that can be seen from above", key="experiment.surface",
                          expected="edges along x", found=surface, remedy="name the upper edge of the section")
-    conn = np.array([[*nodes, nodes[0]][:3] for nodes in seen], dtype=np.int64)
-    return conn, np.array([len(nodes) == 3 for nodes in seen])
+    conn = np.array([[*nodes, nodes[0]][:3] for nodes in edges], dtype=np.int64)
+    return conn, np.array([len(nodes) == 3 for nodes in edges])
 
 
 def _owned_columns(px: np.ndarray, middle: np.ndarray, nx: int):
     """Columns within each edge, the edge, the place xi in [-1, 1] and d(xi)/d(column)  # 4 x (n,)"""
     low, high = px[:, :2].min(axis=1), px[:, :2].max(axis=1)
-    first, last = np.maximum(np.ceil(low), 0).astype(int), np.minimum(np.ceil(high), nx).astype(int)  # half open
-    last += (high == np.floor(high)) & (high == high.max()) & (high <= nx - 1)  # the end of the section
-    counts = np.maximum(last - first, 0)
+    first, end = np.maximum(np.ceil(low), 0).astype(int), np.minimum(np.ceil(high), nx).astype(int)  # half open
+    end += (high == np.floor(high)) & (high == high.max()) & (high <= nx - 1)  # the end of the section
+    counts = np.maximum(end - first, 0)
     edge = np.repeat(np.arange(len(px)), counts)
     column = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + np.repeat(first, counts)
     a, b = px[edge, 0], px[edge, 1]

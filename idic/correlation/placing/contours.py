@@ -57,8 +57,8 @@ def hole_contour(image: np.ndarray, at_px: np.ndarray) -> Contour:
         ray = np.column_stack([np.cos(angles), np.sin(angles)])
         length = np.arange(0.0, reach, STEP_PX)
         profiles = _sampled(image, middle + length[None, :, None] * ray[:, None, :])
-        near = profiles[:, length <= 3.0]
-        first = _crossings(profiles, *_even(near, image))
+        core = profiles[:, length <= 3.0]
+        first = _crossings(profiles, *_even(core, image))
         if np.isfinite(first).sum() < MIN_INLIERS:
             raise _no_hole(at_px, "no rim around it: the grey value hardly changes")
         points = middle + (STEP_PX * first)[:, None] * ray
@@ -97,25 +97,25 @@ def edge_contour(image: np.ndarray, ends_px: np.ndarray) -> Contour:
         across = np.arange(-reach, reach + STEP_PX, STEP_PX)
         places = ends[0] + stations[:, None, None] * along + across[None, :, None] * normal
         profiles = _sampled(image, places)
-        whole = np.isfinite(profiles).all(axis=1)
-        if whole.sum() > MIN_IN_IMAGE * len(whole) or reach <= least:
+        inside = np.isfinite(profiles).all(axis=1)
+        if inside.sum() > MIN_IN_IMAGE * len(inside) or reach <= least:
             break
         reach *= 0.8
-    if whole.sum() < MIN_INLIERS:
+    if inside.sum() < MIN_INLIERS:
         raise _no_edge(ends, "a line outside the image, or shorter than 20 px")
-    profiles, places = profiles[whole], places[whole]
-    far = np.abs(across) > 0.5 * reach
-    low, high = (np.nanstd(profiles[:, far & side]) for side in (across < 0.0, across > 0.0))
+    profiles, places = profiles[inside], places[inside]
+    outer = np.abs(across) > 0.5 * reach
+    low, high = (np.nanstd(profiles[:, outer & side]) for side in (across < 0.0, across > 0.0))
     if min(low, high) > EVEN * max(low, high):
         raise _no_edge(ends, f"grey values that scatter by {low:.0f} and {high:.0f} on its two sides")
     if high < low:  # from the even side on
         profiles, places, across = profiles[:, ::-1], places[:, ::-1], across[::-1]
     even = profiles[:, np.arange(len(across)) < 0.25 * len(across)]
     first = _crossings(profiles, *_even(even, profiles))
-    found = np.isfinite(first)
-    if found.sum() < MIN_INLIERS:
+    crossed = np.isfinite(first)
+    if crossed.sum() < MIN_INLIERS:
         raise _no_edge(ends, "no change of the grey value across it")
-    points = places[found, 0] + (STEP_PX * first[found])[:, None] * np.sign(across[-1] - across[0]) * normal
+    points = places[crossed, 0] + (STEP_PX * first[crossed])[:, None] * np.sign(across[-1] - across[0]) * normal
     inlier = _line(points)
     if inlier.sum() < max(MIN_INLIERS, MIN_INLIER_SHARE * len(stations)):
         raise _no_edge(ends, f"a straight line through {int(inlier.sum())} of {len(stations)} points")
@@ -130,11 +130,11 @@ def on_circle(points: np.ndarray) -> np.ndarray:
         system = np.column_stack([2.0 * three, np.ones(3)])
         if abs(np.linalg.det(system)) < 1e-9:
             continue
-        x, y, rest = np.linalg.solve(system, (three**2).sum(axis=1))
-        off = np.hypot(*(points - [x, y]).T) - np.sqrt(max(rest + x * x + y * y, 0.0))
-        near = np.abs(off) < INLIER_PX
-        if (own := near.sum() - (off < -INLIER_PX).sum()) > score:  # as of an ellipse
-            best, score = near, own
+        x, y, constant = np.linalg.solve(system, (three**2).sum(axis=1))
+        off = np.hypot(*(points - [x, y]).T) - np.sqrt(max(constant + x * x + y * y, 0.0))
+        inlier = np.abs(off) < INLIER_PX
+        if (trial_score := inlier.sum() - (off < -INLIER_PX).sum()) > score:  # as of an ellipse
+            best, score = inlier, trial_score
     return best
 
 
@@ -160,15 +160,15 @@ def _crossings(profiles: np.ndarray, level: float, threshold: float) -> np.ndarr
     n, m = away.shape
     row, over = np.arange(n), np.nan_to_num(away) > threshold
     first = np.argmax(over, axis=1)
-    found = over[row, first]
-    found &= ~np.isnan(away).any(axis=1) | (first < np.argmax(np.isnan(away), axis=1))
-    behind = np.minimum(first[:, None] + np.arange(int(PLATEAU_PX / STEP_PX) + 1), m - 1)
-    half = 0.5 * np.nan_to_num(away[row[:, None], behind]).max(axis=1)
+    valid = over[row, first]
+    valid &= ~np.isnan(away).any(axis=1) | (first < np.argmax(np.isnan(away), axis=1))
+    plateau = np.minimum(first[:, None] + np.arange(int(PLATEAU_PX / STEP_PX) + 1), m - 1)
+    half = 0.5 * np.nan_to_num(away[row[:, None], plateau]).max(axis=1)
     k = np.argmax(np.nan_to_num(away) > half[:, None], axis=1)
     low, high = away[row, np.maximum(k - 1, 0)], away[row, k]
-    found &= (k > 0) & (high > low)
+    valid &= (k > 0) & (high > low)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(found, k - 1 + (half - low) / (high - low), np.nan)
+        return np.where(valid, k - 1 + (half - low) / (high - low), np.nan)
 
 
 def _ellipse(points: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
@@ -182,16 +182,16 @@ def _ellipse(points: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
         if conic is None:
             continue
         off = _conic_distance(conic, unit) * size
-        near = np.abs(off) < INLIER_PX
-        if (own := near.sum() - (off < -INLIER_PX).sum()) > score:  # dots move points outwards only
-            best, most, score = conic, near, own
+        inlier = np.abs(off) < INLIER_PX
+        if (trial_score := inlier.sum() - (off < -INLIER_PX).sum()) > score:  # dots move points outwards only
+            best, most, score = conic, inlier, trial_score
         if most.sum() > PLAIN * len(unit):
             break
     for _ in range(3 if best is not None else 0):
-        again = _conic(unit[most])
-        if again is None:
+        refit = _conic(unit[most])
+        if refit is None:
             break
-        best, most = again, np.abs(_conic_distance(again, unit)) * size < INLIER_PX
+        best, most = refit, np.abs(_conic_distance(refit, unit)) * size < INLIER_PX
     if best is None or most.sum() < max(MIN_INLIERS, MIN_INLIER_SHARE * len(points)):
         return None, most
     back = np.array([[1.0 / size, 0.0, -middle[0] / size], [0.0, 1.0 / size, -middle[1] / size], [0.0, 0.0, 1.0]])
@@ -219,9 +219,9 @@ def _conic(points: np.ndarray) -> np.ndarray | None:
 
 def _conic_distance(conic: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Distance of points to first order, negative inside of an ellipse."""
-    whole = np.column_stack([points, np.ones(len(points))]) @ conic * np.sign(np.trace(conic[:2, :2]))
-    value = (whole[:, :2] * points).sum(axis=1) + whole[:, 2]
-    return value / np.maximum(2.0 * np.linalg.norm(whole[:, :2], axis=1), 1e-12)
+    polar = np.column_stack([points, np.ones(len(points))]) @ conic * np.sign(np.trace(conic[:2, :2]))
+    value = (polar[:, :2] * points).sum(axis=1) + polar[:, 2]
+    return value / np.maximum(2.0 * np.linalg.norm(polar[:, :2], axis=1), 1e-12)
 
 
 def _centre_and_axes(conic: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -238,8 +238,8 @@ def _line(points: np.ndarray) -> np.ndarray:
     rng, most = np.random.default_rng(0), np.zeros(len(points), dtype=bool)
     for _ in range(N_TRIALS):
         a, b = points[rng.choice(len(points), 2, replace=False)]
-        if (near := _off(points, a, b - a) < INLIER_PX).sum() > most.sum():
-            most = near
+        if (inlier := _off(points, a, b - a) < INLIER_PX).sum() > most.sum():
+            most = inlier
         if most.sum() > PLAIN * len(points):
             break
     for _ in range(3):
@@ -253,15 +253,15 @@ def _off(points: np.ndarray, start: np.ndarray, along: np.ndarray) -> np.ndarray
     return np.abs((points - start) @ normal)
 
 
-def _no_hole(at_px, found: str) -> InputError:
+def _no_hole(at_px, observation: str) -> InputError:
     return InputError("no hole there", expected=f"a pixel within an evenly dark or bright hole, near ({at_px[0]:.0f}, "
-                      f"{at_px[1]:.0f}) px", found=found,
+                      f"{at_px[1]:.0f}) px", found=observation,
                       remedy="give a pixel inside the hole; of a hole with a visible wall or texture behind it, click "
                              "its centre as points_mm and points_px")
 
 
-def _no_edge(ends, found: str) -> InputError:
+def _no_edge(ends, observation: str) -> InputError:
     (a, b), (c, d) = np.round(ends).astype(int)
     return InputError("no edge there", expected=f"a straight edge between speckle and an even background along ({a}, "
-                      f"{b}) to ({c}, {d}) px", found=found,
+                      f"{b}) to ({c}, {d}) px", found=observation,
                       remedy="correct points_px of the edge, or leave it out and click points")

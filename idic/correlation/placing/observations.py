@@ -74,27 +74,27 @@ class Observations:
     0), the offset of the surface.
     """
 
-    def __init__(self, cameras: Sequence[PlacedCamera], seen: Evidence):
-        self.cameras, self.evidence = cameras, seen
+    def __init__(self, cameras: Sequence[PlacedCamera], evidence: Evidence):
+        self.cameras, self.evidence = cameras, evidence
         self.per_mm = np.array([1.0 / camera.pixel_size for camera in cameras])
         lenses = [camera.aimed for camera in cameras]
         self.centres = [lens.centre_mm for lens in lenses]
-        self.rays = [lenses[rim.camera].rays(rim.contour.px)[1] for rim in seen.rims]  # frame of the calibration
-        points = np.concatenate([[rim.point_mm for rim in seen.rims] or np.zeros((0, 3)),
-                                 *(m.points_mm for m in seen.marked),
-                                 *([] if seen.surface is None else [seen.surface.mesh_mm])])
+        self.rays = [lenses[rim.camera].rays(rim.contour.px)[1] for rim in evidence.rims]  # frame of the calibration
+        points = np.concatenate([[rim.point_mm for rim in evidence.rims] or np.zeros((0, 3)),
+                                 *(m.points_mm for m in evidence.marked),
+                                 *([] if evidence.surface is None else [evidence.surface.mesh_mm])])
         size = max(float(np.linalg.norm(points - cameras[0].pivot_mm, axis=1).max(initial=0.0)), 1e-9)
         mm = 1.0 / self.per_mm.mean()
         self.unit = np.array([np.degrees(mm / size)] * 3 + [mm] * 3)
-        n = len(seen.rims)
-        self.axes = [_axes(rim.normal, rim.along) for rim in seen.rims]
+        n = len(evidence.rims)
+        self.axes = [_axes(rim.normal, rim.along) for rim in evidence.rims]
         self.offset_std = np.array([np.inf if rim.along is None and rim.radius_mm is None else OFFSET_STD_PX
-                                    for rim in seen.rims] + [SHIFT_STD_PX] * (2 * n)
-                                   + [MATCH_STD_PX] * (seen.surface is not None))
-        self.stations = [_station(rim.contour.px) for rim in seen.rims]
+                                    for rim in evidence.rims] + [SHIFT_STD_PX] * (2 * n)
+                                   + [MATCH_STD_PX] * (evidence.surface is not None))
+        self.stations = [_station(rim.contour.px) for rim in evidence.rims]
         self.start = np.zeros(len(self.offset_std))
         self.start[:n] = [self._radius(rim) if rim.radius_mm is None and rim.along is None else 0.0
-                          for rim in seen.rims]
+                          for rim in evidence.rims]
         self.std = {f"rim {k}": 0.3 for k in range(n)} | {"surface": 0.3 * mm}
 
     def _radius(self, rim: Rim) -> float:
@@ -103,23 +103,24 @@ class Observations:
 
     def raw(self, z: np.ndarray) -> dict[str, np.ndarray]:
         """Residuals by group: rims in px, surface in mm, points in px."""
-        found, seen, place = {}, self.evidence, self._place(z)
-        for k, rim in enumerate(seen.rims):
-            found[f"rim {k}"] = self._rim(k, rim, z, place)
-        if seen.surface is not None:
-            gap = ((self._back(seen.surface.rig_mm, place) - seen.surface.mesh_mm) * seen.surface.normals).sum(axis=1)
-            found["surface"] = gap - z[-1] * seen.surface.mm_per_px
-        for k, marked in enumerate(seen.marked):
+        groups, evidence, place = {}, self.evidence, self._place(z)
+        for k, rim in enumerate(evidence.rims):
+            groups[f"rim {k}"] = self._rim(k, rim, z, place)
+        if evidence.surface is not None:
+            surface = evidence.surface
+            gap = ((self._back(surface.rig_mm, place) - surface.mesh_mm) * surface.normals).sum(axis=1)
+            groups["surface"] = gap - z[-1] * surface.mm_per_px
+        for k, marked in enumerate(evidence.marked):
             camera = replace(self.cameras[marked.camera], placement=z[:6] * self.unit)
             try:
-                found[f"points {k}"] = (camera.project(marked.points_mm) - marked.points_px).ravel()
+                groups[f"points {k}"] = (camera.project(marked.points_mm) - marked.points_px).ravel()
             except InputError:  # behind the camera
-                found[f"points {k}"] = np.full(marked.points_px.size, FAR_PX)
-        return found
+                groups[f"points {k}"] = np.full(marked.points_px.size, FAR_PX)
+        return groups
 
     def residuals(self, z: np.ndarray) -> np.ndarray:
         """Over standard deviations: `raw`, then the offsets."""
-        return np.concatenate([*(own / self.std.get(name, CLICK_STD_PX) for name, own in self.raw(z).items()),
+        return np.concatenate([*(group / self.std.get(name, CLICK_STD_PX) for name, group in self.raw(z).items()),
                                z[6:] / self.offset_std])
 
     def slopes(self, z: np.ndarray) -> np.ndarray:
@@ -138,17 +139,18 @@ class Observations:
                 flat = self._away(k, rim, place)[0] @ self.axes[k] - z[i:i + 2] / self.per_mm[rim.camera]
                 columns[rows, i:i + 2] = -flat / np.linalg.norm(flat, axis=1, keepdims=True) / self.std[f"rim {k}"]
         if self.evidence.surface is not None:
-            own = self.evidence.surface.mm_per_px
-            columns[row:row + len(own), -1] = -own / self.std["surface"]
-        last = np.arange(len(z) - 6)
-        columns[len(pose) - len(last) + last, 6 + last] = 1.0 / self.offset_std
+            mm_per_px = self.evidence.surface.mm_per_px
+            columns[row:row + len(mm_per_px), -1] = -mm_per_px / self.std["surface"]
+        offsets = np.arange(len(z) - 6)
+        columns[len(pose) - len(offsets) + offsets, 6 + offsets] = 1.0 / self.offset_std
         return columns
 
     def _place(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """From the frame of the calibration to that of the mesh: X = Y A + b  # (3, 3), (3,)"""
-        own, six = self.cameras[0], z[:6] * self.unit
+        camera, six = self.cameras[0], z[:6] * self.unit
         turn = rotation_of(six[:3])
-        return own.rotation @ turn, own.pivot_mm - (own.translation_mm @ own.rotation + own.pivot_mm + six[3:]) @ turn
+        shift = camera.translation_mm @ camera.rotation + camera.pivot_mm + six[3:]
+        return camera.rotation @ turn, camera.pivot_mm - shift @ turn
 
     def _back(self, points: np.ndarray, place: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
         return points @ place[0] + place[1]
@@ -185,21 +187,21 @@ class Observations:
 
     def pieces(self, z: np.ndarray) -> np.ndarray:
         """Number of the piece of every residual; -1: known standard deviation  # (n,)"""
-        found, seen = [], self.evidence
-        for k, rim in enumerate(seen.rims):
+        numbers, evidence = [], self.evidence
+        for k, rim in enumerate(evidence.rims):
             away, _ = self._away(k, rim, self._place(z))
             if rim.along is None:
                 x, y = (away @ self.axes[k]).T
                 length = np.arctan2(y, x) * np.hypot(x, y).mean()
             else:
                 length = away @ rim.along
-            which = next(j for j in range(k + 1) if _same(seen.rims[j], rim))
-            found.append(which + 1e-6 * np.round(length * self.per_mm[0] / PIECE_PX))
-        if seen.surface is not None:
-            found.append(-1.0 - np.arange(len(seen.surface.rig_mm)))
-        known = sum(m.points_px.size for m in seen.marked) + len(self.offset_std)
-        pieces = np.unique(np.concatenate(found), return_inverse=True)[1] if found else np.zeros(0)
-        return np.concatenate([pieces, np.full(known, -1)]).astype(int)
+            first = next(j for j in range(k + 1) if _same(evidence.rims[j], rim))
+            numbers.append(first + 1e-6 * np.round(length * self.per_mm[0] / PIECE_PX))
+        if evidence.surface is not None:
+            numbers.append(-1.0 - np.arange(len(evidence.surface.rig_mm)))
+        n_fixed = sum(m.points_px.size for m in evidence.marked) + len(self.offset_std)
+        pieces = np.unique(np.concatenate(numbers), return_inverse=True)[1] if numbers else np.zeros(0)
+        return np.concatenate([pieces, np.full(n_fixed, -1)]).astype(int)
 
 
 def _axes(normal: np.ndarray, along: np.ndarray | None) -> np.ndarray:
@@ -216,6 +218,6 @@ def _station(px: np.ndarray) -> np.ndarray:
     return along / max(float(np.abs(along).max()), 1e-9)
 
 
-def _same(one: Rim, two: Rim) -> bool:
+def _same(first: Rim, second: Rim) -> bool:
     """Whether two contours, of two cameras, are one of the mesh."""
-    return (one.along is None) == (two.along is None) and bool(np.allclose(one.point_mm, two.point_mm))
+    return (first.along is None) == (second.along is None) and bool(np.allclose(first.point_mm, second.point_mm))

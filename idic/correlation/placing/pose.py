@@ -45,10 +45,10 @@ class Pose:
         """Standard deviations of the six numbers  # (6,) deg, mm"""
         return np.sqrt(np.diag(self.covariance))
 
-    def step_to(self, other: Pose, pivot_mm: np.ndarray) -> np.ndarray:
+    def step_to(self, target: Pose, pivot_mm: np.ndarray) -> np.ndarray:
         """The six numbers that bring this pose to another one  # (6,) deg, mm"""
-        turn = self.rotation.T @ other.rotation
-        shift = self.rotation.T @ (other.translation_mm - self.translation_mm) - pivot_mm + turn @ pivot_mm
+        turn = self.rotation.T @ target.rotation
+        shift = self.rotation.T @ (target.translation_mm - self.translation_mm) - pivot_mm + turn @ pivot_mm
         return np.append(scipy.spatial.transform.Rotation.from_matrix(turn).as_rotvec(degrees=True), shift)
 
 
@@ -60,16 +60,16 @@ def fitted_pose(cameras: Sequence[PlacedCamera], evidence: Evidence) -> Pose:
     InputError
         What is seen leaves a rigid motion of the mesh open.
     """
-    seen = Observations(cameras, evidence)
-    z = np.concatenate([np.zeros(6), seen.start])
-    for last in range(N_WEIGHTINGS + 1):
-        z = _minimised(seen, z)
-        if last < N_WEIGHTINGS:
-            raw = seen.raw(z)
-            for name in seen.std.keys() & raw.keys():
-                floor = MIN_STD_PX * (1.0 if name != "surface" else 1.0 / seen.per_mm.mean())
-                seen.std[name] = max(floor, 1.4826 * float(np.median(np.abs(raw[name]))))
-    return _made(seen, z)
+    observations = Observations(cameras, evidence)
+    z = np.concatenate([np.zeros(6), observations.start])
+    for weighting in range(N_WEIGHTINGS + 1):
+        z = _minimised(observations, z)
+        if weighting < N_WEIGHTINGS:
+            raw = observations.raw(z)
+            for name in observations.std.keys() & raw.keys():
+                floor = MIN_STD_PX * (1.0 if name != "surface" else 1.0 / observations.per_mm.mean())
+                observations.std[name] = max(floor, 1.4826 * float(np.median(np.abs(raw[name]))))
+    return _made(observations, z)
 
 
 def reselected(cameras: Sequence[PlacedCamera], evidence: Evidence) -> Evidence:
@@ -77,20 +77,20 @@ def reselected(cameras: Sequence[PlacedCamera], evidence: Evidence) -> Evidence:
 
     cameras : at a place that is nearly right
     """
-    whole = replace(evidence, rims=[replace(rim, contour=replace(rim.contour, px=rim.contour.every))
-                                    for rim in evidence.rims])
-    seen, rims = Observations(cameras, whole), []
+    full_evidence = replace(evidence, rims=[replace(rim, contour=replace(rim.contour, px=rim.contour.every))
+                                            for rim in evidence.rims])
+    observations, rims = Observations(cameras, full_evidence), []
     for k, rim in enumerate(evidence.rims):
         if rim.along is None:
-            at = seen.flat(k) * seen.per_mm[rim.camera]
+            at = observations.flat(k) * observations.per_mm[rim.camera]
             rim = replace(rim, contour=replace(rim.contour, px=rim.contour.every[on_circle(at)]))
         rims.append(rim)
     return replace(evidence, rims=rims)
 
 
-def _minimised(seen: Observations, z: np.ndarray) -> np.ndarray:
+def _minimised(observations: Observations, z: np.ndarray) -> np.ndarray:
     """The least sum of 2 (sqrt(1 + r²) - 1)."""
-    return scipy.optimize.least_squares(seen.residuals, z, seen.slopes, loss="soft_l1", x_scale="jac",
+    return scipy.optimize.least_squares(observations.residuals, z, observations.slopes, loss="soft_l1", x_scale="jac",
                                         max_nfev=MAX_STEPS).x
 
 
@@ -98,38 +98,38 @@ def _cost(residual: np.ndarray) -> float:
     return float(2.0 * (np.sqrt(1.0 + residual**2) - 1.0).sum())
 
 
-def _made(seen: Observations, z: np.ndarray) -> Pose:
-    raw, residual = seen.raw(z), seen.residuals(z)
+def _made(observations: Observations, z: np.ndarray) -> Pose:
+    raw, residual = observations.raw(z), observations.residuals(z)
     weight = 1.0 / np.sqrt(1.0 + residual**2)  # of soft_l1
-    slopes = seen.slopes(z)
+    slopes = observations.slopes(z)
     bend = (slopes * weight[:, None]).T @ slopes
-    _check_closed(bend, seen.evidence)
-    pieces = seen.pieces(z)
+    _check_closed(bend, observations.evidence)
+    pieces = observations.pieces(z)
     score = slopes * (weight * residual)[:, None]
     n_pieces = int(pieces.max(initial=-1)) + 1
     summed = np.zeros((n_pieces, len(z)))
     np.add.at(summed, pieces[pieces >= 0], score[pieces >= 0])
     few = n_pieces / max(n_pieces - len(z), 1)
-    known = slopes[pieces < 0]
+    independent = slopes[pieces < 0]
     inverse = np.linalg.inv(bend)
-    covariance = inverse @ (few * summed.T @ summed + known.T @ known) @ inverse
-    six = seen.unit[:, None] * covariance[:6, :6] * seen.unit[None, :]
-    camera, place = seen.cameras[0], z[:6] * seen.unit
+    covariance = inverse @ (few * summed.T @ summed + independent.T @ independent) @ inverse
+    six = observations.unit[:, None] * covariance[:6, :6] * observations.unit[None, :]
+    camera, place = observations.cameras[0], z[:6] * observations.unit
     turn = rotation_of(place[:3])
     shift = camera.rotation @ (camera.pivot_mm - turn @ camera.pivot_mm + place[3:]) + camera.translation_mm
-    at_mesh = seen.raw(seen.without_shifts(z))
-    rims = tuple((float(np.sqrt(np.mean(at_mesh[f"rim {k}"] ** 2))), float(z[6 + k]), _found_radius(seen, k, z))
-                 for k in range(len(seen.evidence.rims)))
-    clicks = [own for name, own in raw.items() if name.startswith("points")]
+    at_mesh = observations.raw(observations.without_shifts(z))
+    rims = tuple((float(np.sqrt(np.mean(at_mesh[f"rim {k}"] ** 2))), float(z[6 + k]), _found_radius(observations, k, z))
+                 for k in range(len(observations.evidence.rims)))
+    clicks = [offset for name, offset in raw.items() if name.startswith("points")]
     return Pose(camera.rotation @ turn, shift, six, rims,
                 float(np.sqrt(2.0 * np.mean(np.concatenate(clicks) ** 2))) if clicks else float("nan"),
                 float(np.sqrt(np.mean(raw["surface"] ** 2))) if "surface" in raw else float("nan"),
                 _cost(residual))
 
 
-def _found_radius(seen: Observations, k: int, z: np.ndarray) -> float:
-    rim = seen.evidence.rims[k]
-    return (rim.radius_mm or 0.0) + z[6 + k] / seen.per_mm[rim.camera] if rim.along is None else float("nan")
+def _found_radius(observations: Observations, k: int, z: np.ndarray) -> float:
+    rim = observations.evidence.rims[k]
+    return (rim.radius_mm or 0.0) + z[6 + k] / observations.per_mm[rim.camera] if rim.along is None else float("nan")
 
 
 def _check_closed(bend: np.ndarray, evidence: Evidence) -> None:

@@ -45,53 +45,53 @@ class SurfacePoints:
     n_tried: int
 
 
-def surface_points(mesh: Mesh, one: Seen, two: Seen, search_px: float) -> SurfacePoints:
+def surface_points(mesh: Mesh, first: Seen, second: Seen, search_px: float) -> SurfacePoints:
     """Measure the surface where both cameras see it.
 
     search_px : how far the place of the mesh may be off, in the second image
     """
     nothing = SurfacePoints(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), 0)
     try:
-        values, points = _subsets(mesh, one)
+        values, points = _subsets(mesh, first)
     except InputError:
         return nothing
     if not len(values):
         return nothing
-    camera, lens, other = one.camera, one.camera.aimed, two.camera.aimed
+    camera, lens, second_lens = first.camera, first.camera.aimed, second.camera.aimed
     rig = points @ camera.rotation.T + camera.translation_mm
     ray = rig - lens.centre_mm
     ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
     mid = rig.shape[1] // 2
-    slope = np.einsum("ncd,nd->nc", other.jacobian(rig[:, mid]), ray[:, mid])  # px of the second image per mm
+    slope = np.einsum("ncd,nd->nc", second_lens.jacobian(rig[:, mid]), ray[:, mid])  # px of the second image per mm
     per_mm = np.maximum(np.linalg.norm(slope, axis=1), 1e-9)
-    at = _searched(values, one.image, two.image, rig, ray, other, per_mm, search_px)
+    at = _searched(values, first.image, second.image, rig, ray, second_lens, per_mm, search_px)
     moved = rig + (at / per_mm)[:, None, None] * ray
-    places = other.project(moved.reshape(-1, 3)).reshape(*moved.shape[:2], 2)
-    fine = scipy.ndimage.gaussian_filter(np.asarray(two.image, dtype=float), BLUR_PX)
+    places = second_lens.project(moved.reshape(-1, 3)).reshape(*moved.shape[:2], 2)
+    fine = scipy.ndimage.gaussian_filter(np.asarray(second.image, dtype=float), BLUR_PX)
     shift, correlation = _matched(values, fine, places)
     target, depth = places[:, mid] + shift, at / per_mm
     for _ in range(4):  # nearest point of the ray, in the second image
-        here = rig[:, mid] + depth[:, None] * ray[:, mid]
-        slope = np.einsum("ncd,nd->nc", other.jacobian(here), ray[:, mid])
-        off = target - other.project(here)
+        nearest = rig[:, mid] + depth[:, None] * ray[:, mid]
+        slope = np.einsum("ncd,nd->nc", second_lens.jacobian(nearest), ray[:, mid])
+        off = target - second_lens.project(nearest)
         depth = depth + (slope * off).sum(axis=1) / np.maximum((slope**2).sum(axis=1), 1e-18)
-    here = rig[:, mid] + depth[:, None] * ray[:, mid]
-    epipolar = np.linalg.norm(target - other.project(here), axis=1)
+    nearest = rig[:, mid] + depth[:, None] * ray[:, mid]
+    epipolar = np.linalg.norm(target - second_lens.project(nearest), axis=1)
     good = (correlation > MIN_CORRELATION) & (epipolar < MAX_EPIPOLAR_PX) & (np.linalg.norm(shift, axis=1)
                                                                              < MAX_SHIFT_PX)
     normals = _normals(points)
     across = np.einsum("nd,nd->n", normals, ray[:, mid] @ camera.rotation)
     normals *= -np.sign(across)[:, None]
-    return SurfacePoints(here[good], points[good, mid], normals[good], (np.abs(across) / per_mm)[good], epipolar[good],
-                         len(values))
+    return SurfacePoints(nearest[good], points[good, mid], normals[good], (np.abs(across) / per_mm)[good],
+                         epipolar[good], len(values))
 
 
-def _subsets(mesh: Mesh, seen: Seen) -> tuple[np.ndarray, np.ndarray]:
+def _subsets(mesh: Mesh, view: Seen) -> tuple[np.ndarray, np.ndarray]:
     """Grey values (n, m) and mesh points (n, m, 3) of subsets that lie wholly on the surface."""
-    ny, nx = seen.image.shape
-    cells = surface_cells(mesh, seen.surface)
+    ny, nx = view.image.shape
+    cells = surface_cells(mesh, view.surface)
     nodes = np.unique(np.concatenate([block.connectivity.ravel() for block in cells]))
-    px = seen.camera.project(mesh.nodes[nodes])
+    px = view.camera.project(mesh.nodes[nodes])
     low = np.clip(np.floor(px.min(axis=0)), 0, [nx - 1, ny - 1]).astype(int)
     high = np.clip(np.ceil(px.max(axis=0)), 0, [nx - 1, ny - 1]).astype(int)
     step = max(2 * HALF_PX + 1, int(np.sqrt(float(np.prod(high - low + 1)) / MAX_SUBSETS)))
@@ -102,34 +102,34 @@ def _subsets(mesh: Mesh, seen: Seen) -> tuple[np.ndarray, np.ndarray]:
     row, column = (a.reshape(-1, len(grid) ** 2) for a in (row, column))
     mask = np.zeros((ny, nx), dtype=bool)
     mask[row, column] = True
-    found = build_ray_map(mesh, cells, seen.camera, (ny, nx), mask, seen.surface)
+    pixel_map = build_ray_map(mesh, cells, view.camera, (ny, nx), mask, view.surface)
     number = np.full((ny, nx), -1)
-    number[found.iy, found.ix] = np.arange(found.n_pixels)
-    whole = (number[row, column] >= 0).all(axis=1)
-    row, column = row[whole], column[whole]
-    points = found.interpolate(mesh.nodes)
+    number[pixel_map.iy, pixel_map.ix] = np.arange(pixel_map.n_pixels)
+    complete = (number[row, column] >= 0).all(axis=1)
+    row, column = row[complete], column[complete]
+    points = pixel_map.interpolate(mesh.nodes)
     points = points if points.shape[1] == 3 else np.column_stack([points, np.zeros(len(points))])
-    smooth = scipy.ndimage.gaussian_filter(np.asarray(seen.image, dtype=float), BLUR_PX)
+    smooth = scipy.ndimage.gaussian_filter(np.asarray(view.image, dtype=float), BLUR_PX)
     return smooth[row, column], points[number[row, column]]
 
 
-def _searched(values, image, other_image, rig, ray, other, per_mm, search_px) -> np.ndarray:
+def _searched(values, image, other_image, rig, ray, second_lens, per_mm, search_px) -> np.ndarray:
     """Distance along the rays, in px of the second image, of the best correlation of blurred images  # (n,)"""
     n_side = 2 * HALF_PX + 1
     thin = np.arange(n_side**2).reshape(n_side, n_side)[::THINNED, ::THINNED].ravel()
     blurred = scipy.ndimage.gaussian_filter(np.asarray(other_image, dtype=float), SEARCH_BLUR_PX)
-    ours = scipy.ndimage.gaussian_filter(values.reshape(-1, n_side, n_side), (0.0, 1.9, 1.9)).reshape(len(values), -1)
-    ours = _normalised(ours[:, thin])
+    patches = scipy.ndimage.gaussian_filter(values.reshape(-1, n_side, n_side), (0.0, 1.9, 1.9))
+    patches = _normalised(patches.reshape(len(values), -1)[:, thin])
     best, at = np.full(len(rig), -np.inf), np.zeros(len(rig))
     for k in np.arange(-search_px, search_px + 0.5 * SEARCH_STEP_PX, SEARCH_STEP_PX):
         moved = rig[:, thin] + (k / per_mm)[:, None, None] * ray[:, thin]
         try:
-            places = other.project(moved.reshape(-1, 3)).reshape(*moved.shape[:2], 2)
+            places = second_lens.project(moved.reshape(-1, 3)).reshape(*moved.shape[:2], 2)
         except InputError:  # behind the camera
             continue
-        theirs = scipy.ndimage.map_coordinates(blurred, [places[..., 1], places[..., 0]], order=1, mode="nearest")
-        found = (ours * _normalised(theirs)).sum(axis=1)
-        at, best = np.where(found > best, k, at), np.maximum(found, best)
+        samples = scipy.ndimage.map_coordinates(blurred, [places[..., 1], places[..., 0]], order=1, mode="nearest")
+        correlation = (patches * _normalised(samples)).sum(axis=1)
+        at, best = np.where(correlation > best, k, at), np.maximum(correlation, best)
     return at
 
 

@@ -73,8 +73,8 @@ class PinholeView:
         still = in_space(nodes)
         try:
             moved = self.moved_camera.project(self.deformed(nodes, u))
-        except InputError as found:
-            raise NotConverged(f"{found.what}: {found.found}") from None
+        except InputError as error:
+            raise NotConverged(f"{error.what}: {error.found}") from None
         return moved - self.camera.project(still)
 
     def columns(self, nodes: np.ndarray, u: np.ndarray, columns: np.ndarray) -> np.ndarray:
@@ -107,10 +107,10 @@ class PinholeView:
             return changed.ravel()
         tangents = surface_tangents(self.mesh, self.surface)  # (n_nodes, dim, 2)
         carried = np.einsum("nij,njk->nik", gradient, tangents)
-        after = np.einsum("nci,nik->nck", self.moved_camera.jacobian(moved)[:, :, :gradient.shape[1]], carried)
-        before = np.einsum("nci,nik->nck", self.camera.jacobian(still)[:, :, :tangents.shape[1]], tangents)
-        back = solved_at_seen(before, self.camera.parameter_jacobian(still, name))
-        return (changed - np.einsum("nck,nk->nc", after, back)).ravel()
+        moved_slopes = np.einsum("nci,nik->nck", self.moved_camera.jacobian(moved)[:, :, :gradient.shape[1]], carried)
+        still_slopes = np.einsum("nci,nik->nck", self.camera.jacobian(still)[:, :, :tangents.shape[1]], tangents)
+        back = solved_at_seen(still_slopes, self.camera.parameter_jacobian(still, name))
+        return (changed - np.einsum("nck,nk->nc", moved_slopes, back)).ravel()
 
 
 def in_space(field: np.ndarray) -> np.ndarray:
@@ -153,6 +153,6 @@ def solved_at_seen(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Solutions of 2 x 2 systems; 0 at nodes whose surface stands edge on or looks away: no pixel shows them."""
     det = np.linalg.det(matrices)
     usable = np.abs(det) > 1e-6 * np.abs(det).max(initial=0.0)
-    found = np.zeros_like(vectors)
-    found[usable] = np.linalg.solve(matrices[usable], vectors[usable][:, :, None])[:, :, 0]
-    return found
+    solution = np.zeros_like(vectors)
+    solution[usable] = np.linalg.solve(matrices[usable], vectors[usable][:, :, None])[:, :, 0]
+    return solution

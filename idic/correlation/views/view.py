@@ -99,8 +99,8 @@ class View:
         plane = jacobian[:, :, :1] * columns[:, None, 0] + jacobian[:, :, 1:] * columns[:, None, 1]
         if self.kind == GREY:
             return plane.reshape(2 * len(columns), -1)
-        whole = np.concatenate([plane, self.rise * in_space(columns)[:, self.axis:self.axis + 1]], axis=1)
-        return whole.reshape(3 * len(columns), -1)
+        spatial = np.concatenate([plane, self.rise * in_space(columns)[:, self.axis:self.axis + 1]], axis=1)
+        return spatial.reshape(3 * len(columns), -1)
 
     def camera_column(self, nodes: np.ndarray, u: np.ndarray, gradient: np.ndarray, name: str) -> np.ndarray:
         """Sensitivity to a camera parameter at fixed reference pixels  # (n_components n_nodes,)
@@ -191,8 +191,8 @@ def _corners(mesh: Mesh, faces: np.ndarray) -> np.ndarray:
     for block in mesh.blocks:
         inside = (faces[:, 0] >= block.first) & (faces[:, 0] < block.first + block.n_elements)
         for local in np.unique(faces[inside, 1]):
-            own = inside & (faces[:, 1] == local)
+            selection = inside & (faces[:, 1] == local)
             nodes = list(cell_type(block.cell).faces[local][:n_corners])
             nodes += nodes[-1:] * (n_corners - len(nodes))
-            corners[own] = block.connectivity[faces[own, 0] - block.first][:, nodes]
+            corners[selection] = block.connectivity[faces[selection, 0] - block.first][:, nodes]
     return corners

@@ -18,19 +18,19 @@ PROBES = {"along the mesh's x axis": ("r0",), "at 45 degrees to it": ("r45",), "
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    found = []
+    proposals = []
     for material in situation.experiment.model.materials:
         name = material.element_set
-        if (made := _hill(material.law)) is None:
+        if (hill := _hill(material.law)) is None:
             continue
-        law, stem = made
+        law, stem = hill
         edits = enriched(situation, name, law, **{f"{stem}{r}": new(1.0) for r in RATIOS})
         names = tuple(f"{name}.{stem}{r}" for r in RATIOS)
         null = dict.fromkeys(names, 1.0)
-        for where, chosen in PROBES.items():
+        for direction, chosen in PROBES.items():
             probe = null | {f"{name}.{stem}{r}": PROBE_R for r in chosen}
-            found.append(Variant(f"{name} thins less {where}", edits, names, null, probe, exact=True))
-    return tuple(found)
+            proposals.append(Variant(f"{name} thins less {direction}", edits, names, null, probe, exact=True))
+    return tuple(proposals)
 
 
 def _hill(law: str) -> tuple[str, str] | None:

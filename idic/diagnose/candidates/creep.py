@@ -26,18 +26,18 @@ PROBE_CREEP_SHARE = 0.1  # creep strain over elastic strain at the reference str
 def variants(situation: Situation) -> tuple[Variant, ...]:
     if not has_times(situation):
         return ()
-    found = []
+    proposals = []
     for name, law in materials_with(situation, "elastic", "neo_hookean"):
         rate = f"{name}.rate"
         for stress in stress_levels(situation, name, (REFERENCE_STRESS_LEVEL,)):
             size = PROBE_CREEP_SHARE * stress / elastic_pair(situation, name)[0] / situation.duration
             for n in STRESS_EXPONENTS:
-                edits, free = (enriched(situation, name, "creep", rate=new(size, "1/s"), n=exponent,
-                                        stress=locked(stress, "MPa"))
-                               for exponent in (locked(n), new(n) | {"bounds": EXPONENT_BOUNDS}))
-                found.append(Variant(f"{name} creeps with the stress to the {n:g}", edits, (rate,), {rate: 0.0},
-                                     {rate: size}, sign=1, exact=law != "elastic", refit=free))
-    return tuple(found)
+                edits, refit = (enriched(situation, name, "creep", rate=new(size, "1/s"), n=exponent,
+                                         stress=locked(stress, "MPa"))
+                                for exponent in (locked(n), new(n) | {"bounds": EXPONENT_BOUNDS}))
+                proposals.append(Variant(f"{name} creeps with the stress to the {n:g}", edits, (rate,), {rate: 0.0},
+                                         {rate: size}, sign=1, exact=law != "elastic", refit=refit))
+    return tuple(proposals)
 
 
 register(Candidate(

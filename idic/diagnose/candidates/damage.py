@@ -17,7 +17,7 @@ PROBE_DAMAGE = 0.1  # damage where the stress is a tenth above the highest level
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    found = []
+    proposals = []
     for name, _ in materials_with(situation, "elastic"):
         E, _ = elastic_pair(situation, name)
         kinematics = situation.experiment.model.material_of(name).kinematics
@@ -28,10 +28,10 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
             softening = PROBE_DAMAGE / (highest - threshold)
             edits = enriched(situation, name, "elastic_damage", threshold=new(threshold), softening=new(softening))
             edits[f"material.{name}"]["kinematics"] = kinematics
-            found.append(Variant(f"{name} is damaged beyond a strain of {threshold:.3g}", edits, names,
-                                 {names[0]: float("inf"), names[1]: 0.0}, {names[0]: threshold, names[1]: softening},
-                                 sign=1, exact=True))
-    return tuple(found)
+            proposals.append(Variant(f"{name} is damaged beyond a strain of {threshold:.3g}", edits, names,
+                                     {names[0]: float("inf"), names[1]: 0.0},
+                                     {names[0]: threshold, names[1]: softening}, sign=1, exact=True))
+    return tuple(proposals)
 
 
 def untestable(situation: Situation) -> str:

@@ -22,9 +22,9 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment = situation.experiment
     if experiment.recording.quantity != "grey" or experiment.options.defocus != "none":
         return ()
-    found = experiment.recording.noise.correlated
-    is_white = (found is None or abs(found.neighbour_correlation) < MIN_CORRELATION) and compressed_at(
-        experiment.recording.stack.frame(experiment.model.reference)) is None
+    correlated_noise = experiment.recording.noise.correlated
+    is_independent = correlated_noise is None or abs(correlated_noise.neighbour_correlation) < MIN_CORRELATION
+    is_white = is_independent and compressed_at(experiment.recording.stack.frame(experiment.model.reference)) is None
     least = MIN_BLUR_OF_WHITE_PX2 if is_white else MIN_BLUR_PX2
     return tuple(Variant(f"blur grows with {name}", {"options.defocus": "frame"}, (), {}, sign=1,
                          pixels=("blur", course[None]), least=least) for name, course in courses(situation))

@@ -10,15 +10,16 @@ PROBE_SHARE = 0.003  # of the focal length of the file
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    found, views = [], situation.experiment.views
+    proposals, views = [], situation.experiment.views
     for view in views:
         names = tuple(f"{view.recording.camera_name}.{axis}" for axis in ("fx", "fy"))
         if not isinstance(view.model.camera, PlacedCamera) or (edits := further_dofs(situation, *names)) is None:
             continue
         at = dict(zip(names, (view.model.camera.lens.fx, view.model.camera.lens.fy), strict=True))
         label = "another focal length" + (f" of {view.recording.camera_name}" if len(views) > 1 else "")
-        found.append(Variant(label, edits, names, at, {n: (1.0 + PROBE_SHARE) * v for n, v in at.items()}, direct=True))
-    return tuple(found)
+        proposals.append(Variant(label, edits, names, at, {n: (1.0 + PROBE_SHARE) * v for n, v in at.items()},
+                                 direct=True))
+    return tuple(proposals)
 
 
 register(Candidate(

@@ -18,18 +18,18 @@ from idic.model import CORRECTION_TERMS, CorrectionTerm
 def variants(terms: Sequence[CorrectionTerm], situation: Situation) -> tuple[Variant, ...]:
     """The probes of every motion that lacks these corrections."""
     motions = {(entry.nodes, entry.component): entry for entry in situation.experiment.model.prescribed}
-    made = []
+    proposals = []
     for number, nodes, component, drive in driven(situation):
-        present = [entry["kind"] for entry in drive.get("corrections", ())]
+        kinds = [entry["kind"] for entry in drive.get("corrections", ())]
         for term in terms:
             name = f"boundary.{nodes}.{component}.{term.kind}"
-            probes = () if term.kind in present else term.probes(situation.experiment, motions[nodes, component])
+            probes = () if term.kind in kinds else term.probes(situation.experiment, motions[nodes, component])
             for probe in probes:
                 unit = channel_unit(situation, probe.keys["column"]) if term.reads_force else {}
                 edits = with_correction(situation, number, component, {"kind": term.kind, **probe.keys, **unit})
-                made.append(Variant(probe.label, edits, (name,), {name: 0.0}, {name: probe.value}, sign=probe.sign,
-                                    exact=True))
-    return tuple(made)
+                proposals.append(Variant(probe.label, edits, (name,), {name: 0.0}, {name: probe.value}, sign=probe.sign,
+                                         exact=True))
+    return tuple(proposals)
 
 
 def rescaled(term: CorrectionTerm, variant: Variant, factor: float) -> Variant:

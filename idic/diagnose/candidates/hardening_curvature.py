@@ -23,28 +23,28 @@ LAWS_WITH_LINEAR_HARDENING = ("j2_linear", "j2_voce", "j2_pressure", "j2_kinemat
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    found: list[Variant] = []
+    proposals: list[Variant] = []
     for name, law in materials_with(situation, *LAWS_WITH_LINEAR_HARDENING, "j2_power", "j2_power_reference"):
         if law in LAWS_WITH_LINEAR_HARDENING:
-            found += _slope(situation, name)
+            proposals += _slope(situation, name)
         if law == "j2_linear":
-            found += _voce(situation, name)
+            proposals += _voce(situation, name)
         if law in ("j2_power", "j2_power_reference"):
-            found += _exponent(situation, name)
+            proposals += _exponent(situation, name)
         if law == "j2_kinematic":
-            found += _recovery(situation, name)
-    return tuple(found)
+            proposals += _recovery(situation, name)
+    return tuple(proposals)
 
 
 def _voce(situation: Situation, name: str) -> list[Variant]:
-    found, Q, b = [], f"{name}.Q", f"{name}.b"
+    proposals, Q, b = [], f"{name}.Q", f"{name}.b"
     size = PROBE_STRESS_SHARE * situation.values[f"{name}.yield_stress"]
     for saturation in SATURATION_RATES:
         rate = saturation / plastic_strain(situation, name)
         edits = enriched(situation, name, "j2_voce", Q=new(size, "MPa"), b=new(rate))
-        found.append(Variant(f"{name} hardens with a bend over {1.0 / rate:.2g} of plastic strain", edits, (Q, b),
-                             null={Q: 0.0, b: rate}, probe={Q: size, b: rate}, exact=True))
-    return found
+        proposals.append(Variant(f"{name} hardens with a bend over {1.0 / rate:.2g} of plastic strain", edits, (Q, b),
+                                 null={Q: 0.0, b: rate}, probe={Q: size, b: rate}, exact=True))
+    return proposals
 
 
 def _slope(situation: Situation, name: str) -> list[Variant]:

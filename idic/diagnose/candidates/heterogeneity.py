@@ -24,16 +24,16 @@ STIFFNESS_SUFFIX = ".inclusion.stiffness"
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    found = []
+    proposals = []
     for material in situation.experiment.model.materials:
         name = material.element_set
-        taken = [(entry["set"], entry.get("name", entry["form"]))
+        forms = [(entry["set"], entry.get("name", entry["form"]))
                  for entry in situation.document.get("heterogeneity", ())]
-        if (name, "inclusion") not in taken:
-            found += _inclusions(situation, name)
-        if (name, "gradient") not in taken:
-            found += _gradients(situation, name)
-    return tuple(found)
+        if (name, "inclusion") not in forms:
+            proposals += _inclusions(situation, name)
+        if (name, "gradient") not in forms:
+            proposals += _gradients(situation, name)
+    return tuple(proposals)
 
 
 def _inclusions(situation: Situation, element_set: str) -> Iterator[Variant]:
@@ -44,13 +44,13 @@ def _inclusions(situation: Situation, element_set: str) -> Iterator[Variant]:
         for size in RADII_OVER_SPACING:
             table = {"set": element_set, "form": "inclusion", "centre_mm": [float(x), float(y)],
                      "radius_mm": {"value": float(size * spacing)}, "stiffness": {"value": 1.0, "identify": True}}
-            free = table | {"identify_centre": True, "radius_mm": {
+            refit = table | {"identify_centre": True, "radius_mm": {
                 "value": float(size * spacing), "identify": True,
                 "bounds": [0.1 * float(spacing), 3.0 * float(spacing)]}}
             yield Variant(f"{element_set} is softer or stiffer within {size * spacing:.3g} "
                           f"{situation.experiment.model.length_unit} of {in_words((x, y), size=body)}",
                           _added(situation, table), (dof,), {dof: 1.0}, {dof: PROBE_INCLUSION}, form="inclusion",
-                          place=(float(x), float(y)), exact=True, refit=_added(situation, free))
+                          place=(float(x), float(y)), exact=True, refit=_added(situation, refit))
 
 
 def _gradients(situation: Situation, element_set: str) -> Iterator[Variant]:
@@ -75,8 +75,8 @@ def grid(nodes: np.ndarray) -> tuple[np.ndarray, float]:
     cells = np.maximum(1, np.rint(extent / spacing)).astype(int)
     axes = [low[i] + (np.arange(cells[i]) + 0.5) * extent[i] / cells[i] for i in (0, 1)]
     places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-    near = [np.linalg.norm(nodes - place, axis=1).min() < 0.5 * spacing for place in places]
-    return places[np.array(near)], spacing
+    inside = [np.linalg.norm(nodes - place, axis=1).min() < 0.5 * spacing for place in places]
+    return places[np.array(inside)], spacing
 
 
 def form_of_refit(variant: Variant, values: Mapping[str, float]) -> str | None:

@@ -16,19 +16,19 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     if experiment.model.n_dim != 2 or experiment.model.morphs:
         return ()
     holes = find_holes(experiment.model.mesh)
-    found = []
+    proposals = []
     for number, hole in enumerate(holes, start=1):
         index = f"[{number}]" if len(holes) > 1 else ""
         step = PROBE_RADIUS_SHARE * float(hole.radius)
         at = {"hole_radius": float(hole.radius), "hole_x": float(hole.centre[0]), "hole_y": float(hole.centre[1])}
         place = further_dofs(situation, *(f"geometry.{key}{index}" for key in PLACE))
-        for key, what in WHAT.items():
+        for key, quantity in WHAT.items():
             name = f"geometry.{key}{index}"
             if (edits := further_dofs(situation, name)) is not None:
-                found.append(Variant(f"{what} of hole {number}" if index else f"{what} of the hole", edits, (name,),
-                                     {name: at[key]}, {name: at[key] + step},
-                                     refit=(place or {}) if key in PLACE else {}))
-    return tuple(found)
+                proposals.append(Variant(f"{quantity} of hole {number}" if index else f"{quantity} of the hole", edits,
+                                         (name,), {name: at[key]}, {name: at[key] + step},
+                                         refit=(place or {}) if key in PLACE else {}))
+    return tuple(proposals)
 
 
 register(Candidate(

@@ -22,32 +22,32 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment = situation.experiment
     if experiment.recording.quantity != "grey" or experiment.options.brightness == "patch":
         return ()
-    seen = experiment.model.camera.project(experiment.model.mesh.nodes)
-    size = float(min(np.ptp(seen, axis=0).max(), max(experiment.recording.image_shape)) / PATCHES_PER_SIDE)
+    nodes_px = experiment.model.camera.project(experiment.model.mesh.nodes)
+    size = float(min(np.ptp(nodes_px, axis=0).max(), max(experiment.recording.image_shape)) / PATCHES_PER_SIDE)
     edits = {"options.brightness": "patch", "options.patch_px": max(size, 16.0)}
-    found = []
-    for kind, what in ((LIGHT, "the light"), ("gain", "the contrast"), ("offset", "the offset of the light")):
-        found += [Variant(f"{what} grows with {name}", edits, (), {}, pixels=(kind, course[None]))
-                  for name, course in courses(situation)]
+    proposals = []
+    for kind, quantity in ((LIGHT, "the light"), ("gain", "the contrast"), ("offset", "the offset of the light")):
+        proposals += [Variant(f"{quantity} grows with {name}", edits, (), {}, pixels=(kind, course[None]))
+                      for name, course in courses(situation)]
     if experiment.model.n_frames > COURSE_KNOTS:
-        own = hats(experiment.model.times, experiment.model.reference,
-                   knot_frames(experiment.model.n_frames, experiment.model.reference, COURSE_KNOTS))
-        found.append(Variant("light with an identified time course", edits, (), {}, pixels=(LIGHT, own),
-                             free_course=True))
-    return tuple(found)
+        knot_courses = hats(experiment.model.times, experiment.model.reference,
+                            knot_frames(experiment.model.n_frames, experiment.model.reference, COURSE_KNOTS))
+        proposals.append(Variant("light with an identified time course", edits, (), {}, pixels=(LIGHT, knot_courses),
+                                 free_course=True))
+    return tuple(proposals)
 
 
 def courses(situation: Situation) -> list[tuple[str, np.ndarray]]:
     """Time, and the load where that is something else, both relative to their largest  # name, (n_frames,)"""
     experiment = situation.experiment
     time = (experiment.model.times - experiment.model.times[experiment.model.reference]) / situation.duration
-    found = [("time", time)]
+    pairs = [("time", time)]
     if experiment.model.channels:
         load = experiment.model.channels[0].values - experiment.model.channels[0].values[experiment.model.reference]
         load = load / (np.abs(load).max() or 1.0)
         if abs(np.corrcoef(time, load)[0, 1]) < 0.98:
-            found.append((experiment.model.channels[0].column, load))
-    return found
+            pairs.append((experiment.model.channels[0].column, load))
+    return pairs
 
 
 register(Candidate(

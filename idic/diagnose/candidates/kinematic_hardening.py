@@ -22,21 +22,22 @@ MIN_BACK_STRESS_SHARE = 0.1  # of the yield stress: saturation of the back stres
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    found = []
+    proposals = []
     for name, _ in materials_with(situation, "j2_linear"):
         C, gamma = f"{name}.C", f"{name}.gamma"
         modulus = max(abs(situation.values[f"{name}.hardening_modulus"]),
                       MIN_PROBE_MODULUS_SHARE * elastic_pair(situation, name)[0])
         straight = enriched(situation, name, "j2_kinematic", C=new(modulus, "MPa"), gamma=locked(0.0))
-        found.append(Variant(f"a back stress in {name}", straight, (C,), {C: 0.0}, {C: modulus}, sign=1, exact=True))
+        proposals.append(Variant(f"a back stress in {name}", straight, (C,), {C: 0.0}, {C: modulus}, sign=1,
+                                 exact=True))
         for saturation in RECOVERY_RATES:
             recovery = saturation / plastic_strain(situation, name)
             size = max(modulus, MIN_BACK_STRESS_SHARE * situation.values[f"{name}.yield_stress"] * recovery)
             bent = enriched(situation, name, "j2_kinematic", C=new(size, "MPa"), gamma=new(recovery))
-            found.append(Variant(f"a back stress in {name} that saturates over {1.0 / recovery:.2g} of plastic strain",
-                                 bent, (C, gamma), {C: 0.0, gamma: recovery}, {C: size, gamma: recovery}, sign=1,
-                                 exact=True))
-    return tuple(found)
+            label = f"a back stress in {name} that saturates over {1.0 / recovery:.2g} of plastic strain"
+            proposals.append(Variant(label, bent, (C, gamma), {C: 0.0, gamma: recovery}, {C: size, gamma: recovery},
+                                     sign=1, exact=True))
+    return tuple(proposals)
 
 
 register(Candidate(

@@ -52,17 +52,17 @@ class Line:
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    found = []
+    proposals = []
     for name in _sets(situation):
         lines, searched = search(situation, name)
-        found += [_variant(situation, name, line, searched) for line in lines]
-    return tuple(found)
+        proposals += [_variant(situation, name, line, searched) for line in lines]
+    return tuple(proposals)
 
 
 def _sets(situation: Situation) -> Iterator[str]:
-    taken = {(entry["set"], entry["form"]) for entry in situation.document.get("heterogeneity", ())}
+    forms = {(entry["set"], entry["form"]) for entry in situation.document.get("heterogeneity", ())}
     for material in situation.experiment.model.materials:
-        if (material.element_set, "layers") not in taken:
+        if (material.element_set, "layers") not in forms:
             yield material.element_set
 
 
@@ -80,10 +80,10 @@ def search(situation: Situation, name: str) -> tuple[list[Line], int]:
     middle = 0.5 * (nodes.min(axis=0) + nodes.max(axis=0))
     shift = middle - 0.5 * (centres.min(axis=0) + centres.max(axis=0))  # of the middle of the set
     size = np.abs(wave_scores(score[elements], centres, waves))
-    lines, left = [], np.ones(len(waves), dtype=bool)
-    while left.any() and len(lines) < MAX_LINES:
-        best = waves[int(np.argmax(np.where(left, size, -1.0)))]
-        left &= (np.abs((waves - best) * extent) > 1.5).any(axis=1)
+    lines, remaining = [], np.ones(len(waves), dtype=bool)
+    while remaining.any() and len(lines) < MAX_LINES:
+        best = waves[int(np.argmax(np.where(remaining, size, -1.0)))]
+        remaining &= (np.abs((waves - best) * extent) > 1.5).any(axis=1)
         wave = _refined(score[elements], centres, best, extent)
         value = wave_scores(score[elements], centres, wave[None])[0]
         period = 1.0 / np.linalg.norm(wave)
@@ -131,16 +131,16 @@ def _pixel(situation: Situation) -> float:
     experiment = situation.experiment
     if experiment.recording.quantity != "grey" or experiment.recording.points is not None:
         return 0.0
-    seen = np.ptp(experiment.model.camera.project(experiment.model.mesh.nodes), axis=0)
-    return float(np.linalg.norm(np.ptp(experiment.model.mesh.nodes, axis=0)) / np.linalg.norm(seen))
+    extent_px = np.ptp(experiment.model.camera.project(experiment.model.mesh.nodes), axis=0)
+    return float(np.linalg.norm(np.ptp(experiment.model.mesh.nodes, axis=0)) / np.linalg.norm(extent_px))
 
 
 def _refined(score: np.ndarray, centres: np.ndarray, wave: np.ndarray, extent: np.ndarray) -> np.ndarray:
     """The strongest wave within a step of the search around one  # (2,)"""
     steps = np.stack(np.meshgrid(*2 * [np.linspace(-1.0, 1.0, 9)], indexing="ij"), axis=-1).reshape(-1, 2)
-    near = wave + steps / (STEPS_PER_CELL * extent)
-    near = near[np.linalg.norm(near, axis=1) > 0.0]
-    return near[int(np.argmax(np.abs(wave_scores(score, centres, near))))]
+    neighbours = wave + steps / (STEPS_PER_CELL * extent)
+    neighbours = neighbours[np.linalg.norm(neighbours, axis=1) > 0.0]
+    return neighbours[int(np.argmax(np.abs(wave_scores(score, centres, neighbours))))]
 
 
 def _variant(situation: Situation, name: str, line: Line, searched: int) -> Variant:
@@ -148,12 +148,12 @@ def _variant(situation: Situation, name: str, line: Line, searched: int) -> Vari
     table = {"set": name, "form": "layers", "period_mm": {"value": line.period},
              "direction_deg": {"value": line.direction}, "offset_mm": {"value": line.offset},
              "stiffness_ratio": {"value": 1.0, "identify": True}}
-    free = table | {key: table[key] | {"identify": True} for key in ("period_mm", "direction_deg", "offset_mm")}
-    free["share"] = {"value": 0.5, "identify": True, "prior": {"mean": 0.5, "std": SHARE_STD}}
+    refit = table | {key: table[key] | {"identify": True} for key in ("period_mm", "direction_deg", "offset_mm")}
+    refit["share"] = {"value": 0.5, "identify": True, "prior": {"mean": 0.5, "std": SHARE_STD}}
     return Variant(f"{name} has stiff and soft layers, a period of {line.period:.3g} "
                    f"{situation.experiment.model.length_unit} at {line.direction:.0f} degrees",
                    _added(situation, table),
-                   (ratio,), {ratio: 1.0}, {ratio: PROBE_RATIO}, sign=1, exact=True, refit=_added(situation, free),
+                   (ratio,), {ratio: 1.0}, {ratio: PROBE_RATIO}, sign=1, exact=True, refit=_added(situation, refit),
                    searched=searched, unresolved=_unresolved(situation, name, line))
 
 

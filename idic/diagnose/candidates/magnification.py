@@ -17,17 +17,17 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
         return ()
     if any(name.startswith(f"{stem}.magnification_knot[") for name in experiment.model.parameters.free):
         return ()
-    found, drift = [], f"{stem}.magnification_drift"
+    proposals, drift = [], f"{stem}.magnification_drift"
     if experiment.model.has_times and (edits := further_dofs(situation, drift)) is not None:
-        found.append(Variant("the image grows with time", edits, (drift,), {drift: 0.0},
-                             {drift: PROBE_MAGNIFICATION / situation.duration}, direct=True))
+        proposals.append(Variant("the image grows with time", edits, (drift,), {drift: 0.0},
+                                 {drift: PROBE_MAGNIFICATION / situation.duration}, direct=True))
     load = f"{stem}.magnification_load"
     for column in changing_columns(situation):
         if (edits := further_dofs(situation, load)) is not None:
-            found.append(Variant(f"the image grows with {column}",
-                                 edits | {camera_key(situation, "magnification_column"): column}, (load,), {load: 0.0},
-                                 {load: PROBE_MAGNIFICATION}, direct=True))
-    return tuple(found)
+            proposals.append(Variant(f"the image grows with {column}",
+                                     edits | {camera_key(situation, "magnification_column"): column}, (load,),
+                                     {load: 0.0}, {load: PROBE_MAGNIFICATION}, direct=True))
+    return tuple(proposals)
 
 
 def changing_columns(situation: Situation) -> list[str]:

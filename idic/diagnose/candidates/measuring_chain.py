@@ -14,21 +14,21 @@ from idic.model import CHANNEL_TERMS, ChannelTerm
 
 def variants(term: ChannelTerm, situation: Situation) -> tuple[Variant, ...]:
     """The probes of every channel, and of the loads that are applied."""
-    made = []
+    proposals = []
     for number, channel in enumerate(situation.experiment.model.channels):
         for probe in term.probes(situation.experiment, channel):
             name = channel.dof(probe.name)
             edits = further_dofs(situation, name)
             if edits is not None:
                 edits |= {"channel": _with_keys(situation, number, probe.keys)} if probe.keys else {}
-                made.append(Variant(probe.label, edits, (name,), {name: probe.null}, {name: probe.value},
-                                    sign=probe.sign, direct=True))
+                proposals.append(Variant(probe.label, edits, (name,), {name: probe.null}, {name: probe.value},
+                                         sign=probe.sign, direct=True))
     for load in situation.experiment.model.loads:
         ends, name = term.load_probe(load), f"{load.stem}.{term.names[0]}"
         if ends is not None and (edits := further_dofs(situation, name)) is not None:
-            made.append(Variant(f"{term.names[0]} of the {load.kind} on {load.edges}", edits, (name,), {name: ends[0]},
-                                {name: ends[1]}))
-    return tuple(made)
+            proposals.append(Variant(f"{term.names[0]} of the {load.kind} on {load.edges}", edits, (name,),
+                                     {name: ends[0]}, {name: ends[1]}))
+    return tuple(proposals)
 
 
 def _with_keys(situation: Situation, number: int, keys: Mapping[str, Any]) -> list[dict]:

@@ -9,7 +9,7 @@ PROBE_LOSS = 0.05  # of the secant stiffness at the largest strain
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    found = []
+    proposals = []
     for name, _ in materials_with(situation, "elastic"):
         strain = situation.strain[name]
         if not strain > 0.0:
@@ -18,8 +18,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
         edits = enriched(situation, name, "nonlinear_elastic", nonlinearity=new(1.0 / strain))  # its scale
         edits[f"material.{name}"]["kinematics"] = situation.experiment.model.material_of(name).kinematics
         label = f"the stiffness of {name} changes with its strain"
-        found.append(Variant(label, edits, (dof,), {dof: 0.0}, {dof: size}, exact=True))
-    return tuple(found)
+        proposals.append(Variant(label, edits, (dof,), {dof: 0.0}, {dof: size}, exact=True))
+    return tuple(proposals)
 
 
 register(Candidate(

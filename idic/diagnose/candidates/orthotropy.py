@@ -17,20 +17,20 @@ MAX_PROBE_POISSON_RATIO = 0.49  # beyond a half the energy is not positive, and 
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    found = []
+    proposals = []
     for name, _ in materials_with(situation, "elastic"):
         E, nu = elastic_pair(situation, name)
         G = 0.5 * E / (1.0 + nu)
         for angle in AXIAL_ANGLES_DEG:
             probe = {"E1": E * (1.0 + PROBE_ANISOTROPY), "E2": E * (1.0 - PROBE_ANISOTROPY),
                      "nu12": min(nu * (1.0 + PROBE_ANISOTROPY), MAX_PROBE_POISSON_RATIO), "G12": G}
-            found.append(_variant(situation, name, f"{name} is stiffer along {angle:g} degrees, or across", angle,
-                                  probe))
+            proposals.append(_variant(situation, name, f"{name} is stiffer along {angle:g} degrees, or across", angle,
+                                      probe))
         for angle in SHEAR_ANGLES_DEG:
             probe = {"E1": E, "E2": E, "nu12": nu, "G12": G * (1.0 + PROBE_ANISOTROPY)}
-            found.append(_variant(situation, name, f"{name} has another shear modulus on axes at {angle:g} degrees",
-                                  angle, probe))
-    return tuple(found)
+            proposals.append(_variant(situation, name, f"{name} has another shear modulus on axes at {angle:g} degrees",
+                                      angle, probe))
+    return tuple(proposals)
 
 
 def _variant(situation: Situation, name: str, label: str, angle: float, probe: dict[str, float]) -> Variant:

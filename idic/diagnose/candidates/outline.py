@@ -18,12 +18,12 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     if experiment.recording.points is None or open_share(experiment.model) is None:
         return ()
     pitch = experiment.recording.points.pitch_mm
-    held = {entry.nodes: experiment.model.mesh.node_sets[entry.nodes] for entry in experiment.model.prescribed}
-    edges = edges_by_name(experiment.model.mesh, free_edges(experiment.model.mesh, held))
+    supports = {entry.nodes: experiment.model.mesh.node_sets[entry.nodes] for entry in experiment.model.prescribed}
+    edges = edges_by_name(experiment.model.mesh, free_edges(experiment.model.mesh, supports))
     prior = {"prior": {"mean": 0.0, "std": EDGE_STD_SHARE * pitch}}
-    kept = list(situation.document.get("dof", ()))
-    every = {"dof": [*kept, *({"name": f"{OUTLINE}.{edge}"} | prior for edge in edges)]}
-    return tuple(Variant(f"{edge} lies further out or in", {"dof": [*kept, {"name": name}]}, (name,), {name: 0.0},
+    dofs = list(situation.document.get("dof", ()))
+    every = {"dof": [*dofs, *({"name": f"{OUTLINE}.{edge}"} | prior for edge in edges)]}
+    return tuple(Variant(f"{edge} lies further out or in", {"dof": [*dofs, {"name": name}]}, (name,), {name: 0.0},
                          {name: PROBE_SHARE * pitch}, exact=True, refit=every)
                  for edge in edges for name in [f"{OUTLINE}.{edge}"])
 

@@ -20,18 +20,18 @@ PROBE_MODULUS_RATIO = 10.0  # elastic modulus over hardening modulus of the prob
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    found = []
+    proposals = []
     for name, law in materials_with(situation, "elastic", "neo_hookean"):
         modulus = elastic_pair(situation, name)[0] / PROBE_MODULUS_RATIO
         names = (f"{name}.yield_stress", f"{name}.hardening_modulus")
         for stress in stress_levels(situation, name, STRESS_LEVELS):
             edits = enriched(situation, name, "j2_linear", yield_stress=new(stress, "MPa"),
                              hardening_modulus=new(modulus, "MPa"))
-            found.append(Variant(f"{name} yields at {stress:.3g} MPa", edits, names,
-                                 null={names[0]: float("inf"), names[1]: 0.0},
-                                 probe={names[0]: stress, names[1]: modulus}, sign=1,
-                                 exact=law != "elastic"))
-    return tuple(found)
+            proposals.append(Variant(f"{name} yields at {stress:.3g} MPa", edits, names,
+                                     null={names[0]: float("inf"), names[1]: 0.0},
+                                     probe={names[0]: stress, names[1]: modulus}, sign=1,
+                                     exact=law != "elastic"))
+    return tuple(proposals)
 
 
 register(Candidate(

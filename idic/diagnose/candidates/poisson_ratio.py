@@ -10,7 +10,7 @@ PROBE_BULK_MODULUS_FACTOR = 1.1  # of a bulk modulus
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    found = []
+    proposals = []
     for material in situation.experiment.model.materials:
         for parameter in ("nu", "nu12", "kappa"):
             full = f"{material.element_set}.{parameter}"
@@ -23,9 +23,9 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
                 probe = PROBE_BULK_MODULUS_FACTOR * value
             else:
                 probe = value + (step if value + step < 0.49 else -step)
-            found.append(Variant(f"another {parameter} of {material.element_set}", edits, (full,), {full: value},
-                                 {full: probe}, exact=True))
-    return tuple(found)
+            proposals.append(Variant(f"another {parameter} of {material.element_set}", edits, (full,), {full: value},
+                                     {full: probe}, exact=True))
+    return tuple(proposals)
 
 
 register(Candidate(

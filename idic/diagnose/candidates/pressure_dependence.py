@@ -9,13 +9,13 @@ PROBE_PRESSURE_COEFFICIENT = 0.2  # compression yields 14 % above tension
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    found = []
+    proposals = []
     for name, _ in materials_with(situation, "j2_linear"):
         friction = f"{name}.friction"
         edits = enriched(situation, name, "j2_pressure", friction=new(PROBE_PRESSURE_COEFFICIENT))
-        found.append(Variant(f"{name} yields later under pressure", edits, (friction,), {friction: 0.0},
-                             {friction: PROBE_PRESSURE_COEFFICIENT}, exact=True))
-    return tuple(found)
+        proposals.append(Variant(f"{name} yields later under pressure", edits, (friction,), {friction: 0.0},
+                                 {friction: PROBE_PRESSURE_COEFFICIENT}, exact=True))
+    return tuple(proposals)
 
 
 register(Candidate(

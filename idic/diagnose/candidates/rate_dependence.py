@@ -27,10 +27,10 @@ PROBE_OVERSTRESS_SHARE_ELASTIC = 0.3  # the same of an elastic null
 def variants(situation: Situation) -> tuple[Variant, ...]:
     if not has_times(situation):
         return ()
-    found = []
+    proposals = []
     for name, law in materials_with(situation, "j2_linear", "elastic", "neo_hookean"):
-        found += _from_plastic(situation, name) if law == "j2_linear" else _from_elastic(situation, name, law)
-    return tuple(found)
+        proposals += _from_plastic(situation, name) if law == "j2_linear" else _from_elastic(situation, name, law)
+    return tuple(proposals)
 
 
 def viscosity(overstress: float, strain: float, duration: float, m: float) -> float:
@@ -39,19 +39,19 @@ def viscosity(overstress: float, strain: float, duration: float, m: float) -> fl
 
 
 def _from_plastic(situation: Situation, name: str) -> list[Variant]:
-    found, eta = [], f"{name}.eta"
+    proposals, eta = [], f"{name}.eta"
     for m in RATE_EXPONENTS:
         size = viscosity(PROBE_OVERSTRESS_SHARE * situation.values[f"{name}.yield_stress"],
                          plastic_strain(situation, name),
                          situation.duration, m)
         edits = enriched(situation, name, "viscoplastic", eta=new(size, "MPa*s"), m=locked(m))
-        found.append(Variant(f"an overstress in {name}, rate to the 1/{m:g}", edits, (eta,), {eta: 0.0}, {eta: size},
-                             sign=1, exact=True))
-    return found
+        proposals.append(Variant(f"an overstress in {name}, rate to the 1/{m:g}", edits, (eta,), {eta: 0.0},
+                                 {eta: size}, sign=1, exact=True))
+    return proposals
 
 
 def _from_elastic(situation: Situation, name: str, law: str) -> list[Variant]:
-    found, names = [], (f"{name}.yield_stress", f"{name}.eta")
+    proposals, names = [], (f"{name}.yield_stress", f"{name}.eta")
     strain = situation.strain[name]
     modulus = 0.1 * elastic_pair(situation, name)[0]
     for stress in stress_levels(situation, name, STRESS_LEVELS):
@@ -59,10 +59,10 @@ def _from_elastic(situation: Situation, name: str, law: str) -> list[Variant]:
             size = viscosity(PROBE_OVERSTRESS_SHARE_ELASTIC * stress, strain, situation.duration, m)
             edits = enriched(situation, name, "viscoplastic", yield_stress=new(stress, "MPa"), eta=new(size, "MPa*s"),
                              m=locked(m), hardening_modulus=new(modulus, "MPa"))
-            found.append(Variant(f"{name} flows with time beyond {stress:.3g} MPa, rate to the 1/{m:g}", edits, names,
-                                 {names[0]: float("inf"), names[1]: 0.0}, {names[0]: stress, names[1]: size}, sign=1,
-                                 exact=law != "elastic"))
-    return found
+            proposals.append(Variant(f"{name} flows with time beyond {stress:.3g} MPa, rate to the 1/{m:g}", edits,
+                                     names, {names[0]: float("inf"), names[1]: 0.0}, {names[0]: stress, names[1]: size},
+                                     sign=1, exact=law != "elastic"))
+    return proposals
 
 
 register(Candidate(

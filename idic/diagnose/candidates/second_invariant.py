@@ -9,13 +9,13 @@ PROBE_C01_SHARE = 0.1  # of C10
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    found = []
+    proposals = []
     for name, _ in materials_with(situation, "neo_hookean"):
         C01, size = f"{name}.C01", PROBE_C01_SHARE * situation.values[f"{name}.C10"]
         edits = enriched(situation, name, "mooney_rivlin", C01=new(size, "MPa"))
-        found.append(Variant(f"{name} depends on the second invariant", edits, (C01,), {C01: 0.0}, {C01: size}, sign=1,
-                             exact=True))
-    return tuple(found)
+        proposals.append(Variant(f"{name} depends on the second invariant", edits, (C01,), {C01: 0.0}, {C01: size},
+                                 sign=1, exact=True))
+    return tuple(proposals)
 
 
 register(Candidate(

@@ -22,12 +22,12 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     growth = PROBE_PX / half  # of the image, by an approach; a tilt makes it over half of the image
     turn = float(np.degrees(growth * depth / (half * camera.pixel_size)))
     ends = dict(zip(KINDS, (growth * depth, turn, turn), strict=True))
-    found = []
+    proposals = []
     if experiment.model.has_times:
-        found += _course(situation, "drift", "time", {}, {k: v / situation.duration for k, v in ends.items()})
+        proposals += _course(situation, "drift", "time", {}, {k: v / situation.duration for k, v in ends.items()})
     for column in changing_columns(situation):
-        found += _course(situation, "load", column, {camera_key(situation, "motion_column"): column}, ends)
-    return tuple(found)
+        proposals += _course(situation, "load", column, {camera_key(situation, "motion_column"): column}, ends)
+    return tuple(proposals)
 
 
 def _course(situation, ending, course, more, ends) -> list[Variant]:

@@ -10,7 +10,7 @@ PROBE_DEG = 0.1
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    found, main = [], situation.experiment.recording.camera_name
+    proposals, main = [], situation.experiment.recording.camera_name
     for view in situation.experiment.views[1:]:
         if not isinstance(view.model.camera, PlacedCamera):
             continue
@@ -18,9 +18,9 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
         if (edits := further_dofs(situation, *names)) is None:
             continue
         at = dict(zip(names, view.model.camera.turn_deg.tolist(), strict=True))
-        found.append(Variant(f"{view.recording.camera_name} is turned against {main}", edits, names, at,
-                             {name: value + PROBE_DEG for name, value in at.items()}, direct=True))
-    return tuple(found)
+        proposals.append(Variant(f"{view.recording.camera_name} is turned against {main}", edits, names, at,
+                                 {name: value + PROBE_DEG for name, value in at.items()}, direct=True))
+    return tuple(proposals)
 
 
 register(Candidate(

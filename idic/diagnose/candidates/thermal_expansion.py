@@ -29,11 +29,11 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
         return tuple(_variant(situation, name, f"{name} expands with the temperature of the file", None,
                               PROBE_EXPANSION_PER_K)
                      for name in names)
-    found = []
+    proposals = []
     for label, table in _temperatures(situation):
         size = PROBE_EXPANSION_PER_K if "column" in table else PROBE_STRAIN
-        found += [_variant(situation, name, f"{name} expands {label}", table, size) for name in names]
-    return tuple(found)
+        proposals += [_variant(situation, name, f"{name} expands {label}", table, size) for name in names]
+    return tuple(proposals)
 
 
 def _temperatures(situation: Situation) -> list[tuple[str, dict[str, Any]]]:
@@ -41,11 +41,11 @@ def _temperatures(situation: Situation) -> list[tuple[str, dict[str, Any]]]:
     columns = [name for name in situation.experiment.recording.column_units if is_temperature(name)]
     if columns:
         return [(f"with {column}", {"column": column}) for column in columns]
-    first, last = (float(situation.experiment.model.times[k]) for k in (situation.experiment.model.reference, -1))
+    start, end = (float(situation.experiment.model.times[k]) for k in (situation.experiment.model.reference, -1))
     share = np.linspace(0.0, 1.0, N_COURSE_POINTS)
     levels = (1.0 - np.exp(-WARM_UP_TIMES_PER_TEST * share)) / (1.0 - np.exp(-WARM_UP_TIMES_PER_TEST))
-    warming = [[first + s * (last - first), float(level)] for s, level in zip(share, levels, strict=True)]
-    return [("evenly with time", {"course": [[first, 0.0], [last, 1.0]]}),
+    warming = [[start + s * (end - start), float(level)] for s, level in zip(share, levels, strict=True)]
+    return [("evenly with time", {"course": [[start, 0.0], [end, 1.0]]}),
             ("as if warming up", {"course": warming})]
 
 

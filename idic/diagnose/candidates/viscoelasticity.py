@@ -14,29 +14,30 @@ BRANCH_NUMBERS = (1, 2, 3)
 def variants(situation: Situation) -> tuple[Variant, ...]:
     if not has_times(situation):
         return ()
-    found = []
+    proposals = []
     for name, law in materials_with(situation, "elastic", "neo_hookean", "maxwell"):
         spare = [i for i in BRANCH_NUMBERS if law != "maxwell" or _is_off(situation, name, i)]
         if not spare:
             continue
-        others = {key: locked(0.0, unit) for i in spare[1:] for key, unit in ((f"g_{i}", "-"), (f"tau_{i}", "s"))}
+        idle_branches = {key: locked(0.0, unit) for i in spare[1:]
+                         for key, unit in ((f"g_{i}", "-"), (f"tau_{i}", "s"))}
         g, tau = f"g_{spare[0]}", f"tau_{spare[0]}"
         names = (f"{name}.{g}", f"{name}.{tau}")
         for time in times(situation):
-            edits = enriched(situation, name, "maxwell", **others,
+            edits = enriched(situation, name, "maxwell", **idle_branches,
                              **{g: new(PROBE_RELAXING_SHARE), tau: new(time, "s")})
-            found.append(Variant(f"{name} relaxes within {time:.3g} s", edits, names, {names[0]: 0.0, names[1]: time},
-                                 {names[0]: PROBE_RELAXING_SHARE, names[1]: time}, sign=1, exact=law != "elastic",
-                                 idle=(names[1],)))
-    return tuple(found)
+            proposals.append(Variant(f"{name} relaxes within {time:.3g} s", edits, names,
+                                     {names[0]: 0.0, names[1]: time}, {names[0]: PROBE_RELAXING_SHARE, names[1]: time},
+                                     sign=1, exact=law != "elastic", idle=(names[1],)))
+    return tuple(proposals)
 
 
 def times(situation: Situation) -> list[float]:
     """Relaxation times (s): the frame interval, a tenth and a third of the test, three times the test."""
     interval = float(np.median(np.diff(situation.experiment.model.times)))
-    whole = situation.duration
-    grid = [interval, whole / 10.0, whole / 3.0, 3.0 * whole]
-    return [t for k, t in enumerate(grid) if all(t > 1.5 * before for before in grid[:k])]
+    duration = situation.duration
+    grid = [interval, duration / 10.0, duration / 3.0, 3.0 * duration]
+    return [t for k, t in enumerate(grid) if all(t > 1.5 * earlier for earlier in grid[:k])]
 
 
 def _is_off(situation: Situation, name: str, i: int) -> bool:

@@ -31,18 +31,18 @@ class Combination:
     """Effects that act together.
 
     effects : () for the model as it is; rise : of the chi-square of the recording above that of the model; moves :
-    of the identified parameters, (n,) internal units; own : s^T s of the sum of the effects
+    of the identified parameters, (n,) internal units; square : s^T s of the sum of the effects
     """
 
     effects: tuple[str, ...]
     rise: float
     moves: np.ndarray
-    own: float = 0.0
+    square: float = 0.0
 
     @property
     def amplitude(self) -> float:
         """The factor of the summed effects that fits the recording best: 1 in a body that has them and nothing else."""
-        return 0.5 * (1.0 - self.rise / self.own) if self.own > 0.0 else 0.0
+        return 0.5 * (1.0 - self.rise / self.square) if self.square > 0.0 else 0.0
 
 
 def combinations(residual: ResidualEvidence, null: NullModel,

@@ -17,12 +17,12 @@ MIN_KEPT = 0.5  # of the largest amplitude: a lasting mismatch
 
 @dataclass(frozen=True)
 class Fingerprint:
-    """shares : name of a state variable -> share of the amplitude explained, best first; kept : how far the amplitude
-    in the most unloaded frame is from that at the same load before the peak, over the largest before it, nan without
-    unloading; words : in one sentence."""
+    """shares : name of a state variable -> share of the amplitude explained, best first; remanence : how far the
+    amplitude in the most unloaded frame is from that at the same load before the peak, over the largest before it, nan
+    without unloading; words : in one sentence."""
 
     shares: dict[str, float]
-    kept: float
+    remanence: float
     words: str
 
 

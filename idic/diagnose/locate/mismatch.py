@@ -175,7 +175,7 @@ def locate(identification: Identification, residual: ResidualEvidence, null: Nul
     first, interval = _frames(begins, evidence.frames, experiment.model.reference)
     visible = None
     if first is not None:
-        visible = first if np.isnan(begins.seen) else int(evidence.frames[int(begins.seen) - 1])
+        visible = first if np.isnan(begins.alarm) else int(evidence.frames[int(begins.alarm) - 1])
     frames = None if first is None else (max(first, int(evidence.frames[0])), int(evidence.frames[-1]))
     effect = effect_px(residual, first if first is not None else int(evidence.frames[0]))
     follows = fingerprint(begins.amplitude, begins.std, times, load, begins.frame)

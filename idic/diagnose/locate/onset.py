@@ -93,7 +93,7 @@ class Onset:
     frame : first frame that shows it, as a (fractional) place in the evidence counted from 0 = reference; 0: present
     from the start; nan: never; interval : (low, high); p_value : of the departure over all growing windows;
     innovation, rank : (T,) rise of chi-square with each frame; amplitude, std : (T,) of the departure's
-    pattern, px (rms over the specimen); seen : place of the first alarm, nan without one; from_start : whether the
+    pattern, px (rms over the specimen); alarm : place of the first alarm, nan without one; from_start : whether the
     record does without a corner
     """
 
@@ -105,7 +105,7 @@ class Onset:
     amplitude: np.ndarray
     std: np.ndarray
     pattern: np.ndarray
-    seen: float = np.nan
+    alarm: float = np.nan
     from_start: bool = False
 
 

@@ -42,14 +42,14 @@ COVERED = (0.15, 0.3, 0.5)  # part of a grey value that hides the pattern: the m
 class Spot:
     """A spot of another grey value.
 
-    kind : `DUST` or `PAINT`; others : kinds that are not excluded; column, row : centre in the reference image, px;
-    radius_px; first : frame from which on, 0 of dust that was there from the start; grey : mean difference from the
+    kind : `DUST` or `PAINT`; alternatives : kinds that are not excluded; column, row : centre in the reference image,
+    px; radius_px; first : frame from which on, 0 of dust that was there from the start; grey : mean difference from the
     pattern, grey values; agreement : of its pixels with those whose pattern is lost; left_out : circles (column, row,
     radius) of the reference image that leave it out of all frames
     """
 
     kind: str
-    others: tuple[str, ...]
+    alternatives: tuple[str, ...]
     column: float
     row: float
     radius_px: float

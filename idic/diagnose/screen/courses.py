@@ -27,7 +27,7 @@ class Course:
     """The course of a selected cause.
 
     cause : name of its candidate; name : degree of freedom without its knot; unit : of value; value, std : (n_frames,);
-    free : the data give it, knot by knot; jumps : frame, size and standard deviation of each, of a course of jumps
+    is_free : the data give it, knot by knot; jumps : frame, size and standard deviation of each, of a course of jumps
     """
 
     cause: str
@@ -35,7 +35,7 @@ class Course:
     unit: str
     value: np.ndarray
     std: np.ndarray
-    free: bool
+    is_free: bool
     jumps: tuple[tuple[int, float, float], ...] = ()
 
     @property
@@ -127,7 +127,7 @@ def _unit(model: Model, name: str) -> str:
 
 def content(courses: Sequence[Course], times: np.ndarray) -> list[dict]:
     """Entries ``courses`` of diagnosis.json."""
-    return [{"name": course.cause, "parameter": course.name, "unit": course.unit, "free": course.free,
+    return [{"name": course.cause, "parameter": course.name, "unit": course.unit, "free": course.is_free,
              "onset_frames": course.onset,
              "jumps": [dict(zip(("frame", "size", "std"), jump, strict=True)) for jump in course.jumps],
              "time_s": times.tolist(), "value": course.value.tolist(), "std": course.std.tolist()}

@@ -19,10 +19,10 @@ MIN_SHAPE_STD = 3.0  # standard deviations of a shape that is told
 
 @dataclass(frozen=True, eq=False)
 class FreeModel:
-    """left : excess of the identified model and of this one on the copy that had no part in the fits."""
+    """excess : excess of the identified model and of this one on the copy that had no part in the fits."""
 
     refitted: Fit
-    left: ExcessLeft
+    excess: ExcessLeft
 
     @property
     def unknowns(self) -> Sequence[str]:
@@ -37,18 +37,18 @@ class FreeModel:
     @property
     def share(self) -> float:
         """Of the explainable residual, held out."""
-        return share_recovered(self.left.before, self.left.after)
+        return share_recovered(self.excess.before, self.excess.after)
 
     @property
     def heldout(self) -> float:
         """Drop of chi-square, held out."""
-        return self.left.before.chi2 - self.left.after.chi2
+        return self.excess.before.chi2 - self.excess.after.chi2
 
     @property
     def describes(self) -> bool:
         """Whether it describes the recording by the bars that a named cause has to pass."""
         return (self.heldout > MIN_HELDOUT_DROP + len(self.unknowns) and self.share >= MIN_RECOVERED_SHARE
-                and not self.left.matters)
+                and not self.excess.matters)
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class FreeEnd(FreeModel):
         values, stds = self.refitted.values, self.refitted.stds
         units = {name: (parameters[name].factor, stds[name]) for name in identified_names if name in stds}
         return {"nodes": self.motion.nodes, "share": self.share, "heldout_chi2_drop": self.heldout,
-                "left_px": self.left.motion_px, "course": "free" if self.motion.free_course else "motion",
+                "left_px": self.excess.motion_px, "course": "free" if self.motion.free_course else "motion",
                 "shapes": self.shapes, "instead_of": list(self.instead_of),
                 "parameters": {name: {"value": values[name] / factor, "std": None if std is None else std / abs(factor)}
                                for name, (factor, std) in units.items()}}

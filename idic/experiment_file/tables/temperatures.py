@@ -267,11 +267,13 @@ def _logged_motion(body: Body, context: Context) -> np.ndarray | None:
 def _words(table: TemperatureTable, field: NodalField, factor: float, context: Context, motion, camera) -> str:
     values, change = field.values * factor, (field.values - field.values[context.reference]) * factor
     parts = [f"{len(values)} infrared images, {values.min():.4g} to {values.max():.4g}, change since the reference "
-             f"{change.min():+.3g} to {change.max():+.3g} K", f"{field.n_pixels} pixels onto {field.seen.sum()} nodes"]
+             f"{change.min():+.3g} to {change.max():+.3g} K",
+             f"{field.n_pixels} pixels onto {field.visible.sum()} nodes"]
     if table.noise_std is not None:  # of a change, of two images
         parts.append(f"a nodal change scatters by {np.sqrt(2) * field.noise * table.noise_std * factor:.2g} K")
-    if not field.seen.all():
-        parts.append(f"{(~field.seen).sum()} nodes are not visible: their temperatures are interpolated by conduction")
+    if not field.visible.all():
+        n_hidden = (~field.visible).sum()
+        parts.append(f"{n_hidden} nodes are not visible: their temperatures are interpolated by conduction")
     moved = 0.0 if motion is None else float(np.abs(motion).max() / camera.pixel_size)
     parts.append(f"corrected for {moved:.2g} px of logged motion; each further px of motion is an error of up to "
                  f"{field.steepest * factor:.2g} K")

@@ -27,9 +27,9 @@ def residual_maps(record: DiagnosisRecord) -> tuple[Picture, ...]:
 
 def _residual_maps(record: DiagnosisRecord, camera: str, maps: Sequence[tuple[str, np.ndarray]]) -> Picture:
     """The maps of one camera with one colour bar."""
-    shown = _cropped(maps)
-    ny, nx = shown[0][1].shape
-    n = len(shown)
+    cropped = _cropped(maps)
+    ny, nx = cropped[0][1].shape
+    n = len(cropped)
     columns = n if nx < 0.8 * ny else 1 if nx > 4 * ny else min(n, 2)
     rows = -(-n // columns)
     width = 10.0
@@ -37,7 +37,7 @@ def _residual_maps(record: DiagnosisRecord, camera: str, maps: Sequence[tuple[st
     with look():
         figure = new_figure(width, height)
         axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
-        for axis, (label, image) in zip(axes, shown, strict=False):
+        for axis, (label, image) in zip(axes, cropped, strict=False):
             drawn = axis.imshow(image, cmap=DIVERGING, vmin=-COLOUR_LIMIT_STD, vmax=COLOUR_LIMIT_STD,
                                 interpolation="nearest")
             axis.set(title=f"{label}: rms {np.sqrt(np.nanmean(image**2)):.2f} σ", xticks=[], yticks=[])
@@ -93,14 +93,14 @@ def ranking(record: DiagnosisRecord) -> Picture | None:
     refitted = [(row, c) for row, c in zip(range(len(entries) - 1, -1, -1), entries, strict=True) if c["refitted"]]
     with look():
         figure = new_figure(10.0, 0.34 * len(entries) + 1.5)
-        left, *others = figure.subplots(1, 2 if refitted else 1, sharey=True, squeeze=False)[0]
-        handles = _scores(left, record, entries)
-        for right in others:
+        score_axis, *drop_axes = figure.subplots(1, 2 if refitted else 1, sharey=True, squeeze=False)[0]
+        handles = _scores(score_axis, record, entries)
+        for drop_axis in drop_axes:
             for row, entry in refitted:
                 for offset, key, colour in ((0.17, "predicted_chi2_drop", GREY), (-0.17, "achieved_chi2_drop", BLUE)):
-                    right.barh(row + offset, max(entry[key] or 0.0, 0.0), height=0.3, color=colour)
-            right.set(xlabel="drop of χ² [–]", title="Drop of χ², predicted and achieved", xlim=(0.0, None))
-            right.ticklabel_format(axis="x", style="sci", scilimits=(-3, 5))
+                    drop_axis.barh(row + offset, max(entry[key] or 0.0, 0.0), height=0.3, color=colour)
+            drop_axis.set(xlabel="drop of χ² [–]", title="Drop of χ², predicted and achieved", xlim=(0.0, None))
+            drop_axis.ticklabel_format(axis="x", style="sci", scilimits=(-3, 5))
             handles += [Patch(color=GREY, label="predicted"), Patch(color=BLUE, label="achieved by the refit")]
         figure.legend(handles=handles, loc="outside lower center", ncols=6)
         return to_picture(figure, "diagnosis_ranking", "Candidates",
@@ -115,7 +115,7 @@ def _scores(axis, record: DiagnosisRecord, entries) -> list[Patch]:
     y, colours = np.arange(len(entries))[::-1], [_colour(record, c) for c in entries]
     hollow = [_in_set(record, c) for c in entries]
     axis.barh(y, [_bar(c) for c in entries], height=0.62, edgecolor=colours, linewidth=1.2,
-              color=["white" if one else colour for one, colour in zip(hollow, colours, strict=True)])
+              color=["white" if is_hollow else colour for is_hollow, colour in zip(hollow, colours, strict=True)])
     axis.axvline(ONE_TEST_Z, color=BLACK, lw=0.8, ls=":")
     largest = max([ONE_TEST_Z, *map(_bar, entries)])
     for row, entry in zip(y, entries, strict=True):
@@ -126,30 +126,30 @@ def _scores(axis, record: DiagnosisRecord, entries) -> list[Patch]:
     axis.set_yticklabels([_label(record, c) for c in entries])
     names = {_best_colour(record): name_of_best(record.content), ORANGE: "significant by score",
              SKY: "significant, below the practical margin", FAINT: "not significant"}
-    filled = {colour for one, colour in zip(hollow, colours, strict=True) if not one}
+    filled = {colour for is_hollow, colour in zip(hollow, colours, strict=True) if not is_hollow}
     return [Patch(facecolor=colour, label=name) for colour, name in names.items() if colour in filled] + [
         Patch(facecolor="white", edgecolor=_best_colour(record), label="indistinguishable")] * any(hollow)
 
 
 def parameters(record: DiagnosisRecord) -> Picture | None:
     """Change of every parameter, in its standard deviations and in per cent."""
-    before, after = (record.content["model"][key] for key in ("parameters_before", "parameters_after"))
-    names = [n for n in before if n in after and before[n]["value"] and after[n]["std"] is not None]
+    identified, enriched = (record.content["model"][key] for key in ("parameters_before", "parameters_after"))
+    names = [n for n in identified if n in enriched and identified[n]["value"] and enriched[n]["std"] is not None]
     if not names:
         return None
-    shown = short_names(after)
+    labels = short_names(enriched)
     with look():
         figure = new_figure(10.0, 0.45 * len(names) + 1.2)
         axis = figure.subplots()
         y = np.arange(len(names))[::-1]
         for row, name in zip(y, names, strict=True):
-            reference, whole = after[name]["value"], _percent_of(before[name], after[name])
-            for entry, colour, marker in ((before[name], ORANGE, "o"), (after[name], BLUE, "s")):
-                axis.errorbar(100.0 * (entry["value"] - reference) / whole, row, fmt=marker, color=colour, capsize=3,
-                              xerr=100.0 * 1.96 * (entry["std"] or 0.0) / whole)
+            reference, scale = enriched[name]["value"], _percent_of(identified[name], enriched[name])
+            for entry, colour, marker in ((identified[name], ORANGE, "o"), (enriched[name], BLUE, "s")):
+                axis.errorbar(100.0 * (entry["value"] - reference) / scale, row, fmt=marker, color=colour, capsize=3,
+                              xerr=100.0 * 1.96 * (entry["std"] or 0.0) / scale)
         axis.axvline(0.0, color=GREY, lw=0.7)
         axis.set(yticks=y, xlabel="deviation from the value after [%], 95 % intervals", ylim=(-0.6, len(names) - 0.4))
-        axis.set_yticklabels([shown[n] for n in names])
+        axis.set_yticklabels([labels[n] for n in names])
         axis.legend(handles=[Patch(color=ORANGE, label="before"), Patch(color=BLUE, label="after")], loc="best")
         return to_picture(figure, "diagnosis_parameters", "Parameters before and after",
                       "The parameters of the identified model are biased by the missing physics. The enriched model "
@@ -157,11 +157,11 @@ def parameters(record: DiagnosisRecord) -> Picture | None:
                       "before.")
 
 
-def _percent_of(before: dict, after: dict) -> float:
+def _percent_of(identified: dict, enriched: dict) -> float:
     """What 100 % is: the value after; the one before of a parameter that the cause made zero (a hardening modulus
     beside a back stress)."""
-    size = abs(after["value"])
-    return size if size > after["std"] else max(size, abs(before["value"]))
+    size = abs(enriched["value"])
+    return size if size > enriched["std"] else max(size, abs(identified["value"]))
 
 
 def channel(record: DiagnosisRecord, curve: Curve) -> Picture:
@@ -170,12 +170,12 @@ def channel(record: DiagnosisRecord, curve: Curve) -> Picture:
         figure = new_figure(10.0, 4.0)
         top, strip = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
         top.plot(record.abscissa, curve.measured, "o", color=BLACK, ms=3, label="measured")
-        top.plot(record.abscissa, curve.before, "-", color=ORANGE, label="before")
+        top.plot(record.abscissa, curve.simulated_before, "-", color=ORANGE, label="before")
         strip.axhspan(-2, 2, color=FAINT, alpha=0.8, lw=0)
-        strip.plot(record.abscissa, (curve.measured - curve.before) / curve.std, "-o", color=ORANGE)
-        if curve.after is not None:
-            top.plot(record.abscissa, curve.after, "--", color=BLUE, label="after")
-            strip.plot(record.abscissa, (curve.measured - curve.after) / curve.std, "-s", color=BLUE)
+        strip.plot(record.abscissa, (curve.measured - curve.simulated_before) / curve.std, "-o", color=ORANGE)
+        if curve.simulated_after is not None:
+            top.plot(record.abscissa, curve.simulated_after, "--", color=BLUE, label="after")
+            strip.plot(record.abscissa, (curve.measured - curve.simulated_after) / curve.std, "-s", color=BLUE)
         top.set(ylabel=f"{curve.name} [{curve.unit}]")
         strip.set_ylabel("residual [σ]")
         label_frames(strip, record.time_label)
@@ -194,8 +194,8 @@ def _decades(linear: float, low: float, high: float) -> list[float]:
 
 def _cropped(residuals):
     """The maps without their empty margin."""
-    known = np.any([np.isfinite(image) for _, image in residuals], axis=0)
-    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    finite = np.any([np.isfinite(image) for _, image in residuals], axis=0)
+    rows, columns = np.flatnonzero(finite.any(axis=1)), np.flatnonzero(finite.any(axis=0))
     cut = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
     return [(label, image[cut]) for label, image in residuals]
 
@@ -236,26 +236,26 @@ def _label(record: DiagnosisRecord, entry) -> str:
 
 def courses(record: DiagnosisRecord) -> Picture | None:
     """Amplitude over time of every selected cause that is no material, with its band."""
-    found = record.content.get("courses") or []
-    if not found:
+    entries = record.content.get("courses") or []
+    if not entries:
         return None
     with look():
-        figure = new_figure(10.0, 2.6 * len(found))
-        axes = np.atleast_1d(figure.subplots(len(found), 1, sharex=True, squeeze=False).ravel())
-        for axis, one in zip(axes, found, strict=True):
-            value, std = np.array(one["value"]), np.array(one["std"])
-            jumps = one["jumps"]
+        figure = new_figure(10.0, 2.6 * len(entries))
+        axes = np.atleast_1d(figure.subplots(len(entries), 1, sharex=True, squeeze=False).ravel())
+        for axis, entry in zip(axes, entries, strict=True):
+            value, std = np.array(entry["value"]), np.array(entry["std"])
+            jumps = entry["jumps"]
             axis.fill_between(record.abscissa, value - 1.96 * std, value + 1.96 * std, color=BLUE, alpha=0.25, lw=0,
                               label="95 %", step="post" if jumps else None)
             axis.plot(record.abscissa, value, "-o", color=BLUE, ms=3, label="amplitude",
                       drawstyle="steps-post" if jumps else "default")
             axis.axhline(0.0, color=GREY, lw=0.8)
-            if one["onset_frames"]:
-                first, last = (record.abscissa[k] for k in one["onset_frames"])
-                axis.axvspan(first, last, color=FAINT, alpha=0.8, lw=0, label="onset")
-            how = "determined by the data" if one["free"] else "of the candidate"
-            title = record.titles.get(one["name"], one["name"].replace("_", " "))
-            axis.set(title=f"{title}: {one['parameter']}, course {how}", ylabel=f"[{one['unit'] or '–'}]")
+            if entry["onset_frames"]:
+                start, end = (record.abscissa[k] for k in entry["onset_frames"])
+                axis.axvspan(start, end, color=FAINT, alpha=0.8, lw=0, label="onset")
+            origin = "determined by the data" if entry["free"] else "of the candidate"
+            title = record.titles.get(entry["name"], entry["name"].replace("_", " "))
+            axis.set(title=f"{title}: {entry['parameter']}, course {origin}", ylabel=f"[{entry['unit'] or '–'}]")
         label_frames(axes[-1], record.time_label)
         axes[0].legend(ncols=3, loc="best")
         return to_picture(figure, "diagnosis_courses", "Time course of a cause other than the material",

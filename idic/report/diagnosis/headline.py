@@ -33,36 +33,37 @@ def diagnosis_headline(content: Mapping, titles: Mapping[str, str]) -> str:
                         for names in (below_margin(content), unconfirmed(content)))
         listed = (f"{_joined(small)} {_is(small)} seen" if len(small) <= MAX_SMALL else
                   f"{len(small)} candidates are seen, {small[0]} most")
-        seen = f"; {listed}, but below the practical margin" if small else ""
+        small_clause = f"; {listed}, but below the practical margin" if small else ""
         doubt = f"; {_joined(open_)} {_is(open_)} suspected by the score, and not confirmed by a refit" if open_ else ""
-        said = "No missing physics matters" if small else "No missing physics is significant"
-        return f"{said}: the residual of images and channels is {_nothing(content)}{body}{seen}{doubt}."
+        statement = "No missing physics matters" if small else "No missing physics is significant"
+        return f"{statement}: the residual of images and channels is {_nothing(content)}{body}{small_clause}{doubt}."
     if word == "blind":
         return f"{SAYS_NOTHING}."
     if content.get("free_end"):
         return free_end_words(content["free_end"])
     if word == "outside_library" and not (content["named"] and (share or 0.0) > MOSTLY):
-        where = when_and_where(content)
+        occasion = when_and_where(content)
         return (f"No candidate explains the residual{_of_what(content)}, probably from {side_in_words(content)}"
-                f"{f' ({where})' if where else ''}: do not trust the parameters.{free_form_words(content)}")
+                f"{f' ({occasion})' if occasion else ''}: do not trust the parameters.{free_form_words(content)}")
     causes = _joined(_causes(content, titles, sizes=word != "outside_library"))
-    formal = [title for title, one in _with_rounds(content, titles) if _is_formulation(content, one)]
-    where = when_and_where(content, sizes=word != "outside_library", visible=False)
-    said = _begun(content, f"{causes}{f', {where},' if where else ''} ")
+    formal = [title for title, entry in _with_rounds(content, titles) if _is_formulation(content, entry)]
+    occasion = when_and_where(content, sizes=word != "outside_library", visible=False)
+    statement = _begun(content, f"{causes}{f', {occasion},' if occasion else ''} ")
     if word == "outside_library":
-        return (f"{said}explain{_s(content)} most of it ({per_cent(share)}), but not all{_of_what(content)}: do not "
-                f"trust the parameters yet.{free_form_words(content)}")
+        return (f"{statement}explain{_s(content)} most of it ({per_cent(share)}), but not all{_of_what(content)}: do "
+                f"not trust the parameters yet.{free_form_words(content)}")
     moved, pronoun = moves(content), "it" if len(content["named"]) - len(formal) == 1 else "them"
     effect = f"; without {pronoun} {_in_one(moved)}" if moved else ""
-    beside = f"; {_joined(formal)} {'belongs' if len(formal) == 1 else 'belong'} to the description" if formal else ""
-    what = "nearly all" if share is not None and per_cent(share) == "all" and left_over(content) else per_cent(share)
-    return f"{said}explain{_s(content)} {what} of the residual{_faint(content)}{effect}{beside}."
+    verb = "belongs" if len(formal) == 1 else "belong"
+    formal_clause = f"; {_joined(formal)} {verb} to the description" if formal else ""
+    amount = "nearly all" if share is not None and per_cent(share) == "all" and left_over(content) else per_cent(share)
+    return f"{statement}explain{_s(content)} {amount} of the residual{_faint(content)}{effect}{formal_clause}."
 
 
 def free_end_words(end: Mapping) -> str:
     """That an end moves in another shape than any candidate describes, which shape, and how much that explains."""
-    shapes = [f"{one['words']} in u{one['component']} by {with_std(one['value'], one['std'])} {one['unit']}"
-              for one in end["shapes"][:MAX_SHAPES]]
+    shapes = [f"{entry['words']} in u{entry['component']} by {with_std(entry['value'], entry['std'])} {entry['unit']}"
+              for entry in end["shapes"][:MAX_SHAPES]]
     shape = f" (shape: {_joined(shapes)})" if shapes else ""
     return (f"The end {end['nodes']} moves in a way that no candidate describes{shape}; its free motion explains "
             f"{per_cent(end['share'])} of the residual on held-out data: measure that end from the images, and do not "
@@ -83,18 +84,18 @@ def free_form_words(content: Mapping) -> str:
     return f" No named physics fits, nor does a {curve} ({share} of the residual on held-out data)."
 
 
-def _begun(content: Mapping, said: str) -> str:
+def _begun(content: Mapping, statement: str) -> str:
     """The beginning of the sentence; "Probably" where the probability is no good news."""
     probable = content.get("probability")
     if content["verdict"] != "outside_library" and probable is not None and probable <= MIN_GOOD_PROBABILITY:
-        return f"Probably ({per_cent(probable)}) {said}"
-    return said[:1].upper() + said[1:]
+        return f"Probably ({per_cent(probable)}) {statement}"
+    return statement[:1].upper() + statement[1:]
 
 
 def _of_what(content: Mapping) -> str:
     """What is not explained."""
-    left = content.get("unexplained", ())
-    return f" of {_joined(left)}" if left else ""
+    unexplained = content.get("unexplained", ())
+    return f" of {_joined(unexplained)}" if unexplained else ""
 
 
 def _faint(content: Mapping) -> str:
@@ -108,18 +109,18 @@ def left_over(content: Mapping, titles: Mapping[str, str] | None = None) -> str 
 
     titles : candidate -> its name in standard words
     """
-    left = content.get("left") or {}
+    remainder = content.get("left") or {}
     parts, small = [], False
-    if (left.get("motion_z") or 0.0) > MIN_TEXT_Z and (left.get("motion_px") or 0.0) > MIN_LEFT_PX:
+    if (remainder.get("motion_z") or 0.0) > MIN_TEXT_Z and (remainder.get("motion_px") or 0.0) > MIN_LEFT_PX:
         floor = content.get("camera_floor_px")
-        at_rest = bool(floor) and left["motion_px"] < 1.5 * floor  # the explained share does not count that either
-        place = f", largest {left['place']}" if left.get("place") else ""
+        at_rest = bool(floor) and remainder["motion_px"] < 1.5 * floor  # the explained share does not count that either
+        place = f", largest {remainder['place']}" if remainder.get("place") else ""
         share = ((", " if place else " ") + "that images at rest show too" if at_rest
-                 else _of_before(left.get("motion_share")))
-        parts.append(f"{left['motion_px']:.2g} px of motion{place}{share}")
-        small = not at_rest and left["motion_px"] < ((content.get("margin") or {}).get("px") or 0.0)
-    parts += [f"{two_digits(100.0 * one['reading_share'])} % of {one['column']}{_of_before(one['share'])}"
-              for one in left.get("channels", ()) if one["significant"]]
+                 else _of_before(remainder.get("motion_share")))
+        parts.append(f"{remainder['motion_px']:.2g} px of motion{place}{share}")
+        small = not at_rest and remainder["motion_px"] < ((content.get("margin") or {}).get("px") or 0.0)
+    parts += [f"{two_digits(100.0 * channel['reading_share'])} % of {channel['column']}{_of_before(channel['share'])}"
+              for channel in remainder.get("channels", ()) if channel["significant"]]
     if not parts:
         return None
     cause = _further(content, titles or {}, small) if content["verdict"] in ("single", "set", "multiple") else ""
@@ -155,51 +156,54 @@ def _nothing(content: Mapping) -> str:
 
 def _in_one(moved: Sequence[str]) -> str:
     """Shifts of parameters in one clause: its verb stands once."""
-    return _joined([moved[0], *(one.replace(f" {CAME_OUT} ", " ", 1) for one in moved[1:])])
+    return _joined([moved[0], *(clause.replace(f" {CAME_OUT} ", " ", 1) for clause in moved[1:])])
 
 
 def _causes(content: Mapping, titles: Mapping[str, str], sizes: bool) -> list[str]:
     """Selected candidates with their sizes; indistinguishable ones joined by "or"."""
-    found = []
-    for place, (title, one) in enumerate(_with_rounds(content, titles)):
-        if _is_formulation(content, one):
+    causes = []
+    for place, (title, entry) in enumerate(_with_rounds(content, titles)):
+        if _is_formulation(content, entry):
             continue
-        size = (new_values(content, one["new"], place) or size_of_grey(content, one["winner"])) if sizes else ""
-        others = [_titled(name, titles) for name in dict.fromkeys(one["equals"])]
-        found.append(_either([with_size(title, size), *others]))
-    return found
+        size = (new_values(content, entry["new"], place) or size_of_grey(content, entry["winner"])) if sizes else ""
+        equals = [_titled(name, titles) for name in dict.fromkeys(entry["equals"])]
+        causes.append(_either([with_size(title, size), *equals]))
+    return causes
 
 
 def _with_rounds(content: Mapping, titles: Mapping[str, str]) -> list[tuple[str, Mapping]]:
     """Titles of the selected candidates with their rounds."""
-    won = [one for one in content.get("rounds", ()) if one["winner"]]
+    won = [entry for entry in content.get("rounds", ()) if entry["winner"]]
     return [(title, won[place] if place < len(won) else {"equals": (), "new": None, "winner": None})
             for place, title in enumerate(selected_titles(content, titles))]
 
 
-def _is_formulation(content: Mapping, one: Mapping) -> bool:
+def _is_formulation(content: Mapping, entry: Mapping) -> bool:
     """Whether a selected candidate is no cause but in every specimen, as finite strains are, and stands next to causes.
 
     Next to a cause they belong to the description, alone they are the finding.
     """
-    others = [other for other in content.get("rounds", ()) if other["winner"] and other is not one]
-    return one["winner"] == NO_CAUSE and not one["equals"] and bool(others)
+    companions = [companion for companion in content.get("rounds", ())
+                  if companion["winner"] and companion is not entry]
+    return entry["winner"] == NO_CAUSE and not entry["equals"] and bool(companions)
 
 
 def moves(content: Mapping, of_model: str = "parameters_after") -> list[str]:
     """How the missing cause, or what the model neglects, had biased the parameters."""
-    before, after = content["model"]["parameters_before"], content["model"].get(of_model, {})
-    shown, found = short_names(after), []
-    for name, old in before.items():
-        new = after.get(name)
-        if new is None or None in (old["value"], old["std"], new["value"]) or not new["value"]:
+    identified, compared = content["model"]["parameters_before"], content["model"].get(of_model, {})
+    labels, shifts = short_names(compared), []
+    for name, biased in identified.items():
+        corrected = compared.get(name)
+        if corrected is None or None in (biased["value"], biased["std"], corrected["value"]) or not corrected["value"]:
             continue
-        if abs(new["value"] - old["value"]) > MIN_MOVE_STD * (new["std"] or old["std"]):
-            was, now = with_std(old["value"], None, old["unit"]), with_std(new["value"], new["std"], new["unit"])
-            unit = now[now.rfind(" "):] if new["unit"] else ""  # GPa of a value may be MPa of another one
-            found.append(f"{shown[name]} {CAME_OUT} {_too_much(old['value'] / new['value'])} "
-                         f"({was.removesuffix(unit) if unit else was} for {now})")
-    return found
+        if abs(corrected["value"] - biased["value"]) > MIN_MOVE_STD * (corrected["std"] or biased["std"]):
+            old_text = with_std(biased["value"], None, biased["unit"])
+            new_text = with_std(corrected["value"], corrected["std"], corrected["unit"])
+            # GPa of a value may be MPa of another one
+            unit = new_text[new_text.rfind(" "):] if corrected["unit"] else ""
+            shifts.append(f"{labels[name]} {CAME_OUT} {_too_much(biased['value'] / corrected['value'])} "
+                          f"({old_text.removesuffix(unit) if unit else old_text} for {new_text})")
+    return shifts
 
 
 def _too_much(ratio: float) -> str:
@@ -216,7 +220,7 @@ def per_cent(share: float | None) -> str:
 
 
 def _s(content: Mapping) -> str:
-    formal = [one for one in content.get("rounds", ()) if one["winner"] and _is_formulation(content, one)]
+    formal = [entry for entry in content.get("rounds", ()) if entry["winner"] and _is_formulation(content, entry)]
     return "s" if len(content["named"]) - len(formal) == 1 else ""
 
 

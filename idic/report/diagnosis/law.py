@@ -23,18 +23,18 @@ def window_courses(record: DiagnosisRecord) -> Picture | None:
         axes = np.atleast_1d(figure.subplots(len(curves), 1, sharex=True))
         for axis, curve in zip(axes, curves, strict=True):
             axis.axhline(0.0, color=GREY, lw=0.7)
-            _course(axis, at, curve.before, curve.before_std, curve.final, ORANGE, "before")
-            if curve.after is not None:
-                _course(axis, at, curve.after, curve.after_std, curve.final, BLUE, "after")
+            _course(axis, at, curve.value_before, curve.std_before, curve.final, ORANGE, "before")
+            if curve.value_after is not None:
+                _course(axis, at, curve.value_after, curve.std_after, curve.final, BLUE, "after")
             axis.set(ylabel=f"{curve.name} [%]")
         label_frames(axes[-1], f"window up to {record.time_label}")
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
         figure.align_ylabels(list(axes))
-        shown = "of the enriched model's value" if record.excess_after is not None else "of the identified value"
+        reference = "of the enriched model's value" if record.excess_after is not None else "of the identified value"
         return to_picture(figure, "diagnosis_windows", "Parameters over growing windows of frames",
-                      f"Deviation in per cent {shown} with 95 % intervals, fitted to the frames of the window alone "
-                      f"(first "
-                      "order). A parameter that compensates missing physics drifts; under a complete model it is flat.")
+                      f"Deviation in per cent {reference} with 95 % intervals, fitted to the frames of the window "
+                      "alone (first order). A parameter that compensates missing physics drifts; under a complete "
+                      "model it is flat.")
 
 
 def _course(axis, at, value, std, final, colour, label) -> None:
@@ -56,9 +56,9 @@ def _law(pair: LawPair) -> Picture:
         figure = new_figure(6.4, 3.6)
         axis = figure.subplots()
         strain = 100.0 * pair.strain
-        axis.plot(strain, pair.before, color=ORANGE, label=f"before: {pair.laws[0]}")
-        axis.plot(strain, pair.after, color=BLUE, label=f"after: {pair.laws[1]}")
-        axis.fill_between(strain, pair.before, pair.after, color=FAINT, alpha=0.6, lw=0)
+        axis.plot(strain, pair.stress_before, color=ORANGE, label=f"before: {pair.laws[0]}")
+        axis.plot(strain, pair.stress_after, color=BLUE, label=f"after: {pair.laws[1]}")
+        axis.fill_between(strain, pair.stress_before, pair.stress_after, color=FAINT, alpha=0.6, lw=0)
         axis.set(xlabel="nominal strain [%]", ylabel="nominal stress [MPa]", xlim=(0.0, strain[-1]))
         axis.legend(loc="best")
         return to_picture(figure, f"diagnosis_law_{pair.name}", f"Law of {pair.name}",

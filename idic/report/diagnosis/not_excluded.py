@@ -28,34 +28,34 @@ def not_excluded(diagnosis: Diagnosis, identified: Mapping[str, Mapping]) -> lis
     identified : per free parameter of the identified model its last value and std in the unit of the file, as in
     result.json
     """
-    won = [one for one in diagnosis.rounds if one.winner is not None]
-    near = [*_indistinguishable(won), *_untestable(won), *_near(won, diagnosis), *larger_models(won, diagnosis.verdict),
-            *_passed_over(diagnosis), *_waiting(diagnosis.rounds[-1])]
-    near = list({(entry["name"], entry["why"]): entry for entry in near}.values())
-    known = {entry["name"] for entry in near} | set(diagnosis.verdict.selected)
-    return near + [entry for entry in _hidden(diagnosis, identified) if entry["name"] not in known]
+    won = [entry for entry in diagnosis.rounds if entry.winner is not None]
+    entries = [*_indistinguishable(won), *_untestable(won), *_near(won, diagnosis),
+               *larger_models(won, diagnosis.verdict), *_passed_over(diagnosis), *_waiting(diagnosis.rounds[-1])]
+    entries = list({(entry["name"], entry["why"]): entry for entry in entries}.values())
+    names = {entry["name"] for entry in entries} | set(diagnosis.verdict.selected)
+    return entries + [entry for entry in _hidden(diagnosis, identified) if entry["name"] not in names]
 
 
 def _indistinguishable(won: Sequence[Round]) -> Iterator[dict[str, str]]:
-    for one in won:
-        for name in dict.fromkeys(one.equals):
+    for entry in won:
+        for name in dict.fromkeys(entry.equals):
             yield {"name": name, "why": "indistinguishable under this loading"}
 
 
 def _untestable(won: Sequence[Round]) -> Iterator[dict[str, str]]:
     """Rivals that this record cannot separate from a selected candidate."""
-    for one in won:
-        selected = one.winner.ranked.candidate
-        for rival, why in one.screening.untestable:
+    for entry in won:
+        selected = entry.winner.ranked.candidate
+        for rival, reason in entry.screening.untestable:
             if rival.name in selected.rivals or selected.name in rival.rivals:
-                yield {"name": rival.name, "why": why}
+                yield {"name": rival.name, "why": reason}
 
 
-def _waiting(last: Round) -> Iterator[dict[str, str]]:
+def _waiting(final_round: Round) -> Iterator[dict[str, str]]:
     """Candidates of grey values that are not tested because of unexplained motion, and what asks for a finer mesh."""
-    for candidate, why in last.screening.untestable:
-        if why == HIDDEN_BY_MOTION or why.startswith(MESH_TOO_COARSE):
-            yield {"name": candidate.name, "why": why}
+    for candidate, reason in final_round.screening.untestable:
+        if reason == HIDDEN_BY_MOTION or reason.startswith(MESH_TOO_COARSE):
+            yield {"name": candidate.name, "why": reason}
 
 
 def _near(won: Sequence[Round], diagnosis: Diagnosis) -> Iterator[dict[str, str]]:
@@ -63,22 +63,22 @@ def _near(won: Sequence[Round], diagnosis: Diagnosis) -> Iterator[dict[str, str]
     is_left = any(channel.is_significant for channel in diagnosis.remainder.channels)
     if not (is_left or diagnosis.verdict.after.excess_z > MIN_EXCESS_Z):
         return
-    for one in won:
-        winner = one.winner
+    for entry in won:
+        winner = entry.winner
         selected = winner.ranked.candidate
-        for rival in one.rivals:
-            other = rival.ranked.candidate
-            known = selected.rivals.get(other.name) or other.rivals.get(selected.name)
+        for rival in entry.rivals:
+            candidate = rival.ranked.candidate
+            relation = selected.rivals.get(candidate.name) or candidate.rivals.get(selected.name)
             share = (rival.achieved if rival.refitted.usable
                      else rival.predicted) / winner.achieved
-            if rival is winner or rival.name in one.equals or not share > (MIN_NEAR_SHARE if known
-                                                                           else MIN_OTHER_SHARE):
+            if rival is winner or rival.name in entry.equals or not share > (MIN_NEAR_SHARE if relation
+                                                                             else MIN_OTHER_SHARE):
                 continue
             reach = "explains" if rival.refitted.usable else "was predicted to explain"
             given_up = "" if rival.refitted.usable else " (its refit was given up)"
-            yield {"name": other.name,
+            yield {"name": candidate.name,
                    "why": f"{reach} {100.0 * min(share, 1.0):.0f} % of what {selected.title} explains{given_up}; a "
-                          f"part remains{f': {known}' if known else ''}"}
+                          f"part remains{f': {relation}' if relation else ''}"}
 
 
 def larger_models(won: Sequence[Round], verdict: Verdict) -> Iterator[dict[str, str]]:
@@ -87,10 +87,10 @@ def larger_models(won: Sequence[Round], verdict: Verdict) -> Iterator[dict[str, 
     settled = {entry["name"] for entry in verdict.excluded}
     if not verdict.after.excess_z > MIN_EXCESS_Z:
         return
-    for one in won:
-        winner = one.winner.ranked
-        refitted = {rival.ranked.key for rival in one.rivals}
-        for ranked in one.screening.significant:
+    for entry in won:
+        winner = entry.winner.ranked
+        refitted = {rival.ranked.key for rival in entry.rivals}
+        for ranked in entry.screening.significant:
             is_larger = winner.candidate.name in ranked.candidate.limits and ranked.material == winner.material
             if is_larger and ranked.key not in refitted and ranked.candidate.name not in settled:
                 yield {"name": ranked.candidate.name,
@@ -101,33 +101,33 @@ def larger_models(won: Sequence[Round], verdict: Verdict) -> Iterator[dict[str, 
 
 def _passed_over(diagnosis: Diagnosis) -> Iterator[dict[str, str]]:
     """A candidate that would explain too little more to be a further cause."""
-    last = diagnosis.rounds[-1]
-    if last.passed_over is not None and not holds(last.blocks):
-        yield {"name": last.passed_over.name,
+    final_round = diagnosis.rounds[-1]
+    if final_round.passed_over is not None and not holds(final_round.blocks):
+        yield {"name": final_round.passed_over.name,
                "why": "explains more of the blocks of the recording that it was fitted to, but not of the others"}
-    elif last.passed_over is not None:
-        drop = diagnosis.rounds[0].null.judgement.chi2 - last.passed_over.refitted.judgement.chi2
-        yield {"name": last.passed_over.name, "why":
-               f"as a further cause it would explain {100.0 * last.passed_over.heldout / drop:.2g} % of the whole; "
-               f"so little may be an error of the selected model"}
+    elif final_round.passed_over is not None:
+        drop = diagnosis.rounds[0].null.judgement.chi2 - final_round.passed_over.refitted.judgement.chi2
+        yield {"name": final_round.passed_over.name, "why":
+               f"as a further cause it would explain {100.0 * final_round.passed_over.heldout / drop:.2g} % of the "
+               f"whole; so little may be an error of the selected model"}
 
 
 def _hidden(diagnosis: Diagnosis, identified: Mapping[str, Mapping]) -> list[dict[str, str]]:
     """Candidates that this test cannot detect, whose plausible size would change an identified parameter."""
     stds = {name: entry["std"] * abs(diagnosis.identification.parameters[name].factor)
             for name, entry in identified.items() if entry["std"]}
-    shown = short_names(list(stds))
-    found = []
+    labels = short_names(list(stds))
+    entries = []
     for ranked in diagnosis.rounds[-1].screening.ranked:
         shift = hidden_shift(ranked, stds) if ranked.standing == "cannot_tell" else None
         if shift is not None:
             name, size, in_std = shift
             share = size / (identified[name]["value"] * diagnosis.identification.parameters[name].factor or np.inf)
-            found.append((abs(in_std), {"name": ranked.candidate.name, "why":
-                          f"{probe_words(ranked.variant)} would not show and would move {shown[name]} by "
-                          f"{'+' if share > 0 else '−'}{two_digits(100.0 * abs(share))} % ({two_digits(abs(in_std))} "
-                          f"standard deviations)"}))
-    return [entry for _, entry in sorted(found, key=lambda one: -one[0])][:MAX_HIDDEN]
+            entries.append((abs(in_std), {"name": ranked.candidate.name, "why":
+                            f"{probe_words(ranked.variant)} would not show and would move {labels[name]} by "
+                            f"{'+' if share > 0 else '−'}{two_digits(100.0 * abs(share))} % ({two_digits(abs(in_std))} "
+                            f"standard deviations)"}))
+    return [entry for _, entry in sorted(entries, key=lambda pair: -pair[0])][:MAX_HIDDEN]
 
 
 def hidden_shift(ranked: Ranked, stds: Mapping[str, float]) -> tuple[str, float, float] | None:

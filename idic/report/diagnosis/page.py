@@ -53,11 +53,11 @@ def draw_diagnosis_sections(record: DiagnosisRecord, notes: Notes) -> tuple[Sect
 def render_diagnosis_page(record: DiagnosisRecord, sections: tuple[Section, ...] | None = None) -> str:
     """The HTML text; `sections` from `draw_sections`, drawn here if not given."""
     content = record.content
-    rest = content["sentence"].partition(" Next: ")[2]
+    next_test = content["sentence"].partition(" Next: ")[2]
     bounded = {entry["name"] for entry in content["excluded"]}
     return filled_in(
         "diagnosis.html.j2", title=record.title, first=content["headline"],
-        rest=[rest.removesuffix(".")] if rest else [], left_over=content.get("left_over"),
+        rest=[next_test.removesuffix(".")] if next_test else [], left_over=content.get("left_over"),
         not_excluded=content.get("not_excluded", ()),
         facts=_facts(content), sure=is_sure(content),
         cautions=content.get("cautions", ()),
@@ -71,7 +71,7 @@ def render_diagnosis_page(record: DiagnosisRecord, sections: tuple[Section, ...]
 def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:
     """Label, value, and whether it is good news, bad news or neither."""
     fit, mismatch = content["fit"], content["mismatch"]
-    after, std = fit["heldout_excess_after"], fit["heldout_excess_std"]
+    excess_after, std = fit["heldout_excess_after"], fit["heldout_excess_std"]
     facts: list[tuple[str, str, bool | None]] = [("verdict", VERDICTS[content["verdict"]], _news(content)),
              ("probability under noise alone", p_text(mismatch["p_value"]), None),
              ("residual motion before", f"{mismatch['effect_px_rms']:.2g} px rms{_within_margin(mismatch)}", None),
@@ -84,9 +84,9 @@ def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:
               if margin["px"] > margin["assumed_px"] else "assumed, above that of the images at rest")
     facts.append(("practical margin", f"{margin['px']:.2g} px, {source}", None))
     if content["named"]:
-        shown = fit["heldout_excess_before"] > 5.0 * std  # of noise nothing is gained
-        facts.append(("held-out excess after", number_text(after, std),
-                      after < 0.1 * fit["heldout_excess_before"] + 5.0 * std if shown else None))
+        beyond_noise = fit["heldout_excess_before"] > 5.0 * std  # of noise nothing is gained
+        facts.append(("held-out excess after", number_text(excess_after, std),
+                      excess_after < 0.1 * fit["heldout_excess_before"] + 5.0 * std if beyond_noise else None))
         if fit["explainable_share_recovered"] is not None:
             share = fit["explainable_share_recovered"]
             faint = share > 0.7 and (mismatch.get("located") is False or bool(content.get("left_over")))  # no good news
@@ -113,14 +113,14 @@ def _within_margin(mismatch: Mapping) -> str:
 
 
 def _parameters(content: Mapping) -> list[dict]:
-    before, after = content["model"]["parameters_before"], content["model"]["parameters_after"]
+    identified, enriched = content["model"]["parameters_before"], content["model"]["parameters_after"]
     real = content["model"]["parameters_of_real_body"]
-    shown = short_names({**before, **after})
+    labels = short_names({**identified, **enriched})
     rows = []
-    for name in {**before, **after}:
-        old, new = before.get(name), after.get(name)
-        rows.append({"name": shown[name], "unit": (new or old)["unit"] or "–", "before": _value(old),
-                     "after": _value(new), "real": _value(real.get(name))})
+    for name in {**identified, **enriched}:
+        old_entry, new_entry = identified.get(name), enriched.get(name)
+        rows.append({"name": labels[name], "unit": (new_entry or old_entry)["unit"] or "–", "before": _value(old_entry),
+                     "after": _value(new_entry), "real": _value(real.get(name))})
     return rows
 
 

@@ -21,8 +21,8 @@ class Curve:
     name: str
     unit: str
     measured: np.ndarray
-    before: np.ndarray
-    after: np.ndarray | None
+    simulated_before: np.ndarray
+    simulated_after: np.ndarray | None
     std: float
 
 

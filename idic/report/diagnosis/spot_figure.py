@@ -18,14 +18,14 @@ MAX_SHOWN, AROUND_RADII, MIN_HALF_PX = 4, 5.0, 14  # spots; half the width of a 
 def spot_picture(experiment: Experiment, spots: Sequence[Spot]) -> Picture:
     """Cut-outs of the reference image and of a later frame around the largest spots."""
     model = experiment.model
-    shown = spots[:MAX_SHOWN]
+    largest = spots[:MAX_SHOWN]
     with look():
-        figure = new_figure(6.0, 2.7 * len(shown))
-        axes = figure.subplots(len(shown), 2, squeeze=False)
-        for row, spot in zip(axes, shown, strict=True):
-            last = model.n_frames - 1
-            later = spot.first or last // 2 + 1
-            for axis, frame in zip(row, (model.reference, min(later, last)), strict=True):
+        figure = new_figure(6.0, 2.7 * len(largest))
+        axes = figure.subplots(len(largest), 2, squeeze=False)
+        for row, spot in zip(axes, largest, strict=True):
+            final_frame = model.n_frames - 1
+            later = spot.first or final_frame // 2 + 1
+            for axis, frame in zip(row, (model.reference, min(later, final_frame)), strict=True):
                 image, half = experiment.recording.stack.frame(frame), max(AROUND_RADII * spot.radius_px, MIN_HALF_PX)
                 axis.imshow(image, cmap="gray", vmin=np.nanmin(image), vmax=np.nanmax(image), interpolation="nearest")
                 axis.add_patch(Circle((spot.column, spot.row), spot.radius_px + 1.0, fill=False, color=RED))

@@ -82,8 +82,8 @@ class WhereRecord:
 
 def pictures(record: WhereRecord) -> tuple[Picture, ...]:
     """Those that have something to show."""
-    made = (source_map(record), active_map(record), amplitude_course(record), loop(record), side_chart(record))
-    return tuple(picture for picture in made if picture is not None)
+    candidates = (source_map(record), active_map(record), amplitude_course(record), loop(record), side_chart(record))
+    return tuple(picture for picture in candidates if picture is not None)
 
 
 def source_map(record: WhereRecord) -> Picture | None:
@@ -97,9 +97,9 @@ def source_map(record: WhereRecord) -> Picture | None:
         axis = figure.subplots()
         if record.reference is not None:
             axis.imshow(record.reference, cmap="gray", alpha=0.75)
-        shown = np.flatnonzero((record.p < 0.01) & (record.statistic > 0.1 * record.statistic.max()))
+        strong = np.flatnonzero((record.p < 0.01) & (record.statistic > 0.1 * record.statistic.max()))
         norm = LogNorm(max(0.1 * record.statistic.max(), 1.0), max(record.statistic.max(), MIN_COLOUR_LIMIT))
-        cloud = PolyCollection([record.outlines[e] for e in shown], array=record.statistic[shown], cmap=SEQUENTIAL,
+        cloud = PolyCollection([record.outlines[e] for e in strong], array=record.statistic[strong], cmap=SEQUENTIAL,
                                norm=norm, alpha=0.75, linewidths=0)
         axis.add_collection(cloud)
         since = record.since[record.source_elements]
@@ -119,12 +119,12 @@ def source_map(record: WhereRecord) -> Picture | None:
         return to_picture(figure, "diagnosis_where", "Adjoint source map", record.words.get("where", ""))
 
 
-def _extent(record: WhereRecord, always: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
+def _extent(record: WhereRecord, required: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
     """Corners of the shown region, and width and height of the figure, inches; always : elements that must be in it"""
-    seen = range(record.blind.size)
+    elements = range(record.blind.size)
     if record.section and not record.blind.all():
-        seen = np.union1d(np.flatnonzero(~record.blind), always)
-    corners = np.concatenate([record.outlines[e] for e in seen])
+        elements = np.union1d(np.flatnonzero(~record.blind), required)
+    corners = np.concatenate([record.outlines[e] for e in elements])
     low, high = corners.min(axis=0), corners.max(axis=0)
     if record.section:
         return low, high, (10.0, 3.4)
@@ -160,8 +160,8 @@ def active_map(record: WhereRecord) -> Picture | None:
             axis.imshow(record.reference, cmap="gray", alpha=0.75)
         cloud = PolyCollection([record.outlines[e] for e in acting], array=record.since_active[acting].astype(float),
                                cmap=SEQUENTIAL, edgecolors="white", linewidths=0.3)
-        first, last = record.since_active[acting].min(), record.since_active[acting].max()
-        cloud.set_clim(first, max(last, first + 1))
+        earliest, latest = record.since_active[acting].min(), record.since_active[acting].max()
+        cloud.set_clim(earliest, max(latest, earliest + 1))
         axis.add_collection(cloud)
         _frame_axis(axis, record, low, high)
         verb = record.words.get("active", "acts")
@@ -169,7 +169,7 @@ def active_map(record: WhereRecord) -> Picture | None:
                         ticks=MaxNLocator(8, integer=True))
         return to_picture(figure, "diagnosis_active", "Active elements of the selected law",
                       f"The law acts in {len(acting)} of {len(record.since_active)} elements of the enriched model, in "
-                      f"the first ones from frame {first} on.")
+                      f"the first ones from frame {earliest} on.")
 
 
 def amplitude_course(record: WhereRecord) -> Picture | None:
@@ -193,12 +193,12 @@ def amplitude_course(record: WhereRecord) -> Picture | None:
         label_frames(axis, record.time_label)
         lines, labels = axis.get_legend_handles_labels()
         if record.load is not None:
-            other = axis.twinx()
-            other.plot(record.times, record.load, color=GREY, lw=1.0, ls="--", label=record.load_label)
-            other.set_ylabel(record.load_label)
-            other.grid(False)
-            other.spines["right"].set_visible(True)
-            more = other.get_legend_handles_labels()
+            load_axis = axis.twinx()
+            load_axis.plot(record.times, record.load, color=GREY, lw=1.0, ls="--", label=record.load_label)
+            load_axis.set_ylabel(record.load_label)
+            load_axis.grid(False)
+            load_axis.spines["right"].set_visible(True)
+            more = load_axis.get_legend_handles_labels()
             lines, labels = lines + more[0], labels + more[1]
         figure.legend(lines, labels, loc="outside upper left", ncols=4)
         return to_picture(figure, "diagnosis_when", "Onset of the mismatch", record.words.get("when", ""))
@@ -223,19 +223,19 @@ def loop(record: WhereRecord) -> Picture | None:
 
 def side_chart(record: WhereRecord) -> Picture | None:
     """Share of the explainable excess that each level of the nested tests recovers."""
-    shown = [name for name in LEVELS if np.isfinite(record.shares.get(name, np.nan))]
-    if not shown:
+    levels = [name for name in LEVELS if np.isfinite(record.shares.get(name, np.nan))]
+    if not levels:
         return None
     with look():
-        figure = new_figure(8.0, 0.42 * len(shown) + 1.2)
+        figure = new_figure(8.0, 0.42 * len(levels) + 1.2)
         axis = figure.subplots()
-        for row, name in enumerate(reversed(shown)):
+        for row, name in enumerate(reversed(levels)):
             share = record.shares[name]
             axis.barh(row, 100.0 * share, color=COLOURS[name], height=0.6,
                       edgecolor=RED if name == record.side else "none", linewidth=1.5)
             axis.annotate(f"{100.0 * share:.0f} %", (100.0 * max(share, 0.0), row), (4, 0), va="center",
                           textcoords="offset points", fontsize=8)
-        axis.set_yticks(range(len(shown)), [LEVELS[name] for name in reversed(shown)])
+        axis.set_yticks(range(len(levels)), [LEVELS[name] for name in reversed(levels)])
         axis.set(xlabel="share of what any smooth motion explains [%]", xlim=(0, 115))
         axis.grid(False, axis="y")
         if record.side in LEVELS:

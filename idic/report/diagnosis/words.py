@@ -33,11 +33,11 @@ def sentence(content: Mapping, titles: Mapping[str, str]) -> str:
     """
     word = content["verdict"]
     if word == "none":
-        left = "is noise"
+        remainder = "is noise"
         if (content.get("margin") or {}).get("camera_floor_px"):
-            left = f"is {NOISE_AT_REST}"
+            remainder = f"is {NOISE_AT_REST}"
         matters = "matters" if below_margin(content) else "is significant"
-        return (f"No candidate {matters}: the residual of images and channels {left} "
+        return (f"No candidate {matters}: the residual of images and channels {remainder} "
                 f"({len(content['candidates'])} candidates tested{_bounds(content)}).")
     if word == "blind":
         return _blind(content) + _next(content)
@@ -58,8 +58,8 @@ def is_sure(content: Mapping) -> bool:
 
 def strongest(content: Mapping, number: int) -> list[Mapping]:
     """The first candidates, the selected ones, and those that are indistinguishable from them."""
-    kept = set(content["named"]).union(*content["indistinguishable"])
-    return [c for k, c in enumerate(content["candidates"]) if k < number or c["name"] in kept]
+    names = set(content["named"]).union(*content["indistinguishable"])
+    return [c for k, c in enumerate(content["candidates"]) if k < number or c["name"] in names]
 
 
 def name_of_best(content: Mapping) -> str:
@@ -81,7 +81,7 @@ def standing_of(content: Mapping, entry: Mapping, otherwise: str) -> str:
     if not _screened(content) or entry["standing"] not in ("significant", "small", "inadmissible"):
         return otherwise
     best = "nearest" if content["verdict"] == "outside_library" else "selected"
-    if entry["name"] in {one["name"] for one in content["excluded"]}:
+    if entry["name"] in {exclusion["name"] for exclusion in content["excluded"]}:
         return f"excluded beside the {best} cause"
     return f"not visible beside the {best} cause" if entry["name"] in content["cannot_tell"] else otherwise
 
@@ -126,9 +126,9 @@ def _selected(content: Mapping, titles: Mapping[str, str]) -> str:
     for place, title in enumerate(selected_titles(content, titles)):
         values = new_values(content, won[place]["new"] if place < len(won) else None, place)
         heads.append(with_size(title, values))
-    what = f"{100.0 * share:.3g} % of the explainable residual" if share is not None else "the channels"
+    amount = f"{100.0 * share:.3g} % of the explainable residual" if share is not None else "the channels"
     listed = " and ".join(heads) if len(heads) < 3 else ", ".join(heads[:-1]) + f", and {heads[-1]}"
-    return f"{listed} {verb} {what}"
+    return f"{listed} {verb} {amount}"
 
 
 def with_size(title: str, size: str) -> str:
@@ -148,12 +148,12 @@ def size_of_grey(content: Mapping, name: str | None) -> str:
 
 
 def _won(content: Mapping) -> list[Mapping]:
-    return [one for one in content.get("rounds", ()) if one["winner"]]
+    return [entry for entry in content.get("rounds", ()) if entry["winner"]]
 
 
 def selected_titles(content: Mapping, titles: Mapping[str, str]) -> list[str]:
     """Titles of the selected candidates, each in its own form: an inclusion, then a gradient."""
-    forms = [one.get("form") for one in _won(content)]
+    forms = [entry.get("form") for entry in _won(content)]
     return [_title(content, titles, name, forms[k] if k < len(forms) else None)
             for k, name in enumerate(content["named"])]
 
@@ -166,32 +166,32 @@ def _title(content: Mapping, titles: Mapping[str, str], name: str, form: str | N
 
 def new_values(content: Mapping, names: Sequence[str] | None, number: int) -> str:
     """Values of the parameters of a candidate; names : None counts all new parameters to the first candidate."""
-    before, after = content["model"]["parameters_before"], content["model"]["parameters_after"]
+    identified, enriched = content["model"]["parameters_before"], content["model"]["parameters_after"]
     if names is None:
-        names = () if number else [n for n in after if n not in before]
-    added = {n: after[n] for n in names if n in after}
-    shown = {n: _of_cause(said) for n, said in short_names(after).items()}
+        names = () if number else [n for n in enriched if n not in identified]
+    added = {n: enriched[n] for n in names if n in enriched}
+    labels = {n: _of_cause(label) for n, label in short_names(enriched).items()}
     stems = dict.fromkeys(_stem(n) for n in added if n.endswith("]"))
-    courses = {stem: {n: p for n, p in after.items() if n.endswith("]") and _stem(n) == stem} for stem in stems}
+    courses = {stem: {n: p for n, p in enriched.items() if n.endswith("]") and _stem(n) == stem} for stem in stems}
     courses = {stem: course for stem, course in courses.items() if len(course) >= MIN_COURSE_UNKNOWNS
                or stem.endswith(("_knot", "_jump"))}
-    said = [f"{shown[n]} "
-            + (with_std(p["value"], p["std"], p["unit"]) if p["std"] else "not determined")
-            for n, p in added.items() if _stem(n) not in courses and not _is_open(n, p)]
-    left_open = [f"{shown[n]} ≈ {with_std(_two_digits(p['value']), None, p['unit'])}"
+    texts = [f"{labels[n]} "
+             + (with_std(p["value"], p["std"], p["unit"]) if p["std"] else "not determined")
+             for n, p in added.items() if _stem(n) not in courses and not _is_open(n, p)]
+    left_open = [f"{labels[n]} ≈ {with_std(_two_digits(p['value']), None, p['unit'])}"
                  for n, p in added.items() if _stem(n) not in courses and _is_open(n, p)]
-    parts = [*said, *(_course(stem, course) for stem, course in courses.items())]
+    parts = [*texts, *(_course(stem, course) for stem, course in courses.items())]
     return ", ".join([*parts, *([f"{', '.join(left_open)}, not determined"] if left_open else [])])
 
 
 def _of_cause(name: str) -> str:
     """A parameter of a cause beside its title: ``boundary.RIGHT.x.seating`` is ``seating of RIGHT in ux``."""
-    head, *others = name.split(".")
-    if head == "boundary" and len(others) == 3:
-        return f"{others[2].replace('_', ' ')} of {others[0]} in u{others[1]}"
-    if head == "channel" and len(others) == 2:
-        return f"{others[1].replace('_', ' ')} of {others[0]}"
-    return (".".join(others) if head in SAID_BY_TITLE and others else name).removesuffix("_deg").replace("_", " ")
+    head, *parts = name.split(".")
+    if head == "boundary" and len(parts) == 3:
+        return f"{parts[2].replace('_', ' ')} of {parts[0]} in u{parts[1]}"
+    if head == "channel" and len(parts) == 2:
+        return f"{parts[1].replace('_', ' ')} of {parts[0]}"
+    return (".".join(parts) if head in SAID_BY_TITLE and parts else name).removesuffix("_deg").replace("_", " ")
 
 
 def _two_digits(value: float) -> float:
@@ -210,23 +210,23 @@ def _stem(name: str) -> str:
 def _course(stem: str, entries: Mapping[str, Mapping]) -> str:
     """Unknowns of many frames: root mean square and largest value."""
     name = stem.removesuffix("_at").removesuffix("_knot").removesuffix("_jump")
-    what = name.replace(".", " ").replace("_", " ") if name.startswith("camera.") else _of_cause(name)
-    known = {name: p for name, p in entries.items() if p["std"]}
-    if not known:
-        return f"{what} not determined"
-    largest = max(known, key=lambda name: abs(known[name]["value"]))
-    std, unit = min(p["std"] for p in known.values()), known[largest]["unit"]
+    title = name.replace(".", " ").replace("_", " ") if name.startswith("camera.") else _of_cause(name)
+    determined = {name: p for name, p in entries.items() if p["std"]}
+    if not determined:
+        return f"{title} not determined"
+    largest = max(determined, key=lambda name: abs(determined[name]["value"]))
+    std, unit = min(p["std"] for p in determined.values()), determined[largest]["unit"]
     if stem.endswith("_jump"):
         jumps = [f"{with_std(p['value'], p['std'], unit)} in frame {frame_of(name)}"
-                 for name, p in sorted(known.items(), key=lambda one: int(frame_of(one[0])))]
-        return f"{what} by {' and '.join(jumps) if len(jumps) < 3 else ', '.join(jumps[:-1]) + ' and ' + jumps[-1]}"
+                 for name, p in sorted(determined.items(), key=lambda pair: int(frame_of(pair[0])))]
+        return f"{title} by {' and '.join(jumps) if len(jumps) < 3 else ', '.join(jumps[:-1]) + ' and ' + jumps[-1]}"
     if stem.endswith("_knot"):  # a course that is zero at other knots
-        supposed = f", for an expansion of {SUPPOSED_EXPANSION_PER_K:g} per K" if what == TEMPERATURE else ""
-        return (f"{what} {with_std(known[largest]['value'], known[largest]['std'], unit)} at most, in frame "
+        supposed = f", for an expansion of {SUPPOSED_EXPANSION_PER_K:g} per K" if title == TEMPERATURE else ""
+        return (f"{title} {with_std(determined[largest]['value'], determined[largest]['std'], unit)} at most, in frame "
                 f"{frame_of(largest)}{supposed}")
-    rms = math.sqrt(sum(p["value"] ** 2 for p in known.values()) / len(known))
-    most = number_text(known[largest]["value"], std)
-    return (f"{what} {number_text(rms, std)} {unit} rms, {most} {unit} at most in frame "
+    rms = math.sqrt(sum(p["value"] ** 2 for p in determined.values()) / len(determined))
+    most = number_text(determined[largest]["value"], std)
+    return (f"{title} {number_text(rms, std)} {unit} rms, {most} {unit} at most in frame "
             f"{frame_of(largest)}")
 
 
@@ -237,26 +237,26 @@ def frame_of(name: str) -> str:
 
 def _moves(content: Mapping) -> list[str]:
     """Parameters whose value the missing physics had biased."""
-    before, after = content["model"]["parameters_before"], content["model"]["parameters_after"]
-    shown, found = short_names(after), []
-    for name, old in before.items():
-        new = after.get(name)
-        if new is None or old["value"] is None or old["std"] is None:
+    identified, enriched = content["model"]["parameters_before"], content["model"]["parameters_after"]
+    labels, shifts = short_names(enriched), []
+    for name, biased in identified.items():
+        corrected = enriched.get(name)
+        if corrected is None or biased["value"] is None or biased["std"] is None:
             continue
-        if abs(new["value"] - old["value"]) > MIN_MOVE_STD * (new["std"] or old["std"]):
-            found.append(f"{shown[name]} moves from {with_std(old['value'], old['std'], old['unit'])} to "
-                         f"{with_std(new['value'], new['std'], new['unit'])}")
-    return found
+        if abs(corrected["value"] - biased["value"]) > MIN_MOVE_STD * (corrected["std"] or biased["std"]):
+            shifts.append(f"{labels[name]} moves from {with_std(biased['value'], biased['std'], biased['unit'])} to "
+                          f"{with_std(corrected['value'], corrected['std'], corrected['unit'])}")
+    return shifts
 
 
 def _open(content: Mapping, titles: Mapping[str, str]) -> list[str]:
     """Groups of indistinguishable candidates; a name that stands twice is the same physics in two materials."""
-    found = []
+    groups = []
     for group in content["indistinguishable"]:
-        said = [_title(content, titles, name) + (" (in one material or another)" if group.count(name) > 1 else "")
-                for name in dict.fromkeys(group)]
-        found.append(f"{' and '.join(said)} are indistinguishable under this loading")
-    return found
+        members = [_title(content, titles, name) + (" (in one material or another)" if group.count(name) > 1 else "")
+                   for name in dict.fromkeys(group)]
+        groups.append(f"{' and '.join(members)} are indistinguishable under this loading")
+    return groups
 
 
 def _blind(content: Mapping) -> str:
@@ -281,16 +281,16 @@ def _outside(content: Mapping, titles: Mapping[str, str]) -> str:
 def side_in_words(content: Mapping) -> str:
     """Where an unexplained part probably comes from."""
     sides = [SIDE_WORDS.get(content["mismatch"].get(key)) for key in ("side", "located_side")]
-    left = content.get("unexplained", ())
-    if left and MOTION not in left:
+    unexplained = content.get("unexplained", ())
+    if unexplained and MOTION not in unexplained:
         sides.append(SIDE_WORDS["force"])
     return " or ".join(side for side in dict.fromkeys(sides) if side) or "the images"
 
 
 def _unexplained(content: Mapping) -> str:
     """What is unexplained: motion, readings of channels."""
-    return " and ".join(what if what == MOTION else f"a reading of {what}"
-                        for what in content.get("unexplained", ())) or MOTION
+    return " and ".join(quantity if quantity == MOTION else f"a reading of {quantity}"
+                        for quantity in content.get("unexplained", ())) or MOTION
 
 
 def when_and_where(content: Mapping, sizes: bool = False, visible: bool = True) -> str:
@@ -317,15 +317,15 @@ def _when_where(content: Mapping, with_place: bool = True, with_visible: bool = 
         when = began
     elif onset == 0 and (visible or 0) > 1:
         when += f" (more than noise from frame {visible} on)"
-    where = f"{place}" if place else ""
-    head = ", ".join(part for part in (when, where) if part)
+    location = f"{place}" if place else ""
+    head = ", ".join(part for part in (when, location) if part)
     return f"{head}: " if head else ""
 
 
 def _began(content: Mapping) -> str:
     """Since when the amplitude of a single selected cause differs from zero, "" where it has no course or from the
     start."""
-    first = [one["onset_frames"] for one in content.get("courses") or () if one.get("onset_frames")]
+    first = [course["onset_frames"] for course in content.get("courses") or () if course.get("onset_frames")]
     if len(content["named"]) != 1 or not first:
         return ""
     last_at_zero, visible = min(first)
@@ -337,7 +337,7 @@ def _began(content: Mapping) -> str:
 
 def _bounds(content: Mapping) -> str:
     unseen = set(content["cannot_tell"])
-    n, m = len({one["name"] for one in content["excluded"]} - unseen), len(unseen)
+    n, m = len({exclusion["name"] for exclusion in content["excluded"]} - unseen), len(unseen)
     k, small = len(set(unconfirmed(content))), len(set(below_margin(content)))
     return ((f", {n} of them excluded with a bound" if n else "") + (f", {m} that this test cannot see" if m else "")
             + (f", {k} significant by the score but not by the refit" if k else "")
