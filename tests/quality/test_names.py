@@ -21,7 +21,7 @@ BANNED = {  # as the whole name of a value; the noun is the residual, the candid
 MOST = {
     "idic.correlation": 212, "idic.diagnose": 96, "idic.draw": 1, "idic.errors": 4, "idic.experiment_file": 4,
     "idic.identification": 1, "idic.model": 1, "idic.notebook": 3, "idic.parameters": 1, "idic.report": 125,
-    "idic.run": 295, "idic_flows": 39, "idic_studies": 22,
+    "idic.run": 10, "idic_flows": 39, "idic_studies": 22,
 }
 
 
