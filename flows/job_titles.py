@@ -34,7 +34,7 @@ def titles_of(jobs: Sequence[Any], names: Sequence[str], name_run: bool = False)
         elif isinstance(job, CorrelationJob):
             begun[job.run, job.evaluation] += 1
             number, of = begun[job.run, job.evaluation], chunks[job.run, job.evaluation]
-            frames = f"frame {job.first}" if job.last - job.first == 1 else f"frames {job.first}-{job.last - 1}"
+            frames = f"frame {job.first}" if job.stop - job.first == 1 else f"frames {job.first}-{job.stop - 1}"
             titles.append(f"{heading} {frames}, chunk {number} of {of}")
         else:
             titles.append(name)

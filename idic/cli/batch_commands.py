@@ -47,7 +47,7 @@ def batch(
         refuse_store(store, "batch")
         settings = read_overrides(overrides)
         with start_server(), progress_view(terminal(stderr=True), out, STAGES) as view:
-            callbacks = Console(view.stage, view.tasks, dashboards=view.dashboards, said=view.said)
+            callbacks = Console(view.stage, view.tasks, dashboards=view.dashboards, remark=view.said)
             content = identify_batch(experiments, out, starts=starts, spread=spread, seed=seed, resume=resume,
                                      overrides=settings, sensitivity=sensitivity.value, console=callbacks,
                                      workplace=Workplace(workers, scheduler, memory_limit),

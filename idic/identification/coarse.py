@@ -78,18 +78,18 @@ def coarse_fit(experiment: Experiment, u_px: np.ndarray | None, values: Mapping[
     values : where to begin, internal units
     simplified : on a mesh of fewer elements
     """
-    asked = experiment.model.parameters.with_free(first_free(experiment))  # the others keep their values
-    setup = _prepare(experiment.with_parameters(asked), u_px, simplified)
-    here = {**setup.experiment.model.parameters.as_values(), **values}
+    parameters = experiment.model.parameters.with_free(first_free(experiment))  # the others keep their values
+    setup = _prepare(experiment.with_parameters(parameters), u_px, simplified)
+    start_values = {**setup.experiment.model.parameters.as_values(), **values}
     options = replace(setup.experiment.options, max_iterations=evaluations, estimator="ordinary", schedule="all",
                       search="never", step_limit=None, trial_steps=1)
-    there = setup.experiment.with_parameters(setup.experiment.model.parameters.with_values(here))
-    setup = replace(setup, experiment=replace(there, stages=(Stage("all"),), options=options))
+    start_experiment = setup.experiment.with_parameters(setup.experiment.model.parameters.with_values(start_values))
+    setup = replace(setup, experiment=replace(start_experiment, stages=(Stage("all"),), options=options))
     points = MemoryPoints(setup.experiment, setup.weights.image_noise, start(setup.experiment), _Point(None, None, 0.0),
                           partial(_evaluate, setup))
     state, end = run_loop(points), points.point
     if end.evaluation is None:
-        return CoarseFit(here, np.inf, setup.points, state.evaluations, 0.0)
+        return CoarseFit(start_values, np.inf, setup.points, state.evaluations, 0.0)
     return CoarseFit(state.accepted.values, end.evaluation.system.phi, setup.points, state.evaluations, end.part)
 
 
@@ -159,9 +159,9 @@ def coarse_frames(model: Model) -> list[int]:
     """The simulated frames: the reference and at most `MAX_FRAMES` evenly after it, with the last one."""
     if model.camera.motion is not None:
         return list(range(model.n_frames))  # its courses are known by the number of the frame
-    first, last = model.reference, model.n_frames - 1
-    number = min(last - first, MAX_FRAMES)
-    return np.unique(np.rint(np.linspace(first, last, number + 1)).astype(int)).tolist()
+    first, end = model.reference, model.n_frames - 1
+    number = min(end - first, MAX_FRAMES)
+    return np.unique(np.rint(np.linspace(first, end, number + 1)).astype(int)).tolist()
 
 
 def _evaluate(setup: _Setup, state: LoopState, accepted: _Point) -> _Point:
@@ -173,7 +173,7 @@ def _evaluate(setup: _Setup, state: LoopState, accepted: _Point) -> _Point:
     times = experiment.model.times[experiment.model.reference:]
     farthest, problem = [], None
     for frozen in tried_increments(forward, times, None, accepted.steps):
-        came, taken, problem = _simulate(setup, parameters, frozen)
+        came, step_times, problem = _simulate(setup, parameters, frozen)
         farthest = max(farthest, came, key=len)
         if problem is None:
             break
@@ -183,10 +183,10 @@ def _evaluate(setup: _Setup, state: LoopState, accepted: _Point) -> _Point:
     system = reduce_systems([_frame(context, response, setup.u_px[response.frame], setup.local[response.frame])
                              for response in (*farthest, *still)])
     nothing = np.zeros((len(system.names),) * 2)
-    increments = 0 if still else len(taken)
+    increments = 0 if still else len(step_times)
     evaluation = Evaluation(state.evaluations, replace(system, shared=dense(system.shared)[:0]), nothing,
                             increments=increments)
-    return _Point(evaluation, None if still else np.array(taken), (len(farthest) - 1) / max(len(times) - 1, 1))
+    return _Point(evaluation, None if still else np.array(step_times), (len(farthest) - 1) / max(len(times) - 1, 1))
 
 
 def _simulate(setup: _Setup, parameters: ParameterSet,
@@ -194,22 +194,23 @@ def _simulate(setup: _Setup, parameters: ParameterSet,
     """The frames that a simulation reaches, the reference first, its increments, and why it stopped (None: at the
     end)."""
     experiment, forward = setup.experiment, setup.forward
-    came, taken = [], ()
+    came, step_times = [], ()
     try:
         for at in forward.march(parameters, setup.moving, setup.local, frozen, forward.drives.n_local > 0):
-            taken = at.steps.times
+            step_times = at.steps.times
             came.append(FrameResponse(at.frame + experiment.model.reference, at.seen_u, at.channels, at.seen_du,
                                       at.dchannels,
                                       at.local_du, at.local_dchannels))
     except NotConverged as problem:
-        return came, taken, problem
-    return came, taken, None
+        return came, step_times, problem
+    return came, step_times, None
 
 
-def _standing(last: FrameResponse, frame: int) -> FrameResponse:
-    """A later frame of a simulation that broke down: as its last one, independent of the parameters."""
-    nothing = {name: np.zeros_like(getattr(last, name)) for name in ("du", "dchannels", "local_du", "local_dchannels")}
-    return replace(last, frame=frame, **nothing)
+def _standing(response: FrameResponse, frame: int) -> FrameResponse:
+    """A later frame of a simulation that broke down: as the last one, `response`, independent of the parameters."""
+    nothing = {name: np.zeros_like(getattr(response, name))
+               for name in ("du", "dchannels", "local_du", "local_dchannels")}
+    return replace(response, frame=frame, **nothing)
 
 
 def _frame(context: CorrelationContext, response: FrameResponse, u_px: np.ndarray,
@@ -221,8 +222,8 @@ def _frame(context: CorrelationContext, response: FrameResponse, u_px: np.ndarra
     columns = np.hstack([global_columns(context, response), view.columns(nodes, response.u, response.local_du)])
     gap = u_px.ravel() - view.motion(nodes, response.u)[:, :2].ravel()
     columns = columns.reshape(len(nodes), view.n_components, -1)[:, :2].reshape(2 * len(nodes), -1)
-    seen = np.isfinite(gap)
-    gap, columns = gap[seen], columns[seen]
+    is_measured = np.isfinite(gap)
+    gap, columns = gap[is_measured], columns[is_measured]
     rows = FrameEquations(
         gram=columns.T @ columns, rhs=columns.T @ gap, rr=float(gap @ gap), shared=np.zeros((0, columns.shape[1])),
         kappa=1.0, channels=channel_equations(context, response), local_precision=context.local_precision,

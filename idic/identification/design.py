@@ -155,24 +155,25 @@ def join_designs(designs: Sequence[Design]) -> JointDesign:
     renamed = [tuple(own_names[design.name][name] for name in design.names) for design in designs]
     names = tuple(dict.fromkeys(name for group in renamed for name in group))
     M, noise, b = np.zeros((len(names),) * 2), np.zeros((len(names),) * 2), np.zeros(len(names))
-    known: dict[str, Parameter] = {}
+    parameters: dict[str, Parameter] = {}
     notes = []
     for design, group in zip(designs, renamed, strict=True):
         place = np.ix_(*[[names.index(name) for name in group]] * 2)
         system = design.evaluation.system
         M[place] += system.M
         noise[place] += system.spread + design.image_noise**2 * design.evaluation.reference_gram
-        for own, name in zip(design.names, group, strict=True):
-            parameter = replace(design.parameters[own], name=name)
-            if not np.isclose(known.setdefault(name, parameter).value, parameter.value, rtol=1e-12, atol=0.0):
-                notes.append(f"{name}: the plans assume {known[name].shown:g} and {parameter.shown:g} {parameter.unit}")
+        for name_in_plan, name in zip(design.names, group, strict=True):
+            parameter = replace(design.parameters[name_in_plan], name=name)
+            if not np.isclose(parameters.setdefault(name, parameter).value, parameter.value, rtol=1e-12, atol=0.0):
+                notes.append(f"{name}: the plans assume {parameters[name].shown:g} and {parameter.shown:g} "
+                             f"{parameter.unit}")
     joint = list(dict.fromkeys(prior.renamed(dict(zip(design.names, group, strict=True)))
                                for design, group in zip(designs, renamed, strict=True)
                                for prior in design.parameters.joint))
     system = CorrelationSystem(names, M, b, 0.0, 0.0, noise, np.zeros((0, len(names))), ())
     with_force = next((d.experiment for d in designs if d.experiment.model.channels), designs[0].experiment)
     nothing_more = np.zeros_like(M)  # the reference images' noise is in `noise` already: every plan has its own
-    analysis = Analysis(with_force, ParameterSet(known.values(), joint), Evaluation(0, system, nothing_more), 0.0)
+    analysis = Analysis(with_force, ParameterSet(parameters.values(), joint), Evaluation(0, system, nothing_more), 0.0)
     return JointDesign(analysis, tuple(dict.fromkeys(notes)))
 
 
@@ -258,10 +259,10 @@ class _Walk:
         if self.image_only is not None:
             image = self._analysis(self._evaluation(self.image_only),
                                    replace(experiment, model=replace(experiment.model, channels=())))
-        kept = [i for i, own in enumerate(context.names) if of_material(own, experiment.model)]
-        if 0 < len(kept) < len(context.names):
-            part = Evaluation(0, evaluation.system.restrict([context.names[i] for i in kept]),
-                              evaluation.reference_gram[np.ix_(kept, kept)])
+        indices = [i for i, parameter in enumerate(context.names) if of_material(parameter, experiment.model)]
+        if 0 < len(indices) < len(context.names):
+            part = Evaluation(0, evaluation.system.restrict([context.names[i] for i in indices]),
+                              evaluation.reference_gram[np.ix_(indices, indices)])
             materials = self._analysis(part, experiment)
         picture = evaluation.system if self.image_only is None else self.image_only
         length = np.sqrt(np.maximum(np.diagonal(picture.M), 1e-300))

@@ -161,11 +161,11 @@ def describe_evaluation(entry: Mapping) -> str:
 
 def log_progress(say: Callable[[str], None]) -> Callable[[LoopState], None]:
     """A progress callback that gives `say` a line per point evaluated since its first call."""
-    shown: list[int] = []
+    lengths: list[int] = []
 
     def progress(state: LoopState) -> None:
-        for entry in state.history[shown[-1] if shown else len(state.history):]:
+        for entry in state.history[lengths[-1] if lengths else len(state.history):]:
             say(describe_evaluation(entry))
-        shown.append(len(state.history))
+        lengths.append(len(state.history))
 
     return progress

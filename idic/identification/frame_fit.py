@@ -42,20 +42,20 @@ class PointFit:
 
     frames : per camera, the fits of its frames
     channels : (n_frames, n_channels) measured minus simulated, of the correlated frames
-    free : per camera, ``chi2_dof`` and ``rms_gv`` of every frame of a free FE-DIC  # (n_frames,), None without one
+    free_dics : per camera, ``chi2_dof`` and ``rms_gv`` of every frame of a free FE-DIC  # (n_frames,), None without one
     textures : pairs of cameras that were compared; notes : on the simulation
     """
 
     frames: Sequence[Mapping[int, FrameFit]]
     channels: np.ndarray
-    free: Sequence[Mapping[str, np.ndarray] | None]
+    free_dics: Sequence[Mapping[str, np.ndarray] | None]
     textures: Sequence[TexturePair] = ()
     notes: Sequence[str] = ()
 
     @property
     def free_chi2(self) -> list[np.ndarray | None]:
         """Per camera, chi² per pixel that a free FE-DIC leaves in every frame  # (n_frames,)"""
-        return [None if free is None else free["chi2_dof"] for free in self.free]
+        return [None if dic is None else dic["chi2_dof"] for dic in self.free_dics]
 
 
 def experiment_result(experiment: Experiment, state: LoopState, point: Evaluation | None, weights: Weights,
@@ -72,7 +72,7 @@ def experiment_result(experiment: Experiment, state: LoopState, point: Evaluatio
     """
     compared = None if point is None or point.system is None else point
     residual = residual_summary(experiment, fit.frames, fit.channels, weights.channel_noise,
-                                None if compared is None else compared.system.n_lost, fit.free[0])
+                                None if compared is None else compared.system.n_lost, fit.free_dics[0])
     result = build_result(experiment, state, compared, weights.image_noise, residual,
                           frame_entries(experiment, fit.frames[0], excluded_by_user, fit.free_chi2[0]), cost,
                           discrepancy)
@@ -170,14 +170,14 @@ def residual_summary(experiment: Experiment, fits: Sequence[Mapping[int, FrameFi
     model = experiment.model
     used = used_fits(experiment, fits[0])
     factors = [channel.shown_factor for channel in model.channels]
-    shown = [(i, channel.column) for i, channel in enumerate(model.channels) if len(channels)]
+    columns = [(i, channel.column) for i, channel in enumerate(model.channels) if len(channels)]
     summary = {
         "image_rms_gv": mean_rms(used),
         "image_chi2_dof": mean_chi2([fit for camera in fits for fit in used_fits(experiment, camera)]),
         "lost_pixels": lost_pixels,
-        "channel_rms": {column: float(np.sqrt(np.mean(channels[:, i] ** 2))) / factors[i] for i, column in shown},
+        "channel_rms": {column: float(np.sqrt(np.mean(channels[:, i] ** 2))) / factors[i] for i, column in columns},
         "channel_chi2_dof": {column: float(np.mean(channels[:, i] ** 2) / channel_noise[i] ** 2)
-                             for i, column in shown},
+                             for i, column in columns},
         "channel_noise_std": {c.column: float(channel_noise[i]) / factors[i]
                               for i, c in enumerate(model.channels)},
     }

@@ -257,8 +257,8 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray, steps: np.ndar
     try:
         parameters = experiment.model.parameters.with_values(state.trial.values)
         context = _context(replace(setup, experiment=experiment), parameters, state.generalised)
-    except NotConverged as found:  # a mesh that does not follow its geometry
-        return Evaluation(state.evaluations, None, None, str(found)), None, None
+    except NotConverged as failure:  # a mesh that does not follow its geometry
+        return Evaluation(state.evaluations, None, None, str(failure)), None, None
     problem: NotConverged | None = None
     times = experiment.model.times[experiment.model.reference:]
     for frozen in tried_increments(forward, times, state.increments.per_frame, steps):
@@ -270,9 +270,9 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray, steps: np.ndar
             evaluation = closed_evaluation(state.evaluations, context, forward, system, len(keeper.steps))
             return (evaluation, np.array(keeper.steps),
                     keeper.path(context.parameters.as_values(), local, setup.moving))
-        except NotConverged as found:
-            problem = found
-            if isinstance(found, GaveUp):
+        except NotConverged as failure:
+            problem = failure
+            if isinstance(failure, GaveUp):
                 break
     return Evaluation(state.evaluations, None, None, str(problem)), None, None
 

@@ -70,14 +70,14 @@ class Joint:
 
     def values_of(self, name: str, values: Mapping[str, float]) -> dict[str, float]:
         """One experiment's parameters out of those of the whole."""
-        return {own: values[joint] for own, joint in self.names[name].items()}
+        return {key: values[joint] for key, joint in self.names[name].items()}
 
     def state_of(self, name: str, state: LoopState) -> LoopState:
         """The state of the whole as one experiment sees it."""
         if self.single:
             return state
         part = partial(self.values_of, name)
-        parallel = tuple(replace(other, values=part(other.values)) for other in state.trial.parallel)
+        parallel = tuple(replace(trial, values=part(trial.values)) for trial in state.trial.parallel)
         chosen = {key: value and part(value) for key in ("coarser", "change")
                   for value in (getattr(state.increments, key),)}
         history = tuple(entry | {"values": part(entry["values"])} for entry in state.history)
@@ -87,8 +87,8 @@ class Joint:
 
     def channels_of(self, name: str) -> np.ndarray:
         """Which channels of the whole are one experiment's  # (n_channels,) bool"""
-        return np.concatenate([np.full(len(experiment.model.channels), other == name)
-                               for other, experiment in self.experiments.items()])
+        return np.concatenate([np.full(len(experiment.model.channels), owner == name)
+                               for owner, experiment in self.experiments.items()])
 
     @property
     def intervals(self) -> int:
@@ -107,13 +107,13 @@ class Joint:
         if any(part.system is None for part in evaluations.values()):
             reason = self.reason({name: part.message for name, part in evaluations.items()})
             return Evaluation(number, None, None, reason, parts=evaluations)
-        free = self.whole.model.parameters.free
+        names = self.whole.model.parameters.free
         first = image_noise[next(iter(self.experiments))]
-        gram, systems = np.zeros((len(free), len(free))), []
+        gram, systems = np.zeros((len(names), len(names))), []
         for name, part in evaluations.items():
-            place = [free.index(self.names[name][own]) for own in part.system.names]
+            place = [names.index(self.names[name][key]) for key in part.system.names]
             gram[np.ix_(place, place)] += (image_noise[name] / first) ** 2 * part.reference_gram
-            systems.append(_among(part.system, free, place, self.channels_of(name)))
+            systems.append(_among(part.system, names, place, self.channels_of(name)))
         increments = sum(part.increments for part in evaluations.values())
         return Evaluation(number, _sum(systems), gram, increments=increments, intervals=self.intervals,
                           parts=evaluations)
@@ -135,8 +135,8 @@ def join(experiments: Mapping[str, Experiment]) -> Joint:
     parameters: dict[str, Parameter] = {}
     notes = []
     for name, experiment in experiments.items():
-        for own, parameter in experiment.model.parameters.items():
-            joint = names[name][own]
+        for key, parameter in experiment.model.parameters.items():
+            joint = names[name][key]
             if joint not in parameters:
                 parameters[joint] = replace(parameter, name=joint)
             elif parameters[joint].value != parameter.value:
@@ -148,7 +148,7 @@ def join(experiments: Mapping[str, Experiment]) -> Joint:
     first = next(iter(experiments.values()))
     every = list(experiments.values())
     _check_options(experiments)
-    whole = replace(first, model=replace(first.model, parameters=ParameterSet(parameters.values(), joint_priors),
+    union = replace(first, model=replace(first.model, parameters=ParameterSet(parameters.values(), joint_priors),
                                          prescribed=tuple(entry for e in every for entry in e.model.prescribed),
                                          materials=tuple({m.element_set: m for e in reversed(every)
                                                           for m in e.model.materials}.values()),
@@ -159,7 +159,7 @@ def join(experiments: Mapping[str, Experiment]) -> Joint:
                     notes=tuple(dict.fromkeys([*(f"{name}: {note}" for name, e in experiments.items()
                                                  for note in e.notes),
                                    *notes])))
-    return Joint(experiments, names, whole)
+    return Joint(experiments, names, union)
 
 
 def joint_names(experiments: Mapping[str, Experiment], separator: str = ".",
@@ -180,14 +180,14 @@ def joint_names(experiments: Mapping[str, Experiment], separator: str = ".",
         return of_material(parameter.name,
                            experiment.model) and parameter.shared and parameter.name not in own_directions
 
-    names = {name: {own: own if shared(parameter, experiment) else f"{name}{separator}{own}"
-                    for own, parameter in experiment.model.parameters.items()} for name,
-             experiment in experiments.items()}
-    stated: dict[str, Parameter] = {}
+    names = {name: {key: key if shared(parameter, experiment) else f"{name}{separator}{key}"
+                    for key, parameter in experiment.model.parameters.items()}
+             for name, experiment in experiments.items()}
+    statements: dict[str, Parameter] = {}
     for name, experiment in experiments.items():
         _check_laws(experiments, name)
-        for own, parameter in experiment.model.parameters.items():
-            first = stated.setdefault(names[name][own], parameter)
+        for key, parameter in experiment.model.parameters.items():
+            first = statements.setdefault(names[name][key], parameter)
             if first is not parameter:
                 _check_alike(first, parameter, experiment, any_unit)
     return names
@@ -201,16 +201,17 @@ def of_material(name: str, model: Model) -> bool:
 
 def _check_options(experiments: Mapping[str, Experiment]) -> None:
     """Refuse experiments whose options of the common loop differ, or that do not allow the estimator."""
-    (first, given), *others = experiments.items()
-    check_estimator(given)
-    for name, experiment in others:
+    (first, reference), *later_experiments = experiments.items()
+    check_estimator(reference)
+    for name, experiment in later_experiments:
         check_estimator(experiment)
         for key in LOOP_OPTIONS:
-            wanted, found = getattr(given.options, key), getattr(experiment.options, key)
-            if wanted != found:
+            reference_value, value = getattr(reference.options, key), getattr(experiment.options, key)
+            if reference_value != value:
                 raise InputError("experiments that are identified together share one schedule",
                                  file=experiment.folder, key=f"[options] {key}",
-                                 expected=f"{_stated(wanted)}, as in {first}", found=f"{_stated(found)} in {name}",
+                                 expected=f"{_stated(reference_value)}, as in {first}",
+                                 found=f"{_stated(value)} in {name}",
                                  remedy=f"make them equal, or use --set options.{key}=...")
 
 
@@ -221,36 +222,36 @@ def _stated(option: object) -> str:
 def _own_directions(experiments: Mapping[str, Experiment]) -> frozenset[str]:
     """Directions of a material, in degrees, that the experiments state differently: specimens cut along several
     axes."""
-    stated: dict[str, set[tuple[float, bool]]] = {}
+    statements: dict[str, set[tuple[float, bool]]] = {}
     for experiment in experiments.values():
         for name, p in experiment.model.parameters.items():
             if p.unit == "deg" and of_material(name, experiment.model):
-                stated.setdefault(name, set()).add((p.value, p.free))
-    return frozenset(name for name, ways in stated.items() if len(ways) > 1)
+                statements.setdefault(name, set()).add((p.value, p.free))
+    return frozenset(name for name, ways in statements.items() if len(ways) > 1)
 
 
 def _check_laws(experiments: Mapping[str, Experiment], name: str) -> None:
     for material in experiments[name].model.materials:
-        for other, record in experiments.items():
+        for owner, record in experiments.items():
             for rival in record.model.materials:
                 if rival.element_set == material.element_set and (rival.law, rival.kinematics) != (
                         material.law, material.kinematics):
-                    raise InputError(f"the material {material.element_set} has another law in {other} than in {name}",
+                    raise InputError(f"the material {material.element_set} has another law in {owner} than in {name}",
                                      key=f"[material.{material.element_set}] law",
                                      expected=f"{material.law} ({material.kinematics})",
                                      found=f"{rival.law} ({rival.kinematics})",
                                      remedy="give both the same law, or the sets different names")
 
 
-def _check_alike(first: Parameter, other: Parameter, experiment: Experiment, any_unit: bool) -> None:
+def _check_alike(first: Parameter, second: Parameter, experiment: Experiment, any_unit: bool) -> None:
     """Refuse two statements of a shared parameter that differ in more than its start."""
     first_statement, other_statement = (
         (p.free, p.transform, _dimension(p.unit) if any_unit else p.unit,
          *map(_without_rounding, (*p.bounds, p.prior_mean, p.prior_std, 0.0 if p.free else p.value)))
-        for p in (first, other))
+        for p in (first, second))
     if first_statement != other_statement:
         raise InputError(f"{first.name} is shared, but stated in two ways", file=experiment.folder, key=first.name,
-                         expected=f"as in the first experiment: {_statement(first)}", found=_statement(other),
+                         expected=f"as in the first experiment: {_statement(first)}", found=_statement(second),
                          remedy="make value (if it is not identified), unit, identify, bounds and prior the same, or "
                                 "give the element sets different names, or write shared = false")
 
@@ -279,47 +280,47 @@ def _stages(experiments: Mapping[str, Experiment], names: Mapping[str, Mapping[s
     count = max(len(experiment.stages) for experiment in experiments.values())
     stages = []
     for k in range(count):
-        free: dict[str, None] = {}
+        free_names: dict[str, None] = {}
         limits, images = [], Stage("all")
         for name, experiment in experiments.items():
-            own = experiment.stages[min(k, len(experiment.stages) - 1)] if experiment.stages else Stage("all")
+            stage = experiment.stages[min(k, len(experiment.stages) - 1)] if experiment.stages else Stage("all")
             shared = set(names[name].values()) - {f"{name}.{n}" for n in names[name]}
-            listed = experiment.model.parameters.free if own.free == "all" else own.free
+            listed = experiment.model.parameters.free if stage.free == "all" else stage.free
             # an experiment without a schedule does not free shared parameters
-            wanted = [names[name][n] for n in listed if experiment.stages or names[name][n] not in shared]
-            free |= dict.fromkeys(wanted)
-            limits += [own.max_iterations] if own.max_iterations is not None else []
-            images = own if is_preliminary(own) and not is_preliminary(images) else images
+            stage_names = [names[name][n] for n in listed if experiment.stages or names[name][n] not in shared]
+            free_names |= dict.fromkeys(stage_names)
+            limits += [stage.max_iterations] if stage.max_iterations is not None else []
+            images = stage if is_preliminary(stage) and not is_preliminary(images) else images
         for experiment in experiments.values():
             check_images(experiment, images, k)
-        stages.append(replace(images, free=tuple(free), max_iterations=max(limits) if limits else None))
+        stages.append(replace(images, free=tuple(free_names), max_iterations=max(limits) if limits else None))
     return tuple(stages)
 
 
-def _among(system: CorrelationSystem, free: Sequence[str], place: Sequence[int],
+def _among(system: CorrelationSystem, unknowns: Sequence[str], place: Sequence[int],
            channels: np.ndarray) -> CorrelationSystem:
     """The system of one experiment in the parameters and channels of all; the channels of others are not compared."""
-    n, grid = len(free), np.ix_(place, place)
+    n, grid = len(unknowns), np.ix_(place, place)
 
     def spread(matrix: np.ndarray) -> np.ndarray:
-        whole = np.zeros((n, n))
-        whole[grid] = matrix
-        return whole
+        joint_matrix = np.zeros((n, n))
+        joint_matrix[grid] = matrix
+        return joint_matrix
 
     def among_channels(record: FrameRecord) -> FrameRecord:
         residual, columns = np.full(len(channels), np.nan), np.zeros((len(channels), 0))
-        kept = np.ones(len(channels))
+        kept_shares = np.ones(len(channels))
         residual[channels] = record.channel_residual
         if len(record.channel_kept):
-            kept[channels] = record.channel_kept
+            kept_shares[channels] = record.channel_kept
         if record.channel_columns.shape[1] == len(place):
             columns = np.zeros((len(channels), n))
             columns[np.ix_(channels, place)] = record.channel_columns
-        return replace(record, channel_residual=residual, channel_columns=columns, channel_kept=kept)
+        return replace(record, channel_residual=residual, channel_columns=columns, channel_kept=kept_shares)
 
     b = np.zeros(n)
     b[place] = system.b
-    return replace(system, names=tuple(free), M=spread(system.M), b=b, spread=spread(system.spread),
+    return replace(system, names=tuple(unknowns), M=spread(system.M), b=b, spread=spread(system.spread),
                    shared=np.zeros((0, n)), sums=None, frames=tuple(among_channels(record) for record in system.frames),
                    predicted=None if system.predicted is None else spread(system.predicted),
                    end_noise=None if system.end_noise is None else spread(system.end_noise))

@@ -63,10 +63,11 @@ def start(experiment: Experiment, searched: bool = False, estimator: str = ORDIN
 
 def trial_states(state: LoopState) -> tuple[LoopState, ...]:
     """All trials of a state, each as the state that tries it alone: the ordinary step first, then the parallel ones."""
-    alone = replace(state, trial=replace(state.trial, parallel=()))
-    return (alone, *(replace(alone, trial=replace(alone.trial, values=dict(other.values)),
-                             trust=replace(state.trust, damping=other.damping), evaluations=state.evaluations + number)
-                     for number, other in enumerate(state.trial.parallel, start=1)))
+    ordinary = replace(state, trial=replace(state.trial, parallel=()))
+    return (ordinary, *(replace(ordinary, trial=replace(ordinary.trial, values=dict(trial.values)),
+                                trust=replace(state.trust, damping=trial.damping),
+                                evaluations=state.evaluations + number)
+                        for number, trial in enumerate(state.trial.parallel, start=1)))
 
 
 def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, accepted: Evaluation | None,
@@ -95,14 +96,15 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
             return judged
         state = compared
     points, tried, ordinary_damping = (evaluated, *parallel), trial_states(state), state.trust.damping
-    halvings = max([0, *(other.halvings for other in state.trial.parallel)][:len(points)])
+    halvings = max([0, *(trial.halvings for trial in state.trial.parallel)][:len(points)])
     best = _best(points, None if re_evaluation else accepted)
     evaluated, state = points[best], replace(tried[best], evaluations=state.evaluations)
     is_step = state.accepted is not None and not re_evaluation
     rejected = evaluated.system is None or (
         is_step and not improves(evaluated, accepted, experiment, stage, image_noise, state))
-    entries = (_history_entry(one, point, not rejected and point is evaluated, not rejected and point is not evaluated)
-               for one, point in zip(tried, points, strict=False))
+    entries = (_history_entry(trial_state, point, not rejected and point is evaluated,
+                              not rejected and point is not evaluated)
+               for trial_state, point in zip(tried, points, strict=False))
     length, gain_ratio = _length_and_gain(tried[0 if rejected else best], evaluated, accepted, experiment, stage,
                                           image_noise) if is_step else (1.0, None)
     new_increments = state.trial.new_increments
@@ -141,10 +143,10 @@ def _trust_after_rejection(trust: TrustRegion, damping: float, length: float, ha
 def _length_and_gain(tried: LoopState, trial: Evaluation, previous: Evaluation, experiment: Experiment, stage: Stage,
                      image_noise: float) -> tuple[float, float | None]:
     """Length of the step to `tried`, and its gain over the predicted one (`idic.identification.step.trust_radius`)."""
-    here = experiment.model.parameters.with_values(tried.accepted.values)
-    parameters, there = (stage_parameters(at, stage) for at in (here, here.with_values(tried.trial.values)))
+    accepted = experiment.model.parameters.with_values(tried.accepted.values)
+    parameters, moved = (stage_parameters(at, stage) for at in (accepted, accepted.with_values(tried.trial.values)))
     scaled = scaled_at(previous, parameters, stage, image_noise)
-    delta = np.array([there[name].to_scaled() - parameters[name].to_scaled() for name in scaled.names])
+    delta = np.array([moved[name].to_scaled() - parameters[name].to_scaled() for name in scaled.names])
     length = step_length(delta, scaled, parameters, experiment.options.step_limit)
     expected = predicted_decrease(delta, scaled)
     judged_by_slope = previous.system.generalised or scaled.weight is not None
@@ -161,13 +163,13 @@ def _best(points: Sequence[Evaluation], previous: Evaluation | None) -> int:
     A weakly determined direction hardly shows in the functional. A shorter step leaves it where it is; a functional
     that is lower by little is no progress then.
     """
-    there = [k for k, point in enumerate(points) if point.system is not None]
-    if len(there) < 2 or previous is None or previous.system is None:
-        return there[0] if there else 0
-    n_pixels = max(_all_pixels(points[k].system) for k in there)
-    values = {k: functional(points[k].system, n_pixels) for k in there}
-    lowest, before = min(there, key=values.get), functional(previous.system, n_pixels)
-    clearly = 0 not in there or values[0] - values[lowest] > MIN_EXTRA_GAIN_SHARE * max(before - values[0], 0.0)
+    candidates = [k for k, point in enumerate(points) if point.system is not None]
+    if len(candidates) < 2 or previous is None or previous.system is None:
+        return candidates[0] if candidates else 0
+    n_pixels = max(_all_pixels(points[k].system) for k in candidates)
+    values = {k: functional(points[k].system, n_pixels) for k in candidates}
+    lowest, initial = min(candidates, key=values.get), functional(previous.system, n_pixels)
+    clearly = 0 not in candidates or values[0] - values[lowest] > MIN_EXTRA_GAIN_SHARE * max(initial - values[0], 0.0)
     return lowest if clearly else 0
 
 

@@ -64,13 +64,13 @@ STRESS_UNITS = ("Pa", "kPa", "MPa", "GPa", "N/mm2", "MPa·s", "MPa s")
 
 def at_bound(parameters: ParameterSet) -> dict[str, float]:
     """The bound of every free parameter that lies within a millionth of one, in the user's unit."""
-    found = {}
+    bounds = {}
     for name in parameters.free:
         p = parameters[name]
-        near = [b for b in p.bounds if np.isfinite(b) and abs(p.value - b) <= 1e-6 * max(abs(b), 1e-12)]
-        if near:
-            found[name] = float(near[-1] / p.factor)
-    return found
+        near_bounds = [b for b in p.bounds if np.isfinite(b) and abs(p.value - b) <= 1e-6 * max(abs(b), 1e-12)]
+        if near_bounds:
+            bounds[name] = float(near_bounds[-1] / p.factor)
+    return bounds
 
 
 def build_result(experiment: Experiment, state: LoopState, point: Evaluation | None, image_noise: float,
@@ -213,10 +213,11 @@ class Analysis:
         self.channels = {} if planned else estimated_channel_noise(experiment, parameters, point)
         system = with_channel_noise(point.system, experiment.model, self.channels)
         self.scaled: Scaled = scaled_system(system, parameters, point.reference_gram, image_noise)
-        self.found: Spectrum = spectrum(self.scaled)
-        self.of_noise = covariance(self.scaled, self.found)
+        self.spectrum: Spectrum = spectrum(self.scaled)
+        self.of_noise = covariance(self.scaled, self.spectrum)
         weight = self.scaled.weight
-        answer = self.found.inverse if weight is None else self.found.inverse @ weight  # to a change of b of the data
+        inverse = self.spectrum.inverse
+        answer = inverse if weight is None else inverse @ weight  # to a change of b of the data
         self.discrepancy = discrepancy
         self.variances: Variances | None = None
         self.of_model: np.ndarray | None = None
@@ -224,16 +225,16 @@ class Analysis:
             if self.channels and discrepancy.channel_rows is not None:
                 discrepancy = replace(discrepancy, noise=discrepancy.noise + added_spread(
                     discrepancy.channel_rows, compared_readings(point.system), experiment.model, self.channels))
-            self.variances = estimate(discrepancy, self.found.inverse, self.scaled.slopes, self.scaled.b, weight)
+            self.variances = estimate(discrepancy, self.spectrum.inverse, self.scaled.slopes, self.scaled.b, weight)
             self.of_model = answer @ self.variances.covariance @ answer.T
-        known = None if isinstance(discrepancy, str) else discrepancy.mesh_error
-        self.mesh_contradicted = known is not None and not self.variances.mesh
-        own = None if known is None or self.mesh_contradicted else self.scaled.slopes * known[:len(self.names)]
-        self.mesh_bias = None if own is None else answer @ own  # (n,) scaled
+        error = None if isinstance(discrepancy, str) else discrepancy.mesh_error
+        self.mesh_contradicted = error is not None and not self.variances.mesh
+        scaled_error = None if error is None or self.mesh_contradicted else self.scaled.slopes * error[:len(self.names)]
+        self.mesh_bias = None if scaled_error is None else answer @ scaled_error  # (n,) scaled
         strains = None if isinstance(discrepancy, str) else discrepancy.strain_error
         self.strain_bias = None if strains is None else answer @ (self.scaled.slopes * strains[:len(self.names)])
         self.covariance = self.of_noise if self.of_model is None else self.of_noise + self.of_model
-        self.share = undetermined_share(self.found)
+        self.share = undetermined_share(self.spectrum)
 
     def direction(self, name: str) -> np.ndarray:
         """Derivative of a parameter, in internal units, by the scaled ones  # (n,)"""
@@ -259,12 +260,12 @@ class Analysis:
 
     def summary(self) -> dict:
         deviations = np.sqrt(np.maximum(np.diagonal(self.covariance), 0.0))
-        known = [i for i, name in enumerate(self.names) if self.std(name) is not None and deviations[i] > 0]
-        matrix = self.covariance[np.ix_(known, known)] / np.outer(deviations[known], deviations[known])
+        indices = [i for i, name in enumerate(self.names) if self.std(name) is not None and deviations[i] > 0]
+        matrix = self.covariance[np.ix_(indices, indices)] / np.outer(deviations[indices], deviations[indices])
         return {
-            "correlation": {"names": [self.names[i] for i in known], "matrix": matrix.tolist()},
-            "eigenvalues": self.found.values.tolist(),
-            "eigenvectors": self.found.vectors.tolist(),
+            "correlation": {"names": [self.names[i] for i in indices], "matrix": matrix.tolist()},
+            "eigenvalues": self.spectrum.values.tolist(),
+            "eigenvectors": self.spectrum.vectors.tolist(),
             "M": {"names": list(self.names), "matrix": self.scaled.M.tolist()},
             "not_identifiable": self._not_identifiable(),
             "derived": self._ratios() | self._material_constants(),
@@ -302,32 +303,33 @@ class Analysis:
         """Why the data leave parameter i open: it has no effect, or one that its partners can imitate, with the
         correlation of both (None elsewhere)."""
         alike = self._imitated(i, partners) if partners else 0.0
-        shown = ", ".join(in_words(partners, self.names))
+        partner_list = ", ".join(in_words(partners, self.names))
         if alike < MIN_IMITATED_CORRELATION:
             return ("it changes neither images nor channels by more than the noise"
                     + (": a camera shows only where the specimen deforms or turns"
                        if self.names[i].rpartition(".")[2] in {*CAMERA_PARAMETERS, *LENS_PARAMETERS,
-                    *PLACED_TURNS} else "") + (f" (correlation {alike:.2f} with {shown})" if partners else "")), None
-        gauges = [other for other in partners if other.startswith("boundary.") and other.endswith(".scale")]
+                    *PLACED_TURNS} else "") + (f" (correlation {alike:.2f} with {partner_list})" if partners
+                                               else "")), None
+        gauges = [partner for partner in partners if partner.startswith("boundary.") and partner.endswith(".scale")]
         if gauges and self._is_stress(self.names[i]):
             return f"determined only up to the factor {gauges[0]}: no channel measures that load", None
-        together = shown if len(partners) == 1 else f"{shown} together"
+        together = partner_list if len(partners) == 1 else f"{partner_list} together"
         return f"cannot be told apart from {together}: correlation {alike:.3f}", alike
 
     def _imitated(self, i: int, partners: list[str]) -> float:
         """Multiple correlation of the effect of parameter i with those of its partners, 0 … 1."""
-        others = [self.names.index(name) for name in partners]
-        M, rhs = self.scaled.M, self.scaled.M[others, i]
+        indices = [self.names.index(name) for name in partners]
+        M, rhs = self.scaled.M, self.scaled.M[indices, i]
         if not M[i, i] > 0.0:
             return 0.0
-        size = np.sqrt(np.where(np.diagonal(M)[others] > 0.0, np.diagonal(M)[others], 1.0))
-        share = (rhs / size) @ np.linalg.pinv(M[np.ix_(others, others)] / size[:, None] / size, rcond=1e-12,
+        size = np.sqrt(np.where(np.diagonal(M)[indices] > 0.0, np.diagonal(M)[indices], 1.0))
+        share = (rhs / size) @ np.linalg.pinv(M[np.ix_(indices, indices)] / size[:, None] / size, rcond=1e-12,
                                               hermitian=True) @ (rhs / size) / M[i, i]
         return float(np.sqrt(np.clip(share, 0.0, 1.0)))
 
     def _partners(self, i: int) -> list[str]:
         """The other parameters in the undetermined directions that hold parameter i."""
-        weak = self.found.vectors[:, ~self.found.determined]
+        weak = self.spectrum.vectors[:, ~self.spectrum.determined]
         together = np.abs(weak @ weak[i])
         return [self.names[j] for j in range(len(self.names)) if j != i
                 and together[j] > MAX_UNDETERMINED_SHARE * together[i]]
@@ -344,15 +346,15 @@ class Analysis:
             for second in open_names[a + 1:]:
                 direction = np.zeros(len(self.names))
                 direction[self.names.index(first)], direction[self.names.index(second)] = 1.0, -1.0
-                left = self.found.vectors[:, ~self.found.determined].T @ direction
-                if np.linalg.norm(left) > MAX_UNDETERMINED_SHARE:
+                undetermined = self.spectrum.vectors[:, ~self.spectrum.determined].T @ direction
+                if np.linalg.norm(undetermined) > MAX_UNDETERMINED_SHARE:
                     continue
                 value = self.parameters[first].value / self.parameters[second].value
-                found = self.parts(value * direction)
-                std = found["std"]
+                parts = self.parts(value * direction)
+                std = parts["std"]
                 same_set = first.rpartition(".")[0] == second.rpartition(".")[0]
                 label = f"{first}/{second.rpartition('.')[2]}" if same_set else f"{first}/{second}"
-                ratios[label] = {"value": value, **found, "ci95": [value - 1.96 * std, value + 1.96 * std]}
+                ratios[label] = {"value": value, **parts, "ci95": [value - 1.96 * std, value + 1.96 * std]}
         return ratios
 
     def _material_constants(self) -> dict:
@@ -362,23 +364,25 @@ class Analysis:
         """
         constants: dict[str, dict] = {}
         for experiment, material in product(self.joint_names, self.experiment.model.materials):
-            known, stem = self.joint_names[experiment], material.element_set
+            parameter_names, stem = self.joint_names[experiment], material.element_set
             derived = {} if material.law == EXTERNAL else get_law(material.law).derived
             for name, quantity in derived.items():
-                own = {one: f"{stem}.{one}" for one in inspect.signature(quantity.value).parameters}
-                if not set(own.values()) <= set(known):
+                parameters = {argument: f"{stem}.{argument}"
+                              for argument in inspect.signature(quantity.value).parameters}
+                if not set(parameters.values()) <= set(parameter_names):
                     continue  # another experiment's material
-                names = {one: known[parameter] for one, parameter in own.items()}
-                label = f"{stem}.{name}" if names == own else f"{experiment}.{stem}.{name}"
+                names = {argument: parameter_names[parameter] for argument, parameter in parameters.items()}
+                label = f"{stem}.{name}" if names == parameters else f"{experiment}.{stem}.{name}"
                 value, slopes = _with_slopes(quantity.value, names, self.parameters)
                 gradient = np.array([slopes.get(n, 0.0) for n in self.names]) * self.scaled.slopes
-                left = self.found.vectors[:, ~self.found.determined].T @ gradient
+                undetermined = self.spectrum.vectors[:, ~self.spectrum.determined].T @ gradient
                 size = np.linalg.norm(gradient)
-                if size == 0.0 or not np.isfinite(value) or np.linalg.norm(left) > MAX_UNDETERMINED_SHARE * size:
+                if (size == 0.0 or not np.isfinite(value)
+                        or np.linalg.norm(undetermined) > MAX_UNDETERMINED_SHARE * size):
                     continue
-                found = self.parts(gradient)
-                std = found["std"]
-                constants[label] = {"value": value, **found, "unit": quantity.unit,
+                parts = self.parts(gradient)
+                std = parts["std"]
+                constants[label] = {"value": value, **parts, "unit": quantity.unit,
                                     "ci95": [value - 1.96 * std, value + 1.96 * std]}
         return constants
 
@@ -388,7 +392,7 @@ def _with_slopes(function, names: Mapping[str, str], parameters: ParameterSet) -
 
     names : {argument of the function: its parameter}
     """
-    values = {own: parameters[name].value for own, name in names.items()}
-    slopes = {name: float(np.imag(function(**(values | {own: values[own] + 1e-30j})))) / 1e-30
-              for own, name in names.items()}
+    values = {argument: parameters[name].value for argument, name in names.items()}
+    slopes = {name: float(np.imag(function(**(values | {argument: values[argument] + 1e-30j})))) / 1e-30
+              for argument, name in names.items()}
     return float(function(**values)), slopes

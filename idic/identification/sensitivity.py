@@ -13,26 +13,26 @@ DIRECT, PERTURBED, AUTO = "direct", "perturbed", "auto"
 DIRECT_SHARE = 0.12  # extra cost of one directly differentiated parameter in forward runs (studies/bench measures it)
 
 
-def choose_sensitivity(wanted: str, n_moving: int, workers: int, n_shape: int = 0) -> str:
+def choose_sensitivity(choice: str, n_moving: int, workers: int, n_shape: int = 0) -> str:
     """Choose "direct" or "perturbed" by their cost.
 
     Direct differentiation takes 1 + 0.12 n forward runs one after the other; n + 1 perturbed runs fill the workers.
 
     Parameters
     ----------
-    wanted : "direct", "perturbed" or "auto"
+    choice : "direct", "perturbed" or "auto"
     n_moving : number of parameters that change the simulation
     n_shape : how many of them move nodes of the mesh: they take a run each either way
     """
-    if wanted != AUTO:
-        return wanted
+    if choice != AUTO:
+        return choice
     perturbed = math.ceil((n_moving + 1) / max(workers, 1))
     direct = 1.0 + n_shape + DIRECT_SHARE * (n_moving - n_shape)
     return DIRECT if direct <= perturbed else PERTURBED
 
 
-def checked_sensitivity(wanted: str, model: Model) -> str:
-    """The wanted way; an external solver allows perturbed runs only.
+def checked_sensitivity(choice: str, model: Model) -> str:
+    """`choice`; an external solver allows perturbed runs only.
 
     Raises
     ------
@@ -40,8 +40,8 @@ def checked_sensitivity(wanted: str, model: Model) -> str:
         Direct differentiation with an external solver.
     """
     if model.solver is None:
-        return wanted
-    if wanted == DIRECT:
+        return choice
+    if choice == DIRECT:
         raise InputError("an external solver gives no derivatives", file=model.solver.experiment_file,
                          key="--sensitivity", expected="perturbed (or auto)", found="direct",
                          remedy="leave --sensitivity out: idic makes one perturbed run per parameter")
@@ -53,5 +53,5 @@ def perturbations(experiment: Experiment, sensitivity: str, values: Mapping[str,
     """Change of each moving parameter in its perturbed run (internal units); empty with direct differentiation."""
     if sensitivity == DIRECT:
         return {}
-    here = experiment.model.parameters.with_values(values)
-    return {name: here[name].perturbation(experiment.options.perturbation) for name in moving}
+    parameters = experiment.model.parameters.with_values(values)
+    return {name: parameters[name].perturbation(experiment.options.perturbation) for name in moving}

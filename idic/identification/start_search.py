@@ -72,8 +72,8 @@ def search(experiment: Experiment, fit_all: Callable[[Sequence[StartTrial]], Seq
         return fits
 
     start = experiment.model.parameters.as_values()
-    (here,) = made([StartTrial("start", {}, 1)])
-    if here.misfit < MAX_PROMISING_COARSE_MISFIT and _inside(experiment):
+    (start_fit,) = made([StartTrial("start", {}, 1)])
+    if start_fit.misfit < MAX_PROMISING_COARSE_MISFIT and _inside(experiment):
         (exact,) = made([StartTrial("start, given model", {}, 1, simplified=False)])
         if exact.misfit < MAX_NEAR_MISFIT:
             return FoundStart(start, tuple(tried), False)
@@ -105,8 +105,8 @@ def trial_points(experiment: Experiment) -> list[StartTrial]:
     """One trial per start value of a free parameter, and the given start where it lies among them, or where its bounds
     admit none of them."""
     of_law = trials_of_law(experiment)
-    given = [StartTrial("start, continued", {}, TRIAL_EVALUATIONS)] if _inside(experiment) or not of_law else []
-    return [*given, *of_law]
+    start_trials = [StartTrial("start, continued", {}, TRIAL_EVALUATIONS)] if _inside(experiment) or not of_law else []
+    return [*start_trials, *of_law]
 
 
 def trials_of_law(experiment: Experiment) -> list[StartTrial]:

@@ -29,11 +29,12 @@ def noise_weights(experiment: Experiment, views: Sequence[Experiment] = ()) -> W
         raise InputError("the noise of the images is not known", key="[camera] noise_std_gv",
                          expected="its standard deviation", found="nothing",
                          remedy="give it, or use idic.identify, which measures it")
-    seen, *others = (float(view.recording.noise.in_sums_gv * np.sqrt(gradient_noise_share(view))) for view in views)
+    main_noise, *camera_noises = (float(view.recording.noise.in_sums_gv * np.sqrt(gradient_noise_share(view)))
+                                  for view in views)
     noises = np.array([logged_noise(experiment.model, channel) for channel in experiment.model.channels], dtype=float)
     share = ordinary_variance(experiment.recording.n_references)
-    return Weights(1.0 / (share * seen**2), seen, noises**-2.0, noises,
-                   tuple(1.0 / (share * other**2) for other in others), tuple(others))
+    return Weights(1.0 / (share * main_noise**2), main_noise, noises**-2.0, noises,
+                   tuple(1.0 / (share * noise**2) for noise in camera_noises), tuple(camera_noises))
 
 
 def gradient_noise_share(experiment: Experiment) -> float:
@@ -55,7 +56,7 @@ def gradient_noise_share(experiment: Experiment) -> float:
     return noise_share(columns, rows, std_px)
 
 
-def paper_weights(given: Weights, alpha: float, slopes: np.ndarray,
+def paper_weights(by_noise: Weights, alpha: float, slopes: np.ndarray,
                   correlation_matrix: Callable[[Weights], np.ndarray]) -> Weights:
     """The weighting of the paper: (1 - alpha) / |M_image| to alpha / |M_channel|.
 
@@ -65,20 +66,20 @@ def paper_weights(given: Weights, alpha: float, slopes: np.ndarray,
 
     Parameters
     ----------
-    given : weights by noise
+    by_noise : weights by noise
     slopes : (n,) d natural / d scaled of the unknowns at the starting point
     correlation_matrix : M of the starting point with the weights it is called with  # (n, n)
     """
-    n_cameras, n_channels = 1 + len(given.cameras), len(given.channels)
+    n_cameras, n_channels = 1 + len(by_noise.cameras), len(by_noise.channels)
 
     def size(number: int) -> float:
         """|M| of one term alone: the main camera, the further ones, the channels."""
-        alone = np.eye(n_cameras + n_channels)[number]
-        weights = replace(given, image=alone[0], cameras=tuple(alone[1:n_cameras]), channels=alone[n_cameras:])
+        unit = np.eye(n_cameras + n_channels)[number]
+        weights = replace(by_noise, image=unit[0], cameras=tuple(unit[1:n_cameras]), channels=unit[n_cameras:])
         return float(np.linalg.norm(slopes[:, None] * correlation_matrix(weights) * slopes))
 
     sizes = [size(number) for number in range(n_cameras + n_channels)]
     share = alpha / (1.0 - alpha) * n_cameras / max(n_channels, 1)  # of a channel over that of a camera
-    ratios = [sizes[0] / own if own else 0.0 for own in sizes]
-    return replace(given, cameras=tuple(given.image * ratio for ratio in ratios[1:n_cameras]),
-                   channels=np.array([given.image * ratio * share for ratio in ratios[n_cameras:]]))
+    ratios = [sizes[0] / term if term else 0.0 for term in sizes]
+    return replace(by_noise, cameras=tuple(by_noise.image * ratio for ratio in ratios[1:n_cameras]),
+                   channels=np.array([by_noise.image * ratio * share for ratio in ratios[n_cameras:]]))

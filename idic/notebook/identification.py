@@ -120,7 +120,7 @@ def _in_memory(experiment: Experiment, say: Callable[[str], None]) -> Result:
 def _fit(prepared: Prepared, identification: Identification, fields: FieldsInMemory) -> PointFit:
     """How well the accepted point explains the recording."""
     experiment, point = prepared.experiment, identification.point
-    stacks = [prepared.free.get(view.recording.camera_name) for view in experiment.views]
+    stacks = [prepared.free_dics.get(view.recording.camera_name) for view in experiment.views]
     free = [None if stack is None else {"chi2_dof": stack.chi2_dof, "rms_gv": stack.rms_gv} for stack in stacks]
     if point is None or point.system is None:
         return PointFit([{} for _ in experiment.views], np.zeros((0, len(experiment.model.channels))), free)

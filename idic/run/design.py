@@ -112,8 +112,8 @@ def evaluate_plans(paths: Sequence[Path | str], overrides: Mapping[str, Any] | N
     jobs = [DesignJob(name, load_plan(path, overrides, noise_std_gv))
             for path, name in zip(paths, plan_names(paths), strict=True)]
     joint_names({job.name: job.plan.experiment for job in jobs}, any_unit=True)  # refuses before it is simulated
-    wanted = min(len(jobs), default_workers() if workers is None else workers)
-    with open_cluster(wanted if len(jobs) > 1 and wanted > 1 else 0) as runner:
+    n_workers = min(len(jobs), default_workers() if workers is None else workers)
+    with open_cluster(n_workers if len(jobs) > 1 and n_workers > 1 else 0) as runner:
         designs = runner.map(run_design, jobs, [f"design-{job.name}" for job in jobs], progress=progress)
     joint = join_designs(designs) if len(designs) > 1 else None
     content = {"schema": SCHEMA, "confusable_above": confusable,
@@ -132,11 +132,11 @@ def run_design(job: DesignJob) -> Design:
 def plan_names(paths: Sequence[Path | str]) -> list[str]:
     """Short names: folder names (of a TOML file its stem), with more of the path where they are equal."""
     parts = [(p if p.is_dir() else p.with_suffix("")).resolve().parts for p in map(Path, paths)]
-    names = [own[-1] for own in parts]
+    names = [path_parts[-1] for path_parts in parts]
     depth = 1
     while len(set(names)) < len(names) and depth < max(map(len, parts)):
         depth += 1
-        names = ["/".join(own[-depth:]) for own in parts]
+        names = ["/".join(path_parts[-depth:]) for path_parts in parts]
     if len(set(names)) < len(names):
         raise InputError("an experiment is given twice", key="EXPERIMENT", expected="different experiments",
                          found=", ".join(map(str, paths)), remedy="name each once")

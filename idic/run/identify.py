@@ -73,7 +73,7 @@ def identify_run(experiments: Folders, out: str | os.PathLike, *, resume: bool =
             if earlier is not None:
                 return earlier
             console.stage("reading images")
-            run.ingest(runner, lambda done, total: console.tasks("ingest", done, total))
+            run.ingest(runner, lambda count, total: console.tasks("ingest", count, total))
             compiled = runner.background(compile_image_kernels, run.first_job, "compile")
             runner.background(compile_stress_kernel, None, "compile-stress")
             work = _Work(run, sensitivity, console, began, compiled, pause_after)
@@ -126,7 +126,7 @@ class _Work:
             return hooks.stage("postprocess", self._written, points, state)
 
     def _points(self, runner: TaskRunner) -> RunPoints:
-        return self.run.open_points(runner, self.sensitivity, self.timing, self.console.tasks, self.console.said)
+        return self.run.open_points(runner, self.sensitivity, self.timing, self.console.tasks, self.console.remark)
 
     def _written(self, points: RunPoints, state: LoopState) -> dict:
         """The result of the loop's last state; status "interrupted" where the run pauses."""

@@ -70,14 +70,14 @@ def chosen_tables(experiment: Experiment, tables: Mapping, say: Say = lambda tex
     InputError
         A value of the curve that is not identified.
     """
-    stated = by_evidence(experiment.model)
-    for curve in stated:
+    curves = by_evidence(experiment.model)
+    for curve in curves:
         locked = [name for name in curve.names if not experiment.model.parameters[name].free]
         if locked:
             raise InputError("knots by evidence need values that are all identified", key=f"material.{locked[0]}",
                              expected="identify = true", found="a locked value",
                              remedy="identify it, or give a number of knots")
-    most = ", ".join(f"{len(curve.names)} values of {curve.key}" for curve in stated)
+    most = ", ".join(f"{len(curve.names)} values of {curve.key}" for curve in curves)
     say(f"number of knots by evidence: a first identification with the most, {most}")
     prepared = prepare_in_memory(experiment, say)
     identification = identify(prepared.start, prepared.local, progress=log_progress(say), motion=prepared.motion,
@@ -85,27 +85,27 @@ def chosen_tables(experiment: Experiment, tables: Mapping, say: Say = lambda tex
     if identification.point is None or identification.point.system is None:
         return {}
     overrides: dict[str, dict] = {}
-    for curve in stated:
+    for curve in curves:
         chosen = evidence_of(identification, curve)
         element_set = curve.names[0].partition(".")[0]
         key = f"material.{element_set}"
         table = overrides.get(key, tables["material"][element_set])
         overrides[key] = _with_knots(table, curve, chosen, identification.parameters)
-        what = {SPECTRUM: "relaxation times", SURFACE: "knots on a ring"}.get(curve.key, "knots")
-        say(f"{element_set}.{curve.key}: {chosen.n} {what}, smoothness {chosen.smoothness.strength:g}")
+        noun = {SPECTRUM: "relaxation times", SURFACE: "knots on a ring"}.get(curve.key, "knots")
+        say(f"{element_set}.{curve.key}: {chosen.n} {noun}, smoothness {chosen.smoothness.strength:g}")
     return overrides
 
 
-def evidence_of(found: Identification, curve: StatedCurve) -> ChosenKnots:
+def evidence_of(identification: Identification, curve: StatedCurve) -> ChosenKnots:
     """Knots and smoothness of a curve where an identification has ended."""
-    assert found.point is not None and found.point.system is not None
-    parameters, system = found.parameters, found.point.system
-    others = [prior for prior in parameters.joint
+    assert identification.point is not None and identification.point.system is not None
+    parameters, system = identification.parameters, identification.point.system
+    priors = [prior for prior in parameters.joint
               if not (isinstance(prior, SmoothnessPrior) and prior.names == curve.names)]
-    own = curve.names if curve.key == SURFACE else ()  # the prior of every weight is one of the form
-    without = ParameterSet((replace(p, prior_mean=None, prior_std=None) if p.name in own else p
-                            for p in parameters.values()), others)
-    scaled = scaled_system(system, without, found.point.reference_gram, found.weights.image_noise)
+    names_of_form = curve.names if curve.key == SURFACE else ()  # the prior of every weight is one of the form
+    without = ParameterSet((replace(p, prior_mean=None, prior_std=None) if p.name in names_of_form else p
+                            for p in parameters.values()), priors)
+    scaled = scaled_system(system, without, identification.point.reference_gram, identification.weights.image_noise)
     values = np.array([parameters[name].value for name in scaled.names])
     at = tuple(scaled.names.index(name) for name in curve.names)
     return choose_knots(scaled.M, scaled.b, values, scaled.slopes, _form_of(curve, at, parameters))
@@ -114,25 +114,25 @@ def evidence_of(found: Identification, curve: StatedCurve) -> ChosenKnots:
 def _form_of(curve: StatedCurve, at: tuple[int, ...], parameters: ParameterSet) -> FreeForm:
     if curve.key == SURFACE:
         return FreeSurface(at, tuple(parameters[name].value for name in curve.names), curve.size, SPREAD)
-    last = parameters[curve.last_knot].value
+    last_knot = parameters[curve.last_knot].value
     if curve.key == SPECTRUM:
         first = curve.last_knot.replace("longest", "shortest")
-        return FreeSpectrum(at, parameters[first].value, last, curve.size)
-    return FreeCurve(at, last, curve.size, curve.over)
+        return FreeSpectrum(at, parameters[first].value, last_knot, curve.size)
+    return FreeCurve(at, last_knot, curve.size, curve.over)
 
 
 def _with_knots(table: Mapping, curve: StatedCurve, chosen: ChosenKnots, parameters: ParameterSet) -> dict:
     """A material's table with the chosen knots of one of its free functions."""
     short = [name.partition(".")[2] for name in curve.names]
-    made = {key: value for key, value in table.items() if key not in short[len(chosen.levels):]}
-    made["law"] = _law_with(table["law"], curve, chosen.n)
+    chosen_table = {key: value for key, value in table.items() if key not in short[len(chosen.levels):]}
+    chosen_table["law"] = _law_with(table["law"], curve, chosen.n)
     for name, key, level in zip(curve.names, short, chosen.levels, strict=False):
         if parameters[name].transform == "log" or curve.key in (SURFACE, SPECTRUM):  # the start of another is its scale
-            old = table[key] if isinstance(table[key], Mapping) else {}
-            made[key] = {**old, "value": float(level) / parameters[name].factor}
-    own = {"strength": chosen.smoothness.strength, "over": chosen.smoothness.over, "size": curve.size,
-           "evidence": {str(n): round(float(ln_z), 2) for n, ln_z in chosen.evidence.items()}}
-    return made | {"smoothness": {**table["smoothness"], curve.key: own}}
+            entry = table[key] if isinstance(table[key], Mapping) else {}
+            chosen_table[key] = {**entry, "value": float(level) / parameters[name].factor}
+    smoothness = {"strength": chosen.smoothness.strength, "over": chosen.smoothness.over, "size": curve.size,
+                  "evidence": {str(n): round(float(ln_z), 2) for n, ln_z in chosen.evidence.items()}}
+    return chosen_table | {"smoothness": {**table["smoothness"], curve.key: smoothness}}
 
 
 def _law_with(law: str, curve: StatedCurve, n: int) -> str:

@@ -31,7 +31,7 @@ def _called(_: str, function: Callable, *arguments: object) -> Any:
 class Console:
     """Where progress goes; every call may be ignored.
 
-    stage(text), tasks(what, done, total), iteration(state), said(line of the log),
+    stage(text), tasks(label, count, total), iteration(state), remark(line of the log),
     dashboards(address of Prefect, of Dask, password)
     """
 
@@ -39,12 +39,12 @@ class Console:
     tasks: Callable[[str, int, int], None] = _ignore
     iteration: Callable[[LoopState], None] = _ignore
     dashboards: Callable[[str | None, str | None, str | None], None] = _ignore
-    said: Callable[[str], None] = _ignore
+    remark: Callable[[str], None] = _ignore
 
     @classmethod
     def of_lines(cls, say: Callable[[str], None], tasks: Callable[[str, int, int], None] = _ignore) -> Console:
         """Everything but the tasks as lines: stages, evaluated points, remarks."""
-        return cls(say, tasks, log_progress(say), said=say)
+        return cls(say, tasks, log_progress(say), remark=say)
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,8 @@ MAP_STEPS = 4  # of a residual map in a standard deviation of the noise
 
 @dataclass(frozen=True)
 class FitJob:
-    """How well some frames of an evaluated point are explained; target : array of the maps of the frames in `shown`."""
+    """How well some frames of an evaluated point are explained; target : array of the maps of
+    `map_frames`."""
 
     run: str
     evaluation: int
@@ -58,7 +59,7 @@ class FitJob:
     brightness: Mapping[int, tuple[float, ...]]  # frame -> gain and offset per patch
     camera: int
     target: str
-    shown: tuple[int, ...]
+    map_frames: tuple[int, ...]
     fitted: Mapping[int, float] = field(default_factory=dict)  # frame -> `FrameRecord.n_fitted`
 
 
@@ -66,15 +67,15 @@ def fit_frames(job: FitJob) -> tuple[list[FrameFit], ElementSums | None]:
     """How well each frame is explained (a task), and the sums of the elements over the correlated ones (None: no pixels
     in elements)."""
     at = PointResiduals(open_run(job.run), job.evaluation, job.values, job.brightness, job.camera)
-    maps = FrameArrays.open(Path(job.target).parent, Path(job.target).name, "r+") if job.shown else None
+    maps = FrameArrays.open(Path(job.target).parent, Path(job.target).name, "r+") if job.map_frames else None
     sigma, kind = at.experiment.recording.noise.std_gv, at.kind
     fits, sums = [], None
     correlated = set(correlated_frames(at.experiment, job.frames))
     for frame in job.frames:
         pixels = at.compare(frame)
         fits.append(FrameFit.of(frame, pixels, sigma, job.fitted.get(frame, 0.0)))
-        if maps is not None and frame in job.shown:
-            maps.write(job.shown.index(frame), _in_steps(at.as_image(pixels), sigma)[None])
+        if maps is not None and frame in job.map_frames:
+            maps.write(job.map_frames.index(frame), _in_steps(at.as_image(pixels), sigma)[None])
         if kind in (GREY, SPACE) and frame in correlated and sigma and fits[-1].n_pixels:
             frame_sums = element_sums(at.reference.pixel_map, pixels, sigma)
             sums = frame_sums if sums is None else sums + frame_sums
@@ -177,16 +178,16 @@ def _fits_of(session: Session, state: LoopState, point: Evaluation,
         return {}, []
     brightness = {record.frame: tuple(record.brightness_of(number).tolist()) for record in point.system.frames}
     fitted = {record.frame: record.n_fitted for record in point.system.frames if record.n_fitted}
-    shown, view = shown_frames(experiment), experiment.views[number]
+    map_frames, view = shown_frames(experiment), experiment.views[number]
     with session.context.store.building(group_of(experiment, number, MAPS),
                                         {"evaluation": state.accepted.number}) as folder:
-        write_array(folder, "frames", np.array(shown, dtype=np.int64))
+        write_array(folder, "frames", np.array(map_frames, dtype=np.int64))
         # three digits are enough to look at
         dtype = "f2" if np.asarray(view.recording.stack.frame(view.model.reference)).dtype == np.uint8 else "f4"
-        FrameArrays.create(folder, "residual", len(shown), view.recording.image_shape, 1, dtype, compressed=True)
+        FrameArrays.create(folder, "residual", len(map_frames), view.recording.image_shape, 1, dtype, compressed=True)
         jobs = [FitJob(session.run, state.accepted.number, chunk, state.accepted.values,
-                       {k: brightness[k] for k in chunk if k in brightness}, number, str(folder / "residual"), shown,
-                       {k: fitted[k] for k in chunk if k in fitted})
+                       {k: brightness[k] for k in chunk if k in brightness}, number, str(folder / "residual"),
+                       map_frames, {k: fitted[k] for k in chunk if k in fitted})
                 for chunk in (frames[i:i + size] for i in range(0, len(frames), size))]
         labels = [f"residual-{view.recording.camera_name}-frames{job.frames[0]}-{job.frames[-1]}" for job in jobs]
         parts = session.runner.map(fit_frames, jobs, labels, retries=1)

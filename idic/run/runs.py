@@ -122,7 +122,7 @@ class Run:
         return result if result is not None and all(part.finished for part in self.parts.values()) else None
 
     def ingest(self, runner: TaskRunner, progress: Callable[[int, int], None] | None = None) -> None:
-        """Copy the images of all experiments into their folders; progress : called as progress(done, total)."""
+        """Copy the images of all experiments into their folders; progress : called as progress(count, total)."""
         for part in self.parts.values():
             part.ingest(runner, progress)
 

@@ -46,7 +46,7 @@ def start_values(session: Session) -> Mapping[str, float] | None:
         jobs = [TrialJob(session.run, number[0] + k, trial) for k, trial in enumerate(trials)]
         number[0] += len(jobs)
         return session.runner.map(fit_trial, jobs, [f"search-{job.number:02d}" for job in jobs], retries=1,
-                                  progress=lambda done, total: session.progress("search", done, total))
+                                  progress=lambda count, total: session.progress("search", count, total))
 
     session.say("searching for start values")
     start = search(context.experiment, fit_all, session.say)
@@ -89,9 +89,9 @@ def _kept(folder: Path | None, names: Sequence[str]) -> CoarseFit | None:
 
 
 def _summary(model: Model, start: FoundStart) -> dict:
-    shown = lambda values: {name: values[name] / model.parameters[name].factor  # noqa: E731
-                            for name in model.parameters.free}
-    return {"schema": SCHEMA, "begins_at": shown(start.values),
+    in_user_units = lambda values: {name: values[name] / model.parameters[name].factor  # noqa: E731
+                                    for name in model.parameters.free}
+    return {"schema": SCHEMA, "begins_at": in_user_units(start.values),
             "tried": [{"label": label, "misfit": fit.misfit if np.isfinite(fit.phi) else None,
-                       "simulated_part": fit.part, "evaluations": fit.evaluations, "values": shown(fit.values)}
+                       "simulated_part": fit.part, "evaluations": fit.evaluations, "values": in_user_units(fit.values)}
                       for label, fit in start.tried]}

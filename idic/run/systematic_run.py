@@ -118,11 +118,11 @@ def assess(job: AssessmentJob) -> Assessment:
                       added=_added(result, context.names))
 
 
-def _added(result: Mapping, known: Sequence[str]) -> dict[str, dict[str, float | str | None]]:
+def _added(result: Mapping, names: Sequence[str]) -> dict[str, dict[str, float | str | None]]:
     """The identified values of the treatment's additional degrees of freedom, modes of a boundary excepted."""
     return {name: {key: entry[key] for key in ("value", "std", "unit")}
             for name, entry in result["parameters"].items()
-            if entry["free"] and name not in known and not is_mode(name)}
+            if entry["free"] and name not in names and not is_mode(name)}
 
 
 def _finer(context: RunContext, state: LoopState, increments: bool) -> Assessment:
@@ -131,11 +131,11 @@ def _finer(context: RunContext, state: LoopState, increments: bool) -> Assessmen
         ended = load_evaluation(context.store, state.accepted.number, context.names)
         at = (evaluate_at, experiment_of(context.experiment, state), state.accepted.values, _local(context, state),
               state.generalised, ended, state.increments.per_frame)
-        biases, how = (time_step_bias(*at), "shorter increments") if increments else discretisation_bias(*at)
+        biases, status = (time_step_bias(*at), "shorter increments") if increments else discretisation_bias(*at)
     except (InputError, NotConverged) as problem:
         return Assessment("", "", "failed", {}, str(problem).splitlines()[0])
     parameters = context.experiment.model.parameters
-    return Assessment("", "", how, {name: value / parameters[name].factor for name, value in biases.items()})
+    return Assessment("", "", status, {name: value / parameters[name].factor for name, value in biases.items()})
 
 
 def _local(context: RunContext, state: LoopState) -> np.ndarray:
@@ -148,19 +148,19 @@ def _local(context: RunContext, state: LoopState) -> np.ndarray:
 
 def _treated(context: RunContext, state: LoopState, treatment: Treatment) -> tuple[Experiment, np.ndarray | None]:
     """The experiment as treated, from the identified values, and the start of its frame-local unknowns."""
-    settings, given = context.settings, context.experiment
+    settings, original = context.settings, context.experiment
     options = {"options.estimator": "generalised" if state.generalised else "ordinary"}
     experiment = load_experiment(settings["experiment"], dict(settings["overrides"]) | options | treatment.overrides)
     experiment = with_stored_noise(with_stored_images(context.store, experiment), settings)
     experiment = replace(experiment, recording=replace(experiment.recording, excluded=tuple(settings["excluded"])),
                          stages=())
-    same = {name: value for name, value in state.accepted.values.items()
-            if name in experiment.model.parameters and not name.startswith("boundary.")}
-    experiment = experiment.with_parameters(experiment.model.parameters.with_values(same))
+    values = {name: value for name, value in state.accepted.values.items()
+              if name in experiment.model.parameters and not name.startswith("boundary.")}
+    experiment = experiment.with_parameters(experiment.model.parameters.with_values(values))
     measured = any(isinstance(entry.drive, Measured) for entry in experiment.model.prescribed)
     if not measured and not starts_from_dic(experiment):
         as_given = "boundary" not in treatment.overrides
-        return experiment, _local(context, state) if as_given and given.model.prescribed else None
+        return experiment, _local(context, state) if as_given and original.model.prescribed else None
     u_px = dic_stack(experiment).u_px
     local = measured_start(experiment, u_px, experiment.recording.excluded)
     return with_boundary_start(experiment, boundary_start(experiment, u_px, experiment.recording.excluded)), local

@@ -61,11 +61,11 @@ def _correlate_at_rest(job: tuple[str, str, dict]) -> None:
 def _one_at_a_time() -> Iterator[None]:
     """A lock of this user, on this machine, on compiling the image kernels; after a minute on without it."""
     end = time.monotonic() + _LONGEST_WAIT_S
-    with ExitStack() as held:
+    with ExitStack() as locks:
         while time.monotonic() < end:
             with suppress(RunBusy):
                 with suppress(OSError):  # nowhere to write
-                    held.enter_context(run_lock(cache_folder() / "compiling"))
+                    locks.enter_context(run_lock(cache_folder() / "compiling"))
                 break
             time.sleep(0.1)
         yield

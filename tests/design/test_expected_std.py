@@ -188,8 +188,8 @@ def test_modulus_and_thickness_are_found_to_be_one_product(tmp_path):
     toml = ELASTIC + GRIPS + FORCE + '[[dof]]\nname = "geometry.thickness"\n' + PLAN + PROGRAM
     design = designed(plan_folder(tmp_path / "plan", toml))
     assert design.full.std("BODY.E") is None and design.full.std("geometry.thickness") is None
-    weak = design.full.found.vectors[:, -1]  # ln E, nu, ln t
-    assert not design.full.found.determined[-1]
+    weak = design.full.spectrum.vectors[:, -1]  # ln E, nu, ln t
+    assert not design.full.spectrum.determined[-1]
     assert weak / weak[0] == pytest.approx([1.0, 0.0, -1.0], abs=1e-6)
     assert design.materials.std("BODY.E") is not None  # were the thickness known
 

@@ -55,7 +55,7 @@ def test_workers_find_what_one_process_finds(store, monkeypatch):
     monkeypatch.setattr(scan, "BYTES_OF_A_JOB", 2 * 2 * 48)  # two chunks of u
     runner = TwoWorkers()
     assert damaged_groups(store, NAMES, ["images"], runner) == {"flipped", "short", "absent"}
-    spans = [(job.first, job.last) for job in runner.jobs if (job.name, job.array) == ("whole", "u")]
+    spans = [(job.first, job.stop) for job in runner.jobs if (job.name, job.array) == ("whole", "u")]
     assert spans == [(0, 4), (4, 7)]
     assert [is_whole(job) for job in runner.jobs if job.name == "flipped" and job.array == "u"] == [True, False]
 

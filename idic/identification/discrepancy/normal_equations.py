@@ -119,13 +119,13 @@ def discrepancy_system(context: CorrelationContext, forward: object, local: np.n
     fields = _Fields.of(context, forward, local, u, frames)
     wide = fields.among(context)
     names = (*context.names, *(f"discrepancy.{i}" for i in range(fields.n_unknowns + len(fields.errors))))
-    last = [0.0]
+    rms_motion = [0.0]
 
     def systems() -> Iterator:
         for response in responses:
-            last[0] = _rms_motion(response.u)
-            own = frame_system(wide, fields.beside(response), local[response.frame])
-            yield expanded(own, names, fields.into(len(context.names), response.frame))
+            rms_motion[0] = _rms_motion(response.u)
+            equations = frame_system(wide, fields.beside(response), local[response.frame])
+            yield expanded(equations, names, fields.into(len(context.names), response.frame))
 
     system, gram = closed_system(wide, reduce_systems(systems()))
     noise, rows = system.spread + context.weights.image_noise**2 * gram, [r.channel_columns for r in system.frames]
@@ -133,7 +133,7 @@ def discrepancy_system(context: CorrelationContext, forward: object, local: np.n
     by_error = {name: system.M[:size, size + k] for k, name in enumerate(fields.errors)}
     M, noise = _symmetric(system.M[:size, :size]), _symmetric(noise[:size, :size])
     return DiscrepancySystem(context.names, M, system.b[:size], noise,
-                             fields.components, {MOTION: last[0] / experiment.model.camera.pixel_size},
+                             fields.components, {MOTION: rms_motion[0] / experiment.model.camera.pixel_size},
                              np.array(rows)[..., :size], by_error.get(MESH),
                              experiment.model.n_dim == 2 or MESH in by_error, by_error.get(STRAINS))
 
@@ -143,26 +143,26 @@ def _symmetric(matrix: np.ndarray) -> np.ndarray:
     return 0.5 * (matrix + matrix.T)
 
 
-def joined(parts: Mapping[str, DiscrepancySystem | str], free: Sequence[str],
+def joined(parts: Mapping[str, DiscrepancySystem | str], free_names: Sequence[str],
            names: Mapping[str, Mapping[str, str]]) -> DiscrepancySystem | str:
     """The normal equations of several experiments in the parameters of all; each has a discrepancy of its own.
 
     Parameters
     ----------
     parts : per experiment, or why it has none
-    free : parameters of the whole
+    free_names : parameters of the whole
     names : per experiment, {parameter of the experiment: parameter of the whole}
     """
     missing = [f"{name}: {part}" for name, part in parts.items() if isinstance(part, str)]
     if missing:
         return "; ".join(missing)
-    n, made = len(free), {name: part for name, part in parts.items() if not isinstance(part, str)}
-    size = n + sum(len(part.b) - part.n for part in made.values())
+    n, systems = len(free_names), {name: part for name, part in parts.items() if not isinstance(part, str)}
+    size = n + sum(len(part.b) - part.n for part in systems.values())
     M, noise, b = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
     first, components, rows, mesh_error, strains = n, [], [], np.zeros(size), np.zeros(size)
-    for name, part in made.items():
-        own = len(part.b) - part.n
-        place = np.array([*(free.index(names[name][p]) for p in part.names), *range(first, first + own)])
+    for name, part in systems.items():
+        n_fields = len(part.b) - part.n
+        place = np.array([*(free_names.index(names[name][p]) for p in part.names), *range(first, first + n_fields)])
         if part.channel_rows is not None:
             rows.append(np.zeros((*part.channel_rows.shape[:2], size)))
             rows[-1][:, :, place] = part.channel_rows
@@ -174,36 +174,37 @@ def joined(parts: Mapping[str, DiscrepancySystem | str], free: Sequence[str],
         if part.strain_error is not None:
             strains[place] += part.strain_error
         components += [Component(f"{name}.{c.name}", c.root) for c in part.components]
-        first += own
-    return DiscrepancySystem(tuple(free), M, b, noise, tuple(components),
-                             {f"{name}.{key}": px for name, part in made.items() for key, px in part.motion_px.items()},
-                             _one_after_the_other(rows) if len(rows) == len(made) else None,
-                             mesh_error if any(part.mesh_error is not None for part in made.values()) else None,
-                             all(part.may_be_rough for part in made.values()),
-                             strains if any(part.strain_error is not None for part in made.values()) else None)
+        first += n_fields
+    return DiscrepancySystem(tuple(free_names), M, b, noise, tuple(components),
+                             {f"{name}.{key}": px for name, part in systems.items()
+                              for key, px in part.motion_px.items()},
+                             _one_after_the_other(rows) if len(rows) == len(systems) else None,
+                             mesh_error if any(part.mesh_error is not None for part in systems.values()) else None,
+                             all(part.may_be_rough for part in systems.values()),
+                             strains if any(part.strain_error is not None for part in systems.values()) else None)
 
 
 def _one_after_the_other(rows: Sequence[np.ndarray]) -> np.ndarray:
     """Channel rows of several experiments; zero where a frame is not of the channel's experiment."""
-    frames, channels = np.cumsum([[0, 0], *([len(own), own.shape[1]] for own in rows)], axis=0).T
-    whole = np.zeros((frames[-1], channels[-1], rows[0].shape[2]))
-    for k, own in enumerate(rows):
-        whole[frames[k]:frames[k + 1], channels[k]:channels[k + 1]] = own
-    return whole
+    frames, channels = np.cumsum([[0, 0], *([len(block), block.shape[1]] for block in rows)], axis=0).T
+    joint_rows = np.zeros((frames[-1], channels[-1], rows[0].shape[2]))
+    for k, block in enumerate(rows):
+        joint_rows[frames[k]:frames[k + 1], channels[k]:channels[k + 1]] = block
+    return joint_rows
 
 
 @dataclass(frozen=True, eq=False)
 class _Fields:
     """The fields of an experiment, frame by frame.
 
-    known : per frame, the answer to stress errors, None with an external solver; errors : of known size, by name, as
+    answers : per frame, the answer to stress errors, None with an external solver; errors : of known size, by name, as
     far as they are estimated
     """
 
     experiment: Experiment
     hats: Hats
     frames: Sequence[int]
-    known: dict[int, Responses] | None
+    answers: dict[int, Responses] | None
     errors: Mapping[str, ErrorInFrames]
 
     @classmethod
@@ -211,25 +212,25 @@ class _Fields:
            frames: Sequence[int]) -> _Fields:
         experiment = context.experiment
         hats = hats_over(experiment.model.mesh.nodes)
-        known, errors = None, {}
+        answers, errors = None, {}
         if isinstance(forward, ForwardModel):
             spread = np.linspace(0, len(frames) - 1, min(STRESS_FRAMES, len(frames))).round().astype(int)
             chosen, motion = np.array(frames)[np.unique(spread)], {}
-            known = _stress_responses(forward, context.parameters, local,
-                                      _recorded(u, experiment.model.reference + 1, set(chosen.tolist()), motion),
-                                      chosen,
-                                      hats)
+            answers = _stress_responses(forward, context.parameters, local,
+                                        _recorded(u, experiment.model.reference + 1, set(chosen.tolist()), motion),
+                                        chosen, hats)
             errors = errors_of_known_size(ModelPoint(replace(experiment, model=replace(experiment.model,
                                                                                        motion_error=None)),
                                                      context.parameters, local),
                                           motion)
-        return cls(experiment, hats, frames, known, {name: own for name, own in errors.items() if own is not None})
+        return cls(experiment, hats, frames, answers,
+                   {name: error for name, error in errors.items() if error is not None})
 
     @property
     def sizes(self) -> tuple[int, int, int]:
         """Numbers of motion fields, stress fields and channels."""
         d = self.experiment.model.n_dim
-        return d * self.hats.n, (d * (d + 1) // 2 * self.hats.n if self.known
+        return d * self.hats.n, (d * (d + 1) // 2 * self.hats.n if self.answers
                                  else 0), len(self.experiment.model.channels)
 
     @property
@@ -240,20 +241,20 @@ class _Fields:
     @property
     def components(self) -> tuple[Component, ...]:
         d, (_, stress, channels) = self.experiment.model.n_dim, self.sizes
-        found = [Component(MOTION, root_of(field_correlation(self.hats, d, MOTION_LENGTH)))]
+        components = [Component(MOTION, root_of(field_correlation(self.hats, d, MOTION_LENGTH)))]
         if stress:
-            found.append(Component(STRESS, root_of(field_correlation(self.hats, d * (d + 1) // 2, STRESS_LENGTH))))
+            components.append(Component(STRESS, root_of(field_correlation(self.hats, d * (d + 1) // 2, STRESS_LENGTH))))
         if channels:
             alike = np.kron(np.eye(channels), course_correlation(N_CHANNEL_COURSES))
-            found.append(Component(CHANNEL, root_of(alike)))
-        return tuple(found)
+            components.append(Component(CHANNEL, root_of(alike)))
+        return tuple(components)
 
     def among(self, context: CorrelationContext) -> CorrelationContext:
         """The context with a column per field and channel."""
         extra = tuple(f"discrepancy.{i}" for i in range(sum(self.sizes) + len(self.errors)))
         wide = replace(context, names=(*context.names, *extra), moving=(*context.moving, *extra))
-        return replace(wide, others=tuple(replace(other, names=wide.names, moving=wide.moving)
-                                          for other in context.others))
+        return replace(wide, others=tuple(replace(camera_context, names=wide.names, moving=wide.moving)
+                                          for camera_context in context.others))
 
     def beside(self, response: FrameResponse) -> FrameResponse:
         """A frame with the fields as further derivatives."""
@@ -265,21 +266,22 @@ class _Fields:
             fields[:, :d, motion:motion + stress], readings[:, motion:motion + stress] = self._stress(response.frame)
         readings[:, motion + stress:] = np.diag(response.channels)
         for error in self.errors.values():
-            u, own = error.at(response.frame)
-            fields, readings = np.concatenate([fields, u[..., None]], axis=2), np.hstack([readings, own[:, None]])
+            u, reading = error.at(response.frame)
+            fields, readings = np.concatenate([fields, u[..., None]], axis=2), np.hstack([readings, reading[:, None]])
         return replace(response, du=np.concatenate([response.du, fields], axis=2),
                        dchannels=np.hstack([response.dchannels, readings]))
 
     def _stress(self, frame: int) -> tuple[np.ndarray, np.ndarray]:
         """The answer to stress errors, linear between the frames where it is known, zero in the reference."""
-        known = sorted(self.known)
-        after = next(k for k in known if k >= frame)
-        before = max((k for k in known if k < frame), default=self.experiment.model.reference)
-        share = (frame - before) / (after - before)
-        du, dchannels = share * self.known[after].du, share * self.known[after].dchannels
-        if before in self.known:
-            rest = 1.0 - share
-            du, dchannels = du + rest * self.known[before].du, dchannels + rest * self.known[before].dchannels
+        frames = sorted(self.answers)
+        later = next(k for k in frames if k >= frame)
+        previous = max((k for k in frames if k < frame), default=self.experiment.model.reference)
+        share = (frame - previous) / (later - previous)
+        du, dchannels = share * self.answers[later].du, share * self.answers[later].dchannels
+        if previous in self.answers:
+            weight = 1.0 - share
+            du = du + weight * self.answers[previous].du
+            dchannels = dchannels + weight * self.answers[previous].dchannels
         return du, dchannels
 
     def into(self, n: int, frame: int) -> sparse.csc_array:
@@ -301,15 +303,15 @@ def counts_mesh_error(experiment: Experiment) -> bool:
     return experiment.options.weighting == "noise" and experiment.model.n_dim == 3 and can_be_refined(experiment.model)
 
 
-def errors_of_known_size(point: ModelPoint, known: Mapping[int, np.ndarray]) -> dict[str, ErrorInFrames | None]:
+def errors_of_known_size(point: ModelPoint, displacements: Mapping[int, np.ndarray]) -> dict[str, ErrorInFrames | None]:
     """By the mesh and by small strains, as far as they are made.
 
-    known : (n_nodes, d) mm of the frames in which they are computed, the last one included; linear in between
+    displacements : (n_nodes, d) mm of the frames in which they are computed, the last one included; linear in between
     """
     experiment = point.experiment
-    frames = np.array([experiment.model.reference, *sorted(known)])
+    frames = np.array([experiment.model.reference, *sorted(displacements)])
     motions = [np.zeros_like(experiment.model.mesh.nodes),
-               *(known[frame][:, :experiment.model.n_dim] for frame in sorted(known))]
+               *(displacements[frame][:, :experiment.model.n_dim] for frame in sorted(displacements))]
     of_mesh = {MESH: mesh_error_in(point, frames, motions)} if counts_mesh_error(experiment) else {}
     return of_mesh | {STRAINS: strain_error_in(point, frames, motions)}
 
@@ -320,25 +322,25 @@ def _stress_responses(forward: ForwardModel, parameters: ParameterSet, local: np
     start = forward.model.reference
     base = Alternative(forward.body_at(parameters, local), forward.law_values(parameters))
     times = forward.model.times[start:]
-    found = {}
+    responses = {}
     numbers = [int(frame) - start for frame in frames]
-    in_plane = (own[:, :forward.model.n_dim] for own in u)
+    in_plane = (frame_u[:, :forward.model.n_dim] for frame_u in u)
     for number, response in zip(numbers, stress_error_responses(base, times, in_plane, numbers, hats.values),
                                 strict=True):
         if forward.readings is not None:
             moved = forward.readings.motion @ response.du.reshape(-1, response.du.shape[2])
             response = replace(response, dchannels=response.dchannels + moved)
-        found[start + number] = response
-    return found
+        responses[start + number] = response
+    return responses
 
 
-def _recorded(u: Iterable[np.ndarray], first: int, wanted: set[int],
+def _recorded(u: Iterable[np.ndarray], first: int, frames: set[int],
               into: dict[int, np.ndarray]) -> Iterator[np.ndarray]:
     """The motion of the frames from `first` on as it is, with that of some of them written down."""
-    for frame, own in enumerate(u, start=first):
-        if frame in wanted:
-            into[frame] = own
-        yield own
+    for frame, motion in enumerate(u, start=first):
+        if frame in frames:
+            into[frame] = motion
+        yield motion
 
 
 def _rms_motion(u: np.ndarray) -> float:

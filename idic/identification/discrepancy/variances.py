@@ -66,30 +66,30 @@ def estimate(system: DiscrepancySystem, inverse: np.ndarray, slopes: np.ndarray,
     """
     n = system.n
     A = system.M[n:, :n] * slopes
-    taken = A @ inverse
-    z = system.b[n:] - taken @ b
+    regression = A @ inverse
+    z = system.b[n:] - regression @ b
     if weight is not None:
-        taken = taken @ weight
-    project = np.hstack([-taken * slopes, np.eye(len(A))])  # of noise in internal units
+        regression = regression @ weight
+    project = np.hstack([-regression * slopes, np.eye(len(A))])  # of noise in internal units
     noise = project @ system.noise @ project.T
-    G = system.M[n:, n:] - taken @ A.T
+    G = system.M[n:, n:] - regression @ A.T
     white = _whitening(noise)
     fields = _split(white @ G, system)
     parts = tuple(part @ part.T for part in fields)
-    found, mesh = _fit(_Likelihood(white @ z, parts), system.may_be_rough), system.mesh_error is not None
+    fit, mesh = _fit(_Likelihood(white @ z, parts), system.may_be_rough), system.mesh_error is not None
     if mesh:
-        left = z - (system.mesh_error[n:] - taken @ (slopes * system.mesh_error[:n]))
-        of_finer = _fit(_Likelihood(white @ left, parts), system.may_be_rough)
-        mesh = 2.0 * (of_finer.negative_log - found.negative_log) <= MAX_CONTRADICTION
-        found = of_finer if mesh else found
-    covariance = found.rough * slopes[:, None] * system.noise[:n, :n] * slopes
-    if found.is_significant:
-        for v, part in zip(found.smooth, _split(A.T, system), strict=True):
+        remainder = z - (system.mesh_error[n:] - regression @ (slopes * system.mesh_error[:n]))
+        of_finer = _fit(_Likelihood(white @ remainder, parts), system.may_be_rough)
+        mesh = 2.0 * (of_finer.negative_log - fit.negative_log) <= MAX_CONTRADICTION
+        fit = of_finer if mesh else fit
+    covariance = fit.rough * slopes[:, None] * system.noise[:n, :n] * slopes
+    if fit.is_significant:
+        for v, part in zip(fit.smooth, _split(A.T, system), strict=True):
             covariance += v * part @ part.T
     if mesh:
         covariance += np.outer(slopes * system.mesh_error[:n], slopes * system.mesh_error[:n])
-    std = {c.name: float(np.sqrt(v)) for c, v in zip(system.components, found.smooth, strict=True)}
-    return Variances(std | {ROUGH: float(np.sqrt(found.rough))}, found.ratio, covariance, mesh)
+    std = {c.name: float(np.sqrt(v)) for c, v in zip(system.components, fit.smooth, strict=True)}
+    return Variances(std | {ROUGH: float(np.sqrt(fit.rough))}, fit.ratio, covariance, mesh)
 
 
 def _split(columns: np.ndarray, system: DiscrepancySystem) -> list[np.ndarray]:
@@ -126,14 +126,14 @@ class _Fit:
 def _fit(likelihood: _Likelihood, may_be_rough: bool) -> _Fit:
     """Smooth fields, and a rough part where they are significant and it is significant beside them."""
     smooth, ratio, lowest = likelihood.maximum()
-    found = _Fit(tuple(smooth), 0.0, ratio, lowest)
-    if not found.is_significant:
-        return replace(found, negative_log=lowest + 0.5 * ratio)
+    smooth_fit = _Fit(tuple(smooth), 0.0, ratio, lowest)
+    if not smooth_fit.is_significant:
+        return replace(smooth_fit, negative_log=lowest + 0.5 * ratio)
     if may_be_rough:
         (*several, rough), with_rough, lower = likelihood.with_rough().maximum()
         if with_rough - ratio > MIN_LIKELIHOOD_RATIO:
             return _Fit(tuple(several), float(rough), ratio, lower)
-    return found
+    return smooth_fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,10 +158,10 @@ class _Likelihood:
             return value, slope * scale
 
         for start in STARTS:
-            found = scipy.optimize.minimize(function, np.full(len(self.parts), start), jac=True, method="L-BFGS-B",
+            optimum = scipy.optimize.minimize(function, np.full(len(self.parts), start), jac=True, method="L-BFGS-B",
                              bounds=[(0.0, None)] * len(self.parts))
-            if found.fun < lowest:
-                best, lowest = found.x * scale, float(found.fun)
+            if optimum.fun < lowest:
+                best, lowest = optimum.x * scale, float(optimum.fun)
         return best, 2.0 * (nothing - lowest), lowest
 
     def _negative_log(self, variances: np.ndarray) -> tuple[float, np.ndarray]:

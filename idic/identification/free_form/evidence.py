@@ -55,17 +55,17 @@ class _Judged:
     A: np.ndarray
     pull: np.ndarray
 
-    def values(self, others: int, lowest: float) -> np.ndarray:
+    def values(self, n_others: int, lowest: float) -> np.ndarray:
         """The most probable values of the function  # (m,)"""
-        found = np.linalg.lstsq(self.A, self.pull, rcond=None)[0]
-        if (found[others:] < lowest).any():
+        values = np.linalg.lstsq(self.A, self.pull, rcond=None)[0]
+        if (values[n_others:] < lowest).any():
             size, axes = np.linalg.eigh(self.A)
             root = np.sqrt(np.maximum(size, size[-1] * 1e-14))
-            bound = np.full(len(found), -np.inf)
-            bound[others:] = lowest
-            found = scipy.optimize.lsq_linear(root[:, None] * axes.T, (axes.T @ self.pull) / root, (bound, np.inf),
-                                              method="bvls").x
-        return found[others:]
+            bound = np.full(len(values), -np.inf)
+            bound[n_others:] = lowest
+            values = scipy.optimize.lsq_linear(root[:, None] * axes.T, (axes.T @ self.pull) / root, (bound, np.inf),
+                                               method="bvls").x
+        return values[n_others:]
 
 
 def choose_knots(M: np.ndarray, b: np.ndarray, values: np.ndarray, slopes: np.ndarray, form: FreeForm,
@@ -79,50 +79,51 @@ def choose_knots(M: np.ndarray, b: np.ndarray, values: np.ndarray, slopes: np.nd
     form : the free function, of as many knots as were identified
     numbers : of knots to try; none: those of the form
     """
-    numbers, others = numbers or form.numbers, len(values) - len(form.at)
-    found: dict[tuple[int, Smoothness], _Judged] = {}
+    numbers, n_others = numbers or form.numbers, len(values) - len(form.at)
+    candidates: dict[tuple[int, Smoothness], _Judged] = {}
     for n in numbers:
         T = _restriction(len(values), form, n, slopes)
         data, pull = T.T @ M @ T, T.T @ (M @ (values / slopes) + b)
         for over in form.over:
             for strength in STRENGTHS:
                 smoothness = Smoothness(strength, over)
-                found[n, smoothness] = _judged(data, pull, form.bends(n, smoothness), form.ends(n), form.centre)
-    handicapped = {key: one.ln_z - ROOT_HANDICAP * (key[1].over == ROOT) for key, one in found.items()}
+                candidates[n, smoothness] = _judged(data, pull, form.bends(n, smoothness), form.ends(n), form.centre)
+    handicapped = {key: candidate.ln_z - ROOT_HANDICAP * (key[1].over == ROOT) for key, candidate in candidates.items()}
     over = max(handicapped, key=lambda key: handicapped[key])[1].over
-    best = {n: max((found[n, Smoothness(s, over)].ln_z, Smoothness(s, over)) for s in STRENGTHS)[1] for n in numbers}
-    top = max(found[n, best[n]].ln_z for n in numbers)
-    evidence = {n: found[n, best[n]].ln_z - top for n in numbers}
+    best = {n: max((candidates[n, Smoothness(s, over)].ln_z, Smoothness(s, over)) for s in STRENGTHS)[1]
+            for n in numbers}
+    top = max(candidates[n, best[n]].ln_z for n in numbers)
+    evidence = {n: candidates[n, best[n]].ln_z - top for n in numbers}
     possible = sorted(n for n in numbers if evidence[n] >= -STRONG)
     finest = possible[-1]
-    levels = {n: found[n, best[n]].values(others, form.lowest) for n in possible}
-    seen, covariance = form.seen(finest, finest), np.linalg.pinv(found[finest, best[finest]].A, hermitian=True)
-    stds = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", seen, covariance[others:, others:], seen), 0.0)
+    levels = {n: candidates[n, best[n]].values(n_others, form.lowest) for n in possible}
+    basis, covariance = form.seen(finest, finest), np.linalg.pinv(candidates[finest, best[finest]].A, hermitian=True)
+    stds = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", basis, covariance[n_others:, n_others:], basis), 0.0)
                    + form.family_error**2)
     n = next(n for n in possible if np.all(
-        np.abs(form.seen(n, finest) @ levels[n] - seen @ levels[finest]) <= SAME_CURVE * stds))
+        np.abs(form.seen(n, finest) @ levels[n] - basis @ levels[finest]) <= SAME_CURVE * stds))
     return ChosenKnots(n, best[n], levels[n], evidence)
 
 
 def _restriction(n_all: int, form: FreeForm, n: int, slopes: np.ndarray) -> np.ndarray:
     """All scaled parameters by the others (scaled) and m values of the function with n knots  # (p, p - p_form + m)"""
     at, finer = list(form.at), form.finer(n)
-    others = [i for i in range(n_all) if i not in form.at]
-    T = np.zeros((n_all, len(others) + finer.shape[1]))
-    T[others, range(len(others))] = 1.0
-    T[at, len(others):] = finer / slopes[at][:, None]
+    other_parameters = [i for i in range(n_all) if i not in form.at]
+    T = np.zeros((n_all, len(other_parameters) + finer.shape[1]))
+    T[other_parameters, range(len(other_parameters))] = 1.0
+    T[at, len(other_parameters):] = finer / slopes[at][:, None]
     return T
 
 
 def _judged(data: np.ndarray, pull: np.ndarray, rows: np.ndarray, ends: np.ndarray, centre: float) -> _Judged:
     """rows, ends : bends and unknowns of unit density of the function's values, whose bends vanish at `centre`"""
-    others = len(pull) - rows.shape[1]
+    n_others = len(pull) - rows.shape[1]
     A, pull = data.copy(), pull.copy()
-    A[:others, :others] += np.eye(others) / MAX_STD**2
-    A[others:, others:] += rows.T @ rows
+    A[:n_others, :n_others] += np.eye(n_others) / MAX_STD**2
+    A[n_others:, n_others:] += rows.T @ rows
     from_zero = rows.sum(axis=1) * centre
-    pull[others:] += rows.T @ from_zero
-    found = np.linalg.lstsq(A, pull, rcond=None)[0]
+    pull[n_others:] += rows.T @ from_zero
+    solution = np.linalg.lstsq(A, pull, rcond=None)[0]
     volume = np.log(np.linalg.svd(np.vstack([ends, rows]), compute_uv=False)).sum()
     volume -= 0.5 * np.linalg.slogdet(A)[1] + 0.5 * from_zero @ from_zero
-    return _Judged(float(0.5 * found @ pull + volume), A, pull)
+    return _Judged(float(0.5 * solution @ pull + volume), A, pull)

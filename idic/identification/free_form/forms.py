@@ -58,11 +58,11 @@ class FreeForm(Protocol):
 class FreeCurve:
     """A curve that is linear between its knots: hardening, or a derivative of a rubber's energy.
 
-    last : its last knot; size : of its starting curve
+    last_knot : where it ends; size : of its starting curve
     """
 
     at: tuple[int, ...]
-    last: float
+    last_knot: float
     size: float
     over: tuple[str, ...] = (STRAIN, ROOT)
     numbers: tuple[int, ...] = NUMBERS
@@ -74,13 +74,13 @@ class FreeCurve:
         return self.seen(n, len(self.at))
 
     def bends(self, n: int, smoothness: Smoothness) -> np.ndarray:
-        return bends(knots(self.last, n), self.size, smoothness)
+        return bends(knots(self.last_knot, n), self.size, smoothness)
 
     def ends(self, n: int) -> np.ndarray:
         return np.eye(n)[[0, -1]]
 
     def seen(self, n: int, finest: int) -> np.ndarray:
-        return basis(knots(self.last, finest), self.last, n)
+        return basis(knots(self.last_knot, finest), self.last_knot, n)
 
 
 @dataclass(frozen=True)
@@ -103,14 +103,14 @@ class FreeSpectrum:
     def finer(self, n: int) -> np.ndarray:
         """Relaxation with one time is met by that with its nearest times in the grid, exp(-t / tau) cubic in ln tau."""
         places = np.linspace(0.0, len(self.at) - 1.0, n)
-        made = np.zeros((len(self.at), n))
+        interpolation = np.zeros((len(self.at), n))
         first = np.clip(np.floor(places).astype(int) - NEAREST // 2 + 1, 0, max(len(self.at) - NEAREST, 0))
         for k, (place, low) in enumerate(zip(places, first, strict=True)):
-            near = np.arange(low, min(low + NEAREST, len(self.at)))
-            for i in near:
-                others = near[near != i]
-                made[i, k] = np.prod((place - others) / (i - others))
-        return made
+            neighbours = np.arange(low, min(low + NEAREST, len(self.at)))
+            for i in neighbours:
+                roots = neighbours[neighbours != i]
+                interpolation[i, k] = np.prod((place - roots) / (i - roots))
+        return interpolation
 
     def bends(self, n: int, smoothness: Smoothness) -> np.ndarray:
         return bends(knots(1.0, n), self.size, smoothness)
@@ -144,8 +144,8 @@ class FreeSurface:
         """All forms of degree 8 are combinations of those of 9 knots, exactly; equal weights stay equal."""
         identified = len(self.at) // RINGS
         stress = knot_stresses(RING_KNOTS[1])
-        made = np.linalg.lstsq(powers(identified, stress), powers(n, stress), rcond=1e-10)[0]
-        return made * (identified / n)
+        coefficients = np.linalg.lstsq(powers(identified, stress), powers(n, stress), rcond=1e-10)[0]
+        return coefficients * (identified / n)
 
     def bends(self, n: int, smoothness: Smoothness) -> np.ndarray:
         return np.vstack([prior_rows(n, smoothness.strength * self.size), np.eye(RINGS * n) / self.spread])

@@ -34,9 +34,9 @@ def needs_motion_in_space(experiment: Experiment) -> bool:
 
 def motion_in_space(experiment: Experiment) -> np.ndarray:
     """Nodal motion by a free stereo FE-DIC  # (n_frames, n_nodes, 3) mm, NaN: not seen, or the frame was lost"""
-    found = surface_motion(experiment)
+    surface = surface_motion(experiment)
     u_mm = np.full((experiment.model.n_frames, experiment.model.mesh.n_nodes, 3), np.nan)
-    u_mm[:, found.nodes] = found.u_mm
+    u_mm[:, surface.nodes] = surface.u_mm
     return u_mm
 
 
@@ -72,8 +72,8 @@ def measured_start(experiment: Experiment, u_px: np.ndarray, excluded: Collectio
         place = np.full(model.mesh.n_nodes, -1)
         place[nodes] = np.arange(len(nodes))
     if u is None:
-        here = model.mesh.nodes if nodes is None else model.mesh.nodes[nodes]
-        back = np.linalg.inv(model.camera.jacobian(here)[:, :, :2])  # (n_nodes, 2, 2) mm/px
+        positions = model.mesh.nodes if nodes is None else model.mesh.nodes[nodes]
+        back = np.linalg.inv(model.camera.jacobian(positions)[:, :, :2])  # (n_nodes, 2, 2) mm/px
         u = np.einsum("nij,tnj->tni", back, u_px)
     good = [k for k in range(model.n_frames) if k not in excluded and np.isfinite(u[k]).any()]
     for column, (drive, is_measured) in enumerate(zip(drives.local, drives.measured, strict=False)):
@@ -82,11 +82,11 @@ def measured_start(experiment: Experiment, u_px: np.ndarray, excluded: Collectio
             if component[0] >= u.shape[2]:
                 continue  # measured out of the plane: from rest
             of_nodes = u[good][:, place[node], component]  # those that move together; all but one of them are hidden
-            seen = np.isfinite(of_nodes).any(axis=1)
+            is_seen = np.isfinite(of_nodes).any(axis=1)
             series = np.array([row[np.isfinite(row)].mean() if row_seen else np.nan
-                               for row, row_seen in zip(of_nodes, seen, strict=True)])
-            if seen.any():
-                local[:, column] = np.interp(np.arange(model.n_frames), np.array(good)[seen], series[seen])
+                               for row, row_seen in zip(of_nodes, is_seen, strict=True)])
+            if is_seen.any():
+                local[:, column] = np.interp(np.arange(model.n_frames), np.array(good)[is_seen], series[is_seen])
     return local
 
 

@@ -35,10 +35,10 @@ def is_two_step(options: Options) -> bool:
 
 def regularisation_of(options: Options) -> Regularisation:
     """How the free FE-DIC of an experiment is regularised: "auto" is none for two steps, mechanical otherwise."""
-    wanted = options.dic_regularisation
-    if wanted == "auto":
-        wanted = "none" if is_two_step(options) else "mechanical"
-    return Regularisation(wanted)
+    regularisation = options.dic_regularisation
+    if regularisation == "auto":
+        regularisation = "none" if is_two_step(options) else "mechanical"
+    return Regularisation(regularisation)
 
 
 def check_method(experiment: Experiment) -> None:
@@ -60,8 +60,8 @@ def check_method(experiment: Experiment) -> None:
         f"{', '.join(moved)} as degrees of freedom, which move the mesh over the image": bool(moved),
         'estimator = "generalised"': experiment.options.estimator == "generalised",
         f"weighting = {experiment.options.weighting!r}": experiment.options.weighting != "noise"}
-    for problem, there in problems.items():
-        if there:
+    for problem, applies in problems.items():
+        if applies:
             raise InputError("two steps do not go with this", file="experiment.toml", key="[options] method",
                              expected="grey images, a camera and a mesh that are known, weights by noise",
                              found=problem,
@@ -80,14 +80,14 @@ def measured_reference(experiment: Experiment, image: GreyReference, motion_px: 
     """
     model = experiment.model
     still = image.compare(experiment, model.reference, np.zeros((model.mesh.n_nodes, 2)))
-    seen = measured_nodes(still.H)
+    is_measured = measured_nodes(still.H)
     smoother = build_smoother(image.pixel_map.nodes_px, surface_cells(model.mesh, model.surface),
                               regularisation_of(experiment.options))
-    penalty = sparse.csc_array(smoother.matrix(float(np.mean(image.fx**2 + image.fy**2)) / 2, ~seen))
-    motion = np.where(seen[:, None], motion_px, np.nan)
+    penalty = sparse.csc_array(smoother.matrix(float(np.mean(image.fx**2 + image.fy**2)) / 2, ~is_measured))
+    motion = np.where(is_measured[:, None], motion_px, np.nan)
     information = None
     if experiment.options.method == UNWEIGHTED:
-        nodes = np.flatnonzero(seen)
+        nodes = np.flatnonzero(is_measured)
         chosen = nodes[np.unique(np.linspace(0, len(nodes) - 1, min(_SAMPLED_NODES, len(nodes))).astype(int))]
         information = mean_information(still, penalty, chosen)
     return MeasuredReference(image, motion, information, penalty)

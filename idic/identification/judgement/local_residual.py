@@ -33,8 +33,8 @@ class ElementSums:
     chi2: np.ndarray
     pixels: np.ndarray
 
-    def __add__(self, other: ElementSums) -> ElementSums:
-        return ElementSums(self.chi2 + other.chi2, self.pixels + other.pixels)
+    def __add__(self, addend: ElementSums) -> ElementSums:
+        return ElementSums(self.chi2 + addend.chi2, self.pixels + addend.pixels)
 
 
 @dataclass(frozen=True)
@@ -71,12 +71,12 @@ class LocalResidual:
     part: int | None
 
 
-def element_sums(pixel_map: PixelMap, found: ResidualMap, noise_std: float) -> ElementSums:
+def element_sums(pixel_map: PixelMap, residual: ResidualMap, noise_std: float) -> ElementSums:
     """χ² and pixels of every element in one frame."""
-    variance = noise_std**2 * (found.still_gain / found.n_images + found.noise_gain)
-    squares = np.where(found.valid, found.r.astype(float) ** 2 / variance, 0.0)
+    variance = noise_std**2 * (residual.still_gain / residual.n_images + residual.noise_gain)
+    squares = np.where(residual.valid, residual.r.astype(float) ** 2 / variance, 0.0)
     start = pixel_map.start[:-1]
-    return ElementSums(np.add.reduceat(squares, start), np.add.reduceat(found.valid.astype(float), start))
+    return ElementSums(np.add.reduceat(squares, start), np.add.reduceat(residual.valid.astype(float), start))
 
 
 def neighbourhoods(pixel_map: PixelMap) -> sparse.csr_array:
@@ -85,9 +85,9 @@ def neighbourhoods(pixel_map: PixelMap) -> sparse.csr_array:
     used = np.arange(pixel_map.conn.shape[1]) < N_NODES[pixel_map.kind][:, None]
     rows = np.repeat(np.arange(n), used.sum(axis=1))
     incidence = sparse.csr_array((np.ones(len(rows)), (rows, pixel_map.conn[used])), shape=(n, pixel_map.n_nodes))
-    near = (incidence @ incidence.T).tocsr()
-    near.data[:] = 1.0
-    return near
+    adjacency = (incidence @ incidence.T).tocsr()
+    adjacency.data[:] = 1.0
+    return adjacency
 
 
 def local_residual(pixel_map: PixelMap, sums: Sequence[ElementSums]) -> LocalResidual | None:
@@ -97,28 +97,29 @@ def local_residual(pixel_map: PixelMap, sums: Sequence[ElementSums]) -> LocalRes
     """
     if not sums:
         return None
-    near = neighbourhoods(pixel_map)
-    whole = sums[0]
-    for one in sums[1:]:
-        whole = whole + one
-    groups: list[tuple[int | None, ElementSums]] = [(None, whole)]
+    adjacency = neighbourhoods(pixel_map)
+    recording_sums = sums[0]
+    for frame_sums in sums[1:]:
+        recording_sums = recording_sums + frame_sums
+    groups: list[tuple[int | None, ElementSums]] = [(None, recording_sums)]
     if len(sums) >= N_PARTS:
         for part, chosen in enumerate(np.array_split(np.arange(len(sums)), N_PARTS)):
             total = sums[chosen[0]]
             for k in chosen[1:]:
                 total = total + sums[k]
             groups.append((part, total))
-    tests = [(part, test) for part, group in groups if (test := _departures(near, group)) is not None]
+    tests = [(part, test) for part, group in groups if (test := _departures(adjacency, group)) is not None]
     if not tests:
         return None
     tried = sum(test.independent for _, test in tests)
-    part, found = max(tests, key=lambda entry: float(entry[1].z.max()))
-    significant, worst = found.significant(tried), int(np.argmax(found.z))
-    own = slice(pixel_map.start[worst], pixel_map.start[worst + 1])
-    column, row = pixel_map.ix[own].mean(), pixel_map.iy[own].mean()
-    return LocalResidual(bool(significant.any()), float(found.mean[worst]), found.typical, float(found.z[worst]),
-                         float(min(1.0, tried * scipy.special.ndtr(-found.z[worst]))), float(column), float(row),
-                         int(significant.sum()), float(significant.sum() / found.usable.sum()), part)
+    part, departures = max(tests, key=lambda entry: float(entry[1].z.max()))
+    significant, worst = departures.significant(tried), int(np.argmax(departures.z))
+    pixels = slice(pixel_map.start[worst], pixel_map.start[worst + 1])
+    column, row = pixel_map.ix[pixels].mean(), pixel_map.iy[pixels].mean()
+    return LocalResidual(bool(significant.any()), float(departures.mean[worst]), departures.typical,
+                         float(departures.z[worst]),
+                         float(min(1.0, tried * scipy.special.ndtr(-departures.z[worst]))), float(column), float(row),
+                         int(significant.sum()), float(significant.sum() / departures.usable.sum()), part)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,18 +138,18 @@ class _Departures:
             self.mean > (1.0 + MIN_CLUSTER_EXCESS) * self.typical)
 
 
-def _departures(near: sparse.csr_array, sums: ElementSums) -> _Departures | None:
+def _departures(adjacency: sparse.csr_array, sums: ElementSums) -> _Departures | None:
     """None where too few elements are seen to tell the scatter."""
     usable = sums.pixels >= MIN_PIXEL_SHARE * np.median(sums.pixels)
     if usable.sum() < MIN_ELEMENTS:
         return None
-    pixels = near @ np.where(usable, sums.pixels, 0.0)
-    mean = near @ np.where(usable, sums.chi2, 0.0) / np.maximum(pixels, 1.0)
+    pixels = adjacency @ np.where(usable, sums.pixels, 0.0)
+    mean = adjacency @ np.where(usable, sums.chi2, 0.0) / np.maximum(pixels, 1.0)
     typical = float(np.median(mean[usable]))
     root = np.sqrt(pixels / np.median(pixels[usable]))  # standard deviations fall with the root of the pixels
     scaled = (np.cbrt(mean) - np.cbrt(typical)) * root  # nearly normal (Wilson & Hilferty 1931)
     std = STD_PER_LOWER_QUARTILE * float(np.median(scaled[usable]) - np.quantile(scaled[usable], 0.25))
     if not std > 0.0:
         return None
-    size = float(np.mean(near.sum(axis=1)))
+    size = float(np.mean(adjacency.sum(axis=1)))
     return _Departures(np.where(usable, scaled / std, -np.inf), mean, typical, usable, max(usable.sum() / size, 1.0))

@@ -54,8 +54,8 @@ def try_remedies(experiment: Experiment, camera: Camera, frames: Sequence[int],
     experiment : view of one camera, grey images, noise known
     motion : frame -> displacement of the nodes in the image (n_nodes, 2) px
     """
-    before = chi2_at(experiment, camera, frames, motion)
-    return tuple(Remedy(setting, before, chi2_at(replace(experiment, options=options), camera, frames, motion))
+    initial_chi2 = chi2_at(experiment, camera, frames, motion)
+    return tuple(Remedy(setting, initial_chi2, chi2_at(replace(experiment, options=options), camera, frames, motion))
                  for setting, options in remedies(experiment.options))
 
 
@@ -67,10 +67,10 @@ def chi2_at(experiment: Experiment, camera: Camera, frames: Sequence[int],
     for frame in frames:
         u = motion(frame)
         fit = solve_brightness(reference.compare(experiment, frame, u))
-        found = reference.compare_pixels(experiment, frame, u, fit.coefficients)
-        n = int(found.valid.sum())
+        residual = reference.compare_pixels(experiment, frame, u, fit.coefficients)
+        n = int(residual.valid.sum())
         if n:
             # unknowns of the brightness take their share of the noise, which matters with many patches
-            chi2 += n * found.chi2_dof(experiment.recording.noise.std_gv) * n / max(n - len(fit.coefficients), 1)
+            chi2 += n * residual.chi2_dof(experiment.recording.noise.std_gv) * n / max(n - len(fit.coefficients), 1)
             pixels += n
     return chi2 / pixels if pixels else float("nan")

@@ -31,7 +31,7 @@ PRIOR = {0: 0.5, 1: 0.35, 2: 0.15}  # of the orders; of those that are tried
 MAX_PROBABILITY_OF_INDEPENDENCE = 0.5
 STD_RATIOS = np.geomspace(0.5, 8.0, 25)  # of the standard deviation that differences show, where none is stated
 INDEPENDENT_RATIOS = np.geomspace(0.25, 32.0, 169)  # the same, of independent noise
-MIN_BESIDE = 1e-6  # of the variance of a reading: of a channel that no frame is fitted to
+MIN_LOCAL_VARIANCE_SHARE = 1e-6  # of the variance of a reading: of a channel that no frame is fitted to
 BLOCK = 256  # frames whose correlation the likelihood counts; longer tests: block by block
 
 
@@ -54,9 +54,9 @@ class ChannelNoise:
         return self.independent < MAX_PROBABILITY_OF_INDEPENDENCE
 
 
-def channel_correlation(residual: np.ndarray, rows: np.ndarray, frames: Sequence[int], rest: np.ndarray,
-                        rhs: np.ndarray, std: float, stated: bool,
-                        beside: np.ndarray | None = None) -> ChannelNoise | None:
+def channel_correlation(residual: np.ndarray, rows: np.ndarray, frames: Sequence[int], M_other: np.ndarray,
+                        rhs: np.ndarray, std: float, is_stated: bool,
+                        local_variance: np.ndarray | None = None) -> ChannelNoise | None:
     """Covariance of the noise of a channel; None where too few frames tell it.
 
     Parameters
@@ -64,16 +64,17 @@ def channel_correlation(residual: np.ndarray, rows: np.ndarray, frames: Sequence
     residual : (T,) measured less simulated at the accepted point
     rows : (T, n) derivatives of the simulated values by the unknowns
     frames : numbers of the T frames; those that are left out count as time that passes
-    rest, rhs : (n, n), (n,) normal equations of everything but this channel
-    std : of a reading; stated : whether it is given, else it is that of differences, and is estimated anew
-    beside : (T,) variance of the simulated values by what each frame alone is fitted with (measured edges); None: none
+    M_other, rhs : (n, n), (n,) normal equations of everything but this channel
+    std : of a reading; is_stated : whether it is given, else it is that of differences, and is estimated anew
+    local_variance : (T,) of the simulated values by what each frame alone is fitted with (measured edges); None: none
     """
-    beside = np.maximum(np.zeros(len(residual)) if beside is None else beside, MIN_BESIDE * std**2)
-    equations = _Equations(residual, rows, rest, rhs, beside)
-    found = _over_autoregressions(equations, frames, std * (np.ones(1) if stated else STD_RATIOS))
-    if stated or (found is not None and found.is_correlated):
-        return found
-    return _independent(equations, std, 1.0 if found is None else found.independent)
+    local_variance = np.maximum(np.zeros(len(residual)) if local_variance is None else local_variance,
+                                MIN_LOCAL_VARIANCE_SHARE * std**2)
+    equations = _Equations(residual, rows, M_other, rhs, local_variance)
+    noise = _over_autoregressions(equations, frames, std * (np.ones(1) if is_stated else STD_RATIOS))
+    if is_stated or (noise is not None and noise.is_correlated):
+        return noise
+    return _independent(equations, std, 1.0 if noise is None else noise.independent)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +83,9 @@ class _Equations:
 
     residual: np.ndarray
     rows: np.ndarray
-    rest: np.ndarray
+    M_other: np.ndarray
     rhs: np.ndarray
-    beside: np.ndarray
+    local_variance: np.ndarray
 
     def log_likelihoods(self, correlation: np.ndarray, stds: np.ndarray) -> np.ndarray:
         """Restricted log-likelihood of every standard deviation, up to a constant  # (len(stds),)
@@ -93,24 +94,25 @@ class _Equations:
         """
         n, columns, spread, log_det = len(self.rhs), [], [], 0.0
         for first in range(0, len(self.residual), BLOCK):
-            own = slice(first, first + BLOCK)
-            scale = 1.0 / np.sqrt(self.beside[own])
-            values, vectors = np.linalg.eigh(correlation[own, own] * np.outer(scale, scale))
-            columns.append(vectors.T @ (np.column_stack([self.rows[own], self.residual[own]]) * scale[:, None]))
+            block = slice(first, first + BLOCK)
+            scale = 1.0 / np.sqrt(self.local_variance[block])
+            values, vectors = np.linalg.eigh(correlation[block, block] * np.outer(scale, scale))
+            columns.append(vectors.T @ (np.column_stack([self.rows[block], self.residual[block]]) * scale[:, None]))
             spread.append(values)
             log_det -= 2.0 * float(np.log(scale).sum())
         white, values = np.vstack(columns), np.concatenate(spread)
-        found = []
+        logs = []
         for std in stds:
             variance = np.maximum(std**2 * values, 0.0) + 1.0
             weighed = white.T / variance
-            whole, b = self.rest + weighed[:n] @ white[:, :n], self.rhs + weighed[:n] @ white[:, n]
-            own, vectors = np.linalg.eigh(0.5 * (whole + whole.T))
-            keep = own > 1e-12 * own.max(initial=1e-300)  # a direction that nothing determines is the same for all
+            M, b = self.M_other + weighed[:n] @ white[:, :n], self.rhs + weighed[:n] @ white[:, n]
+            eigenvalues, vectors = np.linalg.eigh(0.5 * (M + M.T))
+            # a direction that nothing determines is the same for all
+            keep = eigenvalues > 1e-12 * eigenvalues.max(initial=1e-300)
             along = vectors[:, keep].T @ b
-            found.append(-0.5 * (log_det + np.log(variance).sum() + np.log(own[keep]).sum()
-                                 + float(weighed[n] @ white[:, n]) - float(along**2 @ (1.0 / own[keep]))))
-        return np.array(found)
+            logs.append(-0.5 * (log_det + np.log(variance).sum() + np.log(eigenvalues[keep]).sum()
+                                + float(weighed[n] @ white[:, n]) - float(along**2 @ (1.0 / eigenvalues[keep]))))
+        return np.array(logs)
 
 
 def _over_autoregressions(equations: _Equations, frames: Sequence[int], stds: np.ndarray) -> ChannelNoise | None:
@@ -124,11 +126,11 @@ def _over_autoregressions(equations: _Equations, frames: Sequence[int], stds: np
         entries.append((order, course))
         logs.append(np.log(prior) + equations.log_likelihoods(course[lags], stds))
     weights = _probabilities(np.array(logs))
-    covariance = sum(float(own @ stds**2) * course[lags] for own, (_, course) in zip(weights, entries, strict=True))
+    covariance = sum(float(row @ stds**2) * course[lags] for row, (_, course) in zip(weights, entries, strict=True))
     orders = np.array([order for order, _ in entries])
     per_order = [float(weights[orders == order].sum()) for order in sorted(set(orders.tolist()))]
     variance = float(covariance[0, 0])
-    next_to = sum(float(own @ stds**2) * course[1] for own, (_, course) in zip(weights, entries, strict=True))
+    next_to = sum(float(row @ stds**2) * course[1] for row, (_, course) in zip(weights, entries, strict=True))
     return ChannelNoise(float(np.sqrt(variance)), covariance, int(np.argmax(per_order)), float(next_to / variance),
                         per_order[0])
 
@@ -136,8 +138,8 @@ def _over_autoregressions(equations: _Equations, frames: Sequence[int], stds: np
 def _independent(equations: _Equations, std: float, probability: float) -> ChannelNoise | None:
     """Independent readings of a size that is not known; None where the parameters leave too few of them free."""
     rows, n = equations.rows, len(equations.residual)
-    taken = (rows.T / (std**2 + equations.beside)) @ rows
-    if n - float(np.trace(np.linalg.pinv(equations.rest + taken, hermitian=True) @ taken)) < MIN_LEFT:
+    information = (rows.T / (std**2 + equations.local_variance)) @ rows
+    if n - float(np.trace(np.linalg.pinv(equations.M_other + information, hermitian=True) @ information)) < MIN_LEFT:
         return None
     stds = std * INDEPENDENT_RATIOS
     weights = _probabilities(equations.log_likelihoods(np.eye(n), stds))

@@ -45,7 +45,7 @@ def estimated_channel_noise(experiment: Experiment, parameters: ParameterSet,
     if experiment.options.weighting != "noise" or not _knows_channels(system):
         return {}
     scaled = scaled_system(replace(system, end_noise=None), parameters, np.zeros_like(system.M), 0.0)
-    found = {}
+    noises = {}
     for number, channel in enumerate(experiment.model.channels):
         std = weighted_std(experiment.model, number)
         compared = [record for record in system.frames if np.isfinite(record.channel_residual[number])]
@@ -54,15 +54,15 @@ def estimated_channel_noise(experiment: Experiment, parameters: ParameterSet,
         if not rows.any():
             continue
         # what the unknowns of a frame have taken of a reading is given back: its residual by all others, less certain
-        kept = np.array([record.channel_kept[number] if len(record.channel_kept) else 1.0 for record in compared])
-        kept = np.maximum(kept, MIN_KEPT)
-        rows, residual, variance = (rows * scaled.slopes) / kept[:, None], residual / kept, std**2 / kept
+        share = np.array([record.channel_kept[number] if len(record.channel_kept) else 1.0 for record in compared])
+        share = np.maximum(share, MIN_KEPT)
+        rows, residual, variance = (rows * scaled.slopes) / share[:, None], residual / share, std**2 / share
         weighed = (rows / variance[:, None]).T
         noise = channel_correlation(residual, rows, [record.frame for record in compared], scaled.M - weighed @ rows,
                                     scaled.b - weighed @ residual, std, bool(channel.noise_std), variance - std**2)
         if noise is not None and (noise.is_correlated or not channel.noise_std):
-            found[number] = noise
-    return found
+            noises[number] = noise
+    return noises
 
 
 def with_channel_noise(system: CorrelationSystem, model: Model,
@@ -88,9 +88,9 @@ def added_spread(rows: np.ndarray, compared: np.ndarray, model: Model,
     """
     added = np.zeros((rows.shape[2], rows.shape[2]))
     for number, noise in noises.items():
-        std, own = weighted_std(model, number), rows[compared[:, number], number]
-        change = noise.covariance - std**2 * np.eye(len(own))
-        added += own.T @ change @ own / std**4
+        std, channel_rows = weighted_std(model, number), rows[compared[:, number], number]
+        change = noise.covariance - std**2 * np.eye(len(channel_rows))
+        added += channel_rows.T @ change @ channel_rows / std**4
     return added
 
 
@@ -116,7 +116,7 @@ def repeated_readings(experiment: Experiment) -> Iterator[str]:
     """Channels that repeat their reading while the specimen is moved: of a log slower than the images, or rounded."""
     model = experiment.model
     counted = [k for k in range(model.reference, model.n_frames) if k not in experiment.recording.excluded]
-    drives = [one.drive for one in model.prescribed if isinstance(one.drive, Column)]
+    drives = [entry.drive for entry in model.prescribed if isinstance(entry.drive, Column)]
     for channel in model.channels if len(counted) > 2 else ():
         for drive in (drive for drive in drives if channel.kind != "pressure" and drive.column != channel.column):
             steps, change = np.diff(drive.values[counted]), np.diff(channel.values[counted])

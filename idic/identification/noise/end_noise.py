@@ -76,14 +76,14 @@ def _responses(forward: ForwardModel, context: CorrelationContext, ends: np.ndar
     still = replace(drives, columns=nothing, derivatives=dict.fromkeys(drives.derivatives, nothing),
                     loads=replace(drives.loads, columns=nothing[:, :0], rates=nothing[:, :0]))
     model = replace(forward.model, times=np.arange(n, dtype=float), reference=0, motion_error=None)
-    alone = replace(forward, model=model, drives=still)
+    ends_only = replace(forward, model=model, drives=still)
     names = () if around is None else context.moving
-    states = alone.march(context.parameters, names, np.vstack([0.0 * ends[:1], ends]), None, around is None)
+    states = ends_only.march(context.parameters, names, np.vstack([0.0 * ends[:1], ends]), None, around is None)
     next(states)
-    made = []
+    responses = []
     for frame, state in zip(frames, states, strict=True):
         local_du, local_dchannels = ((state.seen_local_du, state.local_dchannels) if around is None
                                      else (around.local_du, around.local_dchannels))
-        made.append(FrameResponse(int(frame), state.seen_u, state.channels, state.seen_du, state.dchannels, local_du,
-                                  local_dchannels))
-    return made
+        responses.append(FrameResponse(int(frame), state.seen_u, state.channels, state.seen_du, state.dchannels,
+                                       local_du, local_dchannels))
+    return responses

@@ -37,9 +37,9 @@ def free_residual_noise(view: Experiment, reference: ReferenceImage, region: np.
               if k not in view.recording.excluded][:MAX_FRAMES]
     if len(corners) < MIN_GOOD_TILES or not chosen:
         return None
-    others = set(range(view.model.n_frames)) - {view.model.reference, *chosen}
-    motion = dic_stack(replace(view, recording=replace(view.recording,
-                                                       excluded=tuple(sorted(others | set(view.recording.excluded))))))
+    unused_frames = set(range(view.model.n_frames)) - {view.model.reference, *chosen}
+    excluded = tuple(sorted(unused_frames | set(view.recording.excluded)))
+    motion = dic_stack(replace(view, recording=replace(view.recording, excluded=excluded)))
     followed = [k for k in chosen if motion.status[k] == "ok"]
     rng, still = np.random.default_rng(0), _raw(view.recording, view.model.reference)
     return pooled([_tiles(view, reference, frame, motion.u_px[frame], still, corners, side, rng) for frame in followed])
@@ -63,17 +63,17 @@ def _tiles(view: Experiment, reference: ReferenceImage, frame: int, u_px: np.nda
 
     moved = on_material(_raw(view.recording, frame))
     white = (rng.standard_normal(shape) - on_material(rng.standard_normal(shape))) / np.sqrt(2.0)
-    found = []
+    tiles = []
     for row, column in corners:
-        own = slice(row, row + side), slice(column, column + side)
-        wide = tuple(slice(part.start - MARGIN_PX, part.stop + MARGIN_PX) for part in own)
+        window = slice(row, row + side), slice(column, column + side)
+        wide = tuple(slice(part.start - MARGIN_PX, part.stop + MARGIN_PX) for part in window)
         if np.isfinite(moved[wide]).all():
-            found.append(_of_one_image(tile_noise(still[wide], moved[wide], white[own], view.options.lowpass_px)))
-    return found
+            tiles.append(_of_one_image(tile_noise(still[wide], moved[wide], white[window], view.options.lowpass_px)))
+    return tiles
 
 
 def _of_one_image(tile: TileNoise) -> TileNoise:
     """Interpolation takes variance from one of the two images: as much as from the white noise."""
-    left = tile.square.size - tile.basis.shape[2]
-    through = tile.white_lags[len(tile.white_lags) // 2, len(tile.white_lags) // 2] / left
+    n_free = tile.square.size - tile.basis.shape[2]
+    through = tile.white_lags[len(tile.white_lags) // 2, len(tile.white_lags) // 2] / n_free
     return replace(tile, variance=tile.variance / through)

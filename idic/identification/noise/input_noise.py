@@ -62,10 +62,10 @@ def channel_noise(values: np.ndarray, times: np.ndarray | None = None) -> float:
         return max(floor, NOISE_SHARE_OF_A_SHORT_LOG * float(np.abs(values).max(initial=0.0)))
     orders = (2, 3, 4) if n < MIN_VALUES_OF_A_LONG_LOG else (3,)
     steps = np.diff(np.arange(n) if times is None else np.asarray(times, float))
-    found = [_noise_of_differences(values, np.ones(n - 1), order) for order in orders]
+    estimates = [_noise_of_differences(values, np.ones(n - 1), order) for order in orders]
     if np.ptp(steps) > MIN_UNEVENNESS * steps.max(initial=0.0) and (steps > 0.0).all():
-        found += [_noise_of_differences(values, steps, order) for order in orders]
-    return max(floor, min(found))
+        estimates += [_noise_of_differences(values, steps, order) for order in orders]
+    return max(floor, min(estimates))
 
 
 def resolution(values: np.ndarray) -> float:
@@ -101,8 +101,8 @@ def _noise_of_differences(values: np.ndarray, steps: np.ndarray, order: int) -> 
         return MAD_TO_STD * float(np.median(np.abs(differences))) / np.sqrt(gain)
     at = np.concatenate([[0.0], np.cumsum(steps)])
     windows = sliding_window_view(at, order + 1)  # (n - order, order + 1)
-    apart = windows[:, :, None] - windows[:, None, :] + np.eye(order + 1)
-    weights = 1.0 / apart.prod(axis=2)  # of Newton's divided differences
+    distances = windows[:, :, None] - windows[:, None, :] + np.eye(order + 1)
+    weights = 1.0 / distances.prod(axis=2)  # of Newton's divided differences
     weights /= np.linalg.norm(weights, axis=1, keepdims=True)
     return MAD_TO_STD * float(np.median(np.abs((weights * sliding_window_view(values, order + 1)).sum(axis=1))))
 
@@ -165,24 +165,25 @@ def measured_noise(view: Experiment) -> Noise:
     reference = build_experiment_reference(view, view.model.camera)
     region = reference.pixel_map.to_image(np.ones(len(reference.pixel_map.points())), 0.0) > 0.0
     for recording in recordings(view):
-        found = noise_covariance(recording.stack, recording.frames, region, view.options.lowpass_px)
-        if found is not None and found.sum_std_gv < MAX_NOISE_RATIO * noise.std_gv:
-            return _judged(noise, found, view.options.lowpass_px, recording.source)
-    if isinstance(view.model.camera, Camera) and (found := free_residual_noise(view, reference, region)) is not None:
-        return _judged(noise, found, view.options.lowpass_px, FREE_RESIDUAL)
+        covariance = noise_covariance(recording.stack, recording.frames, region, view.options.lowpass_px)
+        if covariance is not None and covariance.sum_std_gv < MAX_NOISE_RATIO * noise.std_gv:
+            return _judged(noise, covariance, view.options.lowpass_px, recording.source)
+    if (isinstance(view.model.camera, Camera)
+            and (covariance := free_residual_noise(view, reference, region)) is not None):
+        return _judged(noise, covariance, view.options.lowpass_px, FREE_RESIDUAL)
     return noise
 
 
-def _judged(noise: Noise, found: NoiseCovariance, lowpass_px: float, source: str) -> Noise:
-    ratio = found.sum_std_gv / noise.std_gv
-    margin = max(MIN_NOISE_RATIO, 1.0 + MIN_STANDARD_ERRORS * found.relative_uncertainty)
+def _judged(noise: Noise, covariance: NoiseCovariance, lowpass_px: float, source: str) -> Noise:
+    ratio = covariance.sum_std_gv / noise.std_gv
+    margin = max(MIN_NOISE_RATIO, 1.0 + MIN_STANDARD_ERRORS * covariance.relative_uncertainty)
     if not margin < ratio < MAX_NOISE_RATIO:
         return noise
-    compared = found.std_gv * np.sqrt(max(pixel_gain(found.correlation, lowpass_px), 0.0))
+    compared = covariance.std_gv * np.sqrt(max(pixel_gain(covariance.correlation, lowpass_px), 0.0))
     std = float(compared) if compared > MIN_NOISE_RATIO * noise.std_gv else noise.std_gv
-    rows = tuple(tuple(float(value) for value in row) for row in found.correlation)
+    rows = tuple(tuple(float(value) for value in row) for row in covariance.correlation)
     return replace(noise, std_gv=std,
-                   correlated=CorrelatedNoise(found.std_gv, found.sum_std_gv, rows, noise.std_gv, source))
+                   correlated=CorrelatedNoise(covariance.std_gv, covariance.sum_std_gv, rows, noise.std_gv, source))
 
 
 def noise_content(recording: Recording) -> dict:
@@ -190,34 +191,36 @@ def noise_content(recording: Recording) -> dict:
     differs."""
     noise = recording.noise
     content = {"std_gv": noise.std_gv, "source": noise.source, "unit": recording.value_unit}
-    if (found := noise.correlated) is None:
+    if (correlated := noise.correlated) is None:
         return content
-    told = {"covariance_source": found.source} if found.source else {}
-    return content | told | {"recorded_std_gv": found.recorded_gv, "sum_std_gv": found.sum_std_gv,
-                      "stated_std_gv": found.stated_gv, "correlation": [list(row) for row in found.correlation]}
+    source = {"covariance_source": correlated.source} if correlated.source else {}
+    return content | source | {"recorded_std_gv": correlated.recorded_gv, "sum_std_gv": correlated.sum_std_gv,
+                               "stated_std_gv": correlated.stated_gv,
+                               "correlation": [list(row) for row in correlated.correlation]}
 
 
-def _field_note(noise: Noise, beside: float) -> str:
+def _field_note(noise: Noise, neighbour_correlation: float) -> str:
     return (f"noise of measured fields: {noise.recorded_gv:.3g} µm per component of a point "
-            f"({noise.source.replace('_', ' ')}), with a correlation of {beside:.2f} between neighbours: sums over "
-            f"many points scatter as if it were {noise.in_sums_gv:.3g} µm, which weights and error bars count")
+            f"({noise.source.replace('_', ' ')}), with a correlation of {neighbour_correlation:.2f} between "
+            f"neighbours: sums over many points scatter as if it were {noise.in_sums_gv:.3g} µm, which weights "
+            "and error bars count")
 
 
 def noise_notes(experiment: Experiment) -> list[str]:
     """Notes for the result where the image noise is correlated, or larger than stated."""
     notes = []
     for view in experiment.views:
-        if (found := view.recording.noise.correlated) is None:
+        if (correlated := view.recording.noise.correlated) is None:
             continue
         of = "" if len(experiment.views) == 1 else f" of {view.recording.camera_name}"
         if view.recording.points is not None:
-            notes.append(_field_note(noise=view.recording.noise, beside=found.neighbour_correlation))
+            notes.append(_field_note(view.recording.noise, correlated.neighbour_correlation))
             continue
-        text = (f"image noise{of}: {found.stated_gv:.3g} {view.recording.value_unit} "
+        text = (f"image noise{of}: {correlated.stated_gv:.3g} {view.recording.value_unit} "
                 f"({view.recording.noise.source.replace('_', ' ')}), "
-                f"but {TOLD[found.source]} {found.recorded_gv:.3g}")
-        if abs(found.neighbour_correlation) > MIN_TOLD_CORRELATION:
-            text += f" with a correlation of {found.neighbour_correlation:.2f} between neighbouring pixels"
-        notes.append(f"{text}: sums against the gradient carry {found.sum_std_gv:.3g}, which weights and error bars "
-                     f"count")
+                f"but {TOLD[correlated.source]} {correlated.recorded_gv:.3g}")
+        if abs(correlated.neighbour_correlation) > MIN_TOLD_CORRELATION:
+            text += f" with a correlation of {correlated.neighbour_correlation:.2f} between neighbouring pixels"
+        notes.append(f"{text}: sums against the gradient carry {correlated.sum_std_gv:.3g}, which weights and error "
+                     f"bars count")
     return notes

@@ -36,18 +36,18 @@ def recordings(view: Experiment) -> Iterator[Recording]:
         stack = declared_stack(view.recording)
         yield Recording(stack, tuple(range(stack.n_frames)), STILL)
     declared = tuple(sorted({*view.recording.still_frames, *view.recording.averaged}))
-    rest = declared if len(declared) > 1 else _run_around(still.frames, view.model.reference)
-    if len(rest) > 1:
-        yield Recording(view.recording.stack, rest, STILL)
+    still_frames = declared if len(declared) > 1 else _run_around(still.frames, view.model.reference)
+    if len(still_frames) > 1:
+        yield Recording(view.recording.stack, still_frames, STILL)
     frames = tuple(k for k in range(view.model.reference, view.model.n_frames) if k not in view.recording.excluded)
     yield Recording(view.recording.stack, frames, CONSECUTIVE)
 
 
 def _run_around(frames: Collection[int], reference: int) -> tuple[int, ...]:
     """The consecutive numbers that the reference is among."""
-    first = last = reference
+    first = end = reference
     while first - 1 in frames:
         first -= 1
-    while last + 1 in frames:
-        last += 1
-    return tuple(range(first, last + 1))
+    while end + 1 in frames:
+        end += 1
+    return tuple(range(first, end + 1))

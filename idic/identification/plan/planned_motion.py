@@ -42,15 +42,15 @@ def edge_motion(experiment: Experiment, courses: Courses, recorded: bool,
         images to come.
     """
     unknown = [p for p in experiment.model.prescribed if isinstance(p.drive, (Measured, Parametrised))]
-    given = [p for p in unknown if _key(p) in courses]
-    if given:
-        motion, notes = _prescribed_motion(experiment.model, given, courses), ()
+    driven_edges = [p for p in unknown if _key(p) in courses]
+    if driven_edges:
+        motion, notes = _prescribed_motion(experiment.model, driven_edges, courses), ()
     elif unknown and recorded:
         motion = dic_stack(experiment).u_px
         notes = ("edges of unknown motion move as a free FE-DIC of the images measures",)
     else:
         motion, notes = None, ()
-    _check_known(experiment.model, unknown, given, motion is not None, recorded, file)
+    _check_known(experiment.model, unknown, driven_edges, motion is not None, recorded, file)
     if motion is None:
         return experiment, np.zeros((experiment.model.n_frames, build_drives(experiment).n_local)), ()
     excluded = experiment.recording.excluded
@@ -58,19 +58,19 @@ def edge_motion(experiment: Experiment, courses: Courses, recorded: bool,
     return experiment, measured_start(experiment, motion, excluded), notes
 
 
-def _prescribed_motion(model: Model, given: Sequence[Prescribed], courses: Courses) -> np.ndarray:
+def _prescribed_motion(model: Model, driven_edges: Sequence[Prescribed], courses: Courses) -> np.ndarray:
     """What a camera would measure of the edges that move along their courses  # (n_frames, n_nodes, 2) px"""
     u = np.zeros((model.n_frames, *model.mesh.nodes.shape))
-    for entry in given:
+    for entry in driven_edges:
         times, course = np.array(courses[_key(entry)]).T
         history = np.interp(model.times, times, course)
         history = history - history[model.reference]
         u[:, set_nodes(model, entry.nodes), COMPONENTS.index(entry.component)] = history[:, None]
-    rest = model.camera.project(model.mesh.nodes)
-    return np.array([model.camera.project(model.mesh.nodes + frame) - rest for frame in u])
+    reference_px = model.camera.project(model.mesh.nodes)
+    return np.array([model.camera.project(model.mesh.nodes + frame) - reference_px for frame in u])
 
 
-def _check_known(model: Model, unknown, given, moves: bool, recorded: bool, file) -> None:
+def _check_known(model: Model, unknown, driven_edges, moves: bool, recorded: bool, file) -> None:
     for entry in unknown:
         key, drive = _key(entry), entry.drive
         of_images = isinstance(drive, Parametrised) and drive.kind == "dic"
@@ -78,7 +78,7 @@ def _check_known(model: Model, unknown, given, moves: bool, recorded: bool, file
             raise InputError("a virtual boundary with measured shapes, but there are no images yet", file=file,
                              key=f"boundary {key}", expected='virtual = "bspline" or "polynomial"', found='"dic"',
                              remedy="plan with B-splines of as many modes")
-        if isinstance(drive, Measured) and entry not in given and (given or not moves):
+        if isinstance(drive, Measured) and entry not in driven_edges and (driven_edges or not moves):
             raise InputError("the motion of a measured edge is not known before the test", file=file,
                              key=f'design.program."{key}"',
                              expected="its course in time, in mm (px without a scale)", found="none",

@@ -184,12 +184,12 @@ class PlannedFolder(ExperimentFolder):
     @cached_property
     def images(self) -> list[Path]:
         """The images that are there; a pattern without a match stands for images to come."""
-        found = []
+        files = []
         for pattern in self.config.experiment.images:
             inside(self.folder, pattern, file=self.file, key="experiment.images")
             with suppress(InputError):
-                found += matching_files(self.folder, [pattern], file=self.file, key="experiment.images")
-        return found
+                files += matching_files(self.folder, [pattern], file=self.file, key="experiment.images")
+        return files
 
     @cached_property
     def recorded(self) -> bool:
@@ -243,9 +243,9 @@ class PlannedFolder(ExperimentFolder):
         return _Course(self, self._times(frames.stack.n_frames), log)
 
     def image_times(self, n_frames: int) -> np.ndarray | None:
-        given = super().image_times(n_frames)
-        if given is not None or (self.recorded and (self.has_log or self.config.design is None)):
-            return given
+        times = super().image_times(n_frames)
+        if times is not None or (self.recorded and (self.has_log or self.config.design is None)):
+            return times
         return self._times(n_frames)
 
     def small_files(self) -> list[Path]:
@@ -255,12 +255,12 @@ class PlannedFolder(ExperimentFolder):
         return super().identity(frames) if self.recorded else ""
 
     def _times(self, n_frames: int) -> np.ndarray:
-        given = super().image_times(n_frames)
-        return np.linspace(0.0, self._duration(n_frames), n_frames) if given is None else given
+        times = super().image_times(n_frames)
+        return np.linspace(0.0, self._duration(n_frames), n_frames) if times is None else times
 
     def _duration(self, n_frames: int) -> float:
-        last = max((course[-1][0] for course in self.plan.program.values()), default=float(n_frames - 1))
-        return self.plan.duration_s or last
+        program_end = max((course[-1][0] for course in self.plan.program.values()), default=float(n_frames - 1))
+        return self.plan.duration_s or program_end
 
     def _need(self, key: str, value: object) -> None:
         if value is None:
@@ -272,16 +272,16 @@ class PlannedFolder(ExperimentFolder):
     # checks and assumptions ---------------------------------------------------------------------
     def check_program(self) -> None:
         """Every course drives something, and lasts as long as the test."""
-        known = {*columns_of(self.config), *edge_keys(self.config)} - set(self.channels)
+        columns = {*columns_of(self.config), *edge_keys(self.config)} - set(self.channels)
         for name, course in self.plan.program.items():
             key, times = f"design.program.{name}", np.array(course)[:, 0]
-            if name not in known:
-                near = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+            if name not in columns:
+                suggestions = difflib.get_close_matches(name, columns, n=1, cutoff=0.6)
                 measured = name in self.channels
                 raise InputError("a course for a channel, which the simulation gives" if measured
                                  else "a course that drives nothing", file=self.file, key=key,
-                                 expected=f"one of {', '.join(sorted(known)) or '(no boundary names a column)'}",
-                                 found=name, remedy=f"did you mean {near[0]}?" if near else "remove it")
+                                 expected=f"one of {', '.join(sorted(columns)) or '(no boundary names a column)'}",
+                                 found=name, remedy=f"did you mean {suggestions[0]}?" if suggestions else "remove it")
             check_increasing(times, self.file, key)
             end = self._times(self.plan.n_frames or 2)[-1] if not self.recorded else times[-1]
             if times[0] > 0.0 or times[-1] < end:
@@ -300,23 +300,23 @@ class PlannedFolder(ExperimentFolder):
 
     def assumptions(self) -> list[str]:
         """What was made up, in sentences."""
-        plan, made = self.plan, []
+        plan, lines = self.plan, []
         if self.pattern == VIRTUAL_SPECKLE:
-            made.append(f"no photograph: a virtual speckle of {plan.speckle_px:g} px and {plan.contrast_gv:g} grey "
-                        "values of contrast (standard deviation) stands for the pattern")
+            lines.append(f"no photograph: a virtual speckle of {plan.speckle_px:g} px and {plan.contrast_gv:g} grey "
+                         "values of contrast (standard deviation) stands for the pattern")
         if self.pattern == "photograph":
-            made.append(f"the pattern is that of {self.images[0].name}; its own noise counts as pattern")
+            lines.append(f"the pattern is that of {self.images[0].name}; its own noise counts as pattern")
         if not self.recorded:
             end = self._duration(plan.n_frames)
-            made.append(f"{plan.n_frames} frames in {end:g} s" + ("" if plan.duration_s or plan.program
+            lines.append(f"{plan.n_frames} frames in {end:g} s" + ("" if plan.duration_s or plan.program
                                                                  else " (no duration_s: one per second)"))
         elif plan.program and self.has_log:
-            made.append("images and log are there: [design.program] is not used")
+            lines.append("images and log are there: [design.program] is not used")
         table = self.config.experiment
         ignored = [key for key in ("reference", "exclude_frames", "still_frames") if getattr(table, key)]
         if ignored and not self.recorded:
-            made.append(f"{', '.join(ignored)}: left for the images to come")
-        return made
+            lines.append(f"{', '.join(ignored)}: left for the images to come")
+        return lines
 
 
 def image_unit(recording: Recording) -> str:
@@ -332,10 +332,10 @@ def columns_of(config: ExperimentFile) -> set[str]:
     return {entry.column for entry in entries if getattr(entry, "column", None) is not None}
 
 
-def _with_noise(experiment: Experiment, *given: float | None) -> tuple[Experiment, str]:
+def _with_noise(experiment: Experiment, *stds_gv: float | None) -> tuple[Experiment, str]:
     """The experiment with its image noise: the first that is given, else its own, else an assumption; and a note."""
     recording = experiment.recording
-    chosen = next((std for std in given if std is not None), None)
+    chosen = next((std for std in stds_gv if std is not None), None)
     if chosen is not None:
         source = Noise(chosen, "given")
     elif recording.noise.std_gv is not None:
@@ -343,9 +343,9 @@ def _with_noise(experiment: Experiment, *given: float | None) -> tuple[Experimen
     else:
         contrast = float(np.std(recording.stack.frame(experiment.model.reference)))
         source = Noise(NOISE_SHARE * contrast, "assumed")
-    told = {"given": "as given", "still_frames": "from still frames",
-            "stage_differences": "from the differences of stages",
-            "assumed": f"assumed: {100 * NOISE_SHARE:g} % of the contrast; give noise_std_gv or --noise-gv"}
-    what = "image noise" if recording.points is None else "noise of a component"
+    words = {"given": "as given", "still_frames": "from still frames",
+             "stage_differences": "from the differences of stages",
+             "assumed": f"assumed: {100 * NOISE_SHARE:g} % of the contrast; give noise_std_gv or --noise-gv"}
+    quantity = "image noise" if recording.points is None else "noise of a component"
     return (replace(experiment, recording=replace(recording, noise=source)),
-            f"{what}: {source.std_gv:.3g} {image_unit(recording)} ({told.get(source.source, source.source)})")
+            f"{quantity}: {source.std_gv:.3g} {image_unit(recording)} ({words.get(source.source, source.source)})")

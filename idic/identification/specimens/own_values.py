@@ -45,9 +45,10 @@ def specimens_content(joint: Joint, state: LoopState, parts: Mapping[str, Evalua
     shared = [name for name in joint.whole.model.parameters.free if counts[name] > 1]
     current = {name: replace(p, prior_mean=None, prior_std=None)  # as every specimen sees them: in the same scaled unit
                for name, p in parameters_at(joint.whole.model, state).items() if name in shared}
-    own = {name: _own_values(joint, name, state, parts[name], noise[name], discrepancies[name], current)
-           for name in parts}
-    return {name: _entry(current[name], {specimen: values[name] for specimen, values in own.items() if name in values})
+    own_values = {name: _own_values(joint, name, state, parts[name], noise[name], discrepancies[name], current)
+                  for name in parts}
+    return {name: _entry(current[name],
+                         {specimen: values[name] for specimen, values in own_values.items() if name in values})
             for name in shared}
 
 
@@ -58,34 +59,36 @@ def _own_values(joint: Joint, name: str, state: LoopState, point: Evaluation, no
     shared : the shared parameters, by the name in the whole, without their priors
     """
     experiment, names = joint.experiments[name], joint.names[name]
-    given = parameters_at(experiment.model, joint.state_of(name, state))
+    current = parameters_at(experiment.model, joint.state_of(name, state))
     parameters = ParameterSet(
-        (replace(shared[names[p.name]], name=p.name) if names[p.name] in shared else p for p in given.values()),
-        [prior for prior in given.joint if not any(names.get(own) in shared for own in prior.names)])
+        (replace(shared[names[p.name]], name=p.name) if names[p.name] in shared else p for p in current.values()),
+        [prior for prior in current.joint if not any(names.get(own_name) in shared for own_name in prior.names)])
     analysis = Analysis(experiment, parameters, point, noise, discrepancy)
-    step = analysis.found.inverse @ analysis.scaled.b
-    found = {}
-    for i, own in enumerate(analysis.names):
-        p, std = parameters[own], analysis.std(own)
-        if names[own] not in shared or std is None:
+    step = analysis.spectrum.inverse @ analysis.scaled.b
+    values = {}
+    for i, own_name in enumerate(analysis.names):
+        p, std = parameters[own_name], analysis.std(own_name)
+        if names[own_name] not in shared or std is None:
             continue
         scaled = p.to_scaled() + float(step[i])
         value = p.from_scaled(scaled)
-        there = replace(p, value=value)
-        found[names[own]] = OwnValue(scaled, std / abs(p.slope()), there.shown,
-                                     std / abs(p.slope()) * abs(there.slope() / p.factor))
-    return found
+        estimate = replace(p, value=value)
+        values[names[own_name]] = OwnValue(scaled, std / abs(p.slope()), estimate.shown,
+                                           std / abs(p.slope()) * abs(estimate.slope() / p.factor))
+    return values
 
 
 def _entry(p: Parameter, specimens: Mapping[str, OwnValue]) -> dict:
     entry: dict = {"unit": p.unit,
-                   "values": {name: {"value": own.value, "std": own.std} for name, own in specimens.items()},
+                   "values": {name: {"value": specimen.value, "std": specimen.std}
+                              for name, specimen in specimens.items()},
                    "between_std": None, "between_ci95": None, "p_value": None, "mean": None, "mean_std": None}
     if len(specimens) < MIN_SPECIMENS:
         return entry
-    found: Scatter = scatter([own.scaled for own in specimens.values()], [own.scaled_std for own in specimens.values()])
-    there = replace(p, value=p.from_scaled(found.mean))
-    size = abs(there.slope() / p.factor)  # of a small scaled step, in the user's unit
-    return entry | {"between_std": size * found.std, "between_ci95": [size * bound for bound in found.ci95],
-                    "p_value": found.p_value, "mean": there.shown, "mean_std": size * found.mean_std}
+    between: Scatter = scatter([specimen.scaled for specimen in specimens.values()],
+                               [specimen.scaled_std for specimen in specimens.values()])
+    mean = replace(p, value=p.from_scaled(between.mean))
+    size = abs(mean.slope() / p.factor)  # of a small scaled step, in the user's unit
+    return entry | {"between_std": size * between.std, "between_ci95": [size * bound for bound in between.ci95],
+                    "p_value": between.p_value, "mean": mean.shown, "mean_std": size * between.mean_std}
 

@@ -63,10 +63,10 @@ def _q(y: np.ndarray, s: np.ndarray, variance: float) -> float:
     return float(weights @ (y - mean) ** 2)
 
 
-def _solved(y: np.ndarray, s: np.ndarray, wanted: float) -> float:
+def _solved(y: np.ndarray, s: np.ndarray, target: float) -> float:
     """tau² at which Q has this value; 0 where Q is smaller already."""
-    if _q(y, s, 0.0) <= wanted:
+    if _q(y, s, 0.0) <= target:
         return 0.0
-    top = float(np.sum((y - y.mean()) ** 2)) / wanted
-    return float(scipy.optimize.brentq(lambda variance: _q(y, s, variance) - wanted, 0.0, top, xtol=1e-14 * top,
+    top = float(np.sum((y - y.mean()) ** 2)) / target
+    return float(scipy.optimize.brentq(lambda variance: _q(y, s, variance) - target, 0.0, top, xtol=1e-14 * top,
                                        rtol=1e-12))

@@ -57,32 +57,33 @@ def improves(trial: Evaluation, previous: Evaluation, experiment: Experiment, st
     if 0 < trial.increments < previous.increments and (
             generalised or trial.system.phi <= MAX_PHI_RATIO_WITH_FEWER_CUTS * previous.system.phi):
         return True
-    there, here = (stage_parameters(experiment.model.parameters.with_values(point.values), stage)
-                   for point in (state.trial, state.accepted))
-    before = scaled_at(previous, here, stage, image_noise)
-    if returns_to_an_earlier_point(state, before, there, here, experiment.options.tolerance):
+    moved, parameters = (stage_parameters(experiment.model.parameters.with_values(point.values), stage)
+                         for point in (state.trial, state.accepted))
+    scaled = scaled_at(previous, parameters, stage, image_noise)
+    if returns_to_an_earlier_point(state, scaled, moved, parameters, experiment.options.tolerance):
         return False
-    beyond = scaled_at(trial, there, stage, image_noise)
-    if not generalised and falls(trial, previous, before, beyond, _values(there, before.names)
-                                 - _values(here, before.names)):
+    trial_scaled = scaled_at(trial, moved, stage, image_noise)
+    if not generalised and falls(trial, previous, scaled, trial_scaled, _values(moved, scaled.names)
+                                 - _values(parameters, scaled.names)):
         return True
-    after, old = newton_decrement(beyond), newton_decrement(before)
+    trial_decrement, decrement = newton_decrement(trial_scaled), newton_decrement(scaled)
     if not generalised:
-        return after < MAX_DECREMENT_RATIO * old
-    if state.trust.damping == 0.0 and after < MAX_DECREMENT_NEAR_ROOT:
+        return trial_decrement < MAX_DECREMENT_RATIO * decrement
+    if state.trust.damping == 0.0 and trial_decrement < MAX_DECREMENT_NEAR_ROOT:
         return True
-    delta = _values(there, before.names) - _values(here, before.names)
-    left = before.b - before.M @ delta
-    return after < old - MAX_DECREMENT_RATIO * (old - left @ spectrum(before).inverse @ left)
+    delta = _values(moved, scaled.names) - _values(parameters, scaled.names)
+    residual = scaled.b - scaled.M @ delta
+    return trial_decrement < decrement - MAX_DECREMENT_RATIO * (decrement - residual @ spectrum(scaled).inverse
+                                                                @ residual)
 
 
-def falls(trial: Evaluation, previous: Evaluation, before: Scaled, beyond: Scaled, delta: np.ndarray) -> bool:
+def falls(trial: Evaluation, previous: Evaluation, scaled: Scaled, trial_scaled: Scaled, delta: np.ndarray) -> bool:
     """Whether the functional with the squares of the priors falls over the step delta; where b is weighted, that of
     which it is the slope."""
-    if before.weight is not None:
-        return float(delta @ (before.b + beyond.b)) >= 0.0
+    if scaled.weight is not None:
+        return float(delta @ (scaled.b + trial_scaled.b)) >= 0.0
     n_pixels = previous.system.n_pixels + previous.system.n_lost
-    by_priors = -float(delta @ (before.pull + beyond.pull))  # quadratic
+    by_priors = -float(delta @ (scaled.pull + trial_scaled.pull))  # quadratic
     return functional(trial.system, n_pixels) + by_priors <= functional(previous.system, n_pixels)
 
 
@@ -91,26 +92,26 @@ def newton_decrement(scaled: Scaled) -> float:
     return float(scaled.b @ spectrum(scaled).inverse @ scaled.b)
 
 
-def returns_to_an_earlier_point(state: LoopState, before: Scaled, there: ParameterSet, here: ParameterSet,
+def returns_to_an_earlier_point(state: LoopState, scaled: Scaled, moved: ParameterSet, parameters: ParameterSet,
                                 tolerance: float) -> bool:
     """Whether a trial returns to a point that the same stage and estimator have accepted earlier.
 
     Parameters
     ----------
-    before : of the accepted point, whose standard deviations measure the distance
-    there, here : parameters of the trial, of the accepted point
+    scaled : of the accepted point, whose standard deviations measure the distance
+    moved, parameters : parameters of the trial, of the accepted point
     tolerance : of convergence, in standard deviations
     """
     iterations = state.schedule.iterations
     earlier = [entry["values"] for entry in state.history if entry["accepted"]][-iterations - 1:-1]
     if iterations == 0 or not earlier:
         return False
-    stds = np.sqrt(np.maximum(np.diagonal(covariance(before, spectrum(before))), 0.0))
-    at, now = _values(there, before.names), _values(here, before.names)
-    step = np.abs(at - now)
-    off = [np.abs(at - _values(here.with_values(values), before.names)) for values in earlier]
+    stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, spectrum(scaled))), 0.0))
+    at, origin = _values(moved, scaled.names), _values(parameters, scaled.names)
+    step = np.abs(at - origin)
+    off = [np.abs(at - _values(parameters.with_values(values), scaled.names)) for values in earlier]
     nearest = np.minimum(tolerance * stds, MAX_RETURN_DISTANCE * step.max())
-    return any(bool(np.all(far <= nearest)) for far in off)
+    return any(bool(np.all(distance <= nearest)) for distance in off)
 
 
 def scaled_at(point: Evaluation, parameters: ParameterSet, stage: Stage, image_noise: float) -> Scaled:

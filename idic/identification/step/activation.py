@@ -22,9 +22,9 @@ MAX_REJECTED_ACTIVATIONS = 2
 
 def active_parameters(scaled: Scaled, parameters: ParameterSet) -> tuple[str, ...]:
     """The parameters with an onset that the data determine at this point to better than a factor e."""
-    own = np.sqrt(np.maximum(np.diagonal(scaled.M), 0.0))  # one over the standard deviation, all others known
+    inverse_stds = np.sqrt(np.maximum(np.diagonal(scaled.M), 0.0))  # one over the standard deviation, all others known
     return tuple(name for i, name in enumerate(scaled.names)
-                 if parameters[name].activation_factor < 1.0 and own[i] >= 1.0 / MAX_DETERMINED_STD)
+                 if parameters[name].activation_factor < 1.0 and inverse_stds[i] >= 1.0 / MAX_DETERMINED_STD)
 
 
 def activation_step(scaled: Scaled, parameters: ParameterSet, active: Sequence[str], radius: float) -> np.ndarray:

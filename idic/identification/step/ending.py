@@ -86,9 +86,9 @@ def judged_flat(state: LoopState, ending: Ending) -> Ending:
 
 def failed_simulation(state: LoopState, message: str) -> LoopState:
     """The state that ends at a simulation without equilibrium."""
-    where = "at the starting values" if state.accepted is None else "at every shorter step tried"
+    place = "at the starting values" if state.accepted is None else "at every shorter step tried"
     return replace(state, status=FORWARD_FAILED,
-                   end=Ending(FORWARD_FAILED, f"the simulation fails {where}{f': {message}' if message else ''}",
+                   end=Ending(FORWARD_FAILED, f"the simulation fails {place}{f': {message}' if message else ''}",
                               SIMULATION))
 
 
@@ -101,8 +101,8 @@ def end_entry(state: LoopState) -> dict:
 
 
 def _since_accepted(history: Sequence[Mapping]) -> list[Mapping]:
-    last = max((k for k, entry in enumerate(history) if entry["accepted"]), default=-1)
-    return [entry for entry in history[last + 1:] if not entry["passed_over"]]
+    latest = max((k for k, entry in enumerate(history) if entry["accepted"]), default=-1)
+    return [entry for entry in history[latest + 1:] if not entry["passed_over"]]
 
 
 def _change(entry: Mapping, phi: float) -> float:

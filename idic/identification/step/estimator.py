@@ -51,9 +51,9 @@ def check_estimator(experiment: Experiment) -> None:
                          remedy='use estimator = "ordinary", whose standard deviations hold as well')
 
 
-def next_estimator(present: str, status: str, experiment: Experiment, names: Sequence[str], point: Evaluation,
+def next_estimator(current: str, status: str, experiment: Experiment, names: Sequence[str], point: Evaluation,
                    image_noise: float, promised: bool = False) -> str:
-    """The estimator that follows at the end of a schedule; the present one where the identification ends.
+    """The estimator that follows at the end of a schedule; `current` where the identification ends.
 
     Generalised least squares that do not converge are rejected, unless the experiment asks for them. With more
     frame-local unknowns than `MAX_LOCAL_UNKNOWNS` (long tests with measured edges) the estimator stays ordinary.
@@ -69,27 +69,28 @@ def next_estimator(present: str, status: str, experiment: Experiment, names: Seq
 
     promised : of a test that is planned, whose model is right and whose images have no residual of their own
     """
-    wanted = experiment.options.estimator
-    if present == GENERALISED:
-        return GENERALISED_REJECTED if status != "converged" and wanted == "auto" else present
-    if present == GENERALISED_REJECTED or status != "converged" or point.system.predicted is None or wanted == ORDINARY:
-        return present
+    setting = experiment.options.estimator
+    if current == GENERALISED:
+        return GENERALISED_REJECTED if status != "converged" and setting == "auto" else current
+    if (current == GENERALISED_REJECTED or status != "converged" or point.system.predicted is None
+            or setting == ORDINARY):
+        return current
     if sum(len(record.local_step) + len(record.brightness) for record in point.system.frames) > MAX_LOCAL_UNKNOWNS:
-        return present
-    if wanted == GENERALISED:
+        return current
+    if setting == GENERALISED:
         return GENERALISED
     if not promised and misfit(point, experiment.options.lowpass_px) > MAX_JUDGED_CHI2:
-        return present
+        return current
     if experiment.options.interpolation != "quintic" or experiment.options.weighting != "noise":
-        return present  # generalised least squares magnify the bias of the cubic spline
+        return current  # generalised least squares magnify the bias of the cubic spline
     if any(isinstance(entry.drive, Parametrised) for entry in experiment.model.prescribed):
-        return present
+        return current
     if any(isinstance(entry.drive, Measured) for entry in experiment.model.prescribed) and (
             misfit(point, experiment.options.lowpass_px) > MAX_EXPLAINED_CHI2):
-        return present
+        return current
     if predicted_gain(experiment.model, names, point, image_noise) >= MAX_WORTHWHILE_STD_RATIO:
-        return present
-    return present if spline_share(experiment) > MAX_SPLINE_ERROR_SHARE else GENERALISED
+        return current
+    return current if spline_share(experiment) > MAX_SPLINE_ERROR_SHARE else GENERALISED
 
 
 def may_begin_generalised(experiment: Experiment) -> bool:
@@ -162,10 +163,10 @@ def predicted_gain(model: Model, names: Sequence[str], point: Evaluation, image_
     gram = point.reference_gram[np.ix_(pick, pick)]
     nothing = np.zeros_like(gram)
     ratios = []
-    for own, noise in ((system, gram), (replace(system, M=system.predicted, spread=system.predicted), nothing)):
-        scaled = scaled_system(own, parameters, noise, image_noise)
-        found = spectrum(scaled)
-        stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, found)), 0.0))
-        ratios.append(np.where(undetermined_share(found) > MAX_UNDETERMINED_SHARE, np.nan, stds))
-    known = np.isfinite(ratios).all(axis=0) & (ratios[0] > 0.0)
-    return float((ratios[1][known] / ratios[0][known]).min(initial=1.0))
+    for equations, noise in ((system, gram), (replace(system, M=system.predicted, spread=system.predicted), nothing)):
+        scaled = scaled_system(equations, parameters, noise, image_noise)
+        directions = spectrum(scaled)
+        stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, directions)), 0.0))
+        ratios.append(np.where(undetermined_share(directions) > MAX_UNDETERMINED_SHARE, np.nan, stds))
+    comparable = np.isfinite(ratios).all(axis=0) & (ratios[0] > 0.0)
+    return float((ratios[1][comparable] / ratios[0][comparable]).min(initial=1.0))

@@ -94,29 +94,30 @@ def chooses_increments(experiment: Experiment) -> bool:
     return experiment.options.substeps is None and bool(path_dependent_laws(experiment.model))
 
 
-def with_increments_judged(state: LoopState, experiment: Experiment, last: Stage, point: Evaluation,
-                           image_noise: float, status: str, known: Mapping[str, float] | None = None) -> LoopState:
+def with_increments_judged(state: LoopState, experiment: Experiment, stage: Stage, point: Evaluation,
+                           image_noise: float, status: str, end_values: Mapping[str, float] | None = None) -> LoopState:
     """The state at the end of its schedule with a verdict on its increments, or with the trial of finer ones.
 
     Parameters
     ----------
-    last : stage of the schedule; point : the accepted one; status : with which the schedule ends, TOO_COARSE or KNOWN
-    known : values where the search will end, if it has not; a verdict on them is given once more at the end
+    stage : the last one; point : the accepted one; status : with which the schedule ends, TOO_COARSE or KNOWN
+    end_values : where the search will end, if it has not; a verdict on them is given once more at the end
     """
     choice = state.increments
     if not chooses_increments(experiment) or choice.status in (AT_LIMIT, FAILED):
         return state
-    here = state.accepted.values if known is None else known
+    values = state.accepted.values if end_values is None else end_values
     if status not in (*ENDS, TOO_COARSE, KNOWN):
         return replace(state, increments=replace(choice, status=OPEN))
     if status == TOO_COARSE:
         return _to_finer(state, 2 * (choice.per_frame or 1), None, None)
     coarser = choice.coarser
     if coarser is not None:
-        choice = replace(choice, coarser=None, change={name: here[name] - coarser[name] for name in here})
-    if choice.change is not None and (largest_change(choice, state, experiment, last, point, image_noise, status)
+        choice = replace(choice, coarser=None, change={name: values[name] - coarser[name] for name in values})
+    if choice.change is not None and (largest_change(choice, state, experiment, stage, point, image_noise, status)
                                       <= max_change(experiment.model, choice)):
-        return replace(state, increments=replace(choice, status=ENOUGH, coarser=None if known is None else coarser))
+        return replace(state,
+                       increments=replace(choice, status=ENOUGH, coarser=None if end_values is None else coarser))
     finer = 2 * (choice.per_frame or 1)
     if finer > max_increments(experiment.model):
         return replace(state, increments=replace(choice, status=AT_LIMIT))
@@ -125,7 +126,7 @@ def with_increments_judged(state: LoopState, experiment: Experiment, last: Stage
     if choice == IncrementChoice() and not rate_dependent_laws(experiment.model):
         half_rate = n_intervals(experiment.model) >= MIN_HALF_RATE_INTERVALS
         return _to_compare(state, HALF_RATE if half_rate else finer)
-    return _to_finer(state, finer, dict(here), choice.change)
+    return _to_finer(state, finer, dict(values), choice.change)
 
 
 def _to_finer(state: LoopState, finer: int, end: Mapping[str, float] | None,
@@ -139,9 +140,9 @@ def _to_finer(state: LoopState, finer: int, end: Mapping[str, float] | None,
 
 def _to_compare(state: LoopState, increments: int) -> LoopState:
     """The state that simulates its accepted point once more, for comparison."""
-    here = dict(state.accepted.values)
-    return replace(state, increments=IncrementChoice(increments, COMPARED, here),
-                   trial=Trial(here, re_evaluation=True, new_increments=True))
+    values = dict(state.accepted.values)
+    return replace(state, increments=IncrementChoice(increments, COMPARED, values),
+                   trial=Trial(values, re_evaluation=True, new_increments=True))
 
 
 def knows_end(step: Step, state: LoopState, experiment: Experiment) -> bool:
@@ -176,8 +177,8 @@ def meets_a_jump(state: LoopState, model: Model, trial: Evaluation, accepted: Ev
     """
     per_frame = state.increments.per_frame or 1
     intervals = n_intervals(model) if trial.intervals is None else trial.intervals
-    whole = intervals * (per_frame + (per_frame // 2 if state.increments.per_frame else 0))
-    return (trial.system is not None and max(trial.increments, accepted.increments) > whole > 0
+    n_without_halving = intervals * (per_frame + (per_frame // 2 if state.increments.per_frame else 0))
+    return (trial.system is not None and max(trial.increments, accepted.increments) > n_without_halving > 0
             and accepted.increments > 0 and per_frame < MOST_COARSE and not rate_dependent_laws(model)
             and state.trust.rejections >= MAX_COARSE_REJECTIONS)
 
@@ -217,7 +218,7 @@ def is_judged_next(state: LoopState, experiment: Experiment) -> bool:
             and experiment.options.max_iterations - state.rounds >= MIN_EVALUATIONS)
 
 
-def with_comparison_judged(state: LoopState, experiment: Experiment, last: Stage, finer: Evaluation,
+def with_comparison_judged(state: LoopState, experiment: Experiment, stage: Stage, finer: Evaluation,
                            accepted: Evaluation,
                            image_noise: float) -> LoopState:
     """The state after other increments were simulated for comparison: back to one increment per frame where that is
@@ -225,7 +226,7 @@ def with_comparison_judged(state: LoopState, experiment: Experiment, last: Stage
 
     Parameters
     ----------
-    last : stage of the schedule; finer, accepted : evaluations of the accepted values, extrapolated in time and with
+    stage : the last one; finer, accepted : evaluations of the accepted values, extrapolated in time and with
     one increment per frame
     """
     half_rate = state.increments.per_frame == HALF_RATE
@@ -233,23 +234,24 @@ def with_comparison_judged(state: LoopState, experiment: Experiment, last: Stage
         return _to_compare(state, 2)
     if finer.system is None:
         return replace(state, increments=IncrementChoice(None, FAILED), trial=Trial(dict(state.accepted.values)))
-    here = experiment.model.parameters.with_values(state.accepted.values)
-    parameters, steps = stage_parameters(here, last), []
+    current = experiment.model.parameters.with_values(state.accepted.values)
+    parameters, steps = stage_parameters(current, stage), []
     for point in (finer, accepted):
-        scaled = scaled_at(point, parameters, last, image_noise)
+        scaled = scaled_at(point, parameters, stage, image_noise)
         steps.append(spectrum(scaled).inverse @ scaled.b)
     moved = parameters.unpack(parameters.pack() + steps[0] - steps[1])
-    change = {name: (moved[name].value if name in moved else value) - value for name, value in here.as_values().items()}
-    one = IncrementChoice(None, ENOUGH, None, change)
-    largest = largest_change(one, state, experiment, last, accepted, image_noise, state.end.status)
+    change = {name: (moved[name].value if name in moved else value) - value
+              for name, value in current.as_values().items()}
+    choice = IncrementChoice(None, ENOUGH, None, change)
+    largest = largest_change(choice, state, experiment, stage, accepted, image_noise, state.end.status)
     many = n_intervals(experiment.model) >= MANY_INTERVALS
     trusted = MAX_HALF_RATE_SHARE if many else MAX_HALF_RATE_SHARE_OF_FEW
-    if half_rate and largest > trusted * max_change(experiment.model, one):
+    if half_rate and largest > trusted * max_change(experiment.model, choice):
         return _to_compare(state, 2)
-    if largest > max_change(experiment.model, one):
+    if largest > max_change(experiment.model, choice):
         return replace(state, increments=replace(state.increments, status=OPEN), trust=TrustRegion(),
                        schedule=SchedulePosition(state.schedule.stage))
-    return replace(state, increments=one, trial=Trial(dict(state.accepted.values)))
+    return replace(state, increments=choice, trial=Trial(dict(state.accepted.values)))
 
 
 def remaining_share(model: Model, choice: IncrementChoice) -> float:
@@ -275,18 +277,18 @@ def n_intervals(model: Model) -> int:
     return max(model.n_frames - 1 - model.reference, 1)
 
 
-def largest_change(choice: IncrementChoice, state: LoopState, experiment: Experiment, last: Stage, point: Evaluation,
+def largest_change(choice: IncrementChoice, state: LoopState, experiment: Experiment, stage: Stage, point: Evaluation,
                    image_noise: float, status: str) -> float:
     """Largest change of a parameter by the last halving, in standard deviations; 0 where the error that is left does
     not matter beside the misfit of the model.
 
     status : with which the search ended; one that stalled may have met the jumps that its increments make
     """
-    now = stage_parameters(experiment.model.parameters.with_values(state.accepted.values), last)
-    scaled = scaled_at(point, now, last, image_noise)
-    left = remaining_share(experiment.model, choice) * np.array([choice.change[name] for name in scaled.names])
-    left /= np.where(scaled.slopes == 0.0, np.inf, scaled.slopes)
-    if status != "stalled" and left @ scaled.M @ left < negligible(point.system, experiment.options.lowpass_px):
+    parameters = stage_parameters(experiment.model.parameters.with_values(state.accepted.values), stage)
+    scaled = scaled_at(point, parameters, stage, image_noise)
+    error = remaining_share(experiment.model, choice) * np.array([choice.change[name] for name in scaled.names])
+    error /= np.where(scaled.slopes == 0.0, np.inf, scaled.slopes)
+    if status != "stalled" and error @ scaled.M @ error < negligible(point.system, experiment.options.lowpass_px):
         return 0.0
     stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, spectrum(scaled))), 0.0)) * np.abs(scaled.slopes)
     changes = np.array([abs(choice.change[name]) for name in scaled.names])
@@ -312,9 +314,9 @@ def increments_entry(experiment: Experiment, choice: IncrementChoice) -> dict:
     per_frame : of the finer simulation where two are extrapolated in time; chosen : "frames" (no law has a memory),
     "given" (``substeps``), "error_estimate"; status : "enough", or why the error may be larger
     """
-    laws, given = path_dependent_laws(experiment.model), experiment.options.substeps
-    chosen = "given" if given is not None else "error_estimate" if laws else "frames"
-    number = given or choice.per_frame or 1
+    laws, substeps = path_dependent_laws(experiment.model), experiment.options.substeps
+    chosen = "given" if substeps is not None else "error_estimate" if laws else "frames"
+    number = substeps or choice.per_frame or 1
     entry = {"per_frame": number, "extrapolated": choice.per_frame is not None, "chosen": chosen,
              "status": choice.status if chosen == "error_estimate" else None,
              "rate_dependent_laws": list(rate_dependent_laws(experiment.model)), "path_dependent_laws": list(laws)}
@@ -323,30 +325,30 @@ def increments_entry(experiment: Experiment, choice: IncrementChoice) -> dict:
 
 def describe(experiment: Experiment, choice: IncrementChoice) -> str:
     """The increments in one sentence part."""
-    given, n = experiment.options.substeps, choice.per_frame
-    if given is not None and path_dependent_laws(experiment.model):
-        return f"{given} per frame, as given by substeps; their error was not estimated"
+    substeps, n = experiment.options.substeps, choice.per_frame
+    if substeps is not None and path_dependent_laws(experiment.model):
+        return f"{substeps} per frame, as given by substeps; their error was not estimated"
     if not chooses_increments(experiment):
-        return f"{given or 1} per frame"
+        return f"{substeps or 1} per frame"
     if n is None and choice.status == ENOUGH:
         return (f"1 per frame, chosen by an error estimate: shorter ones would change no parameter by more than "
                 f"{max_change(experiment.model, choice):g} std")
     number = "1 per frame" if n is None else f"{n} per frame, extrapolated in time from {n // 2} and {n}"
-    why = (f", chosen by an error estimate: halving them changed no parameter by more than "
-           f"{max_change(experiment.model, choice):g} std")
-    return number + (why if choice.status == ENOUGH else "")
+    reason = (f", chosen by an error estimate: halving them changed no parameter by more than "
+              f"{max_change(experiment.model, choice):g} std")
+    return number + (reason if choice.status == ENOUGH else "")
 
 
 def planned_increments(experiment: Experiment) -> tuple[str, ...]:
     """What `idic check` says of the increments, before any simulation; nothing where no law has a memory, or where they
     are given to one without time."""
-    laws, given = ", ".join(path_dependent_laws(experiment.model)), experiment.options.substeps
+    laws, substeps = ", ".join(path_dependent_laws(experiment.model)), experiment.options.substeps
     in_time = bool(rate_dependent_laws(experiment.model))
-    if not laws or (given is not None and not in_time):
+    if not laws or (substeps is not None and not in_time):
         return ()
     on = f"law {laws} depends on {'time' if in_time else 'its history'}"
-    if given is not None:
-        return (f"{on}: {given} increment{'s' if given > 1 else ''} per frame, as given by substeps",)
+    if substeps is not None:
+        return (f"{on}: {substeps} increment{'s' if substeps > 1 else ''} per frame, as given by substeps",)
     return (f"{on}: the identification chooses the increments per frame by an error estimate, "
             f"{max_increments(experiment.model)} at most",)
 
@@ -360,10 +362,9 @@ def increment_notes(experiment: Experiment, choice: IncrementChoice) -> list[str
         return [f"increments of law {laws}: {describe(experiment, choice)}"]
     changed = "" if choice.change is None else (f"; the last halving changed a parameter by more than "
                                                 f"{max_change(experiment.model, choice):g} std")
-    why = {AT_LIMIT: f"{max_increments(experiment.model)} are the limit here: record more frames where the load "
-                     "changes "
-                     f"fast, or give substeps",
-           FAILED: "no equilibrium was found with shorter ones: give substeps, or check the loads",
-           }.get(choice.status, "the search ended before shorter ones were tried: raise max_iterations")
+    reason = {AT_LIMIT: f"{max_increments(experiment.model)} are the limit here: record more frames where the load "
+                        "changes fast, or give substeps",
+              FAILED: "no equilibrium was found with shorter ones: give substeps, or check the loads",
+              }.get(choice.status, "the search ended before shorter ones were tried: raise max_iterations")
     return [f"time step error not known to be below the standard deviations: law {laws}, "
-            f"{n or 1} increment{'s' if n else ''} per frame{changed}; {why}"]
+            f"{n or 1} increment{'s' if n else ''} per frame{changed}; {reason}"]

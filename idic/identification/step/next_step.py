@@ -67,37 +67,37 @@ def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage],
     options, stage = experiment.options, stages[state.schedule.stage]
     parameters = stage_parameters(experiment.model.parameters.with_values(state.accepted.values), stage)
     scaled = scaled_at(point, parameters, stage, image_noise) if non_smooth is None else non_smooth
-    found = spectrum(scaled)
-    stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, found)), 0.0))
+    directions = spectrum(scaled)
+    stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, directions)), 0.0))
     limit = (options.step_limit or STEP_CLIP) * state.trust.radius
-    allowed = strong_directions(scaled, found) if options.schedule == "spectrum" else None
+    allowed = strong_directions(scaled, directions) if options.schedule == "spectrum" else None
 
     def version(damping: float, size: float) -> Step:
-        return propose(scaled, found, stds, parameters, damping, size, allowed)
+        return propose(scaled, directions, stds, parameters, damping, size, allowed)
 
     step = version(state.trust.damping, limit)
     beside_misfit = negligible(point.system, options.lowpass_px)
-    last = state.schedule.stage + 1 == len(stages)
-    goes_on = last and is_judged_next(state, experiment) and has_rough_steps(experiment)
+    is_last = state.schedule.stage + 1 == len(stages)
+    goes_on = is_last and is_judged_next(state, experiment) and has_rough_steps(experiment)
     flat_at = ROUGH_TOLERANCE if goes_on else NON_SMOOTH_TOLERANCE
-    done = _why_done(state, stages, step, scaled, found, options, non_smooth is not None, beside_misfit, flat_at)
+    reason = _why_done(state, stages, step, scaled, directions, options, non_smooth is not None, beside_misfit, flat_at)
     # increments that are to be judged have a rule of their own
-    known = last and non_smooth is None and not chooses_increments(experiment) and is_whole(step, state)
+    end_is_known = is_last and non_smooth is None and not chooses_increments(experiment) and is_whole(step, state)
     generalised = _generalised_from(state, experiment, stage, point, image_noise, step,
-                                    _end_of(step, parameters)) if known and not done else None
-    ends = last and (bool(done) or generalised is not None)
+                                    _end_of(step, parameters)) if end_is_known and not reason else None
+    ends = is_last and (bool(reason) or generalised is not None)
     state, change = _with_activation(state, scaled, parameters, ends)
-    ended = done and change is None
+    ended = reason and change is None
     if ended or (stage.max_iterations is not None and state.schedule.iterations >= stage.max_iterations):
-        beyond = beyond_bounds(step, parameters) if done else ()
-        end = (bounded(beyond) if beyond else Ending("converged", done) if done
+        beyond = beyond_bounds(step, parameters) if reason else ()
+        end = (bounded(beyond) if beyond else Ending("converged", reason) if reason
                else out_of_iterations(state.schedule.iterations, "[stage]", step, options))
         return _leave_stage(state, experiment, stages, point, image_noise, end)
     if generalised is not None and change is None:
         return generalised
-    if last and is_too_coarse(state, experiment, jump):
+    if is_last and is_too_coarse(state, experiment, jump):
         return _leave_stage(state, experiment, stages, point, image_noise, Ending(TOO_COARSE, ""))
-    if change is None and non_smooth is None and not to_the_end and last and knows_end(step, state, experiment):
+    if change is None and non_smooth is None and not to_the_end and is_last and knows_end(step, state, experiment):
         end = _end_of(step, parameters)
         judged = with_increments_judged(state, experiment, stage, point, image_noise, KNOWN, end)
         if judged.trial.new_increments:
@@ -113,13 +113,14 @@ def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage],
         if _can_return(state, experiment.options):
             return _leave_stage(state, experiment, stages, point, image_noise, end)
         return replace(state, status=end.status, end=end)
-    further = [] if state.generalised else parallel_steps(
+    shorter_steps = [] if state.generalised else parallel_steps(
         version, step, state.trust.damping, limit, options.trial_steps - 1, state.trust.rejections > 0)
 
     def reached(by: Step) -> dict[str, float]:
         return parameters.unpack(parameters.pack() + by.delta + (0.0 if change is None else change)).as_values()
 
-    parallel = tuple(ParallelTrial(reached(other), damping, halvings) for halvings, damping, other in further)
+    parallel = tuple(ParallelTrial(reached(candidate), damping, halvings)
+                     for halvings, damping, candidate in shorter_steps)
     return replace(state, trial=Trial(reached(step), parallel, tries_activation=change is not None))
 
 
@@ -128,21 +129,22 @@ def _end_of(step: Step, parameters: ParameterSet) -> dict[str, float]:
     return parameters.unpack(parameters.pack() + step.delta).as_values()
 
 
-def _generalised_from(state: LoopState, experiment: Experiment, last: Stage, point: Evaluation, image_noise: float,
-                      step: Step, known: Mapping[str, float]) -> LoopState | None:
+def _generalised_from(state: LoopState, experiment: Experiment, stage: Stage, point: Evaluation, image_noise: float,
+                      step: Step, end_values: Mapping[str, float]) -> LoopState | None:
     """The state that tries generalised least squares at the known end of an ordinary search whose increments are
     enough, or given; None where that end is not known to the tolerance, or ordinary least squares stay.
 
-    step : to that end; known : its values
+    step : to that end; end_values : its values
     """
-    present, enough = state.estimator.kind, state.increments.status == ENOUGH or not chooses_increments(experiment)
-    if not enough or error_of(step) >= experiment.options.tolerance:
+    current = state.estimator.kind
+    increments_suffice = state.increments.status == ENOUGH or not chooses_increments(experiment)
+    if not increments_suffice or error_of(step) >= experiment.options.tolerance:
         return None
-    left = experiment.options.max_iterations - state.rounds
-    kind = next_estimator(present, "converged", experiment, last.free, point, image_noise)
-    if kind != GENERALISED or kind == present or left <= MIN_EVALUATIONS_OF_AN_ESTIMATOR:
+    rounds_left = experiment.options.max_iterations - state.rounds
+    kind = next_estimator(current, "converged", experiment, stage.free, point, image_noise)
+    if kind != GENERALISED or kind == current or rounds_left <= MIN_EVALUATIONS_OF_AN_ESTIMATOR:
         return None
-    return replace(_with_estimator(state, kind, known, known), end=Ending(KNOWN, ""),
+    return replace(_with_estimator(state, kind, end_values, end_values), end=Ending(KNOWN, ""),
                    increments=replace(state.increments, coarser=None))
 
 
@@ -172,14 +174,15 @@ def _non_smooth_system(state: LoopState, trial: Evaluation, accepted: Evaluation
     point."""
     if trial.system is None or trial.system.generalised != accepted.system.generalised:
         return None
-    known = model.parameters.with_values(state.accepted.values)
-    parameters, moved = (stage_parameters(at, stage) for at in (known, known.with_values(state.trial.values)))
-    here, there = scaled_at(accepted, parameters, stage, image_noise), scaled_at(trial, moved, stage, image_noise)
-    return directional_derivative(here, there, spectrum(here), parameters, moved, NON_SMOOTH_TOLERANCE)
+    origin = model.parameters.with_values(state.accepted.values)
+    parameters, moved = (stage_parameters(at, stage) for at in (origin, origin.with_values(state.trial.values)))
+    scaled = scaled_at(accepted, parameters, stage, image_noise)
+    trial_scaled = scaled_at(trial, moved, stage, image_noise)
+    return directional_derivative(scaled, trial_scaled, spectrum(scaled), parameters, moved, NON_SMOOTH_TOLERANCE)
 
 
-def _why_done(state: LoopState, stages: Sequence[Stage], step: Step, scaled: Scaled, found: Spectrum, options: Options,
-              non_smooth: bool, beside_misfit: float, flat_at: float) -> str:
+def _why_done(state: LoopState, stages: Sequence[Stage], step: Step, scaled: Scaled, directions: Spectrum,
+              options: Options, non_smooth: bool, beside_misfit: float, flat_at: float) -> str:
     """Why the stage ends at the accepted point, judged by the undamped step; empty where it goes on.
 
     beside_misfit : gain that does not matter; flat_at : step (std) below which rejected trials end it
@@ -189,7 +192,7 @@ def _why_done(state: LoopState, stages: Sequence[Stage], step: Step, scaled: Sca
         return small_step(step, options.tolerance)
     if not step.clipped and step.gain < beside_misfit:
         return settled(step, SETTLED_SHARE)
-    gain = float(scaled.b @ found.inverse @ scaled.b) / phi if phi else 0.0
+    gain = float(scaled.b @ directions.inverse @ scaled.b) / phi if phi else 0.0
     if is_preliminary(stages[number]) and (step.largest < MIN_PRELIMINARY_STEP or gain < MIN_PRELIMINARY_GAIN):
         return "a preliminary stage has settled"
     if is_continued(stages, number) and gain < MIN_CONTINUED_STAGE_GAIN:
@@ -211,16 +214,16 @@ def _with_activation(state: LoopState, scaled: Scaled, parameters: ParameterSet,
 
     ends : the search ends here if no parameter is to be activated
     """
-    here, known, radius = active_parameters(scaled, parameters), state.activation, state.trust.radius
-    known = replace(known, active=tuple(dict.fromkeys((*known.active, *here))))
-    change = activation_step(scaled, parameters, known.active, radius)
-    tries = known.rejections < MAX_REJECTED_ACTIVATIONS and bool(change.any())
-    lost = tuple(name for name in known.active if name not in here and name not in known.reactivated)
+    active, activation, radius = active_parameters(scaled, parameters), state.activation, state.trust.radius
+    activation = replace(activation, active=tuple(dict.fromkeys((*activation.active, *active))))
+    change = activation_step(scaled, parameters, activation.active, radius)
+    tries = activation.rejections < MAX_REJECTED_ACTIVATIONS and bool(change.any())
+    lost = tuple(name for name in activation.active if name not in active and name not in activation.reactivated)
     if ends and not tries and lost and not state.generalised:
-        known = Activation(here, (*known.reactivated, *lost))
-        change = activation_step(scaled, parameters, known.active, radius)
+        activation = Activation(active, (*activation.reactivated, *lost))
+        change = activation_step(scaled, parameters, activation.active, radius)
         tries = bool(change.any())  # not where it is at its bound
-    return replace(state, activation=known), change if tries else None
+    return replace(state, activation=activation), change if tries else None
 
 
 def _can_return(state: LoopState, options: Options) -> bool:
@@ -235,38 +238,38 @@ def _leave_stage(state: LoopState, experiment: Experiment, stages: Sequence[Stag
     number = state.schedule.stage
     if number + 1 == len(stages):
         return leave_schedule(state, experiment, stages[-1], point, image_noise, end)
-    others, limit = not same_images(stages[number], stages[number + 1]), experiment.options.max_iterations
-    if others and state.rounds >= limit:
+    new_images, limit = not same_images(stages[number], stages[number + 1]), experiment.options.max_iterations
+    if new_images and state.rounds >= limit:
         end = Ending("max_iterations", f"{limit} evaluations are the limit (max_iterations in [options]): none is left "
                      "for the images of the next stage", ITERATIONS)
         return replace(state, status=end.status, end=end)
     state = replace(state, schedule=SchedulePosition(number + 1), trust=TrustRegion())
-    if others:
+    if new_images:
         return replace(state, trial=Trial(dict(state.accepted.values), re_evaluation=True))
     return next_step(state, experiment, stages, point, image_noise)
 
 
-def leave_schedule(state: LoopState, experiment: Experiment, last: Stage, point: Evaluation, image_noise: float,
+def leave_schedule(state: LoopState, experiment: Experiment, stage: Stage, point: Evaluation, image_noise: float,
                    end: Ending) -> LoopState:
     """On with finer increments, with another estimator at the same or the ordinary-least-squares solution, or the
     end."""
-    options, present = experiment.options, state.estimator
+    options, estimator = experiment.options, state.estimator
     status = end.status
-    state = with_increments_judged(state, experiment, last, point, image_noise, status)
+    state = with_increments_judged(state, experiment, stage, point, image_noise, status)
     if state.trial.new_increments:
         return replace(state, end=end)  # of the search so far; the last one counts
-    kind = next_estimator(present.kind, status, experiment, last.free, point, image_noise)
-    left = options.max_iterations - state.rounds
-    if kind == present.kind or left < 1:
+    kind = next_estimator(estimator.kind, status, experiment, stage.free, point, image_noise)
+    rounds_left = options.max_iterations - state.rounds
+    if kind == estimator.kind or rounds_left < 1:
         end = judged_flat(state, end)
         return replace(state, status=end.status, end=end)
     # a converged end stands unless it was not asked for
-    if kind == GENERALISED and left < MIN_EVALUATIONS_OF_AN_ESTIMATOR:
+    if kind == GENERALISED and rounds_left < MIN_EVALUATIONS_OF_AN_ESTIMATOR:
         if options.estimator == GENERALISED:
             end = Ending("max_iterations",
                          f"{options.max_iterations} evaluations are the limit (max_iterations in [options]): "
                          "none is left for generalised least squares", ITERATIONS)
         return replace(state, status=end.status, end=end)
-    solution = present.ordinary_solution if kind == GENERALISED_REJECTED else dict(state.accepted.values)
+    solution = estimator.ordinary_solution if kind == GENERALISED_REJECTED else dict(state.accepted.values)
     returns = kind == GENERALISED_REJECTED and solution is not None
     return _with_estimator(state, kind, solution, solution if returns else state.accepted.values)

@@ -16,8 +16,8 @@ from idic.identification.step.parameter_covariance import Scaled, Spectrum, cova
 from idic.parameters import ParameterSet
 
 
-def directional_derivative(here: Scaled, there: Scaled, found: Spectrum, parameters: ParameterSet, moved: ParameterSet,
-                           max_distance: float) -> Scaled | None:
+def directional_derivative(accepted: Scaled, trial: Scaled, directions: Spectrum, parameters: ParameterSet,
+                           moved: ParameterSet, max_distance: float) -> Scaled | None:
     """The system of a non-smooth point with the directional derivative; None where the gradient does not jump.
 
     The point is a minimum where the step of that system vanishes; otherwise the step leads to one through non-smooth
@@ -25,24 +25,24 @@ def directional_derivative(here: Scaled, there: Scaled, found: Spectrum, paramet
 
     Parameters
     ----------
-    here, there : systems of the accepted point and of the rejected trial, the same unknowns
-    found : spectrum of `here`; parameters, moved : of the two points
+    accepted, trial : systems of the accepted point and of the rejected trial, the same unknowns
+    directions : spectrum of `accepted`; parameters, moved : of the two points
     max_distance : between the two, in standard deviations of each unknown
     """
-    stds = np.sqrt(np.maximum(np.diagonal(covariance(here, found)), 0.0))
-    way = np.array([moved[name].to_scaled() - parameters[name].to_scaled() for name in here.names])
+    stds = np.sqrt(np.maximum(np.diagonal(covariance(accepted, directions)), 0.0))
+    way = np.array([moved[name].to_scaled() - parameters[name].to_scaled() for name in accepted.names])
     if np.any(np.abs(way) > max_distance * np.where(stds > 0.0, stds, np.inf)):
         return None
-    smallest = smallest_gradient(here, there, found)
-    return None if np.array_equal(smallest.b, here.b) else smallest
+    smallest = smallest_gradient(accepted, trial, directions)
+    return None if np.array_equal(smallest.b, accepted.b) else smallest
 
 
-def smallest_gradient(here: Scaled, there: Scaled, found: Spectrum) -> Scaled:
-    """The system of `here` with the smallest convex combination of both gradients.
+def smallest_gradient(accepted: Scaled, trial: Scaled, directions: Spectrum) -> Scaled:
+    """The system of `accepted` with the smallest convex combination of both gradients.
 
-    b = (1 - t) b_here + t b_there, 0 <= t <= 1, with the smallest b^T M^-1 b
+    b = (1 - t) b_accepted + t b_trial, 0 <= t <= 1, with the smallest b^T M^-1 b
     """
-    apart = there.b - here.b
-    size = float(apart @ found.inverse @ apart)
-    part = float(np.clip(-(here.b @ found.inverse @ apart) / size, 0.0, 1.0)) if size > 0.0 else 0.0
-    return replace(here, b=here.b + part * apart)
+    difference = trial.b - accepted.b
+    size = float(difference @ directions.inverse @ difference)
+    part = float(np.clip(-(accepted.b @ directions.inverse @ difference) / size, 0.0, 1.0)) if size > 0.0 else 0.0
+    return replace(accepted, b=accepted.b + part * difference)

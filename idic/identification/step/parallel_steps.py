@@ -34,19 +34,19 @@ def parallel_steps(propose: Callable[[float, float], Step], step: Step, damping:
     propose : the step with a damping and a limit of its largest component
     rejected : whether the last step was rejected: then shorter versions only
     """
-    found: list[tuple[int, float, Step]] = []
+    steps: list[tuple[int, float, Step]] = []
     if not step.clipped and not rejected:
-        return found
+        return steps
     for halvings in HALVINGS_AFTER_A_REJECTION if rejected else HALVINGS_OF_A_LIMITED_STEP:
-        if len(found) == number:
+        if len(steps) == number:
             break
-        own = damping if step.clipped else damping_after(damping, halvings)
-        other = propose(own, limit * 0.5**halvings)
-        if not any(_equal(other, known) for known in (step, *(one[2] for one in found))):
-            found.append((halvings, own, other))
-    return found
+        version_damping = damping if step.clipped else damping_after(damping, halvings)
+        version = propose(version_damping, limit * 0.5**halvings)
+        if not any(_equal(version, earlier) for earlier in (step, *(entry[2] for entry in steps))):
+            steps.append((halvings, version_damping, version))
+    return steps
 
 
-def _equal(one: Step, other: Step) -> bool:
-    largest = np.abs(other.delta).max(initial=0.0)
-    return bool(np.abs(one.delta - other.delta).max(initial=0.0) <= MAX_DIFFERENCE_OF_EQUAL_STEPS * largest)
+def _equal(first: Step, second: Step) -> bool:
+    largest = np.abs(second.delta).max(initial=0.0)
+    return bool(np.abs(first.delta - second.delta).max(initial=0.0) <= MAX_DIFFERENCE_OF_EQUAL_STEPS * largest)

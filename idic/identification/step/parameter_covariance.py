@@ -70,9 +70,9 @@ def scaled_system(system: CorrelationSystem, parameters: ParameterSet, reference
     smooth = None
     for prior in parameters.joint:
         if isinstance(prior, SmoothnessPrior):
-            at, own, _ = prior.normal_equations(parameters, system.names, slopes)
+            at, block, _ = prior.normal_equations(parameters, system.names, slopes)
             smooth = np.zeros_like(M) if smooth is None else smooth
-            smooth[np.ix_(at, at)] += own
+            smooth[np.ix_(at, at)] += block
     return Scaled(system.names, M + precision, b + pull, noise + precision, slopes, smooth, pull, weight)
 
 
@@ -83,8 +83,8 @@ def without_end_noise(M: np.ndarray, end_noise: np.ndarray) -> tuple[np.ndarray,
     """
     size = np.sqrt(np.maximum(np.diagonal(M), 1e-300))
     values, vectors = np.linalg.eigh(M / size[:, None] / size)
-    seen = values > 1e-12 * max(values.max(initial=0.0), 1e-300)
-    white = vectors[:, seen] / np.sqrt(values[seen]) / size[:, None]  # white^T M white = 1
+    nonzero = values > 1e-12 * max(values.max(initial=0.0), 1e-300)
+    white = vectors[:, nonzero] / np.sqrt(values[nonzero]) / size[:, None]  # white^T M white = 1
     mu, turned = np.linalg.eigh(white.T @ end_noise @ white)
     mu = np.clip(mu, 0.0, 1.0)
     counts = (1.0 - mu) * np.clip((MAX_END_NOISE - mu) / (MAX_END_NOISE - MAX_TRUSTED_END_NOISE), 0.0, 1.0)
@@ -108,16 +108,16 @@ def spectrum(scaled: Scaled) -> Spectrum:
     stds = np.where(values <= floor, np.inf, stds)
     determined = stds < MAX_DETERMINED_STD
     if scaled.smooth is not None:  # what no data reach follows its neighbours
-        stated = np.einsum("ij,ik,kj->j", vectors, scaled.smooth, vectors)
-        determined |= (stated > MIN_STATED_SHARE * values) & (values > floor)
+        prior_part = np.einsum("ij,ik,kj->j", vectors, scaled.smooth, vectors)
+        determined |= (prior_part > MIN_STATED_SHARE * values) & (values > floor)
     return Spectrum(values, vectors, stds, determined)
 
 
-def covariance(scaled: Scaled, found: Spectrum) -> np.ndarray:
+def covariance(scaled: Scaled, directions: Spectrum) -> np.ndarray:
     """Covariance of the scaled parameters over the determined directions  # (n, n)"""
-    return found.inverse @ scaled.noise @ found.inverse
+    return directions.inverse @ scaled.noise @ directions.inverse
 
 
-def undetermined_share(found: Spectrum) -> np.ndarray:
+def undetermined_share(directions: Spectrum) -> np.ndarray:
     """How much of each parameter lies in directions that the data leave open, 0 … 1  # (n,)"""
-    return np.sqrt((found.vectors[:, ~found.determined] ** 2).sum(axis=1))
+    return np.sqrt((directions.vectors[:, ~directions.determined] ** 2).sum(axis=1))

@@ -44,7 +44,7 @@ class Step:
     pinned: tuple[str, ...]
 
 
-def propose(scaled: Scaled, found: Spectrum, stds: np.ndarray, parameters: ParameterSet, damping: float,
+def propose(scaled: Scaled, directions: Spectrum, stds: np.ndarray, parameters: ParameterSet, damping: float,
             clip: float | None = None, allowed: np.ndarray | None = None) -> Step:
     """The step from the present point; `damping` multiplies the diagonal of M (0 = Gauss–Newton).
 
@@ -53,31 +53,31 @@ def propose(scaled: Scaled, found: Spectrum, stds: np.ndarray, parameters: Param
     allowed : (n,) bool, the eigen-directions to step along (None: all that the data determine); all of them judge
     convergence.
     """
-    free = parameters.with_free(scaled.names)
-    low, high = (limits[[free.free.index(name) for name in scaled.names]] for limits in free.scaled_bounds())
-    here = np.array([parameters[name].to_scaled() for name in scaled.names])
-    judged, held = _bounded(scaled, found, 0.0, here, low, high)  # undamped: whether this is a minimum
-    judged = in_order(scaled, parameters, here, judged)
-    along = found if allowed is None else replace(found, determined=found.determined & allowed)
-    same = damping == 0.0 and (along is found or bool(np.all(along.determined == found.determined)))
+    unknowns = parameters.with_free(scaled.names)
+    low, high = (limits[[unknowns.free.index(name) for name in scaled.names]] for limits in unknowns.scaled_bounds())
+    values = np.array([parameters[name].to_scaled() for name in scaled.names])
+    judged, at_bounds = _bounded(scaled, directions, 0.0, values, low, high)  # undamped: whether this is a minimum
+    judged = in_order(scaled, parameters, values, judged)
+    along = directions if allowed is None else replace(directions, determined=directions.determined & allowed)
+    is_judged = damping == 0.0 and (along is directions or bool(np.all(along.determined == directions.determined)))
     limit = STEP_CLIP if clip is None else clip
     sizes = np.array([parameters[name].max_step for name in scaled.names]) / USUAL_MAX_STEP  # of their steps
     short = np.where(sizes < 1.0, limit * sizes, np.inf)
-    low, high = np.maximum(low, here - short), np.minimum(high, here + short)  # the others are solved again
-    same = same and bool(np.all(np.abs(judged) <= short))
-    delta = judged if same else _bounded(scaled, along, damping, here, low, high)[0]
-    clipped = _limited(scaled, along, damping, here, low, high, delta, limit, np.maximum(sizes, 1.0))
-    clipped = in_order(scaled, parameters, here, clipped)
+    low, high = np.maximum(low, values - short), np.minimum(high, values + short)  # the others are solved again
+    is_judged = is_judged and bool(np.all(np.abs(judged) <= short))
+    delta = judged if is_judged else _bounded(scaled, along, damping, values, low, high)[0]
+    clipped = _limited(scaled, along, damping, values, low, high, delta, limit, np.maximum(sizes, 1.0))
+    clipped = in_order(scaled, parameters, values, clipped)
     predicted, gain = (float(2.0 * scaled.b @ way - way @ scaled.M @ way) for way in (clipped, judged))
     certain = np.where(stds > 0, stds, np.inf)
-    pinned = tuple(name for name, at_bound in zip(scaled.names, held, strict=True) if at_bound)
+    pinned = tuple(name for name, at_bound in zip(scaled.names, at_bounds, strict=True) if at_bound)
     relative, significance = (float((np.abs(way) / certain).max(initial=0.0)) for way in (judged, clipped))
     return Step(clipped, relative, float(np.abs(judged).max(initial=0.0)), significance, predicted, gain,
                 bool(np.any(clipped != delta)), pinned)
 
 
-def _limited(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray, low: np.ndarray, high: np.ndarray,
-             delta: np.ndarray, limit: float, sizes: np.ndarray) -> np.ndarray:
+def _limited(scaled: Scaled, directions: Spectrum, damping: float, values: np.ndarray, low: np.ndarray,
+             high: np.ndarray, delta: np.ndarray, limit: float, sizes: np.ndarray) -> np.ndarray:
     """`delta`, or where a component over its size exceeds the limit the least ridged step that keeps to it  # (n,)"""
     if np.abs(delta / sizes).max(initial=0.0) <= limit:
         return delta
@@ -86,7 +86,7 @@ def _limited(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray, 
     # the ridge by bisection of its logarithm: components shrink as it grows
     while most - least > 0.1 * STEP_LIMIT_TOLERANCE:
         middle = 0.5 * (least + most)
-        delta = _bounded(scaled, found, damping, here, low, high, np.exp(middle) / sizes**2)[0]
+        delta = _bounded(scaled, directions, damping, values, low, high, np.exp(middle) / sizes**2)[0]
         longest = np.abs(delta / sizes).max()
         if longest > limit:
             least = middle
@@ -97,27 +97,28 @@ def _limited(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray, 
     return np.clip(delta, -limit * sizes, limit * sizes)
 
 
-def _bounded(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray, low: np.ndarray,
+def _bounded(scaled: Scaled, directions: Spectrum, damping: float, values: np.ndarray, low: np.ndarray,
              high: np.ndarray, ridge: float | np.ndarray = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """The damped step with components held at their bounds, and which ones are held  # (n,), (n,) bool
 
     All components that a step would carry over their bounds are held at once; then those that need not be are let go.
     """
-    active, fixed = np.zeros(len(here), dtype=bool), np.zeros(len(here))
-    slack = 1e-12 * np.maximum(1.0, np.abs(here))
+    active, bound_steps = np.zeros(len(values), dtype=bool), np.zeros(len(values))
+    slack = 1e-12 * np.maximum(1.0, np.abs(values))
     while True:
-        delta = _solve(scaled, found, damping, active, fixed, ridge)
-        beyond = ~active & ((here + delta < low - slack) | (here + delta > high + slack))
+        delta = _solve(scaled, directions, damping, active, bound_steps, ridge)
+        beyond = ~active & ((values + delta < low - slack) | (values + delta > high + slack))
         if not beyond.any():
             break
-        fixed[beyond] = (np.clip(here + delta, low, high) - here)[beyond]
+        bound_steps[beyond] = (np.clip(values + delta, low, high) - values)[beyond]
         active |= beyond
     if not active.any():
         return delta, active
-    return _released(scaled, found, damping, here, (low, high), ridge, delta, active)
+    return _released(scaled, directions, damping, values, (low, high), ridge, delta, active)
 
 
-def _released(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray, limits: tuple[np.ndarray, np.ndarray],
+def _released(scaled: Scaled, directions: Spectrum, damping: float, values: np.ndarray,
+              limits: tuple[np.ndarray, np.ndarray],
               ridge: float | np.ndarray, delta: np.ndarray, active: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The minimum of the damped model within the bounds, from a step within them, and what is held  # (n,), (n,) bool
 
@@ -127,7 +128,7 @@ def _released(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray,
     """
     damped = scaled.M + np.diag(damping * np.diagonal(scaled.M) + ridge)
     root = np.sqrt(np.where(np.diagonal(damped) > 0.0, np.diagonal(damped), 1.0))
-    low, high = limits[0] - here, limits[1] - here
+    low, high = limits[0] - values, limits[1] - values
     inward = np.where(delta <= low, 1.0, -1.0)
     stuck = low >= high  # never let go
     least = RELEASE_TOLERANCE * np.abs(scaled.b / root).max(initial=0.0)
@@ -136,44 +137,44 @@ def _released(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray,
         freed = int(np.argmax(pull))
         if not pull[freed] > least:
             return delta, active
-        held, new = active.copy(), delta
-        held[freed] = False
+        trial_active, trial = active.copy(), delta
+        trial_active[freed] = False
         while True:  # each turn holds one more
-            way = _solve(scaled, found, damping, held, np.where(held, new, 0.0), ridge) - new
+            way = _solve(scaled, directions, damping, trial_active, np.where(trial_active, trial, 0.0), ridge) - trial
             with np.errstate(divide="ignore", invalid="ignore"):
-                room = np.where(way < 0.0, (low - new) / way, np.where(way > 0.0, (high - new) / way, np.inf))
-            room[held] = np.inf
+                room = np.where(way < 0.0, (low - trial) / way, np.where(way > 0.0, (high - trial) / way, np.inf))
+            room[trial_active] = np.inf
             first = int(np.argmin(room))
-            new = np.clip(new + min(max(room[first], 0.0), 1.0) * way, low, high)
+            trial = np.clip(trial + min(max(room[first], 0.0), 1.0) * way, low, high)
             if room[first] >= 1.0:
                 break
-            held[first] = True
-            new[first] = low[first] if way[first] < 0.0 else high[first]
-        gained = (2.0 * scaled.b - damped @ (new + delta)) @ (new - delta)  # of the damped model
+            trial_active[first] = True
+            trial[first] = low[first] if way[first] < 0.0 else high[first]
+        gained = (2.0 * scaled.b - damped @ (trial + delta)) @ (trial - delta)  # of the damped model
         if not gained > 0.0:
             stuck[freed] = True  # its way leads along directions that no step takes
             continue
-        delta, active = new, held
+        delta, active = trial, trial_active
         inward = np.where(delta <= low, 1.0, -1.0)
 
 
-def _solve(scaled: Scaled, found: Spectrum, damping: float, active: np.ndarray, fixed: np.ndarray,
+def _solve(scaled: Scaled, directions: Spectrum, damping: float, active: np.ndarray, bound_steps: np.ndarray,
            ridge: float | np.ndarray) -> np.ndarray:
     """Damped solve over the determined directions with the active components fixed  # (n,)
 
     (M + damping diag(M) + diag(ridge)) delta = b
     """
     keep = ~active
-    delta = fixed.copy()
+    delta = bound_steps.copy()
     if not keep.any():
         return delta
-    rhs = scaled.b[keep] - scaled.M[np.ix_(keep, active)] @ fixed[active]
+    rhs = scaled.b[keep] - scaled.M[np.ix_(keep, active)] @ bound_steps[active]
     inner = scaled.M[np.ix_(keep, keep)]
     diagonal = np.diagonal(inner)
     weight = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     added = damping + np.broadcast_to(ridge, keep.shape)[keep] / weight**2
     normal = inner / weight[:, None] / weight[None, :] + np.diag(added)
-    weak = found.vectors[:, ~found.determined][keep]  # (n_keep, n_weak) directions not to step along
+    weak = directions.vectors[:, ~directions.determined][keep]  # (n_keep, n_weak) directions not to step along
     if weak.size:
         basis, _ = np.linalg.qr(weight[:, None] * _complement(weak))
         delta[keep] = basis @ np.linalg.solve(basis.T @ normal @ basis, basis.T @ (rhs / weight)) / weight

@@ -20,25 +20,26 @@ from idic.parameters import ParameterSet, SmoothnessPrior
 RIDGE = 1e-10  # of the diagonal of M: directions without data
 
 
-def in_order(scaled: Scaled, parameters: ParameterSet, here: np.ndarray, delta: np.ndarray) -> np.ndarray:
+def in_order(scaled: Scaled, parameters: ParameterSet, values: np.ndarray, delta: np.ndarray) -> np.ndarray:
     """`delta`, or where it would carry values of a rising curve past each other the nearest step that does not  # (n,)
 
-    here : (n,) scaled values
+    values : (n,) scaled values
     """
     for prior in parameters.joint:
         if not isinstance(prior, SmoothnessPrior) or not prior.rising or not set(prior.names) <= set(scaled.names):
             continue
         at = [scaled.names.index(name) for name in prior.names]
-        if np.all(np.diff((here + delta)[at]) >= 0.0):
+        if np.all(np.diff((values + delta)[at]) >= 0.0):
             continue
         diagonal = np.diagonal(scaled.M)
         root = np.linalg.cholesky(scaled.M + RIDGE * np.diag(np.where(diagonal > 0.0, diagonal, 1.0))).T
-        ways = np.eye(len(here))  # columns: the other steps, the first value, increments
+        ways = np.eye(len(values))  # columns: the other steps, the first value, increments
         ways[np.ix_(at, at)] = np.tril(np.ones((len(at), len(at))))
-        fixed = np.zeros(len(here))
-        fixed[at] = -here[at]
-        lowest = np.full(len(here), -np.inf)
+        origin = np.zeros(len(values))
+        origin[at] = -values[at]
+        lowest = np.full(len(values), -np.inf)
         lowest[at[1:]] = 0.0
-        found = scipy.optimize.lsq_linear(root @ ways, root @ (delta - fixed), bounds=(lowest, np.inf), method="bvls")
-        delta = fixed + ways @ found.x
+        solution = scipy.optimize.lsq_linear(root @ ways, root @ (delta - origin), bounds=(lowest, np.inf),
+                                             method="bvls")
+        delta = origin + ways @ solution.x
     return delta

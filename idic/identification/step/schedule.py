@@ -39,9 +39,9 @@ def wants_search(experiment: Experiment) -> bool:
     model = experiment.model
     options = experiment.options
     in_space = is_stereo(experiment) and any(isinstance(entry.drive, Measured) for entry in model.prescribed)
-    asked = (options.search != "never" and options.method == "integrated" and model.solver is None
-             and not in_space)
-    return asked and any(model.parameters[name].start_values for name in first_free(experiment))
+    is_allowed = (options.search != "never" and options.method == "integrated" and model.solver is None
+                  and not in_space)
+    return is_allowed and any(model.parameters[name].start_values for name in first_free(experiment))
 
 
 def first_free(experiment: Experiment) -> tuple[str, ...]:
@@ -58,11 +58,12 @@ def begins_blurred(experiment: Experiment) -> bool:
     return not experiment.stages and experiment.recording.quantity == "grey" and wants_search(experiment)
 
 
-def strong_directions(scaled: Scaled, found: Spectrum) -> np.ndarray:
+def strong_directions(scaled: Scaled, directions: Spectrum) -> np.ndarray:
     """The eigen-directions to step along: those that wait for no stronger one  # (n,) bool"""
-    steps = np.abs(found.vectors.T @ scaled.b) / np.where(found.values > 0.0, found.values, np.inf)
-    moving = found.determined & (steps > MAX_SETTLED_STEP)
-    return np.array([not np.any(moving & (found.stds * WAITING_STD_RATIO < own)) for own in found.stds], dtype=bool)
+    steps = np.abs(directions.vectors.T @ scaled.b) / np.where(directions.values > 0.0, directions.values, np.inf)
+    moving = directions.determined & (steps > MAX_SETTLED_STEP)
+    return np.array([not np.any(moving & (directions.stds * WAITING_STD_RATIO < std)) for std in directions.stds],
+                    dtype=bool)
 
 
 def is_preliminary(stage: Stage) -> bool:
@@ -72,8 +73,8 @@ def is_preliminary(stage: Stage) -> bool:
 
 def is_continued(stages: Sequence[Stage], number: int) -> bool:
     """Whether the last stage frees the parameters of this one and more."""
-    own, last = set(stages[number].free), set(stages[-1].free)
-    return number + 1 < len(stages) and own < last
+    names, final_names = set(stages[number].free), set(stages[-1].free)
+    return number + 1 < len(stages) and names < final_names
 
 
 def same_images(first: Stage, second: Stage) -> bool:

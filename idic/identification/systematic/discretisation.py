@@ -46,8 +46,8 @@ def is_coarse(experiment: Experiment) -> bool:
             and is_raised_by_default(model.mesh))
 
 
-def with_mesh_error(found: DiscrepancySystem, evaluate: Evaluate, experiment: Experiment, values: Mapping[str, float],
-                    local: np.ndarray, generalised: bool, ended: Evaluation,
+def with_mesh_error(discrepancy: DiscrepancySystem, evaluate: Evaluate, experiment: Experiment,
+                    values: Mapping[str, float], local: np.ndarray, generalised: bool, ended: Evaluation,
                     increments: int | None) -> DiscrepancySystem:
     """The normal equations of a discrepancy with the error of a coarse mesh; without it where the finer one fails.
 
@@ -61,22 +61,22 @@ def with_mesh_error(found: DiscrepancySystem, evaluate: Evaluate, experiment: Ex
     try:
         biases, _ = discretisation_bias(evaluate, experiment, values, local, generalised, ended, increments)
     except NotConverged:
-        return found
-    bias = np.array([biases.get(name, 0.0) for name in found.names])
-    error = found.M[:, :found.n] @ bias
-    error[:found.n] += beyond_data(ended.system, experiment.model.parameters.with_values(values), bias)
-    return replace(found, mesh_error=error)
+        return discrepancy
+    bias = np.array([biases.get(name, 0.0) for name in discrepancy.names])
+    error = discrepancy.M[:, :discrepancy.n] @ bias
+    error[:discrepancy.n] += beyond_data(ended.system, experiment.model.parameters.with_values(values), bias)
+    return replace(discrepancy, mesh_error=error)
 
 
 def beyond_data(system: CorrelationSystem, parameters: ParameterSet, bias: np.ndarray) -> np.ndarray:
     """The part of b that belongs to a bias of the parameters beside the M of the data: that of their priors, less that
     of the noise of measured ends  # (n,)"""
-    held = parameters.prior_equations(system.names)[0] @ bias
+    by_priors = parameters.prior_equations(system.names)[0] @ bias
     if system.end_noise is None:
-        return held
+        return by_priors
     scaled = scaled_system(system, parameters, np.zeros_like(system.M), 0.0)
-    asked = np.linalg.lstsq(scaled.weight, scaled.slopes * held, rcond=None)[0] / scaled.slopes
-    return asked - system.end_noise @ bias
+    unweighted = np.linalg.lstsq(scaled.weight, scaled.slopes * by_priors, rcond=None)[0] / scaled.slopes
+    return unweighted - system.end_noise @ bias
 
 
 def discretisation_bias(evaluate: Evaluate, experiment: Experiment, values: Mapping[str, float], local: np.ndarray,
@@ -128,9 +128,9 @@ def time_step_bias(evaluate: Evaluate, experiment: Experiment, values: Mapping[s
     evaluated, weights = evaluate(experiment, values, local, generalised, finer)
     if evaluated.system is None:
         raise NotConverged(f"no equilibrium with shorter increments: {evaluated.message}")
-    whole = 1.0 if increments is None else 4.0 / 3.0
-    found = _biases(experiment.model, values, evaluated, ended, weights.image_noise)
-    return {name: whole * bias for name, bias in found.items()}
+    error_ratio = 1.0 if increments is None else 4.0 / 3.0
+    biases = _biases(experiment.model, values, evaluated, ended, weights.image_noise)
+    return {name: error_ratio * bias for name, bias in biases.items()}
 
 
 def _biases(model: Model, values: Mapping[str, float], evaluated: Evaluation, ended: Evaluation,
@@ -141,10 +141,10 @@ def _biases(model: Model, values: Mapping[str, float], evaluated: Evaluation, en
     steps = []
     for point in (evaluated, ended):
         scaled = scaled_system(point.system, parameters, point.reference_gram, image_noise)
-        found = spectrum(scaled)
-        steps.append(found.inverse @ scaled.b)
+        directions = spectrum(scaled)
+        steps.append(directions.inverse @ scaled.b)
     step = steps[0] - steps[1]
     moved = parameters.unpack(parameters.pack() + step)
-    share = undetermined_share(found)  # of the given mesh, whose parameters are reported
-    own = [name for i, name in enumerate(scaled.names) if share[i] <= MAX_UNDETERMINED_SHARE]
-    return {name: values[name] - moved[name].value for name in own}
+    share = undetermined_share(directions)  # of the given mesh, whose parameters are reported
+    determined = [name for i, name in enumerate(scaled.names) if share[i] <= MAX_UNDETERMINED_SHARE]
+    return {name: values[name] - moved[name].value for name in determined}

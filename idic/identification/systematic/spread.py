@@ -73,17 +73,17 @@ def determined_values(result: Mapping, names: Sequence[str]) -> dict[str, float]
     result : content of result.json
     """
     entries = result["parameters"]
-    found = {name: entries[name]["value"] for name in names if entries.get(name, {}).get("std") is not None}
-    return found | {label: entry["value"] for label, entry in result["derived"].items() if ratio_of(label, entries)}
+    values = {name: entries[name]["value"] for name in names if entries.get(name, {}).get("std") is not None}
+    return values | {label: entry["value"] for label, entry in result["derived"].items() if ratio_of(label, entries)}
 
 
-def with_spread(result: dict, found: Sequence[Assessment]) -> dict:
+def with_spread(result: dict, assessments: Sequence[Assessment]) -> dict:
     """The result with `systematic_std`; a parameter that changes too much between treatments is not identifiable.
 
     systematic_std : standard deviation of the values of the run and of all treatments that converged
     """
-    good = [own.values for own in found if own.status == "converged"]
-    result = _without_earlier_judgement(result) | {"treatments": [asdict(own) for own in found]}
+    good = [assessment.values for assessment in assessments if assessment.status == "converged"]
+    result = _without_earlier_judgement(result) | {"treatments": [asdict(assessment) for assessment in assessments]}
     if not good:
         return result
     for name, entry in result["parameters"].items():
@@ -104,10 +104,11 @@ def _without_earlier_judgement(result: dict) -> dict:
     result = copy.deepcopy(result)
     for entry in [e for e in result["not_identifiable"] if e["reason"].endswith(BETWEEN_TREATMENTS)]:
         result["not_identifiable"].remove(entry)
-        own = result["parameters"].get(entry["name"])
-        if own is not None and entry["std"] is not None:
+        parameter = result["parameters"].get(entry["name"])
+        if parameter is not None and entry["std"] is not None:
             half = 1.96 * entry["std"]
-            own.update(value=entry["value"], std=entry["std"], ci95=[entry["value"] - half, entry["value"] + half])
+            parameter.update(value=entry["value"], std=entry["std"],
+                             ci95=[entry["value"] - half, entry["value"] + half])
     return result
 
 

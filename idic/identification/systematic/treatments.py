@@ -35,7 +35,7 @@ def treatments(experiment: Experiment, raw: Mapping) -> list[Treatment]:
 
     raw : tables of the experiment file, ``--set`` applied
     """
-    found = []
+    combinations = []
     for boundary, tables in _boundaries(experiment, raw):
         for camera, added in _cameras(experiment, raw):
             if (boundary, camera) == (AS_GIVEN, AS_GIVEN):
@@ -44,10 +44,10 @@ def treatments(experiment: Experiment, raw: Mapping) -> list[Treatment]:
             if tables is not None:
                 overrides["boundary"] = tables
             if added:
-                new = [{"name": name, "value": 0.0} for name in added]
-                overrides["dof"] = [*deepcopy(list(raw.get("dof", []))), *new]
-            found.append(Treatment(boundary, camera, overrides))
-    return found
+                unknowns = [{"name": name, "value": 0.0} for name in added]
+                overrides["dof"] = [*deepcopy(list(raw.get("dof", []))), *unknowns]
+            combinations.append(Treatment(boundary, camera, overrides))
+    return combinations
 
 
 def _boundaries(experiment: Experiment, raw: Mapping) -> Iterator[tuple[str, list | None]]:
@@ -56,9 +56,9 @@ def _boundaries(experiment: Experiment, raw: Mapping) -> Iterator[tuple[str, lis
     yield AS_GIVEN, None
     drives = {type(entry.drive) for entry in model.prescribed}
     if Column in drives and model.solver is None:
-        held = {(entry.get("nodes"), key) for entry in raw.get("boundary", []) for key in COMPONENTS
-                if key in entry or "u" in entry}
-        yield "the grip may turn and run askew", _each(raw, lambda entry: _freed(entry, held))
+        components = {(entry.get("nodes"), key) for entry in raw.get("boundary", []) for key in COMPONENTS
+                      if key in entry or "u" in entry}
+        yield "the grip may turn and run askew", _each(raw, lambda entry: _freed(entry, components))
     if Measured in drives:
         yield "measured edges, ten times as smooth", _each(raw, lambda entry: _changed(entry, "measured", {
             "measured": True, "smoothing": MORE_SMOOTHING}))
@@ -76,28 +76,28 @@ def _cameras(experiment: Experiment, raw: Mapping) -> Iterator[tuple[str, tuple[
     yield AS_GIVEN, ()
     if experiment.recording.quantity != "grey" or model.solver is not None:
         return
-    stem, taken = experiment.recording.camera_name, set(model.parameters)
+    stem, names = experiment.recording.camera_name, set(model.parameters)
     if isinstance(model.camera, PlacedCamera):
-        if model.has_times and not taken & set(SPECIMEN_MOTION):
+        if model.has_times and not names & set(SPECIMEN_MOTION):
             yield "the specimen may approach and tilt", SPECIMEN_MOTION
         return
     drift, load, lens = ((f"{stem}.{name}",) for name in ("magnification_drift", "magnification_load", "k1"))
     followed = _magnification_column(raw, stem)
-    if followed and not taken & set(load):
+    if followed and not names & set(load):
         yield f"the magnification may follow {followed}", load
-    if model.has_times and not taken & set(drift):
+    if model.has_times and not names & set(drift):
         yield "the magnification may drift", drift
-    if not model.has_times and not taken & set(lens):
+    if not model.has_times and not names & set(lens):
         yield "the lens may distort", lens
     tilts = tuple(f"{stem}.{name}" for name in ("tilt_x", "tilt_y"))
-    if not taken & set(tilts):
+    if not names & set(tilts):
         yield "the camera may be tilted", tilts
 
 
 def _magnification_column(raw: Mapping, stem: str) -> str | None:
     """The column of the log that the magnification of the main camera may follow, where one is given."""
     tables = raw.get("camera", {})
-    main = tables if isinstance(tables, Mapping) else next((own for own in tables if own.get("name") == stem), {})
+    main = tables if isinstance(tables, Mapping) else next((table for table in tables if table.get("name") == stem), {})
     return main.get("magnification_column")
 
 
@@ -111,21 +111,22 @@ def _as_table(drive: object) -> dict:
     return {drive: True} if drive == "measured" else {"value": drive}
 
 
-def _freed(entry: dict, held: set) -> dict:
+def _freed(entry: dict, components: set) -> dict:
     """Rotation added to every logged component, and misalignment towards one that is held, too: a free one follows.
 
-    held : pairs of a node set and a component, "ux", that some table gives
+    components : pairs of a node set and a component, "ux", that some table gives
     """
-    given = [key for key in COMPONENTS if key in entry]
-    for key in given:
+    keys = [key for key in COMPONENTS if key in entry]
+    for key in keys:
         table = _as_table(entry[key])
         if "column" not in table:
             continue
         corrections = list(table.get("corrections", []))
-        kinds = {own["kind"] for own in corrections}
+        kinds = {correction["kind"] for correction in corrections}
         if "rotation" not in kinds:
             corrections.append({"kind": "rotation"})
-        across = [COMPONENTS[other] for other in ("ux", "uy") if other != key and (entry.get("nodes"), other) in held]
+        across = [COMPONENTS[component]
+                  for component in ("ux", "uy") if component != key and (entry.get("nodes"), component) in components]
         if "misalignment" not in kinds and across:
             corrections.append({"kind": "misalignment", "towards": across[0]})
         entry[key] = table | {"corrections": corrections}
@@ -152,5 +153,5 @@ def _measured(entry: dict) -> dict:
     """Both components of a driven or held edge from the images."""
     if not any(key in entry for key in (*COMPONENTS, "u")):
         return entry
-    kept = {key: value for key, value in entry.items() if key not in (*COMPONENTS, "u")}
-    return kept | {key: "measured" for key in ("ux", "uy") if key in entry or "u" in entry}
+    other_keys = {key: value for key, value in entry.items() if key not in (*COMPONENTS, "u")}
+    return other_keys | {key: "measured" for key in ("ux", "uy") if key in entry or "u" in entry}

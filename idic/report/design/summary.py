@@ -70,7 +70,7 @@ def parameters_of(analysis: Analysis) -> dict:
 
 
 def _spectrum(analysis: Analysis, confusable: float) -> dict:
-    analysis_summary, spectrum = analysis.summary(), analysis.found
+    analysis_summary, spectrum = analysis.summary(), analysis.spectrum
     scales = [None if (p := analysis.parameters[name]).transform == "log" else abs(p.scale / p.factor)
               for name in analysis.names]
     labels = [name.rpartition(".")[2] if _one_set(analysis.names) else name for name in analysis.names]

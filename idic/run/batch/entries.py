@@ -54,14 +54,14 @@ def read_batch(paths: Sequence[str | Path], overrides: Mapping[str, Any] | None 
     InputError
         A list that is not as above, an experiment that is not there, a name twice or one that is no folder name.
     """
-    found: list[BatchRun] = []
+    runs: list[BatchRun] = []
     for path in map(Path, paths):
         for run in _runs_of(path):
-            found.append(BatchRun(run.name, run.experiment, {**dict(overrides or {}), **run.overrides}))
-    if not found:
+            runs.append(BatchRun(run.name, run.experiment, {**dict(overrides or {}), **run.overrides}))
+    if not runs:
         raise InputError("an empty batch", expected="at least one experiment", found="none",
                          remedy="name experiment folders or a list of them")
-    return _with_own_names(found)
+    return _with_own_names(runs)
 
 
 def _runs_of(path: Path) -> list[BatchRun]:
@@ -85,8 +85,8 @@ def _toml_list(file: Path, raw: Mapping) -> list[BatchRun]:
     for number, entry in enumerate(raw["run"]):
         key = f"run[{number}]"
         _known_keys(entry, ("experiment", "name", "set"), file, key)
-        own = _settings(entry.get("set", {}), file, f"{key}.set")
-        runs.append(_entry(file, key, entry.get("experiment", ""), entry.get("name", ""), {**common, **own}))
+        settings = _settings(entry.get("set", {}), file, f"{key}.set")
+        runs.append(_entry(file, key, entry.get("experiment", ""), entry.get("name", ""), {**common, **settings}))
     return runs
 
 
@@ -108,8 +108,8 @@ def _csv_list(file: Path) -> list[BatchRun]:
             raise InputError("more cells than columns", file=file, key=f"row {number}", expected=f"{len(header)} cells",
                              found=str(len(row)), remedy="put text that holds a comma in quotes")
         cells = {name: cell.strip() for name, cell in zip(header, row, strict=False)}
-        own = {name: text for name, text in cells.items() if name not in _FIXED and text}
-        runs.append(_entry(file, f"row {number}", cells.get("experiment", ""), cells.get("name", ""), own))
+        settings = {name: text for name, text in cells.items() if name not in _FIXED and text}
+        runs.append(_entry(file, f"row {number}", cells.get("experiment", ""), cells.get("name", ""), settings))
     return runs
 
 
@@ -137,35 +137,35 @@ def _settings(table: object, file: Path, key: str) -> dict[str, Any]:
     return dict(table)
 
 
-def _known_keys(table: Mapping, known: Sequence[str], file: Path, key: str) -> None:
+def _known_keys(table: Mapping, keys: Sequence[str], file: Path, key: str) -> None:
     for name in table:
-        if name not in known:
-            raise InputError("unknown key", file=file, key=f"{key}.{name}".lstrip("."), expected=", ".join(known),
+        if name not in keys:
+            raise InputError("unknown key", file=file, key=f"{key}.{name}".lstrip("."), expected=", ".join(keys),
                              found=name, remedy=_LIST)
 
 
 # names ----------------------------------------------------------------------------------------------
 def _with_own_names(runs: Sequence[BatchRun]) -> tuple[BatchRun, ...]:
     """Runs without a name get that of their folder (or file), with a number where it is taken."""
-    taken: set[str] = set()
+    names: set[str] = set()
     for run in runs:
         if run.name:
-            if run.name.lower() in taken:
+            if run.name.lower() in names:
                 raise InputError("two runs of one name", key="name", found=run.name,
                                  expected="names that differ in more than upper and lower case",
                                  remedy="rename one of them")
-            taken.add(run.name.lower())
-    return tuple(run if run.name else BatchRun(_free_name(run.experiment, taken), run.experiment, run.overrides)
+            names.add(run.name.lower())
+    return tuple(run if run.name else BatchRun(_free_name(run.experiment, names), run.experiment, run.overrides)
                  for run in runs)
 
 
-def _free_name(experiment: str, taken: set[str]) -> str:
+def _free_name(experiment: str, names: set[str]) -> str:
     path = Path(experiment)
-    own = path.parent.name if path.name == EXPERIMENT_FILE else path.stem
-    plain = re.sub(r"[^A-Za-z0-9._+-]+", "_", own).lstrip("._+-") or "run"
+    stem = path.parent.name if path.name == EXPERIMENT_FILE else path.stem
+    plain = re.sub(r"[^A-Za-z0-9._+-]+", "_", stem).lstrip("._+-") or "run"
     name, number = plain[:90], 2
-    while name.lower() in taken:
+    while name.lower() in names:
         name, number = f"{plain[:90]}-{number}", number + 1
-    taken.add(name.lower())
+    names.add(name.lower())
     return name
 

@@ -96,7 +96,7 @@ class _Work:
                                              self.console.tasks))
             spent_s = time.perf_counter() - began
             if number < total:
-                self.console.said(f"identifications: {number} of {total} in {spent_s:.0f} s, "
+                self.console.remark(f"identifications: {number} of {total} in {spent_s:.0f} s, "
                                   f"about {spent_s / number * (total - number):.0f} s left")
 
     def side_by_side(self, jobs: Sequence[BatchJob]) -> None:
@@ -106,7 +106,7 @@ class _Work:
             attempted, earlier = tuple(todo), len(jobs) - len(todo)
             results = self.hooks.runner.stream(
                 identify_whole, attempted, [f"identify-{job.name}" for job in attempted],
-                progress=lambda done, _, earlier=earlier: self.console.tasks("identify", earlier + done,
+                progress=lambda count, _, earlier=earlier: self.console.tasks("identify", earlier + count,
                                                                             len(jobs)))  # type: ignore[misc]
             try:
                 for outcome in results:
@@ -121,4 +121,4 @@ class _Work:
         self.batch.record(outcome)
         self.batch.write("running")
         reason = outcome.reason.strip().splitlines()
-        self.console.said(f"{outcome.name}: {outcome.status.replace('_', ' ')}{f' ({reason[0]})' if reason else ''}")
+        self.console.remark(f"{outcome.name}: {outcome.status.replace('_', ' ')}{f' ({reason[0]})' if reason else ''}")

@@ -54,7 +54,7 @@ def identify_whole(job: BatchJob) -> BatchOutcome:
 
 
 def identify_job(job: BatchJob, runner: TaskRunner,
-                 tasks: Callable[[str, int, int], None] = lambda what, done, total: None) -> BatchOutcome:
+                 tasks: Callable[[str, int, int], None] = lambda label, count, total: None) -> BatchOutcome:
     """Identify and write the report; an interruption is the only thing that is raised."""
     log = _Log(Path(job.out) / LOG_FILE)
     try:

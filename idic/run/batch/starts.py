@@ -46,15 +46,15 @@ def _starts_of(run: BatchRun, starts: int, spread: float, seed: int) -> list[Bat
 
 def _values(run: BatchRun, parameters: ParameterSet, starts: int, spread: float, seed: int) -> list[dict[str, float]]:
     reachable = _reachable(run)
-    free = [parameters[name] for name in parameters.free if name in reachable]
-    if not free:
+    variables = [parameters[name] for name in parameters.free if name in reachable]
+    if not variables:
         raise InputError("no start value to vary", file=run.experiment, key="--starts",
                          expected="free parameters of materials, or [[dof]] entries", found="none",
                          remedy="set identify = true for a parameter, or leave --starts out")
     drawn = []
     for k in range(starts):
         generator = np.random.default_rng([seed, k])
-        drawn.append({p.name: drawn_start(p, spread, generator.uniform()) for p in free})
+        drawn.append({p.name: drawn_start(p, spread, generator.uniform()) for p in variables})
     return drawn
 
 

@@ -60,12 +60,12 @@ class Batch:
         if self.folder.exists() and not self.folder.is_dir():
             raise InputError("the output must be a folder", file=self.folder, found="a file",
                              remedy="choose another --out")
-        there = sorted(p.name for p in self.folder.iterdir()) if self.folder.is_dir() else []
-        if JSON_FILE in there and not resume:
+        names = sorted(p.name for p in self.folder.iterdir()) if self.folder.is_dir() else []
+        if JSON_FILE in names and not resume:
             raise InputError("this batch exists already", file=self.folder, expected="a new folder, or --resume",
                              found="an earlier batch", remedy="add --resume to continue it, or choose another --out")
-        strangers = [name for name in there if not name.startswith(".") and name != "run.lock"]
-        if strangers and JSON_FILE not in there:
+        strangers = [name for name in names if not name.startswith(".") and name != "run.lock"]
+        if strangers and JSON_FILE not in names:
             raise InputError("the output folder is in use for something else", file=self.folder,
                              expected="a new or empty folder, or an earlier batch", found=", ".join(strangers[:5]),
                              remedy="choose another --out")
@@ -104,15 +104,15 @@ class Batch:
             rows = {row["run"]: row for row in json.loads((self.folder / JSON_FILE).read_text("utf-8"))["runs"]}
         except (OSError, ValueError, KeyError, TypeError):
             return {}
-        found = {}
+        earlier_rows = {}
         for run in self.runs:
             row = rows.get(run.name, {})
-            same = row.get("experiment") == run.experiment and row.get("set") == json.loads(
+            is_same = row.get("experiment") == run.experiment and row.get("set") == json.loads(
                 json.dumps(dict(run.overrides)))
-            if same and row.get("status") not in (WAITING, INTERRUPTED) and (
+            if is_same and row.get("status") not in (WAITING, INTERRUPTED) and (
                     self.folder / run.name / RESULT_FILE).exists():
-                found[run.name] = row
-        return found
+                earlier_rows[run.name] = row
+        return earlier_rows
 
     def _row(self, run: BatchRun, status: str) -> dict:
         row = {"name": run.name, "experiment": run.experiment, "set": dict(run.overrides), "run": run.name}
@@ -125,12 +125,12 @@ class Batch:
                           "iterations": None, "image_chi2_dof": None, "wall_s": None, "parameters": {}}
         result = outcome.result or {}
         ended = (result.get("end") or {}).get("reason", "") if outcome.status in _REASONS else ""
-        free = {name: {key: entry.get(key) for key in ("value", "std", "unit", "start")}
-                for name, entry in result.get("parameters", {}).items() if entry.get("free")}
+        parameters = {name: {key: entry.get(key) for key in ("value", "std", "unit", "start")}
+                      for name, entry in result.get("parameters", {}).items() if entry.get("free")}
         return row | {
             "status": outcome.status, "reason": outcome.reason or ended or _REASONS.get(outcome.status, ""),
             "iterations": result.get("iterations"), "image_chi2_dof": result.get("residual", {}).get("image_chi2_dof"),
-            "wall_s": result.get("cost", {}).get("wall_s"), "parameters": free}  # fmt: skip
+            "wall_s": result.get("cost", {}).get("wall_s"), "parameters": parameters}  # fmt: skip
 
 
 def _replace(path: Path, text: str) -> None:

@@ -34,23 +34,23 @@ class CalibrationRun:
     without_target: tuple[str, ...]
 
 
-def run_calibration(given: list[Path], out: Path, spacing_mm: float, kind: str = "auto",
+def run_calibration(arguments: list[Path], out: Path, spacing_mm: float, kind: str = "auto",
                     grid: tuple[int, int] | None = None,
                     lens: Lens | None = None, target_std_mm: float = 0.0,
                     stage: Callable[[str], None] = lambda text: None,
-                    tasks: Callable[[str, int, int], None] = lambda what, done, total: None) -> CalibrationRun:
+                    tasks: Callable[[str, int, int], None] = lambda label, count, total: None) -> CalibrationRun:
     """Find the target in every image, calibrate, write ``out`` (JSON) and a picture of the same name (PNG).
 
     Parameters
     ----------
-    given : paths
+    arguments : paths
         See `idic.run.calibration.images.camera_stacks`.
     out : path
         The calibration file; nothing is written where something fails.
     spacing_mm : float
         Distance of neighbouring corners or dots.
     stage, tasks : callable
-        Take the name of every step that begins, and (what, done, total) while images are searched.
+        Take the name of every step that begins, and (label, count, total) while images are searched.
 
     Raises
     ------
@@ -70,13 +70,13 @@ def run_calibration(given: list[Path], out: Path, spacing_mm: float, kind: str =
         raise InputError("no such folder", file=out.parent, key="--out", expected="an existing folder",
                          found="nothing there",
                          remedy="make the folder, or choose another path")
-    stacks = camera_stacks(given)
+    stacks = camera_stacks(arguments)
     n_images = stacks[0].n_frames
     if n_images < MIN_VIEWS:
         raise InputError("too few images", key="IMAGES", expected=f"at least {MIN_VIEWS}, better 15 to 30",
                          found=n_images,
                          remedy="record the target at different tilts and places")
-    asked = kind
+    stated_kind = kind
     if kind == "auto":
         kind = kind_of((stack.frame(k) for k in range(min(PROBES, n_images)) for stack in stacks), grid)
     if kind == "chessboard" and grid is None:
@@ -89,15 +89,15 @@ def run_calibration(given: list[Path], out: Path, spacing_mm: float, kind: str =
         tasks("images", k, n_images)
         row = tuple(find_target(stack.frame(k), kind, grid) for stack in stacks)
         without += [stack.labels[k] if len(stacks) == 1 else f"camera {c}: {stack.labels[k]}"
-                    for c, (stack, seen) in enumerate(zip(stacks, row, strict=True)) if seen is None]
+                    for c, (stack, target) in enumerate(zip(stacks, row, strict=True)) if target is None]
         views.append(row)
-    if all(seen is None for row in views for seen in row):
+    if all(target is None for row in views for target in row):
         size = f" with {grid[0]} x {grid[1]} {'inner corners' if kind == 'chessboard' else 'points'}" if grid else ""
         raise InputError("no target in any image", key="IMAGES", found="none",
                          remedy="check --target and --grid (inner corners, "
                          "one fewer than squares); without hollow dots the target must be seen whole",
-                         expected={"dots": "a dot grid", "auto": "a chessboard or dot grid"}.get(asked, "a chessboard")
-                         + size)
+                         expected={"dots": "a dot grid",
+                                   "auto": "a chessboard or dot grid"}.get(stated_kind, "a chessboard") + size)
     stage("bundle adjustment")
     sizes = tuple((stack.shape[1], stack.shape[0]) for stack in stacks)
     result = calibrate(tuple(views), sizes, spacing_mm, lens, target_std_mm)

@@ -47,18 +47,18 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: i
     NotConverged
         If the identified model finds no equilibrium on a copy of the recording.
     """
-    source, found = open_source(run)
-    accepted = found.state.accepted
+    source, identification = open_source(run)
+    accepted = identification.state.accepted
     floor = measured_floor(PointJob(str(run), accepted.number, accepted.values), runner)
-    far = on_measured_motion(source, found, runner, stage)
-    source, found, register = far or (source, found, None)
-    notes, as_found = Notes(), (source, found, None)
-    source, found, spots = as_found if far else notes.attempt(
-        "the search for spots in the images", without_spots, source, found, stage, otherwise=as_found)
-    made = diagnose_identification(source, found, partial(run_refits, runner, RefitStore(run, resume)), stage,
-                                   seed, library, margin=Margin(floor), quick=quick)
-    made = replace(made, spots=spots, notes=(*notes.texts, *made.notes))
-    return made if register is None else replace(made, register=judged_by_images(made, register, stage))
+    motion_fit = on_measured_motion(source, identification, runner, stage)
+    source, identification, register = motion_fit or (source, identification, None)
+    notes, as_found = Notes(), (source, identification, None)
+    source, identification, spots = as_found if motion_fit else notes.attempt(
+        "the search for spots in the images", without_spots, source, identification, stage, otherwise=as_found)
+    diagnosis = diagnose_identification(source, identification, partial(run_refits, runner, RefitStore(run, resume)),
+                                        stage, seed, library, margin=Margin(floor), quick=quick)
+    diagnosis = replace(diagnosis, spots=spots, notes=(*notes.texts, *diagnosis.notes))
+    return diagnosis if register is None else replace(diagnosis, register=judged_by_images(diagnosis, register, stage))
 
 
 def diagnose_run(run: str | Path, *, resume: bool = False, quick: bool = False,

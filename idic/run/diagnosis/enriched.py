@@ -36,12 +36,13 @@ def write_enriched(source: Source, experiment: Experiment, values: Mapping[str, 
     if folder.exists():
         shutil.rmtree(folder)
     folder.mkdir(parents=True)
-    free = {name: value / model.parameters[name].factor for name, value in values.items()
-            if name in model.parameters and model.parameters[name].free}
+    start_values = {name: value / model.parameters[name].factor for name, value in values.items()
+                    if name in model.parameters and model.parameters[name].free}
     document = source.document()
-    document = with_overrides(document, {name: value for name, value in free.items() if _in_file(document, name)})
-    _start_heterogeneities(document, free)
-    _start_corrections(document, free)
+    document = with_overrides(document,
+                              {name: value for name, value in start_values.items() if _in_file(document, name)})
+    _start_heterogeneities(document, start_values)
+    _start_corrections(document, start_values)
     document["experiment"]["title"] = f"{experiment.title}, with {' and '.join(n.replace('_', ' ') for n in named)}"
     file = folder / EXPERIMENT_FILE
     validated(document, file)
@@ -52,40 +53,40 @@ def write_enriched(source: Source, experiment: Experiment, values: Mapping[str, 
 
 def _in_file(document: Mapping, name: str) -> bool:
     """Whether a start value of this parameter has a place in the file."""
-    head, _, last = name.rpartition(".")
+    head, _, tail = name.rpartition(".")
     if any(entry.get("name") == name for entry in document.get("dof", [])):
         return True
-    return last in document.get("material", {}).get(head, {})
+    return tail in document.get("material", {}).get(head, {})
 
 
-def _start_heterogeneities(document: Mapping, free: Mapping[str, float]) -> None:
-    """Write values into the entries of [[heterogeneity]]; free : in the units of the file."""
+def _start_heterogeneities(document: Mapping, start_values: Mapping[str, float]) -> None:
+    """Write values into the entries of [[heterogeneity]]; start_values : in the units of the file."""
     for table in document.get("heterogeneity", ()):
         head = f"{table['set']}.{table.get('name', table['form'])}"
         for key in ("stiffness", "thickness", "radius_mm", "along_x", "along_y", "along_z", "stiffness_ratio",
                     "period_mm", "direction_deg", "offset_mm", "share"):
             name = f"{head}.{key.removesuffix('_mm').removesuffix('_deg')}"
-            if name in free:
+            if name in start_values:
                 entry = table.get(key, {"identify": True})  # a stiffness that is not there is free
-                table[key] = (entry if isinstance(entry, dict) else {}) | {"value": free[name]}
+                table[key] = (entry if isinstance(entry, dict) else {}) | {"value": start_values[name]}
         if table.get("centre_mm"):
-            table["centre_mm"] = [free.get(f"{head}.{axis}", float(x))
+            table["centre_mm"] = [start_values.get(f"{head}.{axis}", float(x))
                                   for axis, x in zip("xyz", table["centre_mm"], strict=False)]
 
 
-def _start_corrections(document: dict, free: Mapping[str, float]) -> None:
+def _start_corrections(document: dict, start_values: Mapping[str, float]) -> None:
     """Write amplitudes of corrections as [[dof]], where their values stand."""
-    kept = document.get("dof", [])
-    known = {entry.get("name") for entry in kept}
+    entries = document.get("dof", [])
+    names = {entry.get("name") for entry in entries}
     for table in document.get("boundary", ()):
         for component in "xyz":
             drive = table.get(f"u{component}")
             for entry in drive.get("corrections", ()) if isinstance(drive, Mapping) else ():
                 stem = f"boundary.{table['nodes']}.{component}.{entry['kind']}"
-                kept = [*kept, *({"name": name, "value": value} for name, value in free.items()
-                                 if without_knot(name) == stem and name not in known)]
-    if kept:
-        document["dof"] = kept
+                entries = [*entries, *({"name": name, "value": value} for name, value in start_values.items()
+                                       if without_knot(name) == stem and name not in names)]
+    if entries:
+        document["dof"] = entries
 
 
 def _link_files(original: Path, folder: Path, run: Path) -> None:

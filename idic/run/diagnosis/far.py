@@ -37,38 +37,39 @@ class MotionSource(Source):
         return with_boundary_start(experiment, boundary_start(experiment, u_px, experiment.recording.excluded))
 
 
-def on_measured_motion(source: Source, found: Identification, runner: TaskRunner,
+def on_measured_motion(source: Source, identification: Identification, runner: TaskRunner,
                        stage: Callable[[str], None]) -> tuple[Source, Identification, OutOfRegister] | None:
     """The identified model fitted to the measured motion, and its source; None where the images are in register."""
-    if not may_be_out_of_register(found):
+    if not may_be_out_of_register(identification):
         return None
     u_px = _measured(source, runner, stage)
-    far = out_of_register(found, u_px, _unexplained(source))
-    if far is None:
+    register = out_of_register(identification, u_px, _unexplained(source))
+    if register is None:
         return None
     stage("fit of the identified model to the measured motion: the images are out of register")
-    edits = with_edge_modes(source.document(), found.experiment, u_px)
-    there = MotionSource(source.run, {**source.edits, **edits})
-    experiment = there.load()
-    values = {name: value for name, value in found.parameters.as_values().items()
+    edits = with_edge_modes(source.document(), identification.experiment, u_px)
+    motion_source = MotionSource(source.run, {**source.edits, **edits})
+    experiment = motion_source.load()
+    values = {name: value for name, value in identification.parameters.as_values().items()
               if name in experiment.model.parameters}
     starts = experiment.model.parameters.with_values(values)
-    return there, identify(replace(experiment, model=replace(experiment.model, parameters=starts), stages=())), far
+    fit = identify(replace(experiment, model=replace(experiment.model, parameters=starts), stages=()))
+    return motion_source, fit, register
 
 
-def judged_by_images(diagnosis: Diagnosis, far: OutOfRegister, stage: Callable[[str], None]) -> OutOfRegister:
+def judged_by_images(diagnosis: Diagnosis, register: OutOfRegister, stage: Callable[[str], None]) -> OutOfRegister:
     """The enriched model on the images: fitted from its end on the measured motion, for a few evaluations."""
     source, final = diagnosis.source, diagnosis.state.final
     if final is None or not final.fit.usable or not isinstance(source, MotionSource):
-        return far
+        return register
     stage("fit of the enriched model to the images")
     experiment = source.images()
     options = replace(experiment.options, max_iterations=MAX_IMAGE_EVALUATIONS)
     starts = experiment.model.parameters.with_values(
         {name: value for name, value in final.fit.values.items() if name in experiment.model.parameters})
-    found = identify(replace(experiment, model=replace(experiment.model, parameters=starts), options=options,
-                             stages=()))
-    return far if found.point is None else replace(far, enriched_chi2=image_chi2(found))
+    image_fit = identify(replace(experiment, model=replace(experiment.model, parameters=starts), options=options,
+                                 stages=()))
+    return register if image_fit.point is None else replace(register, enriched_chi2=image_chi2(image_fit))
 
 
 def _unexplained(source: Source) -> list[int]:

@@ -38,41 +38,43 @@ def write_diagnosis(run: Path | str, verdict: Mapping, enriched: Path | None, wa
     return json.loads((run / DIAGNOSIS_FILE).read_text(encoding="utf-8"))
 
 
-def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_s: float = 0.0) -> dict:
+def diagnosis_content(diagnosis: Diagnosis, parameters_before: Mapping[str, Mapping], wall_s: float = 0.0) -> dict:
     """The content of ``RUN/diagnosis.json`` without what comes after the verdict: the enriched experiment, notes.
 
-    before : value, std, unit of the identified model's free parameters (`identified_parameters`)
+    parameters_before : value, std, unit of the identified model's free parameters (`identified_parameters`)
     """
     if (spots := diagnosis.spots) is not None:
         without = free_parameters(spots.result)
         content = diagnosis_content(replace(diagnosis, spots=None), without, wall_s)
-        return finite(with_spots(content, spots, before, without,
+        return finite(with_spots(content, spots, parameters_before, without,
                                  diagnosis.identification.experiment.model.length_unit))
-    after = _after(diagnosis)
-    real_body = of_real_body(diagnosis, after or before)
-    last = {name: real_body.get(name) or after.get(name) or entry for name, entry in before.items()}
-    verdict, left_open = diagnosis.verdict, not_excluded(diagnosis, last)
+    parameters_after = _after(diagnosis)
+    real_body = of_real_body(diagnosis, parameters_after or parameters_before)
+    final = {name: real_body.get(name) or parameters_after.get(name) or entry
+             for name, entry in parameters_before.items()}
+    verdict, left_open = diagnosis.verdict, not_excluded(diagnosis, final)
     margin = diagnosis.state.setting.margin
-    near = {entry["name"] for entry in left_open}
+    open_names = {entry["name"] for entry in left_open}
     content = {
         "schema": SCHEMA, "verdict": verdict.word, "mismatch": mismatch_content(diagnosis),
         "unexplained": list(unexplained(diagnosis)), "candidates": _candidates(diagnosis),
         "named": list(verdict.selected),
         "indistinguishable": [list(group) for group in verdict.indistinguishable],
         "next_experiment": verdict.next_experiment,
-        "model": {"parameters_before": before, "parameters_after": after,
+        "model": {"parameters_before": parameters_before, "parameters_after": parameters_after,
                   "parameters_of_real_body": real_body, "experiment": None},
-        "fit": _fit(diagnosis), "excluded": [dict(entry) for entry in verdict.excluded if entry["name"] not in near],
+        "fit": _fit(diagnosis),
+        "excluded": [dict(entry) for entry in verdict.excluded if entry["name"] not in open_names],
         "cannot_tell": list(verdict.cannot_tell), "probability": diagnosis.probability,
         "camera_floor_px": None if margin.floor is None else margin.floor.px,
         "left": _left(diagnosis),
         "courses": _courses(diagnosis),
         "free_end": None if diagnosis.state.end is None else diagnosis.state.end.content(
-            list(before), diagnosis.identification.experiment.model.parameters),
+            list(parameters_before), diagnosis.identification.experiment.model.parameters),
         "free_form": None if diagnosis.free_form is None else diagnosis.free_form.content(),
         "spots": [],
         "register": None if diagnosis.register is None else diagnosis.register.content(),
-        "rounds": [_round(one) for one in diagnosis.rounds], "margin": margin.content(),
+        "rounds": [_round(selection_round) for selection_round in diagnosis.rounds], "margin": margin.content(),
         "cost": dict(diagnosis.state.setting.clock.seconds) | {"wall_s": wall_s},
     }
     content = finite(content)
@@ -88,57 +90,61 @@ def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_
 
 def _left(diagnosis: Diagnosis) -> dict:
     """What the last model leaves on the whole recording: motion, channels."""
-    left, experiment = diagnosis.remainder.excesses[0], diagnosis.identification.experiment
+    excess, experiment = diagnosis.remainder.excesses[0], diagnosis.identification.experiment
     enriched = diagnosis.enriched
     place = None if enriched is None else left_place(enriched.residual, diagnosis.identified.grid)
-    return {"motion_px": left.motion_px, "motion_z": left.after.excess_z,
-            "motion_share": left.share if diagnosis.verdict.selected else None,
+    return {"motion_px": excess.motion_px, "motion_z": excess.after.excess_z,
+            "motion_share": excess.share if diagnosis.verdict.selected else None,
             "place_mm": None if place is None else place.tolist(),
             "place": None if place is None else
             f"around {in_words(place, size=experiment.model.mesh.size)} {experiment.model.length_unit}",
             "nearest": _nearest(diagnosis),
-            "channels": [{"column": one.column, "z": one.z, "share": one.share, "reading_share": one.reading_share,
-                          "significant": one.is_significant, "matters": one.matters}
-                         for one in diagnosis.remainder.channels]}
+            "channels": [{"column": channel.column, "z": channel.z, "share": channel.share,
+                          "reading_share": channel.reading_share,
+                          "significant": channel.is_significant, "matters": channel.matters}
+                         for channel in diagnosis.remainder.channels]}
 
 
 def _nearest(diagnosis: Diagnosis) -> list[str]:
     """Candidates beside the last model that are significant and not selected, the strongest first."""
-    last, verdict = diagnosis.rounds[-1], diagnosis.verdict
+    last_round, verdict = diagnosis.rounds[-1], diagnosis.verdict
     in_model = set(verdict.selected).union(*verdict.indistinguishable)
-    seen = sorted((r for r in last.screening.ranked if r.standing in ("significant", "small")
-                   and r.candidate.name not in in_model), key=lambda r: -r.statistic)
-    return list(dict.fromkeys(r.candidate.name for r in seen))[:MAX_NEAREST]
+    candidates = sorted((r for r in last_round.screening.ranked if r.standing in ("significant", "small")
+                         and r.candidate.name not in in_model), key=lambda r: -r.statistic)
+    return list(dict.fromkeys(r.candidate.name for r in candidates))[:MAX_NEAREST]
 
 
 def _courses(diagnosis: Diagnosis) -> list[dict]:
     """Course and error band of every selected cause that is no material."""
-    found = [course for one in diagnosis.rounds if one.winner is not None for course in diagnosis.courses(one)]
-    return courses_content(found, diagnosis.identification.experiment.model.times)
+    courses = [course for selection_round in diagnosis.rounds if selection_round.winner is not None
+               for course in diagnosis.courses(selection_round)]
+    return courses_content(courses, diagnosis.identification.experiment.model.times)
 
 
 def titles_of(diagnosis: Diagnosis) -> dict[str, str]:
     """Name of a candidate to its title in standard words."""
-    left_out = {c.name: c.title for one in diagnosis.rounds for c, _ in one.screening.untestable}
-    return left_out | {r.candidate.name: r.candidate.title for one in diagnosis.rounds for r in one.screening.ranked}
+    left_out = {c.name: c.title for selection_round in diagnosis.rounds
+                for c, _ in selection_round.screening.untestable}
+    return left_out | {r.candidate.name: r.candidate.title for selection_round in diagnosis.rounds
+                       for r in selection_round.screening.ranked}
 
 
 def _candidates(diagnosis: Diagnosis) -> list[dict]:
     """Every candidate once, by its standing in the first round, or in the round that selected it."""
     entries = {}
-    for one in diagnosis.rounds:
-        rivals = {rival.ranked.key: rival for rival in one.rivals}
-        for ranked in one.screening.ranked:
+    for selection_round in diagnosis.rounds:
+        rivals = {rival.ranked.key: rival for rival in selection_round.rivals}
+        for ranked in selection_round.screening.ranked:
             name = ranked.candidate.name
-            won = one.winner is not None and one.winner.ranked.key == ranked.key
+            won = selection_round.winner is not None and selection_round.winner.ranked.key == ranked.key
             if name not in entries or won:
-                entries[name] = _candidate(ranked, rivals.get(ranked.key), one)
+                entries[name] = _candidate(ranked, rivals.get(ranked.key), selection_round)
     for entry in entries.values():
         entry["named"] = entry["name"] in diagnosis.verdict.selected
     return sorted(entries.values(), key=lambda entry: -(entry["score"] or 0.0))
 
 
-def _candidate(ranked: Ranked, rival: Rival | None, one: Round) -> dict:
+def _candidate(ranked: Ranked, rival: Rival | None, selection_round: Round) -> dict:
     usable = rival is not None and rival.refitted.usable
     return {
         "name": ranked.candidate.name, "family": ranked.candidate.family,
@@ -151,7 +157,7 @@ def _candidate(ranked: Ranked, rival: Rival | None, one: Round) -> dict:
         "predicted_chi2_drop": ranked.gain, "achieved_chi2_drop": rival.achieved if usable else None,
         "heldout_chi2_drop": rival.heldout if usable else None,
         "heldout_copies": rival.copies if usable else None,
-        "heldout_ratio": ratio(*one.heldout_fits(rival)) if usable else None,
+        "heldout_ratio": ratio(*selection_round.heldout_fits(rival)) if usable else None,
         "refitted": usable, "problem": rival.refitted.problem if rival is not None else ""}
 
 
@@ -180,53 +186,58 @@ def _after(diagnosis: Diagnosis) -> dict:
 
 def _refitted(refit: Fit, parameters: ParameterSet) -> dict[str, dict]:
     """Value, std, unit of the free parameters of a refit."""
-    shown = {}
+    entries = {}
     for name, std in refit.stds.items():
         factor = parameters[name].factor
-        shown[name] = {"value": refit.values[name] / factor, "std": None if std is None else std / abs(factor),
-                       "unit": parameters[name].unit}
-    return shown
+        entries[name] = {"value": refit.values[name] / factor, "std": None if std is None else std / abs(factor),
+                         "unit": parameters[name].unit}
+    return entries
 
 
-def of_real_body(diagnosis: Diagnosis, last: Mapping[str, Mapping]) -> dict[str, dict]:
+def of_real_body(diagnosis: Diagnosis, entries: Mapping[str, Mapping]) -> dict[str, dict]:
     """Value and std of a body of real thickness and finite strains, where the last model neglects them and its
     parameters depend on them; {} elsewhere.
 
-    last : their value, std and unit
+    entries : their value, std and unit
     """
-    absent, parameters = diagnosis.neglected, diagnosis.last_parameters
+    neglected, parameters = diagnosis.neglected, diagnosis.last_parameters
     if diagnosis.corrected is not None:
-        last = _refitted(diagnosis.corrected.fit, parameters)
-    if absent is None:
-        return dict(last) if diagnosis.corrected is not None else {}
-    made = {}
-    for name, entry in last.items():
-        if name in absent.change and entry["std"] is not None:
+        entries = _refitted(diagnosis.corrected.fit, parameters)
+    if neglected is None:
+        return dict(entries) if diagnosis.corrected is not None else {}
+    corrected_entries = {}
+    for name, entry in entries.items():
+        if name in neglected.change and entry["std"] is not None:
             factor = parameters[name].factor
-            made[name] = entry | {"value": entry["value"] + absent.change[name] / factor,
-                                  "std": float(np.hypot(entry["std"], absent.change_std[name] / factor))}
-    return made
+            corrected_entries[name] = entry | {"value": entry["value"] + neglected.change[name] / factor,
+                                               "std": float(np.hypot(entry["std"],
+                                                                     neglected.change_std[name] / factor))}
+    return corrected_entries
 
 
 def _fit(diagnosis: Diagnosis) -> dict:
-    before, after = diagnosis.verdict.before, diagnosis.verdict.after
-    better, worst = better_blocks(before, after)
+    misfit_before, misfit_after = diagnosis.verdict.before, diagnosis.verdict.after
+    better, worst = better_blocks(misfit_before, misfit_after)
     return {"affected_blocks_better": better, "unaffected_block_worse": worst,
-            "heldout_excess_before": before.excess, "heldout_excess_after": after.excess,
-            "heldout_excess_std": before.excess_std, "explainable_share_recovered": diagnosis.verdict.share,
-            "heldout_channel_chi2_before": _by_channel(diagnosis, before),
-            "heldout_channel_chi2_after": _by_channel(diagnosis, after),
+            "heldout_excess_before": misfit_before.excess, "heldout_excess_after": misfit_after.excess,
+            "heldout_excess_std": misfit_before.excess_std, "explainable_share_recovered": diagnosis.verdict.share,
+            "heldout_channel_chi2_before": _by_channel(diagnosis, misfit_before),
+            "heldout_channel_chi2_after": _by_channel(diagnosis, misfit_after),
             "blocks": [block.content() for block in diagnosis.remainder.blocks]}
 
 
-def _by_channel(diagnosis: Diagnosis, one: Misfit) -> Mapping[str, float]:
+def _by_channel(diagnosis: Diagnosis, misfit: Misfit) -> Mapping[str, float]:
     names = [channel.column for channel in diagnosis.identification.experiment.model.channels]
-    return dict(zip(names, np.asarray(one.channel_chi2).tolist(), strict=True))
+    return dict(zip(names, np.asarray(misfit.channel_chi2).tolist(), strict=True))
 
 
-def _round(one: Round) -> dict:
-    new = () if one.winner is None else [name for name in one.winner.refitted.stds if name not in one.null.stds]
-    return {"winner": one.winner.name if one.winner else None,
-            "form": refitted_form(one.winner.ranked, one.winner) if one.winner else None, "new": list(new),
-            "equals": list(one.equals), "passed_over": None if one.passed_over is None else one.passed_over.name,
-            "shortlist": [rival.name for rival in one.rivals], "null_excess": one.null.judgement.excess}
+def _round(selection_round: Round) -> dict:
+    winner = selection_round.winner
+    added_names = () if winner is None else [name for name in winner.refitted.stds
+                                             if name not in selection_round.null.stds]
+    return {"winner": winner.name if winner else None,
+            "form": refitted_form(winner.ranked, winner) if winner else None, "new": list(added_names),
+            "equals": list(selection_round.equals),
+            "passed_over": None if selection_round.passed_over is None else selection_round.passed_over.name,
+            "shortlist": [rival.name for rival in selection_round.rivals],
+            "null_excess": selection_round.null.judgement.excess}

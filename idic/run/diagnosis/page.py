@@ -22,13 +22,13 @@ PAGE_FILE = "diagnosis.html"
 
 
 def write_page(run: Path | str, diagnosis: Diagnosis, content: Mapping, titles: Mapping[str, str], notes: Notes,
-               further: tuple[Picture, ...] = ()) -> Path:
+               pictures: tuple[Picture, ...] = ()) -> Path:
     """Write the page and its figures; returns the page's path. Figures that fail are left out and noted."""
     run = Path(run)
-    record = record_of(diagnosis, content, titles, notes, further)
+    record = record_of(diagnosis, content, titles, notes, pictures)
     sections = draw_diagnosis_sections(record, notes)
-    new = [note for note in notes.texts if note not in content["cautions"]]
-    record = replace(record, content={**content, "cautions": [*content["cautions"], *new]})
+    figure_notes = [note for note in notes.texts if note not in content["cautions"]]
+    record = replace(record, content={**content, "cautions": [*content["cautions"], *figure_notes]})
     (run / "figures").mkdir(exist_ok=True)
     for section in sections:
         for picture in section.pictures:
@@ -39,7 +39,7 @@ def write_page(run: Path | str, diagnosis: Diagnosis, content: Mapping, titles: 
 
 
 def record_of(diagnosis: Diagnosis, content: Mapping, titles: Mapping[str, str], notes: Notes,
-              further: tuple[Picture, ...] = ()) -> DiagnosisRecord:
+              pictures: tuple[Picture, ...] = ()) -> DiagnosisRecord:
     """Everything the page shows, in the reader's units."""
     experiment, verdict = diagnosis.identification.experiment, diagnosis.verdict
     frame = notes.attempt("the frame of the maps", _shown_frame, diagnosis, otherwise=verdict.before.worst_frame)
@@ -50,7 +50,7 @@ def record_of(diagnosis: Diagnosis, content: Mapping, titles: Mapping[str, str],
         excess_after=verdict.after.frame_excess if diagnosis.state.final is not None else None,
         excess_std=verdict.before.frame_excess_std,
         abscissa=experiment.model.times, time_label=time_label(experiment.model.times), curves=_curves(diagnosis),
-        further=further,
+        further=pictures,
         windows=notes.attempt("the parameters over the frames", _windows, diagnosis, otherwise=()),
         laws=notes.attempt("the curves of the laws", law_pairs, diagnosis, otherwise=()))
 
@@ -68,39 +68,39 @@ def _shown_frame(diagnosis: Diagnosis) -> int:
 
 def _windows(diagnosis: Diagnosis) -> tuple[WindowCurve, ...]:
     curves = window_curves(diagnosis)
-    shown = short_names([curve.name for curve in curves])
-    return tuple(replace(curve, name=shown[curve.name]) for curve in curves)
+    labels = short_names([curve.name for curve in curves])
+    return tuple(replace(curve, name=labels[curve.name]) for curve in curves)
 
 
 def _residuals(diagnosis: Diagnosis, frame: int) -> tuple[tuple[str, tuple[tuple[str, np.ndarray], ...]], ...]:
     """Name of every camera, "" of a single one, and its maps with their titles."""
-    before = maps_of_evidence(diagnosis.identified.residual, frame)
-    shown = [("before", before)]
+    maps_before = maps_of_evidence(diagnosis.identified.residual, frame)
+    titled_maps = [("before", maps_before)]
     if diagnosis.enriched is not None:
-        shown.append(("after", maps_of_evidence(diagnosis.enriched.residual, frame)))
-        last = diagnosis.rounds[-1]
-        model = last.winner.refitted if last.winner is not None else last.null
+        titled_maps.append(("after", maps_of_evidence(diagnosis.enriched.residual, frame)))
+        last_round = diagnosis.rounds[-1]
+        model = last_round.winner.refitted if last_round.winner is not None else last_round.null
         copy = thinned(diagnosis.source.load(), JUDGEMENT, SEED)
-        found = identification_at(copy, model.values, model.local, model.steps)
-        shown.append(("after, held-out copy", maps_of_identification(found, frame)))
+        heldout = identification_at(copy, model.values, model.local, model.steps)
+        titled_maps.append(("after, held-out copy", maps_of_identification(heldout, frame)))
     elif diagnosis.corrected is not None:
-        shown.append((KNOWN_ERROR_COUNTED, maps_of_identification(diagnosis.corrected.identification(), frame)))
-    shown.append(("noise, drawn", tuple(map_of_noise(one, SEED) for one in before)))
+        titled_maps.append((KNOWN_ERROR_COUNTED, maps_of_identification(diagnosis.corrected.identification(), frame)))
+    titled_maps.append(("noise, drawn", tuple(map_of_noise(residual_map, SEED) for residual_map in maps_before)))
     cameras = diagnosis.identified.residual.cameras
     names = [camera.context.experiment.recording.camera_name for camera in cameras] if len(cameras) > 1 else [""]
-    return tuple((name, tuple((title, maps[k]) for title, maps in shown)) for k, name in enumerate(names))
+    return tuple((name, tuple((title, maps[k]) for title, maps in titled_maps)) for k, name in enumerate(names))
 
 
 def _curves(diagnosis: Diagnosis) -> tuple[Curve, ...]:
-    found = diagnosis.identification.experiment
-    before = _shown_channels(diagnosis.identified.residual)
-    after = None if diagnosis.enriched is None else _shown_channels(diagnosis.enriched.residual)
+    experiment = diagnosis.identification.experiment
+    channels_before = _shown_channels(diagnosis.identified.residual)
+    channels_after = None if diagnosis.enriched is None else _shown_channels(diagnosis.enriched.residual)
     noise = diagnosis.identified.residual.context.weights.channel_noise
-    size = [channel.shown_factor for channel in found.model.channels]
+    size = [channel.shown_factor for channel in experiment.model.channels]
     return tuple(Curve(channel.column, channel.shown_unit, np.asarray(channel.values, float) / size[i],
-                       before[:, i] / size[i], None if after is None else after[:, i] / size[i],
-                       float(noise[i]) / size[i])
-                 for i, channel in enumerate(found.model.channels))
+                       channels_before[:, i] / size[i],
+                       None if channels_after is None else channels_after[:, i] / size[i], float(noise[i]) / size[i])
+                 for i, channel in enumerate(experiment.model.channels))
 
 
 def _shown_channels(residual: ResidualEvidence) -> np.ndarray:

@@ -32,16 +32,16 @@ def run_refits(runner: TaskRunner, store: RefitStore | None, jobs: Sequence[Refi
     ----------
     store : None stores nothing
     """
-    known = [None if store is None else store.get(job) for job in jobs]
-    missing = [job for job, refitted in zip(jobs, known, strict=True) if refitted is None]
+    stored = [None if store is None else store.get(job) for job in jobs]
+    missing = [job for job, refitted in zip(jobs, stored, strict=True) if refitted is None]
     names = [f"refit-{job.name}-{number}" for number, job in enumerate(missing)]
-    made = []
+    new_refits = []
     for job, refitted in zip(missing, runner.stream(run_refit, missing, names, retries=1, copies=True), strict=True):
         if store is not None:
             store.put(job, refitted)
-        made.append(refitted)
-    new = iter(made)
-    return [next(new) if refitted is None else refitted for refitted in known]
+        new_refits.append(refitted)
+    queue = iter(new_refits)
+    return [next(queue) if refitted is None else refitted for refitted in stored]
 
 
 class RefitStore:
@@ -75,9 +75,9 @@ class RefitStore:
         plain |= {"values": dict(refit.values), "stds": dict(refit.stds)}
         arrays = {"local": refit.local} | ({} if refit.steps is None else {"steps": np.asarray(refit.steps)})
         for name in FITS:
-            one: Misfit | None = getattr(refit, name)
-            plain[name] = None if one is None else one.pixels
-            arrays |= {} if one is None else {f"{name}.{part}": getattr(one, part) for part in _ARRAYS}
+            misfit: Misfit | None = getattr(refit, name)
+            plain[name] = None if misfit is None else misfit.pixels
+            arrays |= {} if misfit is None else {f"{name}.{part}": getattr(misfit, part) for part in _ARRAYS}
         self.folder.mkdir(parents=True, exist_ok=True)
         path, part = self._path(job), self.folder / f"{job.name}.part"
         with open(part, "wb") as file:

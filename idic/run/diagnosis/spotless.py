@@ -13,32 +13,32 @@ from idic.diagnose import ExperimentSource, LEFT_OUT, LeftOut, find_spots
 from idic.identification import Identification, identify
 
 
-def without_spots(source: ExperimentSource, found: Identification,
+def without_spots(source: ExperimentSource, identification: Identification,
                   stage: Callable[[str], None]) -> tuple[ExperimentSource, Identification, LeftOut | None]:
     """The source and the identification without the pixels of spots; as they are, and None, where there is none."""
-    spots = find_spots(found)
+    spots = find_spots(identification)
     if not spots:
-        return source, found, None
+        return source, identification, None
     stage(f"fit of the identified model without {len(spots)} spot{'s' if len(spots) > 1 else ''} in the images")
-    known = [list(circle) for circle in found.experiment.options.left_out_px]
+    earlier_circles = [list(circle) for circle in identification.experiment.options.left_out_px]
     circles = [[round(x, 2) for x in circle] for spot in spots for circle in spot.left_out]
-    there = source.with_edits({LEFT_OUT: known + circles})
-    experiment = there.load()
-    values = experiment.model.parameters.own_of(found.parameters.as_values())
-    again = identify(replace(experiment, model=replace(experiment.model,
+    spotless_source = source.with_edits({LEFT_OUT: earlier_circles + circles})
+    experiment = spotless_source.load()
+    values = experiment.model.parameters.own_of(identification.parameters.as_values())
+    refit = identify(replace(experiment, model=replace(experiment.model,
                                                        parameters=experiment.model.parameters.with_values(values)),
                              stages=()))
-    if again.point is None:
-        return source, found, None
-    places = tuple(_place(again, spot.column, spot.row) for spot in spots)
-    return there, again, LeftOut(spots, again.result, places)
+    if refit.point is None:
+        return source, identification, None
+    places = tuple(_place(refit, spot.column, spot.row) for spot in spots)
+    return spotless_source, refit, LeftOut(spots, refit.result, places)
 
 
-def _place(found: Identification, column: float, row: float) -> tuple[float, ...]:
+def _place(identification: Identification, column: float, row: float) -> tuple[float, ...]:
     """Point of the mesh at a pixel of the reference image, mm; the nearest node where the mesh is not there yet."""
-    nodes = found.experiment.model.mesh.nodes
-    seen = camera_at(found.experiment, found.parameters).project(nodes)
-    place = np.atleast_2d(LinearNDInterpolator(seen, nodes)([column, row]))[0]
+    nodes = identification.experiment.model.mesh.nodes
+    nodes_px = camera_at(identification.experiment, identification.parameters).project(nodes)
+    place = np.atleast_2d(LinearNDInterpolator(nodes_px, nodes)([column, row]))[0]
     if not np.isfinite(place).all():
-        place = nodes[np.argmin(((seen - [column, row]) ** 2).sum(axis=1))]
+        place = nodes[np.argmin(((nodes_px - [column, row]) ** 2).sum(axis=1))]
     return tuple(float(x) for x in place)

@@ -82,13 +82,13 @@ def _blind(experiment: Experiment, residual: ResidualEvidence) -> np.ndarray:
     those outside the visible columns"""
     model = experiment.model
     if holds_motion(experiment.recording):
-        seen = np.unique(residual.evidence.seen // residual.evidence.n_components)
-        return np.concatenate([~np.isin(block.connectivity, seen).any(axis=1) for block in model.mesh.blocks])
+        measured_nodes = np.unique(residual.evidence.seen // residual.evidence.n_components)
+        return np.concatenate([~np.isin(block.connectivity, measured_nodes).any(axis=1) for block in model.mesh.blocks])
     if residual.view.kind == SECTION:
         x = model.mesh.nodes[:, 0]
-        seen = x[residual.context.reference.pixel_map.visible_nodes]
+        visible_x = x[residual.context.reference.pixel_map.visible_nodes]
         middle = element_centres(model.mesh)[:, 0]
-        return (middle < seen.min()) | (middle > seen.max())
+        return (middle < visible_x.min()) | (middle > visible_x.max())
     blind = np.ones(model.mesh.n_elements, dtype=bool)
     for camera in residual.cameras:
         owners = np.asarray(camera.context.reference.pixel_map.element)

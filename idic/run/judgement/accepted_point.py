@@ -31,9 +31,9 @@ def channels_of(context: RunContext, result: Mapping) -> tuple[np.ndarray, np.nd
 
     The stored ones where they are of that point; those of an earlier one, before a pause, are not.
     """
-    last, folder = _last_accepted(result), context.store.finished("channels")
-    if folder is None or context.store.ident(folder).get("evaluation") != last["evaluation"]:
-        return channel_table(context, last["values"], last["evaluation"])
+    entry, folder = _last_accepted(result), context.store.finished("channels")
+    if folder is None or context.store.ident(folder).get("evaluation") != entry["evaluation"]:
+        return channel_table(context, entry["values"], entry["evaluation"])
     return read_array(folder, "simulated"), read_array(folder, "measured")
 
 
@@ -56,17 +56,17 @@ def solver_notes(context: RunContext, values: Mapping[str, float], evaluation: i
     stored = FrameArrays.open(context.store.group(group_name(evaluation, BASE)), "u")
     local = read_array(context.store.group(group_name(evaluation, START)), "local")
     motions = context.forward.motions(context.experiment.model.parameters.with_values(values), local)  # type: ignore[attr-defined]
-    found = {name: np.zeros(len(prescribed)) for name, (_, prescribed) in motions.items()}
+    means = {name: np.zeros(len(prescribed)) for name, (_, prescribed) in motions.items()}
     for frame in range(len(context.forward.frames) if motions else 0):
         u = stored.read(frame, frame + 1).ravel()
         for name, (dofs, _) in motions.items():
-            found[name][frame] = u[dofs].mean()
+            means[name][frame] = u[dofs].mean()
     notes = []
     for name, (_, prescribed) in motions.items():
-        off = np.abs(found[name] - prescribed)
+        off = np.abs(means[name] - prescribed)
         at, largest = int(off.argmax()), float(np.abs(prescribed).max())
         if off[at] > MAX_MOTION_ERROR * largest:
-            notes.append(f"the external solver moves {name} by {found[name][at]:.4g} mm in frame {at} after the "
+            notes.append(f"the external solver moves {name} by {means[name][at]:.4g} mm in frame {at} after the "
                          f"reference, where the experiment file prescribes {prescribed[at]:.4g} mm: unless the deck is "
                          "meant to (a machine that yields), its times, units or signs are wrong")
     return notes

@@ -70,9 +70,9 @@ def write_fields(job: PointJob, runner: TaskRunner) -> None:
         jobs, names = [FieldJob(job, str(folder), frames, simulated=True)], ["stress-and-state"]
         plain = shared.experiment.recording.noise.std_gv and isinstance(shared.camera,
                                                                         Camera)  # a lens does not see a plane
-        seen = seen_by(shared.experiment, shared.reference.image) if plain else None
-        if seen is not None:
-            write_array(folder, "smoothed", np.array([smoothed_length(seen, shared.camera)]))
+        dic_setup = seen_by(shared.experiment, shared.reference.image) if plain else None
+        if dic_setup is not None:
+            write_array(folder, "smoothed", np.array([smoothed_length(dic_setup, shared.camera)]))
             FrameArrays.create(folder, "measured", len(frames), (len(index), 2), 1, "f4", compressed=True)
             parts = [FieldJob(job, str(folder), frames[i:i + FRAMES_PER_TASK], i)
                      for i in range(0, len(frames), FRAMES_PER_TASK)]
@@ -94,19 +94,19 @@ def write_measured(job: FieldJob) -> None:
     context = open_run(job.point.run)
     parameters = context.experiment.model.parameters.with_values(job.point.values)
     shared = correlation_context(context, parameters)
-    seen = seen_by(shared.experiment, shared.reference.image)
+    dic_setup = seen_by(shared.experiment, shared.reference.image)
     nodes, index = shared.experiment.model.mesh.nodes, read_array(job.target, "nodes")
     if not job.frames:
-        noise = noise_samples(seen)
+        noise = noise_samples(dic_setup)
         if noise is not None:
-            found = np.array([in_mm(one, nodes, shared.camera)[index] for one in noise])
-            write_array(job.target, "noise", rounded(found.astype(np.float32), NOISE_DIGITS))
+            samples = np.array([in_mm(sample, nodes, shared.camera)[index] for sample in noise])
+            write_array(job.target, "noise", rounded(samples.astype(np.float32), NOISE_DIGITS))
         return
-    motion = free_motion(seen, job.frames, simulated_motion(context, job.point.evaluation, parameters))
+    motion = free_motion(dic_setup, job.frames, simulated_motion(context, job.point.evaluation, parameters))
     target = FrameArrays.open(Path(job.target), "measured", "r+")
-    for k, (frame, one) in enumerate(zip(job.frames, motion, strict=True)):
-        found = in_mm(one, nodes, shared.camera, shared.camera.at(frame))[index]
-        target.write(job.first + k, rounded(found[None].astype(np.float32), MEASURED_DIGITS))
+    for k, (frame, frame_motion) in enumerate(zip(job.frames, motion, strict=True)):
+        field_mm = in_mm(frame_motion, nodes, shared.camera, shared.camera.at(frame))[index]
+        target.write(job.first + k, rounded(field_mm[None].astype(np.float32), MEASURED_DIGITS))
 
 
 def write_states(job: FieldJob) -> None:
@@ -120,16 +120,16 @@ def write_states(job: FieldJob) -> None:
     base = context.store.group(group_name(evaluation, BASE))
     start = context.experiment.model.reference
     first = FrameArrays.open(base, "u").read(0, 1)
-    known = (u for part in (first, read_motion(context, evaluation)) for u in part)
-    states = forward.march(parameters, (), local, read_array(base, "steps"), warm_start=known, may_cut=True)
+    motions = (u for part in (first, read_motion(context, evaluation)) for u in part)
+    states = forward.march(parameters, (), local, read_array(base, "steps"), warm_start=motions, may_cut=True)
     try:
-        stress, found = simulated_states(forward.body, states, read_array(job.target, "nodes"),
+        stress, state = simulated_states(forward.body, states, read_array(job.target, "nodes"),
                                          [frame - start for frame in job.frames])
     except NotConverged as problem:
         write_array(job.target, "failure", np.frombuffer(str(problem).encode(), dtype=np.uint8))
         return
     write_array(job.target, "stress", rounded(stress.astype(np.float32), DIGITS))
-    for name, values in found.items():
+    for name, values in state.items():
         write_array(job.target, f"{_STATE}{name}", rounded(values.astype(np.float32), DIGITS))
 
 

@@ -32,15 +32,15 @@ def measured_free(job: PointJob, runner: TaskRunner) -> FreeMotions | None:
 def measure_free(job: PointJob) -> None:
     """Measure and store it (a task)."""
     context = open_run(job.run)
-    found = _free(context, job.evaluation, context.experiment.model.parameters.with_values(job.values))
+    motions = _free(context, job.evaluation, context.experiment.model.parameters.with_values(job.values))
     with context.store.building(FREE, {"evaluation": job.evaluation}) as folder:
-        write_array(folder, "frames", np.array(() if found is None else found.frames, dtype=np.int64))
-        if found is not None:
+        write_array(folder, "frames", np.array(() if motions is None else motions.frames, dtype=np.int64))
+        if motions is not None:
             for name in ("difference_px", "u_full_px"):
-                write_array(folder, name, rounded(getattr(found, name), DIGITS))
+                write_array(folder, name, rounded(getattr(motions, name), DIGITS))
             for name in ("brightness", "chi2_dof"):
-                write_array(folder, name, getattr(found, name))
-            write_array(folder, "length_px", np.array([found.length_px]))
+                write_array(folder, name, getattr(motions, name))
+            write_array(folder, "length_px", np.array([motions.length_px]))
 
 
 def read_free(store: RunStore, evaluation: int) -> FreeMotions | None:
@@ -56,24 +56,25 @@ def read_free(store: RunStore, evaluation: int) -> FreeMotions | None:
                        float(length[0]))
 
 
-def free_summary(found: FreeMotions | None, model_chi2: Mapping[int, float]) -> dict | None:
+def free_summary(motions: FreeMotions | None, model_chi2: Mapping[int, float]) -> dict | None:
     """The entry ``residual.free_dic_shown`` of result.json: mean χ² of both over the same frames.
 
     model_chi2 : of the frames that show the specimen; the others are left out
     """
-    free = {} if found is None else {k: float(chi2) for k, chi2 in zip(found.frames, found.chi2_dof, strict=True)
-                                     if k in model_chi2}
-    if not free:
+    free_chi2 = {} if motions is None else {k: float(chi2)
+                                            for k, chi2 in zip(motions.frames, motions.chi2_dof, strict=True)
+                                            if k in model_chi2}
+    if not free_chi2:
         return None
-    return {"frames": list(free), "chi2_dof": float(np.mean(list(free.values()))),
-            "model_chi2_dof": float(np.mean([model_chi2[k] for k in free]))}
+    return {"frames": list(free_chi2), "chi2_dof": float(np.mean(list(free_chi2.values()))),
+            "model_chi2_dof": float(np.mean([model_chi2[k] for k in free_chi2]))}
 
 
 def _free(context: RunContext, evaluation: int, parameters: ParameterSet) -> FreeMotions | None:
     shared = correlation_context(context, parameters)
     if not shared.experiment.recording.noise.std_gv:
         return None
-    seen = seen_by(shared.experiment, shared.reference.image)
-    if seen is None:
+    dic_setup = seen_by(shared.experiment, shared.reference.image)
+    if dic_setup is None:
         return None
-    return free_motions(seen, shown_frames(shared.experiment), simulated_motion(context, evaluation, parameters))
+    return free_motions(dic_setup, shown_frames(shared.experiment), simulated_motion(context, evaluation, parameters))

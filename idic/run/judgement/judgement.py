@@ -53,12 +53,12 @@ def judged(job: PointJob, fits: Mapping[int, FrameFit], sums: Sequence[ElementSu
         jobs[REMEDIES] = replace(job, lost=tuple(k for k, fit in fits.items() if not fit.n_pixels))
     jobs |= {name: job for name in (FREE, FLOOR)
              if context.store.finished(name, {"evaluation": job.evaluation}) is None}
-    made = dict(zip(jobs, runner.map(_do, list(jobs.items()), list(jobs), retries=1), strict=True))  # side by side
-    floor, free, tried = measured_floor(job, runner), measured_free(job, runner), made.get(REMEDIES, ())
+    results = dict(zip(jobs, runner.map(_do, list(jobs.items()), list(jobs), retries=1), strict=True))  # side by side
+    floor, motions, tried = measured_floor(job, runner), measured_free(job, runner), results.get(REMEDIES, ())
     return Judgement(
         {"local": None if local is None else asdict(local),
-         "free_dic_shown": free_summary(free, {k: fit.chi2_dof for k, fit in fits.items() if fit.n_pixels})},
-        {"camera_floor": floor_content(context, floor), "remedies": [asdict(one) for one in tried]}, floor)
+         "free_dic_shown": free_summary(motions, {k: fit.chi2_dof for k, fit in fits.items() if fit.n_pixels})},
+        {"camera_floor": floor_content(context, floor), "remedies": [asdict(remedy) for remedy in tried]}, floor)
 
 
 def _do(named: tuple[str, PointJob | CorrelationJob]) -> Any:

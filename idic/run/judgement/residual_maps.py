@@ -66,9 +66,9 @@ class PointResiduals:
         """Residual in the reference image, NaN where there is no valid pixel  # (ny, nx) float32"""
         return self.as_image(self.compare(frame))
 
-    def as_image(self, found: ResidualMap) -> np.ndarray:
+    def as_image(self, residual: ResidualMap) -> np.ndarray:
         """A comparison as a map  # (ny, nx) float32"""
-        return self.reference.pixel_map.to_image(np.where(found.valid, found.r, np.nan)).astype(np.float32)
+        return self.reference.pixel_map.to_image(np.where(residual.valid, residual.r, np.nan)).astype(np.float32)
 
 
 def residuals_of(context: RunContext, entry: Mapping, camera: int = 0) -> Callable[[int], np.ndarray | None]:

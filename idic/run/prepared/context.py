@@ -140,10 +140,10 @@ def correlation_context(context: RunContext, parameters: ParameterSet,
         key = (str(context.store.run), context.experiment.recording.identity, shape, camera.key,
                view.options.lowpass_px)
         place = (key[0], view.recording.camera_name)
-        kept, reference = _references.get(place, (None, None))
-        if kept != key:
-            for other in [other for other in list(_references) if _family(other[0]) != _family(place[0])]:
-                _references.pop(other, None)  # threads of one worker share them
+        stored_key, reference = _references.get(place, (None, None))
+        if stored_key != key:
+            for stale in [stale for stale in list(_references) if _family(stale[0]) != _family(place[0])]:
+                _references.pop(stale, None)  # threads of one worker share them
             reference = _with_motion(context, view, build_experiment_reference(view, camera))
             _references[place] = (key, reference)
         return reference
@@ -156,7 +156,8 @@ def _with_motion(context: RunContext, view: Experiment, image: Reference) -> Ref
     """The reference of the comparison: the images, or with two steps the motion that the first one measured."""
     if not is_two_step(context.experiment.options):
         return image
-    number = [own.recording.camera_name for own in context.experiment.views].index(view.recording.camera_name)
+    number = [camera_view.recording.camera_name
+              for camera_view in context.experiment.views].index(view.recording.camera_name)
     folder = context.store.group(group_of(context.experiment, number, "dic"))
     return measured_reference(view, image, read_array(folder, "u_px"))  # type: ignore[return-value]
 

@@ -25,13 +25,13 @@ class Prepared:
     """An experiment that can be identified.
 
     experiment : with its noise, the excluded frames and the modes of virtual boundaries; local : (n_frames, m) mm,
-    start of the frame-local unknowns; free : the free FE-DIC of each camera for which one was made; begin : start
+    start of the frame-local unknowns; free_dics : the free FE-DIC of each camera for which one was made; begin : start
     values that a search found, internal units
     """
 
     experiment: Experiment
     local: np.ndarray
-    free: Mapping[str, DicStack] = field(default_factory=dict)
+    free_dics: Mapping[str, DicStack] = field(default_factory=dict)
     begin: Mapping[str, float] | None = None
 
     @property
@@ -44,7 +44,9 @@ class Prepared:
     @property
     def motion(self) -> dict[str, np.ndarray] | None:
         """The first of two steps: per camera (n_frames, n_nodes, 2) px; None where the method is integrated."""
-        return {name: free.u_px for name, free in self.free.items()} if is_two_step(self.experiment.options) else None
+        if not is_two_step(self.experiment.options):
+            return None
+        return {name: dic.u_px for name, dic in self.free_dics.items()}
 
 
 def prepare_in_memory(experiment: Experiment, say: Callable[[str], None] = lambda text: None) -> Prepared:
@@ -58,24 +60,24 @@ def prepare_in_memory(experiment: Experiment, say: Callable[[str], None] = lambd
         If the experiment makes no model, or does not hold what an identification needs.
     """
     check_before_writing(experiment)
-    views, free = experiment.views, {}
+    views, free_dics = experiment.views, {}
     for number in [*([0] if needs_free_dic(experiment) else []), *cameras_to_measure(experiment)]:
-        free[views[number].recording.camera_name] = dic_stack(views[number], regularisation_of(experiment.options))
+        free_dics[views[number].recording.camera_name] = dic_stack(views[number], regularisation_of(experiment.options))
     motion = None
     if needs_free_dic(experiment):
-        main = free[views[0].recording.camera_name]
+        main = free_dics[views[0].recording.camera_name]
         unexplained, lost = (np.array([status == name for status in main.status]) for name in ("unexplained", "lost"))
         motion = FreeMotion(main.u_px, unexplained, lost,
                             in_space=motion_in_space(experiment) if needs_motion_in_space(experiment) else None)
     beginning = beginning_of(experiment, motion)
     measured = with_boundary_start(experiment, beginning.boundary)
-    noises = camera_noises(experiment, {number: free[view.recording.camera_name].noise_gv for number,
+    noises = camera_noises(experiment, {number: free_dics[view.recording.camera_name].noise_gv for number,
                                         view in enumerate(views)
-                                        if view.recording.camera_name in free}, beginning.excluded)
+                                        if view.recording.camera_name in free_dics}, beginning.excluded)
     cameras = tuple(replace(camera, noise=noise) for camera, noise in zip(measured.cameras, noises[1:], strict=True))
     measured = replace(measured, recording=replace(measured.recording, noise=noises[0],
                                                    excluded=tuple(sorted(beginning.excluded))), cameras=cameras)
-    return _searched(Prepared(measured, beginning.local, free), say)
+    return _searched(Prepared(measured, beginning.local, free_dics), say)
 
 
 def _searched(prepared: Prepared, say: Callable[[str], None]) -> Prepared:
@@ -83,12 +85,12 @@ def _searched(prepared: Prepared, say: Callable[[str], None]) -> Prepared:
     experiment = prepared.experiment
     if not wants_search(experiment):
         return prepared
-    name, free, u_px = experiment.views[0].recording.camera_name, dict(prepared.free), None
+    name, free_dics, u_px = experiment.views[0].recording.camera_name, dict(prepared.free_dics), None
     if experiment.recording.quantity != "height":
-        if name not in free:
-            free[name] = dic_stack(experiment, regularisation_of(experiment.options))
-        u_px = free[name].u_px
+        if name not in free_dics:
+            free_dics[name] = dic_stack(experiment, regularisation_of(experiment.options))
+        u_px = free_dics[name].u_px
     bare = replace(experiment, recording=replace(experiment.recording, stack=None))
     start = search(experiment, lambda trials: [coarse_fit(bare, u_px, trial.values, trial.evaluations, trial.simplified)
                                                for trial in trials], say)
-    return replace(prepared, free=free, begin=start.values if start.moved else None)
+    return replace(prepared, free_dics=free_dics, begin=start.values if start.moved else None)

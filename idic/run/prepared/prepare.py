@@ -83,11 +83,11 @@ def _check_heights(experiment: Experiment) -> None:
 
 def _check_measurable(experiment: Experiment, visible: np.ndarray) -> None:
     """Refuse measured modes of an edge outside the image; visible : indices of the nodes in the image."""
-    seen = virtual_boundaries(experiment)
+    visible_boundaries = virtual_boundaries(experiment)
     for entry in experiment.model.prescribed:
         if not isinstance(entry.drive, Parametrised) or entry.drive.kind != "dic":
             continue
-        if entry not in seen or not np.isin(set_nodes(experiment.model, entry.nodes), visible).any():
+        if entry not in visible_boundaries or not np.isin(set_nodes(experiment.model, entry.nodes), visible).any():
             raise InputError("a motion that the images do not show", file="experiment.toml",
                              key=f"[[boundary]] nodes = {entry.nodes}, u{entry.component}",
                              expected="an edge in the image, moving in its plane",
@@ -99,7 +99,7 @@ def ingest(store: RunStore, experiment: Experiment, runner: TaskRunner,
            progress: Callable[[int, int], None] | None = None) -> None:
     """Copy the images of all cameras into the RUN, where they are not there yet.
 
-    progress : called as progress(done, total) over the images of all cameras
+    progress : called as progress(count, total) over the images of all cameras
     """
     stacks = [recorded(view.recording.stack) for view in experiment.views]
     large = sum(map(_bytes, stacks)) > BYTES_FOR_WORKERS
@@ -123,8 +123,8 @@ def _has_a_file_each(stack: Stack) -> bool:
 
 def _with_its_own_frames(job: IngestJob) -> IngestJob:
     """The job without the other frames of its stack: thousands of jobs would each carry thousands of names."""
-    whole = cast(FileStack, job.stack)
-    return replace(job, stack=FileStack(list(whole.entries[job.first : job.last]), whole.with_gaps), begins=job.first)
+    stack = cast(FileStack, job.stack)
+    return replace(job, stack=FileStack(list(stack.entries[job.first : job.stop]), stack.with_gaps), begins=job.first)
 
 
 def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:

@@ -28,14 +28,14 @@ class Timing:
 class Session:
     """A prepared RUN at work.
 
-    sensitivity : "direct" or "perturbed"; progress : called as progress(what, done, total) while tasks come back;
+    sensitivity : "direct" or "perturbed"; progress : called as progress(label, count, total) while tasks come back;
     say : called with a line for the log.
     """
 
     run: str
     runner: TaskRunner
     sensitivity: str
-    progress: Callable[[str, int, int], None] = field(default=lambda what, done, total: None)
+    progress: Callable[[str, int, int], None] = field(default=lambda label, count, total: None)
     say: Callable[[str], None] = field(default=lambda text: None)
 
     @property
@@ -46,12 +46,12 @@ class Session:
     def experiment(self) -> Experiment:
         return self.context.experiment
 
-    def stream(self, what: str, function: Callable, jobs: Sequence) -> Iterator:
-        """The results of jobs in their order, made by the workers; `what` names them in progress bar and dashboard."""
-        names = [f"{what}-it{job.evaluation:03d}-{job.label}" if isinstance(job, SimulationJob)
-                 else f"{what}-it{job.evaluation:03d}-frames{job.first}-{job.last - 1}" for job in jobs]
+    def stream(self, label: str, function: Callable, jobs: Sequence) -> Iterator:
+        """The results of jobs in their order, made by the workers; `label` names them in progress bar and dashboard."""
+        names = [f"{label}-it{job.evaluation:03d}-{job.label}" if isinstance(job, SimulationJob)
+                 else f"{label}-it{job.evaluation:03d}-frames{job.first}-{job.stop - 1}" for job in jobs]
         return self.runner.stream(function, jobs, names, retries=1, copies=True,
-                                  progress=lambda done, total: self.progress(what, done, total))
+                                  progress=lambda count, total: self.progress(label, count, total))
 
 
 def open_session(run: Path | str, runner: TaskRunner, sensitivity: str, progress=None, say=None) -> Session:

@@ -62,12 +62,12 @@ class SimulationReport:
 
 @dataclass(frozen=True)
 class CorrelationJob:
-    """The frames [first, last) of an evaluated point."""
+    """The frames [first, stop) of an evaluated point."""
 
     run: str
     evaluation: int
     first: int
-    last: int
+    stop: int
     values: Mapping[str, float]
     perturbations: Mapping[str, float]  # parameter -> change of its value; empty with direct differentiation
     weights: Weights | None = None  # None: those of the run
@@ -233,13 +233,13 @@ def read_responses(context: RunContext, job: CorrelationJob) -> Iterator[FrameRe
     """The stored motion of the frames of a job, with sensitivities, direct or perturbed; chunk by chunk."""
     start = context.experiment.model.reference
     base = context.store.group(group_name(job.evaluation, BASE))
-    first, last = max(job.first, start) - start, max(job.last, start) - start
+    first, stop = max(job.first, start) - start, max(job.stop, start) - start
     n_nodes, dim = FrameArrays.open(base, "u").shape
     step = stored_frames(context.experiment.model.n_frames, 8 * n_nodes * dim * max(1, len(context.moving)))
     inside = context.forward.drives.n_local > 0 and not context.external
     influence = RepeatedReader(base, LOCAL) if inside else None
-    while first < last:
-        following = min(last, step * (first // step + 1))
+    while first < stop:
+        following = min(stop, step * (first // step + 1))
         yield from _read_block(context, job, base, (first, following), influence)
         first = following
 

@@ -34,10 +34,10 @@ def first_order_prediction(simulation: Path, changes: np.ndarray) -> Iterator[np
     u, du = FrameArrays.open(simulation, "u"), None
     if changes.any() and (simulation / "du").exists():
         du = FrameArrays.open(simulation, "du")
-    for first, last in u.chunks():
-        block = u.read(first, last)
+    for first, stop in u.chunks():
+        block = u.read(first, stop)
         if du is not None:
-            block = block + du.read(first, last) @ changes
+            block = block + du.read(first, stop) @ changes
         yield from block
 
 
@@ -52,14 +52,14 @@ def repeated(store: RunStore, source: str, name: str, ident: Mapping, starts: Se
     starts : groups with the frame-local unknowns of both
     steps : its increments
     """
-    there = store.finished(source)
-    if there is None or any(store.ident(there).get(key) != ident[key] for key in SAME_POINT_KEYS):
+    folder = store.finished(source)
+    if folder is None or any(store.ident(folder).get(key) != ident[key] for key in SAME_POINT_KEYS):
         return None
     try:
         locals_ = [read_array(store.group(start), "local") for start in starts]
-        if not np.array_equal(*locals_) or tuple(read_array(there, "steps")) != steps:
+        if not np.array_equal(*locals_) or tuple(read_array(folder, "steps")) != steps:
             return None
-        return store.repeat(name, ident, there)
+        return store.repeat(name, ident, folder)
     except Damaged:
         return None  # simulated again
 
@@ -78,8 +78,8 @@ def write_without_time_error(forward: ForwardModel, source: Path | None, paramet
     arrays = {name: FrameArrays.open(source, name) for name in ("u", "channels")}
 
     def known() -> Iterator[Motion]:
-        for first, last in arrays["u"].chunks():
-            yield from zip(*(array.read(first, last) for array in arrays.values()), strict=True)
+        for first, stop in arrays["u"].chunks():
+            yield from zip(*(array.read(first, stop) for array in arrays.values()), strict=True)
 
     copies = {name: _like(folder, name, array) for name, array in arrays.items()}
     with copies["u"].writer() as moved, copies["channels"].writer() as read:

@@ -108,8 +108,8 @@ def result_of_state(store: RunStore) -> dict | None:
     if state is None or state.running:
         return None
     result = _result(store.run)
-    same = (result.get("status"), result.get("evaluations")) == (state.status, state.evaluations)
-    return result if same else None
+    matches = (result.get("status"), result.get("evaluations")) == (state.status, state.evaluations)
+    return result if matches else None
 
 
 def _result(run: Path) -> dict:

@@ -19,14 +19,14 @@ BYTES_FOR_WORKERS = 500_000_000  # a second or two of one process; less is not w
 class ScanJob:
     """Some records of an array, or with `images` some frames of a stack.
 
-    group : its folder; first, last : records, last excluded
+    group : its folder; first, stop : records, `stop` excluded
     """
 
     name: str
     group: str
     array: str
     first: int
-    last: int
+    stop: int
     images: bool = False
 
 
@@ -35,16 +35,16 @@ def is_whole(job: ScanJob) -> bool:
     try:
         if job.images:
             stack = ZarrStack(job.group)
-            for k in range(job.first, job.last):
+            for k in range(job.first, job.stop):
                 stack.frame(k)
             return True
         stored = FrameArrays.open(job.group, job.array)
         if not stored.shape or not stored.n_frames:
             read_array(job.group, job.array)
             return True
-        for first, last in stored.chunks():
-            if job.first <= first < job.last:
-                stored.read(first, last)
+        for first, stop in stored.chunks():
+            if job.first <= first < job.stop:
+                stored.read(first, stop)
     except Damaged:
         return False
     return True
@@ -60,10 +60,10 @@ def damaged_groups(store: RunStore, names: Iterable[str], images: Iterable[str],
         except Damaged:
             spoilt.add(name)
     spread = runner.sees_files and runner.workers > 1 and stored_bytes(store) > BYTES_FOR_WORKERS
-    found = runner.stream(is_whole, jobs,
-                          [f"scan-{job.name}-{job.array}-{job.first}" for job in jobs]) if spread else map(
+    verdicts = runner.stream(is_whole, jobs,
+                             [f"scan-{job.name}-{job.array}-{job.first}" for job in jobs]) if spread else map(
         is_whole, jobs)
-    return spoilt | {job.name for job, whole in zip(jobs, found, strict=True) if not whole}
+    return spoilt | {job.name for job, intact in zip(jobs, verdicts, strict=True) if not intact}
 
 
 def stored_bytes(store: RunStore) -> int:
@@ -76,15 +76,15 @@ def _jobs(store: RunStore, name: str, images: bool) -> list[ScanJob]:
     if images:
         stack = ZarrStack(folder)
         record = max(1, int(stack.frame_bytes))
-        return [ScanJob(name, str(folder), "frames", first, last, True)
-                for first, last in _spans(stack.n_frames, stack.frames_per_chunk, record)]
-    made = []
+        return [ScanJob(name, str(folder), "frames", first, stop, True)
+                for first, stop in _spans(stack.n_frames, stack.frames_per_chunk, record)]
+    jobs = []
     for array in sorted(file.parent.name for file in folder.glob("*/zarr.json")):
         stored = FrameArrays.open(folder, array)
         record = stored.record_bytes if stored.shape and stored.n_frames else 0
         spans = _spans(stored.n_frames, stored.frames_per_chunk, record) if record else [(0, 1)]
-        made += [ScanJob(name, str(folder), array, first, last) for first, last in spans]
-    return made
+        jobs += [ScanJob(name, str(folder), array, first, stop) for first, stop in spans]
+    return jobs
 
 
 def _spans(n: int, step: int, record_bytes: int) -> Sequence[tuple[int, int]]:

@@ -129,11 +129,11 @@ def _parameter(name: str, entries: Sequence[Mapping | None]) -> dict:
     values = [None if entry is None else _in_unit(entry, unit) for entry in entries]
     first, differences = values[0], []
     for entry in values:
-        sizes = [other["std"] or 0.0 for other in (first, entry) if other is not None]
+        sizes = [side["std"] or 0.0 for side in (first, entry) if side is not None]
         std = sum(size**2 for size in sizes) ** 0.5
-        known = first is not None and entry is not None and std > 0.0 and all(
-            other["unit"] == unit and (other["std"] is not None or not other["free"]) for other in (first, entry))
-        differences.append((entry["value"] - first["value"]) / std if known else None)
+        comparable = first is not None and entry is not None and std > 0.0 and all(
+            side["unit"] == unit and (side["std"] is not None or not side["free"]) for side in (first, entry))
+        differences.append((entry["value"] - first["value"]) / std if comparable else None)
     return {"name": name, "unit": unit, "values": values, "differences": differences}
 
 
@@ -147,18 +147,20 @@ def _in_unit(entry: Mapping, unit: str) -> dict:
 
 def _worth_showing(entries: Sequence[Mapping | None]) -> bool:
     """Identified somewhere, or given differently."""
-    given = {None if entry is None else (f"{entry['value']:.12g}", entry["unit"]) for entry in entries}
-    return any(entry is not None and entry["free"] for entry in entries) or len(given - {None}) > 1
+    statements = {None if entry is None else (f"{entry['value']:.12g}", entry["unit"]) for entry in entries}
+    return any(entry is not None and entry["free"] for entry in entries) or len(statements - {None}) > 1
 
 
 def _csv(content: Mapping) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     names = [run["name"] for run in content["runs"]]
-    writer.writerow(["parameter", "unit", *(f"{name} {what}" for name in names for what in ("value", "std", "steps"))])
+    writer.writerow(["parameter", "unit",
+                     *(f"{name} {column}" for name in names for column in ("value", "std", "steps"))])
     for entry in content["parameters"]:
         row = [entry["name"], entry["unit"]]
-        for own, step in zip(entry["values"], entry["differences"], strict=True):
-            row += ["", "", ""] if own is None or own["unit"] != entry["unit"] else [own["value"], own["std"], step]
+        for value, step in zip(entry["values"], entry["differences"], strict=True):
+            is_open = value is None or value["unit"] != entry["unit"]
+            row += ["", "", ""] if is_open else [value["value"], value["std"], step]
         writer.writerow(["" if cell is None else cell for cell in row])
     return text.getvalue()

@@ -43,28 +43,30 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
     def plane(frame: int) -> np.ndarray:
         return motion(frame)[:, :2]
 
-    shown = shown_frames(experiment)
+    map_frames = shown_frames(experiment)
     frames = [k for k in correlated_frames(experiment, range(experiment.model.n_frames))
               if k != experiment.model.reference]
-    seen = seen_by(experiment, reference) if experiment.recording.noise.std_gv else None
-    floor = noise_floor(seen, sensitivities, result, reference)
+    dic_setup = seen_by(experiment, reference) if experiment.recording.noise.std_gv else None
+    floor = noise_floor(dic_setup, sensitivities, result, reference)
     views = frame_views(experiment.recording, frames, lambda frame: at_rest + plane(frame),
                         residuals_of(context, last_accepted(result)))
-    free = None if seen is None else read_free(context.store, point) or free_motions(seen, shown, plane)
-    free = None if free is None else with_residuals(seen, free)
+    free_fields = None
+    if dic_setup is not None:
+        free_fields = read_free(context.store, point) or free_motions(dic_setup, map_frames, plane)
+    free_fields = None if free_fields is None else with_residuals(dic_setup, free_fields)
     if reference.is_section:
         views = with_profiles(views, reference, motion)
         if experiment.recording.noise.std_gv:
-            free = section_fields(experiment.recording, reference, at_rest[:, 0], shown, motion)
+            free_fields = section_fields(experiment.recording, reference, at_rest[:, 0], map_frames, motion)
             floor = with_section_floor(floor, experiment, reference, at_rest[:, 0])
     sources = ["given" if source == "given" else f"{source} of the log"
                for source in context.settings["channel_noise_source"]]
-    points, motions = None, np.array([simulated(k) for k in shown])
+    points, motions = None, np.array([simulated(k) for k in map_frames])
     if isinstance(reference, FieldReference):
-        points = point_maps_of(experiment, shared.camera, reference, shown, motion)
+        points = point_maps_of(experiment, shared.camera, reference, map_frames, motion)
     return dict(
         points=points,
-        free_fields=free,
+        free_fields=free_fields,
         curves=law_curves(experiment, parameters, result, motions),
         rubber=rubber_curves(experiment.model, parameters, result, motions),
         relaxation=relaxation_curves(experiment.model, parameters, result),

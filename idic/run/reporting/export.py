@@ -64,14 +64,14 @@ def export_fields(run: Path | str, folder: Path | str, file_format: str = "csv",
                          remedy="write one of these names")
     run, folder = Path(run), Path(folder)
     result, context = read_result(run), open_run(str(run))
-    there = context.experiment.at_geometry(accepted_parameters(result, context.experiment.model.parameters))
-    series = series_of(run, context, result, there.model)
+    experiment = context.experiment.at_geometry(accepted_parameters(result, context.experiment.model.parameters))
+    series = series_of(run, context, result, experiment.model)
     if series is None:
         raise InputError("the run has no fields", file=run,
                          expected="an accepted simulation of a plane model or a solid",
                          found="a cross-section, or no accepted simulation", remedy="see result.json for its status")
     folder.mkdir(parents=True, exist_ok=True)
-    content = Exported(series, there.model.times[list(series.frames)],
+    content = Exported(series, experiment.model.times[list(series.frames)],
                        lambda k: field_columns(series, k, measure, angle_deg))
     return WRITERS[file_format](content, folder)
 

@@ -74,8 +74,8 @@ def _visited_temperatures(model: Model) -> tuple[float, ...]:
     field = nodal_temperature(model)
     if field is None:
         return ()
-    seen = field.start + field.values[model.reference:]
-    return tuple(float(T) for T in np.unique(np.linspace(seen.min(), seen.max(), CARD_TEMPERATURES)))
+    temperatures = field.start + field.values[model.reference:]
+    return tuple(float(T) for T in np.unique(np.linspace(temperatures.min(), temperatures.max(), CARD_TEMPERATURES)))
 
 
 def law_table(element_set: str, law: str, kinematics: str, values: Mapping[str, float], result: Mapping,
@@ -102,10 +102,11 @@ def law_table(element_set: str, law: str, kinematics: str, values: Mapping[str, 
     if curves:
         table["smoothness"] = {curve.key: {"strength": curve.smoothness.strength, "over": curve.smoothness.over,
                                            "size": float(f"{curve.size:.10g}")} for curve in curves}
-    own = {name: entry for name in values if (entry := entries.get(f"{element_set}.{name}"))}
+    law_entries = {name: entry for name in values if (entry := entries.get(f"{element_set}.{name}"))}
     stds = [f"#   {name} = {values[name]:.6g} ± {_std(entry, units[name]):.2g} {units[name]}".rstrip(" -")
-            for name, entry in own.items() if entry.get("std")]
-    open_ones = [f"#   {name}: not determined by the test, {_undetermined(entry)}" for name, entry in own.items()
+            for name, entry in law_entries.items() if entry.get("std")]
+    open_ones = [f"#   {name}: not determined by the test, {_undetermined(entry)}"
+                 for name, entry in law_entries.items()
                  if entry.get("free") and entry.get("std") is None]
     head = [f"# The law of {element_set} as it was identified. In experiment.toml:  [material.{element_set}]  "
             f'from = "{element_set}.toml"', "# Identified, with standard deviations (other values were given):",
@@ -115,8 +116,8 @@ def law_table(element_set: str, law: str, kinematics: str, values: Mapping[str, 
 
 def _std(entry: Mapping, unit: str) -> float:
     """Standard deviation in the unit of the law, which the values of the file have."""
-    given = entry.get("unit", unit)
-    return entry["std"] * (1.0 if given in (unit, "") else factor_between(given, unit))
+    entry_unit = entry.get("unit", unit)
+    return entry["std"] * (1.0 if entry_unit in (unit, "") else factor_between(entry_unit, unit))
 
 
 def _undetermined(entry: Mapping) -> str:
@@ -127,15 +128,15 @@ def _undetermined(entry: Mapping) -> str:
 
 
 def _term_table(written: WrittenTerm, units: Mapping[str, str]) -> dict:
-    kind, made = written.kind, {}
+    kind, counts = written.kind, {}
     if LOCUS_NAME.fullmatch(kind):
-        made["knots"], kind = sum(name.startswith("u") for name in written.values) // RINGS, "free_surface"
+        counts["knots"], kind = sum(name.startswith("u") for name in written.values) // RINGS, "free_surface"
     elif kind.startswith("free"):
-        made["knots"], kind = sum(name.startswith("s") for name in written.values) + 1, "free"
+        counts["knots"], kind = sum(name.startswith("s") for name in written.values) + 1, "free"
     kind, *of = kind.split(PRODUCT_SIGN)
     multiplied = {"of": of} if of else {}
-    return {"kind": kind, **made, **multiplied,
-            **{own: _value(value, units[written.names[own]]) for own, value in written.values.items()}}
+    return {"kind": kind, **counts, **multiplied,
+            **{key: _value(value, units[written.names[key]]) for key, value in written.values.items()}}
 
 
 def _value(value: float, unit: str) -> float | dict:

@@ -101,14 +101,14 @@ def _measured_and_derived(record: RunRecord, frame: int, n_nodes: int) -> dict[s
     if series is None or frame not in series.frames:
         return {}
     columns = field_columns(series, series.frames.index(frame), noise=False)
-    found: dict[str, np.ndarray] = {}
+    arrays: dict[str, np.ndarray] = {}
     for name, values in columns.items():
         if name.startswith("u_") or name.split("_")[1:2] in (["1"], ["2"]):
             continue
-        found[name] = np.full(n_nodes, np.nan, dtype=np.float32)
-        found[name][series.surface.index] = _shortened(values)
+        arrays[name] = np.full(n_nodes, np.nan, dtype=np.float32)
+        arrays[name][series.surface.index] = _shortened(values)
     if series.measured is not None:
         motion = np.full((n_nodes, 2), np.nan, dtype=np.float32)
         motion[series.surface.index] = _shortened(series.measured[series.frames.index(frame)])
-        found[f"displacement_measured_{series.unit}"] = motion
-    return found
+        arrays[f"displacement_measured_{series.unit}"] = motion
+    return arrays

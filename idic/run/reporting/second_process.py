@@ -100,21 +100,21 @@ def drawing_beside() -> Iterator[SecondProcess]:
 
 
 # the second process -------------------------------------------------------------------------------
-def _send(pipe: Any, what: Any) -> None:
-    pickle.dump(what, pipe, protocol=pickle.HIGHEST_PROTOCOL)
+def _send(pipe: Any, content: Any) -> None:
+    pickle.dump(content, pipe, protocol=pickle.HIGHEST_PROTOCOL)
     pipe.flush()
 
 
 def _draw_as_told() -> None:
     """Records and numbers come in, drawn parts go out; an exception ends this process, and the other one meets it."""
-    asked: queue.SimpleQueue = queue.SimpleQueue()
+    requests: queue.SimpleQueue = queue.SimpleQueue()
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints is no answer
 
     def listen() -> None:
         with suppress(Exception):
             while True:
-                asked.put(pickle.load(sys.stdin.buffer))
+                requests.put(pickle.load(sys.stdin.buffer))
         os._exit(0)  # the other process is gone, or wants no more
 
     from idic.report import parts, plan_sections
@@ -122,11 +122,11 @@ def _draw_as_told() -> None:
     threading.Thread(target=listen, daemon=True).start()
     drawers: list[Callable[[], Any]] = []
     while True:
-        told = asked.get()
-        if isinstance(told, int):
-            _send(answers, drawers[told]())
+        request = requests.get()
+        if isinstance(request, int):
+            _send(answers, drawers[request]())
         else:
-            drawers = parts(plan_sections(told))
+            drawers = parts(plan_sections(request))
 
 
 if __name__ == "__main__":

@@ -83,8 +83,9 @@ def write_numbers(run: Path, record: RunRecord, paraview: bool = False) -> None:
         (run / "tables" / name).write_text(text, encoding="utf-8")
     if paraview:
         context = open_run(str(run))
-        there = context.experiment.at_geometry(accepted_parameters(record.result, context.experiment.model.parameters))
-        write_paraview(context, there.model, record, run / "paraview")
+        parameters = accepted_parameters(record.result, context.experiment.model.parameters)
+        experiment = context.experiment.at_geometry(parameters)
+        write_paraview(context, experiment.model, record, run / "paraview")
 
 
 def _write_joint_report(run: Path, stage: Callable[[str], None], paraview: bool,
@@ -110,7 +111,7 @@ def load_record(run: Path | str) -> RunRecord:
     history = _history(result, experiment.model.parameters)
     accepted = [entry["evaluation"] for entry in result.get("history", ()) if entry["accepted"]]
     parameters = accepted_parameters(result, experiment.model.parameters)
-    there = experiment.at_geometry(parameters)  # the mesh as it was identified
+    fitted_experiment = experiment.at_geometry(parameters)  # the mesh as it was identified
     names, M = without_modes(result.get("M", {}))
     common = dict(
         title=experiment.title,
@@ -119,7 +120,7 @@ def load_record(run: Path | str) -> RunRecord:
         names=names,
         M=M,
         reference=experiment.recording.picture(experiment.model.reference),
-        nodes_px=camera_at(experiment, parameters).project(there.model.mesh.nodes),
+        nodes_px=camera_at(experiment, parameters).project(fitted_experiment.model.mesh.nodes),
         cells=_cells(experiment),
         times=experiment.model.times,
         time_label=time_label(experiment.model.times),
@@ -130,25 +131,26 @@ def load_record(run: Path | str) -> RunRecord:
     if not accepted:
         return RunRecord(**common)
     floor = read_floor(context.store)
-    main, *others = [_seen(context, result, there, number, parameters) for number in range(len(there.views))]
-    series = series_of(run, context, result, there.model)
+    main, *camera_fields = [_seen(context, result, fitted_experiment, number, parameters)
+                            for number in range(len(fitted_experiment.views))]
+    series = series_of(run, context, result, fitted_experiment.model)
     record = RunRecord(**(common | main), channels=_channels(context, result), series=series,
                        hardening=hardening_curves(experiment.model, parameters, result, series),
                        surfaces=yield_surfaces(experiment.model, parameters, result, series),
                        temperature_factors=temperature_factors(experiment.model, parameters, result),
-                       gauges=gauges_of(context, there.model),
+                       gauges=gauges_of(context, fitted_experiment.model),
                        camera_floor_px=None if floor is None else floor.nodes_px,
                        **evidence(context, result, accepted[-1], parameters, main["sensitivities"]))
-    names = [camera.name for camera in there.cameras]
-    further = (replace(record, **seen, channels=(), views=(), free_fields=None, camera_floor_px=None,
-                       result=_of_camera(result, name))
-               for name, seen in zip(names, others, strict=True))
-    return replace(record, cameras=tuple(zip(names, further, strict=True)))
+    names = [camera.name for camera in fitted_experiment.cameras]
+    camera_records = (replace(record, **fields, channels=(), views=(), free_fields=None, camera_floor_px=None,
+                              result=_of_camera(result, name))
+                      for name, fields in zip(names, camera_fields, strict=True))
+    return replace(record, cameras=tuple(zip(names, camera_records, strict=True)))
 
 
-def _seen(context: RunContext, result: Mapping, there: Experiment, number: int, parameters: ParameterSet) -> dict:
+def _seen(context: RunContext, result: Mapping, experiment: Experiment, number: int, parameters: ParameterSet) -> dict:
     """Images and residuals of one camera: the fields of a RunRecord that differ between cameras."""
-    view = there.views[number]
+    view = experiment.views[number]
     point = [entry["evaluation"] for entry in result["history"] if entry["accepted"]][-1]
     return dict(
         reference=view.recording.picture(view.model.reference),
@@ -235,16 +237,16 @@ def _estimators(result: Mapping) -> Iterator[str]:
 
 def _spreads(result: Mapping) -> Iterator[str]:
     """What came of other treatments of boundary and camera, by parameter and ratio that the run determines."""
-    treatments = [own for own in result.get("treatments", []) if own["status"] == "converged"]
+    treatments = [treatment for treatment in result.get("treatments", []) if treatment["status"] == "converged"]
     for name, entry in (result["parameters"] | result["derived"]).items():
         if entry.get("systematic_std") is None:
             continue
-        found = [(own["values"] | ratios_of(result, own["values"]), own) for own in treatments]
-        values = {numbers[name]: own for numbers, own in found if name in numbers}
-        n = sum(name in numbers for numbers, _ in found)
+        pairs = [(treatment["values"] | ratios_of(result, treatment["values"]), treatment) for treatment in treatments]
+        values = {numbers[name]: treatment for numbers, treatment in pairs if name in numbers}
+        n = sum(name in numbers for numbers, _ in pairs)
         if values:
             low, high = min(values), max(values)
-            without = f"; {len(found) - n} more do not determine it" if n < len(found) else ""
+            without = f"; {len(pairs) - n} more do not determine it" if n < len(pairs) else ""
             yield (f"{name}: {low:.5g} ({_words(values[low])}) to {high:.5g} ({_words(values[high])}) over "
                    f"{n} other treatment{'' if n == 1 else 's'} of boundary and camera{without}.")
 
@@ -308,10 +310,10 @@ def _residuals(context: RunContext, result: Mapping, number: int) -> ResidualMap
     frames = shown_frames(context.experiment)
     if first["phi"] is None or not frames:
         return None
-    last = last_accepted(result)
-    before, after = (np.array([read(k) for k in frames])
-                     for read in (residuals_of(context, entry, number) for entry in (first, last)))
-    return ResidualMaps(frames, before, after)
+    last_entry = last_accepted(result)
+    maps_before, maps_after = (np.array([read(k) for k in frames])
+                               for read in (residuals_of(context, entry, number) for entry in (first, last_entry)))
+    return ResidualMaps(frames, maps_before, maps_after)
 
 
 def _fields(context: RunContext, point: int, experiment: Experiment, parameters: ParameterSet) -> FieldFrames | None:

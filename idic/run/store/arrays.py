@@ -130,14 +130,14 @@ def _refuse_foreign(array: zarr.Array, path: Path) -> None:
                          remedy="do not use this folder; repeat the run with another --out")
 
 
-def missing_chunks(array: zarr.Array, path: Path, first: int = 0, last: int | None = None) -> list[str]:
-    """Names of the absent chunk files among those that hold the records [first, last); chunked along time only."""
+def missing_chunks(array: zarr.Array, path: Path, first: int = 0, stop: int | None = None) -> list[str]:
+    """Names of the absent chunk files among those that hold the records [first, stop); chunked along time only."""
     if not array.ndim:
         keys = [array.metadata.encode_chunk_key(())]
     else:
-        step, rest = array.chunks[0], (0,) * (array.ndim - 1)
-        last = array.shape[0] if last is None else last
-        keys = [array.metadata.encode_chunk_key((i, *rest)) for i in range(first // step, -(-last // step))]
+        step, zeros = array.chunks[0], (0,) * (array.ndim - 1)
+        stop = array.shape[0] if stop is None else stop
+        keys = [array.metadata.encode_chunk_key((i, *zeros)) for i in range(first // step, -(-stop // step))]
     files = {key: os.path.join(path, key) for key in keys}
     return [key for key, file in files.items() if not (os.path.isfile(file) or _came(file))]
 
@@ -147,15 +147,15 @@ def _came(file: str) -> bool:
     return os.path.isfile(file)
 
 
-def read_block(array: zarr.Array, path: Path, first: int, last: int) -> np.ndarray:
-    """Records [first, last) of an array; `Damaged` if one of them is missing or altered."""
-    absent = missing_chunks(array, path, first, last)
-    if absent:
-        raise _damage(path, found=f"{len(absent)} missing chunk(s), the first is {absent[0]}")
+def read_block(array: zarr.Array, path: Path, first: int, stop: int) -> np.ndarray:
+    """Records [first, stop) of an array; `Damaged` if one of them is missing or altered."""
+    missing = missing_chunks(array, path, first, stop)
+    if missing:
+        raise _damage(path, found=f"{len(missing)} missing chunk(s), the first is {missing[0]}")
     try:
-        return array[first:last]
+        return array[first:stop]
     except Exception as problem:  # the codec's checksum, a truncated file, an unreadable disk
-        raise _damage(path, found=f"records {first} to {last - 1}: {problem}") from problem
+        raise _damage(path, found=f"records {first} to {stop - 1}: {problem}") from problem
 
 
 def write_array(group: Path | str, name: str, values: np.ndarray) -> None:
@@ -191,11 +191,11 @@ def write_compressed(source: Path | str, group: Path | str, name: str, digits: i
 
     digits : binary ones that are kept; None: the same bits
     """
-    old = FrameArrays.open(source, name)
-    new = FrameArrays.create(group, name, old.n_frames, old.shape, old.frames_per_chunk, old.dtype, compressed=True,
-                             attributes=None if digits is None else {_DIGITS: digits})
-    for first, last in old.chunks():
-        new.write(first, rounded(old.read(first, last), digits))
+    original = FrameArrays.open(source, name)
+    copy = FrameArrays.create(group, name, original.n_frames, original.shape, original.frames_per_chunk, original.dtype,
+                              compressed=True, attributes=None if digits is None else {_DIGITS: digits})
+    for first, stop in original.chunks():
+        copy.write(first, rounded(original.read(first, stop), digits))
 
 
 class FrameArrays:
@@ -250,22 +250,22 @@ class FrameArrays:
 
     def write(self, first: int, block: np.ndarray) -> None:
         """Store ``block`` (n, *shape) as the records of the frames from `first` on; whole chunks only."""
-        last, step = first + len(block), self.frames_per_chunk
+        stop, step = first + len(block), self.frames_per_chunk
         if block.shape[1:] != self.shape:
             raise ValueError(f"{self._path}: expected records of shape {self.shape}, got {block.shape[1:]}")
-        if first % step or (last % step and last != self.n_frames) or last > self.n_frames:
-            raise ValueError(f"{self._path}: frames {first} to {last - 1} are not whole chunks of {step}")
+        if first % step or (stop % step and stop != self.n_frames) or stop > self.n_frames:
+            raise ValueError(f"{self._path}: frames {first} to {stop - 1} are not whole chunks of {step}")
         if block.size:
-            self._array[first:last] = block
+            self._array[first:stop] = block
 
-    def read(self, first: int = 0, last: int | None = None) -> np.ndarray:
-        """The records of the frames [first, last), checked  # (last - first, *shape)"""
-        last = self.n_frames if last is None else last
-        if not 0 <= first <= last <= self.n_frames:
-            raise IndexError(f"{self._path}: frames {first} to {last - 1} of {self.n_frames}")
-        if self._array.size == 0 or first == last:
-            return np.empty((last - first, *self.shape), self._array.dtype)
-        return read_block(self._array, self._path, first, last)
+    def read(self, first: int = 0, stop: int | None = None) -> np.ndarray:
+        """The records of the frames [first, stop), checked  # (stop - first, *shape)"""
+        stop = self.n_frames if stop is None else stop
+        if not 0 <= first <= stop <= self.n_frames:
+            raise IndexError(f"{self._path}: frames {first} to {stop - 1} of {self.n_frames}")
+        if self._array.size == 0 or first == stop:
+            return np.empty((stop - first, *self.shape), self._array.dtype)
+        return read_block(self._array, self._path, first, stop)
 
     def shorten(self, n_frames: int) -> None:
         """Keep the first records only."""

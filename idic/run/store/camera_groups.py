@@ -20,26 +20,26 @@ from idic.run.store.stack import Spread, ZarrStack
 from idic.run.store.stack import ingest as ingest_stack
 
 
-def group_of(experiment: Experiment, number: int, what: str) -> str:
-    """The group `what` of camera `number` (0: the main one)."""
-    return what if number == 0 else f"cameras/{experiment.cameras[number - 1].name}/{what}"
+def group_of(experiment: Experiment, number: int, name: str) -> str:
+    """The group `name` of camera `number` (0: the main one)."""
+    return name if number == 0 else f"cameras/{experiment.cameras[number - 1].name}/{name}"
 
 
 def ingest_all(store: RunStore, experiment: Experiment, progress: Callable[[int, int], None] | None = None,
                spread: Spread = map) -> None:
     """Copy the images of every camera into the RUN, unless they are there already.
 
-    progress : called as progress(done, total) over the images of all cameras; spread : as of
+    progress : called as progress(count, total) over the images of all cameras; spread : as of
     `idic.run.store.stack.ingest`
     """
     views = experiment.views
     total = sum(view.recording.stack.n_frames for view in views)
-    before = 0
+    offset = 0
     for number, view in enumerate(views):
-        report = progress and (lambda done, _, before=before: progress(before + done, total))  # type: ignore[misc]
+        report = progress and (lambda count, _, offset=offset: progress(offset + count, total))  # type: ignore[misc]
         group = group_of(experiment, number, IMAGES)
         ingest_stack(store, recorded(view.recording.stack), report, experiment.recording.identity, group, spread)
-        before += view.recording.stack.n_frames
+        offset += view.recording.stack.n_frames
 
 
 def refuse_changed_images(store: RunStore, experiment: Experiment) -> None:
@@ -72,10 +72,11 @@ def noise_entry(noise: Noise) -> dict:
 
 
 def _noise_from(entry: Mapping) -> Noise:
-    found = entry.get("correlated")
-    if found is not None:
-        found = CorrelatedNoise(**{**found, "correlation": tuple(tuple(row) for row in found["correlation"])})
-    return Noise(entry["std_gv"], entry["source"], correlated=found)
+    correlated = entry.get("correlated")
+    if correlated is not None:
+        rows = tuple(tuple(row) for row in correlated["correlation"])
+        correlated = CorrelatedNoise(**{**correlated, "correlation": rows})
+    return Noise(entry["std_gv"], entry["source"], correlated=correlated)
 
 
 def with_stored_noise(experiment: Experiment, settings: Mapping) -> Experiment:

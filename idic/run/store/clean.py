@@ -42,14 +42,14 @@ def clean_run(run: Path | str, results_only: bool = False) -> int:
     run = Path(run)
     if not (run / RESULT_FILE).is_file():
         raise _unfinished(run, "none")
-    with ExitStack() as held:
-        held.enter_context(run_lock(run))
+    with ExitStack() as locks:
+        locks.enter_context(run_lock(run))
         if results_only and _is_interrupted(run):
             raise _unfinished(run, "an interrupted one, which --resume needs whole")
         parts = sorted((run / EXPERIMENTS).iterdir()) if _is_folder(run / EXPERIMENTS) else []
         parts = [part for part in parts if _is_folder(part)]
         for part in parts:  # one of them may be diagnosed just now
-            held.enter_context(run_lock(part))
+            locks.enter_context(run_lock(part))
         return sum(_clean(part, results_only) for part in (run, *parts))
 
 

@@ -14,24 +14,24 @@ LABEL = "discrepancy"
 SYMMETRIC = ("M", "noise")  # stored as their upper triangles
 
 
-def save_discrepancy(store: RunStore, number: int, found: DiscrepancySystem | str) -> None:
+def save_discrepancy(store: RunStore, number: int, system: DiscrepancySystem | str) -> None:
     """Store the normal equations of the evaluated point `number`, or why they were not made."""
-    made = not isinstance(found, str)
-    ident = ({"reason": "", "names": list(found.names), "components": [c.name for c in found.components],
-              "motion_px": dict(found.motion_px), "may_be_rough": found.may_be_rough}
-             if made else {"reason": found})
+    has_system = not isinstance(system, str)
+    ident = ({"reason": "", "names": list(system.names), "components": [c.name for c in system.components],
+              "motion_px": dict(system.motion_px), "may_be_rough": system.may_be_rough}
+             if has_system else {"reason": system})
     with store.building(group_name(number, LABEL), ident) as folder:
-        if made:
+        if has_system:
             for name in SYMMETRIC:
-                matrix = getattr(found, name)
+                matrix = getattr(system, name)
                 write_array(folder, name, np.triu(0.5 * (matrix + matrix.T)))
             for name in ("b", "channel_rows"):
-                write_array(folder, name, getattr(found, name))
-            if found.mesh_error is not None:
-                write_array(folder, "mesh_column", found.mesh_error)
-            if found.strain_error is not None:
-                write_array(folder, "strain_column", found.strain_error)
-            for component in found.components:
+                write_array(folder, name, getattr(system, name))
+            if system.mesh_error is not None:
+                write_array(folder, "mesh_column", system.mesh_error)
+            if system.strain_error is not None:
+                write_array(folder, "strain_column", system.strain_error)
+            for component in system.components:
                 write_array(folder, f"root_{component.name}", component.root)
 
 

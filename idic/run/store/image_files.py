@@ -28,10 +28,10 @@ def describe(path: Path) -> dict:
     return {"name": path.name, "size": status.st_size, "mtime_ns": status.st_mtime_ns, "sha256": _content(path)}
 
 
-def refuse_changed(stack: Stack, known: Iterable[Mapping]) -> None:
+def refuse_changed(stack: Stack, descriptions: Iterable[Mapping]) -> None:
     """Check that the files of a stack are unchanged since they were ingested.
 
-    known : their descriptions of then, in the same order
+    descriptions : their descriptions of then, in the same order
 
     Raises
     ------
@@ -39,13 +39,13 @@ def refuse_changed(stack: Stack, known: Iterable[Mapping]) -> None:
         A file has changed, is missing or is another one.
     """
     paths = files_of(stack, range(stack.n_frames))
-    for path, before in zip(paths, known, strict=False):
+    for path, description in zip(paths, descriptions, strict=False):
         status = path.stat()
-        if (status.st_size, status.st_mtime_ns) == (before["size"], before["mtime_ns"]):
+        if (status.st_size, status.st_mtime_ns) == (description["size"], description["mtime_ns"]):
             continue
-        if status.st_size != before["size"] or _content(path) != before["sha256"]:
+        if status.st_size != description["size"] or _content(path) != description["sha256"]:
             raise InputError("an image has changed since this run began", file=path,
-                             expected=f"the content that was ingested (sha256 {before['sha256'][:16]})",
+                             expected=f"the content that was ingested (sha256 {description['sha256'][:16]})",
                              found="other content", remedy="restore the image, or identify it again into a new RUN")
 
 

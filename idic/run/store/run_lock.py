@@ -129,10 +129,10 @@ def _started(process: psutil.Process) -> float:
 
 def _refusal(path: Path) -> RunBusy:
     holder = _read_holder(path)
-    who = f"process {holder.get('pid', '?')} on {holder.get('host', '?')} since {holder.get('locked', '?')}"
+    owner = f"process {holder.get('pid', '?')} on {holder.get('host', '?')} since {holder.get('locked', '?')}"
     return RunBusy(
         "another idic process works on this RUN folder",
         file=path.parent,
-        found=who,
+        found=owner,
         remedy=f"wait for it to end, or take another folder; if no such process runs any more, delete {path}",
     )

@@ -113,9 +113,9 @@ class RunStore:
             _create_group(folder, {"ident": dict(ident or {}), "finished": True})
             yield folder
             for array in _arrays_in(folder):
-                absent = FrameArrays.open(folder, array).missing()
-                if absent:
-                    raise RuntimeError(f"group {name}: {array} is incomplete, chunk {absent[0]} is missing")
+                missing = FrameArrays.open(folder, array).missing()
+                if missing:
+                    raise RuntimeError(f"group {name}: {array} is incomplete, chunk {missing[0]} is missing")
             _seal(folder)
 
     def repeat(self, name: str, ident: Mapping, source: Path) -> Path:
@@ -123,24 +123,24 @@ class RunStore:
         with self.building(name, ident) as folder:
             for array in _arrays_in(source):
                 stored = FrameArrays.open(source, array)
-                for first, last in stored.chunks():
-                    stored.read(first, last)
+                for first, stop in stored.chunks():
+                    stored.read(first, stop)
                 shutil.copytree(source / array, folder / array)
         return self.path / name
 
-    def thin(self, name: str, kept: Mapping[str, int | None]) -> Path:
+    def thin(self, name: str, digits: Mapping[str, int | None]) -> Path:
         """Replace a finished group by one with some of its arrays, compressed; one that gets no smaller stays.
 
-        kept : array -> binary digits that stay, None: all
+        digits : array -> binary digits that stay, None: all
         """
         source = self.group(name)
         arrays = _arrays_in(source)
-        large = [array for array in arrays if array in kept and gets_smaller(source, array, kept[array])]
-        if set(arrays) <= set(kept) and not large:
+        large = [array for array in arrays if array in digits and gets_smaller(source, array, digits[array])]
+        if set(arrays) <= set(digits) and not large:
             return source
         with self.building(name, self.ident(source)) as folder:
-            for array in (array for array in arrays if array in kept):
-                if array not in large or not _compressed(source, folder, array, kept[array]):
+            for array in (array for array in arrays if array in digits):
+                if array not in large or not _compressed(source, folder, array, digits[array]):
                     shutil.copytree(source / array, folder / array, copy_function=_link_or_copy)
         return self.path / name
 
@@ -153,9 +153,9 @@ class RunStore:
         chunks."""
         folder = self._inside(name)
         attributes = _attributes(folder)
-        own = attributes.get("ident", {})
-        if not attributes.get("finished") or not isinstance(own, Mapping) or (
-                ident is not None and own != _as_json(ident)):
+        stored_ident = attributes.get("ident", {})
+        if not attributes.get("finished") or not isinstance(stored_ident, Mapping) or (
+                ident is not None and stored_ident != _as_json(ident)):
             return None
         descriptions = _descriptions(folder)
         return folder if attributes.get(_SEAL, descriptions) == descriptions else None
@@ -409,7 +409,7 @@ def _link_or_copy(source: str, target: str) -> None:
 
 
 def _arrays_in(folder: Path) -> list[str]:
-    found = []
+    names = []
     for file in sorted(folder.glob("*/zarr.json")):
         try:
             kind = json.loads(file.read_text(encoding="utf-8"))["node_type"]
@@ -418,8 +418,8 @@ def _arrays_in(folder: Path) -> list[str]:
                           found=f"{type(problem).__name__}: {problem}",
                           remedy="run the command again with --resume: this part is computed anew") from problem
         if kind == "array":
-            found.append(file.parent.name)
-    return found
+            names.append(file.parent.name)
+    return names
 
 
 def _as_json(value):

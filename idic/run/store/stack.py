@@ -73,8 +73,8 @@ class ZarrStack:
 
     def _read_chunk(self, chunk: int) -> np.ndarray:
         first = chunk * self.frames_per_chunk
-        last = min(first + self.frames_per_chunk, self.n_frames)
-        frames = read_block(self._array, self.group / ARRAY, first, last)
+        stop = min(first + self.frames_per_chunk, self.n_frames)
+        frames = read_block(self._array, self.group / ARRAY, first, stop)
         for k, image in enumerate(frames, start=first):
             if zlib.crc32(image) != self._checksums[k]:
                 raise _incomplete(self.group, f"frame {k} differs from the ingested one")
@@ -84,7 +84,7 @@ class ZarrStack:
 
 @dataclass(frozen=True)
 class IngestJob:
-    """The frames [first, last) of a recording, to be copied into the array of a group.
+    """The frames [first, stop) of a recording, to be copied into the array of a group.
 
     stack : from frame `begins` of the recording on; files : those that no job before has
     """
@@ -92,13 +92,13 @@ class IngestJob:
     group: str
     stack: Stack
     first: int
-    last: int
+    stop: int
     files: tuple[Path, ...]
     begins: int = 0
 
     @property
     def name(self) -> str:
-        return f"ingest-frames{self.first}-{self.last - 1}"
+        return f"ingest-frames{self.first}-{self.stop - 1}"
 
 
 Ingested = tuple[list[int], list[dict]]  # checksums of frames, descriptions of files
@@ -116,7 +116,7 @@ def ingest(store, stack: Stack, progress: Callable[[int, int], None] | None = No
     stack : Stack
         Read one frame at a time, in order; no more than one chunk is in memory.
     progress : callable, optional
-        Called as ``progress(done, total)`` after every chunk.
+        Called as ``progress(count, total)`` after every chunk.
     source : str
         Identity of the stack (a hash of names, sizes and settings); a copy of another source is replaced.
     spread : callable
@@ -141,23 +141,23 @@ def ingest(store, stack: Stack, progress: Callable[[int, int], None] | None = No
         checksums: list[int] = []
         files: list[dict] = []
         jobs = _ingest_jobs(str(group), stack, step)
-        for job, (own, described) in zip(jobs, spread(ingest_frames, jobs), strict=True):
-            checksums += own
+        for job, (checksums_of_job, described) in zip(jobs, spread(ingest_frames, jobs), strict=True):
+            checksums += checksums_of_job
             files += described
             if progress is not None:
-                progress(job.last, stack.n_frames)
+                progress(job.stop, stack.n_frames)
         array.attrs.update({"finished": True, "frame_crc32": checksums, FILES: files})
     return ZarrStack(store.group(name))
 
 
 def _ingest_jobs(group: str, stack: Stack, step: int) -> list[IngestJob]:
     """A job per chunk of `step` frames; a file of many frames belongs to the first of its jobs."""
-    jobs, seen = [], set()
+    jobs, known_paths = [], set()
     for first in range(0, stack.n_frames, step):
-        last = min(first + step, stack.n_frames)
-        new = tuple(path for path in files_of(stack, range(first, last)) if path not in seen)
-        seen.update(new)
-        jobs.append(IngestJob(group, stack, first, last, new))
+        stop = min(first + step, stack.n_frames)
+        new_paths = tuple(path for path in files_of(stack, range(first, stop)) if path not in known_paths)
+        known_paths.update(new_paths)
+        jobs.append(IngestJob(group, stack, first, stop, new_paths))
     return jobs
 
 
@@ -165,8 +165,8 @@ def ingest_frames(job: IngestJob) -> Ingested:
     """Copy some frames (a task); returns the checksums of the frames, and the descriptions of the job's files."""
     array = open_array(job.group, ARRAY, "r+")
     described = [describe(path) for path in job.files]
-    frames = np.stack([_checked(job, k, array.shape[1:], array.dtype) for k in range(job.first, job.last)])
-    array[job.first : job.last] = frames
+    frames = np.stack([_checked(job, k, array.shape[1:], array.dtype) for k in range(job.first, job.stop)])
+    array[job.first : job.stop] = frames
     return [zlib.crc32(image) for image in frames], described
 
 
@@ -183,13 +183,13 @@ def _checked(job: IngestJob, k: int, shape: tuple[int, ...], dtype: np.dtype) ->
 
 
 def _require_space(folder: Path, needed: int) -> None:
-    free = shutil.disk_usage(folder).free
-    if needed * 1.02 > free:  # 2 %: checksums, folders and the file system's own records
+    free_bytes = shutil.disk_usage(folder).free
+    if needed * 1.02 > free_bytes:  # 2 %: checksums, folders and the file system's own records
         raise InputError(
             "not enough space for the images in the RUN folder",
             file=folder,
             expected=f"{needed / 1e9:.2f} GB free",
-            found=f"{free / 1e9:.2f} GB",
+            found=f"{free_bytes / 1e9:.2f} GB",
             remedy="free some space, or choose an --out on another disk",
         )
 

@@ -36,7 +36,7 @@ def load_state(run: str | Path) -> LoopState | None:
         return None
     _convert_numbers(record, from_hex)
     trial, accepted, activation, end = (record[name] for name in ("trial", "accepted", "activation", "end"))
-    trial["parallel"] = tuple(ParallelTrial(**other) for other in trial["parallel"])
+    trial["parallel"] = tuple(ParallelTrial(**step) for step in trial["parallel"])
     activation |= {name: tuple(activation[name]) for name in ("active", "reactivated")}
     return LoopState(**record | {
         "trial": Trial(**trial), "accepted": accepted and AcceptedPoint(**accepted),
@@ -49,14 +49,14 @@ def load_state(run: str | Path) -> LoopState | None:
 def _convert_numbers(record: dict, convert: Callable) -> None:
     """Convert the floats of a nested state in place, from or to their exact text."""
     trial, accepted, estimator = record["trial"], record["accepted"], record["estimator"]
-    known = [accepted] if accepted else []
-    for owner in (trial, *trial["parallel"], *record["history"], *known):
+    accepted_points = [accepted] if accepted else []
+    for owner in (trial, *trial["parallel"], *record["history"], *accepted_points):
         owner["values"] = {name: convert(value) for name, value in owner["values"].items()}
     for owner, key in ((estimator, "ordinary_solution"), (record["increments"], "coarser"),
                        (record["increments"], "change")):
         if owner[key] is not None:
             owner[key] = {name: convert(value) for name, value in owner[key].items()}
-    numbers = [(record["trust"], "radius"), (record["trust"], "damping"), *((own, "phi") for own in known),
-               *((other, "damping") for other in trial["parallel"])]
+    numbers = [(record["trust"], "radius"), (record["trust"], "damping"),
+               *((point, "phi") for point in accepted_points), *((step, "damping") for step in trial["parallel"])]
     for owner, name in numbers:
         owner[name] = None if owner[name] is None else convert(owner[name])

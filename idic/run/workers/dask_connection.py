@@ -59,18 +59,18 @@ def checked_address(address: str) -> str:
 
     Any client of a Dask scheduler or worker can run code as its user; only TLS certificates prevent it.
     """
-    protocol, _, rest = address.rpartition("://")
+    protocol, _, location = address.rpartition("://")
     protocol = protocol or "tcp"
-    host = rest.rsplit(":", 1)[0].strip("[]")
+    host = location.rsplit(":", 1)[0].strip("[]")
     if protocol != "tls" and not _is_loopback(host):
         raise InputError(
             "a Dask scheduler on another machine is used over TLS only",
             key="--scheduler",
-            expected=f"tls://{rest}, or an address on {LOOPBACK}",
+            expected=f"tls://{location}, or an address on {LOOPBACK}",
             found=address,
             remedy="start scheduler and workers with --tls-ca-file, --tls-cert and --tls-key (see deploy/README.md)",
         )
-    return f"{protocol}://{rest}"
+    return f"{protocol}://{location}"
 
 
 def _is_loopback(host: str) -> bool:
@@ -100,15 +100,15 @@ def check_client_key(config: Mapping) -> None:
         return
     path = Path(named).expanduser()
     try:
-        found = path.stat()
+        status = path.stat()
     except OSError as problem:
         raise InputError("the private key for the Dask cluster cannot be read", file=path,
                          key="distributed.comm.tls.client.key", expected="a file", found=problem.strerror,
                          remedy="correct the Dask configuration (see deploy/README.md)") from None
-    mode = stat.S_IMODE(found.st_mode)
-    if mode & (_FORBIDDEN_ROOTS if found.st_uid == 0 else _FORBIDDEN_OURS):
+    mode = stat.S_IMODE(status.st_mode)
+    if mode & (_FORBIDDEN_ROOTS if status.st_uid == 0 else _FORBIDDEN_OURS):
         raise InputError("a private key that others can read", file=path, key="distributed.comm.tls.client.key",
-                         expected="mode 600" + (" or 640, as it belongs to root" if found.st_uid == 0 else ""),
+                         expected="mode 600" + (" or 640, as it belongs to root" if status.st_uid == 0 else ""),
                          found=f"mode {mode:o}",
                          remedy=f"chmod 600 {path}; if others may have read it, make new certificates: with the "
                                 "key they can run code on the cluster")

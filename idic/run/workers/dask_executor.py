@@ -80,7 +80,7 @@ def open_cluster(
             client = stack.enter_context(_local(distributed, workers or default_workers(), memory_limit))
         else:
             client = stack.enter_context(connected(scheduler))
-        runner = DaskRunner(client, preload, limits, here=scheduler is None)
+        runner = DaskRunner(client, preload, limits, local=scheduler is None)
         try:
             yield runner
         finally:
@@ -146,8 +146,8 @@ class DaskRunner:
 
     sees_files = True
 
-    def __init__(self, client, preload: Sequence[str] = (), limits: TaskLimits | None = None, here: bool = False):
-        self._client, self._limits, self._here = client, limits or TaskLimits(), here
+    def __init__(self, client, preload: Sequence[str] = (), limits: TaskLimits | None = None, local: bool = False):
+        self._client, self._limits, self._local = client, limits or TaskLimits(), local
         self._calls = WatchedCalls(client)
         self._imports = {  # the references keep Dask from dropping the tasks
             worker: client.submit(_import_modules, tuple(preload), workers=[worker], key=f"import-{worker}", pure=False)
@@ -171,7 +171,7 @@ class DaskRunner:
 
     def threads_for(self, n_jobs: int) -> int:
         """See `TaskRunner.threads_for`: the cores of idle workers of this machine."""
-        return max(1, self.workers // max(1, n_jobs)) if self._here else 1
+        return max(1, self.workers // max(1, n_jobs)) if self._local else 1
 
     def close(self) -> None:
         """End what belongs to this runner alone; the client stays open."""
@@ -294,15 +294,15 @@ def _settled(cluster) -> bool:
     return not starting and len(cluster.scheduler.workers) >= len(processes)
 
 
-def _free_port(wanted: int) -> int:
-    """The wanted port if it is free, otherwise 0 (any port)."""
+def _free_port(port: int) -> int:
+    """`port` if it is free, otherwise 0 (any port)."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            probe.bind((LOOPBACK, wanted))
+            probe.bind((LOOPBACK, port))
         except OSError:
             return 0
-    return wanted
+    return port
 
 
 def _import_modules(names: tuple[str, ...]) -> None:

@@ -64,9 +64,9 @@ def cpu_seconds() -> float:
     """
     import psutil
 
-    here = psutil.Process()
-    total = sum(here.cpu_times()[:2])
-    for child in here.children(recursive=True):
+    process = psutil.Process()
+    total = sum(process.cpu_times()[:2])
+    for child in process.children(recursive=True):
         try:
             if any(_COMMAND_OF_A_WORKER in word for word in child.cmdline()):
                 total += sum(child.cpu_times()[:4])

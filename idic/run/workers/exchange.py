@@ -131,16 +131,16 @@ class Exchange:
         entries: dict[str, Entry] = {}
         paths: dict[str, str] = {}
         areas: dict[str, str] = {}
-        for one in self._experiments:
-            found = inputs_of(one.path, one.overrides)
-            given = one.path if os.path.isdir(one.path) else os.path.dirname(one.path)
-            area = areas.setdefault(str(found.folder), f"experiment-{len(areas)}/{found.folder.name}")
-            areas[os.path.abspath(given)] = area
-            for path in found.read_files:
-                key = f"{area}/{path.relative_to(found.folder).as_posix()}"
+        for experiment in self._experiments:
+            inputs = inputs_of(experiment.path, experiment.overrides)
+            folder = experiment.path if os.path.isdir(experiment.path) else os.path.dirname(experiment.path)
+            area = areas.setdefault(str(inputs.folder), f"experiment-{len(areas)}/{inputs.folder.name}")
+            areas[os.path.abspath(folder)] = area
+            for path in inputs.read_files:
+                key = f"{area}/{path.relative_to(inputs.folder).as_posix()}"
                 entries[key], paths[key] = self._scanner.entry(str(path)), str(path)
-            for path, facts in found.images.items():
-                entries[f"{area}/{path.relative_to(found.folder).as_posix()}"] = Entry(facts.size, image=facts)
+            for path, facts in inputs.images.items():
+                entries[f"{area}/{path.relative_to(inputs.folder).as_posix()}"] = Entry(facts.size, image=facts)
         return (entries, paths), areas
 
     def _listed(self, entries: Manifest, paths: Mapping[str, str]) -> str:

@@ -69,7 +69,8 @@ def relocated(value: Any, moved: Mapping[str, str]) -> Any:
         return type(value)(relocated(item, moved) for item in value)
     if is_dataclass(value) and not isinstance(value, type):
         return replace(value,
-                       **{one.name: relocated(getattr(value, one.name), moved) for one in fields(value) if one.init})
+                       **{part.name: relocated(getattr(value, part.name), moved)
+                          for part in fields(value) if part.init})
     return value
 
 
@@ -132,9 +133,9 @@ class MirroredRunner:
             return
         lists = self._exchange.publish()
         sent = [MirroredJob(function, job, self._exchange.way, lists) for job in jobs]
-        for found in self._inner.stream(run_mirrored, sent, names, retries, progress, ahead, copies, watch):
-            self._exchange.take(found.written)
-            yield found.value
+        for result in self._inner.stream(run_mirrored, sent, names, retries, progress, ahead, copies, watch):
+            self._exchange.take(result.written)
+            yield result.value
 
     def map(self, function, jobs, names, retries=0, progress=None) -> list[Any]:
         """See `TaskRunner.map`."""

@@ -20,12 +20,12 @@ def peak_memory_mb(children: bool = True) -> float:
     alone."""
     if resource is None:
         return psutil.Process().memory_info().peak_wset / 1e6
-    own = _peak_of_this_program()
+    peak = _peak_of_this_program()
     unit = 1.0 if sys.platform == "darwin" else 1024.0  # ru_maxrss is in bytes there, in KiB elsewhere
-    if own is None:
-        own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+    if peak is None:
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
     of_children = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * unit if children else 0.0
-    return max(own, of_children) / 1e6
+    return max(peak, of_children) / 1e6
 
 
 def _peak_of_this_program() -> float | None:

@@ -217,8 +217,8 @@ class PrefectServer:
 
     def _release_first_start(self) -> None:
         if self._first_start is not None:
-            held, self._first_start = self._first_start, None
-            held.__exit__(None, None, None)
+            first_start, self._first_start = self._first_start, None
+            first_start.__exit__(None, None, None)
 
     def _failure(self, reason: str) -> InputError:
         tail = self._log.read_text(errors="replace").strip().splitlines()[-5:] if self._log else []
@@ -262,7 +262,7 @@ def start_server(environment=os.environ) -> PrefectServer:
 def _borrowed(url: str) -> PrefectServer:
     """A handle on a server that is started and stopped elsewhere."""
     server = PrefectServer(url, owned=False)
-    server._lender = next((other for other in _running if other.url == url), None)
+    server._lender = next((lender for lender in _running if lender.url == url), None)
     server.home = server._lender.home if server._lender else None
     server.password = server._lender.password if server._lender else os.environ.get(PASSWORD)
     return server

@@ -89,11 +89,11 @@ def probe(job: ProbeJob) -> ProbeAnswer:
 def _problem(job: ProbeJob) -> tuple[str, str, str] | tuple[()]:
     from idic.experiment_file import load_experiment
 
-    for one in job.experiments:
-        if one.program:
+    for experiment in job.experiments:
+        if experiment.program:
             try:
-                require_permission([one.program], one.path)
-                find_program(one.program, one.path)
+                require_permission([experiment.program], experiment.path)
+                find_program(experiment.program, experiment.path)
             except InputError as problem:
                 return problem.expected, problem.found, problem.remedy
     if not job.token_file:
@@ -109,15 +109,15 @@ def _problem(job: ProbeJob) -> tuple[str, str, str] | tuple[()]:
                 "(docs/scale.md)")
     if not os.access(folder, os.W_OK):
         return f"write access to {folder}", "none", "start the worker as a user who may write there"
-    for one in job.experiments:
+    for experiment in job.experiments:
         try:
-            found = load_experiment(one.path, dict(one.overrides))
+            worker_experiment = load_experiment(experiment.path, dict(experiment.overrides))
         except InputError as problem:
-            return (f"the experiment {one.path}", str(problem),
+            return (f"the experiment {experiment.path}", str(problem),
                     "put the experiment on a file system that all workers mount at the same path; for your own "
                     "laws set the variable IDIC_LAWS on the workers")
-        if one.identity != found.recording.identity:
-            return (f"the experiment {one.path} as the driver read it", "another experiment at this path",
+        if experiment.identity != worker_experiment.recording.identity:
+            return (f"the experiment {experiment.path} as the driver read it", "another experiment at this path",
                     "put the experiment on a file system that all workers mount at the same path")
     return ()
 
@@ -142,17 +142,18 @@ def check_workers(client, experiments: Sequence[ExperimentToSee], run: Path | st
     with nullcontext("") if run is None else _token_file(Path(run).absolute(), token) as file:
         job = ProbeJob(tuple(experiments), file, token)
         answers = {worker: _answer(client, worker, job) for worker in client.nthreads()}
-    here, rounding = dict(versions_here()), rounding_here()
+    driver_versions, rounding = dict(versions_here()), rounding_here()
     for worker, answer in answers.items():
-        for name, found in answer.versions:
-            if found != here[name]:
-                raise _refused(worker, answer.host, f"{name} {here[name]}, as here", f"{name} {found}",
+        for package, number in answer.versions:
+            if number != driver_versions[package]:
+                raise _refused(worker, answer.host, f"{package} {driver_versions[package]}, as here",
+                               f"{package} {number}",
                                "install the same packages on driver and workers (pip freeze)")
         if answer.problem:
             raise _refused(worker, answer.host, *answer.problem)
-    others = sorted({answer.host for answer in answers.values() if answer.rounding != rounding})
-    if others:
-        say(f"{', '.join(others)}: another processor or library rounds differently. Values agree within rounding; a "
+    hosts = sorted({answer.host for answer in answers.values() if answer.rounding != rounding})
+    if hosts:
+        say(f"{', '.join(hosts)}: another processor or library rounds differently. Values agree within rounding; a "
             f"run "
             "repeated on other machines may differ in its last digits")
 

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from idic.errors import InputError
 
-Progress = Callable[[int, int], None]  # (done, total)
+Progress = Callable[[int, int], None]  # (count, total)
 MAX_TOLD = 500  # characters of a problem that a watch is told
 
 
@@ -92,7 +92,7 @@ class TaskRunner(Protocol):
         retries : int
             How often a job whose function raised is tried again (a lost worker does not count).
         progress : callable, optional
-            ``progress(done, total)`` at every completion, in any order.
+            ``progress(count, total)`` at every completion, in any order.
         ahead : int, optional
             At most so many jobs are submitted beyond the next one to be yielded: bounds the number of waiting results.
             Default: no bound.
@@ -151,11 +151,11 @@ class SerialRunner:
     def stream(self, function, jobs, names, retries=0, progress=None, ahead=None, copies=False,
                watch=None) -> Iterator[Any]:
         """See `TaskRunner.stream`."""
-        for done, (job, _) in enumerate(zip(jobs, names, strict=True), start=1):
-            work = function if watch is None else partial(_watched, watch, done - 1, function)
+        for count, (job, _) in enumerate(zip(jobs, names, strict=True), start=1):
+            work = function if watch is None else partial(_watched, watch, count - 1, function)
             result = self._attempt(work, job, retries)
             if progress is not None:
-                progress(done, len(jobs))
+                progress(count, len(jobs))
             yield result
 
     def map(self, function, jobs, names, retries=0, progress=None) -> list[Any]:

@@ -82,14 +82,14 @@ class WatchedCalls:
                     self._client.unsubscribe_topic(topic)
 
     def _hear_job(self, event: tuple[float, Mapping]) -> None:
-        said = event[1]
-        watch = self._watches.get(said["call"])
+        message = event[1]
+        watch = self._watches.get(message["call"])
         if watch is None:
             return
-        if "place" in said:
-            watch.started(said["job"], said["attempt"], said["place"])
+        if "place" in message:
+            watch.started(message["job"], message["attempt"], message["place"])
         else:
-            watch.ended(said["attempt"], said["problem"])
+            watch.ended(message["attempt"], message["problem"])
 
     def _hear_cluster(self, event: tuple[float, Mapping]) -> None:
         if event[1].get("action") == "remove-worker":
@@ -113,21 +113,21 @@ class Submission:
         self._slowest = 0.0
 
     def in_order(self, progress, ahead: int) -> Iterator[Any]:
-        total, submitted, done, back = len(self._jobs), 0, 0, {}
-        for wanted in range(total):
-            while submitted < min(total, wanted + max(1, ahead)):
+        total, submitted, count, back = len(self._jobs), 0, 0, {}
+        for number in range(total):
+            while submitted < min(total, number + max(1, ahead)):
                 self._submit(submitted)
                 submitted += 1
-            while wanted not in back:
+            while number not in back:
                 future, index = self._next()
                 try:
                     back[index] = self._result(future, index)
                 except JobKillsWorkers as problem:
                     back[index] = problem  # in the place of its result: what earlier jobs did is not lost
-                done += 1
+                count += 1
                 if progress is not None:
-                    progress(done, total)
-            result = back.pop(wanted)
+                    progress(count, total)
+            result = back.pop(number)
             if isinstance(result, JobKillsWorkers):
                 raise result
             yield result
@@ -154,13 +154,13 @@ class Submission:
             index = self._waiting.pop(future, None)
             if index is None:
                 continue  # the second copy of a job that is done
-            others = [other for other, same in self._waiting.items() if same == index]
-            if future.status != "finished" and others:
+            copies = [copy for copy, job_index in self._waiting.items() if job_index == index]
+            if future.status != "finished" and copies:
                 continue  # the other copy may succeed
-            for other in others:
-                del self._waiting[other]
-            if others:
-                self._client.cancel(others, force=True)
+            for copy in copies:
+                del self._waiting[copy]
+            if copies:
+                self._client.cancel(copies, force=True)
             self._slowest = max(self._slowest, time.monotonic() - self._began[index])
             return future, index
 
@@ -171,8 +171,8 @@ class Submission:
                 if index not in self._twice and time.monotonic() - self._began[index] > limit]
         if not (self._copies and late):
             return
-        free = [worker for worker, keys in self._client.processing().items() if not keys]
-        for index, worker in zip(late, free, strict=False):
+        idle_workers = [worker for worker, keys in self._client.processing().items() if not keys]
+        for index, worker in zip(late, idle_workers, strict=False):
             self._twice.add(index)
             self._submit(index, "-again", [worker])
 

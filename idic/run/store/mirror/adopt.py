@@ -26,11 +26,11 @@ def adopt(area: Path, files: Manifest, read: Callable[[Entry], bytes], scanner: 
     groups = _finished_groups(files, read)
     for group in groups:
         target = inside(area, group)
-        own = {key: entry for key, entry in files.items() if key.startswith(f"{group}/")}
+        group_files = {key: entry for key, entry in files.items() if key.startswith(f"{group}/")}
         with renamed_when_complete(target) as folder:
-            for key, entry in own.items():
+            for key, entry in group_files.items():
                 _write(folder / key[len(group) + 1:], read(entry))
-        for key, entry in own.items():
+        for key, entry in group_files.items():
             scanner.expect(str(area / key), entry)
     for key, entry in files.items():
         if not any(key.startswith(f"{group}/") for group in groups):
@@ -43,14 +43,14 @@ def adopt(area: Path, files: Manifest, read: Callable[[Entry], bytes], scanner: 
 
 def _finished_groups(files: Manifest, read: Callable[[Entry], bytes]) -> list[str]:
     """Folders that are finished groups of a store; a group that the driver is building is none."""
-    found = []
+    groups = []
     for key, entry in files.items():
         folder, _, name = key.rpartition("/")
         if name == "zarr.json" and not os.path.basename(folder).startswith("."):
             description = json.loads(read(entry))
             if description.get("node_type") == "group" and description.get("attributes", {}).get("finished"):
-                found.append(folder)
-    return found
+                groups.append(folder)
+    return groups
 
 
 def _write(path: Path, content: bytes) -> None:

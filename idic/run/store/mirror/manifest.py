@@ -45,24 +45,25 @@ def encoded(manifest: Manifest) -> bytes:
     """A manifest as the content of an object."""
     plain = {}
     for key, entry in manifest.items():
-        one: dict = {"size": entry.size, "sha256": entry.sha256}
+        fields: dict = {"size": entry.size, "sha256": entry.sha256}
         if entry.content is not None:
-            one["content"] = base64.b64encode(entry.content).decode("ascii")
+            fields["content"] = base64.b64encode(entry.content).decode("ascii")
         if entry.image is not None:
-            one["image"] = [entry.image.size, entry.image.ends_sha256, entry.image.entries]
-        plain[key] = one
+            fields["image"] = [entry.image.size, entry.image.ends_sha256, entry.image.entries]
+        plain[key] = fields
     return zlib.compress(json.dumps(plain).encode(), 1)
 
 
 def decoded(content: bytes) -> Manifest:
     """The inverse of `encoded`."""
-    made = {}
-    for key, one in json.loads(zlib.decompress(content)).items():
-        image = one.get("image")
+    entries = {}
+    for key, fields in json.loads(zlib.decompress(content)).items():
+        image = fields.get("image")
         facts = None if image is None else ImageFacts(image[0], image[1], tuple(map(tuple, image[2])))
-        small = one.get("content")
-        made[key] = Entry(one["size"], one["sha256"], None if small is None else base64.b64decode(small), facts)
-    return made
+        small = fields.get("content")
+        entries[key] = Entry(fields["size"], fields["sha256"], None if small is None else base64.b64decode(small),
+                             facts)
+    return entries
 
 
 class Scanner:
@@ -75,16 +76,16 @@ class Scanner:
         """The entry of a file as it is now."""
         status = os.stat(path)
         age = (status.st_ino, status.st_mtime_ns, status.st_size)
-        kept = self._known.get(path)
-        if kept is None or kept[0] != age:
+        cached = self._known.get(path)
+        if cached is None or cached[0] != age:
             with open(path, "rb") as stream:
                 if status.st_size <= SMALL_BYTES:
                     content = stream.read()
-                    kept = age, Entry(len(content), digest_of(content), content)
+                    cached = age, Entry(len(content), digest_of(content), content)
                 else:
-                    kept = age, Entry(status.st_size, hashlib.file_digest(stream, "sha256").hexdigest())
-            self._known[path] = kept
-        return kept[1]
+                    cached = age, Entry(status.st_size, hashlib.file_digest(stream, "sha256").hexdigest())
+            self._known[path] = cached
+        return cached[1]
 
     def expect(self, path: str, entry: Entry) -> None:
         """Take over the digest of a file that was just written."""

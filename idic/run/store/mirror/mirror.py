@@ -58,9 +58,9 @@ class Mirror:
         if set(names) != set(self._manifests):
             self._manifests = {name: self._manifests.get(name) or decoded(self._objects.get(name)) for name in names}
             self._listed = {key: entry for manifest in self._manifests.values() for key, entry in manifest.items()}
-            wanted = {entry.sha256 for entry in self._listed.values()}
+            digests = {entry.sha256 for entry in self._listed.values()}
             for path in list(self._kept.iterdir()):
-                if path.name not in wanted:
+                if path.name not in digests:
                     path.unlink()
         for path in self._files():
             entry = self._listed.get(self._key(path))
@@ -97,13 +97,13 @@ class Mirror:
 
     def written(self) -> Written:
         """Send the files that are new since `follow`; a new group counts whole."""
-        new = {self._key(path): self._scanner.entry(path) for path in self._files()}
-        changed = {key for key, entry in new.items() if not _same(self._listed.get(key), entry)}
+        entries = {self._key(path): self._scanner.entry(path) for path in self._files()}
+        changed = {key for key, entry in entries.items() if not _same(self._listed.get(key), entry)}
         groups = tuple(key.removesuffix("zarr.json") for key in changed if key.endswith("/zarr.json"))
-        taken = {key: entry for key, entry in new.items() if key in changed
-                 or key.startswith(groups)} if changed else {}
+        new_entries = {key: entry for key, entry in entries.items() if key in changed
+                       or key.startswith(groups)} if changed else {}
         batch: list[bytes] = []
-        for key, entry in taken.items():
+        for key, entry in new_entries.items():
             if entry.size > SMALL_BYTES:
                 batch.append((self.folder / key).read_bytes())
                 if sum(map(len, batch)) > _NEW_BYTES:
@@ -111,7 +111,7 @@ class Mirror:
                     batch = []
         if batch:
             self._objects.put(batch)
-        return Written(taken)
+        return Written(new_entries)
 
     def drop(self) -> None:
         """Delete the folders."""
@@ -120,12 +120,12 @@ class Mirror:
 
     def _files(self) -> list[str]:
         """All files but those of groups that were never finished, except where the driver builds the group."""
-        found = []
+        paths = []
         for base, folders, names in os.walk(self.folder):
             folders[:] = [name for name in folders if self._counts(os.path.join(base, name))]
-            found += [os.path.join(base, name) for name in names
+            paths += [os.path.join(base, name) for name in names
                       if name != LOCK_NAME and not name.endswith((".tmp", ".partial"))]
-        return found
+        return paths
 
     def _counts(self, folder: str) -> bool:
         """Whether a folder is no leftover of a task that failed, and none of this class."""
@@ -148,10 +148,10 @@ class Mirror:
             replace_file(path, self._kept / entry.sha256)
 
     def _bring(self, path: str, entry: Entry) -> None:
-        kept = self._kept / entry.sha256
-        if kept.exists():
+        stored = self._kept / entry.sha256
+        if stored.exists():
             os.makedirs(os.path.dirname(path), exist_ok=True)
-            replace_file(kept, path)
+            replace_file(stored, path)
         else:
             self._write(path, self._objects.get(entry.sha256) if entry.content is None else entry.content)
 
@@ -172,8 +172,8 @@ class Mirror:
         return os.path.relpath(path, self.folder).replace(os.sep, "/")
 
 
-def _same(one: Entry | None, other: Entry) -> bool:
-    return one is not None and one.sha256 == other.sha256
+def _same(earlier: Entry | None, entry: Entry) -> bool:
+    return earlier is not None and earlier.sha256 == entry.sha256
 
 
 def _is_chunk(key: str) -> bool:

@@ -66,8 +66,8 @@ class StoredObjects:
     def sizes(self) -> dict[str, int]:
         """Digests and sizes of all objects."""
         self._tried("read", self._fs.invalidate_cache)
-        found = self._tried("read", lambda: self._fs.find(self._root, detail=True), missing={})
-        return {path.rpartition("/")[2]: int(entry["size"]) for path, entry in found.items()}
+        objects = self._tried("read", lambda: self._fs.find(self._root, detail=True), missing={})
+        return {path.rpartition("/")[2]: int(entry["size"]) for path, entry in objects.items()}
 
     def delete(self, names: Iterable[str]) -> None:
         """Delete objects; those that are gone already do not matter."""
@@ -88,19 +88,19 @@ class StoredObjects:
     def _path(self, sha256: str) -> str:
         return f"{self._root}/{sha256[:2]}/{sha256}"
 
-    def _tried(self, what: str, call: Callable[[], _T], **missing: Any) -> _T:
+    def _tried(self, action: str, call: Callable[[], _T], **missing: Any) -> _T:
         """A call to the file system; a failure is reported with its place."""
         try:
             return call()
         except FileNotFoundError as problem:
             if missing:
                 return missing["missing"]
-            raise self._failed(what, problem) from problem
+            raise self._failed(action, problem) from problem
         except Exception as problem:  # file systems of fsspec raise the types of their libraries
-            raise self._failed(what, problem) from problem
+            raise self._failed(action, problem) from problem
 
-    def _failed(self, what: str, problem: Exception) -> InputError:
-        return InputError(f"{self._place} cannot {what} the store", key="--store", expected=f"access to {self.url}",
+    def _failed(self, action: str, problem: Exception) -> InputError:
+        return InputError(f"{self._place} cannot {action} the store", key="--store", expected=f"access to {self.url}",
                           found=f"{type(problem).__name__}: {problem}",
                           remedy="check address and credentials there (for S3: AWS_ACCESS_KEY_ID, "
                                  "AWS_SECRET_ACCESS_KEY, AWS_ENDPOINT_URL), then continue with --resume")
