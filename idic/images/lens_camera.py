@@ -81,7 +81,10 @@ class LensCamera(ABC):
     # the lens model -------------------------------------------------------------------------------
     @abstractmethod
     def distort(self, ideal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distorted normalised positions, and their derivative by the ideal ones  # (n, 2) -> (n, 2), (n, 2, 2)"""
+        """Distorted normalised positions, and their derivative by the ideal ones  # (n, 2) -> (n, 2), (n, 2, 2)
+
+        NaN where the lens has no image of a direction, and of NaN.
+        """
 
     @abstractmethod
     def coefficient_slopes(self, ideal: np.ndarray) -> np.ndarray:
@@ -91,7 +94,7 @@ class LensCamera(ABC):
         """Ideal positions of distorted ones by Newton's method  # (n, 2) -> (n, 2)
 
         NaN beyond a fold of the distortion. allowed_px : (n,) miss on the sensor where the method circles in the last
-        bit. A model may have a faster one.
+        bit. A model may have a faster one, or an explicit one, equal but for rounding.
         """
         ideal, moving = target.copy(), np.arange(len(target))
         has_converged = np.zeros(len(target), dtype=bool)
@@ -143,16 +146,16 @@ class LensCamera(ABC):
         Raises
         ------
         InputError
-            If a point is not in front of the camera.
+            If a point is not in front of the camera, or its distortion gives it no image.
         """
-        _, _, ideal = self._in_camera(points)
-        return self._in_front(self._on_sensor(self.distort(ideal)[0]))
+        _, depth, ideal = self._in_camera(points)
+        return self._seen(self._on_sensor(self.distort(ideal)[0]), depth)
 
     def jacobian(self, points: np.ndarray) -> np.ndarray:
         """d (column, row) / d (x, y, z)  # (n, 2|3) mm -> (n, 2, 3) px/mm"""
         _, depth, ideal = self._in_camera(points)
         c, r = self._camera_slopes(depth, ideal, self.distort(ideal)[1]), self.rotation
-        return self._in_front(c[:, :, 0, None] * r[0] + c[:, :, 1, None] * r[1] + c[:, :, 2, None] * r[2])
+        return self._seen(c[:, :, 0, None] * r[0] + c[:, :, 1, None] * r[1] + c[:, :, 2, None] * r[2], depth)
 
     def parameter_jacobian(self, points: np.ndarray, name: str | None = None) -> np.ndarray:
         """d (column, row) of fixed points by `parameters`, or by one of them
@@ -175,7 +178,7 @@ class LensCamera(ABC):
                                     + c[:, :, 2] * arm[2][:, None])
         columns[:, :, n : n + 3] *= np.pi / 180.0
         columns[:, :, n + 3 :] = c
-        return self._in_front(columns if name is None else columns[:, :, self.parameters.index(name)])
+        return self._seen(columns if name is None else columns[:, :, self.parameters.index(name)], depth)
 
     def normalised(self, pixels: np.ndarray) -> np.ndarray:
         """Undistorted directions (X / Z, Y / Z) of pixels in the camera's frame  # (n, 2) px -> (n, 2)
@@ -267,14 +270,20 @@ class LensCamera(ABC):
         return InputError("no such camera parameter", key=", ".join(sorted(names)),
                           expected=", ".join(self.parameters), remedy="use one of these names")
 
-    def _in_front(self, array):
-        bad = np.isnan(array).reshape(len(array), -1).any(axis=1)
-        if bad.any():
+    def _seen(self, array: np.ndarray, depth: np.ndarray) -> np.ndarray:
+        """The same, of points that all have an image."""
+        in_front, has_image = depth > 0.0, np.isfinite(array).reshape(len(array), -1).all(axis=1)
+        if not in_front.all():
             raise InputError("the mesh is behind the camera", key="rotation, translation_mm",
                              expected="every point in front of the camera (Z > 0)",
-                             found=f"{bad.sum()} of {len(bad)} points behind it or not a number",
+                             found=f"{(~in_front).sum()} of {len(array)} points behind it or not a number",
                              remedy="check the pose: camera frame = rotation @ mesh frame + translation_mm, "
                                     "with Z along the line of sight")
+        if not has_image.all():
+            raise InputError("the lens has no image of a part of the mesh", key=", ".join(self.coefficients),
+                             expected="every point within the angle of view at which the distortion folds back",
+                             found=f"{(~has_image).sum()} of {len(array)} points beyond it",
+                             remedy="check the coefficients (of normalised coordinates, not of pixels) and the pose")
         return array
 
 

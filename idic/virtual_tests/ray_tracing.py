@@ -16,7 +16,7 @@ import numba
 import numpy as np
 
 from idic.fe import Block
-from idic.images import CODES, EDGE_TOLERANCE, MAX_NODES, PinholeCamera, carry, shape_functions
+from idic.images import CODES, EDGE_TOLERANCE, LensCamera, MAX_NODES, carry, shape_functions
 from idic.virtual_tests.render import Sensor, sample_grid
 
 STRIP_SAMPLES = 600_000  # samples held at a time
@@ -39,7 +39,7 @@ class Scene:
     closed: bool = True
 
 
-def traced_image(scene: Scene, u: np.ndarray, camera: PinholeCamera, texture: Callable[[np.ndarray], np.ndarray],
+def traced_image(scene: Scene, u: np.ndarray, camera: LensCamera, texture: Callable[[np.ndarray], np.ndarray],
                  sensor: Sensor) -> np.ndarray:
     """One image without noise or rounding  # (ny, nx) float64
 

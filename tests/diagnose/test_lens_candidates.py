@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from side_twins import FORCE_NOISE, GRIP, GRIP_NOISE, LENGTH, NOISE, PIXEL, RADIUS, SHAPE, THICKNESS, TIMES, TOML
 from side_twins import TRUTH, WIDTH, Side, refit, screening, truth
+from twins.moving_sheet import write_moving_sheet
 
 from idic.diagnose import candidate_library
 from idic.diagnose.physics.candidate import Situation
 from idic.experiment_file import load_experiment, read_toml
 from idic.fe import nodal_deformation
 from idic.identification import treatments
-from idic.images import PinholeCamera, PlacedCamera, RigidMotion, rotation_of
+from idic.images import LENS_MODELS, PinholeCamera, PlacedCamera, RigidMotion, rotation_of
 from idic.virtual_tests import Sensor, strip_with_hole, write_images, write_inp, write_loads
 from idic.virtual_tests.stereo_images import common_speckle, traced_images
 from idic.virtual_tests.stereo_rig import FROM_ABOVE, write_calibration
@@ -89,3 +90,14 @@ def test_an_approach_before_a_lens_is_named_and_its_refit_finds_it(tmp_path):
     for name, true in (("placement.t_z_drift", APPROACH / TIMES[-1]), ("placement.rotation_x_drift", 0.0),
                        ("placement.rotation_y_drift", 0.0), ("BODY.E", TRUTH["E"]), ("BODY.nu", TRUTH["nu"])):
         assert abs(again[name]["value"] - true) < 3.0 * again[name]["std"], name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LENS_MODELS)
+def test_a_wrong_distortion_is_named_before_every_other_cause(name, tmp_path):
+    leading = LENS_MODELS[name].leading
+    wrong = LENS_MODELS[name].example[leading] + 0.01  # 0.6 px in the corner
+    _, result = screening(write_moving_sheet(tmp_path / "lens", name, {leading: wrong}), None)
+    best = result.ranked[0]
+    assert (best.candidate.name, best.variant.new, best.standing) == ("lens_distortion", (f"camera.{leading}",),
+                                                                      "significant")

@@ -113,7 +113,10 @@ def test_amplitudes_of_a_rigid_motion_are_degrees_of_freedom(tmp_path):
 @pytest.mark.parametrize("table, words", [
     ('[camera]\nmodel = "pinhole"\npixel_size_mm = 0.1\ncalibration = "cal.json"\n', "another camera model"),
     ('[camera]\npixel_size_mm = 0.1\norigin_px = [10, 40]\ncalibration = "cal.json"\n', 'model = "pinhole"'),
+    ('[camera]\npixel_size_mm = 0.1\norigin_px = [10, 40]\nl1 = -0.1\n', 'leave out l1, or write model = "division"'),
     ('[camera]\nmodel = "pinhole"\n' + POSE, "without its calibration"),
+    ('[camera]\nmodel = "division"\nfx_px = 2000\nfy_px = 2010\ncx_px = 29\ncy_px = 24\nl1 = -0.1\n',
+     "a division camera without a pose"),
     ('[camera]\nmodel = "pinhole"\ncalibration = "cal.json"\ncalibration_camera = 2\n' + POSE, "0 … 1"),
     ('[camera]\nmodel = "pinhole"\ncalibration = "cal.json"\nrotation = [[1,0,0],[0,1,0],[0,0,1]]\n', "half of a pose"),
     ('[camera]\nmodel = "pinhole"\ncalibration = "cal.json"\nidentify_calibration = true\n' + POSE, "deviations"),

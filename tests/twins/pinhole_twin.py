@@ -83,6 +83,12 @@ def true_motion(thickness, grip=GRIP, mesh=None):
     return mesh, np.array([u for u, _ in states]), np.array([f for _, f in states])
 
 
+def write_traced_images(folder, mesh, placed, u, sensor, rng):
+    """The recording of a plane mesh with speckle by ray tracing; u : (n_frames, n_nodes, 2|3) mm"""
+    speckle = common_speckle([placed], rng, 256.0)
+    write_images(folder, traced_images(mesh, None, placed, u, sensor, speckle, rng))
+
+
 def write_plane_test(folder, camera, thickness=2.0, noise=2.0, table="", more="", rigid=None, seed=0, known=None,
                      user=(4, 6, 3), truth=None):
     """An experiment folder; rigid : (n_frames, 6) deg, mm of the specimen; known : the camera that the file tells."""
@@ -95,9 +101,7 @@ def write_plane_test(folder, camera, thickness=2.0, noise=2.0, table="", more=""
         names = ("rotation_x", "rotation_y", "rotation_z", "t_x", "t_y", "t_z")
         motion = RigidMotion(names, names, np.asarray(rigid).T, np.ones(6))
     placed = PlacedCamera(camera, motion=motion)
-    speckle = common_speckle([placed], rng, 256.0)
-    sensor = Sensor(SHAPE, noise_std=noise, background=25.0)
-    write_images(folder, traced_images(mesh, None, placed, u, sensor, speckle, rng))
+    write_traced_images(folder, mesh, placed, u, Sensor(SHAPE, noise_std=noise, background=25.0), rng)
     write_calibration([known or camera], SHAPE, folder / "cal.json")
     write_loads(folder, np.arange(float(len(u))), {
         "force_N": force + 10.0 * rng.standard_normal(len(force)),

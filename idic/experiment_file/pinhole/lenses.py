@@ -167,8 +167,9 @@ class _LensTables:
         if number is not None:
             return self._rig(i).cameras[number].with_parameters(values)
         if table.rotation is None and not (placed and self._single()):
-            raise InputError("a pinhole camera without a pose", file=self.file, key=self.key(i, "rotation"),
-                             expected="rotation and translation_mm, an alignment, or a calibration file with a pose",
+            file = ", or a calibration file with a pose" if table.lens.is_calibrated else ""
+            raise InputError(f"a {table.model} camera without a pose", file=self.file, key=self.key(i, "rotation"),
+                             expected=f"rotation and translation_mm, or an alignment{file}",
                              found="none of them", remedy="say where the mesh is before this camera")
         return table.lens(**values)
 

@@ -130,11 +130,12 @@ class LensKeys(Strict):
 
     @model_validator(mode="after")
     def _one_model(self):
-        foreign = [name for name in self._foreign_keys() if name in self.model_fields_set]
+        foreign = [name for name in _foreign_keys(self.lens) if name in self.model_fields_set]
         if foreign:
+            fitting = [f'"{name}"' for name, lens in LENS_MODELS.items() if not set(foreign) & set(_foreign_keys(lens))]
+            choice = f", or write model = {' or '.join(fitting)}" if fitting else ""
             raise refuse("keys of another camera model", f"the keys of a {self.model} camera",
-                         f"leave out {', '.join(foreign)}" + ("" if self.lens else ', or write model = "pinhole"'),
-                         ", ".join(foreign))
+                         f"leave out {', '.join(foreign)}{choice}", ", ".join(foreign))
         if self.lens and self.calibration is None and None in (self.fx_px, self.fy_px, self.cx_px, self.cy_px):
             file = 'calibration = "cal.xml", or ' if self.lens.is_calibrated else ""
             raise refuse(f"a {self.model} camera without its calibration", f"{file}fx_px, fy_px, cx_px, cy_px",
@@ -151,12 +152,12 @@ class LensKeys(Strict):
         return self
 
 
-    def _foreign_keys(self) -> list[str]:
-        """The keys that belong to other models."""
-        if self.lens is None:
-            return list(_LENS)
-        coefficients = [name for name in _COEFFICIENTS if name not in self.lens.coefficients]
-        return [*_TELECENTRIC, *coefficients, *(() if self.lens.is_calibrated else _CALIBRATED)]
+def _foreign_keys(lens: type[LensCamera] | None) -> list[str]:
+    """The keys that belong to other models than this; None: a telecentric camera."""
+    if lens is None:
+        return list(_LENS)
+    coefficients = [name for name in _COEFFICIENTS if name not in lens.coefficients]
+    return [*_TELECENTRIC, *coefficients, *(() if lens.is_calibrated else _CALIBRATED)]
 
 
 if TYPE_CHECKING:

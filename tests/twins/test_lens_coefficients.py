@@ -1,0 +1,22 @@
+"""Every lens model identifies its coefficients from a virtual recording rendered with it."""
+
+from __future__ import annotations
+
+import pytest
+from moving_sheet import TRUTH, write_moving_sheet
+
+from idic.experiment_file import load_experiment
+from idic.identification import identify
+from idic.images import LENS_MODELS
+
+
+@pytest.mark.parametrize("name", LENS_MODELS)
+def test_the_coefficients_of_a_lens_are_identified_from_an_undistorted_start(name, tmp_path):
+    example = LENS_MODELS[name].example
+    path = write_moving_sheet(tmp_path / "lens", name, dict.fromkeys(example, 0.0), free=example)
+    found = identify(load_experiment(path)).result
+    assert found["status"] == "converged"
+    for key, value in ({f"camera.{key}": value for key, value in example.items()} | TRUTH).items():
+        entry = found["parameters"][key]
+        assert abs(entry["value"] - value) < 3.0 * entry["std"], key  # noise alone
+        assert key in TRUTH or entry["std"] < 0.2 * abs(value), key  # it is determined: zero is 5 deviations away
