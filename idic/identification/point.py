@@ -15,6 +15,7 @@ from idic.correlation import (
     CorrelationContext, CorrelationSystem, FrameResponse, Reference, Weights, camera_at, closed_system,
     correlated_frames, frame_system, reduce_systems, with_all_cameras,
 )
+from idic.errors import InputError, NotConverged
 from idic.identification.noise.end_noise import with_end_noise
 from idic.identification.step.state import Evaluation
 from idic.images import Camera
@@ -29,12 +30,20 @@ def point_context(experiment: Experiment, parameters: ParameterSet, forward: For
     """The record that all frames of a point share: cameras and mesh where the parameters put them.
 
     moving : the free parameters that change the simulation
+
+    Raises
+    ------
+    NotConverged
+        If these parameters flatten an element, or a camera at its trial place does not see the mesh.
     """
     placed = experiment.at_geometry(parameters)
     camera = camera_at(placed, parameters)
-    return with_all_cameras(CorrelationContext(
-        placed, parameters, experiment.model.parameters.free, tuple(moving), camera, attach(placed, camera), weights,
-        forward.drives.local_precision, local_scatter=forward.drives.local_scatter), attach)
+    try:
+        return with_all_cameras(CorrelationContext(
+            placed, parameters, experiment.model.parameters.free, tuple(moving), camera, attach(placed, camera),
+            weights, forward.drives.local_precision, local_scatter=forward.drives.local_scatter), attach)
+    except InputError as error:  # that the start sees it was checked: it is the trial that is impossible
+        raise NotConverged(f"{error.what}: {error.found}") from None
 
 
 def chunk_frames(n_frames: int) -> int:

@@ -68,14 +68,13 @@ class PinholeView:
         Raises
         ------
         NotConverged
-            If the motion carries the mesh behind the camera.
+            If the motion carries the mesh behind the camera, or beyond the fold of its distortion.
         """
         still = in_space(nodes)
         try:
-            moved = self.moved_camera.project(self.deformed(nodes, u))
+            return self.moved_camera.project(self.deformed(nodes, u)) - self.camera.project(still)
         except InputError as error:
             raise NotConverged(f"{error.what}: {error.found}") from None
-        return moved - self.camera.project(still)
 
     def columns(self, nodes: np.ndarray, u: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Nodal sensitivities in the image  # (n_nodes, 2|3, m) mm per unit -> (2 n_nodes, m)"""
