@@ -13,7 +13,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.experiment_file import EXPERIMENT_FILE, find_stages
 from idic.readers import (
-    FileStack, Log, PNG_SUFFIXES, TIFF_SUFFIXES, natural_key, open_stack, patterns_of, read_log, recorded_order,
+    FileStack, Log, PICTURE_SUFFIXES, natural_key, open_stack, patterns_of, read_log, recorded_order,
 )
 
 RUNS = "runs"  # FOLDER/runs/NAME: what the page identifies
@@ -89,7 +89,7 @@ def list_folder(folder: Path) -> Listing:
     files.sort(key=lambda path: natural_key(path.relative_to(folder).as_posix()))
     groups: dict[tuple[Path, str], list[Path]] = defaultdict(list)
     for path in files:
-        if path.suffix.lower() in TIFF_SUFFIXES + PNG_SUFFIXES and not re.search(r"mask|roi", path.stem, re.IGNORECASE):
+        if path.suffix.lower() in PICTURE_SUFFIXES and not re.search(r"mask|roi", path.stem, re.IGNORECASE):
             groups[path.parent, path.suffix].append(path)
     if not groups and find_stages(files):
         raise InputError("the folder holds measured fields, and idic draw draws on images", file=folder,

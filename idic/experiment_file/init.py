@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
+from idic.experiment_file.checks.height_maps import HEIGHT_UNITS
 from idic.experiment_file.initial.fields import fields_document, find_stages
 from idic.experiment_file.initial.found import Area, Found, files_in, look_around
 from idic.experiment_file.initial.words import fitting_scale, lines_of
 from idic.experiment_file.toml_file import EXPERIMENT_FILE
 from idic.fe import Mesh, segments_of
-from idic.readers import Log, PNG_SUFFIXES, TIFF_SUFFIXES, parse_unit
+from idic.readers import Log, PICTURE_SUFFIXES, XYZ_SUFFIXES, parse_unit
 
 _ENDS = (("BOTTOM", "TOP"), ("LEFT", "RIGHT"), ("FIXED", "MOVING"), ("FIX", "LOAD"), ("CLAMP", "PULL"))
 _ROI_MARGIN, _ELEMENTS_ACROSS = 0.1, 15
@@ -45,7 +46,8 @@ def initial_experiment(folder: str | Path, area: Area | None = None) -> tuple[Pa
         raise InputError("the folder has an experiment already", file=target, expected="no experiment.toml",
                          found="an experiment.toml", remedy="rename or delete that file first")
     files = files_in(folder)
-    stages = [] if any(path.suffix.lower() in TIFF_SUFFIXES + PNG_SUFFIXES for path in files) else find_stages(files)
+    has_images = any(path.suffix.lower() in PICTURE_SUFFIXES + XYZ_SUFFIXES for path in files)
+    stages = [] if has_images else find_stages(files)
     contents = None if stages else look_around(folder, files, area)
     text = fields_document(folder, stages, files) if contents is None else _document(contents)
     with target.open("x", encoding="utf-8") as stream:
@@ -71,11 +73,20 @@ def _experiment(contents: Found) -> str:
     lines += [f"# {note}" for note in contents.notes]
     lines += ["[experiment]", f"title = {json.dumps(contents.folder.resolve().name)}",
               _line(f"images = {json.dumps(contents.images)}", "in natural order; the reference comes first"),
-              *_log_lines(contents), *_mesh_lines(contents)]
+              *_height_lines(contents), *_log_lines(contents), *_mesh_lines(contents)]
     mask = f"mask = {json.dumps(contents.mask)}" if contents.mask else '# mask = "mask.png"'
     lines += [_line(mask, "white is correlated"),
               _line("# exclude_frames = [12]", "numbers in the file names, or indices from 0")]
     return "\n".join(lines) + "\n"
+
+
+def _height_lines(contents: Found) -> list[str]:
+    if not contents.are_heights:
+        return []
+    unit = None if contents.height_unit is None else parse_unit(contents.height_unit)
+    key = next((name for name in HEIGHT_UNITS if parse_unit(name) == unit), None)
+    return ['quantity = "height"', _line(f'height_unit = "{key or "um"}"', "as the files state" if key
+                                         else "FILL IN: m, mm, um or nm; the files state none of them")]
 
 
 def _log_lines(contents: Found) -> list[str]:
@@ -130,6 +141,11 @@ def _guessed_roi(contents: Found) -> tuple[int, int, int, int, int]:
 
 def _camera(contents: Found) -> str:
     noise = _line("# noise_std_gv = 2.0", "of one image; else from still_frames, else from the residual")
+    if contents.pitch_mm is not None:
+        return "\n".join(["[camera]", _line(f"pixel_size_mm = {contents.pitch_mm[0]:.6g}", "the pitch of the files"),
+                          _line("# origin_px = [0.0, 0.0]", "FILL IN: (column, row) of the mesh origin"),
+                          _line('axes = ["+col", "-row"]', "directions of mesh x and y in the image"),
+                          _line("# noise_std_gv = 0.01", "FILL IN: of one height, in its unit; or still_frames"), ""])
     if contents.mesh is None:
         return "\n".join(["[camera]", _line("# pixel_size_mm = 0.05",
                                             "FILL IN for lengths in mm and forces; else in px"), noise, ""])

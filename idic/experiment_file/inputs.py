@@ -13,7 +13,7 @@ from idic.experiment_file.recording import ends_of, laws_of_user
 from idic.experiment_file.tables.further_cameras import camera_images
 from idic.experiment_file.tables.temperatures import temperature_images
 from idic.experiment_file.toml_file import law_files, locate, read_toml, validated, with_overrides
-from idic.readers import PNG_SUFFIXES, TIFF_SUFFIXES, image_entries
+from idic.readers import PICTURE_SUFFIXES, image_entries
 from idic.remote_files import ImageFacts, fetched_files
 
 
@@ -67,7 +67,7 @@ def _below(path: Path, file: Path) -> bool:
 
 
 def _is_image(path: Path) -> bool:
-    return path.suffix.lower() in (*TIFF_SUFFIXES, *PNG_SUFFIXES)
+    return path.suffix.lower() in PICTURE_SUFFIXES
 
 
 def _facts(path: Path) -> ImageFacts:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from idic.errors import InputError
+from idic.experiment_file.checks.height_maps import pitch_in_words, pitch_notes
 from idic.experiment_file.checks.model import check_surface
 from idic.experiment_file.measured_fields.placement import field_camera, laid_on_outline
 from idic.experiment_file.pinhole.lenses import Lenses, camera_tables, check_image, lenses, middle_of
@@ -17,6 +18,7 @@ from idic.experiment_file.tables.lengths import Lengths, lengths
 from idic.experiment_file.tables.mesh_on_image import mesh_on_image
 from idic.experiment_file.tables.mesh_sets import with_edge_set, with_sets
 from idic.fe import Mesh, check_elements
+from idic.images import Camera
 from idic.readers import FieldStack, factor_between, to_mesh
 
 
@@ -77,6 +79,9 @@ class _Placement:
             scale = replace(scale, camera=lens.cameras[0])
         scale = self.on_outline(scale, mesh)
         check_surface(mesh, table.kind, table.surface, self.file)
+        if table.quantity == "height" and isinstance(scale.camera, Camera):
+            is_section = table.surface is not None and table.kind != "solid"
+            notes += pitch_notes(frames.stack, scale.camera, is_section, self.file)
         return PlacedMesh(mesh, scale, lens, tuple(notes), tables_of(self.config))
 
     def scale(self, lens: Lenses) -> Lengths:
@@ -95,7 +100,8 @@ class _Placement:
         if table.quantity == "height" and scale.unit == "px":
             raise InputError("height images without a scale", file=self.file, key="camera.pixel_size_mm",
                              expected=f"the size of a pixel: heights are in {table.height_unit}", found="lengths in px",
-                             remedy="give pixel_size_mm")
+                             remedy="give pixel_size_mm" + (f" = {pitch}, the pitch of the files" if (
+                                 pitch := pitch_in_words(frames.stack)) else ""))
         return scale
 
     def mesh(self, scale: Lengths) -> tuple[Mesh, list[str]]:

@@ -18,6 +18,7 @@ from idic.experiment_file.pinhole.lenses import calibrations
 from idic.experiment_file.schema.experiment_file import ExperimentFile
 from idic.experiment_file.schema.materials import MaterialTable
 from idic.experiment_file.tables.further_cameras import CameraFrames, camera_files, camera_frames, camera_images
+from idic.experiment_file.checks.height_maps import check_height_unit
 from idic.experiment_file.checks.images_at_rest import check_depth
 from idic.experiment_file.tables.solver import external_solver, solver_files
 from idic.experiment_file.tables.temperatures import infrared_stacks, temperature_images
@@ -136,6 +137,7 @@ class RecordedFolder:
                              remedy='run the test, then write e.g. images = "images/*.tif"; before the test, '
                              "idic design predicts what it will determine")
         stack = self.opened_images()
+        check_height_unit(stack, table.height_unit, file, "experiment.height_unit")
         self._check_complete(stack.labels)
         notes = stack.notes()
 
@@ -226,6 +228,7 @@ class RecordedFolder:
             self._same_size(still_stack.shape, stack, "experiment.still_frames",
                             "record them with the image window of the test, and crop them alike")
             check_depth(still_stack, stack, file, "experiment.still_frames")
+            check_height_unit(still_stack, table.height_unit, file, "experiment.still_frames")
         elif table.still_frames:
             still = indices(table.still_frames, "still_frames")
         n_still = len(still) if still_stack is None else still_stack.n_frames

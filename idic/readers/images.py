@@ -1,4 +1,4 @@
-"""Reads image files: TIFF (also multi-page), PNG, video; 8 or 16 bit grey or 32-bit float; one frame at a time."""
+"""Reads image files: TIFF (also multi-page), PNG, XYZ grid, video; 8 or 16 bit grey, 32-bit float; frame by frame."""
 
 from __future__ import annotations
 
@@ -12,20 +12,22 @@ from PIL import Image
 
 from idic.errors import InputError
 from idic.remote_files import fetch, image_facts
+from idic.readers.delimited.xyz_grid import XYZ_SUFFIXES, XyzGrid, check_alike, read_xyz_heights, xyz_grid
 from idic.readers.orientation import TAG, UPRIGHT, orientation_note, orientation_of, upright, upright_shape
 from idic.readers.video import SUFFIXES as VIDEO_SUFFIXES
 from idic.readers.video import read_video_frame, video_headers, video_notes
 
 TIFF_SUFFIXES, PNG_SUFFIXES = (".tif", ".tiff"), (".png", ".bmp")
+PICTURE_SUFFIXES = TIFF_SUFFIXES + PNG_SUFFIXES  # of images that may be photographs
 FORMATS = ("PNG", "BMP")  # Pillow detects the format by the content and passes some formats to other programs
-_EXPECTED = "grey TIFF or PNG images, 8 or 16 bit, 32-bit float TIFF, or a video"
+_EXPECTED = "grey TIFF or PNG images, 8 or 16 bit, 32-bit float TIFF, XYZ grids of heights, or a video"
 logging.getLogger("tifffile").setLevel(logging.CRITICAL + 1)  # damaged files get one message, that of idic
 _COLOUR = "convert them to grey (one channel of the raw data; not a JPEG)"
 
 
 @dataclass(frozen=True)
 class ImageEntry:
-    """The place of one frame: a page of a file."""
+    """The place of one frame: a page of a file. grid : pitch and units, of formats that state them."""
 
     path: Path
     page: int
@@ -33,6 +35,7 @@ class ImageEntry:
     dtype: str
     label: str
     orientation: int = UPRIGHT
+    grid: XyzGrid | None = None
 
 
 class FileStack:
@@ -62,6 +65,11 @@ class FileStack:
     def labels(self) -> tuple[str, ...]:
         return tuple(entry.label for entry in self.entries)
 
+    @property
+    def grid(self) -> XyzGrid | None:
+        """Pitch and units of the frames, of formats that state them."""
+        return self.entries[0].grid
+
     def notes(self) -> list[str]:
         """Notes on effects of the file format on the measurement."""
         videos = dict.fromkeys(e.path for e in self.entries if e.path.suffix.lower() in VIDEO_SUFFIXES)
@@ -84,12 +92,13 @@ class FileStack:
 
 
 def open_stack(paths: list[Path], *, file=None, key: str = "images", with_gaps: bool = False) -> FileStack:
-    """The stack of these files after a check of the headers: size, depth, colour, completeness. No pixel is read.
+    """The stack of these files after a check of the headers: size, depth, colour, completeness. Pixels are read of
+    formats without a header only (videos, XYZ grids).
 
     Raises
     ------
     InputError
-        A file is not an image, is truncated or in colour, or differs from the first in size or depth.
+        A file is not an image, is truncated or in colour, or differs from the first in size, depth, pitch or unit.
     """
     entries = [entry for path in paths for entry in image_entries(path)]
     if not entries:
@@ -106,6 +115,7 @@ def open_stack(paths: list[Path], *, file=None, key: str = "images", with_gaps: 
             raise InputError("the images differ in depth", file=entry.path, key=key,
                              expected=f"{first.dtype}, as {first.label}",
                              found=entry.dtype, remedy="store all images with one depth")
+        check_alike(entry.grid, first.grid, entry.path, key, first.label)
     return FileStack(entries, with_gaps)
 
 
@@ -133,6 +143,9 @@ def _headers(path: Path) -> list[ImageEntry]:
         return _tiff_headers(path)
     if suffix in PNG_SUFFIXES:
         return [_png_header(path)]
+    if suffix in XYZ_SUFFIXES:
+        grid = xyz_grid(path)
+        return [ImageEntry(path, 0, grid.shape, "float32", path.name, grid=grid)]
     if suffix in VIDEO_SUFFIXES:
         count, shape = video_headers(path)
         return [ImageEntry(path, k, shape, "uint8", f"{path.name}[{k}]") for k in range(count)]
@@ -272,11 +285,16 @@ def _read_page(entry: ImageEntry, with_gaps: bool = False) -> np.ndarray:
     return image
 
 
+def _read_xyz(entry: ImageEntry) -> np.ndarray:
+    return read_xyz_heights(entry.path)
+
+
 def _read_video(entry: ImageEntry) -> np.ndarray:
     return read_video_frame(entry.path, entry.page)
 
 
-_READERS = dict.fromkeys(TIFF_SUFFIXES, _read_tiff) | dict.fromkeys(VIDEO_SUFFIXES, _read_video)
+_READERS = (dict.fromkeys(TIFF_SUFFIXES, _read_tiff) | dict.fromkeys(VIDEO_SUFFIXES, _read_video)
+            | dict.fromkeys(XYZ_SUFFIXES, _read_xyz))
 
 
 def _equal_channels(image: np.ndarray, path: Path) -> bool:

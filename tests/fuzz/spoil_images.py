@@ -38,6 +38,13 @@ def _pillow(dtype: str, kind: str) -> Callable[[int], bytes]:
     return write
 
 
+def xyz_text(heights: np.ndarray, pitch: float = 0.5, units: str = "um um um") -> str:
+    """A height map as rows x y z; the height at a gap is "No Data"."""
+    rows = [f"{pitch * column:g}\t{pitch * row:g}\t" + ("No Data" if np.isnan(z) else f"{z:.9g}")
+            for (row, column), z in np.ndenumerate(heights)]
+    return "\n".join([f"# units: {units}", *rows, ""])
+
+
 WAYS: dict[str, tuple[str, str, Callable[[int], bytes]]] = {  # name -> (suffix, depth, content of frame k)
     "tiff": (".tif", "uint8", _tiff("uint8")),
     "tiff 16": (".tiff", "uint16", _tiff("uint16")),
@@ -52,6 +59,7 @@ WAYS: dict[str, tuple[str, str, Callable[[int], bytes]]] = {  # name -> (suffix,
     "png": (".png", "uint8", _pillow("uint8", "PNG")),
     "png 16": (".png", "uint16", _pillow("uint16", "PNG")),
     "bmp": (".bmp", "uint8", _pillow("uint8", "BMP")),
+    "xyz": (".xyz", "float32", lambda k: xyz_text(pixels(k, "float32")).encode()),
 }
 CHECKED = ("png", "png 16")  # formats with checksums: a flipped bit cannot pass
 
@@ -92,6 +100,12 @@ STRANGERS: dict[str, bytes] = {  # content that is no frame of any of these stac
     "smaller png": _png_of(pixels(0, "uint8")[:-1]),
     "gif": b"GIF89a\x3c\x00\x32\x00\x00\x00\x00;",
     "eps": b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 60 50\n",
+    "smaller xyz": xyz_text(pixels(0, "float32")[:-1]).encode(),
+    "coarser xyz": xyz_text(pixels(0, "float32"), pitch=1.0).encode(),
+    "xyz in mm": xyz_text(pixels(0, "float32"), units="mm mm mm").encode(),
+    "xyz without heights": xyz_text(NAN).encode(),
+    "xyz by columns": xyz_text(pixels(0, "float32").T, pitch=0.5).encode(),
+    "numbers": b"1.0 2.0\n3.0 4.0\n",
 }
 
 
@@ -108,4 +122,24 @@ class Flip:
         return bytes(content)
 
 
+@dataclass(frozen=True)
+class LinesOfXyz:
+    """Rows of an XYZ grid lost, doubled, exchanged with the next, without their last number, or with another place."""
+
+    where: float
+    damage: str
+
+    def __call__(self, data: bytes) -> bytes:
+        lines = data.decode().splitlines(keepends=True)
+        k = 1 + min(int(self.where * (len(lines) - 2)), len(lines) - 3)  # of two rows, below the units
+        row, following = lines[k:k + 2]
+        lines[k:k + 2] = {"lost": [following], "doubled": [row, row, following], "exchanged": [following, row],
+                          "short": [row.rsplit("\t", 1)[0] + "\n", following],
+                          "without a place": ["***" + row[row.index("\t"):], following],
+                          "elsewhere": ["7e3" + row[row.index("\t"):], following]}[self.damage]
+        return "".join(lines).encode()
+
+
+lines_of_xyz = st.builds(LinesOfXyz, st.floats(0, 1), st.sampled_from(
+    ["lost", "doubled", "exchanged", "short", "without a place", "elsewhere"]))
 flips = st.builds(Flip, st.floats(0, 1), st.integers(0, 7)) | st.builds(Flip, st.floats(0, 0.05), st.integers(0, 7))

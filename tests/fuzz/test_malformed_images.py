@@ -7,7 +7,7 @@ import pytest
 from base_experiments import base_folder
 from commands import campaign, check, copy_of
 from hypothesis import strategies as st
-from spoil_images import CHECKED, STRANGERS, WAYS, flips, pixels
+from spoil_images import CHECKED, STRANGERS, WAYS, flips, lines_of_xyz, pixels
 from spoil_toml import splices
 
 from idic.cli.outcomes import BAD_INPUT, DONE
@@ -70,6 +70,13 @@ def a_scrambled_image(way, k, spoilt):
             assert_the_pixels(folder, way)
 
 
+def an_irregular_grid(k, spoilt):
+    with copy_of(base_folder("warm")) as folder:
+        path = with_images(folder, "xyz")[k]
+        path.write_bytes(spoilt(path.read_bytes()))
+        assert check(folder).code == BAD_INPUT
+
+
 def a_strange_image(way, k, stranger):
     with copy_of(base_folder("warm")) as folder:
         with_images(folder, way)[k].write_bytes(STRANGERS[stranger])
@@ -98,7 +105,10 @@ test_a_strange_image, test_many_strange_images = campaign(
     12,
     a_strange_image,
     share=0.5,
-    way=st.sampled_from(["tiff", "tiff 16", "png", "bmp"]),
+    way=st.sampled_from(["tiff", "tiff 16", "png", "bmp", "xyz"]),
     k=frames,
     stranger=st.sampled_from(sorted(STRANGERS)),
+)
+test_an_irregular_grid, test_many_irregular_grids = campaign(
+    10, an_irregular_grid, share=0.3, k=frames, spoilt=lines_of_xyz
 )

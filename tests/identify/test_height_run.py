@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 
 import height_bodies as bodies
 import numpy as np
@@ -12,7 +13,7 @@ from height_bodies import RMS, SIZE, TENSION, TRUTH, Roughness, exact_images, pu
 
 import idic
 from idic.errors import InputError
-from idic.experiment_file import load_experiment
+from idic.experiment_file import initial_experiment, inputs_of, load_experiment
 from idic.report import check
 from idic.run.prepared.prepare import check_before_writing
 from idic.run.reporting.write import load_record
@@ -106,6 +107,63 @@ def test_check_reports_height_images_in_their_unit(tmp_path):
     text = "\n".join(report.lines())
     assert "µm" in text and "grey" not in text and np.isfinite(report.contrast_gv)
     assert report.contrast_gv == pytest.approx(RMS, rel=0.2)  # one draw of a roughness over a few correlation lengths
+
+
+def as_xyz(folder, units="mm mm um"):
+    """The folder with its height images as XYZ text."""
+    for path in sorted((folder / "images").glob("*.tif")):
+        rows = [f"{0.02 * column:.6g} {0.02 * row:.6g} " + ("No Data" if np.isnan(height) else f"{height:.9g}")
+                for (row, column), height in np.ndenumerate(tifffile.imread(path))]
+        path.with_suffix(".xyz").write_text("\n".join([f"# units: {units}", *rows, ""]))
+        path.unlink()
+    toml = folder / "experiment.toml"
+    toml.write_text(toml.read_text().replace("*.tif", "*.xyz"))
+    return folder
+
+
+def test_xyz_grids_give_what_the_same_heights_as_tiff_give(tmp_path):
+    folder = write_folder(tmp_path / "test")
+    heights = [load_experiment(folder).recording.stack.frame(k) for k in range(len(TENSION))]
+    experiment = load_experiment(as_xyz(folder))
+    for k, image in enumerate(heights):
+        np.testing.assert_array_equal(experiment.recording.stack.frame(k), image)
+    assert experiment.recording.quantity == "height" and not any("pixel" in note for note in experiment.notes)
+    sent = {path for path in inputs_of(folder, {}).read_files if path.suffix == ".xyz"}
+    assert len(sent) == len(heights)  # whole, to workers that do not see the folder
+
+
+def test_units_and_pitch_of_xyz_grids_are_compared_with_the_experiment_file(tmp_path):
+    folder = as_xyz(write_folder(tmp_path / "test"))
+    toml = folder / "experiment.toml"
+    text = toml.read_text()
+    for key, other, message in (('height_unit = "um"', 'height_unit = "nm"', "unit of the heights"),
+                                ("pixel_size_mm = 0.02", "pixel_size_mm = 0.01", "pitch of the height images"),
+                                ("pixel_size_mm = 0.02", "matrix_px_per_unit = [[50.0, 0.0], [0.0, -20.0]]", "pitch")):
+        toml.write_text(text.replace(key, other).replace('axes = ["+col', '# axes = ["+col' if "matrix" in other
+                                                         else 'axes = ["+col'))
+        with pytest.raises(InputError, match=message) as refused:
+            load_experiment(folder)
+        assert refused.value.found and refused.value.remedy
+    toml.write_text(text.replace("pixel_size_mm = 0.02", "pixel_size_mm = 0.0201"))
+    assert [note for note in load_experiment(folder).notes if "0.0201 mm per pixel" in note and "0.02 mm" in note]
+    as_if_still = text.replace('height_unit = "um"', 'height_unit = "um"\nstill_frames = "still/*.xyz"')
+    toml.write_text(as_if_still)
+    (folder / "still").mkdir()
+    for name in ("map_00.xyz", "map_01.xyz"):
+        (folder / "still" / name).write_text((folder / "images" / name).read_text().replace("mm mm um", "mm mm nm"))
+    with pytest.raises(InputError, match="unit of the heights") as refused:
+        load_experiment(folder)
+    assert refused.value.key == "experiment.still_frames"
+
+
+def test_init_takes_unit_and_pitch_of_xyz_grids(tmp_path):
+    folder = as_xyz(write_folder(tmp_path / "test"))
+    (folder / "experiment.toml").unlink()
+    path, lines = initial_experiment(folder)
+    table = tomllib.loads(path.read_text())
+    assert table["experiment"]["images"] == "images/*.xyz" and table["experiment"]["quantity"] == "height"
+    assert table["experiment"]["height_unit"] == "um" and table["camera"]["pixel_size_mm"] == 0.02
+    assert "origin_px" in lines[-1] and "height_unit" not in lines[-1]
 
 
 def test_height_images_need_their_noise_and_cannot_measure_an_edge(tmp_path):

@@ -19,10 +19,18 @@ SQUARES = meshio.Mesh(np.array([[x, y, 0.0] for y in range(2) for x in range(3)]
                       [("quad", np.array([[0, 1, 4, 3], [1, 2, 5, 4]]))])
 
 
+HEIGHTS = np.random.default_rng(2).normal(size=(20, 30)).astype(np.float32)
+
+
+def xyz(path):
+    path.write_text("# units: um um nm\n" + "".join(f"{0.5 * column:g} {0.5 * row:g} {height}\n"
+                                                    for (row, column), height in np.ndenumerate(HEIGHTS)))
+
+
 class TestImages(ReaderContract):
     files = {"a.tif": lambda path: tifffile.imwrite(path, PIXELS),
              "deflated.tif": lambda path: tifffile.imwrite(path, PIXELS, compression="deflate"),
-             "a.png": lambda path: Image.fromarray(PIXELS).save(path)}
+             "a.png": lambda path: Image.fromarray(PIXELS).save(path), "a.xyz": xyz}
 
     def read(self, path):
         return open_stack([path]).frame(0)

@@ -13,7 +13,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.fe import Mesh, is_circle
 from idic.readers import (
-    DIMENSION, Log, PNG_SUFFIXES, TIFF_SUFFIXES, image_entries, mesh_suffixes, natural_key, open_stack, patterns_of,
+    DIMENSION, Log, PICTURE_SUFFIXES, XYZ_SUFFIXES, image_entries, mesh_suffixes, natural_key, open_stack, patterns_of,
     read_log, read_mesh_file, recorded_order, to_mesh,
 )
 
@@ -39,6 +39,9 @@ class Found:
     notes: list[str] = field(default_factory=list)
     outline: list = field(default_factory=list)  # of the speckled area, (column, row) px
     holes: list = field(default_factory=list)  # round ones in it, (column, row, radius) px
+    are_heights: bool = False  # in a format of heights, which may state their unit and their pitch
+    height_unit: str | None = None
+    pitch_mm: tuple[float, float] | None = None
 
 
 Area = Callable[[np.ndarray], tuple[list, list]]  # image -> outline and holes of its speckled area, px
@@ -62,7 +65,7 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
     groups: dict[tuple[Path, str], list[Path]] = defaultdict(list)
     masks = []
     for path in files:
-        if path.suffix.lower() in TIFF_SUFFIXES + PNG_SUFFIXES:
+        if path.suffix.lower() in PICTURE_SUFFIXES + XYZ_SUFFIXES:
             is_mask = _MASK.search(path.stem)
             (masks if is_mask else groups[path.parent, path.suffix]).append(path)
     if not groups and len(masks) > 1:  # a name of the series: unmasked_001.tif
@@ -76,12 +79,15 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
                          remedy="put the images in a folder images/")
     images = max(groups.values(), key=len)
     patterns = patterns_of(folder, images)
-    stack = open_stack(recorded_order(images, folder))
+    are_heights = images[0].suffix.lower() in XYZ_SUFFIXES
+    stack = open_stack(recorded_order(images, folder), with_gaps=are_heights)
     contents = Found(folder, patterns[0] if len(patterns) == 1 else patterns, stack.n_frames, stack.shape,
-                     stack.labels[0])
+                     stack.labels[0], are_heights=are_heights)
+    if stack.grid is not None:
+        contents.height_unit, contents.pitch_mm = stack.grid.height_unit, stack.grid.pitch_mm
     _find_mask(masks, contents)
     holes: list = []
-    if area is not None:
+    if area is not None and not are_heights:
         contents.outline, holes = area(np.asarray(stack.frame(0)))
         contents.holes = [hole for hole in holes if is_circle(hole)]
     formats = set(mesh_suffixes()) - set(_NO_MESHES)

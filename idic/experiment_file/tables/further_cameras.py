@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
+from idic.experiment_file.checks.height_maps import check_height_unit
 from idic.experiment_file.checks.model import (check_surface, check_visible, corners_px, seen_nodes, seen_region,
                                                visible_cells)
 from idic.experiment_file.schema.experiment_file import ExperimentFile
@@ -102,8 +103,11 @@ class _CameraFiles:
 
     def stack(self, patterns, name: str) -> FileStack:
         key = f"{self.key}.{name}"
-        return open_stack(matching_files(self.folder, patterns, file=self.file, key=key), file=self.file, key=key,
-                          with_gaps=self.config.experiment.quantity == "height")
+        table = self.config.experiment
+        stack = open_stack(matching_files(self.folder, patterns, file=self.file, key=key), file=self.file, key=key,
+                           with_gaps=table.quantity == "height")
+        check_height_unit(stack, table.height_unit, self.file, key)
+        return stack
 
     def mask(self, stack: FileStack) -> np.ndarray | None:
         name, key = self.table.mask, f"{self.key}.mask"

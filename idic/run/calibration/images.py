@@ -6,9 +6,9 @@ import re
 from pathlib import Path
 
 from idic.errors import InputError
-from idic.readers import FileStack, PNG_SUFFIXES, TIFF_SUFFIXES, natural_key, open_stack
+from idic.readers import FileStack, PICTURE_SUFFIXES, natural_key, open_stack
 
-SUFFIXES = {*TIFF_SUFFIXES, *PNG_SUFFIXES}
+SUFFIXES = set(PICTURE_SUFFIXES)
 _ENDINGS = (("_0", "_1"), ("_left", "_right"), ("_l", "_r"))
 
 
