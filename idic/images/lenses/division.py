@@ -89,7 +89,7 @@ class DivisionCamera(LensCamera):
         """Squared distorted radius up to which the distortion has an inverse, and the ideal radius there."""
         fold, pole = _first_root(-self.l1, -3.0 * self.l2), _first_root(self.l1, self.l2)
         if fold < pole:
-            return fold, float(np.sqrt(fold) / self._divisor(np.float64(fold)))
+            return fold, float(np.sqrt(fold) / self._divisor(np.array(fold)))
         return pole, np.inf
 
 
