@@ -218,7 +218,7 @@ def test_the_parameters_come_back_from_edges_that_two_cameras_measure(tmp_path):
     folder.mkdir()
     write_plate(folder, plate_test(SMALL))
     experiment = with_measured_edge(load_experiment(folder))
-    start = measured_start(experiment, np.zeros((experiment.n_frames, experiment.mesh.n_nodes, 2)), (),
+    start = measured_start(experiment, np.zeros((experiment.model.n_frames, experiment.model.mesh.n_nodes, 2)), (),
                            motion_in_space(experiment))
     result = identify(experiment, start).result
     # the noise of an edge in one frame shifts plastic strain in later ones, which the derivatives leave out: the last

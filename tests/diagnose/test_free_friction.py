@@ -49,7 +49,7 @@ def test_the_course_of_the_friction_comes_back_with_its_band(scored):
     experiment = load_experiment(path, free.edits)
     (shown,) = courses_of("friction", experiment, load_experiment(path), free.new,
                           {n: found[n]["value"] for n in free.new}, {n: found[n]["std"] for n in free.new})
-    assert shown.free and shown.unit == "N"
+    assert shown.is_free and shown.unit == "N"
     assert np.abs(shown.value - RUBS * course)[1:].max() < 3.0 * shown.std.max() + 2.0 * FORCE_NOISE
     assert abs(shown.onset[1] - 4) <= 2  # knots are two frames apart
     assert abs(found["BODY.E"]["value"] - TRUTH["E"]) < 3.0 * found["BODY.E"]["std"]

@@ -62,7 +62,7 @@ def test_the_course_comes_back_with_its_band(scored):
     experiment = load_experiment(path, best.edits)
     (shown,) = courses_of("thermal_expansion", experiment, load_experiment(path), best.new,
                           {n: again[n]["value"] for n in best.new}, {n: again[n]["std"] for n in best.new})
-    assert shown.free and shown.unit == "K"
+    assert shown.is_free and shown.unit == "K"
     strain, std = SUPPOSED_EXPANSION_PER_K * shown.value, SUPPOSED_EXPANSION_PER_K * shown.std
     places = [int(name[name.index("[") + 1:-1]) for name in best.new]
     assert np.abs(strain - WARMTH[kind])[places].max() < 4.0 * std.max()

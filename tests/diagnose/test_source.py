@@ -34,7 +34,7 @@ def solution_of(run):
 def test_the_accepted_point_is_found_again_without_a_search(run):
     _, found = open_source(run)
     stored, again = np.array(list(found.stored())), list(found.march())
-    assert stored.shape == (found.experiment.n_frames, *found.experiment.mesh.nodes.shape)
+    assert stored.shape == (found.experiment.model.n_frames, *found.experiment.model.mesh.nodes.shape)
     np.testing.assert_allclose([at.u for at in again], stored, atol=1e-7)  # mm
     np.testing.assert_array_equal(again[-1].steps.times, found.steps)
     cold = list(found.forward.march(found.parameters, (), found.local, found.steps))
@@ -59,11 +59,11 @@ def test_virtual_edges_of_a_run_keep_the_modes_that_it_measured(tmp_path):
     idic.identify(tmp_path / "test", tmp_path / "run",
                              overrides={"boundary": edges, "options.max_iterations": 1})
     source, found = open_source(tmp_path / "run")
-    for here, there in zip(source.load().prescribed, found.experiment.prescribed, strict=True):
+    for here, there in zip(source.load().model.prescribed, found.experiment.model.prescribed, strict=True):
         np.testing.assert_array_equal(here.drive.shapes, there.drive.shapes)
         np.testing.assert_array_equal(here.drive.courses, there.drive.courses)
     held = source.load({"boundary": [{"nodes": "LEFT", "ux": 0.0, "uy": 0.0}, edges[1]]})
-    assert held.prescribed[-1].drive.shapes is not None
+    assert held.model.prescribed[-1].drive.shapes is not None
 
 
 def test_a_folder_that_is_identified_again_is_read_again_by_workers_that_live_on(tmp_path):

@@ -146,8 +146,8 @@ def folder_with(tmp_path, source, text, names):
 
 def mean_strain(experiment, u_px):
     """Least-squares affine fit of one frame  # (loading, transverse) in percent"""
-    u = np.einsum("nij,nj->ni", np.linalg.inv(experiment.camera.jacobian(experiment.mesh.nodes)), u_px)
-    fit = np.linalg.lstsq(np.column_stack([np.ones(len(u)), experiment.mesh.nodes]), u, rcond=None)[0]
+    u = np.einsum("nij,nj->ni", np.linalg.inv(experiment.model.camera.jacobian(experiment.model.mesh.nodes)), u_px)
+    fit = np.linalg.lstsq(np.column_stack([np.ones(len(u)), experiment.model.mesh.nodes]), u, rcond=None)[0]
     return 100 * fit[1, 0], 100 * fit[2, 1]
 
 
@@ -155,7 +155,7 @@ def mean_strain(experiment, u_px):
 def test_the_open_hole_composite_is_followed_until_it_breaks(shared_data, tmp_path):
     experiment = folder_with(tmp_path, shared_data("open-hole-composite"), COMPOSITE, ("images", "meshes"))
     found = dic_stack(experiment)
-    numbers = [int(label[5:9]) for label in experiment.labels]
+    numbers = [int(label[5:9]) for label in experiment.recording.labels]
     assert found.status == ["ok"] * 13 + ["unexplained"] and numbers[-1] == 78
     for k, number in enumerate(numbers[1:-1], 1):
         loading, transverse = mean_strain(experiment, found.u_px[k])
@@ -189,7 +189,7 @@ def necking(shared_data, tmp_path, top, bottom):
 
 def strain_along(experiment, u_px):
     """Engineering strain along the specimen, row of elements by row of elements."""
-    y, v = experiment.mesh.nodes[:, 1], u_px[:, 1]
+    y, v = experiment.model.mesh.nodes[:, 1], u_px[:, 1]
     rows = np.unique(y)
     mean = np.array([v[y == row].mean() for row in rows])
     return np.diff(mean) / np.diff(rows)
@@ -203,7 +203,7 @@ def test_a_necking_specimen_is_followed_over_138_px_and_55_percent(shared_data, 
     assert np.nanmax(np.abs(found.u_px[-1])) > 130.0
     strain = np.abs(strain_along(experiment, found.u_px[21]))
     assert np.log1p(strain.max()) > 0.35  # the deepest row of 20 px elements; the README's 55 % is a local maximum
-    window = experiment.mesh.nodes[:-1, 1]
+    window = experiment.model.mesh.nodes[:-1, 1]
     assert window.min() < 1055 and np.median(np.log1p(strain)) < 0.11  # outside the neck
     assert found.rms_gv[1:].max() < 1.25 * np.median(found.rms_gv[1:])
 
@@ -211,8 +211,10 @@ def test_a_necking_specimen_is_followed_over_138_px_and_55_percent(shared_data, 
 @pytest.mark.slow
 def test_a_single_jump_into_the_necked_state_is_found_too(shared_data, tmp_path):
     experiment = necking(shared_data, tmp_path, 209, 1250)
-    slow = dic_stack(replace(experiment, excluded=tuple(k for k in range(1, 20) if k % 4)))
-    jump = dic_stack(replace(experiment, excluded=tuple(k for k in range(1, 23) if k != 20)))
+    slow = dic_stack(replace(experiment, recording=replace(experiment.recording,
+                                                           excluded=tuple(k for k in range(1, 20) if k % 4))))
+    jump = dic_stack(replace(experiment, recording=replace(experiment.recording,
+                                                           excluded=tuple(k for k in range(1, 23) if k != 20))))
     assert jump.status[20] == "ok" and jump.attempts[20] >= 3
     gap = np.abs(jump.u_px[20] - slow.u_px[20]).max(axis=1)
     assert np.mean(gap < 0.05) > 0.98  # the same minimum except for some nodes in the neck, at the edge of the mesh
@@ -225,4 +227,4 @@ def test_the_top_leaves_the_view_and_nothing_else_suffers(shared_data, tmp_path)
     assert set(found.status) == {"ok"}
     assert (np.diff(found.n_lost) >= 0).all() and found.n_lost[-1] > 20_000
     gone = np.isnan(found.u_px[-1, :, 0])
-    assert gone.any() and experiment.mesh.nodes[gone, 1].max() < 140.0
+    assert gone.any() and experiment.model.mesh.nodes[gone, 1].max() < 140.0

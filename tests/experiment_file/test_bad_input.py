@@ -245,7 +245,7 @@ def test_bad_input_gives_one_clear_message_and_writes_nothing(name, tmp_path):
     before = snapshot(tmp_path)
     with pytest.raises(InputError) as caught:
         experiment = load_experiment(folder)
-        experiment.stack.frame(0)  # pixels are read when asked for
+        experiment.recording.stack.frame(0)  # pixels are read when asked for
     error, message = caught.value, str(caught.value)
     for part in (error.what, error.expected, error.found, error.remedy):
         assert part is not None and str(part).strip(), message

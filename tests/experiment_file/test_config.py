@@ -395,8 +395,9 @@ def test_a_plane_strain_section_is_seen_from_above(folder):
 ])
 def test_the_experiments_of_the_public_data_load_as_they_are(name, n_frames, n_elements, free, shared_data):
     e = load_experiment(shared_data(name))
-    assert (e.n_frames, e.mesh.n_elements, len(e.parameters.free)) == (n_frames, n_elements, free)
-    assert e.noise.std_gv == 2.55 and e.channels[0].column == "force_N" and e.stack.frame(1).dtype == np.uint8
+    assert (e.model.n_frames, e.model.mesh.n_elements, len(e.model.parameters.free)) == (n_frames, n_elements, free)
+    assert e.recording.noise.std_gv == 2.55 and e.recording.stack.frame(1).dtype == np.uint8
+    assert e.model.channels[0].column == "force_N"
 
 
 @pytest.mark.parametrize("mesh, unit, cell", [("abaqus_q4_m.inp", "m", "quad4"), ("gmsh_t3_mm.msh", "mm", "tri3"),
@@ -434,9 +435,10 @@ nodes = "HIGH"
 u = "measured"
 """)
     e = load_experiment(tmp_path)
-    assert e.labels[e.excluded[0]] == "zoom-0078_1.tif" and e.mesh.blocks[0].cell == cell and e.thickness is None
-    np.testing.assert_allclose(e.mesh.nodes.max(axis=0), [90, 30], rtol=1e-3)  # mm; the file has seven digits
-    hole = e.camera.project(np.array([[45.1, 15.34]]))[0]
+    assert e.recording.labels[e.recording.excluded[0]] == "zoom-0078_1.tif"
+    assert e.model.mesh.blocks[0].cell == cell and e.model.thickness is None
+    np.testing.assert_allclose(e.model.mesh.nodes.max(axis=0), [90, 30], rtol=1e-3)  # mm; the file has seven digits
+    hole = e.model.camera.project(np.array([[45.1, 15.34]]))[0]
     np.testing.assert_allclose(hole, [691.7, 540.3], atol=1.0)  # the README: within 1 px
     with pytest.raises(InputError, match="no such frame"):
         load_experiment(tmp_path, {"experiment.exclude_frames": [79]})

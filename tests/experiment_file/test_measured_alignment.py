@@ -70,7 +70,7 @@ def test_a_hole_and_an_edge_in_one_of_two_images_are_enough(plate, tmp_path):
     table = alignment([hole(cameras[0], 0)], [edge(cameras[0], 3, 2)])
     experiment = load_experiment(again(plate, tmp_path, table, ""))
     assert px_error(cameras, experiment) < 0.4
-    assert (np.abs(placement_error(cameras[0], experiment.camera)) < 4.0 * std_of(experiment)).all()
+    assert (np.abs(placement_error(cameras[0], experiment.model.camera)) < 4.0 * std_of(experiment)).all()
 
 
 @pytest.mark.slow
@@ -80,7 +80,7 @@ def test_clicks_may_stand_beside_the_measured_surface(plate, tmp_path):
               f"{(camera.project(CORNERS) + rng.standard_normal((4, 2))).tolist()}, measured_surface = true }}\n"
               for camera in cameras]
     experiment = load_experiment(again(plate, tmp_path, *tables))
-    error, std = placement_error(cameras[0], experiment.camera), std_of(experiment)
+    error, std = placement_error(cameras[0], experiment.model.camera), std_of(experiment)
     assert (np.abs(error) < 4.0 * std).all()
     assert (std[:2] < 0.02).all() and std[3] > 0.02  # the tilt from the surface, the rest from clicks of 1 px
 
@@ -96,7 +96,7 @@ def test_one_camera_is_placed_by_the_outlines_of_two_holes(plate, tmp_path):
     (folder / "experiment.toml").write_text(text[:start] + text[end:])
     experiment = load_experiment(folder)
     assert px_error(cameras, experiment) < 1.5  # the tilt is 3 deg off: circles of 15 px hardly tell it
-    assert not experiment.parameters.joint and any("roughly" in note for note in experiment.notes)
+    assert not experiment.model.parameters.joint and any("roughly" in note for note in experiment.notes)
 
 
 def refused(words, *tables, slow=False):

@@ -96,8 +96,8 @@ def plate(tmp_path, ccx, monkeypatch):
 
 def built_in(experiment):
     """The same with the solver of idic, on the whole thickness."""
-    channels = tuple(replace(channel, factor=1.0) for channel in experiment.channels)
-    here = replace(experiment, solver=None, channels=channels)
+    channels = tuple(replace(channel, factor=1.0) for channel in experiment.model.channels)
+    here = replace(experiment, model=replace(experiment.model, solver=None, channels=channels))
     return solve(build_forward(here), here.parameters)
 
 
@@ -106,7 +106,7 @@ def test_calculix_and_the_built_in_solver_move_alike(plate, reader):
     """The strip yields throughout (2 % of strain) and is held at its ends, so that nothing is homogeneous. What remains
     is the thickness: CalculiX makes solids of plane elements, whose thickness is continuous from element to element."""
     experiment = load_experiment(plate, {"solver.reader": reader})
-    theirs, ours = solve(build_forward(experiment), experiment.parameters), built_in(experiment)
+    theirs, ours = solve(build_forward(experiment), experiment.model.parameters), built_in(experiment)
     assert np.abs(ours.u).max() == pytest.approx(0.12)
     assert np.abs(theirs.u - ours.u).max() < 3e-3 * 0.12  # mm, at the corners of the clamps; 2.3e-4 mm measured
     assert theirs.channels[1:] == pytest.approx(ours.channels[1:], rel=1.5e-3)  # of which 0.8e-3 are the next test's
@@ -119,7 +119,7 @@ def test_the_flow_stress_of_calculix_is_cauchy_that_of_the_built_in_law_kirchhof
     (plate / "experiment.toml").write_text(text.replace(CLAMPED, GUIDED))
     (plate / "plate.inp.template").write_text(DECK.replace("LEFT, 1, 2\nRIGHT, 2, 2", "LEFT, 1, 1\nBOTTOM, 2, 2"))
     experiment = load_experiment(plate)
-    theirs, ours = solve(build_forward(experiment), experiment.parameters), built_in(experiment)
+    theirs, ours = solve(build_forward(experiment), experiment.model.parameters), built_in(experiment)
     volume = 1.0 + (1.0 - 2.0 * 0.33) * ours.channels[1:] / (WIDTH * THICKNESS) / 70e3
     assert theirs.channels[1:] == pytest.approx(volume * ours.channels[1:], rel=5e-5)  # the area changes, 2 % of 8e-4
     assert np.abs(theirs.u - ours.u).max() < 1e-5  # mm
@@ -130,7 +130,7 @@ def test_a_deck_that_writes_too_little_gets_a_list_of_missing_output(plate):
     deck.write_text(DECK.replace("*NODE PRINT, NSET=ALL", "*NODE PRINT, NSET=RIGHT"))
     experiment = load_experiment(plate, {"solver.retries": 0})
     with pytest.raises(NotConverged, match=r"displacements of \d+ of 93 nodes are missing, first node 1"):
-        solve(build_forward(experiment), experiment.parameters)
+        solve(build_forward(experiment), experiment.model.parameters)
 
 
 def test_a_deck_that_calculix_refuses_is_told_in_its_own_words(plate):
@@ -138,7 +138,7 @@ def test_a_deck_that_calculix_refuses_is_told_in_its_own_words(plate):
     deck.write_text(DECK.replace("MATERIAL=M\n{geometry", "MATERIAL=N\n{geometry"))
     experiment = load_experiment(plate, {"solver.retries": 0})
     with pytest.raises(NotConverged, match="ccx ended with exit code .*its last lines"):
-        solve(build_forward(experiment), experiment.parameters)
+        solve(build_forward(experiment), experiment.model.parameters)
 
 
 # tables ----------------------------------------------------------------------------------------------

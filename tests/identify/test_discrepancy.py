@@ -89,7 +89,8 @@ def test_a_run_states_the_same_standard_deviations_as_memory(tmp_path):
     stack = write_clean(tmp_path / "experiment", test)
     clean = load_experiment(tmp_path / "experiment", drawn.overrides, stack=stack)
     experiment = realisation(clean, 2.0, DISTURBANCE, 1)
-    images = [np.clip(np.rint(experiment.stack.frame(k)), 0, 255).astype(np.uint8) for k in range(stack.n_frames)]
+    images = [np.clip(np.rint(experiment.recording.stack.frame(k)), 0, 255).astype(np.uint8)
+              for k in range(stack.n_frames)]
     write_images(tmp_path / "experiment", images)
     overrides = drawn.overrides | {"camera.noise_std_gv": 2.02}
     result = idic.identify(tmp_path / "experiment", tmp_path / "run", overrides=overrides)

@@ -140,7 +140,8 @@ def test_the_scatter_of_many_repetitions_is_the_predicted_standard_deviation(lev
     ratio = scatter / predicted
     # 40 draws: 11 % statistical; 2.5 of it, and the interpolator smooths the noise of the frames by some per cent
     assert (np.abs(ratio - 1.0) < 0.3).all(), ratio
-    quiet = identify(replace(body, stack=ArrayStack(images.astype(np.float32)))).result["parameters"]
+    quiet = identify(replace(body, recording=replace(body.recording,
+                                                     stack=ArrayStack(images.astype(np.float32))))).result["parameters"]
     found = np.array([quiet[f"BODY.{name}"]["value"] for name in TRUTH])
     added = (np.mean(values, axis=0) - found) / predicted
     assert (np.abs(added) < 3 / np.sqrt(40)).all(), added  # the noise itself adds no bias

@@ -132,8 +132,9 @@ def test_errors_over_standard_deviations_are_unit_normal(plate, clean, method, r
         rng = np.random.default_rng(5000 + seed)
         sensor = Sensor(SHAPE, noise_std=Twin().noise, background=25.0)
         stack = ArrayStack(np.array([record(image, sensor, rng) for image in images]))
-        channel = replace(experiment.channels[0], values=force + rng.standard_normal(len(force)))
-        found = in_memory.identify(replace(experiment, stack=stack, channels=(channel,))).result["parameters"]
+        channel = replace(experiment.model.channels[0], values=force + rng.standard_normal(len(force)))
+        found = in_memory.identify(replace(experiment, recording=replace(experiment.recording, stack=stack),
+                                           model=replace(experiment.model, channels=(channel,)))).result["parameters"]
         scores.append([(found[f"BODY.{name}"]["value"] - value) / found[f"BODY.{name}"]["std"]
                        for name, value in Twin().truth.items()])
     z, chance = np.array(scores), 3.0 / np.sqrt(200)

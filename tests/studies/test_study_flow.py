@@ -75,7 +75,7 @@ def test_the_store_holds_the_result_of_a_direct_identification(finished):
         case = next(case for case in plan.cases if case.key == key)
         direct = identify(case_experiment(store, plan.rendering(case.images), case))
         record = store.read_case(key)
-        names = direct.experiment.parameters.free
+        names = direct.experiment.model.parameters.free
         assert record.names == names and record.facts["status"] == direct.state.status == "converged"
         assert np.array_equal(record.arrays["value"], [direct.parameters[name].shown for name in names])
         assert np.array_equal(record.arrays["std"], [direct.result["parameters"][name]["std"] for name in names])

@@ -435,7 +435,7 @@ def test_the_error_of_plane_stress_is_that_against_bricks_of_another_program(tmp
     scene = scene_of_world((0.0, 0.02, 0.05))
     plane, bricks = solve(scene), solve_with_calculix(as_solid(BENDING, scene))
     found = at_truth(tmp_path, scene, plane)
-    error, nodes, own = thickness_error(found), plane.mesh.nodes, found.experiment.mesh.nodes
+    error, nodes, own = thickness_error(found), plane.mesh.nodes, found.experiment.model.mesh.nodes
     nearest = np.argmin(((nodes[None] - own[:, None]) ** 2).sum(axis=2), axis=1)
     same = np.linalg.norm(nodes[nearest] - own, axis=1) < 1e-6
     known = (bricks.u - plane.u)[2][nearest][same]
@@ -453,7 +453,7 @@ def test_what_the_parameters_take_up_is_computed_though_no_residual_shows_it(tmp
         tmp_path, scene, solve_with_calculix(as_solid(BENDING, scene)), Paint(1, 2))))
     residual = residual_evidence(found, light=False)
     entry, true = found.result["parameters"]["BODY.E"], NULLS["elastic"].truth["E"]
-    assert residual.context.experiment.motion_error is None
+    assert residual.context.experiment.model.motion_error is None
     assert entry["value"] - true > 8.0 * entry["std"]
     errors = neglected_errors(found)
     told = neglected(residual, errors)

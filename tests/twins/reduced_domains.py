@@ -186,7 +186,8 @@ def write_case(folder: Path, case: str, route: str, clean: Clean | None = None, 
 def redrawn(experiment, clean: Clean, seed: int, log_scale: float = 1.0):
     """An experiment of a case with another draw of all noise; log_scale : what the log shows of the grip's motion."""
     images, force, grip = noisy(clean, seed, log_scale)
-    channels = tuple(replace(channel, values=force) for channel in experiment.channels)
+    channels = tuple(replace(channel, values=force) for channel in experiment.model.channels)
     prescribed = tuple(replace(p, drive=replace(p.drive, values=grip)) if hasattr(p.drive, "noise_std") else p
-                       for p in experiment.prescribed)
-    return replace(experiment, stack=ArrayStack(images), channels=channels, prescribed=prescribed)
+                       for p in experiment.model.prescribed)
+    return replace(experiment, recording=replace(experiment.recording, stack=ArrayStack(images)),
+                   model=replace(experiment.model, channels=channels, prescribed=prescribed))

@@ -77,33 +77,34 @@ def build_repeats(folder: Path, test: PlateTest, write: Callable[..., Path] = wr
                                     'calibration = "calibration.json"\nidentify_calibration = true')
     file.write_text(f"{text}\n[options]\nsubsteps = {INCREMENTS}\n")
     experiment = load_experiment(file)
-    parameters = experiment.parameters.with_values(TRUTH)
+    parameters = experiment.model.parameters.with_values(TRUTH)
     forward = build_forward(experiment)
     moving = tuple(name for name in parameters.free if forward.moves(name))
-    logged = next(entry.drive.values for entry in experiment.prescribed if entry.nodes == "RIGHT"
+    logged = next(entry.drive.values for entry in experiment.model.prescribed if entry.nodes == "RIGHT"
                   and entry.component == "x")
     states = forward.march(parameters, moving, (test.grip - logged)[:, None], None, True)
-    responses = tuple(response_of(at, experiment.reference) for at in states)
+    responses = tuple(response_of(at, experiment.model.reference) for at in states)
     mesh = test.mesh
     test = replace(test, displacements=np.array([at.u for at in responses]),
                    force=np.array([at.channels[0] for at in responses]),
                    scene=Scene(mesh.nodes, *(face_cells(mesh, mesh.edge_sets[name]) for name in ("FRONT", "REST"))))
     texture = speckle_of(np.random.default_rng(0).spawn(1)[0], test.size)
-    noise = experiment.noise.std_gv
+    noise = experiment.recording.noise.std_gv
     sensor = Sensor(test.size.shape, background=0.1 * 256.0, noise_std=float(np.sqrt(noise**2 - 1.0 / 12.0)))
     clean = tuple(np.array([traced_image(test.scene, u, camera, texture.value, sensor) for u in test.displacements])
                   for camera in test.rig.cameras)
-    prior, = experiment.parameters.joint
+    prior, = experiment.model.parameters.joint
     return Repeats(test, experiment, parameters, responses[1:], clean, sensor, prior)
 
 
 def draw(repeats: Repeats, rng: np.random.Generator) -> Draw:
     """Noise of every image, force and grip, and what the calibration file says."""
-    experiment, n = repeats.experiment, repeats.experiment.n_frames
+    experiment, n = repeats.experiment, repeats.experiment.model.n_frames
     stacks = [ArrayStack([record(image, repeats.sensor, rng) for image in images]) for images in repeats.clean]
-    channel, = experiment.channels
+    channel, = experiment.model.channels
     force = repeats.test.force + FORCE_NOISE_N * rng.standard_normal(n)
-    noisy = replace(experiment, stack=stacks[0], channels=(replace(channel, values=force),),
+    noisy = replace(experiment, recording=replace(experiment.recording, stack=stacks[0]),
+                    model=replace(experiment.model, channels=(replace(channel, values=force),)),
                     cameras=(replace(experiment.cameras[0], stack=stacks[1]),))
     mean = rng.multivariate_normal(repeats.prior.mean, repeats.prior.covariance)
     return Draw(noisy, GRIP_NOISE_MM * rng.standard_normal(n), mean)
@@ -129,10 +130,11 @@ def without_noise(repeats: Repeats) -> Draw:
     """The recording with nothing of it: what is off then is the interpolation of the traced images."""
     experiment = repeats.experiment
     stacks = [ArrayStack(list(images)) for images in repeats.clean]
-    channel, = experiment.channels
-    quiet = replace(experiment, stack=stacks[0], channels=(replace(channel, values=repeats.test.force),),
+    channel, = experiment.model.channels
+    quiet = replace(experiment, recording=replace(experiment.recording, stack=stacks[0]),
+                    model=replace(experiment.model, channels=(replace(channel, values=repeats.test.force),)),
                     cameras=(replace(experiment.cameras[0], stack=stacks[1]),))
-    return Draw(quiet, np.zeros(experiment.n_frames), np.array(repeats.prior.mean))
+    return Draw(quiet, np.zeros(experiment.model.n_frames), np.array(repeats.prior.mean))
 
 
 def integrated(repeats: Repeats, one: Draw) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
@@ -193,7 +195,7 @@ def two_steps(repeats: Repeats, one: Draw) -> np.ndarray:
         own[0] /= FORCE_NOISE_N
         own[1, m + t] = 1.0 / GRIP_NOISE_MM  # the log says true + error, the simulation holds the true one
         rows.append(own)
-        force = one.experiment.channels[0].values[response.frame]
+        force = one.experiment.model.channels[0].values[response.frame]
         rhs.append(np.array([(force - response.channels[0]) / FORCE_NOISE_N,
                              one.grip_error[response.frame] / GRIP_NOISE_MM]))
     found, *_ = np.linalg.lstsq(np.vstack(rows), np.concatenate(rhs), rcond=None)

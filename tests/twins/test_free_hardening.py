@@ -36,8 +36,8 @@ def linearised(folder, truth, form, elements=USER):
     experiment = load_experiment(write_folder(folder, truth, 0, material, elements=elements), {"options.substeps": 3})
     names = level_names(f"elastoplastic(free{MOST_KNOTS})", "sheet")
     at = np.array([70e3, *(true_flow_stress(*FORMS[form], p)[0] for p in knots(RANGE, MOST_KNOTS))])
-    values = experiment.parameters.as_values() | dict(zip(("sheet.E", *names), at, strict=True))
-    point, weights = evaluate_at(experiment, values, np.zeros((experiment.n_frames, 0)), generalised=True)
+    values = experiment.model.parameters.as_values() | dict(zip(("sheet.E", *names), at, strict=True))
+    point, weights = evaluate_at(experiment, values, np.zeros((experiment.model.n_frames, 0)), generalised=True)
     order = [point.system.names.index(name) for name in ("sheet.E", *names)]
     noise = point.system.spread + weights.image_noise**2 * point.reference_gram
     both = np.ix_(order, order)

@@ -22,7 +22,8 @@ def test_stress_in_unseen_modes_is_the_true_one_within_two_percent_where_the_ban
     result = idic.identify(str(path.parent)).content
     assert result["status"] == "converged"
     experiment = load_experiment(path)
-    found = experiment.parameters.with_values({name: entry["value"] for name, entry in result["parameters"].items()
+    found = experiment.model.parameters.with_values({name: entry["value"] for name,
+                                                     entry in result["parameters"].items()
                                                if "_g" in name})
     motions = solve(build_forward(experiment), found).u[-1:]
     curve, = rubber_curves(experiment.model, found, result, motions)

@@ -41,9 +41,10 @@ def test_a_telecentric_model_is_biased_where_a_thick_bar_necks_and_the_lens_is_n
     blank = write_bar(tmp_path / "blank", (mesh, np.zeros((len(GRIP), mesh.n_nodes, 3)), still))
     blank.write_text(blank.read_text() + INCREMENTS)
     experiment = load_experiment(blank)
-    logged = next(entry.drive.values for entry in experiment.prescribed
+    logged = next(entry.drive.values for entry in experiment.model.prescribed
                   if entry.nodes == "RIGHT" and entry.component == "x")
-    states = build_forward(experiment).march(experiment.parameters.with_values(TRUTH), (), (GRIP - logged)[:, None],
+    states = build_forward(experiment).march(experiment.model.parameters.with_values(TRUTH), (),
+                                             (GRIP - logged)[:, None],
                                              None, True)
     u, force = zip(*((state.u.copy(), state.channels[0]) for state in states), strict=True)
     truth = mesh, np.array(u), np.array(force)

@@ -56,8 +56,8 @@ def test_the_band_holds_other_kernels_over_draws_of_the_noise(tmp_path, kernel, 
     else:
         true = nnls(relaxing(at, fine), OTHERS[kernel](at))[0]
     names, values = ["sheet.E", "sheet.nu", *(f"sheet.{k}" for k in weight_names(n_fine))], np.array([E, NU, *true])
-    start = experiment.parameters.as_values() | dict(zip(names, values, strict=True))
-    point, weights = evaluate_at(experiment, start, np.zeros((experiment.n_frames, 0)))
+    start = experiment.model.parameters.as_values() | dict(zip(names, values, strict=True))
+    point, weights = evaluate_at(experiment, start, np.zeros((experiment.model.n_frames, 0)))
     order = np.ix_(*2 * [[point.system.names.index(name) for name in names]])
     M, noise = point.system.M[order], (point.system.spread + weights.image_noise**2 * point.reference_gram)[order]
     scales = np.concatenate([[E], np.full(n_fine + 1, 0.3)])

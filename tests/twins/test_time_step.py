@@ -214,7 +214,7 @@ def test_the_time_error_of_plasticity_in_few_frames_is_estimated_and_removed(tmp
     assert chosen.result["increments"]["status"] == "enough" and time_error_in_std(experiment, chosen, 4) < 0.5
     errors = {}
     for name, estimated in bias.items():
-        std = fine.result["parameters"][name]["std"] * experiment.parameters[name].factor
+        std = fine.result["parameters"][name]["std"] * experiment.model.parameters[name].factor
         errors[name] = (one.parameters[name].value - fine.parameters[name].value) / std
         assert abs(estimated / std - errors[name]) < 0.2 * abs(errors[name]) + 0.1
     assert abs(errors["BODY.hardening_modulus"]) > 2.0
@@ -224,8 +224,7 @@ def test_the_time_error_of_plasticity_in_few_frames_is_estimated_and_removed(tmp
 def test_searches_that_are_left_before_their_end_lead_to_the_same_values_in_fewer_evaluations(plastic, monkeypatch):
     """A tenth of the noise, as images of a hundred times the pixels: one increment per frame is off by many std."""
     experiment, _, _ = plastic
-    sharp = replace(experiment, noise=replace(experiment.noise, std_gv=0.1 * experiment.noise.std_gv), channels=tuple(
-        replace(channel, noise_std=0.1 * channel.noise_std) for channel in experiment.channels))
+    sharp = with_noise(experiment, 0.1)
     found = identify(sharp)
     monkeypatch.setattr("idic.identification.step.increments.MAX_KNOWN_ERROR", 0.0)
     whole = identify(sharp)

@@ -28,10 +28,10 @@ def test_clicks_and_the_measured_surface_of_a_tube_place_the_mesh(tmp_path):
     text = re.sub(r"rotation = .*\ntranslation_mm = .*\n", lambda _: left, file.read_text())
     file.write_text(text.replace("calibration_camera = 1\n", "calibration_camera = 1\n" + right))
     experiment = load_experiment(tmp_path)
-    (prior,) = experiment.parameters.joint
+    (prior,) = experiment.model.parameters.joint
     std = dict(zip(prior.names, np.sqrt(np.diag(prior.covariance)), strict=True))
     assert std["placement.rotation_y"] < 0.01 and std["placement.rotation_x"] > 0.1  # deg: about the axis by clicks
-    found, true = experiment.camera.effective, test.rig.cameras[0]
+    found, true = experiment.model.camera.effective, test.rig.cameras[0]
     along = (true.rotation.T @ found.rotation)[:, 0]  # the axis of the tube, from the mesh to the mesh
     assert np.degrees(np.linalg.norm(along[1:])) < 4.0 * np.hypot(std["placement.rotation_y"],
                                                                   std["placement.rotation_z"])

@@ -26,7 +26,7 @@ STUDIED = ("full", "full, log 1 % off", "measured", "bspline", "dic")
 
 def begun(experiment):
     """The experiment where a run would start: virtual boundaries and measured edges from a free FE-DIC."""
-    if not any(isinstance(p.drive, (Measured, Parametrised)) for p in experiment.prescribed):
+    if not any(isinstance(p.drive, (Measured, Parametrised)) for p in experiment.model.prescribed):
         return experiment, None
     motion = dic_stack(experiment)
     experiment = with_boundary_start(experiment, boundary_start(experiment, motion.u_px))
@@ -39,7 +39,7 @@ def one_draw(experiment, clean, seed: int, log_scale: float = 1.0) -> dict:
     found = identify(*begun(redrawn(experiment, clean, seed, log_scale)))
     parameters = found.result["parameters"]
     return {"status": found.state.status, "iterations": found.state.iteration, "seconds": time.perf_counter() - began,
-            "elements": experiment.mesh.n_elements, "free": len(experiment.parameters.free)} | {
+            "elements": experiment.model.mesh.n_elements, "free": len(experiment.model.parameters.free)} | {
         name: [parameters[f"SHEET.{name}"][key] for key in ("value", "std")] for name in TRUTH}
 
 
