@@ -13,8 +13,8 @@ from PIL import Image
 from idic.errors import InputError
 from idic.remote_files import fetch, image_facts
 from idic.readers.orientation import TAG, UPRIGHT, orientation_note, orientation_of, upright, upright_shape
-from idic.readers.palettes import OVERLAY_NOTE, grey_of_palette
-from idic.readers.tiff_axes import stack_notes, stated_images
+from idic.readers.image_formats.palettes import OVERLAY_NOTE, grey_of_palette
+from idic.readers.image_formats.tiff_axes import stack_notes, stated_images
 from idic.readers.video import SUFFIXES as VIDEO_SUFFIXES
 from idic.readers.video import read_video_frame, video_headers, video_notes
 
