@@ -26,8 +26,8 @@ from idic.fe import ExternalSetup
 from idic.laws import all_laws, code_of, outside_values, source_of
 from idic.model import FieldPoints, KINDS
 from idic.readers import (
-    ArrayFrames, CameraRig, FieldStack, FileStack, Log, MatchedLog, RawMesh, check_complete, check_increasing,
-    existing_file, frame_indices, frame_numbers, match, matching_files, open_stack, read_image, read_log,
+    ArrayFrames, CameraRig, FieldStack, FileStack, Log, MatchedLog, RawMesh, check_complete, existing_file,
+    frame_indices, frame_numbers, match, matching_files, open_stack, read_image, read_log,
     read_mesh_file,
 )
 from idic.remote_files import image_facts
@@ -139,7 +139,7 @@ class RecordedFolder:
         stack = self.opened_images()
         check_height_unit(stack, table.height_unit, file, "experiment.height_unit")
         self._check_complete(stack.labels)
-        notes = stack.notes()
+        notes = stack.notes() + self._image_times_notes()
 
         def indices(entries, key):
             numbers, note = frame_indices(entries, stack.labels, file=file, key=f"experiment.{key}")
@@ -181,7 +181,7 @@ class RecordedFolder:
         """Open the measured fields."""
         table, file = self.config.experiment, self.file
         series = open_series(self.config, self.folder, file)
-        labels, notes = series.labels, []
+        labels, notes = series.labels, self._image_times_notes()
         self._check_complete(labels)
 
         def indices(entries, key):
@@ -284,8 +284,18 @@ class RecordedFolder:
 
     def recorded_log(self, name: str) -> Log:
         """The log with the rows of the file."""
-        return read_log(existing_file(self.folder, name, file=self.file, key="experiment.loads"),
-                        self.config.experiment.decimal)
+        log = read_log(existing_file(self.folder, name, file=self.file, key="experiment.loads"),
+                       self.config.experiment.decimal)
+        image_times = self.image_times_table()
+        return log if image_times is None else log.on_the_clock_of(image_times)
+
+    def image_times_table(self) -> Log | None:
+        """The file of `image_times`, as it stands there."""
+        name = self.config.experiment.image_times
+        if name is None:
+            return None
+        path = existing_file(self.folder, name, file=self.file, key="experiment.image_times")
+        return read_log(path, self.config.experiment.decimal)
 
     def frame_times(self, frames: Frames) -> np.ndarray | None:
         """Times of the frames that are compared in s, where [experiment] gives them  # (n_frames,)"""
@@ -299,24 +309,29 @@ class RecordedFolder:
         if self.config.experiment.frame_interval_s is not None:
             check_complete(labels, file=self.file, key="experiment.frame_interval_s")
 
+    def _image_times_notes(self) -> list[str]:
+        """How the file of the image times is read."""
+        log = self.image_times_table()
+        return [] if log is None else list(log.notes)
+
     def image_times(self, n_frames: int) -> np.ndarray | None:
         """Times of the images in s, where [experiment] gives them  # (n_frames,)"""
         table = self.config.experiment
         if table.frame_interval_s is not None:
             return table.first_frame_s + table.frame_interval_s * np.arange(n_frames)
-        if table.image_times is None:
+        log = self.image_times_table()
+        if log is None:
             return None
-        path = existing_file(self.folder, table.image_times, file=self.file, key="experiment.image_times")
-        log = read_log(path, table.decimal)
-        times = log.times()
+        path, times = log.file, log.times()
         if times is None:
             raise InputError("no times in the file", file=path, key="experiment.image_times",
-                             expected="a column time_s", found=", ".join(log.names), remedy="add the column")
+                             expected="a column time_s, or one of times of day",
+                             found="; ".join([", ".join(log.names), *log.unread]),
+                             remedy="add the column")
         if len(times) != n_frames:
             raise InputError("the number of times differs from the number of images", file=path,
                              key="experiment.image_times", expected=f"{n_frames} rows, one per image",
                              found=f"{len(times)} rows", remedy="give one row per image in image order")
-        check_increasing(times, path, "time_s")
         return times
 
     def small_files(self) -> list[Path]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +14,15 @@ from idic.errors import InputError
 from idic.remote_files import fetch, image_facts
 from idic.readers.delimited.xyz_grid import XYZ_SUFFIXES, XyzGrid, check_alike, read_xyz_heights, xyz_grid
 from idic.readers.orientation import TAG, UPRIGHT, orientation_note, orientation_of, upright, upright_shape
+from idic.readers.image_formats.palettes import OVERLAY_NOTE, grey_of_palette
+from idic.readers.image_formats.tiff_axes import stack_notes, stated_images
 from idic.readers.video import SUFFIXES as VIDEO_SUFFIXES
 from idic.readers.video import read_video_frame, video_headers, video_notes
 
 TIFF_SUFFIXES, PNG_SUFFIXES = (".tif", ".tiff"), (".png", ".bmp")
 PICTURE_SUFFIXES = TIFF_SUFFIXES + PNG_SUFFIXES  # of images that may be photographs
 FORMATS = ("PNG", "BMP")  # Pillow detects the format by the content and passes some formats to other programs
+_NODATA = 42113
 _EXPECTED = "grey TIFF or PNG images, 8 or 16 bit, 32-bit float TIFF, XYZ grids of heights, or a video"
 logging.getLogger("tifffile").setLevel(logging.CRITICAL + 1)  # damaged files get one message, that of idic
 _COLOUR = "convert them to grey (one channel of the raw data; not a JPEG)"
@@ -27,7 +30,11 @@ _COLOUR = "convert them to grey (one channel of the raw data; not a JPEG)"
 
 @dataclass(frozen=True)
 class ImageEntry:
-    """The place of one frame: a page of a file. grid : pitch and units, of formats that state them."""
+    """The place of one frame: a page of a file, or a plane behind the one page of a stack.
+
+    grid : pitch and units, of formats that state them; note : on the effect of the format on the measurement, ""
+    without
+    """
 
     path: Path
     page: int
@@ -36,6 +43,7 @@ class ImageEntry:
     label: str
     orientation: int = UPRIGHT
     grid: XyzGrid | None = None
+    note: str = ""
 
 
 class FileStack:
@@ -74,7 +82,13 @@ class FileStack:
         """Notes on effects of the file format on the measurement."""
         videos = dict.fromkeys(e.path for e in self.entries if e.path.suffix.lower() in VIDEO_SUFFIXES)
         turned = orientation_note([(entry.label, entry.orientation) for entry in self.entries])
-        return turned + [note for path in videos for note in video_notes(path)]
+        files: dict[str, dict[str, None]] = {}
+        for entry in self.entries:
+            if entry.note:
+                files.setdefault(entry.note, {})[entry.path.name] = None
+        formats = [f"{next(iter(names))}{f' and {len(names) - 1} more' if len(names) > 1 else ''}: {note}"
+                   for note, names in files.items()]
+        return turned + formats + [note for path in videos for note in video_notes(path)]
 
     def frame(self, k: int) -> np.ndarray:
         """Frame `k`: uint8, uint16 or float32  # (ny, nx)"""
@@ -154,10 +168,11 @@ def _headers(path: Path) -> list[ImageEntry]:
                      remedy="save the images as TIFF or PNG (JPEG compression destroys the measured grey values)")
 
 
-def _entry(path: Path, page: int, shape: tuple[int, int], dtype: str, label: str, tag: object) -> ImageEntry:
+def _entry(path: Path, page: int, shape: tuple[int, int], dtype: str, label: str, tag: object,
+           note: str = "") -> ImageEntry:
     """The entry of an image with this shape as stored and this orientation tag."""
     orientation = orientation_of(tag)
-    return ImageEntry(path, page, upright_shape(shape, orientation), dtype, label, orientation)
+    return ImageEntry(path, page, upright_shape(shape, orientation), dtype, label, orientation, note=note)
 
 
 # TIFF -------------------------------------------------------------------------------------------------
@@ -165,25 +180,57 @@ def _tiff_headers(path: Path) -> list[ImageEntry]:
     try:
         with tifffile.TiffFile(path) as tiff:
             count = len(tiff.pages)  # ends at a loop of pages in a damaged file; iteration does not
-            numbered = [(k, page) for k, page in ((k, tiff.pages[k]) for k in range(count)) if not page.is_reduced]
+            numbered = [(k, page) for k, page in ((k, tiff.pages[k]) for k in range(count))
+                        if not page.is_reduced and not page.is_mask]
             pages, entries = [page for _, page in numbered], []
+            note = "; ".join(stack_notes(tiff, pages, path)) if pages else ""
+            planes, leftover = _planes(tiff, pages, path)
+            note = "; ".join(filter(None, (note, leftover)))
             for number, page in numbered:
-                label = path.name if len(pages) == 1 else f"{path.name}[{number}]"
-                entries.append(_entry(path, number, *_tiff_kind(page, path), label, page.tags.valueof(TAG)))
+                label = path.name if len(pages) == planes == 1 else f"{path.name}[{number}]"
+                shape, kind, overlay = _tiff_kind(page, path)
+                page_note = "; ".join(filter(None, (note, OVERLAY_NOTE if overlay else "")))
+                entries.append(_entry(path, number, shape, kind, label, page.tags.valueof(TAG), page_note))
             _complete(tiff, pages, path)
-            return entries
+            return entries + [replace(entries[0], page=k, label=f"{path.name}[{k}]") for k in range(1, planes)]
     except InputError:
         raise
     except Exception as error:  # tifffile raises many types on damaged files
         raise _damaged(path, error) from error
 
 
-def _tiff_kind(page: tifffile.TiffPage, path: Path) -> tuple[tuple[int, int], str]:
+def _planes(tiff: tifffile.TiffFile, pages: list[tifffile.TiffPage], path: Path) -> tuple[int, str]:
+    """Number of images of a file with one page, and a note where it is less than its header says."""
+    stated = stated_images(tiff, path) if pages else 1
+    if len(pages) >= stated:
+        return 1, ""
+    page, size = pages[0], path.stat().st_size
+    if len(pages) > 1 or not page.is_contiguous or size < page.dataoffsets[0] + 2 * page.nbytes:
+        return 1, f"{len(pages)} of the {stated} images that its header states"
+    end = page.dataoffsets[0] + stated * page.nbytes
+    if size < end:
+        raise _truncated(path, f"{end} bytes", f"{size} bytes")
+    return stated, ""
+
+
+def _tiff_kind(page: tifffile.TiffPage, path: Path) -> tuple[tuple[int, int], str, int]:
+    """Shape, depth, and number of pixels in the colour of an overlay."""
+    overlay = 0
     if page.samplesperpixel > 1 and not _equal_channels(page.asarray(), path):
         raise _colour(path, f"{page.samplesperpixel} channels")
     if page.photometric == tifffile.PHOTOMETRIC.PALETTE and not (page.colormap[0] == page.colormap).all():
-        raise _colour(path, "a colour palette")
-    return (int(page.imagelength), int(page.imagewidth)), _depth(page.dtype, path)
+        grey = grey_of_palette(page.asarray(), _palette(page))
+        if grey is None:
+            raise _colour(path, "a colour palette")
+        overlay = grey[1]
+    dtype = page.dtype if _nodata(page) is None else np.dtype(np.float32)
+    return (int(page.imagelength), int(page.imagewidth)), _depth(dtype, path), overlay
+
+
+def _palette(page: tifffile.TiffPage) -> np.ndarray:
+    """Red, green and blue of the entries  # (n, 3) uint8"""
+    has_bytes = page.colormap.max() < 256  # against the rule, but written
+    return (page.colormap if has_bytes else page.colormap >> 8).astype(np.uint8).T
 
 
 def _complete(tiff: tifffile.TiffFile, pages, path: Path) -> None:
@@ -191,17 +238,36 @@ def _complete(tiff: tifffile.TiffFile, pages, path: Path) -> None:
     for page in pages:
         end = max((o + n for o, n in zip(page.dataoffsets, page.databytecounts, strict=False)), default=0)
         if end == 0 or end > size:
-            raise InputError("the image file is truncated", file=path, key="images", expected=f"{end or 'some'} bytes",
-                             found=f"{size} bytes",
-                             remedy="copy the file again from its source, or leave it out")
+            raise _truncated(path, f"{end or 'some'} bytes", f"{size} bytes")
+
+
+def _truncated(path: Path, expectation: str, finding: str) -> InputError:
+    return InputError("the image file is truncated", file=path, key="images", expected=expectation, found=finding,
+                      remedy="copy the file again from its source, or leave it out")
+
+
+def _stored(tiff: tifffile.TiffFile, number: int) -> tuple[tifffile.TiffPage, np.ndarray]:
+    """A page, or the page of a stack that has only one and the plane with this number."""
+    try:
+        page = tiff.pages[number]
+    except IndexError:
+        page = tiff.pages[0]
+        tiff.filehandle.seek(page.dataoffsets[0] + number * page.nbytes)
+        count = int(np.prod(page.shape))
+        plane = np.frombuffer(tiff.filehandle.read(page.nbytes), tiff.byteorder + page.dtype.char, count)
+        return page, plane.astype(page.dtype).reshape(page.shape)
+    return page, page.asarray()
 
 
 def _read_tiff(entry: ImageEntry) -> np.ndarray:
     with tifffile.TiffFile(entry.path) as tiff:
-        page = tiff.pages[entry.page]
-        image = page.asarray()
+        page, image = _stored(tiff, entry.page)
         if page.photometric == tifffile.PHOTOMETRIC.PALETTE:
-            return (page.colormap[0] >> 8).astype(np.uint8)[image]
+            grey = grey_of_palette(image, _palette(page))
+            if grey is None:
+                raise _colour(entry.path, "a colour palette")
+            return grey[0]
+        image = _without_nodata(image, page)
         if page.photometric == tifffile.PHOTOMETRIC.MINISWHITE and image.dtype.kind == "u":
             image = np.iinfo(image.dtype).max - image
         if image.ndim == 3:
@@ -209,13 +275,32 @@ def _read_tiff(entry: ImageEntry) -> np.ndarray:
         return image
 
 
+def _nodata(page: tifffile.TiffPage) -> np.generic | None:
+    """The value that stands for none (tag of GDAL); None where the page states none that it can hold."""
+    try:
+        value = float(str(page.tags.valueof(_NODATA)).strip("\0 "))
+        return page.dtype.type(value) if page.dtype.kind == "f" or value == int(value) >= 0 else None
+    except (ValueError, OverflowError):
+        return None
+
+
+def _without_nodata(image: np.ndarray, page: tifffile.TiffPage) -> np.ndarray:
+    """NaN where the file states that there is no value."""
+    nodata = _nodata(page)
+    if nodata is None:
+        return image
+    return np.where(image == nodata, np.nan, image).astype(np.float64 if image.dtype == np.float64 else np.float32)
+
+
 # PNG --------------------------------------------------------------------------------------------------
 def _png_header(path: Path) -> ImageEntry:
     try:
         with Image.open(path, formats=FORMATS) as image:
-            mode, size, tag = image.mode, image.size, image.getexif().get(TAG)
+            mode, size, tag, note = image.mode, image.size, image.getexif().get(TAG), ""
             if mode in ("1", "L", "I;16", "I;16B", "I"):
                 kind = "uint8" if mode in ("1", "L") else "uint16"
+            elif mode == "P" and (grey := grey_of_palette(*_indexed(image))) is not None:
+                kind, note = "uint8", OVERLAY_NOTE if grey[1] else ""
             elif mode in ("P", "RGB", "RGBA", "LA", "PA"):
                 channels = _deep_channels(path) if _is_deep(path) else np.asarray(image.convert("RGB"))
                 if not _equal_channels(channels, path):
@@ -231,7 +316,15 @@ def _png_header(path: Path) -> ImageEntry:
         raise
     except Exception as error:  # PIL raises many types on damaged files
         raise _damaged(path, error) from error
-    return _entry(path, 0, (size[1], size[0]), kind, path.name, tag)
+    return _entry(path, 0, (size[1], size[0]), kind, path.name, tag, note)
+
+
+def _indexed(image: Image.Image) -> tuple[np.ndarray, np.ndarray]:
+    """Indices and palette of an image in mode P  # (ny, nx) uint8, (n, 3) uint8"""
+    indices = np.asarray(image)
+    palette = np.array(image.getpalette("RGB"), np.uint8).reshape(-1, 3)
+    missing = max(int(indices.max(initial=0)) + 1 - len(palette), 0)
+    return indices, np.vstack([palette, np.zeros((missing, 3), np.uint8)])
 
 
 def _is_deep(path: Path) -> bool:
@@ -257,6 +350,8 @@ def _tail(path: Path) -> bytes:
 
 def _read_png(entry: ImageEntry) -> np.ndarray:
     with Image.open(entry.path, formats=FORMATS) as image:
+        if image.mode == "P" and (grey := grey_of_palette(*_indexed(image))) is not None:
+            return grey[0]
         if image.mode in ("P", "RGB", "RGBA", "LA", "PA"):
             if _is_deep(entry.path):
                 return _deep_channels(entry.path)[..., 0]

@@ -12,14 +12,17 @@ from typing import Literal
 import numpy as np
 
 from idic.errors import InputError
+from idic.readers.delimited.clock_times import ClockError, ClockTimes
 from idic.readers.delimited.log_table import Table, read_table
 from idic.readers.delimited.numerals import certain_marks, has_thousands, is_ambiguous, number_in
+from idic.readers.delimited.table_times import (
+    clock_column, clock_of, clock_refusal, column_notes, seconds_column,
+)
 from idic.readers.delimited.text_files import text_of
-from idic.readers.delimited.units import factor_between, parse_unit, unit_in_name, without_unit
+from idic.readers.delimited.units import factor_between, parse_unit, unit_in_name
 
 _MAX_VALUE = 1e60  # absolute; squares of squares stay floats
 _MAX_BEYOND_SHARE = 1e-6  # of the test: an image that is further outside the log is told
-_TIME_NAMES = ("time", "t", "zeit")
 _CLOCK = re.compile(r"[0-9]:[0-9]{2}|[0-9]{4}-[0-9]{2}-[0-9]{2}|[0-9]{1,2}\.[0-9]{1,2}\.[0-9]{4}")
 Decimal = Literal[".", ","]
 
@@ -31,6 +34,7 @@ class Log:
     decimal : mark that the user states; None: as the cells show
     notes : how the file was read where that is not obvious
     of_stages : whether these are the analog channels of measured fields
+    start : clock times of the images, from whose first row the times of day of this log count; None: from its own
     """
 
     file: Path
@@ -38,6 +42,7 @@ class Log:
     decimal: Decimal | None = None
     notes: tuple[str, ...] = ()
     of_stages: bool = False
+    start: ClockTimes | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -63,6 +68,11 @@ class Log:
                              expected=name_unit, found=row_unit, remedy="correct the name or the unit below it")
         return row_unit or name_unit
 
+    @property
+    def unread(self) -> tuple[str, ...]:
+        """The notes on columns that are not read."""
+        return tuple(column_notes(self.table, self.file)[self._clock_column is not None:])
+
     def column(self, name: str, *, file=None, key=None) -> np.ndarray:
         """A column as numbers, in the unit of the file  # (n_rows,)
 
@@ -73,8 +83,7 @@ class Log:
         """
         if name not in self.names:
             raise self._no_column(name, file, key)
-        index = self.names.index(name)
-        cells = [row[index] for row in self.rows]
+        cells = self.table.cells(name)
         marks = self._decimal_marks(name, cells)
         values = np.empty(len(cells))
         for k, (cell, mark) in enumerate(zip(cells, marks, strict=True)):
@@ -152,21 +161,54 @@ class Log:
 
     @property
     def time_column(self) -> str | None:
-        """``time_s``, ``t_ms``, …; None if the log has no such column."""
-        for name, row_unit in zip(self.names, self.table.units, strict=True):
-            unit = parse_unit(row_unit or unit_in_name(name) or "")
-            if unit is not None and unit.dimension == "time" and without_unit(name).lower() in _TIME_NAMES:
-                return name
-        return None
+        """``time_s``, ``t_ms``, …, or the column of times of day; None if the log has no such column."""
+        return self._seconds_column or self._clock_column
+
+    @cached_property
+    def _seconds_column(self) -> str | None:
+        return seconds_column(self.table)
+
+    @cached_property
+    def _clock_column(self) -> str | None:
+        return None if self._seconds_column else clock_column(self.table)
+
+    @cached_property
+    def clock(self) -> ClockTimes | None:
+        """The times of day of the rows, where these are the times of the log; InputError where they are not certain."""
+        return None if self._clock_column is None else clock_of(self.table, self._clock_column, self.file)
 
     def times(self) -> np.ndarray | None:
-        """Times in s, strictly increasing; None if the log has none  # (n_rows,)"""
+        """Times in s, strictly increasing, times of day from the first row (or that of `start`); None if the log has
+        none  # (n_rows,)"""
         name = self.time_column
         if name is None:
             return None
-        times = self.column(name) * factor_between(self.unit(name), "s", file=self.file, key=name)
+        if self.clock is None:
+            times = self.column(name) * factor_between(self.unit(name), "s", file=self.file, key=name)
+        else:
+            try:
+                times = self.clock.seconds_since(self.start or self.clock)
+            except ClockError as error:
+                raise clock_refusal(error, self.table, name, self.file) from None
         check_increasing(times, self.file, name, self.lines)
         return times
+
+    def on_the_clock_of(self, image_times: Log) -> Log:
+        """The same log with its times of day counted from the first of the images.
+
+        Raises
+        ------
+        InputError
+            One of the two has times of day, the other seconds.
+        """
+        clocks = [self.clock is not None, image_times.clock is not None]
+        if self.time_column is not None and clocks[0] != clocks[1]:
+            kinds = [f"{log.time_column} of {log.file.name} in {'times of day' if clock else 'seconds'}"
+                     for log, clock in zip((self, image_times), clocks, strict=True)]
+            raise InputError("the log and the images have times of different kinds", file=self.file,
+                             key=f"column {self.time_column}", expected="both in times of day, or both in seconds from "
+                             "one start", found=" and ".join(kinds), remedy="write both alike")
+        return replace(self, start=image_times.clock) if all(clocks) else self
 
 
 @dataclass(frozen=True)
@@ -258,7 +300,7 @@ def read_log(path: Path, decimal: Decimal | None = None) -> Log:
                      "skipped")
     if any(table.units):
         notes.append(f"{path.name}: the row below the header gives the units")
-    return Log(path, table, decimal, tuple(notes))
+    return Log(path, table, decimal, (*notes, *column_notes(table, path)))
 
 
 def match(log: Log, n_frames: int, numbers: tuple[int, ...] | None, image_times: np.ndarray | None) -> MatchedLog:
@@ -281,7 +323,7 @@ def match(log: Log, n_frames: int, numbers: tuple[int, ...] | None, image_times:
         difference = "fewer" if len(log.rows) < n_frames else "more"
         raise InputError(f"the log has {difference} rows than the test has images", file=log.file, key="loads",
                          expected=f"{n_frames} rows, one per image",
-                         found=f"{len(log.rows)} rows",
+                         found="; ".join([f"{len(log.rows)} rows", *log.unread]),
                          remedy="give one row per image in image order; or match by time: a column time_s in the log, "
                          "and image_times or frame_interval_s in [experiment]")
     if "frame" in log.names:

@@ -1,7 +1,7 @@
 """The table in the text of a log: separator, header, units and rows among the lines that instruments put around them.
 
 Read are ``sep=;`` of Excel, lines before the header (operator, specimen, date), a row of units under the header, empty
-columns at the right, empty rows at the end, and comments that start with #.
+columns at the right, empty rows at the end, and comments that start with #; a header may be one.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from idic.errors import InputError
+from idic.readers.delimited.clock_times import clock_format, is_clock_time
 from idic.readers.delimited.numerals import looks_numeric
 from idic.readers.delimited.units import parse_unit
 
@@ -39,6 +40,16 @@ class Table:
     lines: tuple[int, ...]
     head_rows: tuple[tuple[int, tuple[str, ...]], ...]
 
+    def cells(self, name: str) -> list[str]:
+        """The cells of a column."""
+        index = self.names.index(name)
+        return [row[index] for row in self.rows]
+
+    def first_cell(self, name: str) -> str:
+        """The first cell of a column that is not empty; "" without one."""
+        index = self.names.index(name)
+        return next((row[index].strip() for row in self.rows if row[index].strip()), "")
+
 
 def read_table(text: str, path: Path) -> Table:
     """Find header, units and rows.
@@ -49,20 +60,18 @@ def read_table(text: str, path: Path) -> Table:
         There is no header or no row, a column name occurs twice, a row has another number of cells, or a cell is
         longer than any number.
     """
-    lines = [(number, line) for number, line in _whole_lines(text.splitlines()) if line.strip()
-             and not line.lstrip().startswith("#")]
+    all_lines = [(number, line) for number, line in _whole_lines(text.splitlines()) if line.strip()]
+    lines = [(number, line) for number, line in all_lines if not _is_comment(line)]
     separators: tuple[str, ...] = _SEPARATORS
     if lines and (excel := _EXCEL.fullmatch(lines[0][1].strip(" "))):
         separators, lines = (excel[1],), lines[1:]
-    if len(lines) < 2:
+    if len(lines) < 2 and not (lines and _is_row(lines[0][1])):
         raise InputError("the log is empty", file=path, key="loads", expected="a header row and one row per image",
                          found=f"{len(lines)} rows", remedy="export the log again")
-    separator = next((mark for mark in separators[:-1] if _separates(lines[:_LOOKED_AT], mark, path)), separators[-1])
-    cells = [(number, _cells(line, separator, number, path)) for number, line in lines]
-    while len(cells) > 2 and not any(cells[-1][1]):
-        cells.pop()
-    header, first = _header(cells)
-    if header is None and not any(looks_numeric(cell) for _, row in cells for cell in row):
+    separator, cells, (header, first) = _split(lines, separators, path)
+    if header is None:  # it may be a comment
+        separator, cells, (header, first) = _split(_with_comments(all_lines, lines), separators, path)
+    if header is None and not any(map(_has_value, (row for _, row in cells))):
         raise InputError("the log has no row of numbers", file=path, key=f"line {cells[1][0]}",
                          expected="a row of numbers for every image below the header", found=", ".join(cells[1][1]),
                          remedy="export the log again")
@@ -89,6 +98,18 @@ def read_table(text: str, path: Path) -> Table:
     return Table(separator, cells[header][0], names, units + ("",) * (n - len(units)), tuple(table_rows),
                  tuple(k for k, _ in rows),
                  tuple(cells[:header]))
+
+
+def _split(lines: Sequence[tuple[int, str]], separators: Sequence[str],
+           path: Path) -> tuple[str, list[tuple[int, tuple[str, ...]]], tuple[int | None, int]]:
+    """The separator, the cells of every line, and the places of the header and of the first row of numbers."""
+    separator = next((mark for mark in separators[:-1] if _separates(lines[:_LOOKED_AT], mark, path)), separators[-1])
+    if separator == "," and "," not in lines[0][1] and all(is_clock_time(line) for _, line in lines[1:]):
+        separator = _SEPARATORS[0]  # one column of times, in which a comma separates the decimals
+    cells = [(number, _cells(line, separator, number, path)) for number, line in lines]
+    while len(cells) > 2 and not any(cells[-1][1]):
+        cells.pop()
+    return separator, cells, _header(cells)
 
 
 def _whole_lines(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
@@ -155,8 +176,8 @@ def _separates(lines: list[tuple[int, str]], separator: str, path: Path) -> bool
 
 def _header(cells: list[tuple[int, tuple[str, ...]]]) -> tuple[int | None, int]:
     """Places of the header and of the first row of numbers: the last row of text that a row with a number follows."""
-    text = [any(row) and not any(looks_numeric(cell) for cell in row) for _, row in cells]
-    numbers = [any(looks_numeric(cell) for cell in row) for _, row in cells]
+    numbers = [_has_value(row) for _, row in cells]
+    text = [any(row) and not has_number for (_, row), has_number in zip(cells, numbers, strict=True)]
     last_text = next((k for k in reversed(range(len(cells) - 1)) if text[k] and numbers[k + 1]), None)
     if last_text is None:
         return None, 0
@@ -166,11 +187,38 @@ def _header(cells: list[tuple[int, tuple[str, ...]]]) -> tuple[int | None, int]:
     return last_text, last_text + 1
 
 
+def _has_value(row: tuple[str, ...]) -> bool:
+    """Whether a cell of the row is a number or a time of day."""
+    return any(looks_numeric(cell) or is_clock_time(cell) for cell in row)
+
+
 def _are_units(row: tuple[str, ...]) -> bool:
-    """Whether most of the cells are units, at least one of them with a dimension."""
+    """Whether most of the cells are units or formats of clocks, at least one of them with a dimension."""
     texts = [cell.strip("[]() ") for cell in row if cell.strip("[]() ")]
+    n_clocks = sum(clock_format(text) is not None for text in texts)
     units = [unit for unit in map(parse_unit, texts) if unit is not None]
-    return 2 * len(units) > len(texts) and any(any(unit.powers) for unit in units)
+    return 2 * (len(units) + n_clocks) > len(texts) and (n_clocks > 0 or any(any(unit.powers) for unit in units))
+
+
+# comments ---------------------------------------------------------------------------------------------
+def _is_comment(line: str) -> bool:
+    return line.lstrip().startswith("#")
+
+
+def _is_row(line: str) -> bool:
+    """Whether a line begins with a number or a time of day, and so is no header."""
+    cell = re.split(r"[;,\t]", line)[0].strip(' "')
+    return looks_numeric(cell) or is_clock_time(cell) or is_clock_time(line)
+
+
+def _with_comments(all_lines: Sequence[tuple[int, str]], lines: Sequence[tuple[int, str]]) -> list[tuple[int, str]]:
+    """The lines with the comments above the first of them that have as many cells as it, without their marks."""
+    marks = {mark: lines[0][1].count(mark) for mark in _SEPARATORS}
+    above = [(number, line.lstrip("# ").rstrip()) for number, line in all_lines
+             if number < lines[0][0] and _is_comment(line)]
+    names = [(number, line) for number, line in above if line.strip('#=-* "') and not _is_row(line)
+             and (not any(marks.values()) or any(n > 0 and line.count(mark) == n for mark, n in marks.items()))]
+    return [*names[-2:], *lines]
 
 
 def _check_names(names: tuple[str, ...], path: Path) -> None:

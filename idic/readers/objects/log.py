@@ -11,6 +11,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.readers.delimited.log_table import Table
+from idic.readers.delimited.table_times import column_notes
 from idic.readers.logs import Decimal, Log, read_log
 
 KEY, LOG_IN_MEMORY = "loads", Path("loads")  # in messages
@@ -51,11 +52,16 @@ def log_of(loads: Any, units: Mapping[str, str] | None = None, decimal: Decimal 
         raise InputError("a unit for a column that does not exist", key="units",
                          expected=f"one of {', '.join(columns)}", found=unknown[0],
                          remedy="correct the name of the column")
-    cells = [[_cell(value) for value in values.tolist()] for values in columns.values()]
+    cells = [[_cell(value) for value in _dated(values).tolist()] for values in columns.values()]
     rows = tuple(zip(*cells, strict=True))
     table = Table(",", 0, tuple(columns), tuple((units or {}).get(name, "") for name in columns), rows,
                   tuple(range(len(rows))), ())
-    return Log(LOG_IN_MEMORY, table, ".")
+    return Log(LOG_IN_MEMORY, table, ".", tuple(column_notes(table, LOG_IN_MEMORY)))
+
+
+def _dated(values: np.ndarray) -> np.ndarray:
+    """Dates of NumPy and pandas as text, other values as they are  # (n_rows,)"""
+    return np.datetime_as_string(np.asarray(values)) if values.dtype.kind == "M" else values
 
 
 def _cell(value: object) -> str:

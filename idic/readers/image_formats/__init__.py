@@ -1,0 +1,1 @@
+"""What formats of images say of their frames: the axes of stacks, and grey values behind a palette."""
