@@ -165,6 +165,7 @@ def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
     roi = seen_region(corners, visible, shape, recording.mask)
     noise = recording.noise
     picture = overlay(experiment) if draw else None
+    field_notes, field_warnings = _of_fields(experiment, corners, visible) if recording.points is not None else ((), ())
     labels = recording.labels
     return CheckReport(
         experiment.title, stack.n_frames, labels[model.reference], tuple(labels[k] for k in recording.excluded),
@@ -172,9 +173,9 @@ def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
         len(cells), int(visible.sum()),
         float(areas.mean()), float(areas.min()), model.length_unit, model.parameters.free,
         tuple(channel.column for channel in model.channels), noise, float(np.nanstd(reference[roi])),
-        (*experiment.notes, *_margin_note(experiment.options), *planned_increments(experiment)),
+        (*experiment.notes, *field_notes, *_margin_note(experiment.options), *planned_increments(experiment)),
         _warnings_of_images(experiment, reference, corners, visible, roi, areas)
-        if recording.points is None else tuple(_field_warnings(experiment, corners, visible)), picture,
+        if recording.points is None else field_warnings, picture,
         recording.camera_name,
         value_unit=recording.value_unit, points=_points_line(recording), starts=start_values(model))
 
@@ -273,8 +274,20 @@ def _points_line(recording: Recording) -> str:
     return f"{len(at.positions_px)} over {grid[1]} x {grid[0]} places of a grid, {at.pitch_mm:.3g} mm apart"
 
 
+def _of_fields(experiment: Experiment, corners: list[np.ndarray],
+               visible: np.ndarray) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Notes and warnings of measured fields; every stage is read."""
+    stack = experiment.recording.stack
+    assert stack is not None
+    counted = [k for k in range(experiment.model.n_frames) if k not in experiment.recording.excluded]
+    failed = check_stages(stack, counted)
+    notes = () if not failed else (
+        f"fields: {sum(failed.values())} points of {len(counted)} stages were not measured and are gaps, by the flags "
+        "of the files: " + "; ".join(f"{n} {reason}" for reason, n in failed.items()),)
+    return notes, tuple(_field_warnings(experiment, corners, visible))
+
+
 def _field_warnings(experiment: Experiment, corners: list[np.ndarray], visible: np.ndarray) -> Iterator[str]:
-    """Warnings of measured fields; every stage is read."""
     recording = experiment.recording
     points = recording.points
     assert points is not None and recording.stack is not None
@@ -284,7 +297,6 @@ def _field_warnings(experiment: Experiment, corners: list[np.ndarray], visible: 
                f"less "
                "noisy")
     counted = [k for k in range(experiment.model.n_frames) if k not in recording.excluded]
-    check_stages(recording.stack, counted)
     for k in counted:
         part = float(np.isfinite(np.asarray(recording.stack.frame(k))).all(axis=1).mean())
         if part < MIN_SEEN_PART:
