@@ -1,4 +1,4 @@
-"""Stages as tables of columns: VIC-2D and VIC-3D, MatchID, DICe, pyvale, and a plain table of all stages.
+"""Stages as tables of columns: VIC-2D and VIC-3D, MatchID, DICe, pyvale, al-dic, a plain table of all stages.
 
 A dialect names the columns of its system; units stand in brackets behind the names, or are those of the system.
 """
@@ -35,6 +35,7 @@ class Dialect:
     time: tuple[str, ...] = ()
     exact_case: bool = False
     needs: tuple[str, ...] = ()
+    v_upwards: bool = False
 
 
 STAGE_COLUMNS = ("stage", "frame")
@@ -44,6 +45,8 @@ DIALECTS = (
     Dialect("vic", ("x", "y", "-"), ("u", "v", "-"), "px", exact_case=True, needs=("sigma",)),
     Dialect("matchid", ("coor.x", "coor.y", "coor.z"),
             ("disp.horizontal displacement u", "disp.vertical displacement v", "disp.out-of-plane: w"), "px"),
+    Dialect("matchid", ("coordinates.image x", "coordinates.image y", "-"),
+            ("disp.horizontal displacement u", "disp.vertical displacement v", "-"), "px"),
     Dialect("dice", ("model_coordinates_x", "model_coordinates_y", "model_coordinates_z"),
             ("model_displacement_x", "model_displacement_y", "model_displacement_z"), "mm", "subset_id"),
     Dialect("dice", ("coordinate_x", "coordinate_y", "-"), ("displacement_x", "displacement_y", "-"), "px",
@@ -52,6 +55,7 @@ DIALECTS = (
             ("stereo_disp_u_mm", "stereo_disp_v_mm", "stereo_disp_w_mm"), "mm"),
     Dialect("pyvale", ("subset_x", "subset_y", "-"), ("disp_u", "disp_v", "-"), "px"),
     Dialect("pyvale", ("ss_x", "ss_y", "-"), ("displacement_u", "displacement_v", "-"), "px"),
+    Dialect("al-dic", ("x", "y", "-"), ("disp_u", "disp_v", "-"), "px", "node_id", needs=("node_id",), v_upwards=True),
     Dialect("table", ("x", "y", "z"), ("ux", "uy", "uz"), "mm", "id", stage=STAGE_COLUMNS, time=("time", "t")),
     Dialect("table", ("x", "y", "z"), ("u", "v", "w"), "mm", "id", stage=STAGE_COLUMNS, time=("time", "t")),
 )
@@ -179,7 +183,8 @@ def _stage(columns: Columns, values: np.ndarray, path: Path) -> Stage:
     if dialect.ids is not None and (place := columns.place(dialect.ids)) is not None:
         ids = np.nan_to_num(values[:, place], nan=-1.0).astype(np.int64)
     if columns.unit == "px":  # rows of an image count downwards
-        points, displacement = points * _UPWARDS[:n], displacement * _UPWARDS[:n]
+        points = points * _UPWARDS[:n]
+        displacement = displacement if dialect.v_upwards else displacement * _UPWARDS[:n]
     flags = {key_of(name): values[:, k] for k, name in enumerate(columns.names) if unit_of(name) is None}
     sound = sound_points(points, displacement, ids, dialect.name, flags)
     if sound.n_repeated:

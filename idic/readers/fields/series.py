@@ -161,7 +161,8 @@ def open_fields(paths: Sequence[Path], format: str = "auto", unit: str | None = 
     Raises
     ------
     InputError
-        A file is none of the formats, or the fields are in px and no pixel size is given.
+        A file is none of the formats, the fields are in px and no pixel size is given, or a pixel size is given and
+        nothing says whether the lengths are in px.
     """
     file_format = detected(paths[0]) if format == "auto" else format
     entries = [entry for path in paths for entry in _entries(path, file_format)]
@@ -169,6 +170,11 @@ def open_fields(paths: Sequence[Path], format: str = "auto", unit: str | None = 
     positions = state_of_positions(lambda k: _read(entries[k].path, file_format)[entries[k].number],
                                    [entry.path for entry in entries], DEFORMED if file_format == ARAMIS else REFERENCE)
     assumed = first.unit_assumed and unit is None
+    if assumed and pixel_size_mm is not None:
+        raise InputError("the unit of the fields is not known", file=paths[0], key="experiment.fields_unit",
+                         expected='fields_unit = "px" or "mm" next to pixel_size_mm', found="a file that names no unit "
+                         "of length", remedy='write fields_unit = "px" if its lengths are pixels, else fields_unit = '
+                         '"mm" and no pixel_size_mm')
     file_unit, unit = first.unit, unit or first.unit
     if unit == "px":
         if pixel_size_mm is None:
