@@ -14,8 +14,9 @@ from idic.identification import planned_increments, repeated_readings
 from idic.experiment_file import corners_px, recorded, seen_nodes, seen_region, visible_cells
 from idic.images import largest_value, saturated_share
 from idic.model import Experiment, Measured, Model, Noise, Options, Recording, in_words
-from idic.readers import check_stages
+from idic.readers import check_stages, mean_strain
 from idic.report.evidence.cost import Cost, expected_cost
+from idic.report.evidence.increments import increments_of
 from idic.report.evidence.placement import ends_that_move_otherwise, mirrored_axes, misplaced_still_frames
 from idic.report.evidence.plausible import (
     implausible_scale, implausible_values, loaded_reference, opposed_forces, pattern_warnings, repeated_image,
@@ -297,14 +298,31 @@ def _field_warnings(experiment: Experiment, corners: list[np.ndarray], visible: 
                f"less "
                "noisy")
     counted = [k for k in range(experiment.model.n_frames) if k not in recording.excluded]
+    strains = []
     for k in counted:
-        part = float(np.isfinite(np.asarray(recording.stack.frame(k))).all(axis=1).mean())
+        moved = np.asarray(recording.stack.frame(k))
+        strains.append(mean_strain(points.positions_px * [1.0, -1.0], moved[:, :2] * [1.0, -1.0]))
+        part = float(np.isfinite(moved).all(axis=1).mean())
         if part < MIN_SEEN_PART:
             yield f"{recording.labels[k]}: only {100 * part:.0f} % of the points of the reference stage are measured"
+    yield from _increment_warnings(experiment, counted, np.array(strains))
     for column, label in dropped_loads(experiment):
         yield (f"{label}: {column} falls to less than a tenth of its largest value and stays there: after the break? "
                f"then "
                "list these stages in exclude_frames")
+
+
+def _increment_warnings(experiment: Experiment, counted: list[int], strains: np.ndarray) -> Iterator[str]:
+    """That displacements count from the stage before; strains : (n, 2, 2) of the stages in `counted`, of any scale"""
+    for channel in experiment.model.channels:
+        evidence = increments_of(strains, channel.values[counted]) if counted[0] == experiment.model.reference else None
+        if evidence is not None:
+            yield ("the displacements seem to count from the stage before, not from the reference: the mean strain "
+                   f"follows the change of {channel.column} from stage to stage (all but "
+                   f"{100 * evidence.by_change:.0f} % of it) and not {channel.column} ({100 * evidence.by_load:.0f} % "
+                   "unexplained). Every value would be wrong: export the displacements against the first stage (total, "
+                   "not incremental, correlation)")
+            return
 
 
 def dropped_loads(experiment: Experiment) -> Iterator[tuple[str, str]]:
