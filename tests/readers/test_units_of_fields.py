@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import meshio
 import numpy as np
 import pytest
 from test_field_exports import GRID, displaced
 
 from idic.errors import InputError
-from idic.experiment_file.measured_fields.stages import field_notes
 from idic.readers import FieldStack, measured_points, open_fields
 
 SIZE_MM = 0.05  # of a pixel
@@ -79,17 +76,18 @@ def pyxel(folder) -> None:
                     point_data={"U": np.column_stack([moved_px(k), np.zeros(len(GRID))])}).write(folder / f"s{k}.vtu")
 
 
-def test_a_vtu_file_names_no_unit_and_the_note_says_so(tmp_path):
+def test_a_vtu_file_names_no_unit_so_that_mm_are_assumed(tmp_path):
     pyxel(tmp_path)
-    notes = field_notes(opened(tmp_path), SimpleNamespace(pitch_mm=30.0), [0], None)
-    assert any("no unit of length; they are read as mm" in note for note in notes)
+    series = opened(tmp_path).series
+    assert series.unit_assumed and series.unit == "mm"
+    assert not open_fields(sorted(tmp_path.iterdir()), unit="mm").unit_assumed
 
 
 def test_a_vtu_file_in_pixels_has_y_upwards(tmp_path):
     pyxel(tmp_path)
     stack = opened(tmp_path, unit="px", pixel_size_mm=SIZE_MM)
     assert_motion(stack)
-    assert not any("read as" in note for note in field_notes(stack, SimpleNamespace(pitch_mm=1.5), [0], None))
+    assert not stack.series.unit_assumed
 
 
 @pytest.mark.parametrize("write", [pyxel, lambda folder: stages(folder, "x,y,u,v", lambda i, *cells: cells)])
