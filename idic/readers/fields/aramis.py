@@ -19,8 +19,8 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.readers.delimited.numerals import number_in
-from idic.readers.fields.failed_points import sound_points
-from idic.readers.fields.stage import KEY, Stage, cells_of, numbers_of, stage_text
+from idic.readers.fields.stages.failed_points import names_of, sound_points
+from idic.readers.fields.stages.stage import KEY, Stage, cells_of, numbers_of, stage_text
 from idic.readers.delimited.units import factor_between
 
 _HEAD = 4096  # characters: units, stage and analog channels stand before the points
@@ -66,7 +66,7 @@ def read_aramis(path: Path) -> Stage:
     shifts = [f"displacement_{axis}" for axis in axes]
     displacement = values[:, [names.index(name) for name in shifts]] if set(shifts) <= set(names) else None
     flags = {name.lower(): values[:, k] for k, name in enumerate(names)}
-    ids = np.nan_to_num(values[:, names.index("id")], nan=-1.0).astype(np.int64)
+    ids = names_of(values[:, names.index("id")])
     sound = sound_points(values[:, [names.index(name) for name in axes]], displacement, ids, "aramis", flags)
     labels, count = np.unique(sound.ids, return_counts=True)
     if (count > 1).any():

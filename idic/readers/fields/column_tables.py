@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.readers.fields.failed_points import in_words, sound_points
-from idic.readers.fields.stage import KEY, Stage, cells_of, numbers_of, separator_of, stage_text
+from idic.readers.fields.stages.failed_points import in_words, names_of, sound_points
+from idic.readers.fields.stages.stage import KEY, Stage, cells_of, numbers_of, separator_of, stage_text
 from idic.readers.delimited.units import factor_to, unit_in_name, without_unit
 
 
@@ -23,7 +23,7 @@ class Dialect:
     """Column names of a system, without units; the third of `points` and `displacement` may be missing in a file.
 
     unit : of lengths, where the header names none; needs : columns without which a file is of another dialect. Flags
-    of failed points: `idic.readers.fields.failed_points`
+    of failed points: `idic.readers.fields.stages.failed_points`
     """
 
     name: str
@@ -152,7 +152,7 @@ def read_columns(path: Path, dialect_name: str | None = None) -> list[tuple[floa
                          found="a header only",
                          remedy="export the stage again, or remove the file from the pattern")
     _check_units(columns, path)
-    return [(number, _stage(columns, part, path)) for number, part in _by_stage(columns, values)]
+    return [(number, _stage(columns, part, path)) for number, part in _by_stage(columns, values, path)]
 
 
 def _without_last_separator(columns: Columns, rows: list[str]) -> tuple[Columns, list[str]]:
@@ -168,10 +168,13 @@ def _without_last_separator(columns: Columns, rows: list[str]) -> tuple[Columns,
     return columns, rows
 
 
-def _by_stage(columns: Columns, values: np.ndarray) -> list[tuple[float, np.ndarray]]:
+def _by_stage(columns: Columns, values: np.ndarray, path: Path) -> list[tuple[float, np.ndarray]]:
     place = next((at for name in columns.dialect.stage if (at := columns.place(name)) is not None), None)
     if place is None:
         return [(0.0, values)]
+    if (nameless := ~np.isfinite(values[:, place])).any():
+        raise InputError("a point of no stage", file=path, key=columns.names[place], expected="a number in every row",
+                         found=f"{int(nameless.sum())} rows without one", remedy="export the table again")
     return [(float(number), values[values[:, place] == number]) for number in np.unique(values[:, place])]
 
 
@@ -181,7 +184,7 @@ def _stage(columns: Columns, values: np.ndarray, path: Path) -> Stage:
     displacement = values[:, [columns.place(name) for name in dialect.displacement[:n]]]
     ids = None
     if dialect.ids is not None and (place := columns.place(dialect.ids)) is not None:
-        ids = np.nan_to_num(values[:, place], nan=-1.0).astype(np.int64)
+        ids = names_of(values[:, place])
     if columns.unit == "px":  # rows of an image count downwards
         points = points * _UPWARDS[:n]
         displacement = displacement if dialect.v_upwards else displacement * _UPWARDS[:n]

@@ -20,8 +20,8 @@ import numpy as np
 import scipy
 
 from idic.errors import InputError
-from idic.readers.fields.failed_points import OUTSIDE
-from idic.readers.fields.stage import KEY, Stage
+from idic.readers.fields.stages.failed_points import OUTSIDE
+from idic.readers.fields.stages.stage import KEY, Stage
 
 if TYPE_CHECKING:
     import h5py  # loaded where such a file is read

@@ -15,15 +15,15 @@ from idic.readers.delimited.log_table import Table
 from idic.readers.fields.aramis import is_aramis, read_aramis, read_aramis_head
 from idic.readers.fields.column_tables import FORMATS as COLUMN_FORMATS
 from idic.readers.fields.column_tables import read_columns
-from idic.readers.fields.failed_points import in_words
+from idic.readers.fields.stages.failed_points import in_words
 from idic.readers.fields.flattened import Flattening
 from idic.readers.fields.mudic import SUFFIXES as MUDIC_SUFFIXES
 from idic.readers.fields.mudic import read_mudic
 from idic.readers.fields.ncorr import SUFFIXES as NCORR_SUFFIXES
 from idic.readers.fields.ncorr import read_ncorr
 from idic.readers.fields.plane import Plane, mean_plane
-from idic.readers.fields.stage import KEY, Stage, stage_text
-from idic.readers.fields.state_of_positions import DEFORMED, REFERENCE, at_rest, state_of_positions
+from idic.readers.fields.stages.stage import KEY, Stage, stage_text
+from idic.readers.fields.stages.state_of_positions import DEFORMED, REFERENCE, at_rest, state_of_positions
 from idic.readers.fields.vtu import SUFFIXES as VTU_SUFFIXES
 from idic.readers.fields.vtu import read_vtu
 from idic.readers.logs import Log
@@ -63,7 +63,7 @@ class FieldSeries:
     format : one of `FORMATS` without "auto"; mm_per_unit : of lengths in the files; unit, columns : of lengths and
     names of the columns of points, as the first file states them; unit_assumed : neither it nor the user states a unit;
     rows_down : the user, not the file, says that lengths are in px, whose rows count downwards; positions : of which
-    state those in the files are (`idic.readers.fields.state_of_positions`)
+    state those in the files are (`idic.readers.fields.stages.state_of_positions`)
     """
 
     entries: tuple[FieldEntry, ...]
@@ -280,6 +280,8 @@ class MeasuredPoints:
 
     def found_in(self, stage: Stage) -> np.ndarray:
         """The row of every point in a stage, -1 where it is missing  # (n,)"""
+        if not len(stage.points):
+            return np.full(len(self), -1)
         if self.ids is not None and stage.ids is not None:
             order = np.argsort(stage.ids)
             at = np.minimum(np.searchsorted(stage.ids, self.ids, sorter=order), len(order) - 1)
@@ -291,6 +293,8 @@ class MeasuredPoints:
         """Displacement along the axes of the plane since the reference, NaN where not measured  # (n, 2 | 3) mm"""
         place = self.found_in(stage)
         values = stage.points if stage.displacement is None else stage.displacement
+        if not len(values):
+            values = np.full((1, values.shape[1]), np.nan)
         moved = np.where((place >= 0)[:, None], values[place], np.nan) - self.start
         return moved if self.plane is None else moved @ self.plane.axes.T
 
@@ -310,8 +314,14 @@ def measured_points(series: FieldSeries, references: Sequence[int]) -> MeasuredP
     n = len(first.points)
     if n < MIN_POINTS:
         raise InputError("the reference stage has too few points", file=series.entries[references[-1]].path, key=KEY,
-                         expected=f"{MIN_POINTS} points or more", found=str(n), remedy="choose another reference")
+                         expected=f"{MIN_POINTS} points or more",
+                         found=f"{n} ({in_words(first.failed)})" if first.failed else str(n),
+                         remedy="choose another reference")
     pitch = float(np.median(scipy.spatial.cKDTree(first.points).query(first.points, k=2)[0][:, 1]))
+    if not pitch > 0.0:
+        raise InputError("the points of the reference stage lie at one place",
+                         file=series.entries[references[-1]].path, key=KEY, expected="a place for every point",
+                         found=f"{n} points, most of them at the place of another", remedy="export the stage again")
     raw = MeasuredPoints(first.points, pitch, first.ids, first.points, None, np.zeros_like(first.points))
     start = np.mean([raw.moved(stage) for stage in stages], axis=0)
     measured = np.isfinite(start).all(axis=1)

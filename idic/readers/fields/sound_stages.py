@@ -20,7 +20,7 @@ from idic.errors import InputError
 from idic.readers.fields.chosen_stages import mean_strain
 from idic.readers.fields.other_pattern import PatternSteps
 from idic.readers.fields.series import UM_PER_MM, FieldStack
-from idic.readers.fields.stage import KEY
+from idic.readers.fields.stages.stage import KEY
 
 MAX_TORN_PART = 0.05  # of the points that were between their neighbours; a crack through the specimen tears 2 % or so
 MIN_TORN_PITCH = 0.5  # distance from the middle of the four neighbours, in distances of neighbours
@@ -37,7 +37,7 @@ MIN_OTHER_STEPS = 6  # fewer stages may be one cycle of a test
 
 
 def check_stages(stack: FieldStack, frames: Sequence[int]) -> Mapping[str, int]:
-    """Read every stage; why points failed, and how many in all stages (`idic.readers.fields.failed_points`).
+    """Read every stage; why points failed, and how many in all stages (`idic.readers.fields.stages.failed_points`).
 
     frames : stages that are compared, in order
 
@@ -109,6 +109,8 @@ def _check_places(stack: FieldStack, k: int) -> None:
     if stage.displacement is None:
         return
     at, is_measured = points.found_in(stage), np.isfinite(stage.displacement).all(axis=1)
+    if not is_measured.any():
+        return
     shared = (at >= 0) & is_measured[at]  # a failed point has no place that counts
     is_displaced = np.linalg.norm(stage.points[at[shared]] - points.keys[shared],
                                   axis=1) > MAX_OTHER_PLACE * points.pitch

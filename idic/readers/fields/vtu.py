@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.readers.fields.failed_points import sound_points
-from idic.readers.fields.stage import KEY, Stage
+from idic.readers.fields.stages.failed_points import sound_points
+from idic.readers.fields.stages.stage import KEY, Stage
 
 SUFFIXES = (".vtu", ".vtk")
 _NAMES = ("displacement", "u", "disp", "displacements")

@@ -16,7 +16,7 @@ from idic.images import largest_value, saturated_share
 from idic.model import Experiment, Measured, Model, Noise, Options, Recording, in_words
 from idic.readers import check_stages, mean_strain
 from idic.report.evidence.cost import Cost, expected_cost
-from idic.report.evidence.increments import increments_of
+from idic.report.evidence.fields.increments import increments_of
 from idic.report.evidence.placement import ends_that_move_otherwise, mirrored_axes, misplaced_still_frames
 from idic.report.evidence.plausible import (
     implausible_scale, implausible_values, loaded_reference, opposed_forces, pattern_warnings, repeated_image,

@@ -19,6 +19,7 @@ MIN_JUMP = 5.0  # from zero to the next point that moves, in steps between neigh
 _MAX_BORDER = 1.5  # distances of neighbours
 _MAX_DECIMALS = 9
 _MIN_MOVING = 4
+_MAX_NAME = 2.0**53  # beyond, two names are one number
 
 
 @dataclass(frozen=True)
@@ -96,6 +97,12 @@ def sound_points(points: np.ndarray, displacement: np.ndarray | None, ids: np.nd
     return SoundPoints(points[has_place], None if displacement is None else displacement[has_place],
                        None if ids is None else ids[has_place],
                        {reason: n for reason, n in failed.items() if n}, int((~has_place).sum()))
+
+
+def names_of(values: np.ndarray) -> np.ndarray:
+    """Names of points from a column of numbers; -1 where it holds none  # (n,) -> (n,) int64"""
+    is_name = np.abs(values) < _MAX_NAME  # False for NaN
+    return np.where(is_name, values, -1.0).astype(np.int64)
 
 
 def in_words(failed: Mapping[str, int]) -> str:

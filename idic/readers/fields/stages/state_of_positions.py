@@ -16,8 +16,8 @@ import numpy as np
 import scipy
 
 from idic.errors import InputError
-from idic.readers.fields.failed_points import last_digit
-from idic.readers.fields.stage import KEY, Stage
+from idic.readers.fields.stages.failed_points import last_digit
+from idic.readers.fields.stages.stage import KEY, Stage
 
 REFERENCE, DEFORMED = "reference", "deformed"
 MIN_MOTION_DIGITS = 30.0  # median displacement in last digits of the positions
@@ -36,7 +36,7 @@ def state_of_positions(read: Callable[[int], Stage], paths: Sequence[Path], defa
         The positions fit neither, or one in some stages and the other in others.
     """
     n, first = len(paths), read(0)
-    if first.displacement is None or n < 2:
+    if first.displacement is None or len(first.points) < 2 or n < 2:
         return default
     answers: dict[int, str | None] = {}
     for k in dict.fromkeys((n - 1, n // 2, n // 4)):
@@ -111,7 +111,7 @@ def _matched(first: Stage, stage: Stage, places: np.ndarray) -> tuple[np.ndarray
     if stage.displacement is None or first.displacement is None:
         return None
     measured = np.flatnonzero(np.isfinite(stage.displacement).all(axis=1))
-    if not len(measured):
+    if not len(measured) or not len(first.points):
         return None
     if first.ids is not None and stage.ids is not None:
         _, at, rows = np.intersect1d(first.ids, stage.ids[measured], return_indices=True)

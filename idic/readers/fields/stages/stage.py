@@ -29,7 +29,7 @@ class Stage:
     ----------
     points : array (n, 2 | 3)
         Where the points were in the system's own reference; where `displacement` is None, where they are now. In a
-        file with both they may be either (`idic.readers.fields.state_of_positions`).
+        file with both they may be either (`idic.readers.fields.stages.state_of_positions`).
     displacement : array (n, 2 | 3) or None
         NaN where a point was not measured.
     unit : str
@@ -44,7 +44,7 @@ class Stage:
     unit_assumed : bool
         Neither the file nor its format states a unit.
     failed : mapping
-        Why points are not measured, and how many (`idic.readers.fields.failed_points`).
+        Why points are not measured, and how many (`idic.readers.fields.stages.failed_points`).
     placeless : int
         Rows without a place, which are left out.
     """
