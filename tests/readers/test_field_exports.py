@@ -125,6 +125,14 @@ def test_a_table_without_units_is_read_as_mm_with_a_note(tmp_path, header, unit,
     assert any("names no unit of length; they are read as mm" in note for note in notes) == assumed
 
 
+def test_a_vtu_file_is_read_as_mm_with_a_note(tmp_path):
+    points = np.column_stack([GRID, np.zeros(len(GRID))])
+    meshio.Mesh(points, [("vertex", np.arange(len(GRID))[:, None])], point_data={"U": 0.0 * points}).write(
+        tmp_path / "s.vtu")
+    notes = field_notes(opened(tmp_path), SimpleNamespace(pitch_mm=1.5), [0], None)
+    assert any("names no unit of length; they are read as mm" in note for note in notes)
+
+
 def test_one_table_holds_all_stages_with_their_times(tmp_path):
     rows = [f"{k},{0.25 * k},{x:.6f},{y:.6f},{u:.7f},{v:.7f}" for k in range(3)
             for (x, y), (u, v) in zip(GRID, displaced(k), strict=True)]

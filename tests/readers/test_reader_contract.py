@@ -75,13 +75,33 @@ def mudic(path):
     np.save(path, np.stack(positions, axis=-1)[None])
 
 
+def stage_text(header, cells, line_end=""):
+    """The text of a stage; cells : (number, place, displacement) -> the cells of a row"""
+    return "\n".join([header, *(",".join(map(str, cells(i, *at))) + line_end
+                                for i, at in enumerate(zip(GRID, displaced(1), strict=True)))])
+
+
+STAGES = {
+    "pyvale.csv": stage_text('"subset_x","subset_y","disp_u","disp_v","converged","cost_zncc",',
+                             lambda i, x, u: (*x, *u, 1, 0.99)),
+    "al_dic.csv": stage_text("node_id,x_px,y_px,disp_u,disp_v", lambda i, x, u: (i, *x, *u)),
+    "matchid_2d.csv": stage_text("Coordinates.Image X [Pixel],Coordinates.Image Y [Pixel],"
+                                 "disp.Horizontal Displacement U [Pixel],disp.Vertical Displacement V [Pixel]",
+                                 lambda i, x, u: (*x, *u)),
+    "aramis.csv": stage_text("# Units: length:mm time:s\n# Stage: 1\nstage;index;relative_time;date\n1;1;1;now\n"
+                             "# Name : Surface\nid;x;y;z;displacement_x;displacement_y;displacement_z",
+                             lambda i, x, u: (";".join(map(str, (i, *(x + u), 0, *u, 0))),)),
+}
+
+
 class TestFields(ReaderContract):
-    files = {"stage.vtu": vtu, "run.mat": ncorr_file, "run_73.mat": ncorr_hdf5, "fields.npy": mudic,
+    files = {name: lambda path, text=text: path.write_text(text) for name, text in STAGES.items()} | {
+             "stage.vtu": vtu, "run.mat": ncorr_file, "run_73.mat": ncorr_hdf5, "fields.npy": mudic,
              "table.csv": lambda path: path.write_text("x_mm,y_mm,u_mm,v_mm\n" + "\n".join(
                  f"{x},{y},{u},{v}" for (x, y), (u, v) in zip(GRID, displaced(1), strict=True)))}
 
     def read(self, path):
-        return open_fields([path], pixel_size_mm=0.05)
+        return open_fields([path], unit="mm" if path.suffix == ".vtu" else None, pixel_size_mm=0.05)
 
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")

@@ -136,6 +136,8 @@ def _experiment(folder: Path, patterns: str | list[str], series: FieldSeries, po
              _line(f"fields = {json.dumps(patterns)}", "measured displacements instead of images; the first is the "
                                                       "reference"),
              _line(f"# fields_format = {json.dumps(series.format)}", "as found in the files"),
+             *([_line('# fields_unit = "mm"', 'FILL IN: the files name no unit of length; "px" with pixel_size_mm in '
+                                              "[camera]")] if series.unit_assumed else []),
              *(_mesh(points, margin, size, unit) if mesh is None
                else [_line(f"mesh = {json.dumps(mesh)}", "and mesh_unit, if not mm")]),
              _line('kind = "plane_stress"', "plane_stress | plane_strain | solid (with surface)"),

@@ -128,8 +128,8 @@ class ExperimentTable(Strict):
     title: str = ""
     images: Annotated[list[str], BeforeValidator(as_list)] = []  # none: a plan, for `idic design`
     fields: Annotated[list[str], BeforeValidator(as_list)] = []  # in the place of images: measured displacements
-    fields_format: Literal["auto", "aramis", "vic", "matchid", "dice", "pyvale", "ncorr", "mudic", "table",
-                           "vtu"] = "auto"
+    fields_format: Literal["auto", "aramis", "vic", "matchid", "dice", "pyvale", "al-dic", "ncorr", "mudic",
+                           "table", "vtu"] = "auto"
     fields_unit: Literal["m", "mm", "um", "px", "in"] | None = None  # None: as the files say
     fields_subset_mm: Positive | None = None  # width of the subsets (facets) of the other system
     fields_noise_um: Positive | None = None  # of one component of a point; None: from the stages

@@ -3,9 +3,10 @@
     # Units: length:mm angle:deg time:s force:N
     # Stage: ...            stage;index;relative_time;date         one row
     # Name : ANALOG INPUT   force;untransformed;transformed        one row: the first cell is the transformed value
-    # Name : SURFACE        id;x;y;z                               one row per point, where it is in this stage
+    # Name : SURFACE        id;x;y;z[;displacement_x;…]            one row per point, where it is in this stage
 
-There is no displacement: a point's is its change of position against the reference stage, by `id`.
+A point's displacement is its change of position against the reference stage, by `id`. Columns displacement_x, … tell
+which points were lost, and are the displacement where x;y;z are those of the reference.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.readers.delimited.numerals import number_in
-from idic.readers.fields.stage import KEY, Stage, cells_of, numbers_of, stage_text
+from idic.readers.fields.stages.failed_points import names_of, sound_points
+from idic.readers.fields.stages.stage import KEY, Stage, cells_of, numbers_of, stage_text
 from idic.readers.delimited.units import factor_between
 
 _HEAD = 4096  # characters: units, stage and analog channels stand before the points
@@ -60,17 +62,20 @@ def read_aramis(path: Path) -> Stage:
                                 "pattern")
     names = block.header
     values = numbers_of(block.lines[1:], len(names), ";", path, block.first + 1)
-    values = values[np.isfinite(values[:, [names.index(name) for name in ("x", "y")]]).all(axis=1)]
-    ids = values[:, names.index("id")].astype(np.int64)
-    labels, count = np.unique(ids, return_counts=True)
+    axes = [name for name in ("x", "y", "z") if name in names]
+    shifts = [f"displacement_{axis}" for axis in axes]
+    displacement = values[:, [names.index(name) for name in shifts]] if set(shifts) <= set(names) else None
+    flags = {name.lower(): values[:, k] for k, name in enumerate(names)}
+    ids = names_of(values[:, names.index("id")])
+    sound = sound_points(values[:, [names.index(name) for name in axes]], displacement, ids, "aramis", flags)
+    labels, count = np.unique(sound.ids, return_counts=True)
     if (count > 1).any():
         raise InputError("a point occurs twice in a stage", file=path, key=f"id {labels[count > 1][0]}",
                          expected="every id once", found=f"{int((count > 1).sum())} ids more than once",
                          remedy="export one surface component only")
-    axes = [name for name in ("x", "y", "z") if name in names]
     time, analog = _channels(units, blocks, path)
-    return Stage(values[:, [names.index(name) for name in axes]], None, units.get("length", "mm"), ids, time, analog,
-                 tuple(names))
+    return Stage(sound.points, sound.displacement, units.get("length", "mm"), sound.ids, time, analog, tuple(names),
+                 failed=sound.failed, placeless=sound.placeless)
 
 
 def read_aramis_head(path: Path) -> tuple[float | None, dict[str, tuple[float, str | None]]]:

@@ -1,4 +1,4 @@
-"""Stages as tables of columns: VIC-2D and VIC-3D, MatchID, DICe, pyvale, and a plain table of all stages.
+"""Stages as tables of columns: VIC-2D and VIC-3D, MatchID, DICe, pyvale, al-dic, a plain table of all stages.
 
 A dialect names the columns of its system; units stand in brackets behind the names, or are those of the system.
 """
@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from idic.errors import InputError
-from idic.readers.fields.stage import KEY, Stage, cells_of, numbers_of, separator_of, stage_text
+from idic.readers.fields.stages.failed_points import in_words, names_of, sound_points
+from idic.readers.fields.stages.stage import KEY, Stage, cells_of, numbers_of, separator_of, stage_text
 from idic.readers.delimited.units import factor_to, unit_in_name, without_unit
 
 
@@ -21,8 +22,8 @@ from idic.readers.delimited.units import factor_to, unit_in_name, without_unit
 class Dialect:
     """Column names of a system, without units; the third of `points` and `displacement` may be missing in a file.
 
-    unit : of lengths, where the header names none; valid : column and least value of points that were measured;
-    needs : columns without which a file is of another dialect
+    unit : of lengths, where the header names none; needs : columns without which a file is of another dialect. Flags
+    of failed points: `idic.readers.fields.stages.failed_points`
     """
 
     name: str
@@ -30,26 +31,31 @@ class Dialect:
     displacement: tuple[str, str, str]
     unit: str
     ids: str | None = None
-    valid: tuple[str, float] | None = None
     stage: tuple[str, ...] = ()
     time: tuple[str, ...] = ()
     exact_case: bool = False
     needs: tuple[str, ...] = ()
+    v_upwards: bool = False
 
 
 STAGE_COLUMNS = ("stage", "frame")
 DIALECTS = (
-    Dialect("vic", ("X", "Y", "Z"), ("U", "V", "W"), "mm", valid=("sigma", 0.0), exact_case=True),
+    Dialect("vic", ("X", "Y", "Z"), ("U", "V", "W"), "mm", exact_case=True),
     # VIC-2D writes pixels, which VIC-3D writes next to X, Y, Z; sigma is -1 where a subset was not correlated
-    Dialect("vic", ("x", "y", "-"), ("u", "v", "-"), "px", valid=("sigma", 0.0), exact_case=True, needs=("sigma",)),
+    Dialect("vic", ("x", "y", "-"), ("u", "v", "-"), "px", exact_case=True, needs=("sigma",)),
     Dialect("matchid", ("coor.x", "coor.y", "coor.z"),
             ("disp.horizontal displacement u", "disp.vertical displacement v", "disp.out-of-plane: w"), "px"),
+    Dialect("matchid", ("coordinates.image x", "coordinates.image y", "-"),
+            ("disp.horizontal displacement u", "disp.vertical displacement v", "-"), "px"),
     Dialect("dice", ("model_coordinates_x", "model_coordinates_y", "model_coordinates_z"),
-            ("model_displacement_x", "model_displacement_y", "model_displacement_z"), "mm", "subset_id",
-            ("sigma", 0.0)),
-    Dialect("dice", ("coordinate_x", "coordinate_y", "-"), ("displacement_x", "displacement_y", "-"), "px", "subset_id",
-            ("sigma", 0.0)),
-    Dialect("pyvale", ("ss_x", "ss_y", "-"), ("displacement_u", "displacement_v", "-"), "px", valid=("converged", 0.5)),
+            ("model_displacement_x", "model_displacement_y", "model_displacement_z"), "mm", "subset_id"),
+    Dialect("dice", ("coordinate_x", "coordinate_y", "-"), ("displacement_x", "displacement_y", "-"), "px",
+            "subset_id"),
+    Dialect("pyvale", ("stereo_x_mm", "stereo_y_mm", "stereo_z_mm"),
+            ("stereo_disp_u_mm", "stereo_disp_v_mm", "stereo_disp_w_mm"), "mm"),
+    Dialect("pyvale", ("subset_x", "subset_y", "-"), ("disp_u", "disp_v", "-"), "px"),
+    Dialect("pyvale", ("ss_x", "ss_y", "-"), ("displacement_u", "displacement_v", "-"), "px"),
+    Dialect("al-dic", ("x", "y", "-"), ("disp_u", "disp_v", "-"), "px", "node_id", needs=("node_id",), v_upwards=True),
     Dialect("table", ("x", "y", "z"), ("ux", "uy", "uz"), "mm", "id", stage=STAGE_COLUMNS, time=("time", "t")),
     Dialect("table", ("x", "y", "z"), ("u", "v", "w"), "mm", "id", stage=STAGE_COLUMNS, time=("time", "t")),
 )
@@ -71,9 +77,10 @@ class Columns:
     unit: str
 
     def place(self, name: str) -> int | None:
-        """The column of this name, without its unit; None if there is none."""
+        """The column of this name, without its unit, else as it stands; None if there is none."""
         keys = [key_of(column, self.dialect.exact_case) for column in self.names]
-        return keys.index(name) if name in keys else None
+        whole = keys if name in keys else [column.lower() for column in self.names]
+        return whole.index(name) if name in whole else None
 
     @property
     def n_components(self) -> int:
@@ -138,19 +145,36 @@ def read_columns(path: Path, dialect_name: str | None = None) -> list[tuple[floa
                          found=next((line for line in lines if line.strip()), "an empty file")[:80],
                          remedy="export positions and displacements of the points, or name the format in fields_format")
     rows = [line for line in lines[columns.first_row - 1:] if line.strip()]
+    columns, rows = _without_last_separator(columns, rows)
     values = numbers_of(rows, len(columns.names), columns.separator, path, columns.first_row)
     if len(values) == 0:
         raise InputError("a stage without points", file=path, key=KEY, expected="one row per point",
                          found="a header only",
                          remedy="export the stage again, or remove the file from the pattern")
     _check_units(columns, path)
-    return [(number, _stage(columns, part, path)) for number, part in _by_stage(columns, values)]
+    return [(number, _stage(columns, part, path)) for number, part in _by_stage(columns, values, path)]
 
 
-def _by_stage(columns: Columns, values: np.ndarray) -> list[tuple[float, np.ndarray]]:
+def _without_last_separator(columns: Columns, rows: list[str]) -> tuple[Columns, list[str]]:
+    """Header and rows without a separator at their end that only one of them has."""
+    mark = columns.separator
+    if mark == " " or not rows:
+        return columns, rows
+    excess = len(columns.names) - len(cells_of(rows[0], mark))
+    if excess == 1 and not columns.names[-1]:
+        return replace(columns, names=columns.names[:-1]), rows
+    if excess == -1 and all(line.rstrip(" ").endswith(mark) for line in rows):
+        return columns, [line.rstrip(" ")[:-1] for line in rows]
+    return columns, rows
+
+
+def _by_stage(columns: Columns, values: np.ndarray, path: Path) -> list[tuple[float, np.ndarray]]:
     place = next((at for name in columns.dialect.stage if (at := columns.place(name)) is not None), None)
     if place is None:
         return [(0.0, values)]
+    if (nameless := ~np.isfinite(values[:, place])).any():
+        raise InputError("a point of no stage", file=path, key=columns.names[place], expected="a number in every row",
+                         found=f"{int(nameless.sum())} rows without one", remedy="export the table again")
     return [(float(number), values[values[:, place] == number]) for number in np.unique(values[:, place])]
 
 
@@ -158,23 +182,23 @@ def _stage(columns: Columns, values: np.ndarray, path: Path) -> Stage:
     dialect, n = columns.dialect, columns.n_components
     points = values[:, [columns.place(name) for name in dialect.points[:n]]]
     displacement = values[:, [columns.place(name) for name in dialect.displacement[:n]]]
-    if dialect.valid is not None and (place := columns.place(dialect.valid[0])) is not None:
-        displacement = np.where((values[:, place] >= dialect.valid[1])[:, None], displacement, np.nan)
     ids = None
     if dialect.ids is not None and (place := columns.place(dialect.ids)) is not None:
-        ids = values[:, place].astype(np.int64)
+        ids = names_of(values[:, place])
     if columns.unit == "px":  # rows of an image count downwards
-        points, displacement = points * _UPWARDS[:n], displacement * _UPWARDS[:n]
-    located = np.isfinite(points).all(axis=1)
-    points, displacement = points[located], displacement[located]
-    ids = None if ids is None else ids[located]
-    names = ids if ids is not None else np.round(points, 9)
-    if len(np.unique(names, axis=0)) < len(points):
+        points = points * _UPWARDS[:n]
+        displacement = displacement if dialect.v_upwards else displacement * _UPWARDS[:n]
+    flags = {key_of(name): values[:, k] for k, name in enumerate(columns.names) if unit_of(name) is None}
+    sound = sound_points(points, displacement, ids, dialect.name, flags)
+    if sound.n_repeated:
         raise InputError("a point occurs twice in a stage", file=path, key=KEY, expected="every point once",
-                         found=f"{len(points) - len(np.unique(names, axis=0))} points more than once",
+                         found=f"{sound.n_repeated} points more than once" + (
+                             f", of those that did not fail ({in_words(sound.failed)})" if sound.failed else ""),
                          remedy="export one surface only; a table of several stages needs a column `stage`")
-    return Stage(points, displacement, columns.unit, ids, _time_of(columns, values), columns=columns.names,
-                 unit_assumed=dialect.name == "table" and not any(map(unit_of, _lengths(columns))))
+    return Stage(sound.points, sound.displacement, columns.unit, sound.ids, _time_of(columns, values),
+                 columns=columns.names,
+                 unit_assumed=dialect.name == "table" and not any(map(unit_of, _lengths(columns))),
+                 failed=sound.failed, placeless=sound.placeless)
 
 
 def _time_of(columns: Columns, values: np.ndarray) -> float | None:

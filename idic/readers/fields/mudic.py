@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.readers.fields.stage import KEY, Stage
+from idic.readers.fields.stages.stage import KEY, Stage
 
 SUFFIXES = (".npy",)
 

@@ -20,7 +20,8 @@ import numpy as np
 import scipy
 
 from idic.errors import InputError
-from idic.readers.fields.stage import KEY, Stage
+from idic.readers.fields.stages.failed_points import OUTSIDE
+from idic.readers.fields.stages.stage import KEY, Stage
 
 if TYPE_CHECKING:
     import h5py  # loaded where such a file is read
@@ -61,7 +62,10 @@ def read_ncorr(path: Path) -> dict[float | None, Stage]:
     stages: dict[float | None, Stage] = {0.0: Stage(points, np.zeros_like(points), saved.unit, ids)}
     for k, ((u, v), is_measured) in enumerate(zip(fields, measured, strict=True), 1):
         moved = np.column_stack([u[rows, columns], -v[rows, columns]])
-        stages[float(k)] = Stage(points, np.where(is_measured[rows, columns][:, None], moved, np.nan), saved.unit, ids)
+        is_shown = is_measured[rows, columns]
+        n_lost = int((~is_shown).sum())
+        stages[float(k)] = Stage(points, np.where(is_shown[:, None], moved, np.nan), saved.unit, ids,
+                                 failed={OUTSIDE: n_lost} if n_lost else {})
     return stages
 
 

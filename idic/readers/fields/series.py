@@ -15,13 +15,15 @@ from idic.readers.delimited.log_table import Table
 from idic.readers.fields.aramis import is_aramis, read_aramis, read_aramis_head
 from idic.readers.fields.column_tables import FORMATS as COLUMN_FORMATS
 from idic.readers.fields.column_tables import read_columns
+from idic.readers.fields.stages.failed_points import in_words
 from idic.readers.fields.flattened import Flattening
 from idic.readers.fields.mudic import SUFFIXES as MUDIC_SUFFIXES
 from idic.readers.fields.mudic import read_mudic
 from idic.readers.fields.ncorr import SUFFIXES as NCORR_SUFFIXES
 from idic.readers.fields.ncorr import read_ncorr
 from idic.readers.fields.plane import Plane, mean_plane
-from idic.readers.fields.stage import KEY, Stage, stage_text
+from idic.readers.fields.stages.stage import KEY, Stage, stage_text
+from idic.readers.fields.stages.state_of_positions import DEFORMED, REFERENCE, at_rest, state_of_positions
 from idic.readers.fields.vtu import SUFFIXES as VTU_SUFFIXES
 from idic.readers.fields.vtu import read_vtu
 from idic.readers.logs import Log
@@ -60,7 +62,8 @@ class FieldSeries:
 
     format : one of `FORMATS` without "auto"; mm_per_unit : of lengths in the files; unit, columns : of lengths and
     names of the columns of points, as the first file states them; unit_assumed : neither it nor the user states a unit;
-    rows_down : the user, not the file, says that lengths are in px, whose rows count downwards
+    rows_down : the user, not the file, says that lengths are in px, whose rows count downwards; positions : of which
+    state those in the files are (`idic.readers.fields.stages.state_of_positions`)
     """
 
     entries: tuple[FieldEntry, ...]
@@ -70,6 +73,7 @@ class FieldSeries:
     columns: tuple[str, ...] = ()
     unit_assumed: bool = False
     rows_down: bool = False
+    positions: str = REFERENCE
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -96,6 +100,8 @@ class FieldSeries:
             raise InputError("a stage with other columns than the first", file=entry.path, key=KEY,
                              expected=", ".join(self.columns), found=", ".join(stage.columns),
                              remedy="export all stages in the same way, or remove this one from the pattern")
+        if self.positions == DEFORMED and stage.displacement is not None:
+            stage = at_rest(stage)
         n = stage.points.shape[1]
         factor = self.mm_per_unit * (_ROWS_DOWN if self.rows_down else np.ones(3))[:n]
         displacement = None if stage.displacement is None else factor * stage.displacement
@@ -155,12 +161,20 @@ def open_fields(paths: Sequence[Path], format: str = "auto", unit: str | None = 
     Raises
     ------
     InputError
-        A file is none of the formats, or the fields are in px and no pixel size is given.
+        A file is none of the formats, the fields are in px and no pixel size is given, or a pixel size is given and
+        nothing says whether the lengths are in px.
     """
     file_format = detected(paths[0]) if format == "auto" else format
     entries = [entry for path in paths for entry in _entries(path, file_format)]
     first = _read(entries[0].path, file_format)[entries[0].number]
+    positions = state_of_positions(lambda k: _read(entries[k].path, file_format)[entries[k].number],
+                                   [entry.path for entry in entries], DEFORMED if file_format == ARAMIS else REFERENCE)
     assumed = first.unit_assumed and unit is None
+    if assumed and pixel_size_mm is not None:
+        raise InputError("the unit of the fields is not known", file=paths[0], key="experiment.fields_unit",
+                         expected='fields_unit = "px" or "mm" next to pixel_size_mm', found="a file that names no unit "
+                         "of length", remedy='write fields_unit = "px" if its lengths are pixels, else fields_unit = '
+                         '"mm" and no pixel_size_mm')
     file_unit, unit = first.unit, unit or first.unit
     if unit == "px":
         if pixel_size_mm is None:
@@ -171,7 +185,7 @@ def open_fields(paths: Sequence[Path], format: str = "auto", unit: str | None = 
     else:
         factor = factor_between(unit, "mm", file=paths[0], key="experiment.fields_unit")
     return FieldSeries(tuple(entries), file_format, factor, file_unit, first.columns, assumed,
-                       first.unit_assumed and unit == "px")
+                       first.unit_assumed and unit == "px" and file_format != VTU, positions)
 
 
 def shared_part(moved: np.ndarray) -> float:
@@ -266,6 +280,8 @@ class MeasuredPoints:
 
     def found_in(self, stage: Stage) -> np.ndarray:
         """The row of every point in a stage, -1 where it is missing  # (n,)"""
+        if not len(stage.points):
+            return np.full(len(self), -1)
         if self.ids is not None and stage.ids is not None:
             order = np.argsort(stage.ids)
             at = np.minimum(np.searchsorted(stage.ids, self.ids, sorter=order), len(order) - 1)
@@ -277,6 +293,8 @@ class MeasuredPoints:
         """Displacement along the axes of the plane since the reference, NaN where not measured  # (n, 2 | 3) mm"""
         place = self.found_in(stage)
         values = stage.points if stage.displacement is None else stage.displacement
+        if not len(values):
+            values = np.full((1, values.shape[1]), np.nan)
         moved = np.where((place >= 0)[:, None], values[place], np.nan) - self.start
         return moved if self.plane is None else moved @ self.plane.axes.T
 
@@ -296,16 +314,23 @@ def measured_points(series: FieldSeries, references: Sequence[int]) -> MeasuredP
     n = len(first.points)
     if n < MIN_POINTS:
         raise InputError("the reference stage has too few points", file=series.entries[references[-1]].path, key=KEY,
-                         expected=f"{MIN_POINTS} points or more", found=str(n), remedy="choose another reference")
+                         expected=f"{MIN_POINTS} points or more",
+                         found=f"{n} ({in_words(first.failed)})" if first.failed else str(n),
+                         remedy="choose another reference")
     pitch = float(np.median(scipy.spatial.cKDTree(first.points).query(first.points, k=2)[0][:, 1]))
+    if not pitch > 0.0:
+        raise InputError("the points of the reference stage lie at one place",
+                         file=series.entries[references[-1]].path, key=KEY, expected="a place for every point",
+                         found=f"{n} points, most of them at the place of another", remedy="export the stage again")
     raw = MeasuredPoints(first.points, pitch, first.ids, first.points, None, np.zeros_like(first.points))
     start = np.mean([raw.moved(stage) for stage in stages], axis=0)
     measured = np.isfinite(start).all(axis=1)
     if measured.sum() < max(MIN_POINTS, 0.5 * n):
         raise InputError("the reference stages show different points", file=series.entries[references[0]].path,
                          key="experiment.reference", expected="stages of one specimen at rest",
-                         found=f"{int(measured.sum())} of {n} points in all of them",
-                         remedy="name fewer reference stages")
+                         found=f"{int(measured.sum())} of {n} points in all of them"
+                         + (f" ({in_words(first.failed)})" if first.failed else ""),
+                         remedy="name fewer reference stages, or others")
     points, start = first.points[measured], start[measured]
     positions = start if first.displacement is None else points + start
     spread = np.linalg.svd(positions - positions.mean(axis=0), compute_uv=False) / np.sqrt(len(points))

@@ -9,7 +9,8 @@ above are as complete as before. Another specimen on the same grid: `idic.reader
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,7 @@ from idic.errors import InputError
 from idic.readers.fields.chosen_stages import mean_strain
 from idic.readers.fields.other_pattern import PatternSteps
 from idic.readers.fields.series import UM_PER_MM, FieldStack
-from idic.readers.fields.stage import KEY
+from idic.readers.fields.stages.stage import KEY
 
 MAX_TORN_PART = 0.05  # of the points that were between their neighbours; a crack through the specimen tears 2 % or so
 MIN_TORN_PITCH = 0.5  # distance from the middle of the four neighbours, in distances of neighbours
@@ -35,8 +36,8 @@ MAX_OTHER_STEP = 0.05  # any other step of the mean strain over the jump
 MIN_OTHER_STEPS = 6  # fewer stages may be one cycle of a test
 
 
-def check_stages(stack: FieldStack, frames: Sequence[int]) -> None:
-    """Read every stage.
+def check_stages(stack: FieldStack, frames: Sequence[int]) -> Mapping[str, int]:
+    """Read every stage; why points failed, and how many in all stages (`idic.readers.fields.stages.failed_points`).
 
     frames : stages that are compared, in order
 
@@ -47,7 +48,9 @@ def check_stages(stack: FieldStack, frames: Sequence[int]) -> None:
     """
     middles = _Middles.of(stack.points.positions, stack.points.pitch)
     strains, ends, pattern = [], [], PatternSteps(middles.pitch_um)
+    failed: Counter[str] = Counter()
     for k in frames:
+        failed.update(stack.series.stage(k).failed)
         moved = stack.frame(k)[:, :2]
         pattern.add(middles.against_neighbours(moved))
         torn = middles.torn_part(moved)
@@ -61,6 +64,7 @@ def check_stages(stack: FieldStack, frames: Sequence[int]) -> None:
             raise _cut_off(stack, frames[len(ends) - 2], ends[-2].missing, "as in the next stage")
     if len(ends) > 1 and ends[-1].is_cut_after(ends[-2]):
         raise _cut_off(stack, frames[-1], ends[-1].missing, "as in the stage before")
+    _check_motion(stack, frames)
     jump = _jump(np.array(strains))
     if jump is not None:
         k, size = jump
@@ -71,6 +75,19 @@ def check_stages(stack: FieldStack, frames: Sequence[int]) -> None:
         k, size = odd_stage
         raise _other_specimen(stack, frames[k], "points that move relative to their neighbours by noise, as between "
                               "other stages", f"{size:.2g} times that, all over the field")
+    return failed
+
+
+def _check_motion(stack: FieldStack, frames: Sequence[int]) -> None:
+    """Refuse positions that are the same in all stages, to the last digit: those of the reference."""
+    last = stack.series.stage(frames[-1])
+    if last.displacement is not None or len(frames) < 2:
+        return
+    if all(np.nanmax(np.abs(stack.points.moved(stack.series.stage(k))), initial=0.0) == 0.0
+           for k in (frames[-1], frames[len(frames) // 2])):
+        raise InputError("the points of the stages do not move", file=stack.entries[frames[-1]].path, key=KEY,
+                         expected="positions of the points in every stage", found="the same positions in all stages, "
+                         "to the last digit", remedy="export deformed positions, or displacements beside the positions")
 
 
 def _other_specimen(stack: FieldStack, k: int, expected: str, finding: str) -> InputError:
@@ -91,13 +108,15 @@ def _check_places(stack: FieldStack, k: int) -> None:
     stage, points = stack.series.stage(k), stack.points
     if stage.displacement is None:
         return
-    at = points.found_in(stage)
-    shared = at >= 0
+    at, is_measured = points.found_in(stage), np.isfinite(stage.displacement).all(axis=1)
+    if not is_measured.any():
+        return
+    shared = (at >= 0) & is_measured[at]  # a failed point has no place that counts
     is_displaced = np.linalg.norm(stage.points[at[shared]] - points.keys[shared],
                                   axis=1) > MAX_OTHER_PLACE * points.pitch
     other_part = float(is_displaced.mean()) if shared.any() else 1.0
     if points.ids is None:
-        other_part = max(other_part, 1.0 - shared.sum() / len(stage.points))
+        other_part = max(other_part, 1.0 - shared.sum() / max(is_measured.sum(), 1))
     if other_part > MAX_OTHER_PART:
         raise _other_specimen(stack, k, "points at the reference coordinates of the reference stage",
                               f"{100 * other_part:.0f} % of them at others")
@@ -125,9 +144,9 @@ def _jump(strains: np.ndarray) -> tuple[int, float] | None:
 class _End:
     """The end of the rows of a stage.
 
-    missing : points, from the last one of the reference stage backwards, without a row; lost : how many of the others
-    are not measured; n : all; in_line : the last one there and the next one are neighbours. Whole lines of a grid leave
-    the view, a file is cut off anywhere.
+    missing : points, from the last one of the reference stage backwards, without a row, be it one without a place;
+    lost : how many of the others are not measured; n : all; in_line : the last one there and the next one are
+    neighbours. Whole lines of a grid leave the view, a file is cut off anywhere.
     """
 
     missing: int
@@ -137,9 +156,11 @@ class _End:
 
     @classmethod
     def of(cls, stack: FieldStack, k: int) -> _End:
-        is_shown = stack.points.found_in(stack.series.stage(k)) >= 0
+        stage = stack.series.stage(k)
+        is_shown = stack.points.found_in(stage) >= 0
         shown_numbers = np.flatnonzero(is_shown)
         missing = len(is_shown) - 1 - int(shown_numbers[-1]) if len(shown_numbers) else len(is_shown)
+        missing = max(missing - stage.placeless, 0)
         ends = stack.points.positions[[-1 - missing, -missing]] if 0 < missing < len(is_shown) else np.zeros((2, 0))
         in_line = bool(ends.size) and float(np.linalg.norm(ends[1] - ends[0])) < MAX_NEIGHBOUR * stack.points.pitch
         return cls(missing, int((~is_shown).sum()) - missing, len(is_shown), in_line)

@@ -1,4 +1,7 @@
-"""Stages as VTU or VTK files: points, and the displacement as point data."""
+"""Stages as VTU or VTK files: points, and the displacement as point data.
+
+A file names no unit of length: pyxel writes pixels, with y upwards as codes of finite elements have it.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.readers.fields.stage import KEY, Stage
+from idic.readers.fields.stages.failed_points import sound_points
+from idic.readers.fields.stages.stage import KEY, Stage
 
 SUFFIXES = (".vtu", ".vtk")
 _NAMES = ("displacement", "u", "disp", "displacements")
@@ -36,4 +40,7 @@ def read_vtu(path: Path) -> Stage:
                          remedy="export the displacement of the points as a vector")
     points = np.asarray(mesh.points, float)
     n = 3 if points.shape[1] == 3 and values.shape[1] == 3 and np.ptp(points[:, 2]) > 0 else 2
-    return Stage(points[:, :n], values[:, :n], "mm")
+    flags = {name: column for name, column in point_data.items() if column.ndim == 1}
+    sound = sound_points(points[:, :n], values[:, :n], None, "vtu", flags)
+    return Stage(sound.points, sound.displacement, "mm", unit_assumed=True, failed=sound.failed,
+                 placeless=sound.placeless)

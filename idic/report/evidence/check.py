@@ -14,8 +14,9 @@ from idic.identification import planned_increments, repeated_readings
 from idic.experiment_file import corners_px, recorded, seen_nodes, seen_region, visible_cells
 from idic.images import largest_value, saturated_share
 from idic.model import Experiment, Measured, Model, Noise, Options, Recording, in_words
-from idic.readers import check_stages
+from idic.readers import check_stages, mean_strain
 from idic.report.evidence.cost import Cost, expected_cost
+from idic.report.evidence.fields.increments import increments_of
 from idic.report.evidence.placement import ends_that_move_otherwise, mirrored_axes, misplaced_still_frames
 from idic.report.evidence.plausible import (
     implausible_scale, implausible_values, loaded_reference, opposed_forces, pattern_warnings, repeated_image,
@@ -165,6 +166,7 @@ def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
     roi = seen_region(corners, visible, shape, recording.mask)
     noise = recording.noise
     picture = overlay(experiment) if draw else None
+    field_notes, field_warnings = _of_fields(experiment, corners, visible) if recording.points is not None else ((), ())
     labels = recording.labels
     return CheckReport(
         experiment.title, stack.n_frames, labels[model.reference], tuple(labels[k] for k in recording.excluded),
@@ -172,9 +174,9 @@ def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
         len(cells), int(visible.sum()),
         float(areas.mean()), float(areas.min()), model.length_unit, model.parameters.free,
         tuple(channel.column for channel in model.channels), noise, float(np.nanstd(reference[roi])),
-        (*experiment.notes, *_margin_note(experiment.options), *planned_increments(experiment)),
+        (*experiment.notes, *field_notes, *_margin_note(experiment.options), *planned_increments(experiment)),
         _warnings_of_images(experiment, reference, corners, visible, roi, areas)
-        if recording.points is None else tuple(_field_warnings(experiment, corners, visible)), picture,
+        if recording.points is None else field_warnings, picture,
         recording.camera_name,
         value_unit=recording.value_unit, points=_points_line(recording), starts=start_values(model))
 
@@ -273,8 +275,20 @@ def _points_line(recording: Recording) -> str:
     return f"{len(at.positions_px)} over {grid[1]} x {grid[0]} places of a grid, {at.pitch_mm:.3g} mm apart"
 
 
+def _of_fields(experiment: Experiment, corners: list[np.ndarray],
+               visible: np.ndarray) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Notes and warnings of measured fields; every stage is read."""
+    stack = experiment.recording.stack
+    assert stack is not None
+    counted = [k for k in range(experiment.model.n_frames) if k not in experiment.recording.excluded]
+    failed = check_stages(stack, counted)
+    notes = () if not failed else (
+        f"fields: {sum(failed.values())} points of {len(counted)} stages were not measured and are gaps, by the flags "
+        "of the files: " + "; ".join(f"{n} {reason}" for reason, n in failed.items()),)
+    return notes, tuple(_field_warnings(experiment, corners, visible))
+
+
 def _field_warnings(experiment: Experiment, corners: list[np.ndarray], visible: np.ndarray) -> Iterator[str]:
-    """Warnings of measured fields; every stage is read."""
     recording = experiment.recording
     points = recording.points
     assert points is not None and recording.stack is not None
@@ -284,15 +298,31 @@ def _field_warnings(experiment: Experiment, corners: list[np.ndarray], visible: 
                f"less "
                "noisy")
     counted = [k for k in range(experiment.model.n_frames) if k not in recording.excluded]
-    check_stages(recording.stack, counted)
+    strains = []
     for k in counted:
-        part = float(np.isfinite(np.asarray(recording.stack.frame(k))).all(axis=1).mean())
+        moved = np.asarray(recording.stack.frame(k))
+        strains.append(mean_strain(points.positions_px * [1.0, -1.0], moved[:, :2] * [1.0, -1.0]))
+        part = float(np.isfinite(moved).all(axis=1).mean())
         if part < MIN_SEEN_PART:
             yield f"{recording.labels[k]}: only {100 * part:.0f} % of the points of the reference stage are measured"
+    yield from _increment_warnings(experiment, counted, np.array(strains))
     for column, label in dropped_loads(experiment):
         yield (f"{label}: {column} falls to less than a tenth of its largest value and stays there: after the break? "
                f"then "
                "list these stages in exclude_frames")
+
+
+def _increment_warnings(experiment: Experiment, counted: list[int], strains: np.ndarray) -> Iterator[str]:
+    """That displacements count from the stage before; strains : (n, 2, 2) of the stages in `counted`, of any scale"""
+    for channel in experiment.model.channels:
+        evidence = increments_of(strains, channel.values[counted]) if counted[0] == experiment.model.reference else None
+        if evidence is not None:
+            yield ("the displacements seem to count from the stage before, not from the reference: the mean strain "
+                   f"follows the change of {channel.column} from stage to stage (all but "
+                   f"{100 * evidence.by_change:.0f} % of it) and not {channel.column} ({100 * evidence.by_load:.0f} % "
+                   "unexplained). Every value would be wrong: export the displacements against the first stage (total, "
+                   "not incremental, correlation)")
+            return
 
 
 def dropped_loads(experiment: Experiment) -> Iterator[tuple[str, str]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,8 @@ KEY = "experiment.fields"
 _SEPARATORS = (";", "\t", ",")
 _DECIMAL_COMMA = re.compile(r"\d,\d")
 _DECIMAL_POINT = re.compile(r"\d\.\d")
+_WORDS = {**dict.fromkeys(("", "-", "--", "---", "na", "n/a", "#n/a", "null", "none"), np.nan), "true": 1.0,
+          "false": 0.0}  # in cells of numbers; `float` knows nan and inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +28,8 @@ class Stage:
     Attributes
     ----------
     points : array (n, 2 | 3)
-        Where the points were in the system's own reference; where `displacement` is None, where they are now.
+        Where the points were in the system's own reference; where `displacement` is None, where they are now. In a
+        file with both they may be either (`idic.readers.fields.stages.state_of_positions`).
     displacement : array (n, 2 | 3) or None
         NaN where a point was not measured.
     unit : str
@@ -40,6 +43,10 @@ class Stage:
         Names of the columns of the points, of text files.
     unit_assumed : bool
         Neither the file nor its format states a unit.
+    failed : mapping
+        Why points are not measured, and how many (`idic.readers.fields.stages.failed_points`).
+    placeless : int
+        Rows without a place, which are left out.
     """
 
     points: np.ndarray
@@ -50,6 +57,13 @@ class Stage:
     analog: Mapping[str, tuple[float, str | None]] = field(default_factory=dict)
     columns: tuple[str, ...] = ()
     unit_assumed: bool = False
+    failed: Mapping[str, int] = field(default_factory=dict)
+    placeless: int = 0
+
+    def with_points(self, points: np.ndarray, displacement: np.ndarray | None, ids: np.ndarray | None,
+                    placeless: int) -> Stage:
+        """The same stage with other points."""
+        return replace(self, points=points, displacement=displacement, ids=ids, placeless=placeless)
 
 
 def stage_text(path: Path) -> str:
@@ -74,7 +88,7 @@ def separator_of(header: str) -> str:
 
 
 def numbers_of(lines: Sequence[str], n_columns: int, separator: str, path: Path, first_line: int) -> np.ndarray:
-    """A block of numbers; an empty cell is NaN  # (n, n_columns)
+    """A block of numbers; an empty cell and a dash are NaN  # (n, n_columns)
 
     Raises
     ------
@@ -107,7 +121,7 @@ def _row(line: str, n_columns: int, separator: str, path: Path, number: int) -> 
     if len(cells) != n_columns:
         raise _cut_off(path, number, n_columns, len(cells))
     try:
-        return [float(cell) if cell else np.nan for cell in cells]
+        return [_WORDS[word] if (word := cell.strip('"').lower()) in _WORDS else float(cell) for cell in cells]
     except ValueError:
         raise InputError("a cell of a stage is not a number", file=path, key=f"line {number}",
                          expected=f"{n_columns} numbers", found=line[:80], remedy="export the stage again") from None

@@ -1,0 +1,1 @@
+"""What the stages of measured fields show beside the log."""

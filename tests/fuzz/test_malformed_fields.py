@@ -1,0 +1,79 @@
+"""Spoilt stages of measured fields are read or refused with what was expected, found and is to do; nothing else."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from idic.errors import InputError
+from idic.readers import FieldStack, check_stages, measured_points, open_fields
+
+X = np.stack(np.meshgrid(np.arange(6) * 1.5, np.arange(5) * 1.5), axis=-1).reshape(-1, 2)
+ARAMIS = ("# Units: length:mm time:s\n# Stage: 1\nstage;index;relative_time;date\n1;1;1.0;now\n# Name : Surface\n"
+          "id;x;y;z;displacement_x;displacement_y;displacement_z")
+KINDS = {
+    "vic": ("X,Y,Z,U,V,W,sigma", ",", lambda i, x, u: (*x, 0.0, *u, 0.0, 0.01)),
+    "dice": ("SUBSET_ID,COORDINATE_X,COORDINATE_Y,DISPLACEMENT_X,DISPLACEMENT_Y,SIGMA,MATCH", ",",
+             lambda i, x, u: (i, *x, *u, 0.01, 0)),
+    "pyvale": ("subset_x,subset_y,disp_u,disp_v,converged,cost_zncc,", ",", lambda i, x, u: (*x, *u, 1, 0.99)),
+    "aramis": (ARAMIS, ";", lambda i, x, u: (i, *(x + u), 0.0, *u, 0.0)),
+    "al-dic": ("node_id,x_px,y_px,disp_u,disp_v", ",", lambda i, x, u: (i, *x, *u)),
+    "table": ("stage,id,x_mm,y_mm,ux_mm,uy_mm", ",", lambda i, x, u: (1, i, *x, *u)),
+}
+WORDS = ["", "-1", "---", "nan", "inf", "-inf", "1e400", "0", "x", '"', "True", ";", ",", "1,5", "9" * 30, "\x00", "#"]
+
+
+def text_of(kind: str, k: int) -> list[str]:
+    header, mark, cells = KINDS[kind]
+    moved = 1e-3 * k * X + [0.02 * k, -0.01 * k]
+    return [header, *(mark.join(map(str, cells(i, x, u))) for i, (x, u) in enumerate(zip(X, moved, strict=True)))]
+
+
+def spoil_cells(rng, lines, mark):
+    for _ in range(int(rng.integers(1, 40))):
+        row = int(rng.integers(0, len(lines)))
+        cells = lines[row].split(mark)
+        cells[int(rng.integers(0, len(cells)))] = str(rng.choice(WORDS))
+        lines[row] = mark.join(cells)
+
+
+def spoil_column(rng, lines, mark):
+    word, at = str(rng.choice(WORDS)), int(rng.integers(0, lines[-1].count(mark) + 1))
+    for row in range(1, len(lines)):
+        lines[row] = mark.join(word if j == at else cell for j, cell in enumerate(lines[row].split(mark)))
+
+
+def spoil_rows(rng, lines, mark):
+    kept = rng.integers(1, len(lines), int(rng.integers(0, len(lines))))
+    lines[1:] = [lines[k] for k in kept]
+
+
+def spoil_bytes(rng, lines, mark):
+    text = "\n".join(lines)
+    start, n = int(rng.integers(0, len(text))), int(rng.integers(1, 60))
+    lines[:] = [text[:start] + "".join(map(chr, rng.integers(0, 500, n))) + text[start + n:]]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("spoil", [spoil_cells, spoil_column, spoil_rows, spoil_bytes])
+def test_a_spoilt_stage_is_read_or_refused(tmp_path, kind, spoil):
+    outcomes = {"read": 0, "refused": 0}
+    for seed in range(25):
+        rng = np.random.default_rng(seed)
+        for k in range(3):
+            lines = text_of(kind, k)
+            if k == seed % 3:
+                spoil(rng, lines, KINDS[kind][1])
+            (tmp_path / f"{seed}_{k}.csv").write_text("\n".join(lines), encoding="utf-8")
+        try:
+            series = open_fields(sorted(tmp_path.glob(f"{seed}_*.csv")), pixel_size_mm=0.05)
+            stack = FieldStack(series, measured_points(series, [0]))
+            check_stages(stack, range(stack.n_frames))
+            series.log()
+            outcomes["read"] += 1
+            moved = stack.frame(stack.n_frames - 1)
+            assert not np.isinf(moved).any()
+        except InputError as error:
+            outcomes["refused"] += 1
+            assert error.expected and error.found and error.remedy and error.file, str(error)
+    assert outcomes["refused"] > 0
