@@ -155,6 +155,8 @@ def test_columns_that_are_not_read_are_named(tmp_path):
 @pytest.mark.parametrize("text", [
     "# operator: A, B\n# time_s;force_N\n0;1,5\n1;2,5\n",
     "# Time;Force\n# s;N\n0;1,5\n1;2,5\n",
+    "% time_s;force_N\n0;1,5\n1;2,5\n",
+    "// time_s;force_N\n0;1,5\n1;2,5\n",
     "#Time [s];Force [N]\n#-----\n0;1,5\n1;2,5\n",
 ])
 def test_a_header_that_is_a_comment_is_the_header(tmp_path, text):

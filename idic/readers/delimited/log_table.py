@@ -80,6 +80,7 @@ def read_table(text: str, path: Path) -> Table:
                          expected="column names such as frame,time_s,force_N", found=", ".join(cells[0][1]),
                          remedy="add a first line with the names of the columns")
     names, units = cells[header][1], cells[header + 1][1] if first == header + 2 else ()
+    names = (names[0].lstrip("%/ ") or names[0], *names[1:])  # marks of comments in other programs
     rows = cells[first:]
     while names and not names[-1] and not any(row[len(names) - 1:] and any(row[len(names) - 1:]) for _, row in rows):
         names = names[:-1]
