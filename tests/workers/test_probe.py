@@ -72,7 +72,7 @@ def test_a_worker_that_reads_another_experiment_is_named_before_anything_is_writ
 
 
 def test_a_worker_without_the_experiment_is_told_where_to_put_it(client, experiment, tmp_path):
-    missing = ExperimentToSee(str(tmp_path / "elsewhere"), {}, experiment.recording.identity)
+    missing = ExperimentToSee(str(tmp_path / "elsewhere"), {}, experiment.identity)
     with pytest.raises(InputError, match="mount at the same path"):
         check_workers(client, [missing], tmp_path / "run")
 
