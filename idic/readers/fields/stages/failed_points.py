@@ -93,7 +93,8 @@ def sound_points(points: np.ndarray, displacement: np.ndarray | None, ids: np.nd
         displacement = np.where(is_failed[:, None], np.nan, displacement)
     else:
         has_place = ~is_failed  # a position is all that there is
-    has_place = has_place & ~(is_failed & _shared_place(points))
+    if is_failed.any():
+        has_place = has_place & ~(is_failed & _shared_place(points))
     return SoundPoints(points[has_place], None if displacement is None else displacement[has_place],
                        None if ids is None else ids[has_place],
                        {reason: n for reason, n in failed.items() if n}, int((~has_place).sum()))
