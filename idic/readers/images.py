@@ -201,16 +201,16 @@ def _tiff_headers(path: Path) -> list[ImageEntry]:
 
 def _planes(tiff: tifffile.TiffFile, pages: list[tifffile.TiffPage], path: Path) -> tuple[int, str]:
     """Number of images of a file with one page, and a note where it is less than its header says."""
-    stated = stated_images(tiff, path) if pages else 1
-    if len(pages) >= stated:
+    n_images = stated_images(tiff, path) if pages else 1
+    if len(pages) >= n_images:
         return 1, ""
     page, size = pages[0], path.stat().st_size
     if len(pages) > 1 or not page.is_contiguous or size < page.dataoffsets[0] + 2 * page.nbytes:
-        return 1, f"{len(pages)} of the {stated} images that its header states"
-    end = page.dataoffsets[0] + stated * page.nbytes
+        return 1, f"{len(pages)} of the {n_images} images that its header states"
+    end = page.dataoffsets[0] + n_images * page.nbytes
     if size < end:
         raise _truncated(path, f"{end} bytes", f"{size} bytes")
-    return stated, ""
+    return n_images, ""
 
 
 def _tiff_kind(page: tifffile.TiffPage, path: Path) -> tuple[tuple[int, int], str, int]:

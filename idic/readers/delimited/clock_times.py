@@ -36,9 +36,9 @@ class ClockError(ValueError):
     row : of the column; expected, finding, remedy : of the message
     """
 
-    def __init__(self, what: str, row: int, expected: str, finding: str, remedy: str):
-        super().__init__(what)
-        self.what, self.row, self.expected, self.finding, self.remedy = what, row, expected, finding, remedy
+    def __init__(self, fault: str, row: int, expected: str, finding: str, remedy: str):
+        super().__init__(fault)
+        self.what, self.row, self.expected, self.finding, self.remedy = fault, row, expected, finding, remedy
 
 
 @dataclass(frozen=True)
@@ -73,19 +73,19 @@ class ClockTimes:
         ClockError
             Only one of the clocks shows its time zone, or the rows go on for longer than a turn of the clock.
         """
-        whole = self.whole_s - start.whole_s[0]
+        seconds = self.whole_s - start.whole_s[0]
         periods = [clock.period_s for clock in (self, start) if clock.period_s is not None]
         if self.has_zone != start.has_zone:
             raise ClockError("only one of two clocks shows its time zone", 0, "the zone in both or in none",
                              f"{self.first} and {start.first}", "export both alike")
         if self is not start and periods:
-            if whole[-1] - whole[0] >= min(periods):
-                raise ClockError("a clock without a date that shows the same time again", len(whole) - 1,
+            if seconds[-1] - seconds[0] >= min(periods):
+                raise ClockError("a clock without a date that shows the same time again", len(seconds) - 1,
                                  f"less than {min(periods) / HOUR_S:g} h, or dates beside the times of both files",
-                                 f"{(whole[-1] - whole[0]) / HOUR_S:.3g} h", "export the times with their date")
-            middle = (whole[0] + whole[-1]) / 2
-            whole = whole - min(periods) * int(np.round(middle / min(periods)))
-        return whole.astype(float) + (self.fraction_s - start.fraction_s[0])
+                                 f"{(seconds[-1] - seconds[0]) / HOUR_S:.3g} h", "export the times with their date")
+            middle = (seconds[0] + seconds[-1]) / 2
+            seconds = seconds - min(periods) * int(np.round(middle / min(periods)))
+        return seconds.astype(float) + (self.fraction_s - start.fraction_s[0])
 
 
 def is_clock_time(cell: str) -> bool:
@@ -134,17 +134,17 @@ def clock_times(cells: Sequence[str], dates: Sequence[str] | None = None, first:
     if any(zones) and not all(zones):
         raise _unlike(zones, cells, "the time zone")
     in_minutes = _in_minutes(matches, cells, first, days is not None)
-    whole = np.array([_whole_seconds(match, row, in_minutes) for row, match in enumerate(matches)])
+    seconds = np.array([_whole_seconds(match, row, in_minutes) for row, match in enumerate(matches)])
     fraction = np.array([float(f"0.{_decimals(match) or 0}") for match in matches])
     largest = 60 if in_minutes else 24
     turns = HOUR_S if in_minutes else DAY_S
     counts_on = any(int(match["first"]) >= largest for match in matches)
     date_moves = days is not None and (dates is None or len(set(days.tolist())) > 1)
     if not date_moves and not counts_on:  # a fall by more than half a turn is midnight, or the full hour
-        whole = whole + turns * np.cumsum(np.diff(whole, prepend=whole[0]) < -turns // 2)
+        seconds = seconds + turns * np.cumsum(np.diff(seconds, prepend=seconds[0]) < -turns // 2)
     if days is not None:
-        whole = whole + DAY_S * days
-    return ClockTimes(whole, fraction, None if days is not None or counts_on else turns, days is not None,
+        seconds = seconds + DAY_S * days
+    return ClockTimes(seconds, fraction, None if days is not None or counts_on else turns, days is not None,
                       all(zones), cells[0].strip() if dates is None else f"{dates[0].strip()} {cells[0].strip()}")
 
 
@@ -161,9 +161,9 @@ def _decimals(match: re.Match[str]) -> str | None:
     return match["fraction"] or match["thousandths"]
 
 
-def _unlike(shown: Sequence[str | None], cells: Sequence[str], what: str) -> ClockError:
-    row = next(k for k, text in enumerate(shown) if bool(text) != bool(shown[0]))
-    return ClockError(f"only some times of day show {what}", row, f"{what} in every row or in none", repr(cells[row]),
+def _unlike(formats: Sequence[str | None], cells: Sequence[str], fault: str) -> ClockError:
+    row = next(k for k, text in enumerate(formats) if bool(text) != bool(formats[0]))
+    return ClockError(f"only some times of day show {fault}", row, f"{fault} in every row or in none", repr(cells[row]),
                       "write all rows alike")
 
 

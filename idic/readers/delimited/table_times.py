@@ -47,11 +47,11 @@ def clock_of(table: Table, name: str, file: Path) -> ClockTimes:
     InputError
         A cell is no time of day, or the column can be read in two ways.
     """
-    stated = (table.units[table.names.index(name)], re.sub(r"[^\[(]*", "", name, count=1))
+    unit_texts = (table.units[table.names.index(name)], re.sub(r"[^\[(]*", "", name, count=1))
     of_day = "h" if _plain_name(name) in _OF_DAY_NAMES else None
     try:
         return clock_times(table.cells(name), _dates_beside(table, name),
-                           next(filter(None, map(clock_format, stated)), of_day))
+                           next(filter(None, map(clock_format, unit_texts)), of_day))
     except ClockError as error:
         raise clock_refusal(error, table, name, file) from None
 
@@ -94,12 +94,12 @@ def _repeats(table: Table, name: str) -> bool:
     """Whether a time of day stands in two rows that follow each other, as whole seconds of a log that is faster."""
     cells = table.cells(name)
     rows = list(zip(_dates_beside(table, name) or [""] * len(cells), cells, strict=True))
-    return any(row == after for row, after in pairwise(rows))
+    return any(row == next_row for row, next_row in pairwise(rows))
 
 
 def _dates_beside(table: Table, name: str) -> list[str] | None:
     """The cells of the one column of dates, for times that show no date; None without."""
-    columns = [other for other in table.names if is_date(table.first_cell(other))]
+    columns = [title for title in table.names if is_date(table.first_cell(title))]
     if len(columns) != 1 or is_dated(table.first_cell(name)):
         return None
     dates = table.cells(columns[0])

@@ -79,8 +79,8 @@ class Columns:
     def place(self, name: str) -> int | None:
         """The column of this name, without its unit, else as it stands; None if there is none."""
         keys = [key_of(column, self.dialect.exact_case) for column in self.names]
-        whole = keys if name in keys else [column.lower() for column in self.names]
-        return whole.index(name) if name in whole else None
+        columns = keys if name in keys else [column.lower() for column in self.names]
+        return columns.index(name) if name in columns else None
 
     @property
     def n_components(self) -> int:

@@ -80,8 +80,8 @@ def check_stages(stack: FieldStack, frames: Sequence[int]) -> Mapping[str, int]:
 
 def _check_motion(stack: FieldStack, frames: Sequence[int]) -> None:
     """Refuse positions that are the same in all stages, to the last digit: those of the reference."""
-    last = stack.series.stage(frames[-1])
-    if last.displacement is not None or len(frames) < 2:
+    last_stage = stack.series.stage(frames[-1])
+    if last_stage.displacement is not None or len(frames) < 2:
         return
     if all(np.nanmax(np.abs(stack.points.moved(stack.series.stage(k))), initial=0.0) == 0.0
            for k in (frames[-1], frames[len(frames) // 2])):

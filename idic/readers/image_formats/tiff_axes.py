@@ -60,8 +60,8 @@ def stack_notes(tiff: tifffile.TiffFile, pages: Sequence[tifffile.TiffPage], pat
 def stated_images(tiff: tifffile.TiffFile, path: Path) -> int:
     """Number of images of the stack by its header; 1 where it states none."""
     if tiff.is_imagej:
-        stated = (tiff.imagej_metadata or {}).get("images", 1)
-        return stated if isinstance(stated, int) else 1
+        count = (tiff.imagej_metadata or {}).get("images", 1)
+        return count if isinstance(count, int) else 1
     if tiff.is_shaped and tiff.shaped_metadata[0].get("truncated"):
         return math.prod(size for _, size in _sizes(tiff.series[0]))
     if tiff.is_ome:
@@ -88,8 +88,8 @@ def _notes_of_names(pages: Sequence[tifffile.TiffPage]) -> list[str]:
     names = dict.fromkeys(str(page.tags.valueof(_PAGE_NAME) or "") for page in pages)
     if len({re.sub(r"[0-9]+", "", name) for name in names}) < 2:
         return []
-    shown = ", ".join(name or "without a name" for name in list(names)[:_MAX_NAMES])
-    return [f"its pages are named {shown}{' …' if len(names) > _MAX_NAMES else ''}, and taken as frames that follow "
+    titles = ", ".join(name or "without a name" for name in list(names)[:_MAX_NAMES])
+    return [f"its pages are named {titles}{' …' if len(names) > _MAX_NAMES else ''}, and taken as frames that follow "
             "each other in time"]
 
 
@@ -110,22 +110,23 @@ def _ome_sizes(tiff: tifffile.TiffFile, path: Path, with_members: bool = True) -
     images = [] if root is None else [element for element in root.iter() if _tag(element) == "Pixels"]
     members = [_ome_members(pixels) for pixels in images]
     identity = None if root is None else root.get("UUID")
-    here = [k for k, files in enumerate(members)
+    present = [k for k, files in enumerate(members)
             if path.name in files or (identity and identity in files.values())] or range(len(images))
-    missing = list(dict.fromkeys(name for k in here for name, other in members[k].items()
-                                 if not (path.parent / Path(name).name).is_file() and (not other or other != identity)))
+    missing = list(dict.fromkeys(name for k in present for name, member in members[k].items()
+                                 if not (path.parent / Path(name).name).is_file()
+                                 and (not member or member != identity)))
     if missing:
         raise InputError("a file of the OME series is missing", file=path, key="images",
                          expected="all files of the series in one folder, named as in their header",
                          found=f"no {missing[0]}" + (f" and {len(missing) - 1} more" if len(missing) > 1 else ""),
                          remedy="copy it there; or save the images that you have as plain TIFF files")
-    if not images or (not with_members and any(len(members[k]) > 1 for k in here)):
+    if not images or (not with_members and any(len(members[k]) > 1 for k in present)):
         return []
-    pixels = images[here[0]]
+    pixels = images[present[0]]
     samples = max([int(element.get("SamplesPerPixel") or 1) for element in pixels if _tag(element) == "Channel"],
                   default=1)
     sizes = {axis: int(pixels.get(f"Size{axis}") or 1) for axis in "TZC"}
-    return [("P", len(here)), *(sizes | {"C": sizes["C"] // samples}).items()]
+    return [("P", len(present)), *(sizes | {"C": sizes["C"] // samples}).items()]
 
 
 def _ome_members(pixels: ElementTree.Element) -> dict[str, str]:
@@ -142,12 +143,12 @@ def _ome_root(text: str, path: Path) -> ElementTree.Element | None:
                          None)
         if companion is None:
             return root
-        beside = path.parent / Path(companion).name
-        if not beside.is_file():
+        companion_path = path.parent / Path(companion).name
+        if not companion_path.is_file():
             raise InputError("a file of the OME series is missing", file=path, key="images",
                              expected=f"its header in {companion}", found="no such file",
                              remedy="copy it there; or save the images as plain TIFF files")
-        return ElementTree.fromstring(beside.read_text(encoding="utf-8"))
+        return ElementTree.fromstring(companion_path.read_text(encoding="utf-8"))
     except (ElementTree.ParseError, UnicodeDecodeError):
         return None
 

@@ -134,12 +134,12 @@ def _outside(points: np.ndarray, displacement: np.ndarray, is_measured: np.ndarr
         return np.zeros(len(points), bool)
     moved = displacement[is_moving]
     tree = scipy.spatial.cKDTree(points[is_moving])
-    distance, near = tree.query(points[is_moving], k=2)
+    distance, neighbour = tree.query(points[is_moving], k=2)
     pitch = np.median(distance[:, 1])
-    step = np.median(np.linalg.norm(moved - moved[near[:, 1]], axis=1))
-    border, beside = tree.query(points[is_zero])
+    step = np.median(np.linalg.norm(moved - moved[neighbour[:, 1]], axis=1))
+    border, border_point = tree.query(points[is_zero])
     at_border = border < _MAX_BORDER * pitch
-    jump = np.median(np.linalg.norm(moved[beside[at_border]], axis=1)) if at_border.any() else 0.0
+    jump = np.median(np.linalg.norm(moved[border_point[at_border]], axis=1)) if at_border.any() else 0.0
     return is_zero & bool(jump > MIN_JUMP * max(step, last_digit(moved)))
 
 

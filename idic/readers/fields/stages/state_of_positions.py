@@ -86,7 +86,7 @@ def _state(first: Stage, stage: Stage) -> str | None:
     most = min(MAX_MISFIT * motion, MAX_MISFIT_PITCH * pitch)
     if _misfit(first, stage, first.points, stage.points) < most:
         return REFERENCE
-    origins = [each.points - _displacement(each) for each in (first, stage)]
+    origins = [one_stage.points - _displacement(one_stage) for one_stage in (first, stage)]
     if _misfit(first, stage, *origins) < most:
         return DEFORMED
     return None if motion > MIN_MOTION_DIGITS * last_digit(stage.points) else ""
@@ -96,9 +96,9 @@ def _are_increments(earlier: Stage, stage: Stage) -> bool:
     pair = _matched(earlier, stage, stage.points - _displacement(stage))
     if pair is None:
         return False
-    moved, stated = stage.points[pair[1]] - earlier.points[pair[0]], _displacement(stage)[pair[1]]
-    return bool(np.median(np.linalg.norm(moved - stated, axis=1))
-                < MAX_MISFIT * np.median(np.linalg.norm(stated, axis=1)))
+    moved, displacement = stage.points[pair[1]] - earlier.points[pair[0]], _displacement(stage)[pair[1]]
+    return bool(np.median(np.linalg.norm(moved - displacement, axis=1))
+                < MAX_MISFIT * np.median(np.linalg.norm(displacement, axis=1)))
 
 
 def _displacement(stage: Stage) -> np.ndarray:
@@ -118,13 +118,13 @@ def _matched(first: Stage, stage: Stage, places: np.ndarray) -> tuple[np.ndarray
         rows = measured[rows]
     else:
         at, rows = scipy.spatial.cKDTree(first.points).query(places[measured])[1], measured
-    both = np.isfinite(first.displacement[at]).all(axis=1)
-    return (at[both], rows[both]) if both.any() else None
+    is_common = np.isfinite(first.displacement[at]).all(axis=1)
+    return (at[is_common], rows[is_common]) if is_common.any() else None
 
 
 def _misfit(first: Stage, stage: Stage, first_places: np.ndarray, places: np.ndarray) -> float:
     """Median distance of the same points in two stages."""
-    is_placed, is_measured = (np.isfinite(each).all(axis=1) for each in (first_places, _displacement(stage)))
+    is_placed, is_measured = (np.isfinite(vectors).all(axis=1) for vectors in (first_places, _displacement(stage)))
     if first.ids is not None and stage.ids is not None:
         pair = _matched(first, stage, places)
         assert pair is not None
