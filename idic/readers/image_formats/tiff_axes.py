@@ -110,9 +110,9 @@ def _ome_sizes(tiff: tifffile.TiffFile, path: Path, with_members: bool = True) -
     images = [] if root is None else [element for element in root.iter() if _tag(element) == "Pixels"]
     members = [_ome_members(pixels) for pixels in images]
     identity = None if root is None else root.get("UUID")
-    present = [k for k, files in enumerate(members)
-            if path.name in files or (identity and identity in files.values())] or range(len(images))
-    missing = list(dict.fromkeys(name for k in present for name, member in members[k].items()
+    pixel_images = [k for k, files in enumerate(members)
+                    if path.name in files or (identity and identity in files.values())] or range(len(images))
+    missing = list(dict.fromkeys(name for k in pixel_images for name, member in members[k].items()
                                  if not (path.parent / Path(name).name).is_file()
                                  and (not member or member != identity)))
     if missing:
@@ -120,13 +120,13 @@ def _ome_sizes(tiff: tifffile.TiffFile, path: Path, with_members: bool = True) -
                          expected="all files of the series in one folder, named as in their header",
                          found=f"no {missing[0]}" + (f" and {len(missing) - 1} more" if len(missing) > 1 else ""),
                          remedy="copy it there; or save the images that you have as plain TIFF files")
-    if not images or (not with_members and any(len(members[k]) > 1 for k in present)):
+    if not images or (not with_members and any(len(members[k]) > 1 for k in pixel_images)):
         return []
-    pixels = images[present[0]]
+    pixels = images[pixel_images[0]]
     samples = max([int(element.get("SamplesPerPixel") or 1) for element in pixels if _tag(element) == "Channel"],
                   default=1)
     sizes = {axis: int(pixels.get(f"Size{axis}") or 1) for axis in "TZC"}
-    return [("P", len(present)), *(sizes | {"C": sizes["C"] // samples}).items()]
+    return [("P", len(pixel_images)), *(sizes | {"C": sizes["C"] // samples}).items()]
 
 
 def _ome_members(pixels: ElementTree.Element) -> dict[str, str]:
