@@ -140,4 +140,4 @@ def test_a_diagnosis_tells_the_jumps_and_leaves_a_ramp(tmp_path, kind):
     assert [jump["frame"] for jump in course["jumps"]] == list(JUMPS)
     assert all(abs(jump["size"] - JUMPS[jump["frame"]]) < 3.0 * jump["std"] for jump in course["jumps"])
     assert "in frame 3" in content["headline"] and "in frame 9" in content["sentence"]
-    assert load_experiment(tmp_path / "run" / "enriched" / "experiment.toml").parameters.free
+    assert load_experiment(tmp_path / "run" / "enriched" / "experiment.toml").model.parameters.free

@@ -112,7 +112,7 @@ def test_pointer_and_lists_make_the_experiment(tmp_path):
         said = page.value('document.getElementById("mesh-text").textContent')
         page.click("#undo")  # the corner goes back
         remeshed(page, said)
-    assert load_experiment(folder).mesh.n_elements > 20
+    assert load_experiment(folder).model.mesh.n_elements > 20
 
 
 def test_a_load_stays_with_its_hole_and_a_name_goes_to_the_line_that_was_chosen(tmp_path):

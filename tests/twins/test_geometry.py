@@ -83,7 +83,7 @@ def test_a_run_with_perturbed_simulations_ends_at_the_same_hole_and_its_report_s
         assert abs(perturbed["value"] - direct["value"]) < 0.05 * direct["std"], name  # 0.02 is where both stop
         assert perturbed["std"] == pytest.approx(direct["std"], rel=0.01)
     record = load_record(tmp_path / "direct")
-    centre, radius = fit_circle(CAMERA.inverse(record.nodes_px[find_holes(load_experiment(path).mesh)[0].rim]))
+    centre, radius = fit_circle(CAMERA.inverse(record.nodes_px[find_holes(load_experiment(path).model.mesh)[0].rim]))
     truth = [found["direct"][f"geometry.hole_{name}"]["value"] for name in ("x", "y", "radius")]
     assert (*centre, radius) == pytest.approx(truth, abs=1e-6)
     assert identified_mesh(record).png[:4] == b"\x89PNG"

@@ -47,7 +47,7 @@ def test_the_band_holds_other_kernels_over_draws_of_the_noise(tmp_path, kernel, 
     experiment = load_experiment(path)
     if given:
         path.write_text(path.read_text().replace(f"times = {n_fine}", f"times = {given}"))
-        stated = np.array(load_experiment(path).parameters.joint[0].bends)
+        stated = np.array(load_experiment(path).model.parameters.joint[0].bends)
     fine, at = grid(0.05, 300.0, n_fine), np.geomspace(0.05, 400.0, 400)
     form = FreeSpectrum(tuple(range(2, n_fine + 2)), 0.05, 300.0, 0.5 * (n_fine - 1) / n_fine)
     true = np.zeros(n_fine)

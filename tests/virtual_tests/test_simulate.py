@@ -41,7 +41,7 @@ def test_the_noise_of_an_example_is_the_requested_one(demo, tmp_path):
     clean = write_example("demo", tmp_path / "clean", reduced=True, noise=0.0, bits=16)
     loud = write_example("demo", tmp_path / "loud", reduced=True, noise=0.1, bits=16)
     truth = json.loads((loud.parent / "truth.json").read_text())
-    a, b = (load_experiment(path).stack.frame(3).astype(float) for path in (clean, loud))
+    a, b = (load_experiment(path).recording.stack.frame(3).astype(float) for path in (clean, loud))
     inside = np.s_[20:105, 12:70]  # on the specimen, beside the hole
     # 5000 pixels: the standard error of a standard deviation is 1 %; 3 of them
     assert (b - a)[inside].std() == pytest.approx(truth["noise_std_gv"], rel=0.03)
