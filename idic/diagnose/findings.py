@@ -19,6 +19,7 @@ from idic.fe import Mesh
 from idic.identification import p_text
 
 MAX_PLACE_SHARE = 0.5  # of the elements: a larger source is the whole body
+MIN_CLUSTER_SHARE = 0.3  # of the largest cluster's elements: a cluster that is reported on its own
 MAX_PLACES = 3  # that are reported
 
 
@@ -116,9 +117,10 @@ def place_in_words(diagnosis: Diagnosis) -> str | None:
         return (None if diagnosis.active is None else
                 f"first at {in_words(first_active_place(mesh, diagnosis.active), size=mesh.size)} {unit}")
     parts = clusters(mesh, mismatch.place.elements)
-    centres = [element_centres(mesh)[part].mean(axis=0) for part in parts[:MAX_PLACES]]
-    points = [in_words(centre, size=mesh.size) for centre in centres]
-    return f"around {' and '.join(points)} {unit}" + (" and elsewhere" if len(parts) > MAX_PLACES else "")
+    centres = [element_centres(mesh)[part].mean(axis=0) for part in parts
+               if len(part) > MIN_CLUSTER_SHARE * len(parts[0])]
+    points = [in_words(centre, size=mesh.size) for centre in centres[:MAX_PLACES]]
+    return f"around {' and '.join(points)} {unit}" + (" and elsewhere" if len(centres) > MAX_PLACES else "")
 
 
 def _everywhere(diagnosis: Diagnosis) -> bool:
