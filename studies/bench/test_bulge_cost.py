@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bench_jobs import best_of
+from jobs.bench_jobs import best_of
 
 from idic.fe import march
 from idic_studies.examples.bulge_model import FIXED, TRUTH, bulge_model, bulge_test, directions, law_values

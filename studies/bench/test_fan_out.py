@@ -4,7 +4,7 @@ import heapq
 import time
 
 import pytest
-from bench_jobs import simulations
+from jobs.bench_jobs import simulations
 
 from idic.run import open_cluster
 

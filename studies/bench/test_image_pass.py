@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 import pytest
-from bench_jobs import best_of
+from jobs.bench_jobs import best_of
 from scipy import ndimage, sparse
 
 from idic.correlation import build_pixel_map, build_reference, nodal_equations

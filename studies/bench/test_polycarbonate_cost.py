@@ -4,7 +4,7 @@ import resource
 
 import numpy as np
 import pytest
-from bench_jobs import best_of
+from jobs.bench_jobs import best_of
 
 from idic.fe import march
 from idic_studies.examples.polycarbonate_model import (FULL_MESH, REDUCED_MESH, TRUTH, directions, strip_mesh,

@@ -1,7 +1,7 @@
 """Direct differentiation: what n exact sensitivities cost, in forward runs of the same model."""
 
 import pytest
-from bench_jobs import best_of, brick, directions, stretched
+from jobs.bench_jobs import best_of, brick, directions, stretched
 
 from idic.experiment_file import load_experiment
 from idic.fe import march

@@ -20,8 +20,8 @@ def test_a_stereo_identification_of_fifty_frames_takes_five_minutes(tmp_path, me
     seconds, memory = [], []
     for frames in FRAMES:
         folder, run = tmp_path / f"test{frames}", tmp_path / f"run{frames}"
-        subprocess.run([sys.executable, str(Path(__file__).with_name("stereo_job.py")), str(folder), str(frames)],
-                       check=True)
+        job = Path(__file__).with_name("jobs") / "stereo_job.py"
+        subprocess.run([sys.executable, str(job), str(folder), str(frames)], check=True)
         command = [sys.executable, "-m", "idic", "identify", str(folder), "--out", str(run), "--workers", "0",
                    "--no-prefect", "--no-report"]  # fmt: skip
         process, spent, peak = psutil.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL), 0.0, 0

@@ -107,7 +107,7 @@ def test_every_text_says_the_same(mismatches, located, cause, rest):
 @pytest.mark.slow  # a diagnosis, 20 s of CPU time
 def test_a_slip_that_chance_feigned_in_one_noise_copy_is_no_alarm(tmp_path, monkeypatch):
     """Once the one alarm in 280 clean recordings (docs/evidence/error-bars.md): 0.0006 mm; scores are of the whole."""
-    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "studies" / "bench")
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "studies" / "evidence")
     from clean_diagnoses import write_draw
 
     write_draw(tmp_path / "test", "elastic", "grey_level", 6026)

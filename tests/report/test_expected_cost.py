@@ -17,7 +17,7 @@ from idic.cli.app import app
 from idic.report.evidence.cost import Cost, memory_here, simulation_cost
 from idic.report import expected_cost
 
-BENCH = Path(__file__).parents[2] / "studies" / "bench"
+BENCH = Path(__file__).parents[2] / "studies" / "bench" / "jobs"
 ELASTOPLASTIC = """law = "j2_linear"
 E = { value = 70, unit = "GPa", identify = true }
 nu = 0.3

@@ -1,6 +1,6 @@
 """Draws of a whole field test: images of a foreign mesh, noise, a foreign subset DIC, its export, `idic identify`.
 
-    python studies/bench/fields_draws.py --draws 200 --processes 8 --out draws.csv
+    python studies/evidence/fields_draws.py --draws 200 --processes 8 --out draws.csv
 
 A polymer strip with a hole is stretched by 0.9 % (9 stages, E, nu). Its images come from another, finer mesh
 and from code that shares nothing with what identifies (`idic.virtual_tests.render`); they get noise and are rounded to

@@ -1,6 +1,6 @@
 """Diagnoses of recordings whose model is right and whose noise is not told: how many give an alarm.
 
-    python studies/bench/clean_diagnoses.py --world blurred --draws 40 --processes 2
+    python studies/evidence/clean_diagnoses.py --world blurred --draws 40 --processes 2
 
 A strip with a hole (elastic, or metal that yields) is solved on a finer mesh and rendered by code that shares nothing
 with what identifies (`tests/diagnose/material_twins.py`). Its images get the noise of a world of `idic study coverage`:
