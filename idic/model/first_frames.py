@@ -19,7 +19,7 @@ def leading_frames(experiment: Experiment, n_frames: int) -> Experiment:
     """The experiment up to frame ``n_frames - 1``; later frames are neither simulated nor correlated.
 
     A window that grows with the test shows when a model begins to fail; a short window starts a search that fails on
-    the whole test. (`Experiment.excluded` leaves single frames out of the comparison only.)
+    the whole test. (`Recording.excluded` leaves single frames out of the comparison only.)
 
     Raises
     ------

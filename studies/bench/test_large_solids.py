@@ -25,8 +25,8 @@ ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "CCX_NPROC_EQ
 def evaluate(solver: str, n: int, n_frames: int, n_threads: int = 1) -> tuple[int, float, float, float, float]:
     """Equations, CPU seconds, peak memory (MB), force (N) and seconds of one evaluation in a process of its own."""
     process = subprocess.run([sys.executable, "solid_job.py", solver, *map(str, (n, n_frames, n_threads))],
-                          cwd=Path(__file__).with_name("jobs"), env=os.environ | ONE_THREAD, capture_output=True, text=True,
-                          check=True)
+                             cwd=Path(__file__).with_name("jobs"), env=os.environ | ONE_THREAD, capture_output=True,
+                             text=True, check=True)
     equations, *figures = process.stdout.split()
     return int(equations), *map(float, figures)
 

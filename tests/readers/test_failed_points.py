@@ -5,6 +5,7 @@ from __future__ import annotations
 import meshio
 import numpy as np
 import pytest
+from experiment_file.point_plate import write_point_plate
 from test_field_exports import GRID, displaced
 
 from idic.errors import InputError
@@ -197,27 +198,7 @@ def test_check_shows_how_many_points_failed_and_why(tmp_path):
                 for i, (place, motion) in enumerate(zip(np.column_stack([x, y]), u, strict=True))]
         (tmp_path / f"s_{k}.csv").write_text("\n".join(["X,Y,U,V,sigma", *rows]))
     (tmp_path / "log.csv").write_text("force_N\n" + "\n".join(str(280.0 * k) for k in range(5)) + "\n")
-    (tmp_path / "experiment.toml").write_text("""
-[experiment]
-fields = "s_*.csv"
-loads = "log.csv"
-mesh = { around_points_mm = [0.0, 0.4], element_mm = 4 }
-kind = "plane_stress"
-thickness_mm = 2.0
-[material.SPECIMEN]
-law = "elastic"
-E = { value = 60e3, unit = "MPa", identify = true }
-nu = 0.3
-[[boundary]]
-nodes = "LEFT"
-u = "measured"
-[[boundary]]
-nodes = "RIGHT"
-u = "measured"
-[[channel]]
-column = "force_N"
-simulated = { reaction = "RIGHT", component = "x" }
-""")
+    write_point_plate(tmp_path, "s_*.csv", 0.4, 4)
     shown = CliRunner().invoke(app, ["check", str(tmp_path)])
     n = 4 * len(range(0, len(x), 50))
     words = " ".join(shown.output.split())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from experiment_file.point_plate import write_point_plate
 from typer.testing import CliRunner
 
 from idic.cli.app import app
@@ -15,28 +16,6 @@ UNEVEN = np.array([0, 300, 1500, 1800, 3600, 3900, 6000, 6200, 7900]) * 1.0
 CYCLES = np.array([0, 2, 4, 2, 0, 2, 4, 6, 4, 2, 0]) * 1e3
 HELD = np.array([0, 2, 4, 6, 6, 6, 6, 6, 4, 2]) * 1e3
 
-EXPERIMENT = """
-[experiment]
-fields = "fields.csv"
-loads = "log.csv"
-mesh = { around_points_mm = [0.0, 0.8], element_mm = 6 }
-kind = "plane_stress"
-thickness_mm = 2.0
-[material.SPECIMEN]
-law = "elastic"
-E = { value = 60e3, unit = "MPa", identify = true }
-nu = 0.3
-[[boundary]]
-nodes = "LEFT"
-u = "measured"
-[[boundary]]
-nodes = "RIGHT"
-u = "measured"
-[[channel]]
-column = "force_N"
-simulated = { reaction = "RIGHT", component = "x" }
-"""
-
 
 def checked(folder, force: np.ndarray, strain: np.ndarray) -> str:
     """What `idic check` shows of stages of this strain along x."""
@@ -47,7 +26,7 @@ def checked(folder, force: np.ndarray, strain: np.ndarray) -> str:
         rows += [f"{k},{a:.3f},{b:.3f},{u:.6f},{v:.6f}" for a, b, u, v in zip(X, Y, ux, uy, strict=True)]
     (folder / "fields.csv").write_text("\n".join(rows) + "\n")
     (folder / "log.csv").write_text("force_N\n" + "\n".join(f"{f + rng.normal(0, 4):.2f}" for f in force) + "\n")
-    (folder / "experiment.toml").write_text(EXPERIMENT)
+    write_point_plate(folder, "fields.csv", 0.8, 6)
     shown = CliRunner().invoke(app, ["check", str(folder)])
     assert shown.exit_code == 0, shown.output
     return " ".join(shown.output.split())

@@ -15,7 +15,7 @@ from idic.diagnose.physics.edits import further_dofs
 from idic.images import Camera, PLACEMENT_STEM, PlacedCamera, RIGID
 
 PROBE_PX = 2.0
-MIN_SHARE_OVER_LIMIT = 0.03  # as a further cause: less is a flaw in the description of the one that is wrong
+MIN_SHARE_OVER_LIMIT = 0.03  # of its evidence, beyond that of its limits: a smaller gain is an inexact model of a limit
 SIMILARITY = ("shift_col", "shift_row", "rotation_deg", "pixel_size")  # of a camera without a lens
 
 

@@ -66,7 +66,8 @@ class ClockTimes:
     def seconds_since(self, start: ClockTimes) -> np.ndarray:
         """Seconds since the first row of another column on the same clock  # (n_rows,)
 
-        Where one of the clocks shows no date, the turn of the clock is the one that puts the rows around that row.
+        A clock without a date repeats after its period; the day is chosen at which the middle of the rows lies nearest
+        to that first row.
 
         Raises
         ------
@@ -161,9 +162,9 @@ def _decimals(match: re.Match[str]) -> str | None:
     return match["fraction"] or match["thousandths"]
 
 
-def _unlike(formats: Sequence[str | None], cells: Sequence[str], fault: str) -> ClockError:
+def _unlike(formats: Sequence[str | None], cells: Sequence[str], part: str) -> ClockError:
     row = next(k for k, text in enumerate(formats) if bool(text) != bool(formats[0]))
-    return ClockError(f"only some times of day show {fault}", row, f"{fault} in every row or in none", repr(cells[row]),
+    return ClockError(f"only some times of day show {part}", row, f"{part} in every row or in none", repr(cells[row]),
                       "write all rows alike")
 
 
