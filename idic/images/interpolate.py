@@ -13,8 +13,8 @@ import numpy as np
 from numba import njit
 
 from idic.errors import InputError
-from idic.images.spline_filter import MIRROR_PAD_PX, POLES, filter_in_place
-from idic.images.gaussian_lowpass import lowpass, lowpass_weights
+from idic.images.gaussian_lowpass import lowpass_weights
+from idic.images.spline_filter import MIRROR_PAD_PX, POLES, spline_coefficients
 from idic.images.taps import weight_polynomials
 
 DEGREES = {"cubic": 3, "quintic": 5}
@@ -73,10 +73,7 @@ def prefilter(image: np.ndarray, degree: int = 3, lowpass_px: float = 0.0) -> Sp
         raise InputError("the image holds values that are not finite", expected="finite grey values everywhere",
                          found=f"{np.count_nonzero(~np.isfinite(image))} px of nan or inf",
                          remedy="replace them and leave them out with a mask")
-    padded = np.empty((image.shape[0] + 2 * MIRROR_PAD_PX, image.shape[1] + 2 * MIRROR_PAD_PX), dtype=np.float32)
-    padded[MIRROR_PAD_PX:-MIRROR_PAD_PX, MIRROR_PAD_PX:-MIRROR_PAD_PX] = lowpass(image, lowpass_px)
-    filter_in_place(padded, degree)
-    return Spline(padded, degree, lowpass_px)
+    return Spline(spline_coefficients(image, degree, lowpass_weights(lowpass_px)), degree, lowpass_px)
 
 
 def evaluate(spline: Spline, points: np.ndarray) -> np.ndarray:

@@ -6,7 +6,9 @@ from scipy import ndimage
 
 from idic.errors import InputError
 from idic.images.interpolate import gradient
-from idic.images import evaluate, gradient_at_pixels, noise_gain, noise_gain_1d, prefilter, weight_polynomials
+from idic.images import (
+    evaluate, gradient_at_pixels, lowpass_weights, noise_gain, noise_gain_1d, prefilter, weight_polynomials
+)
 
 
 def random_image(shape=(61, 83), seed=0):
@@ -25,6 +27,17 @@ def test_the_spline_is_scipys_mirror_spline(degree, shape):
     expected = ndimage.map_coordinates(coefficients, points[:, ::-1].T, order=degree, mode="mirror", prefilter=False)
     # float32 coefficients of +-2000 GV: 2e-4 GV for white noise; 1e-3 is 0.04 % of one grey level of noise
     assert np.abs(evaluate(prefilter(image, degree), points) - expected).max() < 1e-3
+
+
+@pytest.mark.parametrize("degree", [3, 5])
+@pytest.mark.parametrize("std_px", [0.3, 0.6, 1.5, 5.0])
+@pytest.mark.parametrize("shape", [(61, 83), (9, 12), (130, 64)])
+def test_the_spline_of_the_blurred_image_is_scipys(shape, std_px, degree):
+    image = random_image(shape).astype(float)
+    weights = np.array(lowpass_weights(std_px))
+    blurred = ndimage.correlate1d(ndimage.correlate1d(image, weights, 0, mode="mirror"), weights, 1, mode="mirror")
+    expected = ndimage.spline_filter(blurred, degree, mode="mirror")
+    assert np.abs(prefilter(image, degree, std_px).coefficients[8:-8, 8:-8] - expected).max() < 2e-3  # float32, of 2000
 
 
 @pytest.mark.parametrize("degree", [3, 5])

@@ -111,7 +111,7 @@ def section_sums(image, level, pole, first, weights, shift, f, fx, w, y, sums):
     sums[:] = 0.0
     for b in range(f.shape[0]):
         _load_block(image, level, b * N_LANES, t)
-        filter_block(t, image.shape[1], N_LANES, pole)
+        filter_block(t.ravel(), image.shape[1], N_LANES, pole)
         for k in range(first.size):
             if first[k] >= 0:
                 _residuals(t, first[k], weights[k], shift[k], f[b, k], w[b, k], r)
@@ -124,7 +124,7 @@ def section_residuals(image, level, pole, first, weights, shift, f, w, out):
     t = np.empty((image.shape[1], N_LANES), dtype=np.float32)
     for b in range(f.shape[0]):
         _load_block(image, level, b * N_LANES, t)
-        filter_block(t, image.shape[1], N_LANES, pole)
+        filter_block(t.ravel(), image.shape[1], N_LANES, pole)
         for k in range(first.size):
             if first[k] >= 0:
                 _residuals(t, first[k], weights[k], shift[k], f[b, k], w[b, k], out[b, k])
