@@ -35,7 +35,7 @@ from .mesh.surface_edges import (
 )
 from .response import Alternative, Responses, first_responses
 from .solver.factorisation_cost import Fill, dissected
-from .solver.linear import Factor, MAX_HALF_BANDWIDTH_OF_BAND_LU, MIN_OPERATIONS_PER_ENTRY
+from .solver.linear import Factor, MIN_OPERATIONS_PER_ENTRY
 from .solver.rigid_motion import FreePart, bodies, free_parts
 from .solver.threads import solver_threads
 from .stress_error import stress_error_responses
@@ -49,7 +49,6 @@ __all__ = [
     "EDGE_STD_SHARE",
     "EXTERNAL",
     "LOG_FILE",
-    "MAX_HALF_BANDWIDTH_OF_BAND_LU",
     "MIN_OPERATIONS_PER_ENTRY",
     "OUTLINE",
     "PERMISSION",

@@ -69,20 +69,20 @@ def filter_block(t, n, width, poles):
         for j in range(width):
             t[_U(j)] = lam * first[_U(j)]
         for i in range(1, n):
-            here = _U(i) * w
-            previous = here - w
+            line = _U(i) * w
+            previous = line - w
             for j in range(width):
-                t[here + _U(j)] = lam * t[here + _U(j)] + z * t[previous + _U(j)]
+                t[line + _U(j)] = lam * t[line + _U(j)] + z * t[previous + _U(j)]
         end = np.float32(poles[k] / (poles[k] * poles[k] - 1.0))
-        here = _U(n - 1) * w
-        previous = here - w
+        line = _U(n - 1) * w
+        previous = line - w
         for j in range(width):
-            t[here + _U(j)] = end * (t[here + _U(j)] + z * t[previous + _U(j)])
+            t[line + _U(j)] = end * (t[line + _U(j)] + z * t[previous + _U(j)])
         for i in range(n - 2, -1, -1):
-            here = _U(i) * w
-            following = here + w
+            line = _U(i) * w
+            following = line + w
             for j in range(width):
-                t[here + _U(j)] = z * (t[following + _U(j)] - t[here + _U(j)])
+                t[line + _U(j)] = z * (t[following + _U(j)] - t[line + _U(j)])
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST)
@@ -96,9 +96,9 @@ def _mirror_sum(t, n, width, z, first):
                 weight += z ** (2 * n - 2 - k)
             weight /= 1.0 - z ** (2 * n - 2)
         share = np.float32(weight)
-        here = _U(k) * _U(width)
+        line = _U(k) * _U(width)
         for j in range(width):
-            first[_U(j)] += share * t[here + _U(j)]
+            first[_U(j)] += share * t[line + _U(j)]
 
 
 @njit(cache=True, nogil=True)

@@ -311,15 +311,12 @@ def test_every_side_is_told_from_the_others(tmp_path, side, truth):
     assert locate(found, residual_evidence(found)).side == side
 
 
-@pytest.mark.parametrize("widest", [0, 10, 1000])
-def test_transposed_solution_solves_the_transposed_system(widest):
-    """Compressed columns, and bands."""
+@pytest.mark.parametrize("n, width", [(40, 2), (90, 40)])
+def test_transposed_solution_solves_the_transposed_system(n, width):
     rng = np.random.default_rng(13)
-    n = 40 if widest < 1000 else 90
-    width = 2 if widest < 1000 else 40
     dofs = np.array([np.arange(i, i + width) for i in range(n - width + 1)])
     points = np.column_stack([np.arange(n // 2, dtype=float), np.zeros(n // 2)])
-    pattern = make_pattern(points, [dofs], np.zeros(0, dtype=int), widest_band=widest)
+    pattern = make_pattern(points, [dofs], np.zeros(0, dtype=int))
     blocks = rng.standard_normal((len(dofs), width, width)) + 3.0 * width * np.eye(width)
     dense = np.zeros((n, n))
     values, places = np.zeros(pattern.n_stored), pattern.positions(dofs)

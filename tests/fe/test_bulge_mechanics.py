@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.fe import Control, Direction, check_elements, discretise, face_set_nodes, march, quadrature_rule
+from idic.fe import Control, Direction, check_elements, face_set_nodes, march, quadrature_rule
 from idic.readers import read_mesh_file, to_mesh
 from idic_studies.examples.bulge_mesh import BASE, FULL, REDUCED, bulge_mesh
 from idic_studies.examples.bulge_model import FIXED, TRUTH, bulge_model, bulge_test, directions, law_values
@@ -66,9 +66,8 @@ def test_the_top_runs_from_the_axis_to_the_clamp_and_steps_down_at_the_edge_of_t
     np.testing.assert_allclose(ends[:, :, 1], np.stack([height, height], axis=1))
 
 
-def test_the_membrane_takes_four_points_an_element_and_a_narrow_band():
+def test_the_membrane_takes_four_points_an_element():
     assert len(quadrature_rule("quad8")[1]) == 4
-    assert discretise(bulge_model(bulge_test(2.0, REDUCED, 1))).pattern.half_bandwidth == 27
 
 
 # start and path -------------------------------------------------------------------------------------------

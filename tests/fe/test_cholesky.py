@@ -24,7 +24,7 @@ def every_factorisation_costs_much(monkeypatch):
 def nearly_symmetric(mesh, prescribed=(), skew=0.005, shift=1.0):
     """A pattern by fronts, and values that are positive definite (with a positive shift) but for a skew part."""
     dofs, rng = dofs_of(mesh), np.random.default_rng(4)
-    pattern = linear.make_pattern(mesh.nodes, [dofs], np.asarray(prescribed, dtype=int), widest_band=-1)
+    pattern = linear.make_pattern(mesh.nodes, [dofs], np.asarray(prescribed, dtype=int))
     values, m = np.zeros(pattern.n_stored), dofs.shape[1]
     root, other = rng.standard_normal((2, len(dofs), m, m))
     storage.scatter(root @ root.transpose(0, 2, 1) / m + shift * np.eye(m) + skew * (other - other.transpose(0, 2, 1)),
@@ -74,7 +74,7 @@ def test_a_kept_factor_gives_the_solution_of_another_matrix_or_is_replaced(order
     other = pattern.matrix(matrix.data * scale[pattern.indices] * scale[columns])
     made, rhs = [], np.random.default_rng(2).random((pattern.n, 3))
     monkeypatch.setattr(linear, "factorise", lambda *a, **k: made.append(1) or original(*a, **k))
-    kept = linear.Factor(pattern, factor.lu, None, other, of_earlier_tangent=True)
+    kept = linear.Factor(pattern, factor.lu, other, of_earlier_tangent=True)
     assert np.abs(other @ kept.solve(rhs) - rhs).max() < 1e-10 and bool(made) is again
     assert np.abs(other.T @ kept.solve_transposed(rhs) - rhs).max() < 1e-10
 
@@ -89,7 +89,6 @@ def test_threads_give_the_same_bits(monkeypatch):
         assert np.array_equal(together.lu.entries, alone.lu.entries)
         assert np.array_equal(together.solve(rhs), alone.solve(rhs))
     monkeypatch.setattr(in_parts, "MIN_POINTS", 1)
-    monkeypatch.setattr(linear, "MAX_HALF_BANDWIDTH_OF_BAND_LU", {3: -1})
     monkeypatch.setattr(known_pattern, "_kept", {})  # a pattern knows how it is factorised
     one = march(*stretched(), [Direction("yield_stress", material=(0, 2))])
     with solver_threads(2):

@@ -27,7 +27,6 @@ def test_a_march_with_kept_factors_ends_at_the_same_equilibria_and_derivatives(m
     left, right = (where(mesh, lambda x, *_, at=at: abs(x - at) < 1e-9) for at in (0.0, 4.0))
     motion = [(right, 0, np.linspace(0.0, 0.048, 4))]
     model = body(mesh, "solid", "j2_linear", "finite", held(mesh, [(left, i, 0.0) for i in range(3)] + motion, 4))
-    monkeypatch.setattr(linear, "MAX_HALF_BANDWIDTH_OF_BAND_LU", {3: -1})
     monkeypatch.setattr(known_pattern, "_kept", {})
     times, values = np.arange(4.0), {"BODY": PARAMETERS["j2_linear"]}
     directions = [Direction("yield_stress", material=(0, 2))]

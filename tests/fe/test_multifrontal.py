@@ -8,15 +8,25 @@ from scipy.sparse import csc_array
 from scipy.sparse.linalg import SuperLU, splu
 from test_factorisation_cost import brick, dofs_of, plate
 
-from idic.fe.solver import multifrontal, storage, substitution
+from idic.fe.solver import linear, multifrontal, small_fronts, storage, substitution
 from idic.fe.solver.linear import SingularMatrix, factorise, make_pattern
 from idic.fe import solver_threads
+
+WAYS = {"small": (np.inf, small_fronts.SmallFactor), "by LAPACK": (0, tuple)}
+
+
+@pytest.fixture(params=WAYS)
+def way(request, monkeypatch):
+    """How fronts are factorised; the type of their factors."""
+    least, kind = WAYS[request.param]
+    monkeypatch.setattr(linear, "MIN_OPERATIONS_PER_ENTRY", least)
+    return kind
 
 
 def assembled(mesh, prescribed=(), shift=20.0):
     """A pattern by fronts, and random unsymmetric values on it, the nearer to singular the smaller the shift."""
     dofs, rng = dofs_of(mesh), np.random.default_rng(1)
-    pattern = make_pattern(mesh.nodes, [dofs], np.asarray(prescribed, dtype=int), widest_band=-1)
+    pattern = make_pattern(mesh.nodes, [dofs], np.asarray(prescribed, dtype=int))
     values, m = np.zeros(pattern.n_stored), dofs.shape[1]
     storage.scatter(rng.standard_normal((len(dofs), m, m)) + shift * np.eye(m), pattern.positions(dofs), values)
     return pattern, values, csc_array((values.copy(), pattern.indices, pattern.indptr), shape=(pattern.n, pattern.n))
@@ -25,10 +35,11 @@ def assembled(mesh, prescribed=(), shift=20.0):
 @pytest.mark.parametrize("mesh, prescribed",
                          [(plate(12, 9), range(40)), (brick(6, 5, 4), range(0, 300, 7)), (brick(1, 1, 1), ())],
                          ids=["plate", "brick", "one element"])
-def test_fronts_solve_as_superlu_does(mesh, prescribed):
+def test_fronts_solve_as_superlu_does(mesh, prescribed, way):
     pattern, values, matrix = assembled(mesh, prescribed)
-    factor, reference, rhs = factorise(pattern, values), splu(matrix), np.random.default_rng(0).random((pattern.n, 3))
-    assert isinstance(factor.lu, tuple)
+    factor, reference = factorise(pattern, values, symmetric=False), splu(matrix)
+    rhs = np.random.default_rng(0).random((pattern.n, 3))
+    assert isinstance(factor.lu, way)
     for own, theirs in ((factor.solve(rhs), reference.solve(rhs)),
                         (factor.solve_transposed(rhs), reference.solve(rhs, "T")),
                         (factor.solve(rhs[:, 0]), reference.solve(rhs[:, 0]))):
@@ -44,7 +55,7 @@ def test_every_free_equation_is_the_pivot_of_one_front():
 
 
 @pytest.mark.parametrize("pivots", [0.0, 1e-14], ids=["singular", "tiny"])
-def test_pivots_that_must_come_from_another_front_are_left_to_superlu(pivots):
+def test_pivots_that_must_come_from_another_front_are_left_to_superlu(pivots, way):
     pattern, values, matrix = assembled(plate(6, 6))
     leaf = pattern.fronts[0]
     columns = np.repeat(np.arange(pattern.n), np.diff(pattern.indptr))
@@ -53,7 +64,7 @@ def test_pivots_that_must_come_from_another_front_are_left_to_superlu(pivots):
     touching = np.unique(row[~inside & (row < leaf.end)])[:4]
     values[np.isin(row, touching) & inside] *= pivots
     matrix = csc_array((values.copy(), pattern.indices, pattern.indptr), shape=matrix.shape)
-    factor, rhs = factorise(pattern, values), np.ones(pattern.n)
+    factor, rhs = factorise(pattern, values, symmetric=False), np.ones(pattern.n)
     assert isinstance(factor.lu, SuperLU)
     solution = factor.solve(rhs)
     assert np.abs(matrix @ solution - rhs).max() < 1e-9 * np.abs(matrix).max() * np.abs(solution).max()
@@ -70,14 +81,15 @@ def test_a_singular_matrix_is_refused():
 def test_threads_give_the_same_bits(monkeypatch):
     """Also with triangles so small that all ways of solving with them occur."""
     monkeypatch.setattr(substitution, "MIN_FRONTS_FOR_THREADS", 1)
+    monkeypatch.setattr(linear, "MIN_OPERATIONS_PER_ENTRY", 0)
     pattern, values, _ = assembled(brick(8, 7, 6), range(0, 300, 7))
     rhs = np.random.default_rng(0).random((pattern.n, 3))
-    alone = factorise(pattern, values.copy())
+    alone = factorise(pattern, values.copy(), symmetric=False)
     expected = alone.solve(rhs)
     for n in (2, 3):
         assert len(multifrontal.independent_parts(pattern.fronts, n)) >= n
         with solver_threads(n):
-            together = factorise(pattern, values.copy())
+            together = factorise(pattern, values.copy(), symmetric=False)
             for own, theirs in zip(together.lu, alone.lu, strict=True):
                 assert np.array_equal(own.blocks, theirs.blocks) and np.array_equal(own.numbers, theirs.numbers)
             assert np.array_equal(together.solve(rhs), expected)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-LEAF_ELEMENTS = {2: 16, 3: 32}  # by dimension; the largest part that is not halved
+LEAF_ELEMENTS = {2: 8, 3: 32}  # by dimension; the largest part that is not halved
 _MIN_HALF = 0.25  # of a part; where a plane cut leaves less, the part is halved by count
 
 

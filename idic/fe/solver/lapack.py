@@ -21,7 +21,6 @@ _dgemm, _dgemv = _routine("blas", "dgemm", 13), _routine("blas", "dgemv", 11)
 _dtrsm, _dtrsv, _dsyrk = _routine("blas", "dtrsm", 11), _routine("blas", "dtrsv", 8), _routine("blas", "dsyrk", 10)
 _dgetrf, _dpotrf = _routine("lapack", "dgetrf", 6), _routine("lapack", "dpotrf", 5)
 _dlaswp = _routine("lapack", "dlaswp", 7)
-_dgbtrf, _dgbtrs = _routine("lapack", "dgbtrf", 8), _routine("lapack", "dgbtrs", 11)
 
 _kept_letters = {letter: ctypes.c_char(letter.encode()) for letter in "LRUNT"}
 _letter = {letter: ctypes.addressof(stored) for letter, stored in _kept_letters.items()}
@@ -88,26 +87,6 @@ def factorise_lower(matrix: np.ndarray) -> bool:
     at = ctypes.addressof(sizes)
     _dpotrf(_letter["L"], at, matrix.ctypes.data, at + 4, at + 8)
     return sizes[2] == 0
-
-
-def factorise_band(band: np.ndarray, half_bandwidth: int) -> tuple[np.ndarray, int]:
-    """Overwrite a band (3 kl + 1, n) by its LU; the row exchanges (n,) int32 from 1, and the zero pivot, 0: none."""
-    rows, n = band.shape
-    numbers = np.empty(n + 4, dtype=np.int32)
-    numbers[:4] = n, half_bandwidth, rows, 0
-    at = numbers.ctypes.data
-    _dgbtrf(at, at, at + 4, at + 4, band.ctypes.data, at + 8, at + 16, at + 12)
-    return numbers[4:], int(numbers[3])
-
-
-def solve_band(lu: np.ndarray, half_bandwidth: int, exchanges: np.ndarray, block: np.ndarray,
-               transposed: bool = False) -> None:
-    """Overwrite right-hand sides (n, m), column by column, by solutions; lu, exchanges as `factorise_band` says."""
-    rows, n = lu.shape
-    sizes = (ctypes.c_int * 6)(n, half_bandwidth, block.shape[1], rows, max(1, n), 0)
-    at = ctypes.addressof(sizes)
-    _dgbtrs(_letter["T" if transposed else "N"], at, at + 4, at + 4, at + 8, lu.ctypes.data, at + 12,
-            exchanges.ctypes.data, block.ctypes.data, at + 16, at + 20)
 
 
 class LUOfFront:

@@ -1,9 +1,8 @@
 """Sparse linear systems of the free degrees of freedom: numbering, scatter positions, factorisation, solution.
 
-Where the band is narrow (strips, small 2D meshes) LAPACK band LU, numbered by reverse Cuthill-McKee or along an axis,
-whichever gives the narrower band; else an LU by dense fronts, numbered by nested dissection. Matrices are unsymmetric
-in general (F-bar, follower loads, non-associated laws). Where an LU costs much, the symmetric part is factorised for
-half of it, if it is positive definite and near the matrix; iterations correct the rest.
+An LU by dense fronts, numbered by nested dissection: compiled where fronts are small, by LAPACK where it costs much.
+Matrices are unsymmetric in general (F-bar, follower loads, non-associated laws). Where an LU costs much, the symmetric
+part is factorised for half of it, if it is positive definite and near the matrix; iterations correct the rest.
 """
 
 from __future__ import annotations
@@ -14,13 +13,9 @@ from functools import cached_property
 
 import numpy as np
 from scipy.sparse import coo_array, csc_array
-from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
-from idic.fe.solver import cholesky, dissection, krylov, multifrontal, storage, substitution
-from idic.fe.solver.lapack import factorise_band, solve_band
-
-MAX_HALF_BANDWIDTH_OF_BAND_LU = {2: 180, 3: 400}  # by dimension; beyond, fronts are faster (10 000 dofs)
+from idic.fe.solver import cholesky, dissection, krylov, multifrontal, small_fronts, storage, substitution
 
 MIN_OPERATIONS_PER_ENTRY = 250  # of a factorisation by fronts: from here on kept factors cost less (cubes, a plate)
 
@@ -43,17 +38,16 @@ class Pattern:
         Equation number of each dof, -1 where prescribed or attached to no element.
     dofs : (n,) int
         The dof of each equation.
-    half_bandwidth : int or None
-        Band storage (LAPACK, leading dimension 3 * half_bandwidth + 1); None: compressed columns.
+    indptr, indices : (n + 1,), (n_stored,) int32
+        Compressed columns with sorted rows.
     fronts : tuple of Front
-        How compressed columns are factorised.
+        How they are factorised.
     """
 
     equation: np.ndarray
     dofs: np.ndarray
-    half_bandwidth: int | None
-    indptr: np.ndarray | None = None
-    indices: np.ndarray | None = None
+    indptr: np.ndarray
+    indices: np.ndarray
     fronts: tuple[multifrontal.Front, ...] = field(default=(), repr=False)
 
     @property
@@ -62,9 +56,7 @@ class Pattern:
 
     @property
     def n_stored(self) -> int:
-        if self.half_bandwidth is None:
-            return len(self.indices)
-        return (3 * self.half_bandwidth + 1) * self.n
+        return len(self.indices)
 
     @cached_property
     def costs_much(self) -> bool:
@@ -77,6 +69,10 @@ class Pattern:
     @cached_property
     def tree(self) -> cholesky.Tree:
         return cholesky.tree_of(self.fronts)
+
+    @cached_property
+    def small_fronts(self) -> small_fronts.SmallFronts:
+        return small_fronts.flat(self.fronts)
 
     def matrix(self, values: np.ndarray) -> csc_array:
         """The matrix with these stored values, in compressed columns."""
@@ -95,10 +91,7 @@ class Pattern:
         """
         equations = np.ascontiguousarray(self.equation[element_dofs])
         places = np.empty((*equations.shape, equations.shape[1]), dtype=np.int64)
-        if self.half_bandwidth is not None:
-            storage.places_in_band(equations, self.half_bandwidth, places)
-        else:
-            storage.places_in_columns(equations, self.indptr, self.indices, places)
+        storage.places_in_columns(equations, self.indptr, self.indices, places)
         return places
 
 
@@ -106,14 +99,13 @@ class Pattern:
 class Factor:
     """A factorised matrix.
 
-    lu : band of LAPACK with its row exchanges (from 1), fronts, or SuperLU
+    lu : fronts, small or by LAPACK, or SuperLU
     matrix : where the factors are those of a similar one: of its symmetric part, or (``of_earlier_tangent``) of an
         earlier one
     """
 
     pattern: Pattern
-    lu: np.ndarray | tuple[multifrontal.FrontFactor, ...] | cholesky.SymmetricFactor | SuperLU
-    exchanges: np.ndarray | None = None
+    lu: small_fronts.SmallFactor | tuple[multifrontal.FrontFactor, ...] | cholesky.SymmetricFactor | SuperLU
     matrix: csc_array | None = field(default=None, repr=False)
     of_earlier_tangent: bool = False
 
@@ -134,19 +126,10 @@ class Factor:
 
     def approximate(self, rhs: np.ndarray) -> np.ndarray:
         """Solutions with the matrix of the factors itself."""
+        columns = rhs.reshape(self.pattern.n, -1)
         if isinstance(self.lu, tuple):
-            columns = rhs.reshape(self.pattern.n, -1)
             return substitution.solve(self.pattern.fronts, self.lu, columns).reshape(rhs.shape)
-        if isinstance(self.lu, cholesky.SymmetricFactor):
-            return self.lu.solve(rhs.reshape(self.pattern.n, -1)).reshape(rhs.shape)
-        if self.exchanges is None:
-            return self.lu.solve(np.ascontiguousarray(rhs))
-        return self._by_lapack(rhs, transposed=False)
-
-    def _by_lapack(self, rhs: np.ndarray, transposed: bool) -> np.ndarray:
-        x = np.array(rhs.reshape(self.pattern.n, -1), dtype=float, order="F")
-        solve_band(self.lu, self.pattern.half_bandwidth, self.exchanges, x, transposed)
-        return x.reshape(rhs.shape)
+        return self.lu.solve(np.ascontiguousarray(columns)).reshape(rhs.shape)
 
     def solve_transposed(self, rhs: np.ndarray) -> np.ndarray:
         """Solve with the transposed matrix, for adjoints; shapes as in `solve`."""
@@ -159,23 +142,20 @@ class Factor:
                 return factorise(self.pattern, self.matrix.data,
                                  symmetric=self.of_earlier_tangent).solve_transposed(rhs)
             return solution.reshape(rhs.shape)
-        if isinstance(self.lu, tuple):
-            return substitution.solve_transposed(self.pattern.fronts, self.lu, columns).reshape(rhs.shape)
-        if isinstance(self.lu, SuperLU):
-            return self.lu.solve(np.ascontiguousarray(rhs), "T")
-        return self._by_lapack(rhs, transposed=True)
+        return self._approximate_transposed(columns).reshape(rhs.shape)
 
     def _approximate_transposed(self, columns: np.ndarray) -> np.ndarray:
         if self.of_symmetric_part:
             return self.approximate(columns)
-        if isinstance(self.lu, SuperLU):  # where the fronts were not accurate, kept for a later tangent
+        if isinstance(self.lu, SuperLU):
             return self.lu.solve(np.ascontiguousarray(columns), "T")
+        if isinstance(self.lu, small_fronts.SmallFactor):
+            return self.lu.solve(columns, transposed=True)
         return substitution.solve_transposed(self.pattern.fronts, self.lu, columns)
 
 
-def make_pattern(coordinates: np.ndarray, element_dofs: Sequence[np.ndarray], prescribed: np.ndarray,
-                 widest_band: int | None = None) -> Pattern:
-    """Number the free dofs and choose the storage.
+def make_pattern(coordinates: np.ndarray, element_dofs: Sequence[np.ndarray], prescribed: np.ndarray) -> Pattern:
+    """Number the free dofs by nested dissection.
 
     Parameters
     ----------
@@ -183,63 +163,22 @@ def make_pattern(coordinates: np.ndarray, element_dofs: Sequence[np.ndarray], pr
     element_dofs : sequence of (n_elements, m) int
         Dofs of the elements; dofs of no element get no equation.
     prescribed : (n_p,) int
-    widest_band : int, optional
-        Half bandwidth from which compressed columns are used; default by dimension.
     """
-    n_dim, n_dof = coordinates.shape[1], coordinates.size
-    is_free = np.zeros(n_dof, dtype=bool)
+    n_dim = coordinates.shape[1]
+    is_free = np.zeros(coordinates.size, dtype=bool)
     for dofs in element_dofs:
         is_free[dofs] = True
     is_free[prescribed] = False
-    narrowest, equation, dof_order = n_dof, None, None
-    for nodes in _node_orders(coordinates, element_dofs):
-        candidate = (nodes[:, None] * n_dim + np.arange(n_dim)).ravel()
-        candidate = candidate[is_free[candidate]]
-        numbers = np.full(n_dof, -1, dtype=np.int64)
-        numbers[candidate] = np.arange(len(candidate))
-        width = max((_half_bandwidth(numbers[dofs]) for dofs in element_dofs), default=0)
-        if width < narrowest:
-            narrowest, equation, dof_order = width, numbers, candidate
-    if narrowest <= (MAX_HALF_BANDWIDTH_OF_BAND_LU[n_dim] if widest_band is None else widest_band):
-        return Pattern(equation, dof_order, narrowest)
-    return _dissected(coordinates, element_dofs, is_free)
-
-
-def _dissected(coordinates: np.ndarray, element_dofs: Sequence[np.ndarray], is_free: np.ndarray) -> Pattern:
-    """Compressed columns, numbered by nested dissection."""
-    n_dim = coordinates.shape[1]
     nodes = [dofs[:, ::n_dim] // n_dim for dofs in element_dofs]
     separators, children = dissection.separators(dissection.incidences(coordinates, nodes),
                                                   is_free.reshape(-1, n_dim).any(axis=1))
-    order = (np.concatenate(separators)[:, None] * n_dim + np.arange(n_dim)).ravel()
-    ends = np.cumsum(is_free[order])[n_dim * np.cumsum([len(part) for part in separators]) - 1]
+    order = (np.concatenate([np.zeros(0, dtype=np.int64), *separators])[:, None] * n_dim + np.arange(n_dim)).ravel()
+    ends = np.cumsum(is_free[order])[n_dim * np.cumsum([len(part) for part in separators], dtype=np.int64) - 1]
     order = order[is_free[order]]
     equation = np.full(coordinates.size, -1, dtype=np.int64)
     equation[order] = np.arange(len(order))
     columns = _compressed_columns(len(order), [equation[dofs] for dofs in element_dofs])
-    return Pattern(equation, order, None, *columns, fronts=multifrontal.analyse(ends, children, *columns))
-
-
-def _half_bandwidth(equations: np.ndarray) -> int:
-    lowest = np.where(equations < 0, np.iinfo(np.int64).max, equations).min(axis=1)
-    width = equations.max(axis=1) - lowest  # negative where an element has no free dof
-    return int(max(width.max(initial=0), 0))
-
-
-def _node_orders(coordinates: np.ndarray, element_dofs: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Orders of the nodes worth trying: reverse Cuthill-McKee, and along each axis."""
-    n_nodes, n_dim = coordinates.shape
-    rows, cols = [], []
-    for dofs in element_dofs:
-        nodes = dofs[:, ::n_dim] // n_dim
-        m = nodes.shape[1]
-        rows.append(np.repeat(nodes, m, axis=1).ravel())
-        cols.append(np.tile(nodes, (1, m)).ravel())
-    rows, cols = np.concatenate(rows), np.concatenate(cols)
-    graph = coo_array((np.ones(len(rows), dtype=np.int8), (rows, cols)), shape=(n_nodes, n_nodes)).tocsr()
-    orders = [np.asarray(reverse_cuthill_mckee(graph, symmetric_mode=True), dtype=np.int64)]
-    rounded = np.round(coordinates, 9)
-    return orders + [np.lexsort(np.roll(rounded, -axis, axis=1).T[::-1]) for axis in range(n_dim)]
+    return Pattern(equation, order, *columns, fronts=multifrontal.analyse(ends, children, *columns))
 
 
 def _compressed_columns(n: int, equations: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -258,23 +197,14 @@ def _compressed_columns(n: int, equations: Sequence[np.ndarray]) -> tuple[np.nda
 
 
 def factorise(pattern: Pattern, values: np.ndarray, symmetric: bool = True) -> Factor:
-    """Factors of the matrix with these stored values (a band is overwritten); raises SingularMatrix.
+    """Factors of the matrix with these stored values; raises SingularMatrix.
 
     symmetric : try the symmetric part where an LU costs much
     """
-    if pattern.n == 0:
-        return Factor(pattern, values, np.zeros(0, dtype=np.int32))
-    if not np.isfinite(values.sum()):  # one pass without a mask as large as the band
+    if not np.isfinite(values.sum()):  # one pass without a mask
         raise SingularMatrix("the stiffness is not finite")
-    if pattern.half_bandwidth is None:
-        similar = _symmetric_factor(pattern, values) if symmetric and pattern.costs_much else None
-        return _sparse_factor(pattern, values) if similar is None else similar
-    kl = pattern.half_bandwidth
-    lu = values.reshape((3 * kl + 1, pattern.n), order="F")
-    exchanges, info = factorise_band(lu, kl)
-    if info != 0:
-        raise SingularMatrix(f"pivot {info} of {pattern.n} is zero")
-    return Factor(pattern, lu, exchanges)
+    similar = _symmetric_factor(pattern, values) if symmetric and pattern.costs_much else None
+    return _sparse_factor(pattern, values) if similar is None else similar
 
 
 def _symmetric_factor(pattern: Pattern, values: np.ndarray) -> Factor | None:
@@ -282,19 +212,21 @@ def _symmetric_factor(pattern: Pattern, values: np.ndarray) -> Factor | None:
     fronts = cholesky.factor(pattern.fronts, pattern.tree, values)
     if fronts is None:
         return None
-    factor, rhs = Factor(pattern, fronts, None, pattern.matrix(values)), np.cos(np.arange(pattern.n, dtype=float))
+    factor, rhs = Factor(pattern, fronts, pattern.matrix(values)), np.cos(np.arange(pattern.n, dtype=float))
     relative_residual = np.linalg.norm(rhs - factor.matrix @ factor.approximate(rhs)) / np.linalg.norm(rhs)
     return factor if relative_residual <= MAX_LEFT_BY_SYMMETRIC_PART else None
 
 
 def _sparse_factor(pattern: Pattern, values: np.ndarray) -> Factor:
     """LU by fronts; by SuperLU, which may exchange any rows, where the first solution with it is not accurate."""
-    matrix = pattern.matrix(values)
-    fronts = multifrontal.factor(pattern.fronts, values)
+    fronts = (multifrontal.factor(pattern.fronts, values) if pattern.costs_much
+              else small_fronts.factor(pattern.small_fronts, values))
     if fronts is not None:
         factor, rhs = Factor(pattern, fronts), np.cos(np.arange(pattern.n, dtype=float))
-        if substitution.backward_error(matrix, factor.solve(rhs), rhs) <= MAX_BACKWARD_ERROR:
+        if substitution.backward_error(pattern.indptr, pattern.indices, values, factor.solve(rhs),
+                                       rhs) <= MAX_BACKWARD_ERROR:
             return factor
+    matrix = pattern.matrix(values)
     try:
         return Factor(pattern,
                       splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.01, options={"SymmetricMode": True}))

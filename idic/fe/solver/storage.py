@@ -20,19 +20,6 @@ def scatter(Ke, positions, values):
 
 
 @kernel
-def places_in_band(equations, half_bandwidth, places):
-    """Place of each element matrix entry in LAPACK band storage (flat, column by column), -1 where prescribed."""
-    rows_stored = 3 * half_bandwidth + 1
-    for e in range(equations.shape[0]):
-        for i in range(equations.shape[1]):
-            for j in range(equations.shape[1]):
-                row, col = equations[e, i], equations[e, j]
-                places[e, i, j] = -1
-                if row >= 0 and col >= 0:
-                    places[e, i, j] = 2 * half_bandwidth + row - col + rows_stored * col
-
-
-@kernel
 def places_in_columns(equations, indptr, indices, places):
     """Place of each element matrix entry among compressed columns with sorted rows, -1 where prescribed."""
     for e in range(equations.shape[0]):

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.linalg.blas import dgemm, dtrsm
 from scipy.linalg.lapack import dlaswp
 
+from idic.fe.solver.compilation import kernel
 from idic.fe.solver.lapack import product
 from idic.fe.solver.multifrontal import Front, FrontFactor, independent_parts
 from idic.fe.solver.threads import pool_of_threads
@@ -102,8 +103,15 @@ def solve_transposed(fronts: Sequence[Front], factors: Sequence[FrontFactor], rh
     return x
 
 
-def backward_error(matrix, solution: np.ndarray, rhs: np.ndarray) -> float:
-    """Residual of ``matrix x = rhs`` relative to the size of its terms, largest values: about 1e-16 if x is exact."""
-    largest = float(abs(matrix).sum(axis=1).max())
-    size = largest * float(np.abs(solution).max()) + float(np.abs(rhs).max())
-    return float(np.abs(matrix @ solution - rhs).max()) / size if size > 0.0 else 0.0
+@kernel
+def backward_error(indptr, indices, values, solution, rhs):
+    """Residual of a system in compressed columns relative to the size of its terms, largest values: about 1e-16 if the
+    solution (n,) is exact."""
+    n = rhs.shape[0]
+    residual, size = -rhs, np.zeros(n)
+    for column in range(n):
+        for k in range(indptr[column], indptr[column + 1]):
+            residual[indices[k]] += values[k] * solution[column]
+            size[indices[k]] += abs(values[k])
+    scale = size.max() * np.abs(solution).max() + np.abs(rhs).max() if n else 0.0
+    return np.abs(residual).max() / scale if scale > 0.0 else 0.0

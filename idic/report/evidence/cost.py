@@ -1,8 +1,8 @@
 """Memory and time that an identification will take, from mesh, law, frames and images; `idic check` prints them.
 
 The constants are rounded measurements: one core of a shared machine (two cores with other programs on them, one thread
-per BLAS, September 2026 versions of NumPy and SciPy): the LU by fronts and the band LU on stiffness patterns of 7 000
-to 92 000 equations, simulations of 10 000 to 22 000 equations in elastic, rubber-like and elastoplastic laws, image
+per BLAS, September 2026 versions of NumPy and SciPy): the LU by small fronts on stiffness patterns of 300 to 18 000
+equations, simulations of 10 000 to 22 000 equations in elastic, rubber-like and elastoplastic laws, image
 passes with ten parameters. Kept factors of large solids: cubes of 9 000 to 101 000 equations on a quiet machine, memory
 up to 318 000. Within these the estimates were between half and twice the measurement; beyond them they are
 extrapolations.
@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.fe import Fill, MAX_HALF_BANDWIDTH_OF_BAND_LU, MIN_OPERATIONS_PER_ENTRY, Mesh, dissected, quadrature_rule
+from idic.fe import Fill, MIN_OPERATIONS_PER_ENTRY, Mesh, dissected, quadrature_rule
 from idic.correlation import MAX_DENSE_UNKNOWNS
 from idic.identification import rate_dependent_laws
 from idic.laws import get_law
@@ -33,8 +33,8 @@ _POINT_VALUES = 60  # numbers per integration point: strain, stress, tangent, st
 _REPORT = 8e6  # bytes on disk: page, figures, maps, files for ParaView
 # time, seconds on one core
 _START = 20.0  # servers, compiled kernels, first look at the data
-_PER_ENTRY_S, _PER_OPERATION_S, _PER_BAND_S = 2e-8, 6e-11, 1.6e-10
-_SOLVE_S, _SOLVE_BAND_S = 3.5e-9, 8e-9  # per entry of a factor and right-hand side
+_PER_ENTRY_S, _PER_OPERATION_S = 5e-9, 2.5e-10
+_SOLVE_S = 4e-9  # per entry of a factor and right-hand side
 _PER_ENTRY_KEPT_S, _PER_OPERATION_KEPT_S, _SOLVE_KEPT_S = 4e-8, 1e-11, 2.1e-9  # the same of kept factors
 _PER_ELEMENT_ENTRY_S = 7e-9  # element matrices and their sum
 _FACTORISATIONS, _ITERATIONS_KEPT = 1.3, 6.0  # per increment, where a factor is kept
@@ -141,18 +141,13 @@ def simulation_cost(mesh: Mesh, frames: int, increments: float, n_free: int) -> 
     entries = sum(block.n_elements * (mesh.n_dim * block.connectivity.shape[1]) ** 2 for block in mesh.blocks)
     kept_bytes = _PER_ELEMENT_ENTRY * entries + 8.0 * points * _POINT_VALUES * (1 + 0.1 * n_free)
     evaluation = _PER_POINT_S[mesh.n_dim] * points
-    n, width = mesh.n_nodes * mesh.n_dim, _half_bandwidth(mesh)
-    if width <= MAX_HALF_BANDWIDTH_OF_BAND_LU[mesh.n_dim]:
-        factor = 16.0 * (3 * width + 1) * n
-        factorisation, solution = _PER_BAND_S * n * width**2, _SOLVE_BAND_S * n * width
-    else:
-        fill = dissected(mesh)
-        if fill.operations > MIN_OPERATIONS_PER_ENTRY * fill.entries:
-            evaluation += _PER_ELEMENT_ENTRY_S * entries
-            time_s = _by_kept_factors(fill, frames, increments, n_free, evaluation)
-            return SimulationCost(_PER_ENTRY_KEPT * fill.entries, kept_bytes, time_s)
-        factor, solution = _PER_ENTRY * fill.entries, _SOLVE_S * fill.entries
-        factorisation = _PER_ENTRY_S * fill.entries + _PER_OPERATION_S * fill.operations
+    fill = dissected(mesh)
+    if fill.operations > MIN_OPERATIONS_PER_ENTRY * fill.entries:
+        evaluation += _PER_ELEMENT_ENTRY_S * entries
+        time_s = _by_kept_factors(fill, frames, increments, n_free, evaluation)
+        return SimulationCost(_PER_ENTRY_KEPT * fill.entries, kept_bytes, time_s)
+    factorisation = _PER_ENTRY_S * fill.entries + _PER_OPERATION_S * fill.operations
+    factor, solution = _PER_ENTRY * fill.entries, _SOLVE_S * fill.entries
     steps = max(1.0, increments * _NEWTON_ITERATIONS)
     time_s = steps * (factorisation + solution + evaluation) + frames * solution
     return SimulationCost(factor, kept_bytes, time_s * (1.0 + _DIRECT_SHARE * n_free))
@@ -166,17 +161,6 @@ def _by_kept_factors(fill: Fill, frames: int, increments: float, n_free: int, ev
     derivatives = n_free * (_SOLUTIONS_PER_DERIVATIVE * solution + _DERIVATIVE_SHARE * evaluation)
     steps = max(1.0, increments)
     return steps * (_FACTORISATIONS * factorisation + _ITERATIONS_KEPT * iteration + derivatives) + frames * solution
-
-
-def _half_bandwidth(mesh: Mesh) -> int:
-    """Of the stiffness with the nodes numbered along the axis that gives the narrowest band."""
-    rounded, narrowest = np.round(mesh.nodes, 9), mesh.n_nodes
-    for axis in range(mesh.n_dim):
-        place = np.empty(mesh.n_nodes, dtype=np.int64)
-        place[np.lexsort(np.roll(rounded, -axis, axis=1).T[::-1])] = np.arange(mesh.n_nodes)
-        widths = [int(np.ptp(place[block.connectivity], axis=1).max()) for block in mesh.blocks if block.n_elements]
-        narrowest = min(narrowest, max(widths))
-    return mesh.n_dim * (narrowest + 1) - 1
 
 
 def _is_linear(model: Model) -> bool:
