@@ -1,4 +1,4 @@
-"""Reads mesh files: inp of Abaqus and CalculiX by `readers.abaqus`; gmsh msh, VTU and other formats by meshio."""
+"""Reads mesh files: inp of Abaqus and CalculiX by `mesh_files.abaqus`; gmsh msh, VTU and other formats by meshio."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from idic.errors import InputError
-from idic.readers.abaqus import read_inp
+from idic.readers.mesh_files.abaqus import read_inp
 from idic.readers.raw_mesh import RawMesh
 
 if TYPE_CHECKING:

@@ -1,0 +1,1 @@
+"""Mesh files that idic reads itself: input decks of Abaqus, CalculiX and Nastran, and msh of gmsh."""
