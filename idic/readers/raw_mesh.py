@@ -15,7 +15,8 @@ from idic.readers.element_orientation import oriented
 
 SUPPORTED = ("tri3", "tri6", "quad4", "quad8", "tet4", "tet10", "hex8", "hex20")
 DIMENSION = {"point": 0, "line2": 1, "line3": 1, "tri3": 2, "tri6": 2, "quad4": 2, "quad8": 2, "quad9": 2, "hex8": 3,
-             "hex20": 3, "hex27": 3, "tet4": 3, "tet10": 3, "wedge6": 3, "wedge15": 3, "pyramid5": 3}
+             "hex20": 3, "hex27": 3, "tet4": 3, "tet10": 3, "wedge6": 3, "wedge15": 3, "wedge18": 3,
+             "pyramid5": 3, "pyramid13": 3, "pyramid14": 3}
 
 
 @dataclass
