@@ -1,4 +1,4 @@
-"""Reads mesh files: input decks and msh of gmsh by `mesh_files`; MED, VTU and other formats by meshio."""
+"""Reads mesh files: input decks, msh of gmsh and MED by `mesh_files`; VTU and other formats by meshio."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.readers.mesh_files.abaqus import read_inp
 from idic.readers.mesh_files.gmsh_msh import VERSIONS as GMSH_VERSIONS, gmsh_version, read_msh
+from idic.readers.mesh_files.med import SUFFIX as MED_SUFFIX, read_med
 from idic.readers.mesh_files.nastran import SUFFIXES as NASTRAN_SUFFIXES, read_nastran
 from idic.readers.raw_mesh import RawMesh
 
@@ -47,6 +48,8 @@ def read_mesh_file(path: Path) -> RawMesh:
         return read_inp(path)
     if path.suffix.lower() in NASTRAN_SUFFIXES:
         return read_nastran(path)
+    if path.suffix.lower() == MED_SUFFIX:
+        return read_med(path)
     if path.suffix.lower() not in mesh_suffixes():
         raise InputError("not a mesh format that idic reads", file=path, key="mesh",
                          expected=".inp (Abaqus, CalculiX), .bdf (Nastran), .msh (gmsh), .med, .vtu or others",
@@ -90,8 +93,7 @@ def raw_mesh_of(mesh: meshio.Mesh, path: Path) -> RawMesh:
             _add(raw.element_sets, name, [np.asarray(ids, dtype=np.int64) + s for ids,
                                           s in zip(parts, starts, strict=True) if ids is not None])
     _gmsh_groups(mesh, starts, raw)
-    named = _med_groups(mesh, starts, raw)
-    _array_sets(mesh, starts, raw, named)
+    _array_sets(mesh, raw)
     return raw
 
 
@@ -112,29 +114,11 @@ def _gmsh_groups(mesh: meshio.Mesh, starts: list[int], raw: RawMesh) -> None:
                 _add(raw.element_sets, name, [np.flatnonzero(tags == tag) + start])
 
 
-def _med_groups(mesh: meshio.Mesh, starts: list[int], raw: RawMesh) -> tuple[str, ...]:
-    """The groups of a MED file: a family is the nodes or elements that are in the same groups. Returns the arrays that
-    hold the numbers of families, where any has a name."""
-    points, cells = getattr(mesh, "point_tags", {}), getattr(mesh, "cell_tags", {})
-    if "point_tags" in mesh.point_data:
-        families = np.asarray(mesh.point_data["point_tags"])
-        for family, names in points.items():
-            for name in names:
-                _add(raw.node_sets, name, [np.flatnonzero(families == family)])
-    for start, values in zip(starts, mesh.cell_data.get("cell_tags", ()), strict=False):
-        for family, names in cells.items():
-            for name in names:
-                _add(raw.element_sets, name, [np.flatnonzero(np.asarray(values) == family) + start])
-    return (*(["point_tags"] if points else []), *(["cell_tags"] if cells else []))
-
-
-def _array_sets(mesh: meshio.Mesh, starts: list[int], raw: RawMesh, named: tuple[str, ...]) -> None:
+def _array_sets(mesh: meshio.Mesh, raw: RawMesh) -> None:
     for name, values in mesh.point_data.items():
-        for label, inside in [] if name in named else _labelled(name, np.asarray(values)):
+        for label, inside in _labelled(name, np.asarray(values)):
             _add(raw.node_sets, label, [np.flatnonzero(inside)])
     for name, parts in mesh.cell_data.items():
-        if name in named:
-            continue
         values = np.concatenate([np.asarray(part) for part in parts])
         for label, inside in _labelled(name, values):
             _add(raw.element_sets, label, [np.flatnonzero(inside)])

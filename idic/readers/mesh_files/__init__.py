@@ -1,1 +1,1 @@
-"""Mesh files that idic reads itself: input decks of Abaqus, CalculiX and Nastran, and msh of gmsh."""
+"""Mesh files that idic reads itself: decks of Abaqus, CalculiX and Nastran, msh of gmsh, MED of Salome."""

@@ -285,7 +285,10 @@ def _assembled(path: Path, content: _Content) -> RawMesh:
         start += len(nodes)
     if start == 0:
         raise ValueError("the file holds no elements")
-    return RawMesh(path, points, labels, cells,
+    empty = sorted(set(content.names.values()) - set(sets))
+    notes = [f"{path.name}: no element is in the groups {', '.join(empty)} (gmsh writes none with SaveAll in version 2.2)"
+             ] if empty else []
+    return RawMesh(path, points, labels, cells, notes=notes,
                    element_sets={name: np.unique(np.concatenate(parts)) for name, parts in sets.items()})
 
 
