@@ -88,9 +88,10 @@ def _check_sides(cells: Cells, labels: np.ndarray, file: Path) -> None:
     for element, face in _walked_faces(cells):
         first = owners.setdefault(face, element)
         if first != element:
+            pair = sorted((labels[first], labels[element]))
             raise InputError("the mesh folds over itself", file=file, key="mesh",
                              expected="elements on the two sides of every common edge (face)",
-                             found=f"elements {labels[first]} and {labels[element]} on the same side",
+                             found=f"elements {pair[0]} and {pair[1]} on the same side",
                              remedy="move the nodes that lie beyond their neighbours, or generate the mesh again")
 
 

@@ -64,8 +64,8 @@ class ExternalSetup:
                             if path.suffix.lower() == ".inp")]
         line = local_output("\n".join(texts)) if self.reader == FRD_READER else None
         if line is not None:
-            raise InputError("the output would be in local axes without a mark", file=self.deck.file, key="solver.reader",
-                             expected="displacements in the axes of the mesh", found=f"*TRANSFORM, and {line}",
+            raise InputError("the output would be in local axes without a mark", file=self.deck.file,
+                             key="solver.reader", expected="displacements in the axes of the mesh", found=f"*TRANSFORM, and {line}",
                              remedy="write *NODE FILE without GLOBAL=NO")
 
     @property

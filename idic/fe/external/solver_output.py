@@ -233,8 +233,8 @@ def read_calculix_dat(folder: Path, job: str) -> Records:
                 set_forces.update({f"{target[1]}.{c}": _real(word) for c, word in zip("xyz", words[:3], strict=True)})
             elif target is not None:
                 if words[-1] == LOCAL_MARK:
-                    raise ValueError(f"node {words[0]} is written in the axes of its *TRANSFORM (L at the end of the row)"
-                                     ": write *NODE PRINT with GLOBAL=YES")
+                    raise ValueError(f"node {words[0]} is written in the axes of its *TRANSFORM (L ends the row): "
+                                     "write *NODE PRINT with GLOBAL=YES")
                 labels.append(int(words[0]))
                 rows.append([_real(word) for word in words[1:4]])
     return Records({time: (np.array(nodes, dtype=np.int64), np.array(values, dtype=float))

@@ -93,7 +93,8 @@ class _Statements:
     def _nodes(self, keyword: Keyword, scope: Scope) -> None:
         kind = keyword.options.get("SYSTEM", "R").upper()
         if kind not in ("R", CYLINDRICAL):
-            fail(keyword.place, "nodes in spherical coordinates", "SYSTEM=R or SYSTEM=C", f"*NODE, SYSTEM={kind}", _ORPHAN)
+            fail(keyword.place, "nodes in spherical coordinates", "SYSTEM=R or SYSTEM=C", f"*NODE, SYSTEM={kind}",
+                 _ORPHAN)
         labels, points = [], []
         for row in keyword.rows:
             labels.append(_integer(row.cells[0], row.place))
@@ -126,8 +127,8 @@ def _system(keyword: Keyword) -> Frame:
     try:
         return frame_of(origin, "x", on_x, in_plane)
     except ValueError as problem:
-        return fail(keyword.place, "a coordinate system without axes", "an origin and two further points, not on a line",
-                    str(problem))
+        return fail(keyword.place, "a coordinate system without axes",
+                    "an origin and two further points, not on a line", str(problem))
 
 
 def _instance(keyword: Keyword, scope: Scope) -> Instance:
@@ -146,7 +147,8 @@ def _elements(keyword: Keyword, scope: Scope) -> None:
     cell = cell_of(name)
     if cell is None and not has_no_body(name):
         fail(keyword.place, "an element type that idic does not know", "CPS4, CPE4, CPS3, CPS6, CPS8, C3D8 or the like",
-             f"TYPE={name}", "change the type: idic reads only the shape from it; kind in [experiment] gives the physics")
+             f"TYPE={name}",
+             "change the type: idic reads only the shape from it; kind in [experiment] gives the physics")
     elements = _without_body(keyword) if cell is None else _complete_rows(keyword, cell)
     for place, values in elements:
         element = Element(name.upper(), cell, ordered(cell, values[1:]) if cell else values[1:], place)
@@ -231,7 +233,8 @@ class _Assembled:
         self.titles = Counter(body.scope.title for body in self.bodies)
 
     def mesh(self) -> RawMesh:
-        labels = np.array([label + body.node_shift for body in self.bodies for label in body.scope.nodes], dtype=np.int64)
+        labels = np.array([label + body.node_shift for body in self.bodies for label in body.scope.nodes],
+                          dtype=np.int64)
         nodes = [point for body in self.bodies for point in body.scope.nodes.values()]
         self.index = {int(label): k for k, label in enumerate(labels)}
         position, cells = self._cells()
@@ -304,8 +307,8 @@ class _Assembled:
                           "export the mesh again: the file may be truncated")
             existing = [label for label in labels if label in reference]  # Abaqus and CalculiX skip gaps
         elif reference not in labels:
-            self.fail(member.place, f"{owner} names {'an' if entity == 'element' else 'a'} {entity} that does not exist",
-                      f"{entity}s of the file", f"{entity} {reference}")
+            self.fail(member.place,
+                      f"{owner} names {'an' if entity == 'element' else 'a'} {entity} that does not exist", f"{entity}s of the file", f"{entity} {reference}")
         else:
             existing = [reference]
         if entity == "element":

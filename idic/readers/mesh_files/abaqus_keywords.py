@@ -63,7 +63,8 @@ def keywords(lines: DeckLines) -> Iterator[Keyword]:
 
 def _keyword(place: Place, text: str) -> Keyword:
     name, *parts = split(text[1:])
-    options = {key.strip().upper(): unquoted(value) for key, _, value in (part.partition("=") for part in parts if part)}
+    pairs = [part.partition("=") for part in parts if part]
+    options = {key.strip().upper(): unquoted(value) for key, _, value in pairs}
     return Keyword(place, " ".join(name.upper().split()), options)
 
 

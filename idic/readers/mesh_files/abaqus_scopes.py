@@ -124,7 +124,8 @@ def bodies(top: Scope, parts: dict[str, Scope], instances: list[Instance], assem
         if part is None and instance.part:
             fail(instance.place, "an instance of a part that does not exist",
                  ", ".join(scope.title for scope in parts.values()) or "*PART before it", f"PART={instance.part}")
-        title = instance.part if part is not None and numbers.count(instance.part.upper()) == 1 else instance.scope.title
+        is_single = part is not None and numbers.count(instance.part.upper()) == 1
+        title = instance.part if is_single else instance.scope.title
         scope = instance.scope if part is None else instance.scope.with_part(part)
         scope.title, scope.nodes = title, instance.placed(scope.nodes)
         scopes.append((scope, instance.scope.title.upper()))

@@ -286,8 +286,8 @@ def _assembled(path: Path, content: _Content) -> RawMesh:
     if start == 0:
         raise ValueError("the file holds no elements")
     empty = sorted(set(content.names.values()) - set(sets))
-    notes = [f"{path.name}: no element is in the groups {', '.join(empty)} (gmsh writes none with SaveAll in version 2.2)"
-             ] if empty else []
+    notes = [f"{path.name}: no element is in the groups {', '.join(empty)} (with SaveAll gmsh writes none in version "
+             "2.2)"] if empty else []
     return RawMesh(path, points, labels, cells, notes=notes,
                    element_sets={name: np.unique(np.concatenate(parts)) for name, parts in sets.items()})
 

@@ -7,6 +7,7 @@ meshio is no substitute: it refuses families without a group, which gmsh and MED
 from __future__ import annotations
 
 from collections import defaultdict
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -47,7 +48,7 @@ def _mesh(path: Path, file) -> RawMesh:
                          found=", ".join(names) or "none", remedy="save the mesh of the specimen alone")
     mesh = file["ENS_MAA"][names[0]]
     dimension = int(mesh.attrs["ESP"])
-    step = mesh if "NOE" in mesh else mesh[sorted(mesh)[0]]
+    step = mesh if "NOE" in mesh else mesh[min(mesh)]
     coordinates = step["NOE"]["COO"]
     number = int(coordinates.attrs["NBR"])
     nodes = np.zeros((number, 3))
@@ -87,7 +88,7 @@ def _distinct(labels: list[np.ndarray]) -> list[np.ndarray]:
     if len(np.unique(joined)) == len(joined):
         return labels
     starts = np.concatenate([[0], np.cumsum([len(part) for part in labels])])
-    return [np.arange(start + 1, end + 1) for start, end in zip(starts[:-1], starts[1:], strict=True)]
+    return [np.arange(start + 1, end + 1) for start, end in pairwise(starts)]
 
 
 def _families(block, number: int) -> np.ndarray:

@@ -34,8 +34,8 @@ _WITHOUT_PROPERTY = ("CONROD", "PLOTEL")
 _HEX20_ORDER = (*range(12), *range(16, 20), *range(12, 16))  # Nastran: the mid-side nodes of the upright edges first
 _NO_BODY = ("CBUSH", "CBUSH1D", "CBUSH2D", "CELAS1", "CELAS2", "CELAS3", "CELAS4", "CDAMP1", "CDAMP2", "CDAMP3",
             "CDAMP4", "CDAMP5", "CMASS1", "CMASS2", "CMASS3", "CMASS4", "CONM1", "CONM2", "CGAP", "CVISC", "CWELD",
-            "CFAST", "CSEAM", "RBAR", "RBE1", "RBE2", "RBE3", "RROD", "RTRPLT", "CTRIAX6", "CRAC2D", "CRAC3D", "CIFPENT",
-            "CIFHEX", "CIFQUAD", "CIFQDX", "CACINF3", "CACINF4", "CHACAB", "CHACBR", "CSLOT3", "CSLOT4", "CDUM1")
+            "CFAST", "CSEAM", "RBAR", "RBE1", "RBE2", "RBE3", "RROD", "RTRPLT", "CTRIAX6", "CRAC2D", "CRAC3D",
+            "CIFPENT", "CIFHEX", "CIFQUAD", "CIFQDX", "CACINF3", "CACINF4", "CHACAB", "CHACBR", "CSLOT3", "CSLOT4", "CDUM1")
 _SYSTEMS = tuple(f"CORD{number}{kind}" for number in (1, 2) for kind in "RCS")
 _MAX_SYSTEMS = 50  # defined in one another
 
@@ -197,8 +197,8 @@ class _Bulk:
             fail(card.place, f"{card.name} refers to a coordinate system that does not exist",
                  ", ".join(_SYSTEMS) + " of that number", f"system {number}")
         if depth > _MAX_SYSTEMS:
-            fail(system.card.place, f"{system.card.name} {number} is defined by itself", "a system that others do not need",
-                 f"system {number}")
+            fail(system.card.place, f"{system.card.name} {number} is defined by itself",
+                 "a system that others do not need", f"system {number}")
         if system.grids:
             points = np.array([self._grid_position(label, system.card, depth) for label in system.grids])
         else:
@@ -206,7 +206,8 @@ class _Bulk:
         try:
             self.frames[number] = frame_of(points[0], "z", points[1], points[2]), system.kind
         except ValueError as problem:
-            fail(system.card.place, f"{system.card.name} {number} has no axes", "three points, not on a line", str(problem))
+            fail(system.card.place, f"{system.card.name} {number} has no axes", "three points, not on a line",
+                 str(problem))
         return self.frames[number]
 
     def _grid_position(self, label: int, card: Card, depth: int) -> np.ndarray:

@@ -121,8 +121,8 @@ def _free(line: DeckLine, text: str) -> _Line:
     number = _FIELDS_OF_CARD // 2 if is_wide else _FIELDS_OF_CARD
     mark, excess = "".join(cells[number:number + 1]), [cell for cell in cells[number + 1:] if cell]
     if excess or (mark and mark[0] not in "+*" and re.fullmatch(r"[+-]?[\d.]+.*", mark)):
-        fail(line.place, f"{name}: more fields than a line has", f"{number} fields behind the name, then the mark of the "
-             "next line", text, "write the further fields on a line that begins with a comma")
+        fail(line.place, f"{name}: more fields than a line has",
+             f"{number} fields behind the name, then the mark of the next line", text, "write the further fields on a line that begins with a comma")
     return _Line(line.place, name, (cells[:number] + [""] * number)[:number], is_wide, mark)
 
 
