@@ -201,8 +201,8 @@ def _corner_sets(mesh: Mesh, file: Path) -> list[str]:
         number = int(inside[edges[:, :2]].all(axis=1).sum())
         if number and not inside[edges[:, 2]].any():
             notes.append(f"{file.name}: node set {name} holds the ends of {number} edges without the nodes between "
-                         "them: a motion prescribed on it holds only the corners; add the mid-side nodes, or name a set "
-                         "of edges")
+                         "them: a motion prescribed on it holds only the corners; add the mid-side nodes, or name a "
+                         "set of edges")
     return notes
 
 

@@ -65,8 +65,8 @@ class ExternalSetup:
         line = local_output("\n".join(texts)) if self.reader == FRD_READER else None
         if line is not None:
             raise InputError("the output would be in local axes without a mark", file=self.deck.file,
-                             key="solver.reader", expected="displacements in the axes of the mesh", found=f"*TRANSFORM, and {line}",
-                             remedy="write *NODE FILE without GLOBAL=NO")
+                             key="solver.reader", expected="displacements in the axes of the mesh",
+                             found=f"*TRANSFORM, and {line}", remedy="write *NODE FILE without GLOBAL=NO")
 
     @property
     def job(self) -> str:

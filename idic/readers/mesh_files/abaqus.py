@@ -308,7 +308,8 @@ class _Assembled:
             existing = [label for label in labels if label in reference]  # Abaqus and CalculiX skip gaps
         elif reference not in labels:
             self.fail(member.place,
-                      f"{owner} names {'an' if entity == 'element' else 'a'} {entity} that does not exist", f"{entity}s of the file", f"{entity} {reference}")
+                      f"{owner} names {'an' if entity == 'element' else 'a'} {entity} that does not exist",
+                      f"{entity}s of the file", f"{entity} {reference}")
         else:
             existing = [reference]
         if entity == "element":

@@ -35,7 +35,7 @@ _HEX20_ORDER = (*range(12), *range(16, 20), *range(12, 16))  # Nastran: the mid-
 _NO_BODY = ("CBUSH", "CBUSH1D", "CBUSH2D", "CELAS1", "CELAS2", "CELAS3", "CELAS4", "CDAMP1", "CDAMP2", "CDAMP3",
             "CDAMP4", "CDAMP5", "CMASS1", "CMASS2", "CMASS3", "CMASS4", "CONM1", "CONM2", "CGAP", "CVISC", "CWELD",
             "CFAST", "CSEAM", "RBAR", "RBE1", "RBE2", "RBE3", "RROD", "RTRPLT", "CTRIAX6", "CRAC2D", "CRAC3D",
-            "CIFPENT", "CIFHEX", "CIFQUAD", "CIFQDX", "CACINF3", "CACINF4", "CHACAB", "CHACBR", "CSLOT3", "CSLOT4", "CDUM1")
+            "CIFPENT", "CIFHEX", "CIFQUAD", "CIFQDX", "CACINF3", "CACINF4", "CHACAB", "CHACBR", "CSLOT3", "CSLOT4")
 _SYSTEMS = tuple(f"CORD{number}{kind}" for number in (1, 2) for kind in "RCS")
 _MAX_SYSTEMS = 50  # defined in one another
 

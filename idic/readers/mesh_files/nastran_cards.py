@@ -122,7 +122,8 @@ def _free(line: DeckLine, text: str) -> _Line:
     mark, excess = "".join(cells[number:number + 1]), [cell for cell in cells[number + 1:] if cell]
     if excess or (mark and mark[0] not in "+*" and re.fullmatch(r"[+-]?[\d.]+.*", mark)):
         fail(line.place, f"{name}: more fields than a line has",
-             f"{number} fields behind the name, then the mark of the next line", text, "write the further fields on a line that begins with a comma")
+             f"{number} fields behind the name, then the mark of the next line", text,
+             "write the further fields on a line that begins with a comma")
     return _Line(line.place, name, (cells[:number] + [""] * number)[:number], is_wide, mark)
 
 
