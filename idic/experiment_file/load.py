@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -78,5 +78,5 @@ class _RenderedFolder(ExperimentFolder):
         labels = tuple(f"frame {k}" for k in range(self.stack.n_frames))
         return Frames(self.stack, labels, None, 0, (), (), None, self.mask(self.stack), ())
 
-    def identity(self, frames: Frames) -> str:
+    def identity(self, frames: Frames, files: Sequence[Path]) -> str:
         return ""

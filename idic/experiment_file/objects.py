@@ -82,5 +82,5 @@ class _ObjectFolder(ExperimentFolder):
     def small_files(self) -> list[Path]:
         return []
 
-    def identity(self, frames) -> str:
+    def identity(self, frames, files) -> str:
         return ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -117,10 +117,11 @@ class RecordedFolder:
         mesh = None if name is None else self.meshed(name)
         solver = external_solver(self.config, self.folder, self.file)
         log = self.log(frames)
+        files = [*self.small_files(), *(() if mesh is None else mesh.files[1:])]  # those that the mesh file includes
         return RecordedFiles(self.folder, frames, camera_frames(self.config, self.folder, self.file), log,
                          self.frame_times(frames) if log is None else log.times, mesh, rigs,
-                         infrared_stacks(self.config, self.folder, self.file), solver, tuple(self.small_files()),
-                         self.identity(frames))
+                         infrared_stacks(self.config, self.folder, self.file), solver, tuple(files),
+                         self.identity(frames, files))
 
     def meshed(self, name: str) -> RawMesh:
         """The mesh with the cells, sets and lengths of the file."""
@@ -350,11 +351,11 @@ class RecordedFolder:
                           for path in matching_files(self.folder, [pattern], file=self.file, key="camera")]
         return list(dict.fromkeys([*(entry.path for entry in entries), *further_images]))
 
-    def identity(self, frames: Frames) -> str:
+    def identity(self, frames: Frames, files: Sequence[Path]) -> str:
         """The fingerprint of tables, files and images."""
         paths = dict.fromkeys(entry.path for entry in frames.stack.entries)
         infrared = temperature_images(self.config, self.folder, self.file)
-        return fingerprint(self.raw, self.small_files(), [*paths, *camera_images(self.config, self.folder), *infrared],
+        return fingerprint(self.raw, files, [*paths, *camera_images(self.config, self.folder), *infrared],
                            outside_law_files(self.config.material))
 
 

@@ -281,6 +281,10 @@ def _save_mesh(folder: Path, name: Any, mesh: RawMesh | None, record: Record) ->
         return
     if mesh.file != MESH_OBJECT:
         shutil.copyfile(mesh.file, folder / name)
+        for path in mesh.files[1:]:  # those that it includes
+            target = folder / path.relative_to(mesh.file.parent)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(path, target)
         return
     internal_mesh, _ = to_mesh(mesh, record.model.n_dim, 1.0)
     (folder / name).write_text(inp_text(internal_mesh, record.title), encoding="utf-8")

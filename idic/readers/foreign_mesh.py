@@ -15,6 +15,7 @@ import numpy as np
 from idic.errors import InputError
 
 SECONDS, SECONDS_PER_BYTE = 10.0, 5e-6  # the slowest readers take 1 µs per byte; small files 0.02 s
+_LZ4, _HEAD_BYTES = b"vtkLZ4DataCompressor", 1000  # in the first line of a VTU file
 _AFTER_THE_STOP_S = 1.0  # until the reader notices that it is to end
 
 
@@ -24,8 +25,12 @@ def read_by_meshio(path: Path) -> meshio.Mesh:
     Raises
     ------
     InputError
-        The file is damaged, of another format, or endless.
+        meshio does not know what the file holds, the file is cut off, or endless.
     """
+    if path.suffix.lower() == ".vtu" and _LZ4 in path.read_bytes()[:_HEAD_BYTES]:
+        raise InputError("a compression that idic does not read", file=path, key="mesh",
+                         expected="data without compression, or with zlib or LZMA", found="LZ4",
+                         remedy="save the file with zlib, the default of VTK and ParaView")
     attempt, quiet = _Attempt(path), io.StringIO()
     with contextlib.redirect_stdout(quiet), contextlib.redirect_stderr(quiet), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the error below reports the fault once
@@ -47,11 +52,12 @@ class _Attempt(threading.Thread):
         super().__init__(daemon=True)
         self.path, self.mesh, self.exited = path, None, False
         self.reason = "a file whose end is not found"
-        self.remedy = "export the mesh again: the file is damaged or of another format"
+        self.remedy = ("export the mesh as .inp, .msh or .vtu: meshio, which reads this format, does not know what the "
+                       "file holds, or it is incomplete")
 
     def run(self) -> None:
         try:
-            mesh = meshio.read(self.path)
+            mesh = _series(self.path) or meshio.read(self.path)
             check_indices(mesh)
         except _Stopped:
             return
@@ -67,6 +73,15 @@ class _Attempt(threading.Thread):
         """End the reading: an exception in its thread."""
         ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(self.ident), ctypes.py_object(_Stopped))
         self.join(_AFTER_THE_STOP_S)
+
+
+def _series(path: Path) -> meshio.Mesh | None:
+    """The mesh of an XDMF file with a series of results on it; None where the file holds none."""
+    if path.suffix.lower() not in (".xdmf", ".xmf") or b'"Temporal"' not in path.read_bytes().replace(b"'", b'"'):
+        return None
+    with meshio.xdmf.TimeSeriesReader(path) as reader:
+        points, cells = reader.read_points_cells()
+    return meshio.Mesh(points, cells)
 
 
 class _Stopped(BaseException):

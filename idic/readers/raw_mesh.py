@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe import CELL_TYPES, Mesh, cell_type, make_mesh, n_face_corners
+from idic.fe import CELL_TYPES, Mesh, cell_edges, cell_type, make_mesh, n_face_corners
+from idic.readers.element_orientation import oriented
 
 SUPPORTED = ("tri3", "tri6", "quad4", "quad8", "tet4", "tet10", "hex8", "hex20")
 DIMENSION = {"point": 0, "line2": 1, "line3": 1, "tri3": 2, "tri6": 2, "quad4": 2, "quad8": 2, "quad9": 2, "hex8": 3,
-             "hex20": 3, "hex27": 3, "tet4": 3, "tet10": 3, "wedge6": 3, "wedge15": 3, "pyramid5": 3}
+             "hex20": 3, "hex27": 3, "tet4": 3, "tet10": 3, "wedge6": 3, "wedge15": 3, "wedge18": 3,
+             "pyramid5": 3, "pyramid13": 3, "pyramid14": 3}
 
 
 @dataclass
@@ -26,6 +29,8 @@ class RawMesh:
     cells : list of (kind, connectivity (n, nn) node indices, labels (n,))
     element_sets : {name: global cell indices, counted over `cells` in order}
     face_sets : {name: list of corner-node tuples}
+    notes : what of the file was left out
+    files : all files that were read, where the mesh is in several
     """
 
     file: Path
@@ -35,6 +40,8 @@ class RawMesh:
     node_sets: dict[str, np.ndarray] = field(default_factory=dict)
     element_sets: dict[str, np.ndarray] = field(default_factory=dict)
     face_sets: dict[str, list[tuple[int, ...]]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    files: tuple[Path, ...] = ()
 
 
 def to_mesh(raw: RawMesh, n_dim: int, factor: float) -> tuple[Mesh, list[str]]:
@@ -54,7 +61,7 @@ def to_mesh(raw: RawMesh, n_dim: int, factor: float) -> tuple[Mesh, list[str]]:
         There is no cell of that dimension, a cell type is unsupported, a coordinate is NaN, or a 2D mesh is not plane.
     """
     _check_content(raw, n_dim)
-    notes: list[str] = []
+    notes = list(raw.notes)
     start, new_index, parts_by_kind = 0, {}, defaultdict(list)
     for kind, connectivity, labels in raw.cells:
         if DIMENSION[kind] == n_dim:
@@ -74,8 +81,8 @@ def to_mesh(raw: RawMesh, n_dim: int, factor: float) -> tuple[Mesh, list[str]]:
     renumber = np.full(len(raw.nodes), -1)
     renumber[used] = np.arange(len(used))
     nodes = _in_plane(raw, used, n_dim) * factor
-    cells = _counter_clockwise(nodes, [(kind, renumber[c]) for kind, c in cells], n_dim, raw.file, notes)
-    node_sets, face_sets = _lower_sets(raw, n_dim)
+    cells = oriented(nodes, [(kind, renumber[c]) for kind, c in cells], np.concatenate(element_labels), raw.file, notes)
+    node_sets, face_sets = _lower_sets(raw, n_dim, _middles(cells, used))
     element_sets = {name: np.array(sorted(new_index[i] for i in ids if i in new_index), dtype=np.int64) for name,
                     ids in raw.element_sets.items()}
     mesh = make_mesh(nodes, cells, node_labels=np.asarray(raw.node_labels)[used],
@@ -84,6 +91,7 @@ def to_mesh(raw: RawMesh, n_dim: int, factor: float) -> tuple[Mesh, list[str]]:
                      element_sets={name: ids for name, ids in element_sets.items() if len(ids)})
     edge_sets = _faces(mesh, {name: [tuple(renumber[list(face)]) for face in faces] for name,
                               faces in face_sets.items()})
+    notes += _corner_sets(mesh, raw.file)
     return Mesh(mesh.nodes, mesh.blocks, mesh.node_sets, mesh.element_sets, edge_sets, mesh.node_labels,
                 mesh.element_labels), notes
 
@@ -138,40 +146,7 @@ def _in_plane(raw: RawMesh, used: np.ndarray, n_dim: int) -> np.ndarray:
     return nodes[:, :n_dim]
 
 
-def _counter_clockwise(nodes, cells, n_dim, file, notes):
-    """Reverse the node order if all plane elements are clockwise: a mirrored mesh is valid."""
-    if n_dim != 2:
-        return cells
-    corners = [nodes[c[:, :cell_type(kind).n_corners]] for kind, c in cells]
-    areas = np.concatenate([_area(x) for x in corners])
-    if not (areas < 0).all():
-        return cells
-    notes.append(f"{Path(file).name}: all elements are numbered clockwise; their node order was reversed")
-    return [(kind, c[:, list(_REVERSED[kind])]) for kind, c in cells]
-
-
-def turned_around(mesh: Mesh) -> Mesh:
-    """The plane mesh with the reversed node order in every element; sets keep their meaning."""
-    blocks = tuple(replace(b, connectivity=np.ascontiguousarray(b.connectivity[:, list(_REVERSED[b.cell])]))
-                   for b in mesh.blocks)
-    edge_sets = {}
-    for name, faces in mesh.edge_sets.items():
-        corners = np.array([cell_type(mesh.block_of(int(e)).cell).n_corners for e, _ in faces])
-        edge_sets[name] = np.column_stack([faces[:, 0], corners - 1 - faces[:, 1]])  # edge k: corners k, k + 1
-    return replace(mesh, blocks=blocks, edge_sets=edge_sets)
-
-
-_REVERSED = {"tri3": (0, 2, 1), "tri6": (0, 2, 1, 5, 4, 3), "quad4": (0, 3, 2, 1), "quad8": (0, 3, 2, 1, 7, 6, 5, 4)}
-
-
-def _area(x: np.ndarray) -> np.ndarray:
-    """Signed area of polygons  # (n, corners, 2) -> (n,)"""
-    y = np.roll(x, -1, axis=1)
-    with np.errstate(over="ignore", invalid="ignore"):  # infinite areas are refused later by `check_elements`
-        return 0.5 * (x[:, :, 0] * y[:, :, 1] - y[:, :, 0] * x[:, :, 1]).sum(axis=1)
-
-
-def _lower_sets(raw: RawMesh, n_dim: int):
+def _lower_sets(raw: RawMesh, n_dim: int, middles: Mapping[tuple[int, int], int]):
     """Edge and node sets from the lower-dimensional cells of the file."""
     node_sets, face_sets = dict(raw.node_sets), {name: list(faces) for name, faces in raw.face_sets.items()}
     table, start = [], 0
@@ -185,12 +160,50 @@ def _lower_sets(raw: RawMesh, n_dim: int):
             if len(inside) == 0 or DIMENSION[kind] >= n_dim:
                 continue
             points.extend(inside.ravel())
+            points.extend(_middles_of(kind, inside, middles))
             if DIMENSION[kind] == n_dim - 1:
                 corners = cell_type(kind).n_corners if kind in CELL_TYPES else len(inside[0])
                 face_sets.setdefault(name, []).extend(tuple(row[:corners]) for row in inside)
         if points and name not in node_sets:
             node_sets[name] = np.unique(points)
     return node_sets, face_sets
+
+
+def _middles(cells: list[tuple[str, np.ndarray]], used: np.ndarray) -> dict[tuple[int, int], int]:
+    """{corners of an edge, the lower one first: its mid-side node} of quadratic elements, numbered as in the file."""
+    middles: dict[tuple[int, int], int] = {}
+    for kind, connectivity in cells:
+        corners = cell_type(kind).n_corners
+        for k, edge in enumerate(cell_edges(kind) if cell_type(kind).n_nodes > corners else ()):
+            ends = np.sort(used[connectivity[:, list(edge)]], axis=1)
+            middles.update(zip(map(tuple, ends.tolist()), used[connectivity[:, corners + k]].tolist(), strict=True))
+    return middles
+
+
+def _middles_of(kind: str, cells: np.ndarray, middles: Mapping[tuple[int, int], int]) -> list[int]:
+    """The mid-side nodes on the edges of linear cells that lie on quadratic elements: gmsh writes such lines for
+    Nastran, and the set of their nodes is that of the edge."""
+    if not middles or kind not in ("line2", "tri3", "quad4"):
+        return []
+    edges = ((0, 1),) if kind == "line2" else cell_edges(kind)
+    pairs = {pair for edge in edges for pair in map(tuple, np.sort(cells[:, list(edge)], axis=1).tolist())}
+    return [middles[pair] for pair in sorted(pairs) if pair in middles]
+
+
+def _corner_sets(mesh: Mesh, file: Path) -> list[str]:
+    """Notes on node sets that hold the ends of edges of quadratic elements and none of the nodes between them."""
+    edges = np.array([[*ends, middle] for ends, middle in _middles(
+        [(block.cell, block.connectivity) for block in mesh.blocks], np.arange(mesh.n_nodes)).items()], dtype=np.int64)
+    notes = []
+    for name, ids in mesh.node_sets.items() if len(edges) else ():
+        inside = np.zeros(mesh.n_nodes, dtype=bool)
+        inside[ids] = True
+        number = int(inside[edges[:, :2]].all(axis=1).sum())
+        if number and not inside[edges[:, 2]].any():
+            notes.append(f"{file.name}: node set {name} holds the ends of {number} edges without the nodes between "
+                         "them: a motion prescribed on it holds only the corners; add the mid-side nodes, or name a "
+                         "set of edges")
+    return notes
 
 
 def _clean(sets: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -104,3 +104,36 @@ def test_a_solver_that_moves_less_than_prescribed_is_reported(tmp_path):
         file.write("[options]\nmax_iterations = 1\n")
     notes = idic.identify(folder, tmp_path / "run")["notes"]
     assert any("boundary.RIGHT.x by 0.108 mm in frame 4" in note and "0.12 mm" in note for note in notes)
+
+
+DISPLACEMENTS = """
+ displacements (vx,vy,vz) for set ALL and time  {time}
+
+         1  0.000000E+00  0.000000E+00  0.000000E+00
+         2  {x}  0.000000E+00  0.000000E+00{mark}
+         7  {x} {y}  0.000000E+00
+
+ total force (fx,fy,fz) for set RIGHT and time  {time}
+
+        {force}  2.719641E+01  1.980754E-16
+"""
+
+
+def calculix(folder, mark="", y="-2.000000E-02", force="1.000000E+01"):
+    frames = (("0.1000000E+01", "5.000000E-02"), ("0.2000000E+01", "1.000000E-01"))
+    (folder / "job.dat").write_text("".join(DISPLACEMENTS.format(time=time, x=x, y=y, mark=mark, force=force)
+                                            for time, x in frames))
+    return folder
+
+
+def test_rows_of_calculix_in_the_axes_of_a_transform_are_refused(tmp_path):
+    """ccx 2.20 marks the rows of *NODE PRINT in local axes by L; total forces stay in the axes of the mesh."""
+    assert gathered("calculix_dat", calculix(tmp_path), "job", WANTED).u[2, 2, 1] == -0.02
+    with pytest.raises(NotConverged, match=r"node 2 is written in the axes of its \*TRANSFORM .*GLOBAL=YES"):
+        gathered("calculix_dat", calculix(tmp_path, " L"), "job", WANTED)
+
+
+def test_exponents_of_three_digits_of_calculix_have_no_letter(tmp_path):
+    calculix(tmp_path, y="-1.425043-118", force="1.500000+101")
+    solution = gathered("calculix_dat", tmp_path, "job", WANTED)
+    assert solution.u[1, 2, 1] == -1.425043e-118 and solution.forces["RIGHT.x"][1] == 1.5e101

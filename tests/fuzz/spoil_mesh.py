@@ -56,7 +56,6 @@ class Fault:
     @property
     def sure(self) -> bool:
         return self.what in (
-            "invert",
             "collapse",
             "fold",
             "coordinate",

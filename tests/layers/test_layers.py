@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 
 # Lower layers first. A room imports from lower layers and from itself; rooms of one layer do not see each other.
 LAYERS = [
-    ["idic.errors", "idic.expressions", "idic.parameters", "idic.path_names", "idic.remote_files",
+    ["idic.errors", "idic.expressions", "idic.input_decks", "idic.parameters", "idic.path_names", "idic.remote_files",
      "idic.studies"],
     ["idic.images", "idic.laws"],
     ["idic.fe"],

@@ -202,7 +202,7 @@ def read(path, n_dim=2, factor=1.0):
     return mesh
 
 
-@pytest.mark.parametrize("element_type", ["CPS4", "CPE4", "CPS4R", "S4R", "CPE4H", "CAX4P"])
+@pytest.mark.parametrize("element_type", ["CPS4", "CPE4", "CPS4R", "CPE4H", "CAX4P"])
 def test_an_abaqus_file_keeps_labels_and_sets(element_type, tmp_path):
     (tmp_path / "mesh.inp").write_text(inp_text(element_type))
     mesh = read(tmp_path / "mesh.inp")
@@ -275,13 +275,13 @@ def test_a_part_and_the_assembly_may_have_sets_of_one_name(tmp_path):
 
 
 @pytest.mark.parametrize("more", ["*NGEN\n1, 4\n", "*ELGEN\n1, 2, 1\n", "*NCOPY, CHANGE NUMBER=10\n",
-                                  "*ELCOPY\n", "*NFILL\n", "*SYSTEM\n0., 1.\n", "*NODE, SYSTEM=C\n9, 1., 90.\n",
-                                  "*NODE, INPUT=nodes.inp\n", "*ELEMENT, TYPE=CPS4, INPUT=elements.inp\n"])
-def test_nodes_and_elements_that_a_rule_makes_or_places_are_refused(tmp_path, more):
+                                  "*ELCOPY\n", "*NFILL\n", "*NODE, SYSTEM=S\n9, 1., 90.\n",
+                                  "*INSTANCE, NAME=A, LIBRARY=job\n"])
+def test_nodes_and_elements_that_a_rule_makes_are_refused(tmp_path, more):
     (tmp_path / "mesh.inp").write_text(inp_text() + more)
     with pytest.raises(InputError, match=r"line \d+") as caught:
         read_mesh_file(tmp_path / "mesh.inp")
-    assert "orphan mesh" in caught.value.remedy or "contents of that file" in caught.value.remedy
+    assert "orphan mesh" in caught.value.remedy
     (tmp_path / "mesh.inp").write_text(inp_text() + "*SYSTEM\n*NODE, SYSTEM=R\n999, 1., 1.\n")
     assert len(read_mesh_file(tmp_path / "mesh.inp").nodes) == 21
 

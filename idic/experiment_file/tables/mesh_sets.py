@@ -171,7 +171,7 @@ def _no_set(fault: str, name: str, names: Iterable[str], file, key) -> InputErro
     matches = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
     several = [candidate for candidate in names if candidate.upper().endswith(f"_{name.upper()}")]
     hint = f"did you mean {matches[0]}? " if matches else ""
-    if len(several) > 1:  # see `idic.readers.abaqus_sets`
+    if len(several) > 1:  # see `idic.readers.mesh_files.abaqus_sets`
         hint = f"{name} is another set in each of several parts of the mesh file: write {' or '.join(several)}, "
     return InputError(fault, file=file, key=key, expected=f"one of {', '.join(names)}" if names
                       else "a set of the mesh (it names none)", found=repr(name),

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from idic.fe.mesh.mesh import Mesh
+from idic.input_decks import first_edge
 
 ABAQUS_TYPES = {"quad4": "CPS4", "quad8": "CPS8", "tri3": "CPS3", "tri6": "CPS6", "tet4": "C3D4",
                 "tet10": "C3D10", "hex8": "C3D8", "hex20": "C3D20R"}
@@ -15,6 +16,8 @@ NUMBERS_PER_LINE = 12  # of a set or an element; 16 are allowed
 
 def inp_text(mesh: Mesh, title: str, types: Mapping[str, str] | None = None) -> str:
     """The mesh with its node, element and edge (face) sets; all nodes are the set ALL.
+
+    Edges are numbered as CalculiX numbers the faces of the element type: S3 is the first edge of a shell.
 
     types : cell -> element type, over those of plane stress and of solids.
     """
@@ -32,7 +35,7 @@ def inp_text(mesh: Mesh, title: str, types: Mapping[str, str] | None = None) -> 
     lines += _sets("NSET", mesh.node_sets, mesh.node_labels) + _sets("ELSET", mesh.element_sets, mesh.element_labels)
     for name, faces in mesh.edge_sets.items():
         lines.append(f"*SURFACE, NAME={name}, TYPE=ELEMENT")
-        lines += [f"{mesh.element_labels[e]}, S{k + 1}" for e, k in faces]
+        lines += [f"{mesh.element_labels[e]}, S{k + first_edge(types[mesh.block_of(int(e)).cell])}" for e, k in faces]
     return "\n".join(lines) + "\n"
 
 

@@ -16,10 +16,10 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from idic.errors import NotConverged
+from idic.errors import InputError, NotConverged
 from idic.fe.external.deck import Deck
 from idic.fe.external.process import LOG_FILE, find_program, require_permission, run_program
-from idic.fe.external.solver_output import Solution, ExpectedOutput, gathered
+from idic.fe.external.solver_output import FRD_READER, Solution, ExpectedOutput, gathered, local_output
 
 EXTERNAL = "external"  # the law of a material that only the external program knows
 REASON_FILE = "reason.txt"
@@ -56,6 +56,17 @@ class ExternalSetup:
     clock: str = "seconds"
     mesh_file: str | None = None
     element_types: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """InputError where the deck asks for an output whose axes the file does not tell."""
+        literal = "".join(part for part in self.deck.parts if isinstance(part, str))
+        texts = [literal, *(path.read_text(encoding="utf-8", errors="replace") for path in self.files
+                            if path.suffix.lower() == ".inp")]
+        line = local_output("\n".join(texts)) if self.reader == FRD_READER else None
+        if line is not None:
+            raise InputError("the output would be in local axes without a mark", file=self.deck.file,
+                             key="solver.reader", expected="displacements in the axes of the mesh",
+                             found=f"*TRANSFORM, and {line}", remedy="write *NODE FILE without GLOBAL=NO")
 
     @property
     def job(self) -> str:

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import NotConverged
+from idic.input_decks import fortran_real
 
 READERS: dict[str, Callable[[Path, str], Records]] = {}
 MAX_TIME_MISMATCH = 2e-5  # of the last time: the files hold five to seven digits
@@ -22,6 +23,8 @@ MAX_DISPLACEMENT_AT_REFERENCE = 1e-3  # of the largest: the reference is undefor
 MAX_REPEATED_CHANGE = 1e-3  # of the largest value: a step may repeat the last frame of the step before
 MIN_FOLLOWED, MAX_FOLLOWED = 0.02, 5.0  # of a prescribed motion: what the solver moves its set by
 MIN_COMPARED_MOTION = 1e-3  # of the largest motion: a file of a few decimals rounds smaller ones to zero
+FRD_READER = "calculix_frd"  # its name in experiment.toml
+LOCAL_MARK = "L"  # of CalculiX, at the end of a row in the axes of a *TRANSFORM
 MAX_DISPLACEMENT_RATIO = 100.0  # displacements beyond so many times the size of the mesh are rejected
 
 
@@ -227,12 +230,34 @@ def read_calculix_dat(folder: Path, job: str) -> Records:
                     target = None
             elif target is not None and target[2] is None:
                 set_forces = records.forces.setdefault(target[0], {})
-                set_forces.update({f"{target[1]}.{c}": float(word) for c, word in zip("xyz", words[:3], strict=True)})
+                set_forces.update({f"{target[1]}.{c}": _real(word) for c, word in zip("xyz", words[:3], strict=True)})
             elif target is not None:
+                if words[-1] == LOCAL_MARK:
+                    raise ValueError(f"node {words[0]} is written in the axes of its *TRANSFORM (L ends the row): "
+                                     "write *NODE PRINT with GLOBAL=YES")
                 labels.append(int(words[0]))
-                rows.append([float(word) for word in words[1:4]])
+                rows.append([_real(word) for word in words[1:4]])
     return Records({time: (np.array(nodes, dtype=np.int64), np.array(values, dtype=float))
                     for time, (nodes, values) in motions.items() if nodes}, records.forces)
+
+
+def _real(word: str) -> float:
+    """A number as CalculiX prints it: without the letter where the exponent has three digits, NaN where it diverged."""
+    try:
+        return float(word)
+    except ValueError:
+        return fortran_real(word)
+
+
+def local_output(deck: str) -> str | None:
+    """The line of a deck by which CalculiX writes an unmarked ``.frd`` in local axes, or None.
+
+    ``GLOBAL=NO`` of *NODE FILE has this effect on the nodes of a *TRANSFORM (user's manual 2.20, *NODE FILE).
+    """
+    lines = ["".join(line.upper().split()) for line in deck.splitlines()]
+    if not any(line.startswith("*TRANSFORM") for line in lines):
+        return None
+    return next((line for line in lines if line.startswith(("*NODEFILE", "*NODEOUTPUT")) and "GLOBAL=NO" in line), None)
 
 
 # plain tables -------------------------------------------------------------------------------------
@@ -282,4 +307,4 @@ def _table(path: Path) -> tuple[str, dict[str, np.ndarray]]:
     return clock, dict(zip(names, values.T, strict=True))
 
 
-READERS.update({"calculix_frd": read_calculix_frd, "calculix_dat": read_calculix_dat, "csv": read_csv})
+READERS.update({FRD_READER: read_calculix_frd, "calculix_dat": read_calculix_dat, "csv": read_csv})

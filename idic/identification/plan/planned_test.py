@@ -8,7 +8,7 @@ courses of ``[design.program]``; channels to be measured need no values.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -251,8 +251,8 @@ class PlannedFolder(ExperimentFolder):
     def small_files(self) -> list[Path]:
         return [path for path in super().small_files() if path.is_file()]
 
-    def identity(self, frames: Frames) -> str:
-        return super().identity(frames) if self.recorded else ""
+    def identity(self, frames: Frames, files: Sequence[Path]) -> str:
+        return super().identity(frames, files) if self.recorded else ""
 
     def _times(self, n_frames: int) -> np.ndarray:
         times = super().image_times(n_frames)

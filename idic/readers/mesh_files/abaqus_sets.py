@@ -1,4 +1,4 @@
-"""Sets of an Abaqus input file: labels, ranges of labels and other sets, resolved once and within bounds.
+"""Sets of an Abaqus input file: labels and other sets, resolved once and within bounds.
 
 A part and the assembly have names of their own: Abaqus/CAE calls the first set of each Set-1.
 """
@@ -9,11 +9,13 @@ from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
+from idic.readers.mesh_files.deck_lines import Place
+
 _MAX_LEVELS = 100  # of sets within each other
 _MAX_MEMBERS = 50_000_000  # of all sets of one kind together: 0.4 GB
 
-Member = tuple[int | str | range, int]  # a label, the name of a set or a range of labels; its line
 Scoped = tuple[str, str]  # a part or the assembly, and the name of a set in it
+Entry = tuple[int | str | Scoped, Place]  # a label or the name of a set; its line
 
 
 class ScopedNames:
@@ -39,15 +41,18 @@ class ScopedNames:
         """``Part-1_Set-1`` where another scope has such a set of this name, too."""
         return f"{scope or 'Model'}_{name}" if name.upper() in self._shared else name
 
-    def resolved(self, member: int | str | range, scope: str, sets: Iterable[Scoped]) -> int | str | range:
+    def resolved(self, member: int | str | Scoped, scope: str, sets: Iterable[Scoped]) -> int | str:
         """A member of a set or surface in `scope`, its name as `key` has it: a set of the same scope comes first."""
-        if not isinstance(member, str) or member.upper() not in self._shared:
+        if isinstance(member, int):
+            return member
+        scope, member = (scope, member) if isinstance(member, str) else member
+        if member.upper() not in self._shared:
             return member
         places = [(place, name) for place, name in sets if name.upper() == member.upper()]
         same_scope = [(place, name) for place, name in places if place == scope]
         return self.key(*(same_scope or places)[0]) if same_scope or len(places) == 1 else member
 
-    def flat(self, sets: Mapping[Scoped, list[Member]]) -> dict[str, list[Member]]:
+    def flat(self, sets: Mapping[Scoped, list[Entry]]) -> dict[str, list[Entry]]:
         """{key: members} of one kind"""
         return {self.key(scope, name): [(self.resolved(member, scope, sets), line) for member, line in members]
                 for (scope, name), members in sets.items()}
@@ -76,11 +81,11 @@ class LabelSets:
     Parameters
     ----------
     sets : {name: members}
-        A member is ``(label | name of a set | range of labels, line)``, or a label alone.
+        A member is ``(label | name of a set, place in the file)``.
     index : {label: position}
         Of the nodes or elements of the file.
     what : {"node", "element"}
-    fail : callable (line, what, expected, found, remedy)
+    fail : callable (place, what, expected, found, remedy)
         Raises the InputError.
     """
 
@@ -98,13 +103,13 @@ class LabelSets:
         """Sorted positions of labels  # (n,) int64"""
         return np.unique(np.array([self.index[label] for label in labels], dtype=np.int64))
 
-    def named(self, member: int | str, line: int, whose: str) -> frozenset[int]:
+    def named(self, member: int | str, place: Place, whose: str) -> frozenset[int]:
         """The labels that a line of a *SURFACE means: one label, or those of a set."""
         if isinstance(member, int):
-            return frozenset(self._existing([member], line, whose))
+            return frozenset([member])
         key = self._spelling.get(member.upper())
         if key is None:
-            self._no_set(member, line, whose)
+            self._no_set(member, place, whose)
         return self.labels(key)
 
     def labels(self, name: str, outer: tuple[str, ...] = ()) -> frozenset[int]:
@@ -123,25 +128,14 @@ class LabelSets:
                       f"more, at set {name}", "remove the sets that the experiment does not need")
         return self._found.setdefault(name, frozenset(labels))
 
-    def _members(self, member: Member | int, name: str, outer: tuple[str, ...]) -> frozenset[int] | set[int]:
-        reference, line = member if isinstance(member, tuple) else (member, None)
-        if not isinstance(reference, str):
-            return self._existing(reference if isinstance(reference, range) else [reference], line, f"set {name}")
+    def _members(self, member: tuple[int | str, Place], name: str, outer: tuple[str, ...]) -> frozenset[int] | set[int]:
+        reference, place = member
+        if isinstance(reference, int):
+            return {reference}
         key = self._spelling.get(reference.upper())
         if key is None or key in (*outer, name):
-            self._no_set(reference, line, f"set {name}")
+            self._no_set(reference, place, f"set {name}")
         return self.labels(key, (*outer, name))
 
-    def _existing(self, labels: Iterable[int], line: int | None, whose: str) -> set[int]:
-        """The labels, all of which must exist; of a long range the first missing one ends the search."""
-        existing = set()
-        for label in labels:
-            if label not in self.index:
-                self.fail(line,
-                          f"{whose} names {'an' if self.entity == 'element' else 'a'} {self.entity} that does not "
-                          "exist", f"{self.entity}s of the file", f"{self.entity} {label}")
-            existing.add(label)
-        return existing
-
-    def _no_set(self, name: str, line: int | None, whose: str) -> None:
-        self.fail(line, f"{whose} names a set that does not exist", ", ".join(self.sets) or "the name of a set", name)
+    def _no_set(self, name: str, place: Place, whose: str) -> None:
+        self.fail(place, f"{whose} names a set that does not exist", ", ".join(self.sets) or "the name of a set", name)
