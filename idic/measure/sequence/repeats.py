@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 MAX_REPEATED = 0.4  # motion of a repeated image per change of the log, over that of the pair beside it
-MAX_STEP = 0.5  # its step over that of the pair beside it
+MAX_STEP = 0.35  # its step over that of the pair beside it
 MIN_LOG_STEP = 0.3  # change of the log over that of the pair beside it: the log moves on
 MIN_LOST, MAX_LOST = 1.6, 6.5  # motion over a missing image per change of the log, over that of the pairs beside it
 MAX_UNLIKE = 1.25  # of the pairs on both sides
