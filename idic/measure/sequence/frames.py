@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from idic.measure.sequence.order import OrderEvidence
-from idic.measure.sequence.repeats import lost_frames, repeated_frames
-from idic.measure.sequence.thumbnails import Thumbnail, consecutive, distances, thumbnail
+from idic.measure.sequence.repeats import Steps, lost_frames, repeated_frames
+from idic.measure.sequence.thumbnails import Thumbnail, apart, distances, thumbnail
 from idic.model import Column, Experiment
 from idic.readers import FileStack
 
@@ -60,9 +60,13 @@ class FrameSequence:
         return [self.experiment.recording.labels[k] for k in self.frames]
 
     @cached_property
-    def steps(self) -> np.ndarray:
-        """How far each frame is from the one before  # (n - 1,) px"""
-        return consecutive(self.thumbnails)
+    def steps(self) -> Steps:
+        """How far each frame is from the one before, in the images and in the log."""
+        if len(self.courses):
+            logged = self.courses
+        else:
+            logged = self.experiment.model.times[None, list(self.frames)]
+        return Steps.of(apart(self.thumbnails), apart(self.thumbnails, 2), logged)
 
     @cached_property
     def order(self) -> OrderEvidence | None:
@@ -100,15 +104,14 @@ class FrameSequence:
         """Frames that repeat the one before although the log moves on; equal : numbers of those that are equal to the
         last grey value."""
         of_equal = {self.frames.index(k) for k in equal if k in self.frames}
-        return repeated_frames(self.steps, self.courses, self.labels, of_equal)
+        return repeated_frames(self.steps, self.labels, of_equal, len(self.courses) > 0)
 
     def lost(self) -> list[str]:
         """Places where images are missing by the step of the motion."""
         recording, model = self.experiment.recording, self.experiment.model
         if not model.has_times or not (recording.is_log_interpolated or not len(self.courses)):
             return []
-        times = model.times[list(self.frames)]
-        return lost_frames(self.steps, self.courses, times, self.labels)
+        return lost_frames(self.steps, self.labels, len(self.courses) > 0)
 
 
 def _counted(experiment: Experiment) -> tuple[int, ...]:

@@ -23,8 +23,7 @@ MIN_GAIN = 1.1  # length of the order of the names over that of the smoothest on
 MAX_EXCESS = 1.05  # of the length of an order that is as smooth as the smoothest one
 MIN_AGREEMENT, MIN_BETTER = 0.7, 0.1  # correlation of distances between images and in the log: of a right order, and
 #                                       by how much it surpasses a wrong one
-CLEAR_AGREEMENT = 0.95  # the log and the images have one motion
-MIN_MOTION = 2.0  # largest distance of two images over the smallest: less is noise
+MIN_MOTION, MIN_MOTION_PX = 2.0, 0.25  # largest distance of two images over the smallest, and itself: less is noise
 MAX_LISTED = 40  # images of an order that a message writes whole
 _OF_FILES = {"written": "the times in the files", "saved": "the times at which the files were saved"}
 
@@ -73,7 +72,7 @@ class OrderEvidence:
         """Orders by the times of the files that are not that of the names."""
         labels = [path.name for path in self.paths]
         times = {name: order for name, order in self.proposals.items() if name in _OF_FILES and order != self.names}
-        confirmed = bool(times) and (self._is_confirmed_at_once() and _shows_motion(self.distance) or self._is_smooth())
+        confirmed = bool(times) and ((self._is_confirmed_at_once() and _shows_motion(self.distance)) or self._is_smooth())
         meaning = ("The motion in the images is that of the names" if confirmed
                    else "The motion in the images does not decide")
         return [f"two orders of the images: {_shown(labels)} by their names, {_shown([labels[k] for k in order])} by "
@@ -84,10 +83,8 @@ class OrderEvidence:
         """Whether nothing speaks against the names: too few images, no motion, no jump, or that of the log."""
         if len(self.paths) < MIN_FRAMES or not _shows_motion(self.distance):
             return True
-        if len(self.courses):
-            return _agreement(self.names, self.distance, self.courses) > CLEAR_AGREEMENT
-        step = steps(self.distance, self.names)
-        return bool(step.max() < MIN_JUMP * np.median(step))
+        nearest = np.where(np.eye(len(self.distance), dtype=bool), np.inf, self.distance).min(axis=1)
+        return bool(steps(self.distance, self.names).max() < MIN_JUMP * np.median(nearest))
 
     def _is_smooth(self) -> bool:
         if len(self.paths) < MIN_FRAMES or not _shows_motion(self.distance):
@@ -121,13 +118,14 @@ class OrderEvidence:
 
 def _shows_motion(distance: np.ndarray) -> bool:
     apart = distance[~np.eye(len(distance), dtype=bool)]
-    return len(apart) > 0 and apart.max() > MIN_MOTION * max(float(apart.min()), 1e-12)
+    return len(apart) > 0 and apart.max() > max(MIN_MOTION * float(apart.min()), MIN_MOTION_PX)
 
 
 def _refutes(order: Sequence[int], names: Sequence[int], distance: np.ndarray, courses: np.ndarray) -> bool:
     """Whether this order is better than that of the names, by the images and by the log."""
-    ours, theirs = _agreement(order, distance, courses), _agreement(names, distance, courses)
     if len(courses):
+        at = _places(order)
+        ours, theirs = _agreement(order, distance, courses, at), _agreement(names, distance, courses, at)
         return ours > MIN_AGREEMENT and ours > theirs + MIN_BETTER
     step, step_of_names = steps(distance, order), steps(distance, names)
     jump = step_of_names.max() - step.max()
@@ -135,10 +133,18 @@ def _refutes(order: Sequence[int], names: Sequence[int], distance: np.ndarray, c
                 and step_of_names.sum() > MIN_GAIN * step.sum())
 
 
-def _agreement(order: Sequence[int], distance: np.ndarray, courses: np.ndarray) -> float:
+def _places(order: Sequence[int]) -> np.ndarray:
+    """The places that an order changes, and two on both sides of them."""
+    changed = np.flatnonzero(np.array(order) != np.arange(len(order)))
+    return np.arange(max(changed[0] - 2, 0), min(changed[-1] + 3, len(order)))
+
+
+def _agreement(order: Sequence[int], distance: np.ndarray, courses: np.ndarray, places: np.ndarray | None = None) -> float:
     """Correlation of the distances of the images, placed in an order, with those of the rows of the log, of the column
-    that has the largest."""
-    pairs = np.triu_indices(len(order), 1)
+    that has the largest; places : of the images that count, None: all."""
+    at = np.arange(len(order)) if places is None else places
+    first, second = np.triu_indices(len(at), 1)
+    pairs = at[first], at[second]
     in_images = distance[np.ix_(list(order), list(order))][pairs]
     in_log = [np.abs(course[pairs[0]] - course[pairs[1]]) for course in courses]
     return max((float(np.corrcoef(column, in_images)[0, 1]) for column in in_log

@@ -61,15 +61,15 @@ def distances(thumbnails: Sequence[Thumbnail]) -> np.ndarray:
     total = np.zeros((len(thumbnails), len(thumbnails)))
     for number in range(len(thumbnails[0].levels)):
         rows = np.array([entry.levels[number].ravel() for entry in thumbnails])
-        apart = np.sqrt(np.clip(1.0 - rows @ rows.T / rows.shape[1], 0.0, 1.0))
-        total += thumbnails[0].size_px * 2**number * apart
+        parts = np.sqrt(np.clip(1.0 - rows @ rows.T / rows.shape[1], 0.0, 1.0))
+        total += thumbnails[0].size_px * 2**number * parts
     np.fill_diagonal(total, 0.0)
     return total
 
 
-def consecutive(thumbnails: Sequence[Thumbnail]) -> np.ndarray:
-    """How far each image is from the one before  # (n - 1,) px"""
-    return np.array([distances(pair)[0, 1] for pair in pairwise(thumbnails)])
+def apart(thumbnails: Sequence[Thumbnail], lag: int = 1) -> np.ndarray:
+    """How far each image is from the one so many before  # (n - lag,) px"""
+    return np.array([distances(pair)[0, 1] for pair in zip(thumbnails[:-lag], thumbnails[lag:], strict=True)])
 
 
 def smoothest_order(distance: np.ndarray, starts: Sequence[Sequence[int]] = ()) -> list[int]:

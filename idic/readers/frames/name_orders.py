@@ -24,10 +24,10 @@ _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct",
 _YEAR_FIRST = re.compile(r"(?<!\d)((?:19|20)\d\d)([-._]?)(\d\d)\2(\d\d)(?!\d)")
 _YEAR_LAST = re.compile(r"(?<!\d)(\d{1,2})([-._])(\d{1,2})\2((?:19|20)\d\d)(?!\d)")
 _COMPACT_YEAR_LAST = re.compile(r"(?<!\d)(\d\d)()(\d\d)((?:19|20)\d\d)(?!\d)")
-_DAY_MONTH = re.compile(rf"(?<!\d)(\d{{1,2}})[-._ ]?({'|'.join(_MONTHS)})[a-z]*[-._ ]?((?:19|20)\d\d)(?!\d)", re.I)
-_MONTH_DAY = re.compile(rf"({'|'.join(_MONTHS)})[a-z]*[-._ ]?(\d{{1,2}})[-._, ]+((?:19|20)\d\d)(?!\d)", re.I)
+_DAY_MONTH = re.compile(rf"(?<!\d)(\d{{1,2}})[-._ ]?({'|'.join(_MONTHS)})[a-z]*[-._ ]?((?:19|20)\d\d)(?!\d)", re.IGNORECASE)
+_MONTH_DAY = re.compile(rf"({'|'.join(_MONTHS)})[a-z]*[-._ ]?(\d{{1,2}})[-._, ]+((?:19|20)\d\d)(?!\d)", re.IGNORECASE)
 _HALF_DAY = re.compile(r"(?<!\d)(\d{1,2})(?:[-_.: ]?(\d\d))?(?:[-_.: ]?(\d\d))?(?:[.,](\d+))?[-_ ]?([ap])\.?m(?![a-z])",
-                       re.I)
+                       re.IGNORECASE)
 _OF_DAY = re.compile(r"(?<!\d)([01]?\d|2[0-3])[-_.:h]?([0-5]\d)[-_.:m]?([0-5]\d)(?:[.,](\d+))?")
 
 

@@ -14,7 +14,7 @@ from typing import Any
 EXIF = 34665
 _STAMPS = ((36867, 37521), (36868, 37522), (306, 37520))  # original, digitised, last change; each with its parts of a s
 _STAMP = re.compile(r"(\d{4})[-:/.](\d\d)[-:/.](\d\d)[T _-]+(\d\d):(\d\d):(\d\d)(?:[.,](\d+))?")
-_SECONDS = re.compile(r"time(?:[ _-]?stamp)?(?:[ _\[(]*(s|ms|us|µs|ns)\b)?[^\d\n]{1,12}?(\d+(?:\.\d+)?)", re.I)
+_SECONDS = re.compile(r"time(?:[ _-]?stamp)?(?:[ _\[(]*(s|ms|us|µs|ns)\b)?[^\d\n]{1,12}?(\d+(?:\.\d+)?)", re.IGNORECASE)
 _UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _SIDECARS = (".txt", ".xml", ".json", ".xmp", ".hdr")
 _MAX_SIDECAR_BYTES = 100_000
