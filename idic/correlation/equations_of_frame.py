@@ -25,7 +25,7 @@ from idic.correlation.views.pinhole_view import PinholeView
 from idic.correlation.views.view import View, view_of
 from idic.fe import nodal_deformation
 from idic.images import AnyCamera, PLACEMENT_STEM, PlacedCamera
-from idic.model import Experiment, Model
+from idic.model import CAMERA_TIME, Experiment, Model, is_camera_time
 
 
 def with_all_cameras(context: CorrelationContext,
@@ -63,7 +63,7 @@ def frame_equations(context: CorrelationContext, response: FrameResponse,
     A frame without contrast has no pixel in any sum.
     """
     experiment, reference = context.experiment, context.reference
-    response = turned_response(experiment.model, response)
+    response = turned_response(experiment.model, at_camera_time(context, response))
     nodes, view = experiment.model.mesh.nodes, view_of(experiment, context.camera).at(response.frame)
     motion, jacobian = view.motion(nodes, response.u), view.jacobian(nodes, response.u)
     nodal, columns = reference.compare(experiment, response.frame, motion), _columns(context, response, view, jacobian)
@@ -82,6 +82,15 @@ def frame_equations(context: CorrelationContext, response: FrameResponse,
         channels=channel_equations(context, response), local_precision=context.local_precision, local_gap=-local,
         noise_gram=noise.gram, basis=noise.basis, scatter=context.local_scatter,
         few=isinstance(reference, FieldReference))
+
+
+def at_camera_time(context: CorrelationContext, response: FrameResponse) -> FrameResponse:
+    """The motion when this camera takes its image of the frame (`idic.model.camera_time`)."""
+    name = f"{context.experiment.recording.camera_name}.{CAMERA_TIME}"
+    if name not in context.moving:
+        return response
+    velocity = response.du[:, :, context.moving.index(name)]
+    return replace(response, u=response.u + context.parameters[name].value * velocity)
 
 
 def turned_response(model: Model, response: FrameResponse) -> FrameResponse:
@@ -121,6 +130,8 @@ def _columns(context: CorrelationContext, response: FrameResponse, view: View | 
                                                      gradient))
     columns, stem = np.zeros((len(moved), len(context.names))), f"{experiment.recording.camera_name}."
     for i, name in enumerate(context.names):
+        if is_camera_time(name) and not name.startswith(stem):
+            continue  # of another camera
         if name in context.moving:
             columns[:, i] = moved[:, context.moving.index(name)]
         elif name in of_camera:

@@ -21,7 +21,7 @@ from idic.correlation.views.view import GREY, SECTION, view_of
 from idic.errors import InputError
 from idic.fe import surface_cells
 from idic.images import AnyCamera, CAMERA_PARAMETERS, Camera, DEGREES, PLACEMENT_STEM, PlacedCamera
-from idic.model import Experiment
+from idic.model import Experiment, is_camera_time
 from idic.parameters import ParameterSet
 
 MAX_TRACED = 3  # pixel maps of lenses that a process keeps, 16 bytes per pixel each
@@ -34,7 +34,7 @@ def camera_at(experiment: Experiment, parameters: ParameterSet) -> AnyCamera:
     stem = experiment.recording.camera_name
     if isinstance(model.camera, PlacedCamera):
         lens = {name.removeprefix(f"{stem}."): at.value for name, at in parameters.items()
-                if name.startswith(f"{stem}.")}
+                if name.startswith(f"{stem}.") and not is_camera_time(name)}
         common = {name: at.value for name, at in parameters.items() if name.startswith(f"{PLACEMENT_STEM}.")}
         return model.camera.with_parameters(lens | common)
     values = {name: parameters[f"{stem}.{name}"].value for name in CAMERA_PARAMETERS if f"{stem}.{name}" in parameters}

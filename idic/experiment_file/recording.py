@@ -140,7 +140,10 @@ class RecordedFolder:
         stack = self.opened_images()
         check_height_unit(stack, table.height_unit, file, "experiment.height_unit")
         self._check_complete(stack.labels)
-        notes = stack.notes() + self._image_times_notes()
+        times = self.image_times_table()
+        if times is not None:
+            times.check_rows_of(stack.labels, "image_times")
+        notes = stack.notes() + self._order_notes(stack) + self._image_times_notes()
 
         def indices(entries, key):
             numbers, note = frame_indices(entries, stack.labels, file=file, key=f"experiment.{key}")
@@ -175,8 +178,8 @@ class RecordedFolder:
     def opened_images(self) -> FileStack | ArrayFrames:
         """The images of the main camera; only their headers are read."""
         table, key = self.config.experiment, "experiment.images"
-        return open_stack(matching_files(self.folder, table.images, file=self.file, key=key), file=self.file, key=key,
-                          with_gaps=table.quantity == "height")
+        return open_stack(matching_files(self.folder, table.images, file=self.file, key=key, order=table.order),
+                          file=self.file, key=key, with_gaps=table.quantity == "height")
 
     def _field_frames(self) -> Frames:
         """Open the measured fields."""
@@ -279,6 +282,7 @@ class RecordedFolder:
             stage_log = match(log, len(labels), frame_numbers(labels), times)
             return stage_log.of_frames(frames.recorded.compared)
         log, times = self.recorded_log(name), self.image_times(frames.stack.n_frames)
+        log.check_rows_of(frames.labels, "loads")
         if times is None and isinstance(frames.stack, FieldStack) and len(log.rows) != frames.stack.n_frames:
             times = stage_times(frames.stack)
         return match(log, frames.stack.n_frames, frames.numbers, times)
@@ -309,6 +313,14 @@ class RecordedFolder:
         """Refuse times by an interval where an image in between is missing."""
         if self.config.experiment.frame_interval_s is not None:
             check_complete(labels, file=self.file, key="experiment.frame_interval_s")
+
+    def _order_notes(self, stack: FileStack | ArrayFrames) -> list[str]:
+        """The reading of the file names, where it is not that of their digits from left to right."""
+        if self.config.experiment.order is not None or not isinstance(stack, FileStack):
+            return []
+        reading = stack.reading_of_names(self.folder)
+        return [] if not reading else [
+            f"the images are in the order {stack.labels[0]}, {stack.labels[1]} … {stack.labels[-1]}: {reading}"]
 
     def _image_times_notes(self) -> list[str]:
         """How the file of the image times is read."""

@@ -17,7 +17,7 @@ from .judgement.remedies import Remedy, try_remedies
 from .judgement.significance import p_text, z_text
 from .kept_simulation import response_of
 from .loop import experiment_of, start, trial_states
-from .noise.channel_noise import MIN_STEP_SHARE, repeated_readings
+from .noise.channel_noise import repeated_readings
 from .noise.input_noise import logged_noise, measured_noise, with_measured_noise
 from .plan.planned_test import (
     DOT_SIGMA_PER_SPECKLE, VIRTUAL_SPECKLE, Plan, image_unit, load_plan, planned_speckle, recorded_or_planned,
@@ -42,7 +42,7 @@ from .systematic.treatments import Treatment, treatments
 from .weights import noise_weights, paper_weights
 
 __all__ = [
-    "DOT_SIGMA_PER_SPECKLE", "GENERALISED", "HALF_RATE", "MIN_STEP_SHARE", "ORDINARY", "STRESS_UNITS",
+    "DOT_SIGMA_PER_SPECKLE", "GENERALISED", "HALF_RATE", "ORDINARY", "STRESS_UNITS",
     "VIRTUAL_SPECKLE", "AcceptedPoint", "Activation", "Analysis", "Assessment", "ChosenKnots", "CoarseFit", "Component",
     "Design", "DiscrepancySystem", "ElementSums", "Ending", "EstimatorChoice", "Evaluation", "FoundStart", "FrameFit",
     "FreeCurve", "FreeForm", "FreeSpectrum", "FreeSurface", "Identification", "IncrementChoice", "Joint", "JointDesign",

@@ -19,6 +19,7 @@ from idic.fe import (
     superposed, traction, validate, without_time_error,
 )
 from idic.laws import EXPANSION, compile as compile_law
+from idic.model.camera_time import is_camera_time, with_velocities
 from idic.model.black_box import ExternalForward, build_external
 from idic.model.drives import COMPONENTS, DriveTable, build_drives, rates_since_reference, set_nodes
 from idic.model.records.experiment import Experiment
@@ -65,7 +66,7 @@ class ForwardModel:
     def moves(self, name: str) -> bool:
         """Whether a degree of freedom changes the simulation (and not only camera or channels)."""
         return not name.startswith(("camera.", "channel.")) and (
-            name in self.drives.derivatives or name in self.drives.loads.names()
+            name in self.drives.derivatives or name in self.drives.loads.names() or is_camera_time(name)
             or name == "geometry.thickness" or name in self.morphs
             or self._variation(name) is not None
             or self._material(name) is not None or self._expansion(name) is not None
@@ -225,6 +226,11 @@ class ForwardModel:
         NotConverged
             If equilibrium is not found however small the increments.
         """
+        if any(map(is_camera_time, names)):
+            others = [name for name in names if not is_camera_time(name)]
+            yield from with_velocities(self.march(parameters, others, local, steps, influence, warm_start, may_cut,
+                                                  increments), names, self.model.times[self.model.reference:])
+            return
         shape = [name for name in names if name in self.morphs]
         if shape and steps is None:
             for state in self._march(parameters, (), local, None, False, increments=increments):

@@ -16,6 +16,7 @@ from .fields.series import (
 )
 from .fields.sound_stages import check_stages
 from .frame_names import check_complete, frame_indices, frame_numbers
+from .frames.name_orders import natural_key
 from .gmsh_mesher import has_gmsh
 from .images import FileStack, PICTURE_SUFFIXES, image_entries, open_stack, read_image
 from .logs import Log, MatchedLog, check_increasing, match, read_log
@@ -24,7 +25,7 @@ from .objects.images import ArrayFrames, frames_of
 from .objects.log import LOG_IN_MEMORY, log_of
 from .objects.mesh import MESH_IN_MEMORY, mesh_of
 from .outline_mesh import Drawing, from_image
-from .paths import existing_file, inside, matching_files, natural_key, patterns_of, recorded_order
+from .paths import existing_file, inside, matching_files, patterns_of, recorded_order
 from .position_sets import points_where
 from .raw_mesh import DIMENSION, RawMesh, to_mesh
 from .region_mesh import roi_mesh

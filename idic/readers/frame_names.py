@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import NoReturn
 
 from idic.errors import InputError
+from idic.readers.frames.name_orders import signed_keys
 from idic.readers.paths import called_the_reference
 
 MIN_EVEN_SHARE = 0.6  # of the steps between numbers: with fewer equal ones they are no count of images
@@ -16,7 +17,7 @@ MIN_EVEN_SHARE = 0.6  # of the steps between numbers: with fewer equal ones they
 def frame_numbers(labels: tuple[str, ...]) -> tuple[int, ...] | None:
     """The number in each file name that differs from file to file; None if it is not unique.
 
-    ``zoom-0050_1.tif, zoom-0053_1.tif`` -> 50, 53.
+    ``zoom-0050_1.tif, zoom-0053_1.tif`` -> 50, 53; ``shot_-0001.tif, shot_00000.tif`` -> -1, 0.
     """
     numbers = _Numbers(labels).of_frames
     return None if numbers is None or None in numbers else numbers
@@ -132,6 +133,10 @@ class _Numbers:
         self.groups = [[int(part) for part in re.findall(r"\d+", _stem(label))] for label in labels]
         counted = [k for k, group in enumerate(self.groups) if group]
         named = [k for k in counted if called_the_reference(_stem(labels[k]))]
+        unsigned = [k for k in counted if k not in named[:len(named) == 1]]
+        signed = signed_keys([_stem(labels[k]) for k in unsigned])
+        for k, numbers in zip(unsigned, signed or (), strict=False):
+            self.groups[k] = list(numbers)
         unnamed = [k for k in counted if k not in named]
         if len(named) == 1 and len({len(self.groups[k]) for k in unnamed}) == 1 \
                 and len(self.groups[named[0]]) != len(self.groups[unnamed[0]]):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,9 +14,12 @@ from PIL import Image
 from idic.errors import InputError
 from idic.remote_files import fetch, image_facts
 from idic.readers.delimited.xyz_grid import XYZ_SUFFIXES, XyzGrid, check_alike, read_xyz_heights, xyz_grid
+from idic.readers.frames.file_orders import orders_of_files
+from idic.readers.frames.written_times import exif_time, tiff_time
 from idic.readers.orientation import TAG, UPRIGHT, orientation_note, orientation_of, upright, upright_shape
 from idic.readers.image_formats.palettes import OVERLAY_NOTE, grey_of_palette
 from idic.readers.image_formats.tiff_axes import stack_notes, stated_images
+from idic.readers.paths import reading_of_names
 from idic.readers.video import SUFFIXES as VIDEO_SUFFIXES
 from idic.readers.video import read_video_frame, video_headers, video_notes
 
@@ -33,7 +37,7 @@ class ImageEntry:
     """The place of one frame: a page of a file, or a plane behind the one page of a stack.
 
     grid : pitch and units, of formats that state them; note : on the effect of the format on the measurement, ""
-    without
+    without; written_s : when it was taken, as the file states
     """
 
     path: Path
@@ -44,6 +48,7 @@ class ImageEntry:
     orientation: int = UPRIGHT
     grid: XyzGrid | None = None
     note: str = ""
+    written_s: float | None = None
 
 
 class FileStack:
@@ -77,6 +82,15 @@ class FileStack:
     def grid(self) -> XyzGrid | None:
         """Pitch and units of the frames, of formats that state them."""
         return self.entries[0].grid
+
+    def reading_of_names(self, folder: Path) -> str:
+        """How file names are read that are not in the order of their digits, in words; "" elsewhere."""
+        return reading_of_names([entry.path for entry in self.entries], folder)
+
+    def orders(self, frames: Sequence[int]) -> dict[str, list[int]]:
+        """The orders that names, headers and times of the files propose, as places in `frames`; none of frames that
+        share a file."""
+        return orders_of_files([self.entries[k].path for k in frames], [self.entries[k].written_s for k in frames])
 
     def notes(self) -> list[str]:
         """Notes on effects of the file format on the measurement."""
@@ -169,10 +183,11 @@ def _headers(path: Path) -> list[ImageEntry]:
 
 
 def _entry(path: Path, page: int, shape: tuple[int, int], dtype: str, label: str, tag: object,
-           note: str = "") -> ImageEntry:
+           note: str = "", written_s: float | None = None) -> ImageEntry:
     """The entry of an image with this shape as stored and this orientation tag."""
     orientation = orientation_of(tag)
-    return ImageEntry(path, page, upright_shape(shape, orientation), dtype, label, orientation, note=note)
+    return ImageEntry(path, page, upright_shape(shape, orientation), dtype, label, orientation, note=note,
+                      written_s=written_s)
 
 
 # TIFF -------------------------------------------------------------------------------------------------
@@ -190,7 +205,8 @@ def _tiff_headers(path: Path) -> list[ImageEntry]:
                 label = path.name if len(pages) == planes == 1 else f"{path.name}[{number}]"
                 shape, kind, overlay = _tiff_kind(page, path)
                 page_note = "; ".join(filter(None, (note, OVERLAY_NOTE if overlay else "")))
-                entries.append(_entry(path, number, shape, kind, label, page.tags.valueof(TAG), page_note))
+                entries.append(_entry(path, number, shape, kind, label, page.tags.valueof(TAG), page_note,
+                                      tiff_time(page)))
             _complete(tiff, pages, path)
             return entries + [replace(entries[0], page=k, label=f"{path.name}[{k}]") for k in range(1, planes)]
     except InputError:
@@ -297,6 +313,7 @@ def _png_header(path: Path) -> ImageEntry:
     try:
         with Image.open(path, formats=FORMATS) as image:
             mode, size, tag, note = image.mode, image.size, image.getexif().get(TAG), ""
+            written_s = exif_time(image.getexif())
             if mode in ("1", "L", "I;16", "I;16B", "I"):
                 kind = "uint8" if mode in ("1", "L") else "uint16"
             elif mode == "P" and (grey := grey_of_palette(*_indexed(image))) is not None:
@@ -316,7 +333,7 @@ def _png_header(path: Path) -> ImageEntry:
         raise
     except Exception as error:  # PIL raises many types on damaged files
         raise _damaged(path, error) from error
-    return _entry(path, 0, (size[1], size[0]), kind, path.name, tag, note)
+    return _entry(path, 0, (size[1], size[0]), kind, path.name, tag, note, written_s)
 
 
 def _indexed(image: Image.Image) -> tuple[np.ndarray, np.ndarray]:

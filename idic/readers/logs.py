@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Literal
 
 import numpy as np
@@ -158,6 +158,24 @@ class Log:
                           found=f"{cell!r}, a decimal fraction or a number of thousands",
                           remedy=f'if "{mark}" separates the decimals, write decimal = "{mark}" in [experiment]; else '
                                  "export the log without thousands separators")
+
+    def check_rows_of(self, labels: Sequence[str], key: str) -> None:
+        """InputError where a column names the frames in another order than theirs.
+
+        labels : file names of the frames
+        """
+        stems = [PurePath(label).stem for label in labels]
+        for name in self.names if len(self.rows) == len(labels) else ():
+            cells = [PurePath(cell.strip().replace("\\", "/")).name for cell in self.table.cells(name)]
+            for row_names, frame_names in ((cells, list(labels)), (cells, stems)):
+                if row_names == frame_names or sorted(row_names) != sorted(frame_names):
+                    continue
+                k = next(k for k, label in enumerate(frame_names) if row_names[k] != label)
+                raise InputError("two orders of the images", file=self.file, key=f"column {name}, line {self.lines[k]}",
+                                 expected=f"{labels[k]}, {labels[k + 1]} … as the images are sorted by their names",
+                                 found=f"{row_names[k]}, {row_names[k + 1]} …", remedy="if the rows are in the order of "
+                                 f"time, write order = \"listed\" and list the files so in images; else sort the rows "
+                                 f"of {key}")
 
     @property
     def time_column(self) -> str | None:
@@ -334,7 +352,7 @@ def match(log: Log, n_frames: int, numbers: tuple[int, ...] | None, image_times:
 
 def _check_frames(log: Log, n_frames: int, numbers: tuple[int, ...] | None) -> None:
     column = log.column("frame")
-    accepted = [np.arange(n_frames)] + ([np.array(numbers)] if numbers is not None else [])
+    accepted = [np.arange(n_frames)] + ([np.array(numbers)] if numbers is not None and None not in numbers else [])
     if any(np.array_equal(column, expected) for expected in accepted):
         return
     k = int(np.argmax(column != accepted[0]))
@@ -342,7 +360,16 @@ def _check_frames(log: Log, n_frames: int, numbers: tuple[int, ...] | None) -> N
                      key=f"column frame, line {log.lines[k]}",
                      expected=f"{accepted[0][k]}" + (f" (or {accepted[1][k]}, the number in the file name)"
                                                      if len(accepted) > 1 else ""),
-                     found=f"{column[k]:g}", remedy="sort the rows like the images and number them from 0")
+                     found=f"{column[k]:g}", remedy=_order_remedy(column, accepted))
+
+
+def _order_remedy(column: np.ndarray, accepted: Sequence[np.ndarray]) -> str:
+    if len(accepted) > 1 and np.array_equal(np.sort(column), np.sort(accepted[1])) and np.all(np.diff(column) > 0):
+        return ("the log counts the same frames in another order than their names: look at the images, then write "
+                'order = "listed" with images = ["first.tif", …] under [experiment], or sort the rows like the images')
+    if np.all(column < 0) and len(accepted) > 1 and np.array_equal(np.sort(-column), np.sort(accepted[1])):
+        return 'write order = "signed" under [experiment] if the numbers in the names are below zero'
+    return "sort the rows like the images and number them from 0"
 
 
 def _by_time(log: Log, image_times: np.ndarray) -> MatchedLog:

@@ -11,15 +11,14 @@ from itertools import takewhile
 from pathlib import Path, PurePosixPath
 
 from idic.errors import InputError
-
-
-def natural_key(text: str) -> list[tuple[int, int, str]]:
-    """Sort key in which ``frame_2`` comes before ``frame_10``."""
-    return [(0, int(part), "") if part.isdecimal() else (1, 0, part.lower()) for part in re.split(r"(\d+)", text)
-            if part]
+from idic.readers.frames.name_orders import (
+    CLOCK, LISTED, NAMES, SIGNED, UncertainOrder, WRAPPED, natural_key, order_by_names,
+)
 
 
 _DECIMAL = re.compile(r"(?<![\d.])\d+\.\d+(?![\d.])")  # not 2024.05.01
+_IN_WORDS = {SIGNED: "numbers with a minus are below zero", WRAPPED: "the counter began again after its largest number",
+             CLOCK: "by the dates and times in the names"}
 _REFERENCE = re.compile(r"(?<![a-z])(ref|reference|undeformed)(?![a-z])", re.IGNORECASE)
 
 
@@ -28,25 +27,55 @@ def called_the_reference(stem: str) -> bool:
     return _REFERENCE.search(stem) is not None
 
 
-def recorded_order(paths: Iterable[Path], folder: Path) -> list[Path]:
-    """Natural order of the names in a folder; the one file whose name calls it the reference comes first.
+def recorded_order(paths: Iterable[Path], folder: Path, order: str | None = None) -> list[Path]:
+    """Order of the names in a folder; the one file whose name calls it the reference comes first.
+
+    order : as `order_by_names` takes it; None: the natural order, or another one that the names show
 
     Raises
     ------
     InputError
-        The names differ in a decimal number whose digits put the files into another order than its value.
+        The names have two readings: a decimal number whose digits put the files into another order than its value, a
+        minus or a dash before every number, a day and a month that can be exchanged.
     """
+    return read_order(paths, folder, order)[0]
+
+
+def read_order(paths: Iterable[Path], folder: Path, order: str | None = None) -> tuple[list[Path], str]:
+    """`recorded_order`, and by which reading of the names."""
     ordered = sorted(paths, key=lambda path: natural_key(path.relative_to(folder).as_posix()))
     named = [path for path in ordered if called_the_reference(path.stem)]
-    if len(named) == 1:
-        ordered.insert(0, ordered.pop(ordered.index(named[0])))
-    _check_decimals(ordered[len(named) == 1:], folder)
-    return ordered
+    first = named if len(named) == 1 else []
+    counted = [path for path in ordered if path not in first]
+    if order is None:
+        _check_decimals(counted, folder)
+    try:
+        places, reading = order_by_names([_stem_in(path, folder) for path in counted], order)
+    except UncertainOrder as error:
+        raise InputError("the order of the files is not certain", file=folder, key="experiment.order",
+                         expected=error.expected, found=error.found,
+                         remedy=f"look at the images, then write {_choice(error.orders)} under [experiment]") from None
+    return [*first, *(counted[k] for k in places)], reading
+
+
+def reading_of_names(paths: Sequence[Path], folder: Path) -> str:
+    """How names are read that are not in the order of their digits from left to right, in words; "" elsewhere."""
+    reading = read_order(dict.fromkeys(paths), folder)[1] if len(paths) > 1 else ""
+    return _IN_WORDS.get(reading, "")
+
+
+def _choice(orders: Sequence[str]) -> str:
+    return " or ".join(f'order = "{name}"' + (" with images = [\"first.tif\", …]" if name == LISTED else "")
+                       for name in orders)
+
+
+def _stem_in(path: Path, folder: Path) -> str:
+    return path.relative_to(folder).with_suffix("").as_posix()
 
 
 def _check_decimals(paths: list[Path], folder: Path) -> None:
     """InputError for t_1.0s, t_1.5s, t_1.25s: 25 comes after 5, and 1.25 before 1.5."""
-    stems = [path.relative_to(folder).with_suffix("").as_posix() for path in paths]
+    stems = [_stem_in(path, folder) for path in paths]
     numbers = [_DECIMAL.findall(stem) for stem in stems]
     if any(len(matches) != 1 for matches in numbers) or len({_DECIMAL.sub("#", stem) for stem in stems}) != 1:
         return
@@ -61,7 +90,8 @@ def _check_decimals(paths: list[Path], folder: Path) -> None:
         raise InputError("the order of the files is not certain", file=folder,
                          expected="decimal numbers with equally many digits, such as 1.00, 1.25, 1.50",
                          found=f"{paths[k - 1].name} and {paths[k].name}",
-                         remedy="rename the files, with as many digits behind the point in every name")
+                         remedy="rename the files, with as many digits behind the point in every name; or look at the "
+                                f"images, then write {_choice((NAMES, LISTED))} under [experiment]")
 
 
 def inside(folder: Path, name: str, *, file, key) -> Path:
@@ -92,8 +122,8 @@ def existing_file(folder: Path, name: str, *, file, key) -> Path:
     return path
 
 
-def matching_files(folder: Path, patterns: list[str], *, file, key) -> list[Path]:
-    """All files that match the patterns, in `recorded_order`."""
+def matching_files(folder: Path, patterns: list[str], *, file, key, order: str | None = None) -> list[Path]:
+    """All files that match the patterns, in `recorded_order`, or pattern by pattern as they are listed."""
     files: dict[Path, None] = {}
     for pattern in patterns:
         inside(folder, pattern, file=file, key=key)
@@ -105,8 +135,8 @@ def matching_files(folder: Path, patterns: list[str], *, file, key) -> list[Path
                              expected=f"files that match {pattern!r} in {folder}",
                              found=f"{parent.name}/ holds {', '.join(names)} …" if names else "none",
                              remedy='correct the pattern, e.g. images = "images/*.tif"')
-        files |= dict.fromkeys(matches)
-    return recorded_order(files, folder)
+        files |= dict.fromkeys(recorded_order(matches, folder) if order == LISTED else matches)
+    return list(files) if order == LISTED else recorded_order(files, folder, order)
 
 
 def patterns_of(folder: Path, paths: Sequence[Path]) -> list[str]:

@@ -22,7 +22,7 @@ MIN_TOLD_CURVATURE_STRAIN = 2e-5  # of a surface by bending, half a thickness aw
 def open_series(config: ExperimentFile, folder: Path, file: Path) -> FieldSeries:
     """All stages of the experiment."""
     table = config.experiment
-    paths = matching_files(folder, table.fields, file=file, key="experiment.fields")
+    paths = matching_files(folder, table.fields, file=file, key="experiment.fields", order=table.order)
     pixel_size = config.camera.pixel_size_mm if config.camera else None
     return open_fields(paths, table.fields_format, table.fields_unit, pixel_size)
 

@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -25,6 +26,13 @@ def _frame(value: object) -> object:
     if isinstance(value, str) or (isinstance(value, int) and not isinstance(value, bool)):
         return value
     raise refuse("not a frame", "a file name or a whole number", "give a file name in quotes, or a number", value)
+
+
+def _order(value: object) -> object:
+    if isinstance(value, str) and re.fullmatch(r"names|signed|wrapped|clock|listed|number [1-9]", value):
+        return value
+    raise refuse("not an order of images", "names, signed, wrapped, clock, number 1, number 2 … or listed",
+                 "write one of these, or leave order out", value)
 
 
 def _as_frames(value: object) -> object:
@@ -136,6 +144,7 @@ class ExperimentTable(Strict):
     fields_seen_from: Literal["+z", "-z"] = "+z"  # of three coordinates: where the cameras were
     fields_thickness_change: bool | None = None  # of a sheet: compared; None: where it can exceed the noise
     stages: StagesTable | None = None  # of fields: which ones are compared; None: all
+    order: Annotated[str | None, BeforeValidator(_order)] = None  # of images or fields; None: as their names show
     loads: str | None = None
     decimal: Literal[".", ","] | None = None  # mark in loads and image_times; None: as their numbers show
     mesh: Annotated[MeshTable, BeforeValidator(_as_file_table)]

@@ -87,7 +87,7 @@ def camera_files(config: ExperimentFile, folder: Path) -> list[Path]:
 def camera_images(config: ExperimentFile, folder: Path) -> list[Path]:
     """Images of the further cameras (found before)."""
     return [path for table in config.further_cameras
-            for path in matching_files(folder, table.images, file=None, key="camera")]
+            for path in matching_files(folder, table.images, file=None, key="camera", order=config.experiment.order)]
 
 
 class _CameraFiles:
@@ -104,8 +104,9 @@ class _CameraFiles:
     def stack(self, patterns, name: str) -> FileStack:
         key = f"{self.key}.{name}"
         table = self.config.experiment
-        stack = open_stack(matching_files(self.folder, patterns, file=self.file, key=key), file=self.file, key=key,
-                           with_gaps=table.quantity == "height")
+        order = table.order if name == "images" else None
+        stack = open_stack(matching_files(self.folder, patterns, file=self.file, key=key, order=order), file=self.file,
+                           key=key, with_gaps=table.quantity == "height")
         check_height_unit(stack, table.height_unit, self.file, key)
         return stack
 

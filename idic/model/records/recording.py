@@ -151,6 +151,7 @@ class Recording:
     still_labels: tuple[str, ...] = ()  # their file names
     is_log_interpolated: bool = False  # the log has rows at times of its own
     column_units: Mapping[str, str | None] = field(default_factory=dict)  # of the columns of the log, None: not stated
+    stated_order: str = ""  # of the images, by the user; "": by their names, to be confirmed
     identity: str = ""  # hash of everything that decides the result
 
     @property

@@ -13,13 +13,14 @@ from scipy.ndimage import binary_erosion
 from idic.identification import planned_increments, repeated_readings
 from idic.experiment_file import corners_px, recorded, seen_nodes, seen_region, visible_cells
 from idic.images import largest_value, saturated_share
+from idic.measure import FrameSequence, late_cameras
 from idic.model import Experiment, Measured, Model, Noise, Options, Recording, in_words
 from idic.readers import check_stages, mean_strain
 from idic.report.evidence.cost import Cost, expected_cost
 from idic.report.evidence.fields.increments import increments_of
 from idic.report.evidence.placement import ends_that_move_otherwise, mirrored_axes, misplaced_still_frames
 from idic.report.evidence.plausible import (
-    implausible_scale, implausible_values, loaded_reference, opposed_forces, pattern_warnings, repeated_image,
+    implausible_scale, implausible_values, loaded_reference, opposed_forces, pattern_warnings,
     separate_pieces, start_values, sums_of_all_reactions,
 )
 from idic.report.evidence.rig import rig_warnings
@@ -145,17 +146,19 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None, draw: bo
         An image that cannot be decoded.
     """
     placed = experiment.at_geometry(experiment.model.parameters)
-    main, *further_cameras = [_check_camera(view, draw) for view in placed.views]
+    inspected = [_check_camera(view, draw) for view in placed.views]
+    main, *further_cameras = [report for report, _ in inspected]
     if overlay_to is not None and main.overlay is not None:
         Path(overlay_to).write_bytes(main.overlay.png)
     cost = expected_cost(experiment)
     return replace(main, cameras=tuple(further_cameras), cost=cost,
-                   warnings=(*main.warnings, *_model_warnings(experiment), *rig_warnings(placed, cost.time_s),
+                   warnings=(*main.warnings, *late_cameras([sequence for _, sequence in inspected if sequence is not None]),
+                             *_model_warnings(experiment), *rig_warnings(placed, cost.time_s),
                              *cost.warnings()))
 
 
-def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
-    """The facts on one camera; experiment : its view."""
+def _check_camera(experiment: Experiment, draw: bool) -> tuple[CheckReport, FrameSequence | None]:
+    """The facts on one camera, and its images as a sequence; experiment : its view."""
     model, recording = experiment.model, experiment.recording
     stack, shape = recording.stack, recording.image_shape
     reference = recording.picture(model.reference)
@@ -168,6 +171,9 @@ def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
     picture = overlay(experiment) if draw else None
     field_notes, field_warnings = _of_fields(experiment, corners, visible) if recording.points is not None else ((), ())
     labels = recording.labels
+    sequence = None
+    if recording.points is None:
+        sequence, field_warnings = _warnings_of_images(experiment, reference, corners, visible, roi, areas)
     return CheckReport(
         experiment.title, stack.n_frames, labels[model.reference], tuple(labels[k] for k in recording.excluded),
         (shape[1], shape[0]), str(reference.dtype), model.mesh.n_nodes, model.mesh.n_elements,
@@ -175,10 +181,9 @@ def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
         float(areas.mean()), float(areas.min()), model.length_unit, model.parameters.free,
         tuple(channel.column for channel in model.channels), noise, float(np.nanstd(reference[roi])),
         (*experiment.notes, *field_notes, *_margin_note(experiment.options), *planned_increments(experiment)),
-        _warnings_of_images(experiment, reference, corners, visible, roi, areas)
-        if recording.points is None else field_warnings, picture,
+        field_warnings, picture,
         recording.camera_name,
-        value_unit=recording.value_unit, points=_points_line(recording), starts=start_values(model))
+        value_unit=recording.value_unit, points=_points_line(recording), starts=start_values(model)), sequence
 
 
 def overlay(experiment: Experiment) -> Picture:
@@ -226,8 +231,22 @@ def _place_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarr
                "expect large error bars; improve contrast or lighting")
 
 
-def _image_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray):
-    """Warnings of the images; every one is decoded."""
+def _image_warnings(experiment: Experiment, reference: np.ndarray,
+                    roi: np.ndarray) -> tuple[FrameSequence, list[str]]:
+    """The images as a sequence, and their warnings; every one is decoded.
+
+    Raises
+    ------
+    InputError
+        Their motion contradicts the order of their names.
+    """
+    warnings = list(_reference_warnings(experiment, reference, roi))
+    sequence, equal, changed = _decoded(experiment, reference, roi)
+    sequence.check_order()
+    return sequence, [*warnings, *sequence.order_warnings(), *sequence.repeated(equal), *sequence.lost(), *changed]
+
+
+def _reference_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray) -> Iterator[str]:
     recording = experiment.recording
     image = recorded(recording.stack).frame(experiment.model.reference)
     share = saturated_share(image, roi) or 0.0
@@ -241,25 +260,37 @@ def _image_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarr
     if gaps > _MAX_GAP_SHARE:
         yield (f"{100 * gaps:.0f} % of the reference image in the ROI has no value, and interpolation also loses the "
                "neighbours of each gap: fill the gaps, or mask them")
+
+
+def _decoded(experiment: Experiment, reference: np.ndarray,
+             roi: np.ndarray) -> tuple[FrameSequence, list[int], list[str]]:
+    """The images as a sequence, those that equal the one before, and warnings of changed light."""
+    recording, equal, warnings = experiment.recording, [], []
+    thumbnails = []
     mean, previous, previous_values = float(reference[roi].mean()), -1, np.zeros(0)
     for k in range(recording.stack.n_frames):
-        values = recording.stack.frame(k)[roi]  # decodes every image: damaged ones are found here
+        image = recording.stack.frame(k)  # decodes every image: damaged ones are found here
+        values = image[roi]
         if k not in recording.excluded:
             if previous >= 0 and np.array_equal(values, previous_values, equal_nan=values.dtype.kind == "f"):
-                yield from repeated_image(experiment, previous, k)
+                equal.append(k)
+            thumbnails.append(FrameSequence.thumbnail(image, roi))
             previous, previous_values = k, values
         jump = abs(float(values.mean()) - mean) > _MAX_BRIGHTNESS_CHANGE * abs(mean)
         if jump and k not in recording.excluded and recording.quantity == "grey":
-            yield (f"{recording.labels[k]}: the mean grey value differs by more than {100 * _MAX_BRIGHTNESS_CHANGE:g} "
-                   "% from the reference: check lighting and exposure, or exclude the frame")
+            warnings.append(f"{recording.labels[k]}: the mean grey value differs by more than "
+                            f"{100 * _MAX_BRIGHTNESS_CHANGE:g} % from the reference: check lighting and exposure, or "
+                            "exclude the frame")
+    return FrameSequence.of_thumbnails(experiment, thumbnails), equal, warnings
 
 
 def _warnings_of_images(experiment: Experiment, reference: np.ndarray, corners: list[np.ndarray], visible: np.ndarray,
-                        roi: np.ndarray, areas: np.ndarray) -> tuple[str, ...]:
-    """Warnings of scale, then, if there are none, of the pattern."""
+                        roi: np.ndarray, areas: np.ndarray) -> tuple[FrameSequence, tuple[str, ...]]:
+    """The images as a sequence; warnings of scale, then, if there are none, of the pattern, and of the images."""
     scale = tuple(_scale_warnings(experiment, corners, visible))
     place = () if scale else tuple(_place_warnings(experiment, reference, roi, areas, experiment.recording.noise))
-    return (*scale, *place, *_image_warnings(experiment, reference, roi))
+    sequence, warnings = _image_warnings(experiment, reference, roi)
+    return sequence, (*scale, *place, *warnings)
 
 
 def _scale_warnings(experiment: Experiment, corners: list[np.ndarray], visible: np.ndarray) -> Iterator[str]:

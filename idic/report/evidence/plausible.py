@@ -9,7 +9,6 @@ import numpy as np
 from scipy.ndimage import find_objects, label, maximum_filter, uniform_filter
 
 from idic.fe import Mesh, bodies
-from idic.identification import MIN_STEP_SHARE
 from idic.images import BLOCK_PX, compressed_at, edge_blur, speckle_size
 from idic.laws import law_for
 from idic.model import Column, Experiment, Model
@@ -80,20 +79,6 @@ def opposed_forces(experiment: Experiment) -> Iterator[str]:
             yield (f"{channel.column}: the force that holds {channel.nodes} goes {with_it} the motion of {nodes}, "
                    f"{drive.column}; the log shows the opposite. factor = {-channel.factor:g} in simulated = {{ … }} "
                    "reverses the sign of the force")
-
-
-def repeated_image(experiment: Experiment, previous: int, k: int) -> Iterator[str]:
-    """Two frames with the same grey values, unless the log shows that nothing happens between them."""
-    model = experiment.model
-    columns = [channel.values for channel in model.channels]
-    columns += [condition.drive.values for condition in model.prescribed if isinstance(condition.drive, Column)]
-    columns += [load.drive.values for load in model.loads if isinstance(load.drive, Column)]
-    if columns and all(abs(column[k] - column[previous]) <= MIN_STEP_SHARE * np.ptp(column) for column in columns):
-        return
-    labels = experiment.recording.labels
-    yield (f"{labels[k]} repeats {labels[previous]} to the last grey value: an image that the "
-           "recording lost, and replaced by the one before. Its motion is that of another moment: list it in "
-           "exclude_frames, and check that log and images still belong together after it")
 
 
 def sums_of_all_reactions(model: Model) -> Iterator[str]:

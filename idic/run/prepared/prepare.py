@@ -14,13 +14,13 @@ import numpy as np
 
 from idic.correlation import build_experiment_reference, camera_at
 from idic.errors import InputError
-from idic.experiment_file import load_experiment, recorded
+from idic.experiment_file import corners_px, load_experiment, recorded, seen_nodes, seen_region, visible_cells
 from idic.identification import (
     check_method, measured_nodes, motion_in_space, needs_free_dic, needs_motion_in_space, noise_weights,
     regularisation_of, resolve_stages,
 )
 from idic.images import Stack
-from idic.measure import virtual_boundaries
+from idic.measure import FrameSequence, virtual_boundaries
 from idic.model import Experiment, Measured, Parametrised, build_forward, set_nodes
 from idic.path_names import path_name
 from idic.readers import FieldStack, FileStack, check_stages
@@ -42,7 +42,7 @@ def check_before_writing(experiment: Experiment) -> None:
     Raises
     ------
     InputError
-        No images, nothing to identify, sets or constraints that make no model, a mesh that is not in the image, modes
+        No images, images that are not in the order of time, nothing to identify, sets or constraints that make no model, a mesh that is not in the image, modes
         to be measured on an edge that is not in the image.
     """
     model, recording = experiment.model, experiment.recording
@@ -61,6 +61,19 @@ def check_before_writing(experiment: Experiment) -> None:
     reference, *_ = [build_experiment_reference(view, camera_at(view,
     model.parameters)) for view in experiment.views]
     _check_measurable(experiment, reference.pixel_map.visible_nodes)
+    for view in experiment.views:
+        _check_order(view)
+
+
+def _check_order(view: Experiment) -> None:
+    """Refuse images of one camera whose motion contradicts the order of their names."""
+    if not FrameSequence.has_order_to_confirm(view):
+        return
+    model, recording = view.model, view.recording
+    points, cells = seen_nodes(model.mesh, model.kind, model.surface)
+    visible = visible_cells(model.mesh, model.kind, model.surface, model.camera, recording.image_shape)
+    corners = corners_px(points, cells, model.kind, model.surface, model.camera)
+    FrameSequence.of(view, seen_region(corners, visible, recording.image_shape, recording.mask)).check_order()
 
 
 def _check_heights(experiment: Experiment) -> None:

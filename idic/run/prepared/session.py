@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from idic.identification import checked_sensitivity, choose_sensitivity
-from idic.model import Experiment
+from idic.model import Experiment, is_camera_time
 from idic.run.prepared.context import RunContext, open_run
 from idic.run.prepared.tasks import SimulationJob
 from idic.run.workers.dask_settings import cpu_seconds
@@ -59,6 +59,7 @@ def open_session(run: Path | str, runner: TaskRunner, sensitivity: str, progress
     context = open_run(str(run))
     n_shape = sum(name in context.forward.morphs for name in context.moving)
     sensitivity = checked_sensitivity(sensitivity, context.experiment.model)
-    chosen = choose_sensitivity(sensitivity, len(context.moving), runner.workers, n_shape)
+    chosen = choose_sensitivity(sensitivity, len(context.moving), runner.workers, n_shape,
+                                any(map(is_camera_time, context.moving)))
     callbacks = {name: call for name, call in (("progress", progress), ("say", say)) if call is not None}
     return Session(str(run), runner, chosen, **callbacks)

@@ -1,0 +1,98 @@
+"""Images that repeat the one before, and images that are missing, by their motion against the log."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+MAX_REPEATED = 0.4  # motion of a repeated image per change of the log, over that of the pair beside it
+BESIDE = 3  # pairs of images on both sides
+MAX_STEP = 0.35  # its step over that of the pair beside it
+MIN_LOG_STEP = 0.3  # change of the log over that of the pair beside it: the log moves on
+MIN_LOST, MAX_LOST = 1.6, 6.5  # motion over a missing image per change of the log, over that of the pairs beside it
+MAX_UNLIKE = 1.25  # of the pairs on both sides
+MIN_MOVING = 0.5  # share of motion in the distance of two images: the rest is noise
+MIN_CHANGE = 1e-3  # of the range of a column: less is none
+MIN_HALF = 0.4  # share of the images: more are every second one
+MAX_NAMED = 40
+
+
+@dataclass(frozen=True)
+class Steps:
+    """From each image to the next: how far they are apart, the part of it that is motion, and the change of the log.
+
+    apart_px, moved_px, logged : (n - 1,); logged is the mean over its columns, each over its whole way
+    """
+
+    apart_px: np.ndarray
+    moved_px: np.ndarray
+    logged: np.ndarray
+
+    @classmethod
+    def of(cls, apart_px: np.ndarray, two_apart_px: np.ndarray, courses: np.ndarray) -> Steps:
+        """Noise makes images differ that do not move: f² in d₁² = f² + m², d₂² = f² + 4 m² over one and two steps.
+
+        apart_px : (n - 1,), two_apart_px : (n - 2,) from each image to the one after next; courses : (m, n)
+        """
+        squares = (2.0 * (apart_px[:-1] ** 2 + apart_px[1:] ** 2) - two_apart_px**2) / 3.0
+        noise = min(max(float(np.median(squares)), 0.0), float(apart_px.min() ** 2)) if len(squares) else 0.0
+        change = np.abs(np.diff(courses, axis=1))
+        return cls(apart_px, np.sqrt(np.maximum(apart_px**2 - noise, 0.0)),
+                   (change / np.maximum(change.sum(axis=1, keepdims=True), 1e-300)).mean(axis=0))
+
+    def repeats(self) -> list[int]:
+        """Frames without the motion that the log and frames beside them have."""
+        n, frames = len(self.apart_px), []
+        for k in range(n if n > 2 else 0):
+            beside = max(range(max(k - BESIDE, 0), min(k + BESIDE + 1, n)), key=lambda j: self.moved_px[j])
+            moved, logged = self.moved_px[beside], self.logged[beside]
+            if not self.logged[k] >= MIN_LOG_STEP * logged > 0.0 or beside == k:
+                continue
+            if self.apart_px[k] < MAX_STEP * self.apart_px[beside] and self.moved_px[k] < MAX_REPEATED * moved * min(
+                    1.0, self.logged[k] / logged):
+                frames.append(k + 1)
+        return frames
+
+
+def repeated_frames(steps: Steps, labels: Sequence[str], equal: Collection[int], has_log: bool) -> list[str]:
+    """One sentence on the frames that repeat the one before, with the line that excludes them.
+
+    equal : frames that are equal to the last grey value; has_log : whether the steps know the change of a log
+    """
+    moving = [k for k in equal if not has_log or steps.logged[k - 1] > MIN_CHANGE / len(labels)]
+    numbers = sorted({*(steps.repeats() if has_log else ()), *moving})
+    if not numbers:
+        return []
+    named = [f'"{labels[k]}"' for k in numbers]
+    if len(named) > MAX_NAMED:
+        named = [*named[:MAX_NAMED], "…"]
+    how = "to the last grey value" if set(numbers) <= set(equal) else "within the noise"
+    subject = (f"{labels[numbers[0]]} repeats {labels[numbers[0] - 1]}" if len(numbers) == 1
+               else f"{len(numbers)} of {len(labels)} images, {labels[numbers[0]]} the first, repeat the one before")
+    why = ("a film that was decoded to a multiple of its rate?" if len(numbers) >= MIN_HALF * len(labels) > 2
+           else "the recording lost images, and put the ones before in their place?")
+    return [f"{subject} {how}" + (" while the log moves on" if has_log else "") + f": {why} Their motion is that of "
+            f"another moment: write exclude_frames = [{', '.join(named)}], and check that log and images belong "
+            "together after them"]
+
+
+def lost_frames(steps: Steps, labels: Sequence[str], has_log: bool) -> list[str]:
+    """Sentences on places where one step of the motion is a multiple of those beside it, and that of the log is not."""
+    if len(steps.apart_px) < 4 or steps.repeats():
+        return []
+    texts, moved, logged = [], steps.moved_px, steps.logged
+    for k in range(1, len(moved) - 1):
+        if min(logged[k - 1:k + 2]) <= 0.0 or min(moved[k - 1:k + 2] / steps.apart_px[k - 1:k + 2]) < MIN_MOVING:
+            continue
+        before, ratio, after = moved[k - 1:k + 2] / logged[k - 1:k + 2]
+        usual = 0.5 * (before + after)
+        if max(before, after) > MAX_UNLIKE * min(before, after) or not MIN_LOST < ratio / usual < MAX_LOST:
+            continue
+        n = round(float(ratio / usual)) - 1
+        texts.append(f"from {labels[k]} to {labels[k + 1]} the images move {ratio / usual:.2g} times as far as "
+                     f"{'the log says' if has_log else 'before and after'}: {'an image' if n < 2 else f'{n} images'} "
+                     "lost between them? Then the times of all later images are too early: give the time of every image "
+                     "with image_times. If the grip slipped there, do nothing")
+    return texts

@@ -1,0 +1,1 @@
+"""Frames by the names and the headers of their files: their order."""
