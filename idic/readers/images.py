@@ -15,7 +15,9 @@ from PIL import Image
 from idic.errors import InputError
 from idic.remote_files import fetch, image_facts
 from idic.readers.delimited.xyz_grid import XYZ_SUFFIXES, XyzGrid, check_alike, read_xyz_heights, xyz_grid
-from idic.readers.orientation import TAG, UPRIGHT, orientation_note, orientation_of, upright, upright_shape
+from idic.readers.image_formats.orientation import (
+    TAG, UPRIGHT, orientation_note, orientation_of, upright, upright_shape,
+)
 from idic.readers.image_formats.palettes import OVERLAY_NOTE, grey_of_palette
 from idic.readers.image_formats.electron_microscopes import Micrograph, micrograph
 from idic.readers.image_formats.electron_microscopes import FORMAT as SEM
@@ -45,7 +47,8 @@ class ImageEntry:
     """The place of one frame: a page of a file, or a plane behind the one page of a stack.
 
     grid : pitch and units, of formats that state them; note : on the effect of the format on the measurement, ""
-    without; time_s : when it was taken, from any start, None unknown; bar_rows : of a data bar at the lower edge, left out
+    without; time_s : when it was taken, from any start, None unknown; bar_rows : of a data bar at the lower edge, which
+    are left out
     """
 
     path: Path

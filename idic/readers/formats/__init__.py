@@ -1,1 +1,1 @@
-"""The formats that idic reads: what each reader declares of its own, in one table."""
+"""What each reader declares of its formats."""

@@ -19,7 +19,7 @@ class Format:
 
     kind : where it is used, one of `IMAGES` …; name : program or instrument; suffixes : in lower case, none where the
     content tells the format; library : that decodes it, "" where idic does
-    taken : from the file besides its values; asked : of the user; tested : with which files
+    contents : what is taken from a file besides its values; user_input : what the user states; tests : with which files
     is_film : a file holds all images; is_extra : the library comes with ``idic[instruments]``
     """
 
@@ -27,9 +27,9 @@ class Format:
     name: str
     suffixes: tuple[str, ...]
     library: str
-    taken: str
-    asked: str
-    tested: str
+    contents: str
+    user_input: str
+    tests: str
     is_film: bool = False
     is_extra: bool = False
 
@@ -51,7 +51,7 @@ class Format:
             raise InputError(f"{self.name} ({path.suffix}) is read by {self.library}, which is not installed: "
                              f"{INSTALL}", file=path, key=key, expected=self.library, found=str(problem),
                              remedy=f"install it: {INSTALL}") from None
-        except (Exception, SystemExit) as problem:  # noqa: BLE001  (each library raises its own kinds)
+        except (Exception, SystemExit) as problem:
             raise InputError(f"{self.name} ({path.suffix}): the file cannot be read", file=path, key=key,
                              expected=f"a file that {self.library} reads",
                              found=f"{type(problem).__name__}: {problem}" if str(problem) else type(problem).__name__,

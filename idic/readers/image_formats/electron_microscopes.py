@@ -1,8 +1,8 @@
 """Images of scanning electron microscopes: size of a pixel from their tags, and the data bar below the image.
 
-FEI (Thermo Fisher) and Zeiss write it into tags of the TIFF, JEOL into a text file beside the image. The resolution tags
-of these files are those of a screen. Zeiss gives the pixel of a screen of 1024 columns, and that of the image in newer
-files only: sources as in tifffile and RosettaSciIO.
+FEI (Thermo Fisher) and Zeiss write it into tags of the TIFF, JEOL into a text file beside the image. The resolution
+tags of these files are those of a screen. Zeiss gives the pixel of a screen of 1024 columns, and that of the image in
+newer files only: sources as in tifffile and RosettaSciIO.
 """
 
 from __future__ import annotations
@@ -20,8 +20,9 @@ from idic.readers.delimited.units import parse_unit
 from idic.readers.formats.format import IMAGES, Format
 from idic.remote_files import fetch
 
-FORMAT = Format(IMAGES, "electron microscopes: FEI, Zeiss, JEOL", (), "tifffile", "pixel size; the data bar is left out",
-                "the .txt file of JEOL beside the image", "made files with their tags; real FEI and Zeiss ones")
+FORMAT = Format(IMAGES, "electron microscopes: FEI, Zeiss, JEOL", (), "tifffile",
+                "pixel size; the data bar is left out", "the .txt file of JEOL beside the image",
+                "made files with their tags; real FEI and Zeiss ones")
 _ZEISS_SCREEN_PX = 1024
 _ZEISS_PIXEL = 3  # place of the size of a pixel in m in the list without names
 _MIN_BAR_SHARE, _MAX_BAR_SHARE = 0.02, 0.25  # of the rows
@@ -64,35 +65,34 @@ def _fei(tiff: tifffile.TiffFile, shape: tuple[int, int]) -> tuple[tuple[float, 
         return None
     scan, rows = tables.get("Scan", {}), tables.get("Image", {}).get("ResolutionY")
     sizes = scan.get("PixelWidth"), scan.get("PixelHeight")
-    known = all(isinstance(size, float) and size > 0.0 for size in sizes)
+    has_sizes = all(isinstance(size, float) and size > 0.0 for size in sizes)
     is_below = isinstance(rows, int) and 0 < rows < shape[0]
-    return (1e3 * sizes[0], 1e3 * sizes[1]) if known else None, shape[0] - rows if is_below else None
+    return (1e3 * sizes[0], 1e3 * sizes[1]) if has_sizes else None, shape[0] - rows if is_below else None
 
 
 def _zeiss(tiff: tifffile.TiffFile, shape: tuple[int, int]) -> tuple[tuple[float, float] | None, None] | None:
     tags = tiff.sem_metadata if tiff.is_sem else None
     if not tags:
         return None
-    named = tags.get("ap_image_pixel_size")
-    unnamed = tags.get("", ())
+    entry, unnamed = tags.get("ap_image_pixel_size"), tags.get("", ())
     size = None
-    if named is not None and len(named) > 2 and (unit := parse_unit(str(named[2]))) is not None:
-        size = float(named[1]) * unit.factor
+    if entry is not None and len(entry) > 2 and (unit := parse_unit(str(entry[2]))) is not None:
+        size = float(entry[1]) * unit.factor
     elif len(unnamed) > _ZEISS_PIXEL:
         size = 1e3 * float(unnamed[_ZEISS_PIXEL]) * _ZEISS_SCREEN_PX / shape[1]
     return (size, size) if size else None, None
 
 
 def _jeol(path: Path, shape: tuple[int, int]) -> tuple[tuple[float, float] | None, int | None] | None:
-    beside = path.with_suffix(".txt")
-    if not beside.is_file():
+    sidecar = path.with_suffix(".txt")
+    if not sidecar.is_file():
         return None
-    with beside.open("rb") as stream:
+    with sidecar.open("rb") as stream:
         head = stream.read(1 << 16)
     if _JEOL_MARK.encode() not in head:
         return None
-    fetch(beside)
-    entries = dict(re.findall(r"^(\$+\w+)\s+(.*?)\s*$", text_of(head, beside, "images")[0], re.MULTILINE))
+    fetch(sidecar)
+    entries = dict(re.findall(r"^(\$+\w+)\s+(.*?)\s*$", text_of(head, sidecar, "images")[0], re.MULTILINE))
     size = [int(number) for number in entries.get("$CM_FULL_SIZE", "").split() if number.isdigit()]
     marker = re.fullmatch(r"([\d.]+)\s*([a-zµμ]+)", entries.get("$$SM_MICRON_MARKER", ""))
     unit = parse_unit(marker[2]) if marker else None

@@ -1,5 +1,5 @@
-"""Grey values of images that are stored with a palette: a grey ramp, perhaps with some colours of an overlay, behind the
-ramp or among its entries."""
+"""Grey values of images that are stored with a palette: a grey ramp, perhaps with some colours of an overlay, behind
+the ramp or among its entries."""
 
 from __future__ import annotations
 

@@ -23,7 +23,8 @@ FORMAT = Format(IMAGES, "Phantom cameras", (".cine",), "cinereader", "frame time
 _STORED_BITS = {8: 8, 16: 12}  # stored -> a depth whose values cinereader takes so
 _DTYPES = {8: "uint8", 16: "uint16"}
 _PACKED = {256: 10, 1024: 12}  # code of the packing: bits
-_RATE_AT = 852  # bytes into the setup: frames per second, a whole number in all versions
+_RATE_AT = 768  # bytes into the setup: frames per second, a whole number in all versions
+_EXACT_RATE_END = 10_408  # bytes of the setup with which it holds the rate as a fraction, too
 _MINUTE = 60.0
 _MAX_RATE_DIFFERENCE = 0.5  # of the interval: the stamps count other frames than the rate
 
@@ -66,8 +67,8 @@ def _opened(path: Path, _changed: int) -> tuple[Film, Any]:
             raise _refused(path, f"{header.ImageCount} frames of {header.biWidth} x {header.biHeight} px, packing "
                            f"{header.biCompression}")
         if header.biSizeImage * 8 != n * n_bits:
-            raise _refused(path, f"{header.biSizeImage} bytes per frame of {header.biWidth} x {header.biHeight} px with "
-                           f"{n_bits} bits")
+            raise _refused(path, f"{header.biSizeImage} bytes per frame of {header.biWidth} x {header.biHeight} px, "
+                           f"{n_bits} bits per pixel")
         header.RealBPP = packed or _STORED_BITS[header.biBitCount]
         _check_size(path, header)
         times, source = _times(path, header, cinereader)
@@ -95,7 +96,7 @@ def _times(path: Path, header: Any, cinereader: Any) -> tuple[np.ndarray, str]:
     with path.open("rb") as stream:
         stream.seek(header.OffSetup + _RATE_AT)
         rate = struct.unpack("<I", stream.read(4))[0]
-    if header.Length >= 10_600 and 0.0 < header.FrameRate < 1e9:  # setups that hold it as a fraction, too
+    if header.Length >= _EXACT_RATE_END and 0.0 < header.FrameRate < np.inf:
         rate = header.FrameRate
     try:
         stamps = np.unwrap(cinereader.read_timestamps(header, str(path)), period=_MINUTE)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from typing import Any
 from functools import lru_cache
 from pathlib import Path
 
@@ -74,7 +75,7 @@ def _film(path: Path, header: Path, _changed: int, _header_changed: int) -> Film
     with FORMAT.decoded(path):
         import pyMRAW
 
-        entries: Mapping[str, object] = pyMRAW.get_cih(str(header))
+        entries: Mapping[str, Any] = pyMRAW.get_cih(str(header))
         n_frames, ny, nx, bits, effective_bits = (int(entries[name]) for name in (
             "Total Frame", "Image Height", "Image Width", "Color Bit", "EffectiveBit Depth"))
         rate, side = float(entries["Record Rate(fps)"]), str(entries["EffectiveBit Side"]).lower()
@@ -91,13 +92,13 @@ def _film(path: Path, header: Path, _changed: int, _header_changed: int) -> Film
                        "bits")
     shift = 16 - effective_bits if bits == 16 and side == "higher" else 0
     saved = f", of which every {step}th was saved" if step > 1 else ""
-    note = (f"{rate:g} frames per second by {header.name}{saved}: times count from the first frame, which first_frame_s "
-            "shifts" + ("; its colours are called Raw: of a colour camera that is a mosaic, not a grey image"
-                        if kind.lower() == "raw" else ""))
+    mosaic = "; its colours are called Raw: of a colour camera that is a mosaic, not a grey image"
+    note = (f"{rate:g} frames per second by {header.name}{saved}: times count from the first frame, which "
+            f"first_frame_s shifts{mosaic if kind.lower() == 'raw' else ''}")
     return Film(n_frames, (ny, nx), _DEPTHS[bits], step / rate * np.arange(n_frames), note, bits, max(shift, 0))
 
 
-def _colour_and_step(header: Path, entries: Mapping[str, object]) -> tuple[str, int]:
+def _colour_and_step(header: Path, entries: Mapping[str, Any]) -> tuple[str, int]:
     """Kind of colour, and of how many recorded frames one was saved; pymraw gives them of .cih files only."""
     if header.suffix.lower() == ".cih":
         return str(entries.get("Color Type", "Mono")), int(entries.get("Save Step", 1))

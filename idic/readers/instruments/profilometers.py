@@ -33,11 +33,11 @@ _UM_PER_UNIT = {"m": 1e6, "mm": 1e3, "µm": 1.0, "um": 1.0, "nm": 1e-3, "Å": 1e
 
 @dataclass(frozen=True, eq=False)
 class HeightMap:
-    """heights : (ny, nx) µm, NaN where missing; pitch_um : along and across the rows; taken : when, None unknown"""
+    """heights : (ny, nx) µm, NaN where missing; pitch_um : along and across the rows; time : None where unknown"""
 
     heights: np.ndarray
     pitch_um: tuple[float, float]
-    taken: datetime | None = None
+    time: datetime | None = None
 
     @property
     def words(self) -> str:
@@ -73,7 +73,7 @@ def read_heights(path: Path) -> np.ndarray:
 @lru_cache(maxsize=4096)  # maps of a test
 def _known_grid(path: Path, changed_ns: int) -> tuple[XyzGrid, float | None]:
     height_map = _agreed(path, changed_ns)
-    time = height_map.taken
+    time = height_map.time
     seconds = None if time is None else (time.replace(tzinfo=None) - datetime(1970, 1, 1)).total_seconds()
     return XyzGrid(height_map.heights.shape, height_map.pitch_um, "um", "um"), seconds
 
@@ -92,7 +92,7 @@ def _agreed(path: Path, _changed_ns: int) -> HeightMap:
             else:
                 maps.append(height_map)
                 problems.append(f"{name}: {height_map.words}")
-        agreed = _common(*maps, early=_EARLY.get(path.suffix.lower(), 0)) if len(maps) == 2 else None
+        agreed = _common(maps[0], maps[1], _EARLY.get(path.suffix.lower(), 0)) if len(maps) == 2 else None
         if agreed is None:
             raise InputError(f"the libraries that read {path.suffix} do not agree on this file" if maps
                              else f"neither library can read this {path.suffix} file", file=path, key="images",
@@ -109,11 +109,13 @@ def _common(first: HeightMap, second: HeightMap, early: int) -> HeightMap | None
         return None
     most = _MAX_HEIGHT_DIFFERENCE * float(np.nanmax(second.heights) - np.nanmin(second.heights))
     most += float(np.finfo(np.float32).eps * np.nanmax(np.abs(second.heights)))
+    if not np.isfinite(most):
+        return None
     values, other_values = first.heights.ravel(), second.heights.ravel()
     if np.allclose(values, other_values, rtol=0.0, atol=most, equal_nan=True):
         return first
     if early and np.allclose(values[early:], other_values[:-early], rtol=0.0, atol=most, equal_nan=True):
-        return second
+        return HeightMap(second.heights, second.pitch_um, first.time)
     return None
 
 
@@ -129,11 +131,14 @@ def _by_surfalize(path: Path) -> HeightMap:
 def _by_surface_topography(path: Path) -> HeightMap:
     from SurfaceTopography import open_topography
 
-    with open_topography(str(path)) as reader:
+    suffix = path.suffix.lower()
+    with (np.errstate(over="ignore"),  # a missing point as the largest number: the other library tells
+          open_topography(str(path), format="vk" if suffix.startswith(".vk") else suffix[1:]) as reader):
         topography = reader.topography()
         heights = topography.heights()  # (nx, ny), masked where missing
         if heights.ndim != 2 or topography.unit not in _UM_PER_UNIT:
             raise ValueError(f"{heights.ndim} axes, unit {topography.unit}")
         factor = _UM_PER_UNIT[topography.unit]
         sizes = [factor * float(size) / n for size, n in zip(topography.physical_sizes, heights.shape, strict=True)]
-        return HeightMap(factor * np.ma.filled(np.ma.asarray(heights, float), np.nan).T, (sizes[0], sizes[1]))
+        values = np.ma.filled(np.ma.asarray(heights, float), np.nan).T
+        return HeightMap(factor * values, (sizes[0], sizes[1]))

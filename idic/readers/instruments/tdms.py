@@ -45,10 +45,10 @@ def read_tdms(path: Path) -> tuple[Table, list[str]]:
     if not groups:
         return table_of([], path), notes
     chosen = max(groups.values(), key=lambda channels: (len(channels), max(map(len, channels))))
-    others = [channel for channels in groups.values() if channels is not chosen for channel in channels]
-    if others:
+    unread = [channel for channels in groups.values() if channels is not chosen for channel in channels]
+    if unread:
         notes.append(f"{path.name}: read are the {len(chosen)} channels that were sampled together; not read "
-                     f"{'is' if len(others) == 1 else 'are'} {', '.join(map(_sampled_name, others))}: write all with "
+                     f"{'is' if len(unread) == 1 else 'are'} {', '.join(map(_sampled_name, unread))}: write all with "
                      "one rate and start")
     n_rows = min(map(len, chosen))
     if len({len(channel) for channel in chosen}) > 1:

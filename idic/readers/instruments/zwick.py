@@ -17,8 +17,8 @@ from idic.readers.delimited.log_table import Table
 from idic.readers.formats.format import LOADS, Format
 from idic.readers.instruments.channel_table import Channel, table_of
 
-FORMAT = Format(LOADS, "ZwickRoell testXpert", (".zs2",), "zs2decode", "names of the channels",
-                "the unit of every column that is used; one specimen per file",
+FORMAT = Format(LOADS, "ZwickRoell testXpert", (".zs2",), "zs2decode", "names of the channels, the one of time",
+                "the unit of every other column that is used; one specimen per file",
                 "files of the encoder of zs2decode; no real one", is_extra=True)
 _MANAGER, _BLOCK = "ChannelManager", "SingleGroupDataBlock"
 Chunk = Sequence[Any]  # address, name, type, value
@@ -44,18 +44,23 @@ def read_zs2(path: Path) -> tuple[Table, list[str]]:
         if place[-1] == "DataArray" and _BLOCK in place:
             block = place[:place.index(_BLOCK) + 1]
             blocks.setdefault(block, {})[values.get((*place[:-1], "TrsChannelId"))] = np.asarray(array, float)
-    filled = [block for block in blocks.values() if any(map(len, block.values()))]
+    filled = {place: block for place, block in blocks.items() if any(map(len, block.values()))}
     if len(filled) != 1:
         raise InputError("the file holds the records of several specimens" if filled else "the file holds no record",
                          file=path, key="loads", expected="the record of one specimen",
                          found=f"{len(filled)} records", remedy="save the specimen in a file of its own, or export its "
                          "record as text")
-    channels = [Channel(str(names.get(number) or f"channel {number}"), "", array)
-                for number, array in filled[0].items() if len(array)]
+    (place, block), = filled.items()
+    time_at = values.get((*place, "IndexTimeChannel"))
+    titles = [str(names.get(number) or f"channel {number}") for number in block]
+    channels = [Channel("time_s" if k == time_at else title, "", array)
+                for k, (title, array) in enumerate(zip(titles, block.values(), strict=True)) if len(array)]
     longest = max(len(channel.values) for channel in channels)
     short = [channel.name for channel in channels if len(channel.values) < longest]
     notes = [f"{path.name}: the file states no units: write them, e.g. {{ column = \"{channels[-1].name}\", unit = "
              '"N" }, and compare a value with the printed record']
+    if isinstance(time_at, int) and time_at < len(titles):
+        notes.append(f"{path.name}: its channel of time, {titles[time_at]}, is read as time_s, in s")
     if short:
         notes.append(f"{path.name}: not read is {', '.join(short)}: shorter than the other channels")
     return table_of([channel for channel in channels if len(channel.values) == longest], path), notes
