@@ -16,12 +16,17 @@ python -m pip install 'idic[instruments]'
 ```
 
 A file that its library reads wrongly, or that two libraries read differently, is refused with the reason. Frames of
-films are read one by one. Times of films and maps count from the first frame; `first_frame_s` shifts them, and
-`frame_interval_s` or `image_times` take their place.
+films are read one by one. Tables are `.csv`, `.txt`, `.dat`, `.xlsx`\\*. Times of films and maps count from the first
+frame; `first_frame_s` shifts them, and `frame_interval_s` or `image_times` take their place.
 """
-KINDS = {"images": "Images: `images`", "heights": "Height maps: `images` with `quantity = \"height\"`",
-         "loads": "Logs: `loads`, `image_times`", "fields": "Measured fields: `fields`", "mesh": "Meshes: `mesh`",
-         "calibration": "Calibrations: `calibration` of a camera"}
+KINDS = {"images": "Images", "heights": "Height maps, `images` with `quantity = \"height\"`",
+         "loads": "Logs, `loads` and `image_times`", "fields": "Measured fields: points and displacements",
+         "mesh": "Meshes", "calibration": "Calibrations"}
+TABLES = (".csv", ".txt", ".dat", ".xlsx")
+
+
+def _suffixes(suffixes: tuple[str, ...]) -> str:
+    return "tables" if suffixes == TABLES else " ".join(f"`{suffix}`" for suffix in suffixes)
 
 
 def page() -> str:
@@ -32,7 +37,7 @@ def page() -> str:
         parts += [f"\n## {title}\n\n| files | suffix | read by | taken from the file | you state | tested with |\n"
                   "|---|---|---|---|---|---|\n",
                   *("| " + " | ".join((entry.name + ("\\*" if entry.is_extra else ""),
-                                       " ".join(f"`{suffix}`" for suffix in entry.suffixes), entry.library or "idic",
+                                       _suffixes(entry.suffixes), entry.library or "idic",
                                        entry.contents, entry.user_input, entry.tests)) + " |\n" for entry in rows)]
     return "".join(parts)
 

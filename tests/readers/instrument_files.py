@@ -90,8 +90,11 @@ def write_plu(path: Path, heights_um: np.ndarray, pitch_um: float) -> None:
 def write_plux(path: Path, heights_um: np.ndarray, pitch_um: float) -> None:
     """A map of newer Sensofar instruments: an archive with an index and a layer."""
     ny, nx = heights_um.shape
-    index = (f"<xml><GENERAL><DATE>Mon Nov 30 10:00:00 2026</DATE><FOV_X>{pitch_um}</FOV_X><FOV_Y>{pitch_um}</FOV_Y><IMAGE_SIZE_X>{nx}</IMAGE_SIZE_X>"
-             f"<IMAGE_SIZE_Y>{ny}</IMAGE_SIZE_Y></GENERAL><INFO><ITEM_0><NAME>Device</NAME><VALUE>S neox</VALUE></ITEM_0></INFO><LAYER_0><FILENAME_Z>LAYER_0.raw</FILENAME_Z></LAYER_0></xml>")
+    index = ("<xml><GENERAL><DATE>Mon Nov 30 10:00:00 2026</DATE>"
+             f"<FOV_X>{pitch_um}</FOV_X><FOV_Y>{pitch_um}</FOV_Y>"
+             f"<IMAGE_SIZE_X>{nx}</IMAGE_SIZE_X><IMAGE_SIZE_Y>{ny}</IMAGE_SIZE_Y></GENERAL>"
+             "<INFO><ITEM_0><NAME>Device</NAME><VALUE>S neox</VALUE></ITEM_0></INFO>"
+             "<LAYER_0><FILENAME_Z>LAYER_0.raw</FILENAME_Z></LAYER_0></xml>")
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("index.xml", index)
         archive.writestr("LAYER_0.raw", heights_um.astype("<f4").tobytes())
@@ -118,8 +121,8 @@ def write_zs2(path: Path, records: list[dict[int, np.ndarray]], names: dict[int,
 
     def elements():
         for k, record in enumerate(records):
-            section(f"Elem{k}", lambda record=record: section("SingleGroupDataBlock", value("IndexTimeChannel", "22", 0),
-                    lambda: section("DataChannels", *(
+            section(f"Elem{k}", lambda record=record: section(
+                    "SingleGroupDataBlock", value("IndexTimeChannel", "22", 0), lambda: section("DataChannels", *(
                         lambda k=k, number=number, array=array: section(
                             f"Elem{k}", value("TrsChannelId", "66", number),
                             value("DataArray", "EE04", [float(v) for v in array]))

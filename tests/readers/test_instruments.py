@@ -46,7 +46,8 @@ def test_the_times_of_photron_count_the_saved_frames(tmp_path):
 def test_a_film_written_by_pymraw_is_read(tmp_path):
     import pyMRAW
 
-    pyMRAW.save_mraw(FRAMES, str(tmp_path / "film.cih"), bit_depth=16, info_dict={"Record Rate(fps)": 2000, "Save Step": 4})
+    pyMRAW.save_mraw(FRAMES, str(tmp_path / "film.cih"), bit_depth=16,
+                     info_dict={"Record Rate(fps)": 2000, "Save Step": 4})
     read, stack = recorded(tmp_path / "film.mraw")
     np.testing.assert_array_equal(read, FRAMES)
     np.testing.assert_allclose(stack.times_s, np.arange(5) * 4 / 2000)
@@ -71,7 +72,8 @@ def test_a_film_of_photron_that_does_not_fit_its_header_is_refused(spoil, words,
 def test_frames_of_phantom_are_the_recorded_ones_in_any_order(bits, packing, setup_length, tmp_path):
     frames = RNG.integers(0, 2**min(bits, 12), (5, 12, 24)).astype(np.uint16)
     stamps = 5.0 + np.arange(5) / 400 if setup_length < 10408 else None  # of an older camera
-    write_cine(tmp_path / "film.cine", frames, bits, packing=packing, setup_length=setup_length, rate=400, stamps=stamps)
+    write_cine(tmp_path / "film.cine", frames, bits, packing=packing, setup_length=setup_length, rate=400,
+               stamps=stamps)
     read, stack = recorded(tmp_path / "film.cine")
     np.testing.assert_array_equal(read, frames)
     np.testing.assert_allclose(stack.times_s, np.arange(5) / 400, atol=1e-8)
@@ -227,7 +229,8 @@ def write_xlsx(path, **sheets):
 
 def test_the_record_of_a_workbook_is_the_sheet_with_the_rows(tmp_path):
     write_xlsx(tmp_path / "log.xlsx", Results=[["E", 71000.0]],
-               Specimen=[["operator", "N.N."], ["time", "force"], ["s", "kN"], *([0.1 * k, 1.234 * k] for k in range(20))])
+               Specimen=[["operator", "N.N."], ["time", "force"], ["s", "kN"],
+                         *([0.1 * k, 1.234 * k] for k in range(20))])
     log = read_log(tmp_path / "log.xlsx")
     assert log.names == ("time", "force") and log.unit("force") == "kN"
     np.testing.assert_allclose(log.column("force"), 1.234 * np.arange(20))

@@ -84,22 +84,22 @@ DIALECTS = (
 )
 DIALECT_NAMES = tuple(dict.fromkeys(dialect.name for dialect in DIALECTS))
 _TABLES = (".csv", ".txt", ".dat", ".xlsx")
-_ASKED, _MADE = "pixel_size_mm where lengths are in px", "made files in its columns"
+_ASKED, _MADE = "pixel_size_mm if in px", "made files in its columns"
 FORMATS = (
-    Format(FIELDS, "VIC-2D, VIC-3D", _TABLES, "", "points, displacements, sigma", _ASKED, "files of its columns"),
-    Format(FIELDS, "MatchID", _TABLES, "", "points, displacements, units", _ASKED,
+    Format(FIELDS, "VIC-2D, VIC-3D", _TABLES, "", "sigma", _ASKED, "files of its columns"),
+    Format(FIELDS, "MatchID", _TABLES, "", "units", _ASKED,
            "its columns of 2023 and 2024, 2D and 3D"),
-    Format(FIELDS, "DICe", _TABLES, "", "points, displacements, SIGMA, MATCH, GAMMA, BETA", _ASKED,
+    Format(FIELDS, "DICe", _TABLES, "", "SIGMA, MATCH, GAMMA, BETA", _ASKED,
            "141 solutions of its tests; made files"),
-    Format(FIELDS, "pyvale", _TABLES, "", "points, displacements, convergence, correlation", _ASKED,
+    Format(FIELDS, "pyvale", _TABLES, "", "convergence, correlation", _ASKED,
            "files of pyvale 2026; made files"),
-    Format(FIELDS, "al-dic", _TABLES, "", "points, displacements", _ASKED, "files of al-dic 1.0; made files"),
-    Format(FIELDS, "sun-dic, CSV", _TABLES, "", "points, displacements", _ASKED, _MADE),
-    Format(FIELDS, "node maps of ARAMIS", _TABLES, "", "points, displacements, signals and time of the stage",
+    Format(FIELDS, "al-dic", _TABLES, "", "", _ASKED, "files of al-dic 1.0; made files"),
+    Format(FIELDS, "sun-dic, CSV", _TABLES, "", "", _ASKED, _MADE),
+    Format(FIELDS, "node maps of ARAMIS", _TABLES, "", "signals and time of the stage",
            "the unit of a signal", "made files in the layout of a laboratory's script"),
-    Format(FIELDS, "plain tables", _TABLES, "", "points, displacements, stage, time, unit",
+    Format(FIELDS, "plain tables", _TABLES, "", "stage, time, unit",
            "fields_unit where the names state none", "made files"),
-    Format(FIELDS, "any other table", _TABLES, "", "points, displacements, flag, quality, units below the header",
+    Format(FIELDS, "any other table", _TABLES, "", "flag, quality, units below the header",
            "names of the columns: [fields.columns]", "made files: comments above, units, other orders"),
 )
 _NUMBER = re.compile(r"[+-]?[\d.]")

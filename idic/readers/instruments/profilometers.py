@@ -18,7 +18,7 @@ from idic.readers.delimited.xyz_grid import XyzGrid
 from idic.readers.formats.format import HEIGHTS, Format
 
 FORMAT = Format(
-    HEIGHTS, "profilometers: Sensofar, Digital Surf, Alicona, Wyko, Olympus, Keyence, Zeiss, Gwyddion and others",
+    HEIGHTS, "profilometers (Sensofar, Digital Surf, Alicona, Wyko, Olympus, Keyence, Zeiss, …)",
     (".plu", ".plux", ".x3p", ".sur", ".al3d", ".opd", ".lext", ".vk3", ".vk4", ".vk6", ".vk7", ".sdf", ".tmd", ".nms",
      ".oir", ".poir", ".os3d", ".gwy", ".zmg", ".zon"),
     "surfalize and SurfaceTopography", "pitch, unit (µm), missing points, times",
