@@ -11,11 +11,11 @@ import numpy as np
 from idic.errors import InputError
 from idic.experiment_file.checks.height_maps import HEIGHT_UNITS
 from idic.experiment_file.initial.fields import fields_document, find_stages
-from idic.experiment_file.initial.found import Area, Found, files_in, look_around
+from idic.experiment_file.initial.found import Area, Found, IMAGE_SUFFIXES, files_in, look_around
 from idic.experiment_file.initial.words import fitting_scale, lines_of
 from idic.experiment_file.toml_file import EXPERIMENT_FILE
 from idic.fe import Mesh, segments_of
-from idic.readers import Log, PICTURE_SUFFIXES, XYZ_SUFFIXES, parse_unit
+from idic.readers import Log, parse_unit
 
 _ENDS = (("BOTTOM", "TOP"), ("LEFT", "RIGHT"), ("FIXED", "MOVING"), ("FIX", "LOAD"), ("CLAMP", "PULL"))
 _ROI_MARGIN, _ELEMENTS_ACROSS = 0.1, 15
@@ -46,7 +46,7 @@ def initial_experiment(folder: str | Path, area: Area | None = None) -> tuple[Pa
         raise InputError("the folder has an experiment already", file=target, expected="no experiment.toml",
                          found="an experiment.toml", remedy="rename or delete that file first")
     files = files_in(folder)
-    has_images = any(path.suffix.lower() in PICTURE_SUFFIXES + XYZ_SUFFIXES for path in files)
+    has_images = any(path.suffix.lower() in IMAGE_SUFFIXES for path in files)
     stages = [] if has_images else find_stages(files)
     contents = None if stages else look_around(folder, files, area)
     text = fields_document(folder, stages, files) if contents is None else _document(contents)
@@ -93,7 +93,10 @@ def _log_lines(contents: Found) -> list[str]:
     if contents.log is None:
         return [_line('# loads = "loads.csv"', "one row per image, e.g. frame,time_s,force_N,grip_displacement_mm")]
     lines = [_line(f"loads = {json.dumps(contents.log_file)}", f"columns: {', '.join(contents.log.names)}")]
-    if len(contents.log.rows) != contents.n_images:
+    if len(contents.log.rows) != contents.n_images and contents.times_s is not None:
+        lines.append(_line(f"# {len(contents.log.rows)} rows for {contents.n_images} images, matched by their times:",
+                           "FILL IN first_frame_s, the time of the first image in the log"))
+    elif len(contents.log.rows) != contents.n_images:
         lines += [f"# FILL IN: {len(contents.log.rows)} rows for {contents.n_images} images; give the times of the "
                   "images:",
                   _line("# frame_interval_s = 1.0", 'with first_frame_s; or image_times = "times.csv" (column time_s)')]
@@ -141,20 +144,22 @@ def _guessed_roi(contents: Found) -> tuple[int, int, int, int, int]:
 
 def _camera(contents: Found) -> str:
     noise = _line("# noise_std_gv = 2.0", "of one image; else from still_frames, else from the residual")
-    if contents.pitch_mm is not None:
-        return "\n".join(["[camera]", _line(f"pixel_size_mm = {contents.pitch_mm[0]:.6g}", "the pitch of the files"),
+    stated_size = None if contents.pitch_mm is None else _line(f"pixel_size_mm = {contents.pitch_mm[0]:.6g}",
+                                                               "as the image files state")
+    if contents.are_heights and stated_size is not None:
+        return "\n".join(["[camera]", stated_size,
                           _line("# origin_px = [0.0, 0.0]", "FILL IN: (column, row) of the mesh origin"),
                           _line('axes = ["+col", "-row"]', "directions of mesh x and y in the image"),
                           _line("# noise_std_gv = 0.01", "FILL IN: of one height, in its unit; or still_frames"), ""])
     if contents.mesh is None:
-        return "\n".join(["[camera]", _line("# pixel_size_mm = 0.05",
-                                            "FILL IN for lengths in mm and forces; else in px"), noise, ""])
+        return "\n".join(["[camera]", stated_size or _line(
+            "# pixel_size_mm = 0.05", "FILL IN for lengths in mm and forces; else in px"), noise, ""])
     fit = fitting_scale(contents)
     size, origin = ("0.05", "[0.0, 0.0]") if fit is None else (f"{fit[0]:.4g}", f"[{fit[1][0]:.1f}, {fit[1][1]:.1f}]")
     as_found = "" if fit is None else "; this value covers the speckled area"
     return "\n".join([
         _line("[camera]", "(column, row) of a mesh point; pixel centres at integers, rows count downwards"),
-        _line(f"# pixel_size_mm = {size}", f"FILL IN: the size of a pixel on the specimen{as_found}"),
+        stated_size or _line(f"# pixel_size_mm = {size}", f"FILL IN: the size of a pixel on the specimen{as_found}"),
         _line(f"# origin_px = {origin}", f"FILL IN: (column, row) of the mesh origin in the reference image{as_found}"),
         _line('axes = ["+col", "-row"]', "directions of mesh x and y in the image"), noise, ""])
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -54,8 +54,15 @@ def inputs_of(path: str | Path, overrides: Mapping[str, Any]) -> Inputs:
                   *(read.folder / law.relative_to(file.parent) for law in law_files(file) if _below(law, file)),
                   *(source for source in tables.recording.files if source not in own_laws), *read.still_files(frames),
                   *temperature_images(read.config, read.folder, file),
-                  *(image for image in recorded if image not in images)]
+                  *(image for image in recorded if image not in images),
+                  *_beside(fetched, recorded)]
     return Inputs(read.folder, tuple(dict.fromkeys(read_files)), images)
+
+
+def _beside(fetched: set[str], recorded: Iterable[Path]) -> list[Path]:
+    """Files that were read beside the images: headers of films, sizes of pixels of a microscope."""
+    folders, images = {image.parent for image in recorded}, set(recorded)
+    return [path for path in sorted(map(Path, fetched)) if path.parent in folders and path not in images]
 
 
 def _below(path: Path, file: Path) -> bool:

@@ -285,6 +285,8 @@ class RecordedFolder:
         log.check_rows_of(frames.labels, "loads")
         if times is None and isinstance(frames.stack, FieldStack) and len(log.rows) != frames.stack.n_frames:
             times = stage_times(frames.stack)
+        if times is None and (log.time_column is None or len(log.rows) != frames.stack.n_frames):
+            times = self.stated_times(frames.stack)
         return match(log, frames.stack.n_frames, frames.numbers, times)
 
     def recorded_log(self, name: str) -> Log:
@@ -305,9 +307,15 @@ class RecordedFolder:
     def frame_times(self, frames: Frames) -> np.ndarray | None:
         """Times of the frames that are compared in s, where [experiment] gives them  # (n_frames,)"""
         if frames.recorded is None:
-            return self.image_times(frames.stack.n_frames)
+            times = self.image_times(frames.stack.n_frames)
+            return self.stated_times(frames.stack) if times is None else times
         times = self.image_times(frames.recorded.stack.n_frames)
         return None if times is None else times[list(frames.recorded.compared)]
+
+    def stated_times(self, stack: FileStack | ArrayFrames | FieldStack) -> np.ndarray | None:
+        """Times of the frames that the image files state, from `first_frame_s` on; None without  # (n_frames,) s"""
+        times = stack.times_s if isinstance(stack, FileStack) else None
+        return None if times is None else self.config.experiment.first_frame_s + times
 
     def _check_complete(self, labels: tuple[str, ...]) -> None:
         """Refuse times by an interval where an image in between is missing."""

@@ -1,18 +1,19 @@
 from .calibration.read import read_calibration
 from .calibration.rig import CameraRig, Conventions
 from .calibration.write import write_rig
+from .catalogue.known_formats import FORMATS
 from .delimited.text_files import text_of
 from .delimited.units import column_factor, factor_between, factor_to, parse_unit, unit_in_name
-from .delimited.xyz_grid import XYZ_SUFFIXES
 from .fields.bending import ALLOWED_SHARE, largest_bending
 from .fields.chosen_stages import StageRule, chosen_stages, mean_strain, strain_path
+from .fields.exports.named_columns import NamedColumns
 from .fields.flattened import Flattening
 from .fields.outline import MIN_HOLE, PointOutline, loops_of, outline_of, sides, sides_of_any
 from .fields.outline_width import narrowest, notched_axis, width_error
 from .fields.placement import Edges, Placement, fitted_placement
 from .fields.plane import BENDING_DEGREE, largest_change, out_of_plane, powers
 from .fields.series import (
-    FieldSeries, FieldStack, MeasuredPoints, SUFFIXES, UM_PER_MM, detected, measured_points, open_fields,
+    FieldSeries, FieldStack, MeasuredPoints, UM_PER_MM, detected, measured_points, open_fields,
 )
 from .fields.sound_stages import check_stages
 from .frame_names import check_complete, frame_indices, frame_numbers
@@ -33,9 +34,9 @@ from .targets.find import KINDS, find_target, kind_of
 from .targets.view import TargetView
 
 __all__ = [
-    "ALLOWED_SHARE", "BENDING_DEGREE", "DIMENSION", "KINDS", "LOG_IN_MEMORY", "MESH_IN_MEMORY", "MIN_HOLE",
-    "PICTURE_SUFFIXES", "SUFFIXES", "UM_PER_MM", "XYZ_SUFFIXES", "ArrayFrames", "CameraRig", "Conventions", "Drawing",
-    "Edges", "FieldSeries", "FieldStack", "FileStack", "Flattening", "Log", "MatchedLog", "MeasuredPoints", "Placement",
+    "ALLOWED_SHARE", "BENDING_DEGREE", "DIMENSION", "FORMATS", "KINDS", "LOG_IN_MEMORY", "MESH_IN_MEMORY", "MIN_HOLE",
+    "PICTURE_SUFFIXES", "UM_PER_MM", "ArrayFrames", "CameraRig", "Conventions", "Drawing", "Edges", "FieldSeries",
+    "FieldStack", "FileStack", "Flattening", "Log", "MatchedLog", "MeasuredPoints", "NamedColumns", "Placement",
     "PointOutline", "RawMesh", "StageRule", "TargetView", "check_complete", "check_increasing", "check_stages",
     "chosen_stages", "column_factor", "detected", "existing_file", "factor_between", "factor_to", "find_target",
     "fitted_placement", "frame_indices", "frame_numbers", "frames_of", "from_image", "has_gmsh", "image_entries",

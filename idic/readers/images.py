@@ -1,10 +1,12 @@
-"""Reads image files: TIFF (also multi-page), PNG, XYZ grid, video; 8 or 16 bit grey, 32-bit float; frame by frame."""
+"""Reads image files: TIFF (also multi-page), PNG, XYZ grid, video, film or height map of an instrument; 8 or 16 bit
+grey, 32-bit float; frame by frame."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,16 +18,28 @@ from idic.remote_files import fetch, image_facts
 from idic.readers.delimited.xyz_grid import XYZ_SUFFIXES, XyzGrid, check_alike, read_xyz_heights, xyz_grid
 from idic.readers.frames.file_orders import orders_of_files
 from idic.readers.frames.written_times import exif_time, tiff_time
-from idic.readers.orientation import TAG, UPRIGHT, orientation_note, orientation_of, upright, upright_shape
+from idic.readers.image_formats.orientation import (
+    TAG, UPRIGHT, orientation_note, orientation_of, upright, upright_shape,
+)
 from idic.readers.image_formats.palettes import OVERLAY_NOTE, grey_of_palette
+from idic.readers.image_formats.electron_microscopes import Micrograph, micrograph
+from idic.readers.image_formats.electron_microscopes import FORMAT as SEM
 from idic.readers.image_formats.tiff_axes import stack_notes, stated_images
 from idic.readers.paths import reading_of_names
+from idic.readers.formats.format import HEIGHTS, IMAGES, Format
+from idic.readers.instruments.film import Film
+from idic.readers.instruments.phantom import FORMAT as PHANTOM
+from idic.readers.instruments.phantom import phantom_film, read_phantom
+from idic.readers.instruments.photron import FORMAT as PHOTRON
+from idic.readers.instruments.photron import photron_film, read_photron
+from idic.readers.instruments.profilometers import FORMAT as PROFILOMETERS
+from idic.readers.instruments.profilometers import height_grid, read_heights
 from idic.readers.video import SUFFIXES as VIDEO_SUFFIXES
 from idic.readers.video import read_video_frame, video_headers, video_notes
 
 TIFF_SUFFIXES, PNG_SUFFIXES = (".tif", ".tiff"), (".png", ".bmp")
 PICTURE_SUFFIXES = TIFF_SUFFIXES + PNG_SUFFIXES  # of images that may be photographs
-FORMATS = ("PNG", "BMP")  # Pillow detects the format by the content and passes some formats to other programs
+_PILLOW_FORMATS = ("PNG", "BMP")  # Pillow detects the format by the content and passes some formats to other programs
 _NODATA = 42113
 _EXPECTED = "grey TIFF or PNG images, 8 or 16 bit, 32-bit float TIFF, XYZ grids of heights, or a video"
 logging.getLogger("tifffile").setLevel(logging.CRITICAL + 1)  # damaged files get one message, that of idic
@@ -37,7 +51,8 @@ class ImageEntry:
     """The place of one frame: a page of a file, or a plane behind the one page of a stack.
 
     grid : pitch and units, of formats that state them; note : on the effect of the format on the measurement, ""
-    without; written_s : when it was taken, as the file states
+    without; written_s : when the header says that it was taken; time_s : the same by the clock of a device, from any
+    start; None unknown; bar_rows : of a data bar at the lower edge, which are left out
     """
 
     path: Path
@@ -49,6 +64,8 @@ class ImageEntry:
     grid: XyzGrid | None = None
     note: str = ""
     written_s: float | None = None
+    time_s: float | None = None
+    bar_rows: int = 0
 
 
 class FileStack:
@@ -91,6 +108,14 @@ class FileStack:
         """The orders that names, headers and times of the files propose, as places in `frames`; none of frames that
         share a file."""
         return orders_of_files([self.entries[k].path for k in frames], [self.entries[k].written_s for k in frames])
+
+    @property
+    def times_s(self) -> np.ndarray | None:
+        """Times of the frames from the first on, where the files state one later than the other  # (n_frames,) s"""
+        if any(entry.time_s is None for entry in self.entries):
+            return None
+        times = np.array([entry.time_s for entry in self.entries])
+        return times - times[0] if (np.diff(times) > 0.0).all() else None
 
     def notes(self) -> list[str]:
         """Notes on effects of the file format on the measurement."""
@@ -177,17 +202,31 @@ def _headers(path: Path) -> list[ImageEntry]:
     if suffix in VIDEO_SUFFIXES:
         count, shape = video_headers(path)
         return [ImageEntry(path, k, shape, "uint8", f"{path.name}[{k}]") for k in range(count)]
+    if (film_of := _FILMS.get(suffix)) is not None:
+        return _film_entries(path, film_of(path))
+    if suffix in PROFILOMETERS.suffixes:
+        grid, time_s = height_grid(path)
+        return [ImageEntry(path, 0, grid.shape, "float32", path.name, grid=grid, time_s=time_s)]
     raise InputError("not an image format that idic reads", file=path, key="images", expected=_EXPECTED, found=suffix
                      or "no suffix",
                      remedy="save the images as TIFF or PNG (JPEG compression destroys the measured grey values)")
 
 
-def _entry(path: Path, page: int, shape: tuple[int, int], dtype: str, label: str, tag: object,
-           note: str = "", written_s: float | None = None) -> ImageEntry:
+def _film_entries(path: Path, film: Film) -> list[ImageEntry]:
+    return [ImageEntry(path, k, film.shape, film.dtype, f"{path.name}[{k}]", note=film.note, time_s=float(time))
+            for k, time in enumerate(film.times_s)]
+
+
+def _entry(path: Path, page: int, shape: tuple[int, int], dtype: str, label: str, tag: object, note: str,
+           written_s: float | None, microscope: Micrograph | None) -> ImageEntry:
     """The entry of an image with this shape as stored and this orientation tag."""
-    orientation = orientation_of(tag)
-    return ImageEntry(path, page, upright_shape(shape, orientation), dtype, label, orientation, note=note,
-                      written_s=written_s)
+    orientation, grid, bar_rows = orientation_of(tag), None, 0
+    if microscope is not None and orientation == UPRIGHT:
+        bar_rows, note = microscope.bar_rows, "; ".join(filter(None, (note, microscope.note)))
+        shape = shape[0] - bar_rows, shape[1]
+        grid = XyzGrid(shape, microscope.pixel_mm, "mm") if microscope.pixel_mm is not None else None
+    return ImageEntry(path, page, upright_shape(shape, orientation), dtype, label, orientation, grid, note,
+                      written_s=written_s, bar_rows=bar_rows)
 
 
 # TIFF -------------------------------------------------------------------------------------------------
@@ -205,8 +244,9 @@ def _tiff_headers(path: Path) -> list[ImageEntry]:
                 label = path.name if len(pages) == planes == 1 else f"{path.name}[{number}]"
                 shape, kind, overlay = _tiff_kind(page, path)
                 page_note = "; ".join(filter(None, (note, OVERLAY_NOTE if overlay else "")))
+                microscope = micrograph(path, shape, partial(_grey, page), tiff)
                 entries.append(_entry(path, number, shape, kind, label, page.tags.valueof(TAG), page_note,
-                                      tiff_time(page)))
+                                      tiff_time(page), microscope))
             _complete(tiff, pages, path)
             return entries + [replace(entries[0], page=k, label=f"{path.name}[{k}]") for k in range(1, planes)]
     except InputError:
@@ -278,17 +318,23 @@ def _stored(tiff: tifffile.TiffFile, number: int) -> tuple[tifffile.TiffPage, np
 def _read_tiff(entry: ImageEntry) -> np.ndarray:
     with tifffile.TiffFile(entry.path) as tiff:
         page, image = _stored(tiff, entry.page)
-        if page.photometric == tifffile.PHOTOMETRIC.PALETTE:
-            grey = grey_of_palette(image, _palette(page))
-            if grey is None:
-                raise _colour(entry.path, "a colour palette")
-            return grey[0]
-        image = _without_nodata(image, page)
-        if page.photometric == tifffile.PHOTOMETRIC.MINISWHITE and image.dtype.kind == "u":
-            image = np.iinfo(image.dtype).max - image
-        if image.ndim == 3:
-            image = image[0] if page.planarconfig == tifffile.PLANARCONFIG.SEPARATE else image[..., 0]
-        return image
+        return _grey(page, image)
+
+
+def _grey(page: tifffile.TiffPage, stored_image: np.ndarray | None = None) -> np.ndarray:
+    """The grey image of a page  # (ny, nx)"""
+    image = page.asarray() if stored_image is None else stored_image
+    if page.photometric == tifffile.PHOTOMETRIC.PALETTE:
+        grey = grey_of_palette(image, _palette(page))
+        if grey is None:
+            raise _colour(Path(page.parent.filehandle.path), "a colour palette")
+        return grey[0]
+    image = _without_nodata(image, page)
+    if page.photometric == tifffile.PHOTOMETRIC.MINISWHITE and image.dtype.kind == "u":
+        image = np.iinfo(image.dtype).max - image
+    if image.ndim == 3:
+        image = image[0] if page.planarconfig == tifffile.PLANARCONFIG.SEPARATE else image[..., 0]
+    return image
 
 
 def _nodata(page: tifffile.TiffPage) -> np.generic | None:
@@ -311,7 +357,7 @@ def _without_nodata(image: np.ndarray, page: tifffile.TiffPage) -> np.ndarray:
 # PNG --------------------------------------------------------------------------------------------------
 def _png_header(path: Path) -> ImageEntry:
     try:
-        with Image.open(path, formats=FORMATS) as image:
+        with Image.open(path, formats=_PILLOW_FORMATS) as image:
             mode, size, tag, note = image.mode, image.size, image.getexif().get(TAG), ""
             written_s = exif_time(image.getexif())
             if mode in ("1", "L", "I;16", "I;16B", "I"):
@@ -333,7 +379,8 @@ def _png_header(path: Path) -> ImageEntry:
         raise
     except Exception as error:  # PIL raises many types on damaged files
         raise _damaged(path, error) from error
-    return _entry(path, 0, (size[1], size[0]), kind, path.name, tag, note, written_s)
+    microscope = micrograph(path, (size[1], size[0]), lambda: _read_png(path))
+    return _entry(path, 0, (size[1], size[0]), kind, path.name, tag, note, written_s, microscope)
 
 
 def _indexed(image: Image.Image) -> tuple[np.ndarray, np.ndarray]:
@@ -365,13 +412,13 @@ def _tail(path: Path) -> bytes:
         return stream.read()
 
 
-def _read_png(entry: ImageEntry) -> np.ndarray:
-    with Image.open(entry.path, formats=FORMATS) as image:
+def _read_png(path: Path) -> np.ndarray:
+    with Image.open(path, formats=_PILLOW_FORMATS) as image:
         if image.mode == "P" and (grey := grey_of_palette(*_indexed(image))) is not None:
             return grey[0]
         if image.mode in ("P", "RGB", "RGBA", "LA", "PA"):
-            if _is_deep(entry.path):
-                return _deep_channels(entry.path)[..., 0]
+            if _is_deep(path):
+                return _deep_channels(path)[..., 0]
             return np.asarray(image.convert("RGB"))[..., 0]
         pixels = np.asarray(image)
     return pixels.astype(np.uint8) * 255 if pixels.dtype == bool else pixels
@@ -381,7 +428,9 @@ def _read_png(entry: ImageEntry) -> np.ndarray:
 def _read_page(entry: ImageEntry, with_gaps: bool = False) -> np.ndarray:
     fetch(entry.path)
     try:
-        image = upright(_READERS.get(entry.path.suffix.lower(), _read_png)(entry), entry.orientation)
+        read = _READERS.get(entry.path.suffix.lower())
+        image = upright(_read_png(entry.path) if read is None else read(entry), entry.orientation)
+        image = image[:len(image) - entry.bar_rows]
     except InputError:
         raise
     except Exception as error:  # see above
@@ -405,8 +454,31 @@ def _read_video(entry: ImageEntry) -> np.ndarray:
     return read_video_frame(entry.path, entry.page)
 
 
+def _read_film(entry: ImageEntry) -> np.ndarray:
+    read = read_photron if entry.path.suffix.lower() in PHOTRON.suffixes else read_phantom
+    return read(entry.path, entry.page)
+
+
+def _read_profilometer(entry: ImageEntry) -> np.ndarray:
+    return read_heights(entry.path)
+
+
+_FILMS = dict.fromkeys(PHOTRON.suffixes, photron_film) | dict.fromkeys(PHANTOM.suffixes, phantom_film)
 _READERS = (dict.fromkeys(TIFF_SUFFIXES, _read_tiff) | dict.fromkeys(VIDEO_SUFFIXES, _read_video)
-            | dict.fromkeys(XYZ_SUFFIXES, _read_xyz))
+            | dict.fromkeys(XYZ_SUFFIXES, _read_xyz) | dict.fromkeys(_FILMS, _read_film)
+            | dict.fromkeys(PROFILOMETERS.suffixes, _read_profilometer))
+FORMATS = (
+    Format(IMAGES, "TIFF", TIFF_SUFFIXES, "tifffile", "depth, axes of stacks, missing values, orientation",
+           "pixel_size_mm", "made files: depths, stacks, tags, damage"),
+    Format(IMAGES, "PNG, BMP", PNG_SUFFIXES, "Pillow", "depth, palette", "pixel_size_mm", "made files"),
+    SEM,
+    Format(IMAGES, "videos", VIDEO_SUFFIXES, "OpenCV", "codec", "pixel_size_mm, frame_interval_s",
+           "made files: lossless, lossy, colour", is_film=True),
+    PHOTRON, PHANTOM,
+    Format(HEIGHTS, "XYZ text", XYZ_SUFFIXES, "", "pitch, units, missing points", "height_unit",
+           "made files in the spellings of Gwyddion and microscopes"),
+    PROFILOMETERS,
+)
 
 
 def _equal_channels(image: np.ndarray, path: Path) -> bool:

@@ -20,7 +20,18 @@ from idic.readers.delimited.table_times import (
 )
 from idic.readers.delimited.text_files import text_of
 from idic.readers.delimited.units import factor_between, parse_unit, unit_in_name
+from idic.readers.formats.format import LOADS, Format
+from idic.readers.instruments.tdms import FORMAT as TDMS
+from idic.readers.instruments.tdms import read_tdms
+from idic.readers.instruments.workbook import FORMAT as WORKBOOK
+from idic.readers.instruments.workbook import sheet_text
+from idic.readers.instruments.zwick import FORMAT as ZWICK
+from idic.readers.instruments.zwick import read_zs2
 
+FORMATS = (Format(LOADS, "tables of text", (".csv", ".txt", ".dat"), "", "names, units in names or below them, times",
+                  "a unit where the table states none", "made files in the spellings of machines"),
+           TDMS, ZWICK, WORKBOOK)
+_BY_SUFFIX = {**dict.fromkeys(TDMS.suffixes, read_tdms), **dict.fromkeys(ZWICK.suffixes, read_zs2)}
 _MAX_VALUE = 1e60  # absolute; squares of squares stay floats
 _MAX_BEYOND_SHARE = 1e-6  # of the test: an image that is further outside the log is told
 _CLOCK = re.compile(r"[0-9]:[0-9]{2}|[0-9]{4}-[0-9]{2}-[0-9]{2}|[0-9]{1,2}\.[0-9]{1,2}\.[0-9]{4}")
@@ -301,7 +312,7 @@ class MatchedLog:
 
 
 def read_log(path: Path, decimal: Decimal | None = None) -> Log:
-    """A CSV file: header row, perhaps a row of units, then numbers.
+    """A CSV file: header row, perhaps a row of units, then numbers; or a record of a measuring device.
 
     Separated by comma, semicolon or tab, or as ``sep=;`` says; UTF-8, UTF-16 or Windows-1252.
 
@@ -310,8 +321,13 @@ def read_log(path: Path, decimal: Decimal | None = None) -> Log:
     InputError
         The file is no text, or no table of numbers.
     """
-    text, note = text_of(path.read_bytes(), path, "loads")
+    if (read_channels := _BY_SUFFIX.get(path.suffix.lower())) is not None:
+        table, device_notes = read_channels(path)
+        return Log(path, table, ".", (*device_notes, *column_notes(table, path)))
+    is_workbook = path.suffix.lower() in WORKBOOK.suffixes
+    text, note = (sheet_text(path), None) if is_workbook else text_of(path.read_bytes(), path, "loads")
     table = read_table(text, path)
+    decimal = "." if is_workbook else decimal
     notes = [note] if note else []
     if table.head_rows:
         notes.append(f"{path.name}: the header is line {table.header_line}; {len(table.head_rows)} lines above it are "

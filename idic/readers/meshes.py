@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from idic.errors import InputError
+from idic.readers.formats.format import MESH, Format
 from idic.readers.mesh_files.abaqus import read_inp
 from idic.readers.mesh_files.gmsh_msh import VERSIONS as GMSH_VERSIONS, gmsh_version, read_msh
 from idic.readers.mesh_files.med import SUFFIX as MED_SUFFIX, read_med
@@ -22,6 +23,12 @@ _KINDS = {"vertex": "point", "line": "line2", "line3": "line3", "triangle": "tri
           "quad9": "quad9", "hexahedron": "hex8", "hexahedron20": "hex20", "hexahedron27": "hex27", "tetra": "tet4",
           "tetra10": "tet10",
           "wedge": "wedge6", "wedge15": "wedge15", "pyramid": "pyramid5"}
+FORMATS = (
+    Format(MESH, "Abaqus, CalculiX", (".inp",), "", "nodes, elements, node and element sets, surfaces", "mesh_unit",
+           "made files; cases of CalculiX 2.20"),
+    Format(MESH, "Nastran, gmsh, MED, VTU, XDMF and others", (".bdf", ".msh", ".med", ".vtu", ".vtk", ".xdmf"),
+           "meshio", "nodes, elements, groups", "mesh_unit", "files of gmsh 4.15 and meshio"),
+)
 _MAX_SETS_OF_ARRAY = 64  # an integer array with more different values is a result and defines no sets
 
 

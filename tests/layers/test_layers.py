@@ -46,7 +46,8 @@ LAWS = "idic.laws.core"  # what the finite elements see of the laws: their inter
 
 SCIENCE = {"numpy", "scipy", "numba", "llvmlite", "lazy_loader"}  # intrinsics of numba; doors
 THIRD_PARTIES = {
-    "idic.readers": {"gmsh", "h5py", "meshio", "tifffile", "imagecodecs", "cv2", "PIL"},
+    "idic.readers": {"gmsh", "h5py", "meshio", "tifffile", "imagecodecs", "cv2", "PIL", "msgpack", "surfalize",
+                     "SurfaceTopography", "pyMRAW", "cinereader", "nptdms", "zs2decode", "openpyxl"},
     "idic.experiment_file": {"pydantic", "pydantic_core", "tomli_w"},
     "idic.report": {"matplotlib", "PIL", "plotly", "jinja2"},
     "idic.run": {"dask", "distributed", "fsspec", "meshio", "numcodecs", "psutil", "threadpoolctl", "zarr"},

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+
 import meshio
 import numpy as np
 import pytest
 import tifffile
+from instrument_files import write_cine, write_plu, write_plux, write_zs2
 from PIL import Image
 from reader_contract import ReaderContract
 from test_calibration_files import TEXTS, opencv_yaml
@@ -36,6 +39,20 @@ class TestImages(ReaderContract):
         return open_stack([path]).frame(0)
 
 
+def film(path, write, **keys):
+    """A film whose header lies in a folder of its own for every test."""
+    write(path, np.stack([PIXELS, PIXELS[::-1]]).astype(np.uint16), 16, **keys)
+
+
+@pytest.mark.skipif(find_spec("surfalize") is None, reason="idic[instruments] is not installed")
+class TestImagesOfInstruments(ReaderContract):
+    files = {"a.cine": lambda path: film(path, write_cine), "a.plu": lambda path: write_plu(path, HEIGHTS, 0.5),
+             "a.plux": lambda path: write_plux(path, HEIGHTS, 0.5)}
+
+    def read(self, path):
+        return open_stack([path]).frame(0)
+
+
 class TestMeshes(ReaderContract):
     files = {"mesh.inp": lambda path: path.write_text(inp_text()),
              "mesh.msh": lambda path: meshio.write(path, SQUARES, file_format="gmsh22", binary=False),
@@ -50,6 +67,32 @@ class TestLogs(ReaderContract):
     files = {"comma.csv": lambda path: path.write_text(LOADS),
              "semicolon.csv": lambda path: path.write_text(LOADS.replace(",", ";")),
              "tab.txt": lambda path: path.write_text(LOADS.replace(",", "\t"))}
+
+    def read(self, path):
+        return read_log(path).column("force_kN")
+
+
+def tdms(path):
+    from nptdms import ChannelObject, TdmsWriter
+
+    with TdmsWriter(path) as writer:
+        writer.write_segment([ChannelObject("test", "force_kN", np.arange(50.0), {"wf_increment": 0.1})])
+
+
+def xlsx(path):
+    from openpyxl import Workbook
+
+    workbook = Workbook()
+    for cells in (("time_s", "force_kN"), *((k, 2.5 * k) for k in range(9))):
+        workbook.active.append(cells)
+    workbook.save(path)
+
+
+@pytest.mark.skipif(find_spec("nptdms") is None, reason="idic[instruments] is not installed")
+class TestLogsOfInstruments(ReaderContract):
+    files = {"a.tdms": tdms, "a.xlsx": xlsx,
+             "a.zs2": lambda path: write_zs2(
+                 path, [{1: np.arange(9.0), 2: np.arange(9.0)}], {1: "Zeit", 2: "force_kN"})}
 
     def read(self, path):
         return read_log(path).column("force_kN")
@@ -75,6 +118,13 @@ def mudic(path):
     np.save(path, np.stack(positions, axis=-1)[None])
 
 
+def py3dic(path):
+    """Ten columns of six points, in two images."""
+    lines = ["0\t5\t6\t3", "0\t9\t10\t3"]
+    lines += [f"{k}.png\t" + "\t".join(f"{x + k},{y}" for x in range(6) for y in range(10)) for k in range(2)]
+    path.write_text("\n".join(lines))
+
+
 def stage_text(header, cells, line_end=""):
     """The text of a stage; cells : (number, place, displacement) -> the cells of a row"""
     return "\n".join([header, *(",".join(map(str, cells(i, *at))) + line_end
@@ -97,6 +147,7 @@ STAGES = {
 class TestFields(ReaderContract):
     files = {name: lambda path, text=text: path.write_text(text) for name, text in STAGES.items()} | {
              "stage.vtu": vtu, "run.mat": ncorr_file, "run_73.mat": ncorr_hdf5, "fields.npy": mudic,
+             "result.dic": py3dic,
              "table.csv": lambda path: path.write_text("x_mm,y_mm,u_mm,v_mm\n" + "\n".join(
                  f"{x},{y},{u},{v}" for (x, y), (u, v) in zip(GRID, displaced(1), strict=True)))}
 

@@ -17,10 +17,12 @@ from idic.errors import InputError
 from idic.experiment_file.initial.open_edges import open_edges, open_rectangle
 from idic.images import MIN_POINTS, MIN_STAGES
 from idic.readers import (
-    FieldSeries, Log, MeasuredPoints, SUFFIXES, StageRule, detected, mean_strain, measured_points, notched_axis,
+    FORMATS, FieldSeries, Log, MeasuredPoints, StageRule, detected, mean_strain, measured_points, notched_axis,
     open_fields, outline_of, parse_unit, patterns_of, read_log, strain_path,
 )
 
+_SUFFIXES = {suffix for entry in FORMATS if entry.kind == "fields" for suffix in entry.suffixes}
+_LOG_SUFFIXES = {suffix for entry in FORMATS if entry.kind == "loads" for suffix in entry.suffixes}
 _MESH_SUFFIXES = (".inp", ".msh", ".bdf", ".med")  # .vtu and .vtk may hold fields
 _ELEMENTS_ACROSS = 6  # of the shorter side; three points or more each
 _MIN_FILLED = 0.97  # of the rectangle around the points, by their outline: less is no rectangle
@@ -37,7 +39,7 @@ def find_stages(files: Sequence[Path]) -> list[Path]:
     none."""
     groups: dict[tuple[Path, str], list[Path]] = defaultdict(list)
     for path in files:
-        if path.suffix.lower() in SUFFIXES:
+        if path.suffix.lower() in _SUFFIXES:
             groups[path.parent, re.sub(r"\d+", "#", path.name)].append(path)
     for _, paths in sorted(groups.items(), key=lambda item: -len(item[1])):
         try:
@@ -110,7 +112,7 @@ def _patterns(folder: Path, paths: Sequence[Path]) -> str | list[str]:
 def _log_beside(files: Sequence[Path]) -> tuple[Path, Log] | None:
     """The first table with a force among these files."""
     for path in files:
-        if path.suffix.lower() in (".csv", ".txt", ".dat"):
+        if path.suffix.lower() in _LOG_SUFFIXES:
             try:
                 log = read_log(path)
             except InputError:

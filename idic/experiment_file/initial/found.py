@@ -13,10 +13,15 @@ import numpy as np
 from idic.errors import InputError
 from idic.fe import Mesh, is_circle
 from idic.readers import (
-    DIMENSION, Log, PICTURE_SUFFIXES, XYZ_SUFFIXES, image_entries, mesh_suffixes, natural_key, open_stack, patterns_of,
+    DIMENSION, FORMATS, Log, image_entries, mesh_suffixes, natural_key, open_stack, patterns_of,
     read_log, read_mesh_file, recorded_order, to_mesh,
 )
 
+HEIGHT_SUFFIXES = {suffix for entry in FORMATS if entry.kind == "heights" for suffix in entry.suffixes}
+IMAGE_SUFFIXES = HEIGHT_SUFFIXES | {suffix for entry in FORMATS if entry.kind == "images" for suffix in entry.suffixes}
+_FILM_SUFFIXES = {suffix for entry in FORMATS if entry.is_film for suffix in entry.suffixes}
+_LOG_SUFFIXES = {".csv", *(suffix for entry in FORMATS if entry.kind == "loads" and entry.is_extra
+                           for suffix in entry.suffixes)}
 _NO_MESHES = (".dat", ".svg", ".wkt", ".xml")  # formats of meshio whose suffix usually means something else
 _MASK = re.compile(r"mask|(?<![a-z])roi(?![a-z])", re.IGNORECASE)  # microimage_001.tif is an image
 CHECK = "check"  # where `idic check` draws
@@ -42,6 +47,7 @@ class Found:
     are_heights: bool = False  # in a format of heights, which may state their unit and their pitch
     height_unit: str | None = None
     pitch_mm: tuple[float, float] | None = None
+    times_s: np.ndarray | None = None  # (n_images,) that the image files state
 
 
 Area = Callable[[np.ndarray], tuple[list, list]]  # image -> outline and holes of its speckled area, px
@@ -65,7 +71,7 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
     groups: dict[tuple[Path, str], list[Path]] = defaultdict(list)
     masks = []
     for path in files:
-        if path.suffix.lower() in PICTURE_SUFFIXES + XYZ_SUFFIXES:
+        if path.suffix.lower() in IMAGE_SUFFIXES:
             is_mask = _MASK.search(path.stem)
             (masks if is_mask else groups[path.parent, path.suffix]).append(path)
     if not groups and len(masks) > 1:  # a name of the series: unmasked_001.tif
@@ -74,17 +80,20 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
         masks = []
     if not groups:
         raise InputError("no images in the folder", file=folder,
-                         expected="TIFF or PNG images, or the exported fields of a DIC system, in it or in a folder "
-                                  "below", found=f"{len(files)} other files",
+                         expected="TIFF or PNG images, a film, height maps, or the exported fields of a DIC system, in "
+                                  "it or in a folder below", found=f"{len(files)} other files",
                          remedy="put the images in a folder images/")
-    images = max(groups.values(), key=len)
+    images = max(groups.values(), key=lambda paths: (len(paths) > 1 or paths[0].suffix.lower() in _FILM_SUFFIXES,
+                                                     len(paths)))
     patterns = patterns_of(folder, images)
-    are_heights = images[0].suffix.lower() in XYZ_SUFFIXES
+    are_heights = images[0].suffix.lower() in HEIGHT_SUFFIXES
     stack = open_stack(recorded_order(images, folder), with_gaps=are_heights)
     contents = Found(folder, patterns[0] if len(patterns) == 1 else patterns, stack.n_frames, stack.shape,
                      stack.labels[0], are_heights=are_heights)
     if stack.grid is not None:
         contents.height_unit, contents.pitch_mm = stack.grid.height_unit, stack.grid.pitch_mm
+    contents.times_s = stack.times_s
+    contents.notes += stack.notes()
     _find_mask(masks, contents)
     holes: list = []
     if area is not None and not are_heights:
@@ -95,7 +104,7 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
     if contents.mesh is None and (n_irregular := len(holes) - len(contents.holes)):
         contents.notes.append(f"{n_irregular} {'hole is' if n_irregular == 1 else 'holes are'} not round and left out: "
                               "the mesh covers them, although they have no pattern; idic draw draws holes of any shape")
-    _find_log([path for path in files if path.suffix.lower() == ".csv"], contents)
+    _find_log([path for path in files if path.suffix.lower() in _LOG_SUFFIXES], contents)
     return contents
 
 
@@ -137,4 +146,5 @@ def _find_log(paths: list[Path], contents: Found) -> None:
             contents.notes.append(f"{path.name} was not understood: {str(error).splitlines()[0]}")
             continue
         contents.log_file, contents.log = path.relative_to(contents.folder).as_posix(), log
+        contents.notes += log.notes
         return

@@ -70,8 +70,9 @@ def _log(contents: Found) -> str:
     if contents.log is None:
         return "log          none: without a force only ratios of stiffness and strength can be identified"
     rows = len(contents.log.rows)
-    row_note = ("" if rows == contents.n_images else
-                f"; {rows} rows for {contents.n_images} images: give the times of the images")
+    row_note = ("" if rows == contents.n_images else f"; {rows} rows for {contents.n_images} images: "
+                + ("give the times of the images" if contents.times_s is None
+                   else "matched by the times of the image files, which first_frame_s shifts"))
     return f"log          {contents.log_file}: columns {', '.join(contents.log.names)}{row_note}"
 
 

@@ -11,8 +11,8 @@ from idic.experiment_file.schema.experiment_file import ExperimentFile
 from idic.experiment_file.schema.experiment import ExperimentTable, StagesTable
 from idic.model import FieldPoints
 from idic.readers import (
-    ALLOWED_SHARE, FieldSeries, FieldStack, Flattening, StageRule, chosen_stages, largest_bending, matching_files,
-    measured_points, open_fields, out_of_plane,
+    ALLOWED_SHARE, FieldSeries, FieldStack, Flattening, NamedColumns, StageRule, chosen_stages, largest_bending,
+    matching_files, measured_points, open_fields, out_of_plane,
 )
 
 MIN_TOLD_BENDING = 0.005  # of the mean strain
@@ -24,7 +24,9 @@ def open_series(config: ExperimentFile, folder: Path, file: Path) -> FieldSeries
     table = config.experiment
     paths = matching_files(folder, table.fields, file=file, key="experiment.fields", order=table.order)
     pixel_size = config.camera.pixel_size_mm if config.camera else None
-    return open_fields(paths, table.fields_format, table.fields_unit, pixel_size)
+    columns = None if config.fields is None else NamedColumns(**config.fields.columns.model_dump())
+    unit = table.fields_unit or (columns.unit if columns is not None else None)
+    return open_fields(paths, table.fields_format, unit, pixel_size, columns)
 
 
 def stack_of(series: FieldSeries, references: Sequence[int], table: ExperimentTable) -> FieldStack:

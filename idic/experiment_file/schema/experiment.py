@@ -132,12 +132,53 @@ class StagesTable(Strict):
         return self
 
 
+class ColumnsTable(Strict):
+    """Columns of a table of points, as its header names them (`idic.readers.NamedColumns`)."""
+
+    x: str
+    y: str
+    ux: str
+    uy: str
+    z: str | None = None
+    uz: str | None = None
+    id: str | None = None
+    stage: str | None = None
+    time: str | None = None
+    flag: str | None = None  # 0 where a point failed
+    quality: str | None = None
+    quality_min: float | None = None
+    quality_max: float | None = None
+    unit: Literal["m", "mm", "um", "px", "in"] | None = None  # None: as the header says
+    y_axis: Literal["up", "down"] | None = None  # None: down in px, else up
+
+    @model_validator(mode="after")
+    def _complete(self):
+        if (self.z is None) != (self.uz is None):
+            raise refuse("a third coordinate needs its displacement", "z and uz, or neither", "add or leave out one",
+                         "z" if self.uz is None else "uz")
+        bounds = [name for name in ("quality_min", "quality_max") if getattr(self, name) is not None]
+        if (self.quality is None) == bool(bounds):
+            raise refuse("the quality of a point needs a column and a bound", "quality with quality_min or quality_max",
+                         'write e.g. quality = "zncc", quality_min = 0.9', ", ".join(bounds) or "quality alone")
+        names = [name for name in (self.x, self.y, self.z, self.ux, self.uy, self.uz) if name is not None]
+        if len(set(names)) < len(names):
+            raise refuse("a column is named twice", "a column of its own for every coordinate", "correct the names",
+                         ", ".join(names))
+        return self
+
+
+class FieldsTable(Strict):
+    """How the files of `experiment.fields` are read."""
+
+    columns: ColumnsTable
+
+
 class ExperimentTable(Strict):
     title: str = ""
     images: Annotated[list[str], BeforeValidator(as_list)] = []  # none: a plan, for `idic design`
     fields: Annotated[list[str], BeforeValidator(as_list)] = []  # in the place of images: measured displacements
-    fields_format: Literal["auto", "aramis", "vic", "matchid", "dice", "pyvale", "al-dic", "ncorr", "mudic",
-                           "table", "vtu"] = "auto"
+    fields_format: Literal["auto", "aramis", "nodemap", "vic", "matchid", "dice", "pyvale", "al-dic", "sun-dic",
+                           "py3dic", "ncorr", "mudic", "table", "vtu"] = "auto"
     fields_unit: Literal["m", "mm", "um", "px", "in"] | None = None  # None: as the files say
     fields_subset_mm: Positive | None = None  # width of the subsets (facets) of the other system
     fields_noise_um: Positive | None = None  # of one component of a point; None: from the stages

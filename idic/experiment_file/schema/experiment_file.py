@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from idic.experiment_file.schema.base import Strict, refuse
 from idic.experiment_file.schema.boundary import BoundaryTable, ChannelTable, SetTable
 from idic.experiment_file.schema.cameras import CameraTable, FurtherCameraTable
-from idic.experiment_file.schema.experiment import ExperimentTable, SetupTable
+from idic.experiment_file.schema.experiment import ExperimentTable, FieldsTable, SetupTable
 from idic.experiment_file.schema.materials import DofTable, HeterogeneityTable, MaterialTable
 from idic.experiment_file.schema.options import (
     CircleTable, DesignTable, ExtensometerTable, LineTable, OptionsTable, ProbeTable, SolverTable, StageTable,
@@ -27,6 +27,7 @@ class ExperimentFile(Strict):
     """All tables of experiment.toml."""
 
     experiment: ExperimentTable
+    fields: FieldsTable | None = None
     camera: CameraTable | None = None  # the main one
     further_cameras: list[FurtherCameraTable] = []  # further [[camera]] tables
     material: Annotated[dict[str, MaterialTable], Field(min_length=1)]
@@ -58,6 +59,20 @@ class ExperimentFile(Strict):
                          f"{extra[0]} under [experiment]", f"move {', '.join(extra)} to [experiment]",
                          f"{extra[0]} in the first [[camera]]")
         return {**raw, "camera": main, "further_cameras": further_tables}
+
+    @model_validator(mode="after")
+    def _columns_of_fields(self):
+        table = self.experiment
+        if self.fields is None:
+            return self
+        if not table.fields:
+            raise refuse("columns without fields", 'fields = "stages/*.csv" in [experiment]',
+                         "name the exported stages", "[fields.columns] alone")
+        if table.fields_format != "auto" or (table.fields_unit is not None and self.fields.columns.unit is not None):
+            raise refuse("the columns of the fields are told twice", "[fields.columns] with its unit, or fields_format "
+                         "and fields_unit", "leave out fields_format and fields_unit",
+                         "both")
+        return self
 
     @model_validator(mode="after")
     def _camera_names(self):

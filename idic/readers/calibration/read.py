@@ -11,7 +11,12 @@ from idic.readers.calibration.opencv import read_opencv
 from idic.readers.calibration.rig import CameraRig, Conventions
 from idic.readers.calibration.stereo_tables import read_stereo_table
 from idic.readers.calibration.vic3d import read_vic3d
+from idic.readers.formats.format import CALIBRATION, Format
 
+FORMATS = (Format(CALIBRATION, "VIC-3D, MatchID, OpenCV, DICe, pyvale",
+                  (".z3d", ".xml", ".caldat", ".yaml", ".yml", ".json", ".npz", ".txt"), "OpenCV",
+                  "cameras, distortion, their places", "units or order of angles where they differ from the usual",
+                  "made files; files of OpenCV"),)
 MAX_BYTES = 64 * 2**20  # a project with its masks has a few MB
 
 

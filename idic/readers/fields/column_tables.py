@@ -1,4 +1,5 @@
-"""Stages as tables of columns: VIC-2D and VIC-3D, MatchID, DICe, pyvale, al-dic, a plain table of all stages.
+"""Stages as tables of columns: VIC-2D and VIC-3D, MatchID, DICe, pyvale, al-dic, sun-dic, node maps of ARAMIS, a plain
+table of all stages, or any table whose columns the user names.
 
 A dialect names the columns of its system; units stand in brackets behind the names, or are those of the system.
 """
@@ -13,7 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.readers.fields.stages.failed_points import in_words, names_of, sound_points
+from idic.readers.fields.exports.named_columns import (
+    COMMENT_MARKS, NamedColumns, are_units, header_names, place_as_written, with_units,
+)
+from idic.readers.fields.exports.nodemap import signals_of
+from idic.readers.formats.format import FIELDS, Format
+from idic.readers.fields.stages.failed_points import FLAGS, in_words, names_of, sound_points
 from idic.readers.fields.stages.stage import KEY, Stage, cells_of, numbers_of, separator_of, stage_text
 from idic.readers.delimited.units import factor_to, unit_in_name, without_unit
 
@@ -22,8 +28,9 @@ from idic.readers.delimited.units import factor_to, unit_in_name, without_unit
 class Dialect:
     """Column names of a system, without units; the third of `points` and `displacement` may be missing in a file.
 
-    unit : of lengths, where the header names none; needs : columns without which a file is of another dialect. Flags
-    of failed points: `idic.readers.fields.stages.failed_points`
+    unit : of lengths, where the header names none; needs : columns without which a file is of another dialect; named :
+    columns that the user names, in the place of those of a system. Flags of failed points:
+    `idic.readers.fields.stages.failed_points`
     """
 
     name: str
@@ -36,8 +43,22 @@ class Dialect:
     exact_case: bool = False
     needs: tuple[str, ...] = ()
     v_upwards: bool = False
+    named: NamedColumns | None = None
+
+    @classmethod
+    def of_user(cls, named: NamedColumns) -> Dialect:
+        """The columns that the user names."""
+        return cls(NAMED, (named.x, named.y, named.z or "-"), (named.ux, named.uy, named.uz or "-"), named.unit or "mm",
+                   named.id, (named.stage,) if named.stage else (), (named.time,) if named.time else (),
+                   needs=named.needs, named=named)
+
+    def rows_down(self, unit: str) -> bool:
+        """Whether y counts downwards, as the rows of an image do, in this unit."""
+        axis = self.named.y_axis if self.named is not None else None
+        return unit == "px" if axis is None else axis == "down"
 
 
+NAMED = "columns"
 STAGE_COLUMNS = ("stage", "frame")
 DIALECTS = (
     Dialect("vic", ("X", "Y", "Z"), ("U", "V", "W"), "mm", exact_case=True),
@@ -56,12 +77,33 @@ DIALECTS = (
     Dialect("pyvale", ("subset_x", "subset_y", "-"), ("disp_u", "disp_v", "-"), "px"),
     Dialect("pyvale", ("ss_x", "ss_y", "-"), ("displacement_u", "displacement_v", "-"), "px"),
     Dialect("al-dic", ("x", "y", "-"), ("disp_u", "disp_v", "-"), "px", "node_id", needs=("node_id",), v_upwards=True),
+    Dialect("sun-dic", ("x coord", "y coord", "-"), ("x disp", "y disp", "-"), "px"),
+    Dialect("nodemap", ("x_undef", "y_undef", "z_undef"), ("u", "v", "w"), "mm", "id"),
     Dialect("table", ("x", "y", "z"), ("ux", "uy", "uz"), "mm", "id", stage=STAGE_COLUMNS, time=("time", "t")),
     Dialect("table", ("x", "y", "z"), ("u", "v", "w"), "mm", "id", stage=STAGE_COLUMNS, time=("time", "t")),
 )
-FORMATS = tuple(dict.fromkeys(dialect.name for dialect in DIALECTS))
+DIALECT_NAMES = tuple(dict.fromkeys(dialect.name for dialect in DIALECTS))
+_TABLES = (".csv", ".txt", ".dat", ".xlsx")
+_ASKED, _MADE = "pixel_size_mm if in px", "made files in its columns"
+FORMATS = (
+    Format(FIELDS, "VIC-2D, VIC-3D", _TABLES, "", "sigma", _ASKED, "files of its columns"),
+    Format(FIELDS, "MatchID", _TABLES, "", "units", _ASKED,
+           "its columns of 2023 and 2024, 2D and 3D"),
+    Format(FIELDS, "DICe", _TABLES, "", "SIGMA, MATCH, GAMMA, BETA", _ASKED,
+           "141 solutions of its tests; made files"),
+    Format(FIELDS, "pyvale", _TABLES, "", "convergence, correlation", _ASKED,
+           "files of pyvale 2026; made files"),
+    Format(FIELDS, "al-dic", _TABLES, "", "", _ASKED, "files of al-dic 1.0; made files"),
+    Format(FIELDS, "sun-dic, CSV", _TABLES, "", "", _ASKED, _MADE),
+    Format(FIELDS, "node maps of ARAMIS", _TABLES, "", "signals and time of the stage",
+           "the unit of a signal", "made files in the layout of a laboratory's script"),
+    Format(FIELDS, "plain tables", _TABLES, "", "stage, time, unit",
+           "fields_unit where the names state none", "made files"),
+    Format(FIELDS, "any other table", _TABLES, "", "flag, quality, units below the header",
+           "names of the columns: [fields.columns]", "made files: comments above, units, other orders"),
+)
 _NUMBER = re.compile(r"[+-]?[\d.]")
-_MAX_LINES_ABOVE = 40  # before the header: title, date, settings
+_MAX_LINES_ABOVE = 200  # before the header: title, date, settings, signals
 _UPWARDS = np.array([1.0, -1.0, 1.0])
 _PIXEL_UNITS = ("pixel", "pixels", "px")
 
@@ -79,6 +121,8 @@ class Columns:
     def place(self, name: str) -> int | None:
         """The column of this name, without its unit, else as it stands; None if there is none."""
         keys = [key_of(column, self.dialect.exact_case) for column in self.names]
+        if self.dialect.named is not None:
+            return place_as_written(self.names, name, keys)
         columns = keys if name in keys else [column.lower() for column in self.names]
         return columns.index(name) if name in columns else None
 
@@ -103,32 +147,44 @@ def unit_of(column: str) -> str | None:
     return "px" if text and text.lower() in _PIXEL_UNITS else text or None
 
 
-def find_columns(lines: Sequence[str], dialect_name: str | None = None) -> Columns | None:
+def find_columns(lines: Sequence[str], dialect_name: str | Dialect | None = None) -> Columns | None:
     """The first line that is the header of a known dialect; None if there is none.
 
-    dialect_name : name of a dialect, None: any
+    dialect_name : name of a dialect, None: any; or the columns of the user
     """
+    dialects = (dialect_name,) if isinstance(dialect_name, Dialect) else tuple(
+        dialect for dialect in DIALECTS if dialect_name in (None, "auto", dialect.name))
     for number, line in enumerate(lines[:_MAX_LINES_ABOVE]):
         if not line.strip() or _NUMBER.match(line.lstrip(' "')):
             continue
-        separator = separator_of(line.lstrip("# "))
-        text = line.lstrip("# ")
+        text = line.lstrip(COMMENT_MARKS)
+        separator = separator_of(text)
         names = tuple(text.split() if separator == " " else cells_of(text, separator))
-        for dialect in DIALECTS:
-            if dialect_name not in (None, "auto", dialect.name):
-                continue
+        for dialect in dialects:
             if dialect.exact_case and dialect_name != dialect.name and any(key_of(name) in STAGE_COLUMNS
                                                                            for name in names):
                 continue  # VIC writes a file per stage: X, Y, U, V of all stages are a plain table
             columns = Columns(dialect, names, separator, number + 2, dialect.unit)
             needed = (*dialect.points[:2], *dialect.displacement[:2], *dialect.needs)
             if all(columns.place(name) is not None for name in needed):
-                unit = unit_of(names[columns.place(dialect.points[0])])
-                return Columns(dialect, names, separator, number + 2, unit or dialect.unit)
+                return _with_unit(columns, lines[number + 1:number + 2])
     return None
 
 
-def read_columns(path: Path, dialect_name: str | None = None) -> list[tuple[float, Stage]]:
+def _with_unit(columns: Columns, below: Sequence[str]) -> Columns:
+    """The columns with the unit of their header, or of a row of units below it."""
+    dialect, names, first_row = columns.dialect, columns.names, columns.first_row
+    for line in below:
+        text = line.lstrip(COMMENT_MARKS)
+        cells = text.split() if columns.separator == " " else cells_of(text, columns.separator)
+        if len(cells) == len(names) and are_units(cells):
+            names, first_row = with_units(names, cells), first_row + 1
+    unit = unit_of(names[columns.place(dialect.points[0])])
+    stated_unit = dialect.named.unit if dialect.named is not None else None
+    return Columns(dialect, names, columns.separator, first_row, stated_unit or unit or dialect.unit)
+
+
+def read_columns(path: Path, dialect_name: str | Dialect | None = None) -> list[tuple[float, Stage]]:
     """The stages of a file with their numbers in its stage column, in the order of these; one stage where there is no
     such column.
 
@@ -139,12 +195,15 @@ def read_columns(path: Path, dialect_name: str | None = None) -> list[tuple[floa
     """
     lines = stage_text(path).splitlines()
     columns = find_columns(lines, dialect_name)
+    if columns is None and isinstance(dialect_name, Dialect):
+        raise missing_columns(dialect_name, lines, path)
     if columns is None:
         raise InputError("no columns of positions and displacements", file=path, key=KEY,
-                         expected="columns of " + ", ".join(FORMATS) + ": for example stage,x_mm,y_mm,ux_mm,uy_mm",
-                         found=next((line for line in lines if line.strip()), "an empty file")[:80],
-                         remedy="export positions and displacements of the points, or name the format in fields_format")
-    rows = [line for line in lines[columns.first_row - 1:] if line.strip()]
+                         expected="columns of " + ", ".join(DIALECT_NAMES) + ", e.g. stage,x_mm,y_mm,ux_mm,uy_mm",
+                         found=found_in(lines),
+                         remedy="name its columns in [fields.columns], export positions and displacements of the "
+                         "points, or name the format in fields_format")
+    rows = [line for line in lines[columns.first_row - 1:] if line.strip() and not line.lstrip().startswith("#")]
     columns, rows = _without_last_separator(columns, rows)
     values = numbers_of(rows, len(columns.names), columns.separator, path, columns.first_row)
     if len(values) == 0:
@@ -152,7 +211,28 @@ def read_columns(path: Path, dialect_name: str | None = None) -> list[tuple[floa
                          found="a header only",
                          remedy="export the stage again, or remove the file from the pattern")
     _check_units(columns, path)
-    return [(number, _stage(columns, part, path)) for number, part in _by_stage(columns, values, path)]
+    stages = [(number, _stage(columns, part, path)) for number, part in _by_stage(columns, values, path)]
+    if columns.dialect.name != "nodemap":
+        return stages
+    time, signals = signals_of(lines[:columns.first_row - 1], path)
+    return [(number, replace(stage, time_s=time, analog=signals)) for number, stage in stages]
+
+
+def missing_columns(dialect: Dialect, lines: Sequence[str], path: Path) -> InputError:
+    """The message where a table lacks a column that the user names."""
+    names = header_names(lines[:_MAX_LINES_ABOVE])
+    keys = [key_of(name) for name in names]
+    missing = [name for name in dialect.needs if names and place_as_written(names, name, keys) is None]
+    return InputError(f"no column {', '.join(map(repr, missing))}" if missing else "no header of columns", file=path,
+                      key="fields.columns", expected=", ".join(missing or dialect.needs), found=found_in(lines),
+                      remedy="write the names as the header has them; a name that several columns share with its unit")
+
+
+def found_in(lines: Sequence[str]) -> str:
+    """The columns of a table, or its first line, for a message."""
+    names = header_names(lines[:_MAX_LINES_ABOVE])
+    return f"the columns {', '.join(names)}"[:400] if names else next((line for line in lines if line.strip()),
+                                                                    "an empty file")[:80]
 
 
 def _without_last_separator(columns: Columns, rows: list[str]) -> tuple[Columns, list[str]]:
@@ -185,19 +265,24 @@ def _stage(columns: Columns, values: np.ndarray, path: Path) -> Stage:
     ids = None
     if dialect.ids is not None and (place := columns.place(dialect.ids)) is not None:
         ids = names_of(values[:, place])
-    if columns.unit == "px":  # rows of an image count downwards
+    if dialect.rows_down(columns.unit):
         points = points * _UPWARDS[:n]
         displacement = displacement if dialect.v_upwards else displacement * _UPWARDS[:n]
-    flags = {key_of(name): values[:, k] for k, name in enumerate(columns.names) if unit_of(name) is None}
-    sound = sound_points(points, displacement, ids, dialect.name, flags)
+    flags = FLAGS if dialect.named is None else dialect.named.flags
+    cells = {key_of(name): values[:, k] for k, name in enumerate(columns.names) if unit_of(name) is None}
+    if dialect.named is not None:
+        cells = {flag.column: values[:, columns.place(flag.column)] for flag in flags}
+    sound = sound_points(points, displacement, ids, dialect.name, cells, flags)
     if sound.n_repeated:
         raise InputError("a point occurs twice in a stage", file=path, key=KEY, expected="every point once",
                          found=f"{sound.n_repeated} points more than once" + (
                              f", of those that did not fail ({in_words(sound.failed)})" if sound.failed else ""),
                          remedy="export one surface only; a table of several stages needs a column `stage`")
+    unit_stated = dialect.named is not None and dialect.named.unit is not None
     return Stage(sound.points, sound.displacement, columns.unit, sound.ids, _time_of(columns, values),
                  columns=columns.names,
-                 unit_assumed=dialect.name == "table" and not any(map(unit_of, _lengths(columns))),
+                 unit_assumed=dialect.name in ("table", NAMED) and not unit_stated and not any(
+                     map(unit_of, _lengths(columns))),
                  failed=sound.failed, placeless=sound.placeless)
 
 
@@ -213,6 +298,8 @@ def _time_of(columns: Columns, values: np.ndarray) -> float | None:
 
 def _check_units(columns: Columns, path: Path) -> None:
     """Refuse positions and displacements in different units."""
+    if columns.dialect.named is not None and columns.dialect.named.unit is not None:
+        return
     units = {unit_of(name) or columns.dialect.unit for name in _lengths(columns)}
     if len(units) > 1:
         raise InputError("positions and displacements are in different units", file=path, key=KEY,

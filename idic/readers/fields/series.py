@@ -13,8 +13,14 @@ import scipy
 from idic.errors import InputError
 from idic.readers.delimited.log_table import Table
 from idic.readers.fields.aramis import is_aramis, read_aramis, read_aramis_head
+from idic.readers.fields.column_tables import DIALECT_NAMES
 from idic.readers.fields.column_tables import FORMATS as COLUMN_FORMATS
-from idic.readers.fields.column_tables import read_columns
+from idic.readers.fields.column_tables import Dialect, find_columns, found_in, read_columns
+from idic.readers.fields.exports.named_columns import NamedColumns
+from idic.readers.fields.exports.py3dic import SUFFIXES as PY3DIC_SUFFIXES
+from idic.readers.fields.exports.py3dic import read_py3dic
+from idic.readers.fields.exports.sundic import SUFFIXES as SUNDIC_SUFFIXES
+from idic.readers.fields.exports.sundic import read_sundic
 from idic.readers.fields.stages.failed_points import in_words
 from idic.readers.fields.flattened import Flattening
 from idic.readers.fields.mudic import SUFFIXES as MUDIC_SUFFIXES
@@ -26,14 +32,31 @@ from idic.readers.fields.stages.stage import KEY, Stage, stage_text
 from idic.readers.fields.stages.state_of_positions import DEFORMED, REFERENCE, at_rest, state_of_positions
 from idic.readers.fields.vtu import SUFFIXES as VTU_SUFFIXES
 from idic.readers.fields.vtu import read_vtu
+from idic.readers.formats.format import FIELDS, Format
 from idic.readers.logs import Log
 from idic.readers.delimited.units import factor_between
 
-ARAMIS, VTU, NCORR, MUDIC = "aramis", "vtu", "ncorr", "mudic"
-FORMATS = ("auto", ARAMIS, *COLUMN_FORMATS, NCORR, MUDIC, VTU)
+ARAMIS, VTU, NCORR, MUDIC, PY3DIC, SUNDIC = "aramis", "vtu", "ncorr", "mudic", "py3dic", "sun-dic"
+NAMES = ("auto", ARAMIS, *DIALECT_NAMES, NCORR, MUDIC, PY3DIC, VTU)
 _BY_SUFFIX = {**dict.fromkeys(VTU_SUFFIXES, VTU), **dict.fromkeys(NCORR_SUFFIXES, NCORR),
-              **dict.fromkeys(MUDIC_SUFFIXES, MUDIC)}
-SUFFIXES = (".csv", ".txt", ".dat", *_BY_SUFFIX)
+              **dict.fromkeys(MUDIC_SUFFIXES, MUDIC), **dict.fromkeys(PY3DIC_SUFFIXES, PY3DIC),
+              **dict.fromkeys(SUNDIC_SUFFIXES, SUNDIC)}
+FORMATS = (
+    Format(FIELDS, "ARAMIS, GOM Correlate", (".csv", ".txt"), "", "channels, time, units",
+           "nothing",
+           "a real export of 170 stages; made files"),
+    *COLUMN_FORMATS,
+    Format(FIELDS, "Ncorr", NCORR_SUFFIXES, "SciPy, h5py", "region, unit",
+           "pixel_size_mm before Format Displacements", "made files, MATLAB 5 and 7.3"),
+    Format(FIELDS, "µDIC", MUDIC_SUFFIXES, "NumPy", "positions of every image", "pixel_size_mm", "a file of µDIC 0.2"),
+    Format(FIELDS, "py3dic, pydic", PY3DIC_SUFFIXES, "", "positions of every image", "pixel_size_mm",
+           "made files in the layout of 0.5"),
+    Format(FIELDS, "sun-dic", SUNDIC_SUFFIXES, "msgpack", "the reference", "pixel_size_mm",
+           "made files in the layout of 0.0.36"),
+    Format(FIELDS, "VTU, VTK: pyxel and others", VTU_SUFFIXES, "meshio", "", "fields_unit",
+           "made files; a file of pyxel 2026"),
+)
+_READERS = {NCORR: read_ncorr, MUDIC: read_mudic, PY3DIC: read_py3dic}
 MIN_SHARED_PART = 0.1  # of the reference's points in every stage; fewer are those of another specimen
 MIN_POINTS = 12
 _MAX_MATCH_DISTANCE = 0.05  # of the distance of neighbours: the same point in two stages without names
@@ -60,10 +83,11 @@ class FieldEntry:
 class FieldSeries:
     """All stages of a test.
 
-    format : one of `FORMATS` without "auto"; mm_per_unit : of lengths in the files; unit, columns : of lengths and
+    format : one of `NAMES` without "auto"; mm_per_unit : of lengths in the files; unit, columns : of lengths and
     names of the columns of points, as the first file states them; unit_assumed : neither it nor the user states a unit;
     rows_down : the user, not the file, says that lengths are in px, whose rows count downwards; positions : of which
-    state those in the files are (`idic.readers.fields.stages.state_of_positions`)
+    state those in the files are (`idic.readers.fields.stages.state_of_positions`); dialect : columns that the
+    user names
     """
 
     entries: tuple[FieldEntry, ...]
@@ -74,6 +98,7 @@ class FieldSeries:
     unit_assumed: bool = False
     rows_down: bool = False
     positions: str = REFERENCE
+    dialect: Dialect | None = None
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -92,7 +117,7 @@ class FieldSeries:
             The file cannot be read, or is in another unit or has other columns than the first one.
         """
         entry = self.entries[k]
-        stage = _read(entry.path, self.format)[entry.number]
+        stage = _read(entry.path, self.dialect or self.format)[entry.number]
         if stage.unit != self.unit:
             raise InputError("a stage in another unit than the first", file=entry.path, key=KEY, expected=self.unit,
                              found=stage.unit, remedy="export all stages in one unit")
@@ -150,24 +175,26 @@ class FieldSeries:
 
 
 def open_fields(paths: Sequence[Path], format: str = "auto", unit: str | None = None,
-                pixel_size_mm: float | None = None) -> FieldSeries:
+                pixel_size_mm: float | None = None, columns: NamedColumns | None = None) -> FieldSeries:
     """The stages in these files, in order. Of stages with a file each, only the first is read whole.
 
     Parameters
     ----------
     unit : of lengths in the files, where they do not state it or state a wrong one
-    pixel_size_mm : for fields in px
+    pixel_size_mm : for fields in px; columns : of a table, as the user names them
 
     Raises
     ------
     InputError
-        A file is none of the formats, the fields are in px and no pixel size is given, or a pixel size is given and
-        nothing says whether the lengths are in px.
+        A file is none of the formats or lacks one of the columns, the fields are in px and no pixel size is given, or a
+        pixel size is given and nothing says whether the lengths are in px.
     """
-    file_format = detected(paths[0]) if format == "auto" else format
-    entries = [entry for path in paths for entry in _entries(path, file_format)]
-    first = _read(entries[0].path, file_format)[entries[0].number]
-    positions = state_of_positions(lambda k: _read(entries[k].path, file_format)[entries[k].number],
+    dialect = None if columns is None else Dialect.of_user(columns)
+    file_format = dialect.name if dialect is not None else detected(paths[0]) if format == "auto" else format
+    source = dialect or file_format
+    entries = [entry for path in paths for entry in _entries(path, source)]
+    first = _read(entries[0].path, source)[entries[0].number]
+    positions = state_of_positions(lambda k: _read(entries[k].path, source)[entries[k].number],
                                    [entry.path for entry in entries], DEFORMED if file_format == ARAMIS else REFERENCE)
     assumed = first.unit_assumed and unit is None
     if assumed and pixel_size_mm is not None:
@@ -185,7 +212,7 @@ def open_fields(paths: Sequence[Path], format: str = "auto", unit: str | None = 
     else:
         factor = factor_between(unit, "mm", file=paths[0], key="experiment.fields_unit")
     return FieldSeries(tuple(entries), file_format, factor, file_unit, first.columns, assumed,
-                       first.unit_assumed and unit == "px" and file_format != VTU, positions)
+                       first.unit_assumed and unit == "px" and file_format != VTU, positions, dialect)
 
 
 def shared_part(moved: np.ndarray) -> float:
@@ -206,18 +233,17 @@ def detected(path: Path) -> str:
         return format_name
     if is_aramis(stage_text(path)):
         return ARAMIS
-    from idic.readers.fields.column_tables import find_columns
-
     columns = find_columns(stage_text(path).splitlines())
     if columns is None:
         raise InputError("not a field format that idic reads", file=path, key=KEY,
-                         expected="an export of " + ", ".join(name for name in FORMATS if name != "auto"),
-                         found=stage_text(path).lstrip()[:60] or "an empty file",
-                         remedy="export a table with the columns stage,x_mm,y_mm,ux_mm,uy_mm")
+                         expected="an export of " + ", ".join(name for name in NAMES if name != "auto"),
+                         found=found_in(stage_text(path).splitlines()),
+                         remedy="name its columns in [fields.columns], or export a table with the columns "
+                         "stage,x_mm,y_mm,ux_mm,uy_mm")
     return columns.dialect.name
 
 
-def _entries(path: Path, format: str) -> list[FieldEntry]:
+def _entries(path: Path, format: str | Dialect) -> list[FieldEntry]:
     if path.stat().st_size == 0:
         raise InputError("a stage is empty", file=path, key=KEY, expected="the points of a stage",
                          found="a file of 0 bytes",
@@ -229,22 +255,25 @@ def _entries(path: Path, format: str) -> list[FieldEntry]:
         return [FieldEntry(path, path.name, None, None, ())]
     stages = _read(path, format)
     is_single = len(stages) == 1
-    return [FieldEntry(path, path.name if is_single else f"{path.name}[{number:g}]", number, stage.time_s, ())
+    return [FieldEntry(path, path.name if is_single else f"{path.name}[{number:g}]", number, stage.time_s,
+                       tuple((name, *value) for name, value in stage.analog.items()))
             for number, stage in stages.items()]
 
 
 @lru_cache(maxsize=2)
-def _read_cached(path: Path, format: str, changed_ns: int) -> dict[float | None, Stage]:
+def _read_cached(path: Path, format: str | Dialect, changed_ns: int) -> dict[float | None, Stage]:
     if format == ARAMIS:
         return {None: read_aramis(path)}
     if format == VTU:
         return {None: read_vtu(path)}
-    if format in (NCORR, MUDIC):
-        return read_ncorr(path) if format == NCORR else read_mudic(path)
+    if format == SUNDIC and path.suffix.lower() in SUNDIC_SUFFIXES:
+        return read_sundic(path)
+    if (read := _READERS.get(format)) is not None:
+        return read(path)
     return dict(read_columns(path, format))
 
 
-def _read(path: Path, format: str) -> dict[float | None, Stage]:
+def _read(path: Path, format: str | Dialect) -> dict[float | None, Stage]:
     return _read_cached(path, format, path.stat().st_mtime_ns)
 
 

@@ -1,4 +1,5 @@
-"""Grey values of images that are stored with a palette: a grey ramp, perhaps with some colours of an overlay."""
+"""Grey values of images that are stored with a palette: a grey ramp, perhaps with some colours of an overlay, behind
+the ramp or among its entries."""
 
 from __future__ import annotations
 
@@ -26,6 +27,8 @@ def grey_of_palette(indices: np.ndarray, palette: np.ndarray) -> tuple[np.ndarra
     n_coloured = int(np.count_nonzero(~is_grey[indices]))
     ramp = palette[:np.argmin(is_grey), 0].astype(int)  # the grey entries before the first colour
     is_ramp = len(ramp) >= _MIN_RAMP and 2 * len(ramp) >= len(palette) <= 256 and (np.diff(ramp) > 0).all()
+    n_own_values = np.count_nonzero(is_grey & (palette[:, 0] == np.arange(len(palette))))  # entry 7 has the value 7
+    is_ramp |= len(palette) == 256 and 2 * n_own_values >= len(palette)  # with colours in between, as Zeiss has them
     if not is_ramp or n_coloured > MAX_OVERLAY_SHARE * indices.size:
         return None
     values = np.where(is_grey, palette[:, 0], np.arange(len(palette))).astype(np.uint8)

@@ -7,7 +7,7 @@ systems write them all at one place, which is none: these rows are left out, and
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,17 +26,23 @@ _MAX_NAME = 2.0**53  # beyond, two names are one number
 class Flag:
     """A column that says whether a point was measured.
 
-    column : without unit, in lower case; least : its value where a point was measured, or more; formats : that write
-    it, empty: any
+    column : without unit, in lower case; least, most : its values where a point was measured; formats : that write it,
+    empty: any
     """
 
     column: str
     least: float
     formats: tuple[str, ...] = ()
+    most: float = np.inf
 
     @property
     def words(self) -> str:
-        return f"{self.column} below {self.least:g}"
+        bounds = [f"below {self.least:g}"] if self.least > -np.inf else []
+        return f"{self.column} {' or '.join([*bounds, *([f'above {self.most:g}'] if self.most < np.inf else [])])}"
+
+    def fails(self, values: np.ndarray) -> np.ndarray:
+        """Where a point was not measured, an empty cell among these  # (n,) bool"""
+        return ~((values >= self.least) & (values <= self.most))
 
 
 FLAGS = (
@@ -75,7 +81,7 @@ class SoundPoints:
 
 
 def sound_points(points: np.ndarray, displacement: np.ndarray | None, ids: np.ndarray | None, format: str,
-                 columns: Mapping[str, np.ndarray]) -> SoundPoints:
+                 columns: Mapping[str, np.ndarray], flags: Sequence[Flag] = FLAGS) -> SoundPoints:
     """Apply the rule to one stage.
 
     points, displacement : (n, d); ids : (n,); columns : by `Flag.column`, (n,) each; those that are no flags do not
@@ -84,9 +90,9 @@ def sound_points(points: np.ndarray, displacement: np.ndarray | None, ids: np.nd
     has_place = np.isfinite(points).all(axis=1)
     is_failed = ~has_place
     failed = {NO_PLACE: int(is_failed.sum())}
-    for flag in FLAGS:
+    for flag in flags:
         if flag.column in columns and (not flag.formats or format in flag.formats):
-            is_failed = _counted(failed, flag.words, ~(columns[flag.column] >= flag.least), is_failed)
+            is_failed = _counted(failed, flag.words, flag.fails(columns[flag.column]), is_failed)
     if displacement is not None:
         is_failed = _counted(failed, NO_DISPLACEMENT, ~np.isfinite(displacement).all(axis=1), is_failed)
         is_failed = _counted(failed, OUTSIDE, _outside(points, displacement, ~is_failed), is_failed)

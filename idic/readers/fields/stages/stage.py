@@ -12,6 +12,8 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.readers.delimited.text_files import text_of
+from idic.readers.instruments.workbook import FORMAT as WORKBOOK
+from idic.readers.instruments.workbook import sheet_text
 
 KEY = "experiment.fields"
 _SEPARATORS = (";", "\t", ",")
@@ -74,7 +76,7 @@ def stage_text(path: Path) -> str:
     InputError
         The file is no text.
     """
-    return text_of(path.read_bytes(), path, KEY)[0]
+    return sheet_text(path) if path.suffix.lower() in WORKBOOK.suffixes else text_of(path.read_bytes(), path, KEY)[0]
 
 
 def cells_of(line: str, separator: str) -> list[str]:

@@ -1,0 +1,1 @@
+"""All formats that idic reads, in one table."""

@@ -1,0 +1,1 @@
+"""What each reader declares of its formats."""

@@ -1,0 +1,1 @@
+"""Files of instruments by the libraries of `pip install idic[instruments]`."""
