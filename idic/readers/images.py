@@ -19,7 +19,7 @@ from idic.readers.frames.written_times import exif_time, tiff_time
 from idic.readers.orientation import TAG, UPRIGHT, orientation_note, orientation_of, upright, upright_shape
 from idic.readers.image_formats.palettes import OVERLAY_NOTE, grey_of_palette
 from idic.readers.image_formats.tiff_axes import stack_notes, stated_images
-from idic.readers.paths import reading_of_names
+from idic.readers.paths import called_the_reference, reading_of_names
 from idic.readers.video import SUFFIXES as VIDEO_SUFFIXES
 from idic.readers.video import read_video_frame, video_headers, video_notes
 
@@ -90,7 +90,9 @@ class FileStack:
     def orders(self, frames: Sequence[int]) -> dict[str, list[int]]:
         """The orders that names, headers and times of the files propose, as places in `frames`; none of frames that
         share a file."""
-        return orders_of_files([self.entries[k].path for k in frames], [self.entries[k].written_s for k in frames])
+        paths = [self.entries[k].path for k in frames]
+        named = [called_the_reference(path.stem) for path in paths]
+        return orders_of_files(paths, [self.entries[k].written_s for k in frames], int(named[0] and sum(named) == 1))
 
     def notes(self) -> list[str]:
         """Notes on effects of the file format on the measurement."""

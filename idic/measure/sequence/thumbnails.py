@@ -40,11 +40,11 @@ def thumbnail(image: np.ndarray, box: tuple[int, int, int, int]) -> Thumbnail:
     image : (ny, nx)
     box : first row, first column, end row, end column
     """
-    top, left, bottom, right = box
-    size = max(1, int(np.ceil(max(bottom - top, right - left) / SQUARES_ALONG)))
-    shape = max(1, (bottom - top) // size), max(1, (right - left) // size)
+    first_row, first_column, end_row, end_column = box
+    size = max(1, int(np.ceil(max(end_row - first_row, end_column - first_column) / SQUARES_ALONG)))
+    shape = max(1, (end_row - first_row) // size), max(1, (end_column - first_column) // size)
     means = np.empty(shape)
-    _means(np.ascontiguousarray(image), top, left, size, means)
+    _means(np.ascontiguousarray(image), first_row, first_column, size, means)
     if not np.isfinite(means).all():
         means = np.where(np.isfinite(means), means, np.nanmean(means) if np.isfinite(means).any() else 0.0)
     levels = [means]
@@ -160,17 +160,17 @@ def _shortened(distance: np.ndarray, path: list[int]) -> list[int]:
 
 
 @njit(cache=True, nogil=True)
-def _means(image, top, left, size, means):
+def _means(image, first_row, first_column, size, means):
     """Means over squares of every second row; pixels without a value take no part."""
     for i in range(means.shape[0]):
         for j in range(means.shape[1]):
             means[i, j] = 0.0
         n_rows = 0
-        for row in range(top + i * size, top + (i + 1) * size, 2 if size > 2 else 1):
+        for row in range(first_row + i * size, first_row + (i + 1) * size, 2 if size > 2 else 1):
             n_rows += 1
             for j in range(means.shape[1]):
                 total = 0.0
-                first = left + j * size
+                first = first_column + j * size
                 for column in range(first, first + size):
                     total += image[row, column]
                 means[i, j] += total
