@@ -6,10 +6,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from idic.readers.frames.name_orders import UncertainOrder, orders_of_names
 from idic.readers.frames.written_times import time_beside
 
 WRITTEN, SAVED = "written", "saved"
+MIN_SAVED_S = 0.01  # median time between two files: those that were written faster were copied
 
 
 def orders_of_files(paths: Sequence[Path], written_s: Sequence[float | None], first: int) -> dict[str, list[int]]:
@@ -32,6 +35,7 @@ def orders_of_files(paths: Sequence[Path], written_s: Sequence[float | None], fi
         times = [time_beside(path) for path in paths[first:]]
     saved = [path.stat().st_mtime for path in paths[first:]]
     for name, values in ((WRITTEN, times), (SAVED, saved)):
-        if None not in values and len(set(values)) > len(values) // 2:
+        if None not in values and len(set(values)) > len(values) // 2 and (
+                name == WRITTEN or float(np.median(np.diff(np.sort(values)))) > MIN_SAVED_S):
             orders[name] = [k for _, k in sorted((value, k) for k, value in enumerate(values) if value is not None)]
     return {name: [*range(first), *(first + k for k in order)] for name, order in orders.items()}
