@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 import numpy as np
 
 from idic.measure.sequence.lateness import course_of, frame_offset, sentence
@@ -32,9 +32,8 @@ class FrameSequence:
     @classmethod
     def of(cls, experiment: Experiment, region: np.ndarray) -> FrameSequence:
         """Read the images, of a long test some; region : (ny, nx) bool, True on the specimen."""
-        frames = _thinned(_counted(experiment))
-        return cls(experiment, frames, tuple(cls.thumbnail(experiment.recording.stack.frame(k), region)
-                                             for k in frames))
+        frames, to_thumbnail = _thinned(_counted(experiment)), cls.maker(region)
+        return cls(experiment, frames, tuple(to_thumbnail(experiment.recording.stack.frame(k)) for k in frames))
 
     @classmethod
     def of_thumbnails(cls, experiment: Experiment, thumbnails: Sequence[Thumbnail]) -> FrameSequence:
@@ -42,10 +41,10 @@ class FrameSequence:
         return cls(experiment, _counted(experiment), tuple(thumbnails))
 
     @staticmethod
-    def thumbnail(image: np.ndarray, region: np.ndarray) -> Thumbnail:
-        """The thumbnail of an image; region : (ny, nx) bool, True on the specimen."""
+    def maker(region: np.ndarray) -> Callable[[np.ndarray], Thumbnail]:
+        """What makes the thumbnail of an image; region : (ny, nx) bool, True on the specimen."""
         rows, columns = np.flatnonzero(region.any(axis=1)), np.flatnonzero(region.any(axis=0))
-        return thumbnail(image, (int(rows[0]), int(columns[0]), int(rows[-1]) + 1, int(columns[-1]) + 1))
+        return partial(thumbnail, box=(int(rows[0]), int(columns[0]), int(rows[-1]) + 1, int(columns[-1]) + 1))
 
     @staticmethod
     def has_order_to_confirm(experiment: Experiment) -> bool:

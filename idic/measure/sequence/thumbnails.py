@@ -45,7 +45,7 @@ def thumbnail(image: np.ndarray, box: tuple[int, int, int, int]) -> Thumbnail:
     shape = max(1, (end_row - first_row) // size), max(1, (end_column - first_column) // size)
     means = np.empty(shape)
     _means(np.ascontiguousarray(image), first_row, first_column, size, 0 if image.dtype.kind in "ui" else 0.0, means)
-    if not np.isfinite(means).all():
+    if image.dtype.kind == "f" and not np.isfinite(means).all():
         means = np.where(np.isfinite(means), means, np.nanmean(means) if np.isfinite(means).any() else 0.0)
     levels = [means]
     for _ in range(LEVELS - 1):

@@ -274,7 +274,7 @@ def _decoded(experiment: Experiment, reference: np.ndarray,
              roi: np.ndarray) -> tuple[FrameSequence, list[int], list[str]]:
     """The images as a sequence, those that equal the one before, and warnings of changed light."""
     recording, equal, warnings = experiment.recording, [], []
-    thumbnails = []
+    thumbnails, to_thumbnail = [], FrameSequence.maker(roi)
     mean, previous, previous_values = float(reference[roi].mean()), -1, np.zeros(0)
     for k in range(recording.stack.n_frames):
         image = recording.stack.frame(k)  # decodes every image: damaged ones are found here
@@ -282,7 +282,7 @@ def _decoded(experiment: Experiment, reference: np.ndarray,
         if k not in recording.excluded:
             if previous >= 0 and np.array_equal(values, previous_values, equal_nan=values.dtype.kind == "f"):
                 equal.append(k)
-            thumbnails.append(FrameSequence.thumbnail(image, roi))
+            thumbnails.append(to_thumbnail(image))
             previous, previous_values = k, values
         jump = abs(float(values.mean()) - mean) > _MAX_BRIGHTNESS_CHANGE * abs(mean)
         if jump and k not in recording.excluded and recording.quantity == "grey":
