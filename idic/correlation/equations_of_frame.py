@@ -25,7 +25,7 @@ from idic.correlation.views.pinhole_view import PinholeView
 from idic.correlation.views.view import View, view_of
 from idic.fe import nodal_deformation
 from idic.images import AnyCamera, PLACEMENT_STEM, PlacedCamera
-from idic.model import CAMERA_TIME, Experiment, Model, is_camera_time
+from idic.model import Experiment, Model, is_camera_time
 
 
 def with_all_cameras(context: CorrelationContext,
@@ -86,7 +86,7 @@ def frame_equations(context: CorrelationContext, response: FrameResponse,
 
 def at_camera_time(context: CorrelationContext, response: FrameResponse) -> FrameResponse:
     """The motion when this camera takes its image of the frame (`idic.model.camera_time`)."""
-    name = f"{context.experiment.recording.camera_name}.{CAMERA_TIME}"
+    name = context.experiment.time_offset
     if name not in context.moving:
         return response
     velocity = response.du[:, :, context.moving.index(name)]
@@ -130,7 +130,7 @@ def _columns(context: CorrelationContext, response: FrameResponse, view: View | 
                                                      gradient))
     columns, stem = np.zeros((len(moved), len(context.names))), f"{experiment.recording.camera_name}."
     for i, name in enumerate(context.names):
-        if is_camera_time(name) and not name.startswith(stem):
+        if is_camera_time(name) and name != experiment.time_offset:
             continue  # of another camera
         if name in context.moving:
             columns[:, i] = moved[:, context.moving.index(name)]

@@ -219,7 +219,7 @@ class ExperimentTables:
             if frames.still_stack is None else frames.still_stack.labels,
             is_log_interpolated=log is not None and log.is_interpolated,
             column_units={} if log is None else {name: log.unit(name) for name in log.names},
-            stated_order=table.order or "", identity=self.recording.identity)
+            stated_order=frames.stated_order, identity=self.recording.identity)
 
     def element_order(self, mesh: Mesh, camera: Camera, frames: Frames) -> tuple[Mesh, tuple[str, ...]]:
         """The mesh with the element order of the options, on the arcs of a drawing, and a note if the order was

@@ -67,6 +67,11 @@ class _ObjectFolder(ExperimentFolder):
 
     objects: Objects
 
+    @property
+    def stated_order(self) -> str:
+        """Objects are in the order in which they were given."""
+        return "given"
+
     def opened_images(self) -> ArrayFrames | FileStack:
         return self.objects.images
 

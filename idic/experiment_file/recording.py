@@ -62,6 +62,7 @@ class Frames:
     notes: tuple[str, ...]
     averaged: tuple[int, ...] = ()  # several reference frames
     points: FieldPoints | None = None  # of measured fields
+    stated_order: str = ""  # of the images, by the user; "": by their names, to be confirmed
     recorded: Recorded | None = None  # where some stages of measured fields are chosen
 
     @property
@@ -173,7 +174,12 @@ class RecordedFolder:
         still, still_stack = self._still_frames(stack, indices)
         return Frames(stack, stack.labels, frame_numbers(stack.labels), reference, excluded, still, still_stack,
                        self.mask(stack), tuple(notes),
-                       averaged if len(averaged) > 1 else ())
+                       averaged if len(averaged) > 1 else (), stated_order=self.stated_order)
+
+    @property
+    def stated_order(self) -> str:
+        """The order of the images, where the user states it, else ""."""
+        return self.config.experiment.order or ""
 
     def opened_images(self) -> FileStack | ArrayFrames:
         """The images of the main camera; only their headers are read."""
@@ -219,7 +225,7 @@ class RecordedFolder:
                        depth_of(self.config, stack.points, with_rigid_motion))
         notes += field_notes(stack, grid, later, table.thickness_mm)
         return Frames(stack, labels, frame_numbers(labels), reference, excluded, (), None, None, tuple(notes),
-                      averaged if len(averaged) > 1 else (), grid, recorded)
+                      averaged if len(averaged) > 1 else (), grid, recorded=recorded)
 
     def _still_frames(self, stack: FileStack, indices) -> tuple[tuple[int, ...], FileStack | None]:
         """The frames taken at rest: frame numbers of the test, or a separate stack."""
@@ -324,7 +330,7 @@ class RecordedFolder:
 
     def _order_notes(self, stack: FileStack | ArrayFrames) -> list[str]:
         """The reading of the file names, where it is not that of their digits from left to right."""
-        if self.config.experiment.order is not None or not isinstance(stack, FileStack):
+        if self.stated_order or not isinstance(stack, FileStack):
             return []
         reading = stack.reading_of_names(self.folder)
         return [] if not reading else [

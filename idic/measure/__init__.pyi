@@ -10,7 +10,6 @@ from .dic.start import coarse_motion
 from .dic.stereo import surface_motion
 from .dic.still import declared_stack, find_still_frames
 from .sequence.frames import FrameSequence
-from .sequence.lateness import late_cameras
 from .fields.columns import field_columns
 from .fields.free import Seen, free_motion, in_mm, noise_samples, seen_by, smoothed_length, still_frame
 from .fields.readings import Reading, readings
@@ -19,10 +18,10 @@ from .fields.strain import MEASURES, rotated, strain
 from .fields.surface import surface_of
 
 __all__ = [
-    "MEASURES", "BoundaryStart", "CameraFloor", "DicStack", "FieldSeries", "FrameSequence", "Reading", "Regularisation", "Seen",
-    "boundary_start", "build_smoother", "camera_floor", "coarse_motion", "declared_stack", "dic_frame", "dic_stack",
-    "edge_modes", "field_columns", "field_frame", "field_variance", "find_still_frames", "fitted_dof", "free_motion",
-    "in_mm", "late_cameras", "measured_nodes", "noise_samples", "readings", "residual_noise", "rotated", "section_field", "seen_by",
-    "simulated_states", "smoothed_length", "smoothing_length", "still_frame", "strain", "surface_motion", "surface_of",
-    "virtual_boundaries", "with_boundary_start",
+    "MEASURES", "BoundaryStart", "CameraFloor", "DicStack", "FieldSeries", "FrameSequence", "Reading",
+    "Regularisation", "Seen", "boundary_start", "build_smoother", "camera_floor", "coarse_motion", "declared_stack",
+    "dic_frame", "dic_stack", "edge_modes", "field_columns", "field_frame", "field_variance", "find_still_frames",
+    "fitted_dof", "free_motion", "in_mm", "measured_nodes", "noise_samples", "readings", "residual_noise", "rotated",
+    "section_field", "seen_by", "simulated_states", "smoothed_length", "smoothing_length", "still_frame", "strain",
+    "surface_motion", "surface_of", "virtual_boundaries", "with_boundary_start",
 ]

@@ -12,9 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic.fe import FrameState
-
-CAMERA_TIME = "time_offset"
-
+from idic.model.records.recording import CAMERA_TIME
 
 def is_camera_time(name: str) -> bool:
     """Whether a degree of freedom is the time offset of a camera."""
@@ -30,21 +28,21 @@ def with_velocities(states: Iterable[FrameState], names: Sequence[str], times: n
     names : all degrees of freedom, in the order that is wanted
     times : (n_frames,) s, of these frames
     """
-    others = [i for i, name in enumerate(names) if not is_camera_time(name)]
+    moving = [i for i, name in enumerate(names) if not is_camera_time(name)]
     late = [i for i, name in enumerate(names) if is_camera_time(name)]
     u, rise = np.zeros(0), np.zeros(0)
     for number, state in enumerate(states):
         interval = times[number] - times[number - 1] if number else np.inf
         u_before, rise_before = (u, rise) if number else (state.u, state.rise)
         du, d_rise = np.zeros((*state.u.shape, len(names))), None
-        du[..., others] = state.du
+        du[..., moving] = state.du
         du[..., late] = ((state.u - u_before) / interval)[..., None]
         if state.rise is not None:
             d_rise = np.zeros((len(state.rise), len(names)))
-            d_rise[:, others] = state.d_rise
+            d_rise[:, moving] = state.d_rise
             d_rise[:, late] = ((state.rise - rise_before) / interval)[:, None]
             rise = state.rise.copy()
         dchannels = np.zeros((len(state.channels), len(names)))
-        dchannels[:, others] = state.dchannels
+        dchannels[:, moving] = state.dchannels
         u = state.u.copy()
         yield replace(state, du=du, dchannels=dchannels, d_rise=d_rise)

@@ -227,8 +227,8 @@ class ForwardModel:
             If equilibrium is not found however small the increments.
         """
         if any(map(is_camera_time, names)):
-            others = [name for name in names if not is_camera_time(name)]
-            yield from with_velocities(self.march(parameters, others, local, steps, influence, warm_start, may_cut,
+            moving = [name for name in names if not is_camera_time(name)]
+            yield from with_velocities(self.march(parameters, moving, local, steps, influence, warm_start, may_cut,
                                                   increments), names, self.model.times[self.model.reference:])
             return
         shape = [name for name in names if name in self.morphs]

@@ -107,7 +107,9 @@ class FieldsInMemory:
         response, of = self.responses[frame], self.context.cameras[number]
         light = {record.frame: record.brightness_of(number) for record in self.found.point.system.frames}
         view = view_of(of.experiment, of.camera).at(frame)
-        motion = view.motion(of.experiment.model.mesh.nodes, of.experiment.model.turned(response.u))
+        earlier = self.responses[max(frame - 1, of.experiment.model.reference)]
+        u = of.experiment.at_camera_time(of.parameters, frame, response.u, earlier.u)
+        motion = view.motion(of.experiment.model.mesh.nodes, of.experiment.model.turned(u))
         return of.reference.compare_pixels(of.experiment, frame, motion, light.get(frame, np.zeros(0)))
 
     @cached_property

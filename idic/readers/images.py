@@ -25,7 +25,7 @@ from idic.readers.image_formats.palettes import OVERLAY_NOTE, grey_of_palette
 from idic.readers.image_formats.electron_microscopes import Micrograph, micrograph
 from idic.readers.image_formats.electron_microscopes import FORMAT as SEM
 from idic.readers.image_formats.tiff_axes import stack_notes, stated_images
-from idic.readers.paths import reading_of_names
+from idic.readers.paths import called_the_reference, reading_of_names
 from idic.readers.formats.format import HEIGHTS, IMAGES, Format
 from idic.readers.instruments.film import Film
 from idic.readers.instruments.phantom import FORMAT as PHANTOM
@@ -107,7 +107,9 @@ class FileStack:
     def orders(self, frames: Sequence[int]) -> dict[str, list[int]]:
         """The orders that names, headers and times of the files propose, as places in `frames`; none of frames that
         share a file."""
-        return orders_of_files([self.entries[k].path for k in frames], [self.entries[k].written_s for k in frames])
+        paths = [self.entries[k].path for k in frames]
+        named = [called_the_reference(path.stem) for path in paths]
+        return orders_of_files(paths, [self.entries[k].written_s for k in frames], int(named[0] and sum(named) == 1))
 
     @property
     def times_s(self) -> np.ndarray | None:

@@ -183,10 +183,10 @@ class Log:
                     continue
                 k = next(k for k, label in enumerate(frame_names) if row_names[k] != label)
                 raise InputError("two orders of the images", file=self.file, key=f"column {name}, line {self.lines[k]}",
-                                 expected=f"{labels[k]}, {labels[k + 1]} … as the images are sorted by their names",
-                                 found=f"{row_names[k]}, {row_names[k + 1]} …", remedy="if the rows are in the order of "
-                                 f"time, write order = \"listed\" and list the files so in images; else sort the rows "
-                                 f"of {key}")
+                                 expected=", ".join([*labels[k:k + 2], "… as the images are sorted by their names"]),
+                                 found=", ".join([*row_names[k:k + 2], "…"]),
+                                 remedy='if the rows are in the order of time, write order = "listed" and list the '
+                                        f"files so in images; else sort the rows of {key}")
 
     @property
     def time_column(self) -> str | None:

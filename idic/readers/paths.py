@@ -60,7 +60,8 @@ def read_order(paths: Iterable[Path], folder: Path, order: str | None = None) ->
 
 def reading_of_names(paths: Sequence[Path], folder: Path) -> str:
     """How names are read that are not in the order of their digits from left to right, in words; "" elsewhere."""
-    reading = read_order(dict.fromkeys(paths), folder)[1] if len(paths) > 1 else ""
+    names = [natural_key(path.name) for path in paths]
+    reading = read_order(dict.fromkeys(paths), folder)[1] if names != sorted(names) else ""
     return _IN_WORDS.get(reading, "")
 
 

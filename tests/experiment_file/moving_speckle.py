@@ -30,7 +30,8 @@ _PATTERN = 120.0 + 45.0 * _PATTERN / _PATTERN.std()
 def image_of(state: float, noise: np.random.Generator | None, shift: float = 0.0) -> np.ndarray:
     """The strip, 60 px high above row 70, stretched by so many steps  # (80, 100) uint8"""
     y, x = np.mgrid[0:80, 0:100].astype(float)
-    moved = STEP_PX * state * np.clip((70.0 - y) / 60.0, -0.3, 1.3)
+    strain = STEP_PX * state / 60.0
+    moved = strain / (1.0 + strain) * np.clip(70.0 - y, -18.0, 78.0)
     values = map_coordinates(_PATTERN, [y + 20.0 + moved, x + 20.0 + shift], order=3)
     if noise is not None:
         values = values + noise.normal(0.0, NOISE_GV, values.shape)

@@ -11,6 +11,7 @@ import tifffile
 from moving_speckle import N, STEP_PX, check, image_of, images_of, write_strip
 from small_experiment import change
 
+import idic
 
 CAMERAS = """[[camera]]
 name = "left"
@@ -87,23 +88,49 @@ def test_an_uneven_test_has_lost_no_image(states, tmp_path):
     assert "lost" not in accepted(recorded(tmp_path / "a", images_of(states), rows, more="frame_interval_s = 1.0"))
 
 
-@pytest.mark.parametrize("frames", [-1.0, 1.0, -0.4, 0.3, -2.0, 2.6, 0.0])
-def test_a_late_camera_is_told_with_its_offset(frames, tmp_path):
+def two_cameras(folder, frames, more=""):
+    """The strip before two cameras, the right one so many frames late: it rests, moves, and moves faster."""
+    corners = [0, 3, 8, 20], [0.0, 0.0, 3.0, 15.0]
     moments = np.arange(16.0)
-    states = np.interp(moments, [0, 3, 8, 20], [0.0, 0.0, 3.0, 15.0])
-    late = np.interp(moments + frames, [0, 3, 8, 20], [0.0, 0.0, 3.0, 15.0])
-    rows = [(float(k), STEP_PX * state) for k, state in enumerate(states)]
-    folder = recorded(tmp_path / "a", images_of(states), rows)
+    states = np.interp(moments, *corners)
+    recorded(folder, images_of(states), [(float(k), STEP_PX * state) for k, state in enumerate(states)])
     text = (folder / "experiment.toml").read_text()
     change(folder, "experiment.toml", text[text.index("[camera]"):text.index("[material")], CAMERAS + "\n")
+    with (folder / "experiment.toml").open("a") as stream:
+        stream.write(more)
     (folder / "right").mkdir()
-    for k, image in enumerate(images_of(late, seed=2)):
+    for k, image in enumerate(images_of(np.interp(moments + frames, *corners), seed=2)):
         tifffile.imwrite(folder / "right" / f"n{k:02d}.tif", image)
-    output = accepted(folder)
+    return folder
+
+
+@pytest.mark.parametrize("frames", [-1.0, 1.0, -0.4, 0.3, -2.0, 2.6, 0.0])
+def test_a_late_camera_is_told_with_its_offset(frames, tmp_path):
+    output = accepted(two_cameras(tmp_path / "a", frames))
     if not frames:
         assert "moment than left" not in output
         return
-    told = re.search(r"right shows (an earlier|a later) moment than left .*? by ([\d.]+) ± ([\d.]+) frames", output)
-    assert told and told[1] == ("an earlier" if frames < 0 else "a later"), output
-    assert float(told[2]) == pytest.approx(abs(frames), abs=max(0.05, 3.0 * float(told[3])))
+    sentence = re.search(r"right shows (an earlier|a later) moment than left .*? by ([\d.]+) ± ([\d.]+) frames", output)
+    assert sentence and sentence[1] == ("an earlier" if frames < 0 else "a later"), output
+    assert float(sentence[2]) == pytest.approx(abs(frames), abs=max(0.05, 3.0 * float(sentence[3])))
     assert 'name = "right.time_offset", value = ' in output
+
+
+@pytest.mark.parametrize("frames", [-0.4, -1.0])
+def test_the_offset_of_a_late_camera_is_identified(frames, tmp_path):
+    """Without contraction the strip is stretched evenly, as its images are; the motion is straight between frames."""
+    folder = two_cameras(tmp_path / "a", frames, '\n[[dof]]\nname = "right.time_offset"\n')
+    text = (folder / "experiment.toml").read_text()
+    for start, end, line in (("E = {", "\n\n[[boundary]]", "E = 70e3\nnu = 0.0"), ("[[channel]]", "\n[[dof]]", "")):
+        text = text[:text.index(start)] + line + text[text.index(end):]
+    (folder / "experiment.toml").write_text(text)
+    result = idic.identify(folder, overrides={"options.substeps": 1}).content
+    offset = result["parameters"]["right.time_offset"]
+    assert abs(offset["value"] - frames) < 4.0 * offset["std"] < 0.05
+    assert result["cameras"]["right"]["residual"]["image_chi2_dof"] < 1.3  # 10 without the offset: cubic rendering
+
+
+def test_a_time_offset_that_is_not_identified_is_refused(tmp_path):
+    folder = two_cameras(tmp_path / "a", 0.0, '\n[[dof]]\nname = "right.time_offset"\nvalue = 1.0\nidentify = false\n')
+    code, output = check(folder)
+    assert code == 2 and "prior = { mean" in output

@@ -8,7 +8,6 @@ import numpy as np
 
 from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.physics.edits import further_dofs
-from idic.model import CAMERA_TIME
 
 PROBE_INTERVAL_SHARE = 0.05  # of the time between two frames
 
@@ -17,13 +16,13 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment = situation.experiment
     if experiment.model.solver is not None:
         return ()
-    probe, main = PROBE_INTERVAL_SHARE * float(np.median(np.diff(experiment.model.times))), experiment.recording
-    proposals = []
+    probe = PROBE_INTERVAL_SHARE * float(np.median(np.diff(experiment.model.times)))
+    main, proposals = experiment.recording.camera_name, []
     for camera in experiment.cameras:
-        name = f"{camera.name}.{CAMERA_TIME}"
+        name = camera.time_offset
         if (edits := further_dofs(situation, name)) is not None:
-            proposals.append(Variant(f"{camera.name} and {main.camera_name} take their images at different times", edits,
-                                     (name,), {name: 0.0}, {name: probe}))
+            proposals.append(Variant(f"{camera.name} and {main} take their images at different times", edits, (name,),
+                                     {name: 0.0}, {name: probe}))
     return tuple(proposals)
 
 

@@ -33,11 +33,13 @@ MAX_LOST_SHARE = 0.5  # of the pixels: where frames lose more, each counts what 
 
 @dataclass(frozen=True, eq=False)
 class CameraResidual:
-    """One camera: camera, reference image and parameters; shared_gv : R per pixel of the map."""
+    """One camera: camera, reference image and parameters; shared_gv : R per pixel of the map; seen_u : (T, n_nodes,
+    dim) mm, the motion when it takes its images, in its axes."""
 
     context: CorrelationContext
     view: View
     shared_gv: np.ndarray
+    seen_u: np.ndarray
 
     @property
     def grey_values(self) -> np.ndarray:
@@ -149,13 +151,25 @@ def _is_grey(context: CorrelationContext) -> bool:
     return view_of(context.experiment, context.camera).kind == GREY and context.experiment.recording.points is None
 
 
+def _at_camera_time(context: CorrelationContext, responses: Sequence[FrameResponse]) -> list[FrameResponse]:
+    """The motion when this camera takes its images; the first frame follows the reference, where nothing has moved."""
+    experiment, shifted = context.experiment, []
+    frame, u = experiment.model.reference, np.zeros_like(responses[0].u)
+    for response in responses:
+        shifted.append(replace(response, u=experiment.at_camera_time(context.parameters, response.frame, response.u, u,
+                                                                     frame)))
+        frame, u = response.frame, response.u
+    return shifted
+
+
 class _CameraPasses:
     """Both passes of one camera over its images: its sums in every frame, and what all frames share."""
 
     def __init__(self, context: CorrelationContext, responses: Sequence[FrameResponse]):
         experiment, nodes = context.experiment, context.experiment.model.mesh.nodes
         self.context, self.view, self.unturned = context, view_of(experiment, context.camera), responses
-        self.responses = [turned_response(experiment.model, response) for response in responses]
+        self.responses = [turned_response(experiment.model, response)
+                          for response in _at_camera_time(context, responses)]
         self.views = [self.view.at(response.frame) for response in responses]
         motions = [view.motion(nodes, response.u) for view, response in zip(self.views, self.responses, strict=True)]
         self.maps = _ResidualMaps(context, [response.frame for response in responses], motions)
@@ -252,7 +266,9 @@ def _assemble(contexts: Sequence[CorrelationContext], responses: Sequence[FrameR
                         context.parameters)
     return ResidualEvidence(evidence, Columns(context.names, np.array(fields), np.array(channels)),
                     np.array([r.u for r in responses]), np.array([r.channels for r in responses]),
-                    tuple(CameraResidual(camera.context, camera.view, camera.shared) for camera in passes),
+                    tuple(CameraResidual(camera.context, camera.view, camera.shared,
+                                         np.array([response.u for response in camera.responses]))
+                                  for camera in passes),
                             tuple(responses))
 
 

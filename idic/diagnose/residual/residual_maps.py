@@ -16,7 +16,7 @@ from idic.identification import Identification
 def maps_of_evidence(residual: ResidualEvidence, frame: int) -> tuple[np.ndarray, ...]:
     """Residual maps of a compared frame, one per camera  # (ny, nx), NaN outside"""
     at = int(np.flatnonzero(residual.evidence.frames == frame)[0])
-    return tuple(residual_in_sigma(camera.context, frame, camera.turned(residual.u[at])) for camera in residual.cameras)
+    return tuple(residual_in_sigma(camera.context, frame, camera.seen_u[at]) for camera in residual.cameras)
 
 
 def maps_of_identification(identification: Identification, frame: int) -> tuple[np.ndarray, ...]:

@@ -19,8 +19,8 @@ from idic.fe import EXTERNAL
 from idic.images import AnyCamera, CAMERA_PARAMETERS, PlacedCamera
 from idic.laws import EXPANSION, KELVIN, LawParameter, LawSpec, law_for
 from idic.model import (
-    CAMERA_TIME, CHANNEL_TERMS, Channel, Column, FurtherCamera, Load, Material, Prescribed, boundary_parameters, is_camera_time,
-    load_parameters,
+    CHANNEL_TERMS, Channel, Column, FurtherCamera, Load, Material, Prescribed, boundary_parameters,
+    is_camera_time, load_parameters,
 )
 from idic.parameters import Parameter
 from idic.readers import factor_between
@@ -229,8 +229,9 @@ def degrees_of_freedom(config: ExperimentFile, camera: AnyCamera, channels: tupl
             raise _unknown(entry.name, catalogue, material_names, file, key)
         parameters[entry.name] = _dof(catalogue[entry.name], entry, file, f"dof[{number}]")
         if is_camera_time(entry.name) and not entry.identify and parameters[entry.name].value:
-            raise InputError("a time offset of a camera that is not identified", file=file, key=f"dof[{number}].identify",
-                             expected="true: the images show it better than a clock", found="false",
+            raise InputError("a time offset of a camera that is not identified", file=file,
+                             key=f"dof[{number}].identify", found="false",
+                             expected="true: the images show it better than a clock",
                              remedy="leave identify out; prior = { mean = …, std = … } holds it near a value")
     return list(parameters.values())
 
@@ -240,7 +241,7 @@ def _camera_times(config: ExperimentFile, cameras: Sequence[FurtherCamera],
     """How much later than the main camera each further one takes its images: in s, in frames without times."""
     interval, unit = (1.0, "") if times is None or len(times) < 2 else (float(np.median(np.diff(times))), "s")
     return {} if config.solver is not None else {
-        name: Parameter(name, 0.0, unit, scale=interval) for name in (f"{view.name}.{CAMERA_TIME}" for view in cameras)}
+        name: Parameter(name, 0.0, unit, scale=interval) for name in (view.time_offset for view in cameras)}
 
 
 def start_of_time_offset(config: ExperimentFile, file) -> float:

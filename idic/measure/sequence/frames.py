@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 import numpy as np
 
+from idic.measure.sequence.lateness import course_of, frame_offset, sentence
 from idic.measure.sequence.order import OrderEvidence
 from idic.measure.sequence.repeats import Steps, lost_frames, repeated_frames
 from idic.measure.sequence.thumbnails import Thumbnail, apart, distances, thumbnail
@@ -31,9 +32,8 @@ class FrameSequence:
     @classmethod
     def of(cls, experiment: Experiment, region: np.ndarray) -> FrameSequence:
         """Read the images, of a long test some; region : (ny, nx) bool, True on the specimen."""
-        frames = _thinned(_counted(experiment))
-        return cls(experiment, frames, tuple(cls.thumbnail(experiment.recording.stack.frame(k), region)
-                                             for k in frames))
+        frames, to_thumbnail = _thinned(_counted(experiment)), cls.maker(region)
+        return cls(experiment, frames, tuple(to_thumbnail(experiment.recording.stack.frame(k)) for k in frames))
 
     @classmethod
     def of_thumbnails(cls, experiment: Experiment, thumbnails: Sequence[Thumbnail]) -> FrameSequence:
@@ -41,10 +41,10 @@ class FrameSequence:
         return cls(experiment, _counted(experiment), tuple(thumbnails))
 
     @staticmethod
-    def thumbnail(image: np.ndarray, region: np.ndarray) -> Thumbnail:
-        """The thumbnail of an image; region : (ny, nx) bool, True on the specimen."""
+    def maker(region: np.ndarray) -> Callable[[np.ndarray], Thumbnail]:
+        """What makes the thumbnail of an image; region : (ny, nx) bool, True on the specimen."""
         rows, columns = np.flatnonzero(region.any(axis=1)), np.flatnonzero(region.any(axis=0))
-        return thumbnail(image, (int(rows[0]), int(columns[0]), int(rows[-1]) + 1, int(columns[-1]) + 1))
+        return partial(thumbnail, box=(int(rows[0]), int(columns[0]), int(rows[-1]) + 1, int(columns[-1]) + 1))
 
     @staticmethod
     def has_order_to_confirm(experiment: Experiment) -> bool:
@@ -114,10 +114,27 @@ class FrameSequence:
         return lost_frames(self.steps, self.labels, len(self.courses) > 0)
 
 
+    @cached_property
+    def course(self) -> np.ndarray:
+        """The motion since the reference along its main direction  # (n,) px"""
+        reference = self.experiment.model.reference
+        return course_of(self.thumbnails, self.frames.index(reference) if reference in self.frames else 0)
+
+    def late_against(self, main: FrameSequence) -> list[str]:
+        """Whether this camera takes its images at other times than the main one, with the line that says so."""
+        offset = frame_offset(main.course, self.course) if self.frames == main.frames else None
+        if offset is None:
+            return []
+        model, cameras = self.experiment.model, (main.experiment.recording, self.experiment.recording)
+        interval_s = float(np.median(np.diff(model.times[list(self.frames)]))) if model.has_times else None
+        return [sentence((cameras[0].camera_name, cameras[1].camera_name), *offset, interval_s)]
+
+
 def _counted(experiment: Experiment) -> tuple[int, ...]:
     """The numbers of the frames that are not excluded."""
     return tuple(k for k in range(experiment.model.n_frames) if k not in experiment.recording.excluded)
 
 
 def _thinned(frames: tuple[int, ...]) -> tuple[int, ...]:
-    return tuple(frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, min(len(frames), MAX_FRAMES)).astype(int)))
+    places = np.linspace(0, len(frames) - 1, min(len(frames), MAX_FRAMES)).astype(int)
+    return tuple(frames[i] for i in np.unique(places))

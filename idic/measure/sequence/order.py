@@ -65,14 +65,14 @@ class OrderEvidence:
             expected=f"small steps of the pattern from image to image, as in {_shown([labels[k] for k in right])}"
                      + (f", the order of {_OF_FILES[name]}" if name in _OF_FILES else ""),
             found=f"{_shown(labels)}, {finding}",
-            remedy=f"look at the images. If the first order is right, write {self._statement(right)} under [experiment]; "
-                   'if that of the names is right, write order = "names"')
+            remedy=f"look at the images. If the first order is right, write {self._statement(right)} under "
+                   '[experiment]; if that of the names is right, write order = "names"')
 
     def warnings(self) -> list[str]:
         """Orders by the times of the files that are not that of the names."""
         labels = [path.name for path in self.paths]
         times = {name: order for name, order in self.proposals.items() if name in _OF_FILES and order != self.names}
-        confirmed = bool(times) and ((self._is_confirmed_at_once() and _shows_motion(self.distance)) or self._is_smooth())
+        confirmed = bool(times) and self._is_smooth()
         meaning = ("The motion in the images is that of the names" if confirmed
                    else "The motion in the images does not decide")
         return [f"two orders of the images: {_shown(labels)} by their names, {_shown([labels[k] for k in order])} by "
@@ -112,21 +112,21 @@ class OrderEvidence:
         if name and name not in _OF_FILES:
             return f'order = "{name}"'
         files = [f'"{self.paths[k].parent.name}/{self.paths[k].name}"' for k in order]
-        shown = ", ".join(files) if len(files) <= MAX_LISTED else f"{', '.join(files[:3])}, …, {files[-1]}"
-        return f'order = "listed" with images = [{shown}]'
+        listed = ", ".join(files) if len(files) <= MAX_LISTED else f"{', '.join(files[:3])}, …, {files[-1]}"
+        return f'order = "listed" with images = [{listed}]'
 
 
 def _shows_motion(distance: np.ndarray) -> bool:
-    apart = distance[~np.eye(len(distance), dtype=bool)]
-    return len(apart) > 0 and apart.max() > max(MIN_MOTION * float(apart.min()), MIN_MOTION_PX)
+    pairs_px = distance[~np.eye(len(distance), dtype=bool)]
+    return len(pairs_px) > 0 and pairs_px.max() > max(MIN_MOTION * float(pairs_px.min()), MIN_MOTION_PX)
 
 
 def _refutes(order: Sequence[int], names: Sequence[int], distance: np.ndarray, courses: np.ndarray) -> bool:
     """Whether this order is better than that of the names, by the images and by the log."""
     if len(courses):
         at = _places(order)
-        ours, theirs = _agreement(order, distance, courses, at), _agreement(names, distance, courses, at)
-        return ours > MIN_AGREEMENT and ours > theirs + MIN_BETTER
+        agreement = _agreement(order, distance, courses, at)
+        return agreement > max(MIN_AGREEMENT, _agreement(names, distance, courses, at) + MIN_BETTER)
     step, step_of_names = steps(distance, order), steps(distance, names)
     jump = step_of_names.max() - step.max()
     return bool(step_of_names.max() > MIN_JUMP * step.max() and jump > MIN_JUMP_SHARE * distance.max()
@@ -139,7 +139,8 @@ def _places(order: Sequence[int]) -> np.ndarray:
     return np.arange(max(changed[0] - 2, 0), min(changed[-1] + 3, len(order)))
 
 
-def _agreement(order: Sequence[int], distance: np.ndarray, courses: np.ndarray, places: np.ndarray | None = None) -> float:
+def _agreement(order: Sequence[int], distance: np.ndarray, courses: np.ndarray,
+               places: np.ndarray | None = None) -> float:
     """Correlation of the distances of the images, placed in an order, with those of the rows of the log, of the column
     that has the largest; places : of the images that count, None: all."""
     at = np.arange(len(order)) if places is None else places

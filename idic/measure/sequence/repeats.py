@@ -9,6 +9,7 @@ import numpy as np
 
 MAX_REPEATED = 0.4  # motion of a repeated image per change of the log, over that of the pair beside it
 BESIDE = 3  # pairs of images on both sides
+USUAL = 0.8  # quantile of the motion per change of the log: of copies three in a row, two thirds have none
 MAX_STEP = 0.35  # its step over that of the pair beside it
 MIN_LOG_STEP = 0.3  # change of the log over that of the pair beside it: the log moves on
 MIN_LOST, MAX_LOST = 1.6, 6.5  # motion over a missing image per change of the log, over that of the pairs beside it
@@ -45,13 +46,18 @@ class Steps:
     def repeats(self) -> list[int]:
         """Frames without the motion that the log and frames beside them have."""
         n, frames = len(self.apart_px), []
-        for k in range(n if n > 2 else 0):
-            beside = max(range(max(k - BESIDE, 0), min(k + BESIDE + 1, n)), key=lambda j: self.moved_px[j])
-            moved, logged = self.moved_px[beside], self.logged[beside]
-            if not self.logged[k] >= MIN_LOG_STEP * logged > 0.0 or beside == k:
+        if n < 3 or not self.logged.any():
+            return []
+        rates = self.moved_px / np.where(self.logged > 0.0, self.logged, np.inf)
+        usual = float(np.quantile(rates[self.logged > 0.0], USUAL))  # images may be lost beside: a larger step
+        for k in range(n):
+            neighbour = max(range(max(k - BESIDE, 0), min(k + BESIDE + 1, n)), key=lambda j: self.moved_px[j])
+            logged = self.logged[neighbour]
+            if not self.logged[k] >= MIN_LOG_STEP * logged > 0.0 or neighbour == k:
                 continue
-            if self.apart_px[k] < MAX_STEP * self.apart_px[beside] and self.moved_px[k] < MAX_REPEATED * moved * min(
-                    1.0, self.logged[k] / logged):
+            share = min(1.0, usual / max(rates[neighbour], 1e-300))
+            if self.apart_px[k] < MAX_STEP * share * self.apart_px[neighbour] and (
+                    rates[k] < MAX_REPEATED * share * rates[neighbour]):
                 frames.append(k + 1)
         return frames
 
@@ -68,14 +74,14 @@ def repeated_frames(steps: Steps, labels: Sequence[str], equal: Collection[int],
     named = [f'"{labels[k]}"' for k in numbers]
     if len(named) > MAX_NAMED:
         named = [*named[:MAX_NAMED], "…"]
-    how = "to the last grey value" if set(numbers) <= set(equal) else "within the noise"
+    likeness = "to the last grey value" if set(numbers) <= set(equal) else "within the noise"
     subject = (f"{labels[numbers[0]]} repeats {labels[numbers[0] - 1]}" if len(numbers) == 1
                else f"{len(numbers)} of {len(labels)} images, {labels[numbers[0]]} the first, repeat the one before")
-    why = ("a film that was decoded to a multiple of its rate?" if len(numbers) >= MIN_HALF * len(labels) > 2
+    cause = ("a film that was decoded to a multiple of its rate?" if len(numbers) >= MIN_HALF * len(labels) > 2
            else "the recording lost images, and put the ones before in their place?")
-    return [f"{subject} {how}" + (" while the log moves on" if has_log else "") + f": {why} Their motion is that of "
-            f"another moment: write exclude_frames = [{', '.join(named)}], and check that log and images belong "
-            "together after them"]
+    log = " while the log moves on" if has_log else ""
+    return [f"{subject} {likeness}{log}: {cause} Their motion is that of another moment: write "
+            f"exclude_frames = [{', '.join(named)}], and check that log and images belong together after them"]
 
 
 def lost_frames(steps: Steps, labels: Sequence[str], has_log: bool) -> list[str]:
@@ -86,13 +92,13 @@ def lost_frames(steps: Steps, labels: Sequence[str], has_log: bool) -> list[str]
     for k in range(1, len(moved) - 1):
         if min(logged[k - 1:k + 2]) <= 0.0 or min(moved[k - 1:k + 2] / steps.apart_px[k - 1:k + 2]) < MIN_MOVING:
             continue
-        before, ratio, after = moved[k - 1:k + 2] / logged[k - 1:k + 2]
-        usual = 0.5 * (before + after)
-        if max(before, after) > MAX_UNLIKE * min(before, after) or not MIN_LOST < ratio / usual < MAX_LOST:
+        first, ratio, second = moved[k - 1:k + 2] / logged[k - 1:k + 2]
+        usual = 0.5 * (first + second)
+        if max(first, second) > MAX_UNLIKE * min(first, second) or not MIN_LOST < ratio / usual < MAX_LOST:
             continue
         n = round(float(ratio / usual)) - 1
         texts.append(f"from {labels[k]} to {labels[k + 1]} the images move {ratio / usual:.2g} times as far as "
                      f"{'the log says' if has_log else 'before and after'}: {'an image' if n < 2 else f'{n} images'} "
-                     "lost between them? Then the times of all later images are too early: give the time of every image "
-                     "with image_times. If the grip slipped there, do nothing")
+                     "lost between them? Then the times of all later images are too early: give the time of every "
+                     "image with image_times. If the grip slipped there, do nothing")
     return texts

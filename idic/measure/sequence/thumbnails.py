@@ -40,12 +40,12 @@ def thumbnail(image: np.ndarray, box: tuple[int, int, int, int]) -> Thumbnail:
     image : (ny, nx)
     box : first row, first column, end row, end column
     """
-    top, left, bottom, right = box
-    size = max(1, int(np.ceil(max(bottom - top, right - left) / SQUARES_ALONG)))
-    shape = max(1, (bottom - top) // size), max(1, (right - left) // size)
+    first_row, first_column, end_row, end_column = box
+    size = max(1, int(np.ceil(max(end_row - first_row, end_column - first_column) / SQUARES_ALONG)))
+    shape = max(1, (end_row - first_row) // size), max(1, (end_column - first_column) // size)
     means = np.empty(shape)
-    _means(np.ascontiguousarray(image), top, left, size, means)
-    if not np.isfinite(means).all():
+    _means(np.ascontiguousarray(image), first_row, first_column, size, 0 if image.dtype.kind in "ui" else 0.0, means)
+    if image.dtype.kind == "f" and not np.isfinite(means).all():
         means = np.where(np.isfinite(means), means, np.nanmean(means) if np.isfinite(means).any() else 0.0)
     levels = [means]
     for _ in range(LEVELS - 1):
@@ -69,7 +69,12 @@ def distances(thumbnails: Sequence[Thumbnail]) -> np.ndarray:
 
 def apart(thumbnails: Sequence[Thumbnail], lag: int = 1) -> np.ndarray:
     """How far each image is from the one so many before  # (n - lag,) px"""
-    return np.array([distances(pair)[0, 1] for pair in zip(thumbnails[:-lag], thumbnails[lag:], strict=True)])
+    total = np.zeros(max(len(thumbnails) - lag, 0))
+    for number in range(len(thumbnails[0].levels)):
+        rows = np.array([entry.levels[number].ravel() for entry in thumbnails])
+        alike = np.einsum("kp,kp->k", rows[:-lag], rows[lag:]) / rows.shape[1]
+        total += thumbnails[0].size_px * 2**number * np.sqrt(np.clip(1.0 - alike, 0.0, 1.0))
+    return total
 
 
 def smoothest_order(distance: np.ndarray, starts: Sequence[Sequence[int]] = ()) -> list[int]:
@@ -160,17 +165,17 @@ def _shortened(distance: np.ndarray, path: list[int]) -> list[int]:
 
 
 @njit(cache=True, nogil=True)
-def _means(image, top, left, size, means):
-    """Means over squares of every second row; pixels without a value take no part."""
+def _means(image, first_row, first_column, size, zero, means):
+    """Means over two rows of each square; zero : an integer to add integers to, else a float."""
     for i in range(means.shape[0]):
         for j in range(means.shape[1]):
             means[i, j] = 0.0
         n_rows = 0
-        for row in range(top + i * size, top + (i + 1) * size, 2 if size > 2 else 1):
+        for row in range(first_row + i * size, first_row + (i + 1) * size, max(1, (size + 1) // 2)):
             n_rows += 1
             for j in range(means.shape[1]):
-                total = 0.0
-                first = left + j * size
+                total = zero
+                first = first_column + j * size
                 for column in range(first, first + size):
                     total += image[row, column]
                 means[i, j] += total

@@ -9,11 +9,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
 from idic.images import PlacedCamera, normal_sign
 from idic.model.records.gauges import Gauge
 from idic.model.records.model import Model
 from idic.model.records.options import Options, Stage
-from idic.model.records.recording import FurtherCamera, Recording
+from idic.model.records.recording import CAMERA_TIME, FurtherCamera, Recording
 from idic.parameters import ParameterSet
 
 
@@ -40,6 +42,22 @@ class Experiment:
         """The experiment with the mesh morphed to these parameters; see `Model.at_geometry`."""
         model = self.model.at_geometry(parameters)
         return self if model is self.model else replace(self, model=model)
+
+    @property
+    def time_offset(self) -> str:
+        """The name of the degree of freedom: how much later this camera takes its images than the main one."""
+        return f"{self.recording.camera_name}.{CAMERA_TIME}"
+
+    def at_camera_time(self, parameters: ParameterSet, frame: int, u: np.ndarray, u_earlier: np.ndarray,
+                       earlier_frame: int | None = None) -> np.ndarray:
+        """The motion when this camera takes its image of a frame  # (n_nodes, d) mm
+
+        u, u_earlier : of this frame and of an earlier one, by default the one before
+        """
+        if self.time_offset not in parameters or frame <= self.model.reference:
+            return u
+        times, earlier = self.model.times, frame - 1 if earlier_frame is None else earlier_frame
+        return u + parameters[self.time_offset].value * (u - u_earlier) / (times[frame] - times[earlier])
 
     @property
     def views(self) -> tuple[Experiment, ...]:

@@ -13,6 +13,9 @@ import numpy as np
 from idic.images import AnyCamera, Stabiliser, Stack
 
 
+CAMERA_TIME = "time_offset"  # last word of the degree of freedom of a camera
+
+
 @dataclass(frozen=True)
 class CorrelatedNoise:
     """Noise with correlation between neighbours, as the recording shows it (docs/method.md, section 11).
@@ -126,6 +129,11 @@ class FurtherCamera:
     surface: str | None = None
     axis_order: tuple[int, ...] = ()
     texture: str | None = None
+
+    @property
+    def time_offset(self) -> str:
+        """The name of the degree of freedom: how much later it takes its images than the main camera."""
+        return f"{self.name}.{CAMERA_TIME}"
 
 
 @dataclass(frozen=True)

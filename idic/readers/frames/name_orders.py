@@ -24,8 +24,9 @@ _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct",
 _YEAR_FIRST = re.compile(r"(?<!\d)((?:19|20)\d\d)([-._]?)(\d\d)\2(\d\d)(?!\d)")
 _YEAR_LAST = re.compile(r"(?<!\d)(\d{1,2})([-._])(\d{1,2})\2((?:19|20)\d\d)(?!\d)")
 _COMPACT_YEAR_LAST = re.compile(r"(?<!\d)(\d\d)()(\d\d)((?:19|20)\d\d)(?!\d)")
-_DAY_MONTH = re.compile(rf"(?<!\d)(\d{{1,2}})[-._ ]?({'|'.join(_MONTHS)})[a-z]*[-._ ]?((?:19|20)\d\d)(?!\d)", re.IGNORECASE)
-_MONTH_DAY = re.compile(rf"({'|'.join(_MONTHS)})[a-z]*[-._ ]?(\d{{1,2}})[-._, ]+((?:19|20)\d\d)(?!\d)", re.IGNORECASE)
+_MONTH = f"({'|'.join(_MONTHS)})[a-z]*"
+_DAY_MONTH = re.compile(rf"(?<!\d)(\d{{1,2}})[-._ ]?{_MONTH}[-._ ]?((?:19|20)\d\d)(?!\d)", re.IGNORECASE)
+_MONTH_DAY = re.compile(rf"{_MONTH}[-._ ]?(\d{{1,2}})[-._, ]+((?:19|20)\d\d)(?!\d)", re.IGNORECASE)
 _HALF_DAY = re.compile(r"(?<!\d)(\d{1,2})(?:[-_.: ]?(\d\d))?(?:[-_.: ]?(\d\d))?(?:[.,](\d+))?[-_ ]?([ap])\.?m(?![a-z])",
                        re.IGNORECASE)
 _OF_DAY = re.compile(r"(?<!\d)([01]?\d|2[0-3])[-_.:h]?([0-5]\d)[-_.:m]?([0-5]\d)(?:[.,](\d+))?")
@@ -64,8 +65,8 @@ def order_by_names(stems: Sequence[str], order: str | None = None) -> tuple[list
         return _sorted([()] * len(stems), stems), NAMES
     if order == NAMES:
         return _sorted([()] * len(stems), stems), NAMES
-    stated = {SIGNED: _signs_stated, CLOCK: clock_keys, WRAPPED: _wrapped_where_widest}
-    keys = _number_keys(stems, int(order.split()[1]) - 1) if order.startswith("number ") else stated[order](stems)
+    statements = {SIGNED: _signs_stated, CLOCK: clock_keys, WRAPPED: _wrapped_where_widest}
+    keys = _number_keys(stems, int(order.split()[1]) - 1) if order.startswith("number ") else statements[order](stems)
     if keys is None:
         meaning = {SIGNED: "one signed number in every name", CLOCK: "a date or a 12-hour time in every name",
                    WRAPPED: "one number that differs in every name"}.get(order, f"a {order} in every name")
@@ -149,8 +150,8 @@ def _is_run_through(values: Sequence[int], place: int) -> bool:
     below, above = [v for v in values if v < place], [v for v in values if v >= place]
     if not below or not above:
         return False
-    others = [later - value for part in (below, above) for value, later in pairwise(part)]
-    return above[0] - below[-1] <= MAX_GAP_STEPS * max(others, default=1)
+    gaps_elsewhere = [later - value for part in (below, above) for value, later in pairwise(part)]
+    return above[0] - below[-1] <= MAX_GAP_STEPS * max(gaps_elsewhere, default=1)
 
 
 def _check_signs(stems: Sequence[str]) -> None:
@@ -181,12 +182,12 @@ def _wrapped_where_widest(stems: Sequence[str], period: int | None = None) -> li
     values = sorted(column)
     gaps = [later - value for value, later in pairwise(values)]
     widest = max(gaps)
-    others = sorted(gaps)[:-1]
-    if widest <= MAX_GAP_STEPS * max(others):
+    gaps_elsewhere = sorted(gaps)[:-1]
+    if widest <= MAX_GAP_STEPS * max(gaps_elsewhere):
         return None
     start = values[gaps.index(widest) + 1]
     if period is not None and (min(gaps.index(widest), len(gaps) - 1 - gaps.index(widest)) < 1 or widest < period // 2
-                               or period + values[0] - values[-1] > MAX_GAP_STEPS * max(others)):
+                               or period + values[0] - values[-1] > MAX_GAP_STEPS * max(gaps_elsewhere)):
         return None
     return [(value < start, value) for value in column]
 

@@ -3,7 +3,7 @@ except where values of cameras with a lens are free."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from scipy.ndimage import binary_erosion
 from idic.identification import planned_increments, repeated_readings
 from idic.experiment_file import corners_px, recorded, seen_nodes, seen_region, visible_cells
 from idic.images import largest_value, saturated_share
-from idic.measure import FrameSequence, late_cameras
+from idic.measure import FrameSequence
 from idic.model import Experiment, Measured, Model, Noise, Options, Recording, in_words
 from idic.readers import check_stages, mean_strain
 from idic.report.evidence.cost import Cost, expected_cost
@@ -152,9 +152,17 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None, draw: bo
         Path(overlay_to).write_bytes(main.overlay.png)
     cost = expected_cost(experiment)
     return replace(main, cameras=tuple(further_cameras), cost=cost,
-                   warnings=(*main.warnings, *late_cameras([sequence for _, sequence in inspected if sequence is not None]),
+                   warnings=(*main.warnings, *_late_cameras([sequence for _, sequence in inspected]),
                              *_model_warnings(experiment), *rig_warnings(placed, cost.time_s),
                              *cost.warnings()))
+
+
+def _late_cameras(sequences: Sequence[FrameSequence | None]) -> Iterator[str]:
+    """Cameras that take their images at other times than the main one."""
+    main, *further_cameras = sequences
+    for sequence in further_cameras:
+        if main is not None and sequence is not None:
+            yield from sequence.late_against(main)
 
 
 def _check_camera(experiment: Experiment, draw: bool) -> tuple[CheckReport, FrameSequence | None]:
@@ -266,7 +274,7 @@ def _decoded(experiment: Experiment, reference: np.ndarray,
              roi: np.ndarray) -> tuple[FrameSequence, list[int], list[str]]:
     """The images as a sequence, those that equal the one before, and warnings of changed light."""
     recording, equal, warnings = experiment.recording, [], []
-    thumbnails = []
+    thumbnails, to_thumbnail = [], FrameSequence.maker(roi)
     mean, previous, previous_values = float(reference[roi].mean()), -1, np.zeros(0)
     for k in range(recording.stack.n_frames):
         image = recording.stack.frame(k)  # decodes every image: damaged ones are found here
@@ -274,7 +282,7 @@ def _decoded(experiment: Experiment, reference: np.ndarray,
         if k not in recording.excluded:
             if previous >= 0 and np.array_equal(values, previous_values, equal_nan=values.dtype.kind == "f"):
                 equal.append(k)
-            thumbnails.append(FrameSequence.thumbnail(image, roi))
+            thumbnails.append(to_thumbnail(image))
             previous, previous_values = k, values
         jump = abs(float(values.mean()) - mean) > _MAX_BRIGHTNESS_CHANGE * abs(mean)
         if jump and k not in recording.excluded and recording.quantity == "grey":

@@ -58,7 +58,8 @@ class PointResiduals:
     def compare(self, frame: int) -> ResidualMap:
         """Residual and validity of the pixels in a frame later than the reference."""
         experiment, k = self.experiment, frame - self._context.experiment.model.reference
-        u = experiment.model.turned(self._u.read(k, k + 1)[0])
+        u_earlier, u = self._u.read(k - 1, k + 1)
+        u = experiment.model.turned(experiment.at_camera_time(self._shared.parameters, frame, u, u_earlier))
         motion = view_of(experiment, self._shared.camera).at(frame).motion(experiment.model.mesh.nodes, u)
         return self.reference.compare_pixels(experiment, frame, motion, np.array(self._brightness.get(frame, ())))
 

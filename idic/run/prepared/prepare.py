@@ -42,7 +42,8 @@ def check_before_writing(experiment: Experiment) -> None:
     Raises
     ------
     InputError
-        No images, images that are not in the order of time, nothing to identify, sets or constraints that make no model, a mesh that is not in the image, modes
+        No images, images in another order than that of time, nothing to identify,
+        sets or constraints that make no model, a mesh that is not in the image, modes
         to be measured on an edge that is not in the image.
     """
     model, recording = experiment.model, experiment.recording

@@ -321,8 +321,13 @@ def _fields(context: RunContext, point: int, experiment: Experiment, parameters:
     recording = experiment.recording
     frames = shown_frames(experiment)
     view, nodes = view_of(experiment, camera_at(experiment, parameters)), experiment.model.mesh.nodes
-    u = np.array([view.at(frame).motion(nodes, experiment.model.turned(_read(context, point, BASE, "u", frame)))
-                  for frame in frames])
+
+    def seen_u(frame: int) -> np.ndarray:
+        frames_read = max(frame - 1, experiment.model.reference), frame
+        u_earlier, u = (_read(context, point, BASE, "u", k) for k in frames_read)
+        return experiment.model.turned(experiment.at_camera_time(parameters, frame, u, u_earlier))
+
+    u = np.array([view.at(frame).motion(nodes, seen_u(frame)) for frame in frames])
     if not frames:
         return None
     unit = 1.0 if recording.points is None else recording.points.um_per_px
