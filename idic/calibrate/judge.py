@@ -107,8 +107,8 @@ def _scatter_notes(result: Calibration) -> list[str]:
     between = result.between
     if not between.all_views.is_significant:
         return []
-    sizes = (f"{between.within_px:.2g} px about the best camera for each image alone, {result.noise_px:.2g} px about one "
-             "for all")
+    sizes = (f"{between.within_px:.2g} px about the best camera for each image alone, {result.noise_px:.2g} px about "
+             "one for all")
     ending = "the standard deviations hold this scatter"
     cameras = [c for c, scatter in enumerate(between.by_camera) if scatter.is_significant]
     several = len(between.by_camera) > 1
