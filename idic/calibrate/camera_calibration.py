@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from idic.calibrate.between_views import between_views
 from idic.calibrate.bundle import Adjusted, adjust, without_outliers
 from idic.calibrate.judge import notes_on
-from idic.calibrate.records import Calibration, Lens, Pose, State, Views
+from idic.calibrate.projection import N_POSE, derivatives, n_unknowns
+from idic.calibrate.records import Between, Calibration, Lens, Pose, State, Views
 from idic.calibrate.start import numbered, one_camera, second_camera
 from idic.errors import InputError
 from idic.images import POSE_PARAMETERS
@@ -37,8 +39,8 @@ def calibrate(views: Views, image_size_px: tuple[tuple[int, int], ...], spacing_
     Returns
     -------
     Calibration
-        With the covariance of all free values of the cameras; the standard deviation of a seen coordinate comes from
-        the residuals and their degrees of freedom.
+        With the covariance of all free values of the cameras, from the scatter of the points within each view and,
+        where it is significant, from that between the views.
 
     Raises
     ------
@@ -73,17 +75,38 @@ def calibrate(views: Views, image_size_px: tuple[tuple[int, int], ...], spacing_
     for _ in range(PRIOR_PASSES if target_std_mm > 0.0 else 0):
         best = adjust(replace(best.state, points_mm=points), used, lens, target_std_mm, best.noise_px)
     noise = best.noise_px
-    rig = _rig(best, lens, noise, image_size_px)
+    between = _between(best, used, lens, target_std_mm)
+    rig = _rig(best.state.cameras, lens, between.covariance, image_size_px)
     residuals, views_out = _in_place(best.residuals_px, used, seen_views, len(views), n_cameras)
     poses_out = dict(zip(seen_views, best.state.poses, strict=True))
     result = Calibration(rig, tuple(poses_out.get(v) for v in range(len(views))), residuals,
                          views_out,
-                         best.state.points_mm, best.rms_px, noise, n_left_out)
+                         best.state.points_mm, best.rms_px, noise, n_left_out, between)
     return replace(result, notes=notes_on(result, target_std_mm))
 
 
-def _rig(adjusted: Adjusted, lens: Lens, noise: float, sizes) -> CameraRig:
-    covariance = adjusted.cofactor * noise**2
+def _between(adjusted: Adjusted, views: Views, lens: Lens, target_std_mm: float) -> Between:
+    """The scatter between the views of an adjustment."""
+    state, points_free = adjusted.state, target_std_mm > 0.0
+    n, n_cameras = n_unknowns(state, lens, points_free), len(state.cameras)
+    first_pose = n_cameras * len(lens.identified) + N_POSE * (n_cameras - 1)
+    last_pose = first_pose + N_POSE * len(state.poses)
+    shared = np.r_[:first_pose, last_pose:n]
+    prior = np.zeros(len(shared))
+    if points_free:
+        prior[first_pose:] = (adjusted.noise_px / target_std_mm)**2
+    rows, errors = {}, {}
+    for v, row in enumerate(views):
+        for c, view in enumerate(row):
+            if view is not None:
+                slopes = derivatives(state, lens, np.zeros(n), points_free, v, c, view.index[:, 0])
+                pose = first_pose + N_POSE * v + np.arange(N_POSE)
+                rows[v, c] = slopes[:, np.r_[shared, pose]]
+                errors[v, c] = adjusted.residuals_px[v][c].ravel()
+    return between_views(rows, errors, n_cameras, lens, len(shared), np.diag(prior))
+
+
+def _rig(cameras, lens: Lens, covariance: np.ndarray, sizes) -> CameraRig:
     names, rows = [], []
     at = 0
     for number in range(len(sizes)):
@@ -100,7 +123,7 @@ def _rig(adjusted: Adjusted, lens: Lens, noise: float, sizes) -> CameraRig:
             at += 6
     order = np.array([row for row, _ in rows])
     factor = np.array([f for _, f in rows])
-    return CameraRig(adjusted.state.cameras, tuple(sizes), tuple(names),
+    return CameraRig(cameras, tuple(sizes), tuple(names),
                      covariance[np.ix_(order, order)] * factor[:, None] * factor)
 
 

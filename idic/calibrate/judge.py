@@ -79,8 +79,8 @@ def notes_on(result: Calibration, target_std_mm: float) -> tuple[str, ...]:
                      "Tilt it by 20 to 40° about both axes")
     n_views = sum(pose is not None for pose in result.poses)
     if n_views < FEW_VIEWS:
-        notes.append(f"{n_views} images only: the standard deviations are right, but a single bad image would falsify "
-                     f"the result. Take 15 to 30")
+        notes.append(f"{n_views} images only: a single bad image would falsify the result, and the scatter between "
+                     "views is hardly known. Take 15 to 30")
     stds = rig.std
     for camera, values in enumerate(rig.cameras):
         weak = [name for name in ("k1", "k2", "k3", "p1", "p2") if f"{camera}.{name}" in rig.names
@@ -88,7 +88,7 @@ def notes_on(result: Calibration, target_std_mm: float) -> tuple[str, ...]:
         if weak:
             notes.append(f"camera {camera}: {', '.join(weak)} not different from zero within {UNDETERMINED:g} std; "
                          "without it (--free) the other values are more precise")
-    notes += _odd_images(result)
+    notes += _scatter_notes(result) + _odd_images(result)
     if target_std_mm == 0.0:
         ratio, size = shape_error(result)
         if ratio > MIN_SHAPE_RATIO:
@@ -100,6 +100,28 @@ def notes_on(result: Calibration, target_std_mm: float) -> tuple[str, ...]:
     if result.n_left_out:
         notes.append(f"{result.n_left_out} points left out: their residual is beyond six standard deviations")
     return tuple(notes)
+
+
+def _scatter_notes(result: Calibration) -> list[str]:
+    """What the residual goes with, where it is larger than the scatter of the points within a view."""
+    between = result.between
+    if not between.all_views.is_significant:
+        return []
+    sizes = (f"{between.within_px:.2g} px about the best camera for each image alone, {result.noise_px:.2g} px about "
+             "one for all")
+    ending = "the standard deviations hold this scatter"
+    cameras = [c for c, scatter in enumerate(between.by_camera) if scatter.is_significant]
+    several = len(between.by_camera) > 1
+    if not cameras and between.pairs is not None and between.pairs.is_significant:
+        return [f"the residual goes with the pairs alone: each camera by itself fits all its images, both together do "
+                f"not ({sizes}). The cameras were not triggered at the same instant, or one of them moved; {ending}. "
+                "Trigger them together, hold the target still, and calibrate again"]
+    if several and len(cameras) == 1:
+        return [f"the residual goes with camera {cameras[0]}: {sizes}; the other camera fits all its images. Its focus, "
+                f"aperture or mount changed between the images; {ending}. Lock its lens and calibrate again"]
+    return [f"the residual goes with the view: {sizes}. Focus or aperture were touched between the images, the target "
+            f"was bent differently, or it moved during the exposure; {ending}. Lock the {'lenses' if several else 'lens'}"
+            ", hold the target still, and calibrate again"]
 
 
 def _odd_images(result):

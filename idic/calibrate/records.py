@@ -9,6 +9,8 @@ import numpy as np
 from idic.images import PinholeCamera
 from idic.readers import CameraRig, TargetView
 
+SIGNIFICANCE = 1e-3  # of a scatter between views: one of a thousand clean calibrations is called scattered
+
 Views = tuple[tuple[TargetView | None, ...], ...]  # per image number: what every camera sees
 
 
@@ -57,6 +59,51 @@ class State:
     points_mm: np.ndarray
 
 
+@dataclass(frozen=True)
+class Scatter:
+    """A scatter against that of the points within a view.
+
+    Attributes
+    ----------
+    ratio : float
+        Mean square between views over that within them; 1 without errors common to a view.
+    probability : float
+        Of a ratio as large by chance.
+    """
+
+    ratio: float
+    probability: float
+
+    @property
+    def is_significant(self) -> bool:
+        return self.probability < SIGNIFICANCE
+
+
+@dataclass(frozen=True, eq=False)
+class Between:
+    """Scatter between the views of a calibration.
+
+    Attributes
+    ----------
+    covariance : array (m, m)
+        Of the shared unknowns (cameras, then free target points), with the scatter between views where it is
+        significant, else with that of the points of each view.
+    within_px : float
+        Standard deviation of a coordinate of a point about the best cameras for its view alone.
+    all_views : Scatter
+    by_camera : tuple of Scatter
+        Of each camera by itself, with poses of its own.
+    pairs : Scatter or None
+        Of the relative place of two cameras, of pairs.
+    """
+
+    covariance: np.ndarray
+    within_px: float
+    all_views: Scatter
+    by_camera: tuple[Scatter, ...]
+    pairs: Scatter | None
+
+
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """The result.
@@ -76,6 +123,8 @@ class Calibration:
         Standard deviation of one coordinate of a point, from the residuals and their degrees of freedom.
     n_left_out : int
         Points with an outlying residual.
+    between : Between
+        Scatter between the views against that of the points within them.
     notes : tuple of str
         What the calibration does not determine well, with the remedy.
     """
@@ -88,4 +137,5 @@ class Calibration:
     rms_px: float
     noise_px: float
     n_left_out: int
+    between: Between
     notes: tuple[str, ...] = field(default=())

@@ -8,28 +8,19 @@ cameras of a rig: the same six unknowns, fitted to the clicks of all of them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import scipy
 
 from idic.errors import InputError
-from idic.images import LensCamera, PlacedCamera, rotation_of
+from idic.experiment_file.pinhole.baseline import other_baseline
+from idic.experiment_file.pinhole.clicks import Clicks
+from idic.images import PlacedCamera, rotation_of
 
 MAX_CLICK_ERROR_PX = 5.0   # rms: more is another point, another image, or left and right swapped
 NOTED_CLICK_ERROR_PX = 1.0
 N_REFINED_STARTS = 8
 MIN_SPREAD = 1e-3          # second over first singular value of the points: below, they lie on a line
-
-
-@dataclass(frozen=True, eq=False)
-class Clicks:
-    """Points of the mesh frame (n, 3) mm and their places (n, 2) px in the image of a camera; key : in the file."""
-
-    key: str
-    camera: LensCamera
-    points_mm: np.ndarray
-    points_px: np.ndarray
 
 
 def aligned(clicks: Sequence[Clicks], file,
@@ -52,18 +43,30 @@ def aligned(clicks: Sequence[Clicks], file,
     starts = sorted(_starts(clicks), key=lambda start: _click_error(clicks, *start))[:N_REFINED_STARTS]
     best = min((_refined(clicks, start) for start in starts), key=lambda pose: pose[2])
     rotation, shift, error = best
+    far_off = error > max_error_px  # then the pose that each camera sees alone is the nearer start
+    baseline = other_baseline(clicks, [_of_one_camera(c) for c in clicks] if far_off else [(rotation, shift)], error)
     if error > max_error_px:
         worst, worst_key = max((float(np.abs(c.camera.project(c.points_mm @ rotation.T + shift) - c.points_px).max()),
                                 c.key) for c in clicks)
         raise InputError("the clicked points do not fit the calibration", file=file, key=clicks[0].key,
                          expected=f"a pose that leaves less than {max_error_px:g} px (rms)",
                          found=f"{error:.1f} px, up to {worst:.1f} px in {worst_key}",
-                         remedy="check points_mm and points_px, the image that they were clicked in, and whether left "
-                                "and right camera are swapped (calibration_camera)")
+                         remedy=baseline
+                         or "check points_mm and points_px, the image that they were clicked in, and whether left "
+                            "and right camera are swapped (calibration_camera)")
     notes = [f"alignment: {len(points)} clicked points, {error:.2f} px (rms)"]
-    if error > NOTED_CLICK_ERROR_PX:
+    if baseline is not None:
+        notes[0] += f"; {baseline}"
+    elif error > NOTED_CLICK_ERROR_PX:
         notes[0] += "; look at the picture of  idic check, and identify placement.* if the mesh is off"
     return rotation, shift, notes
+
+
+def _of_one_camera(click: Clicks) -> tuple[np.ndarray, np.ndarray]:
+    """The pose that one camera alone sees, in the frame of the rig."""
+    starts = sorted(_starts([click]), key=lambda start: _click_error([click], *start))[:N_REFINED_STARTS]
+    rotation, shift, _ = min((_refined([click], start) for start in starts), key=lambda pose: pose[2])
+    return rotation, shift
 
 
 def _click_error(clicks: Sequence[Clicks], rotation: np.ndarray, shift: np.ndarray) -> float:
