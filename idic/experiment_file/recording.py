@@ -214,7 +214,7 @@ class RecordedFolder:
         with_rigid_motion = rigid_is_free(self.config, file)
         grid = grid_of(stack.points, table.fields_subset_mm or 0.0, with_rigid_motion,
                        depth_of(self.config, stack.points, with_rigid_motion))
-        notes += field_notes(stack, grid, later, table.thickness_mm)
+        notes += field_notes(stack, grid, later, table.thickness_mm, reference)
         return Frames(stack, labels, frame_numbers(labels), reference, excluded, (), None, None, tuple(notes),
                       averaged if len(averaged) > 1 else (), grid, recorded)
 
