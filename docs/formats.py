@@ -8,16 +8,16 @@ from idic.readers import FORMATS
 
 HEAD = """# Files that idic reads
 
-`idic init` finds these files in a folder, `idic check` names what it takes from them. Formats with a star need
-libraries of their own:
+`idic init` finds these files; `idic check` says what it takes from them. A star: with the libraries of
 
 ```sh
 python -m pip install 'idic[instruments]'
 ```
 
-A file that its library reads wrongly, or that two libraries read differently, is refused with the reason. Frames of
-films are read one by one. Tables are `.csv`, `.txt`, `.dat`, `.xlsx`\\*. Times of films and maps count from the first
-frame; `first_frame_s` shifts them, and `frame_interval_s` or `image_times` take their place.
+A file that two libraries read differently is refused, with both readings. Frames of films are read one by one. Times of
+films and maps count from the first frame: `first_frame_s` shifts them, `frame_interval_s` or `image_times` replace
+them. Tables are `.csv`, `.txt`, `.dat`, `.xlsx`\\*. Tested with: files *made* for it or written *of* a program, *real*
+ones of instruments.
 """
 KINDS = {"images": "Images", "heights": "Height maps, `images` with `quantity = \"height\"`",
          "loads": "Logs, `loads` and `image_times`", "fields": "Measured fields: points and displacements",
@@ -34,10 +34,10 @@ def page() -> str:
     parts = [HEAD]
     for kind, title in KINDS.items():
         rows = [entry for entry in FORMATS if entry.kind == kind]
-        parts += [f"\n## {title}\n\n| files | suffix | read by | taken from the file | you state | tested with |\n"
+        parts += [f"\n## {title}\n\n| files | suffix | library | taken from it | you state | tested |\n"
                   "|---|---|---|---|---|---|\n",
                   *("| " + " | ".join((entry.name + ("\\*" if entry.is_extra else ""),
-                                       _suffixes(entry.suffixes), entry.library or "idic",
+                                       _suffixes(entry.suffixes), entry.library,
                                        entry.contents, entry.user_input, entry.tests)) + " |\n" for entry in rows)]
     return "".join(parts)
 

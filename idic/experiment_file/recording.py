@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +32,7 @@ from idic.readers import (
 )
 from idic.remote_files import image_facts
 
+MAX_TIME_DIFFERENCE = 0.01  # of the duration, between log and image files: more is no rounding of a rate
 _HASHED_AT_EACH_END = 1 << 16  # bytes of an image; whole ones are hashed at ingest (`idic.run.store.image_files`)
 
 
@@ -223,7 +224,7 @@ class RecordedFolder:
         with_rigid_motion = rigid_is_free(self.config, file)
         grid = grid_of(stack.points, table.fields_subset_mm or 0.0, with_rigid_motion,
                        depth_of(self.config, stack.points, with_rigid_motion))
-        notes += field_notes(stack, grid, later, table.thickness_mm)
+        notes += field_notes(stack, grid, later, table.thickness_mm, reference)
         return Frames(stack, labels, frame_numbers(labels), reference, excluded, (), None, None, tuple(notes),
                       averaged if len(averaged) > 1 else (), grid, recorded=recorded)
 
@@ -291,8 +292,11 @@ class RecordedFolder:
         log.check_rows_of(frames.labels, "loads")
         if times is None and isinstance(frames.stack, FieldStack) and len(log.rows) != frames.stack.n_frames:
             times = stage_times(frames.stack)
-        if times is None and (log.time_column is None or len(log.rows) != frames.stack.n_frames):
-            times = self.stated_times(frames.stack)
+        if times is None and (stated_times := self.stated_times(frames.stack)) is not None:
+            if log.time_column is None or len(log.rows) != frames.stack.n_frames:
+                times = stated_times
+            else:
+                log = with_time_note(log, stated_times)
         return match(log, frames.stack.n_frames, frames.numbers, times)
 
     def recorded_log(self, name: str) -> Log:
@@ -399,6 +403,19 @@ def outside_law_files(materials: Mapping[str, MaterialTable]) -> list[str]:
             if not update.__module__.startswith("idic."):
                 texts.append(code_of(update) if source_of(name) is None else outside_values(update))
     return [text for text in texts if text]
+
+
+def with_time_note(log: Log, stated_times: np.ndarray) -> Log:
+    """The log with a note where its times go on at another pace than those that the image files state.
+
+    log : with a row and a time per image; stated_times : (n_frames,) s
+    """
+    spans = [float(np.ptp(times)) for times in (log.times(), stated_times)]
+    if abs(spans[0] - spans[1]) <= MAX_TIME_DIFFERENCE * max(spans):
+        return log
+    return replace(log, notes=(*log.notes, (
+        f"{log.file.name}: its times span {spans[0]:.4g} s, those of the image files {spans[1]:.4g} s: those of "
+        f"{log.file.name} are used, row by row. Leave the column {log.time_column} out, or correct one of the two")))
 
 
 def stage_times(stack: FieldStack) -> np.ndarray | None:

@@ -471,14 +471,14 @@ _READERS = (dict.fromkeys(TIFF_SUFFIXES, _read_tiff) | dict.fromkeys(VIDEO_SUFFI
             | dict.fromkeys(PROFILOMETERS.suffixes, _read_profilometer))
 FORMATS = (
     Format(IMAGES, "TIFF", TIFF_SUFFIXES, "tifffile", "depth, axes of stacks, missing values, orientation",
-           "pixel_size_mm", "made files: depths, stacks, tags, damage"),
-    Format(IMAGES, "PNG, BMP", PNG_SUFFIXES, "Pillow", "depth, palette", "pixel_size_mm", "made files"),
+           "pixel_size_mm", "made: depths, stacks, tags, damage"),
+    Format(IMAGES, "PNG, BMP", PNG_SUFFIXES, "Pillow", "depth, palette", "pixel_size_mm", "made"),
     SEM,
     Format(IMAGES, "videos", VIDEO_SUFFIXES, "OpenCV", "codec", "pixel_size_mm, frame_interval_s",
-           "made files: lossless, lossy, colour", is_film=True),
+           "made: lossless, lossy, colour", is_film=True),
     PHOTRON, PHANTOM,
     Format(HEIGHTS, "XYZ text", XYZ_SUFFIXES, "", "pitch, units, missing points", "height_unit",
-           "made files in the spellings of Gwyddion and microscopes"),
+           "made: spellings of Gwyddion, microscopes"),
     PROFILOMETERS,
 )
 

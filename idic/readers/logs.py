@@ -28,8 +28,8 @@ from idic.readers.instruments.workbook import sheet_text
 from idic.readers.instruments.zwick import FORMAT as ZWICK
 from idic.readers.instruments.zwick import read_zs2
 
-FORMATS = (Format(LOADS, "tables of text", (".csv", ".txt", ".dat"), "", "names, units in names or below them, times",
-                  "a unit where the table states none", "made files in the spellings of machines"),
+FORMATS = (Format(LOADS, "tables of text", (".csv", ".txt", ".dat"), "", "names, units, times",
+                  "units that it lacks", "made: spellings of machines"),
            TDMS, ZWICK, WORKBOOK)
 _BY_SUFFIX = {**dict.fromkeys(TDMS.suffixes, read_tdms), **dict.fromkeys(ZWICK.suffixes, read_zs2)}
 _MAX_VALUE = 1e60  # absolute; squares of squares stay floats

@@ -24,10 +24,10 @@ _KINDS = {"vertex": "point", "line": "line2", "line3": "line3", "triangle": "tri
           "tetra10": "tet10",
           "wedge": "wedge6", "wedge15": "wedge15", "pyramid": "pyramid5"}
 FORMATS = (
-    Format(MESH, "Abaqus, CalculiX", (".inp",), "", "nodes, elements, node and element sets, surfaces", "mesh_unit",
-           "made files; cases of CalculiX 2.20"),
+    Format(MESH, "Abaqus, CalculiX", (".inp",), "", "sets, surfaces", "mesh_unit",
+           "of CalculiX 2.20; made"),
     Format(MESH, "Nastran, gmsh, MED, VTU, XDMF and others", (".bdf", ".msh", ".med", ".vtu", ".vtk", ".xdmf"),
-           "meshio", "nodes, elements, groups", "mesh_unit", "files of gmsh 4.15 and meshio"),
+           "meshio", "groups", "mesh_unit", "of gmsh 4.15, meshio"),
 )
 _MAX_SETS_OF_ARRAY = 64  # an integer array with more different values is a result and defines no sets
 

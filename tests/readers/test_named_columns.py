@@ -101,8 +101,8 @@ def test_a_name_that_two_columns_share_needs_its_unit(tmp_path):
 KEYS = '[fields.columns]\nx = "pos x"\ny = "pos y"\nux = "du"\nuy = "dv"\n'
 
 
-def plate(folder, keys):
-    for k in range(5):
+def plate(folder, keys, has_stages=False):
+    for k in range(0 if has_stages else 5):
         write_stage(folder / f"stage_{k}.txt", 0.1 * k, HEADERS["names"], plain)
     (folder / "log.csv").write_text("force_N\n" + "\n".join(str(900 * k) for k in range(5)))
     text = TOML.replace("FIELDS", "stage_*.txt").replace("DISTANCE", "2.0").replace("SIZE", "12")
@@ -114,6 +114,15 @@ def plate(folder, keys):
 def test_the_table_of_an_experiment_names_the_columns(tmp_path):
     experiment = plate(tmp_path, KEYS + 'unit = "mm"\nquality = "zncc"\nquality_min = 0.9\n')
     assert experiment.recording.stack.n_frames == 5
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_a_first_stage_that_is_strained_already_is_told(first, tmp_path):
+    """As VIC-3D exports where the reference stage is left out."""
+    for k in range(5):
+        write_stage(tmp_path / f"stage_{k}.txt", 0.01 * (k + first), HEADERS["names"], plain)
+    notes = plate(tmp_path, KEYS + 'unit = "mm"\n', has_stages=True).notes
+    assert any("is strained by" in note for note in notes) == (first == 1)
 
 
 @pytest.mark.parametrize("keys, words", [

@@ -65,6 +65,13 @@ def test_init_and_check_name_format_and_command(name, tmp_path):
     assert result.returncode == 2 and INSTALL in text and not (tmp_path / "check").exists()
 
 
+def test_init_names_the_library_of_stages_in_workbooks(tmp_path):
+    (tmp_path / "stage_0.xlsx").write_bytes(b"PK" + bytes(60))
+    result = idic("init", tmp_path)
+    text = " ".join((result.stdout + result.stderr).split())
+    assert result.returncode == 2 and "openpyxl" in text and INSTALL in text
+
+
 def test_init_notes_a_log_that_it_cannot_read(tmp_path):
     for k, frame in enumerate(FRAMES):
         tifffile.imwrite(tmp_path / f"image_{k}.tif", frame)

@@ -36,17 +36,30 @@ _MAX_BROKEN_SHARE = 0.1  # of the largest force; the stages from the first one b
 
 def find_stages(files: Sequence[Path]) -> list[Path]:
     """The largest group of files in one folder, alike but for numbers, that hold measured fields; [] where there is
-    none."""
+    none.
+
+    Raises
+    ------
+    InputError
+        There is none, and files that may be stages need a library that is not installed.
+    """
     groups: dict[tuple[Path, str], list[Path]] = defaultdict(list)
     for path in files:
         if path.suffix.lower() in _SUFFIXES:
             groups[path.parent, re.sub(r"\d+", "#", path.name)].append(path)
+    missing_libraries = []
     for _, paths in sorted(groups.items(), key=lambda item: -len(item[1])):
         try:
             detected(paths[0])
-        except (InputError, OSError):
+        except InputError as error:
+            if isinstance(error.__context__, ImportError):
+                missing_libraries.append(error)
+            continue
+        except OSError:
             continue
         return paths
+    if missing_libraries:
+        raise missing_libraries[0]
     return []
 
 

@@ -12,10 +12,11 @@ from idic.experiment_file.schema.experiment import ExperimentTable, StagesTable
 from idic.model import FieldPoints
 from idic.readers import (
     ALLOWED_SHARE, FieldSeries, FieldStack, Flattening, NamedColumns, StageRule, chosen_stages, largest_bending,
-    matching_files, measured_points, open_fields, out_of_plane,
+    matching_files, mean_strain, measured_points, open_fields, out_of_plane,
 )
 
 MIN_TOLD_BENDING = 0.005  # of the mean strain
+MIN_TOLD_REFERENCE_STRAIN = 0.02  # of the largest mean strain: the reference stage of the other system is missing
 MIN_TOLD_CURVATURE_STRAIN = 2e-5  # of a surface by bending, half a thickness away from the middle
 
 
@@ -56,9 +57,10 @@ def kept_stages(table: StagesTable, stack: FieldStack, references: Sequence[int]
                      "and the last stage are among them (stages in [experiment])")
 
 
-def field_notes(stack: FieldStack, grid: FieldPoints, stages: Sequence[int],
-                thickness: float | None) -> list[str]:
-    """What a user should know of the fields: format, points, and motion out of the plane at the last of the stages."""
+def field_notes(stack: FieldStack, grid: FieldPoints, stages: Sequence[int], thickness: float | None,
+                reference: int = 0) -> list[str]:
+    """What a user should know of the fields: format, points, a reference that is strained already, and motion out of
+    the plane at the last of the stages."""
     series, points, last_stage = stack.series, stack.points, stages[-1]
     extent = np.ptp(points.positions, axis=0)
     notes = [f"fields: {len(series.entries)} stages in the format {series.format}; {len(points)} points over "
@@ -67,6 +69,7 @@ def field_notes(stack: FieldStack, grid: FieldPoints, stages: Sequence[int],
     if series.unit_assumed:
         notes.append(f"fields: the header names no unit of length; they are read as {series.unit}, with y upwards "
                      "(fields_unit in [experiment] states another unit)")
+    notes += _strained_reference(stack, reference, last_stage)
     if points.plane is None:
         return notes
     moved = points.moved(series.stage(last_stage))
@@ -91,3 +94,21 @@ def field_notes(stack: FieldStack, grid: FieldPoints, stages: Sequence[int],
     return [*notes, f"{text}. At {series.labels[most.stage]} bending is {100 * most.share:.2g} % of the mean strain "
                     f"({most.strain:.1e}; a tension test allows 10 %): the grips may not be in line, or the sheet was "
                     "not flat"]
+
+
+def _strained_reference(stack: FieldStack, reference: int, last_stage: int) -> list[str]:
+    """A note where the reference stage has a strain against that of the other system, which is missing."""
+    series, points = stack.series, stack.points
+    first = series.stage(reference)
+    if first.displacement is None:
+        return []
+    is_measured = np.isfinite(first.displacement).all(axis=1)
+    places, displacement = first.points[is_measured, :2], first.displacement[is_measured, :2]
+    strain = float(np.linalg.norm(mean_strain(places, displacement)))
+    largest_strain = float(np.linalg.norm(mean_strain(points.positions, points.moved(series.stage(last_stage))[:, :2])))
+    if strain <= MIN_TOLD_REFERENCE_STRAIN * largest_strain:
+        return []
+    return [f"fields: {series.labels[reference]}, the reference, is strained by {strain:.2g} already, against the "
+            f"reference of the other system, which is not among the stages ({largest_strain:.2g} at "
+            f"{series.labels[last_stage]}): idic counts motion from {series.labels[reference]} on, and a force before "
+            "it is compared with none. Export the reference stage as well, the one without displacement"]

@@ -15,8 +15,8 @@ from idic.readers.formats.format import CALIBRATION, Format
 
 FORMATS = (Format(CALIBRATION, "VIC-3D, MatchID, OpenCV, DICe, pyvale",
                   (".z3d", ".xml", ".caldat", ".yaml", ".yml", ".json", ".npz", ".txt"), "OpenCV",
-                  "cameras, distortion, their places", "units or order of angles where they differ from the usual",
-                  "made files; files of OpenCV"),)
+                  "lenses, places", "unusual units or angles",
+                  "of OpenCV; made"),)
 MAX_BYTES = 64 * 2**20  # a project with its masks has a few MB
 
 

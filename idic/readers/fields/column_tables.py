@@ -84,23 +84,23 @@ DIALECTS = (
 )
 DIALECT_NAMES = tuple(dict.fromkeys(dialect.name for dialect in DIALECTS))
 _TABLES = (".csv", ".txt", ".dat", ".xlsx")
-_ASKED, _MADE = "pixel_size_mm if in px", "made files in its columns"
+_ASKED, _MADE = "pixel_size_mm if in px", "made"
 FORMATS = (
-    Format(FIELDS, "VIC-2D, VIC-3D", _TABLES, "", "sigma", _ASKED, "files of its columns"),
+    Format(FIELDS, "VIC-2D, VIC-3D", _TABLES, "", "sigma", _ASKED, "made"),
     Format(FIELDS, "MatchID", _TABLES, "", "units", _ASKED,
-           "its columns of 2023 and 2024, 2D and 3D"),
+           "made: columns of 2023, 2024"),
     Format(FIELDS, "DICe", _TABLES, "", "SIGMA, MATCH, GAMMA, BETA", _ASKED,
-           "141 solutions of its tests; made files"),
+           "solutions of its tests; made"),
     Format(FIELDS, "pyvale", _TABLES, "", "convergence, correlation", _ASKED,
-           "files of pyvale 2026; made files"),
-    Format(FIELDS, "al-dic", _TABLES, "", "", _ASKED, "files of al-dic 1.0; made files"),
+           "of pyvale 2026; made"),
+    Format(FIELDS, "al-dic", _TABLES, "", "", _ASKED, "of al-dic 1.0; made"),
     Format(FIELDS, "sun-dic, CSV", _TABLES, "", "", _ASKED, _MADE),
-    Format(FIELDS, "node maps of ARAMIS", _TABLES, "", "signals and time of the stage",
-           "the unit of a signal", "made files in the layout of a laboratory's script"),
+    Format(FIELDS, "node maps of ARAMIS", _TABLES, "", "signals, time",
+           "units of signals", "made by a laboratory's layout"),
     Format(FIELDS, "plain tables", _TABLES, "", "stage, time, unit",
-           "fields_unit where the names state none", "made files"),
-    Format(FIELDS, "any other table", _TABLES, "", "flag, quality, units below the header",
-           "names of the columns: [fields.columns]", "made files: comments above, units, other orders"),
+           "fields_unit if none is named", "made"),
+    Format(FIELDS, "any other table", _TABLES, "", "flag, quality, units",
+           "[fields.columns]", "made: comments, units, orders"),
 )
 _NUMBER = re.compile(r"[+-]?[\d.]")
 _MAX_LINES_ABOVE = 200  # before the header: title, date, settings, signals

@@ -43,18 +43,17 @@ _BY_SUFFIX = {**dict.fromkeys(VTU_SUFFIXES, VTU), **dict.fromkeys(NCORR_SUFFIXES
               **dict.fromkeys(SUNDIC_SUFFIXES, SUNDIC)}
 FORMATS = (
     Format(FIELDS, "ARAMIS, GOM Correlate", (".csv", ".txt"), "", "channels, time, units",
-           "nothing",
-           "a real export of 170 stages; made files"),
+           "", "real, 170 stages; made"),
     *COLUMN_FORMATS,
     Format(FIELDS, "Ncorr", NCORR_SUFFIXES, "SciPy, h5py", "region, unit",
-           "pixel_size_mm before Format Displacements", "made files, MATLAB 5 and 7.3"),
-    Format(FIELDS, "µDIC", MUDIC_SUFFIXES, "NumPy", "positions of every image", "pixel_size_mm", "a file of µDIC 0.2"),
-    Format(FIELDS, "py3dic, pydic", PY3DIC_SUFFIXES, "", "positions of every image", "pixel_size_mm",
-           "made files in the layout of 0.5"),
+           "pixel_size_mm if in px", "made, MATLAB 5 and 7.3"),
+    Format(FIELDS, "µDIC", MUDIC_SUFFIXES, "NumPy", "positions", "pixel_size_mm", "of µDIC 0.2"),
+    Format(FIELDS, "py3dic, pydic", PY3DIC_SUFFIXES, "", "positions", "pixel_size_mm",
+           "made by layout"),
     Format(FIELDS, "sun-dic", SUNDIC_SUFFIXES, "msgpack", "the reference", "pixel_size_mm",
-           "made files in the layout of 0.0.36"),
+           "made by layout"),
     Format(FIELDS, "VTU, VTK: pyxel and others", VTU_SUFFIXES, "meshio", "", "fields_unit",
-           "made files; a file of pyxel 2026"),
+           "of pyxel 2026; made"),
 )
 _READERS = {NCORR: read_ncorr, MUDIC: read_mudic, PY3DIC: read_py3dic}
 MIN_SHARED_PART = 0.1  # of the reference's points in every stage; fewer are those of another specimen

@@ -20,9 +20,9 @@ from idic.readers.delimited.units import parse_unit
 from idic.readers.formats.format import IMAGES, Format
 from idic.remote_files import fetch
 
-FORMAT = Format(IMAGES, "electron microscopes: FEI, Zeiss, JEOL", (), "tifffile",
-                "pixel size; the data bar is left out", "the .txt file of JEOL beside the image",
-                "made files with their tags; real FEI and Zeiss ones")
+FORMAT = Format(IMAGES, "electron microscopes (FEI, Zeiss, JEOL)", (), "tifffile",
+                "pixel size; data bar left out", ".txt of JEOL beside the image",
+                "made; real FEI, Zeiss")
 _ZEISS_SCREEN_PX = 1024
 _ZEISS_PIXEL = 3  # place of the size of a pixel in m in the list without names
 _MIN_BAR_SHARE, _MAX_BAR_SHARE = 0.02, 0.25  # of the rows

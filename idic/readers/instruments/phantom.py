@@ -17,8 +17,8 @@ from idic.errors import InputError
 from idic.readers.formats.format import IMAGES, Format
 from idic.readers.instruments.film import Film
 
-FORMAT = Format(IMAGES, "Phantom cameras", (".cine",), "cinereader", "frame times, depth", "nothing",
-                "8 and 16 bits, 10 and 12 bits packed, by layout; a real colour film is refused", is_film=True,
+FORMAT = Format(IMAGES, "Phantom cameras", (".cine",), "cinereader", "frame times, depth", "",
+                "made by layout, 8 to 16 bits, packed", is_film=True,
                 is_extra=True)
 _STORED_BITS = {8: 8, 16: 12}  # stored -> a depth whose values cinereader takes so
 _DTYPES = {8: "uint8", 16: "uint16"}

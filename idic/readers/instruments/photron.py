@@ -19,9 +19,9 @@ from idic.readers.formats.format import IMAGES, Format
 from idic.readers.instruments.film import Film
 from idic.remote_files import fetch
 
-FORMAT = Format(IMAGES, "Photron cameras", (".mraw",), "pymraw", "frame times (rate, saved step), depth",
-                "the .cihx or .cih file beside the .mraw",
-                "8, 12 and 16 bits by layout and of pymraw; real 12 and 16 bits", is_film=True, is_extra=True)
+FORMAT = Format(IMAGES, "Photron cameras", (".mraw",), "pymraw", "frame times, saved step, depth",
+                ".cihx or .cih beside it",
+                "made by layout and pymraw, 8 to 16 bits; real", is_film=True, is_extra=True)
 _HEADERS = (".cihx", ".cih", ".CIHX", ".CIH")
 _DEPTHS = {8: "uint8", 12: "uint16", 16: "uint16"}
 _EXPECTED = "grey frames of 8, 12 or 16 bits, as many as the header says"

@@ -21,9 +21,8 @@ FORMAT = Format(
     HEIGHTS, "profilometers (Sensofar, Digital Surf, Alicona, Wyko, Olympus, Keyence, Zeiss, …)",
     (".plu", ".plux", ".x3p", ".sur", ".al3d", ".opd", ".lext", ".vk3", ".vk4", ".vk6", ".vk7", ".sdf", ".tmd", ".nms",
      ".oir", ".poir", ".os3d", ".gwy", ".zmg", ".zon"),
-    "surfalize and SurfaceTopography", "pitch, unit (µm), missing points, times",
-    "height_unit = \"um\"; another export where the two libraries disagree",
-    ".x3p, .al3d, .sur of surfalize; .plu, .plux by layout; real .plu, .x3p, .al3d, .opd, .sur",
+    "surfalize and SurfaceTopography", "pitch, unit (µm), missing points, times", "height_unit = \"um\"",
+    "made by layout (.plu, .plux) and surfalize; real .plu, .x3p, .al3d, .opd, .sur",
     is_extra=True)
 _MAX_HEIGHT_DIFFERENCE = 1e-4  # of the range of the map: both scale the same integers
 _MAX_PITCH_DIFFERENCE = 1e-6  # relative

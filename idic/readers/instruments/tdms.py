@@ -14,8 +14,8 @@ from idic.readers.delimited.units import parse_unit
 from idic.readers.formats.format import LOADS, Format
 from idic.readers.instruments.channel_table import Channel, table_of
 
-FORMAT = Format(LOADS, "LabVIEW, DIAdem", (".tdms",), "nptdms", "names, units, sampling with its start offset",
-                "a unit where the file states none", "files of nptdms: offsets, rates, lengths, an interrupted one",
+FORMAT = Format(LOADS, "LabVIEW, DIAdem", (".tdms",), "nptdms", "names, units, sampling, start offset",
+                "units that it lacks", "made by nptdms: offsets, rates, lengths, interrupted",
                 is_extra=True)
 _UNIT_PROPERTIES = ("unit_string", "NI_UnitDescription", "Unit", "unit")
 _OTHER_NAMES = {"Newton": "N", "Kilonewton": "kN", "Millimeter": "mm", "Seconds": "s", "Volts": "V"}

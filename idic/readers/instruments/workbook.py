@@ -8,8 +8,8 @@ from pathlib import Path
 from idic.errors import InputError
 from idic.readers.formats.format import LOADS, Format
 
-FORMAT = Format(LOADS, "Excel; also stages of fields", (".xlsx",), "openpyxl", "the sheet with most rows of numbers",
-                "a workbook with one table where two are alike in size", "files of openpyxl", is_extra=True)
+FORMAT = Format(LOADS, "Excel; also stages of fields", (".xlsx",), "openpyxl", "largest table",
+                "one large table", "made by openpyxl", is_extra=True)
 SEPARATOR = "\t"
 _MAX_SECOND_SHARE = 0.5  # of the rows of the largest table: less is a sheet of results beside the record
 

@@ -17,9 +17,9 @@ from idic.readers.delimited.log_table import Table
 from idic.readers.formats.format import LOADS, Format
 from idic.readers.instruments.channel_table import Channel, table_of
 
-FORMAT = Format(LOADS, "ZwickRoell testXpert", (".zs2",), "zs2decode", "names of the channels, the one of time",
-                "the unit of every other column that is used; one specimen per file",
-                "files of the encoder of zs2decode; no real one", is_extra=True)
+FORMAT = Format(LOADS, "ZwickRoell testXpert", (".zs2",), "zs2decode", "names, time",
+                "units; one specimen per file",
+                "made by zs2decode; none real", is_extra=True)
 _MANAGER, _BLOCK = "ChannelManager", "SingleGroupDataBlock"
 Chunk = Sequence[Any]  # address, name, type, value
 
