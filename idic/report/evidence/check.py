@@ -15,11 +15,12 @@ from idic.experiment_file import corners_px, recorded, seen_nodes, seen_region, 
 from idic.images import largest_value, saturated_share
 from idic.model import Experiment, Measured, Model, Noise, Options, Recording, in_words
 from idic.readers import check_stages, mean_strain
+from idic.report.evidence.causes.before_run import causes_in_motion
+from idic.report.evidence.causes.course import increments_by_load
 from idic.report.evidence.cost import Cost, expected_cost
-from idic.report.evidence.fields.increments import increments_of
-from idic.report.evidence.placement import ends_that_move_otherwise, mirrored_axes, misplaced_still_frames
+from idic.report.evidence.placement import mirrored_axes, misplaced_still_frames
 from idic.report.evidence.plausible import (
-    implausible_scale, implausible_values, loaded_reference, opposed_forces, pattern_warnings, repeated_image,
+    implausible_scale, implausible_values, loaded_reference, pattern_warnings, repeated_image,
     separate_pieces, start_values, sums_of_all_reactions,
 )
 from idic.report.evidence.rig import rig_warnings
@@ -32,7 +33,6 @@ _MAX_GAP_SHARE = 0.02  # share of the ROI: more isolated gaps take half of the p
 _MIN_CONTRAST = 4.0  # standard deviation of the pattern over that of the noise
 MIN_POINTS_PER_ELEMENT = 4.0  # of measured fields
 MIN_SEEN_PART = 0.5  # of the points of the reference stage
-MAX_BROKEN_SHARE = 0.1  # of the largest force: less from one stage to the next is a break
 _MAX_BRIGHTNESS_CHANGE = 0.2  # relative change of the mean grey value from the reference
 
 
@@ -145,7 +145,7 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None, draw: bo
         An image that cannot be decoded.
     """
     placed = experiment.at_geometry(experiment.model.parameters)
-    main, *further_cameras = [_check_camera(view, draw) for view in placed.views]
+    main, *further_cameras = [_check_camera(view, draw, is_main=view is placed) for view in placed.views]
     if overlay_to is not None and main.overlay is not None:
         Path(overlay_to).write_bytes(main.overlay.png)
     cost = expected_cost(experiment)
@@ -154,8 +154,8 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None, draw: bo
                              *cost.warnings()))
 
 
-def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
-    """The facts on one camera; experiment : its view."""
+def _check_camera(experiment: Experiment, draw: bool, is_main: bool) -> CheckReport:
+    """The facts on one camera; experiment : its view; is_main : its motion is compared with the log."""
     model, recording = experiment.model, experiment.recording
     stack, shape = recording.stack, recording.image_shape
     reference = recording.picture(model.reference)
@@ -168,6 +168,10 @@ def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
     picture = overlay(experiment) if draw else None
     field_notes, field_warnings = _of_fields(experiment, corners, visible) if recording.points is not None else ((), ())
     labels = recording.labels
+    scale = () if recording.points is not None else tuple(_scale_warnings(experiment, corners, visible))
+    warnings = field_warnings if recording.points is not None else (
+        *scale, *_warnings_of_images(experiment, reference, roi, areas, is_placed=not scale))
+    motion_warnings = causes_in_motion(experiment, None if scale else reference) if is_main else ()
     return CheckReport(
         experiment.title, stack.n_frames, labels[model.reference], tuple(labels[k] for k in recording.excluded),
         (shape[1], shape[0]), str(reference.dtype), model.mesh.n_nodes, model.mesh.n_elements,
@@ -175,8 +179,7 @@ def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
         float(areas.mean()), float(areas.min()), model.length_unit, model.parameters.free,
         tuple(channel.column for channel in model.channels), noise, float(np.nanstd(reference[roi])),
         (*experiment.notes, *field_notes, *_margin_note(experiment.options), *planned_increments(experiment)),
-        _warnings_of_images(experiment, reference, corners, visible, roi, areas)
-        if recording.points is None else field_warnings, picture,
+        (*warnings, *motion_warnings), picture,
         recording.camera_name,
         value_unit=recording.value_unit, points=_points_line(recording), starts=start_values(model))
 
@@ -217,7 +220,6 @@ def _place_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarr
     if experiment.recording.quantity == "grey":
         yield from pattern_warnings(reference, roi, noise.std_gv, float(areas.mean()))
         yield from mirrored_axes(experiment, reference, roi)
-        yield from ends_that_move_otherwise(experiment, reference)
     contrast = float(np.nanstd(reference[roi]))
     if contrast == 0.0:
         yield "the ROI has no pattern, so nothing can be correlated: check mask, mesh and reference image"
@@ -254,12 +256,12 @@ def _image_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarr
                    "% from the reference: check lighting and exposure, or exclude the frame")
 
 
-def _warnings_of_images(experiment: Experiment, reference: np.ndarray, corners: list[np.ndarray], visible: np.ndarray,
-                        roi: np.ndarray, areas: np.ndarray) -> tuple[str, ...]:
-    """Warnings of scale, then, if there are none, of the pattern."""
-    scale = tuple(_scale_warnings(experiment, corners, visible))
-    place = () if scale else tuple(_place_warnings(experiment, reference, roi, areas, experiment.recording.noise))
-    return (*scale, *place, *_image_warnings(experiment, reference, roi))
+def _warnings_of_images(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, areas: np.ndarray,
+                        is_placed: bool) -> Iterator[str]:
+    """Warnings of the pattern, where the mesh is at its place, and of the images."""
+    if is_placed:
+        yield from _place_warnings(experiment, reference, roi, areas, experiment.recording.noise)
+    yield from _image_warnings(experiment, reference, roi)
 
 
 def _scale_warnings(experiment: Experiment, corners: list[np.ndarray], visible: np.ndarray) -> Iterator[str]:
@@ -305,43 +307,16 @@ def _field_warnings(experiment: Experiment, corners: list[np.ndarray], visible: 
         part = float(np.isfinite(moved).all(axis=1).mean())
         if part < MIN_SEEN_PART:
             yield f"{recording.labels[k]}: only {100 * part:.0f} % of the points of the reference stage are measured"
-    yield from _increment_warnings(experiment, counted, np.array(strains))
-    for column, label in dropped_loads(experiment):
-        yield (f"{label}: {column} falls to less than a tenth of its largest value and stays there: after the break? "
-               f"then "
-               "list these stages in exclude_frames")
-
-
-def _increment_warnings(experiment: Experiment, counted: list[int], strains: np.ndarray) -> Iterator[str]:
-    """That displacements count from the stage before; strains : (n, 2, 2) of the stages in `counted`, of any scale"""
-    for channel in experiment.model.channels:
-        evidence = increments_of(strains, channel.values[counted]) if counted[0] == experiment.model.reference else None
-        if evidence is not None:
-            yield ("the displacements seem to count from the stage before, not from the reference: the mean strain "
-                   f"follows the change of {channel.column} from stage to stage (all but "
-                   f"{100 * evidence.by_change:.0f} % of it) and not {channel.column} ({100 * evidence.by_load:.0f} % "
-                   "unexplained). Every value would be wrong: export the displacements against the first stage (total, "
-                   "not incremental, correlation)")
-            return
-
-
-def dropped_loads(experiment: Experiment) -> Iterator[tuple[str, str]]:
-    """Channels of forces whose last values are those of a broken specimen, with the first such stage."""
-    counted = [k for k in range(experiment.model.n_frames) if k not in experiment.recording.excluded]
-    for channel in experiment.model.channels:
-        values = np.abs(channel.values[counted])
-        low = np.flatnonzero(values < MAX_BROKEN_SHARE * values.max(initial=0.0))
-        drop = low[low > int(np.argmax(values))]
-        broken = len(drop) and len(drop) == len(values) - drop[0] and values[drop[0] - 1] > 0.5 * values.max()
-        if channel.kind == "reaction" and broken:
-            yield channel.column, experiment.recording.labels[counted[drop[0]]]
+    cause = increments_by_load(experiment, counted, np.array(strains)) if counted[0] == experiment.model.reference \
+        else None
+    if cause is not None:
+        yield cause.sentence()
 
 
 def _model_warnings(experiment: Experiment):
     model = experiment.model
     yield from implausible_values(model)
     yield from separate_pieces(model.mesh, model.length_unit)
-    yield from opposed_forces(experiment)
     yield from sums_of_all_reactions(model)
     yield from repeated_readings(experiment)
     yield from loaded_reference(experiment)

@@ -26,7 +26,6 @@ MAX_PLAIN_SHARE = 0.1       # of the ROI without pattern
 MIN_HOLE_SHARE = 0.02       # of the ROI, without pattern in one place: a hole that the mesh covers
 MIN_HOLE_FILL = 0.6         # of its bounding box; a circle fills 0.79, a scratch or a rim less
 PLAIN = 0.2                 # of the usual local standard deviation: less is no pattern
-MAX_OPPOSED = -0.5          # correlation of a force and the motion that it causes: below, the log has the other sign
 MAX_FIRST_FORCE = 0.02      # of the range of a force: a larger one at the reference frame is a load
 SAME_PLACE = 1e-7           # of the size of a mesh: nodes that are closer were one
 NO_PATTERN = np.zeros(1, dtype=bool)
@@ -59,27 +58,6 @@ def implausible_values(model: Model) -> Iterator[str]:
                 typical = f"{declared.default:,.0f}".replace(",", " ") if large else f"{declared.default:g}"
                 yield (f"{parameter.name} = {parameter.value:.6g} MPa; typical of {material.law}: {typical} MPa. "
                        "Check its unit; if the value is intended, do nothing")
-
-
-def opposed_forces(experiment: Experiment) -> Iterator[str]:
-    """Forces with the wrong sign: a reaction is the force on a node set, with the motion at the moving set and against
-    it at the held one; no material opposes this over a whole test.
-    """
-    model = experiment.model
-    moved = [(condition, condition.drive) for condition in model.prescribed if isinstance(condition.drive, Column)]
-    counted = [k for k in range(model.n_frames) if k not in experiment.recording.excluded]
-    for channel in model.channels if len(counted) > 2 else ():
-        along = [(condition.nodes, drive) for condition, drive in moved if condition.component == channel.component]
-        if channel.kind != "reaction" or len(along) != 1:
-            continue
-        (nodes, drive), = along
-        sign = 1.0 if nodes == channel.nodes else -1.0
-        force, motion = sign * channel.factor * channel.values[counted], drive.values[counted]
-        if np.ptp(force) > 0.0 and np.ptp(motion) > 0.0 and np.corrcoef(force, motion)[0, 1] < MAX_OPPOSED:
-            with_it = "with" if sign > 0.0 else "against"
-            yield (f"{channel.column}: the force that holds {channel.nodes} goes {with_it} the motion of {nodes}, "
-                   f"{drive.column}; the log shows the opposite. factor = {-channel.factor:g} in simulated = {{ … }} "
-                   "reverses the sign of the force")
 
 
 def repeated_image(experiment: Experiment, previous: int, k: int) -> Iterator[str]:
