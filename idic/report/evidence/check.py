@@ -17,11 +17,12 @@ from idic.model import Experiment, Measured, Model, Noise, Options, Recording, i
 from idic.readers import check_stages, mean_strain
 from idic.report.evidence.causes.before_run import causes_in_motion
 from idic.report.evidence.causes.course import increments_by_load
+from idic.report.evidence.causes.lines import excluded_frames
 from idic.report.evidence.cost import Cost, expected_cost
 from idic.report.evidence.placement import mirrored_axes, misplaced_still_frames
 from idic.report.evidence.plausible import (
-    implausible_scale, implausible_values, loaded_reference, pattern_warnings, repeated_image,
-    separate_pieces, start_values, sums_of_all_reactions,
+    MAX_PLAIN_SHARE, NO_PATTERN, implausible_scale, implausible_values, loaded_reference, pattern_warnings,
+    repeated_image, separate_pieces, start_values, sums_of_all_reactions, without_pattern,
 )
 from idic.report.evidence.rig import rig_warnings
 from idic.report.figures.mesh_overlay import mesh_on_points, mesh_overlay
@@ -169,9 +170,14 @@ def _check_camera(experiment: Experiment, draw: bool, is_main: bool) -> CheckRep
     field_notes, field_warnings = _of_fields(experiment, corners, visible) if recording.points is not None else ((), ())
     labels = recording.labels
     scale = () if recording.points is not None else tuple(_scale_warnings(experiment, corners, visible))
+    plain = NO_PATTERN
+    if recording.quantity == "grey" and not scale:
+        plain = without_pattern(reference, roi, noise.std_gv)
+    is_placed = not scale and float(plain.mean()) <= MAX_PLAIN_SHARE
+    end, motion_warnings = causes_in_motion(experiment, reference if is_placed else None) if is_main else ((), ())
     warnings = field_warnings if recording.points is not None else (
-        *scale, *_warnings_of_images(experiment, reference, roi, areas, is_placed=not scale))
-    motion_warnings = causes_in_motion(experiment, None if scale else reference) if is_main else ()
+        *scale, *(() if scale else _place_warnings(experiment, reference, roi, areas, noise, plain)),
+        *_image_warnings(experiment, reference, roi, end))
     return CheckReport(
         experiment.title, stack.n_frames, labels[model.reference], tuple(labels[k] for k in recording.excluded),
         (shape[1], shape[0]), str(reference.dtype), model.mesh.n_nodes, model.mesh.n_elements,
@@ -212,14 +218,15 @@ def _sets_px(model: Model, points: np.ndarray) -> dict[str, np.ndarray]:
     return {name: model.camera.project(points[model.mesh.node_sets[name]]) for name in names}
 
 
-def _place_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, areas: np.ndarray, noise: Noise):
-    """Warnings of the pattern below a mesh at its right place."""
+def _place_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, areas: np.ndarray, noise: Noise,
+                    plain: np.ndarray) -> Iterator[str]:
+    """Warnings of the pattern below a mesh of the right scale; plain : pixels of the ROI without pattern."""
     if areas.mean() < _MIN_ELEMENT_PX and experiment.model.surface is None:
         yield (f"only {areas.mean():.0f} px per element: enough for the identification, too few for the free FE-DIC of "
                "the report; larger elements would do for both")
     if experiment.recording.quantity == "grey":
-        yield from pattern_warnings(reference, roi, noise.std_gv, float(areas.mean()))
-        yield from mirrored_axes(experiment, reference, roi)
+        yield from pattern_warnings(reference, roi, noise.std_gv, float(areas.mean()), plain)
+        yield from mirrored_axes(experiment, reference, float(plain.mean()))
     contrast = float(np.nanstd(reference[roi]))
     if contrast == 0.0:
         yield "the ROI has no pattern, so nothing can be correlated: check mask, mesh and reference image"
@@ -228,8 +235,9 @@ def _place_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarr
                "expect large error bars; improve contrast or lighting")
 
 
-def _image_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray):
-    """Warnings of the images; every one is decoded."""
+def _image_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray,
+                    end: tuple[int, ...]) -> Iterator[str]:
+    """Warnings of the images; every one is decoded. end : frames after the end of the test, told elsewhere"""
     recording = experiment.recording
     image = recorded(recording.stack).frame(experiment.model.reference)
     share = saturated_share(image, roi) or 0.0
@@ -243,7 +251,7 @@ def _image_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarr
     if gaps > _MAX_GAP_SHARE:
         yield (f"{100 * gaps:.0f} % of the reference image in the ROI has no value, and interpolation also loses the "
                "neighbours of each gap: fill the gaps, or mask them")
-    mean, previous, previous_values = float(reference[roi].mean()), -1, np.zeros(0)
+    mean, previous, previous_values, other_light = float(reference[roi].mean()), -1, np.zeros(0), []
     for k in range(recording.stack.n_frames):
         values = recording.stack.frame(k)[roi]  # decodes every image: damaged ones are found here
         if k not in recording.excluded:
@@ -251,17 +259,15 @@ def _image_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarr
                 yield from repeated_image(experiment, previous, k)
             previous, previous_values = k, values
         jump = abs(float(values.mean()) - mean) > _MAX_BRIGHTNESS_CHANGE * abs(mean)
-        if jump and k not in recording.excluded and recording.quantity == "grey":
-            yield (f"{recording.labels[k]}: the mean grey value differs by more than {100 * _MAX_BRIGHTNESS_CHANGE:g} "
-                   "% from the reference: check lighting and exposure, or exclude the frame")
-
-
-def _warnings_of_images(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, areas: np.ndarray,
-                        is_placed: bool) -> Iterator[str]:
-    """Warnings of the pattern, where the mesh is at its place, and of the images."""
-    if is_placed:
-        yield from _place_warnings(experiment, reference, roi, areas, experiment.recording.noise)
-    yield from _image_warnings(experiment, reference, roi)
+        if jump and k not in (*recording.excluded, *end) and recording.quantity == "grey":
+            other_light.append(k)
+    if other_light:
+        first = recording.labels[other_light[0]]
+        more = f" and {len(other_light) - 1} more" if len(other_light) > 1 else ""
+        lines = excluded_frames(experiment, other_light)
+        yield (f"{first}{more}: the mean grey value differs by more than {100 * _MAX_BRIGHTNESS_CHANGE:g} % from the "
+               "reference: check lighting and exposure, or exclude them"
+               + "".join(f": {line.text()}" for line in lines))
 
 
 def _scale_warnings(experiment: Experiment, corners: list[np.ndarray], visible: np.ndarray) -> Iterator[str]:

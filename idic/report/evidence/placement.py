@@ -46,12 +46,11 @@ def _still_images(recording: Recording) -> Iterator[tuple[str, np.ndarray]]:
         yield recording.labels[k], np.asarray(recording.stack.frame(k), dtype=float)
 
 
-def mirrored_axes(experiment: Experiment, reference: np.ndarray, roi: np.ndarray) -> Iterator[str]:
-    """Axes, mirrored or turned, that would put the mesh on the pattern, where a part of the ROI has none."""
+def mirrored_axes(experiment: Experiment, reference: np.ndarray, plain_share: float) -> Iterator[str]:
+    """Axes, mirrored or turned, that would put the mesh on the pattern, where this share of the ROI has none."""
     camera, noise = experiment.model.camera, experiment.recording.noise.std_gv
     if not isinstance(camera, Camera) or is_section(experiment.model) or experiment.recording.quantity != "grey":
         return
-    plain_share = float(without_pattern(reference, roi, noise).mean())
     if plain_share <= MAX_PLAIN_SHARE:
         return
     best, meaning, change = MAX_SHARE_OF_MIRRORED * plain_share, "", TURNS[0]

@@ -139,7 +139,11 @@ def implausible_scale(extent_px: np.ndarray, shape: tuple[int, int], visible: fl
     image = np.array(shape[::-1], dtype=float)
     size = f"the mesh spans {extent_px[0]:.0f} x {extent_px[1]:.0f} px, the image {image[0]:.0f} x {image[1]:.0f} px"
     larger = float((extent_px / image).max())
-    if visible < MIN_VISIBLE:
+    is_turned = bool((extent_px > image).any() and (extent_px[::-1] <= image).all())
+    if visible < MIN_VISIBLE and is_turned:
+        yield (f"{size}; {visible:.0%} of its elements are seen, turned by 90 degrees it would fit: the two entries of "
+               "axes may be exchanged")
+    elif visible < MIN_VISIBLE:
         yield (f"{size}; {visible:.0%} of its elements are seen: " + (
             f"pixel_size_mm may be {larger:.1f} times too small, or mesh_unit is wrong" if larger > 1.5 else
             "origin_px or axes place it outside the image, or an axis is mirrored"))
@@ -150,10 +154,13 @@ def implausible_scale(extent_px: np.ndarray, shape: tuple[int, int], visible: fl
         yield f"{size}: pixel_size_mm may be too large (by ten?), or mesh_unit is wrong"
 
 
-def pattern_warnings(image: np.ndarray, roi: np.ndarray, noise_gv: float | None,
-                     pixels_per_element: float) -> Iterator[str]:
-    """A ROI that covers background or grips, and speckle too fine or too coarse for the pixels and elements."""
-    plain = without_pattern(image, roi, noise_gv)
+def pattern_warnings(image: np.ndarray, roi: np.ndarray, noise_gv: float | None, pixels_per_element: float,
+                     plain: np.ndarray | None = None) -> Iterator[str]:
+    """A ROI that covers background or grips, and speckle too fine or too coarse for the pixels and elements.
+
+    plain : of `without_pattern`; None: looked for here
+    """
+    plain = without_pattern(image, roi, noise_gv) if plain is None else plain
     if plain is NO_PATTERN:
         return  # told elsewhere
     if plain.mean() > MAX_PLAIN_SHARE:

@@ -22,16 +22,22 @@ MIN_RECOGNISED = 0.3  # share of the subsets; a frame with fewer does not show t
 ALL_FRAMES = 16  # of a short test
 
 
-def causes_in_motion(experiment: Experiment, reference: np.ndarray | None = None) -> Iterator[str]:
-    """Warnings: the end of the test, ends that move otherwise than in the log, forces of the other sign.
+def causes_in_motion(experiment: Experiment,
+                     reference: np.ndarray | None = None) -> tuple[tuple[int, ...], tuple[str, ...]]:
+    """Frames after the end of the test, and warnings: that end, ends that move otherwise than in the log, forces of the
+    other sign.
 
     reference : (ny, nx) reference image, where there are images
     """
     motions = sampled_motions(experiment, reference)
     end = end_of_test(experiment, motions)
-    if end is not None:
-        yield end.sentence()
-        experiment, motions = _before(experiment, motions, end.frames)
+    if end is None:
+        return (), tuple(_warnings(experiment, motions))
+    return end.frames, (end.sentence(), *_warnings(*_before(experiment, motions, end.frames)))
+
+
+def _warnings(experiment: Experiment, motions: AffineMotions | None) -> Iterator[str]:
+    """What the frames before the end of the test show."""
     if motions is not None and len(motions.frames):
         evidence = logged_ends(experiment, motions)
         cause = None if evidence is None else cause_at_ends(evidence)
