@@ -15,7 +15,7 @@ from idic.experiment_file.initial.found import Area, Found, files_in, look_aroun
 from idic.experiment_file.initial.words import fitting_scale, lines_of
 from idic.experiment_file.toml_file import EXPERIMENT_FILE
 from idic.fe import Mesh, segments_of
-from idic.readers import Log, PICTURE_SUFFIXES, XYZ_SUFFIXES, parse_unit
+from idic.readers import Log, PICTURE_SUFFIXES, VIDEO_SUFFIXES, XYZ_SUFFIXES, parse_unit
 
 _ENDS = (("BOTTOM", "TOP"), ("LEFT", "RIGHT"), ("FIXED", "MOVING"), ("FIX", "LOAD"), ("CLAMP", "PULL"))
 _ROI_MARGIN, _ELEMENTS_ACROSS = 0.1, 15
@@ -46,7 +46,7 @@ def initial_experiment(folder: str | Path, area: Area | None = None) -> tuple[Pa
         raise InputError("the folder has an experiment already", file=target, expected="no experiment.toml",
                          found="an experiment.toml", remedy="rename or delete that file first")
     files = files_in(folder)
-    has_images = any(path.suffix.lower() in PICTURE_SUFFIXES + XYZ_SUFFIXES for path in files)
+    has_images = any(path.suffix.lower() in PICTURE_SUFFIXES + XYZ_SUFFIXES + VIDEO_SUFFIXES for path in files)
     stages = [] if has_images else find_stages(files)
     contents = None if stages else look_around(folder, files, area)
     text = fields_document(folder, stages, files) if contents is None else _document(contents)
@@ -58,7 +58,7 @@ def initial_experiment(folder: str | Path, area: Area | None = None) -> tuple[Pa
 # writing ------------------------------------------------------------------------------------------------
 def _document(contents: Found) -> str:
     sections = [_experiment(contents), _camera(contents), _materials(contents), _sets_and_boundary(contents),
-                _channel(contents), _TAIL]
+                _channel(contents), _TAIL if contents.second is None else _TAIL.replace(*_DOF_OF_A_PAIR)]
     return "\n".join(sections)
 
 
@@ -102,6 +102,10 @@ def _log_lines(contents: Found) -> list[str]:
 
 def _mesh_lines(contents: Found) -> list[str]:
     mesh = contents.mesh
+    if mesh is None and contents.second is not None:
+        return [_line('# FILL IN: mesh = "mesh.inp"', "in mm: two cameras need a mesh at its place in space"),
+                'mesh_unit = "mm"', _line('kind = "solid"', 'or "plane_stress"'),
+                _line('# surface = "FRONT"', "FILL IN: the face set that both cameras see")]
     if mesh is None:
         x0, y0, x1, y1, size = _guessed_roi(contents)
         holes = f", holes_px = {json.dumps(contents.holes)}" if contents.holes else ""
@@ -140,6 +144,8 @@ def _guessed_roi(contents: Found) -> tuple[int, int, int, int, int]:
 
 
 def _camera(contents: Found) -> str:
+    if contents.second is not None:
+        return "\n".join(contents.second.lines(contents.mesh))
     noise = _line("# noise_std_gv = 2.0", "of one image; else from still_frames, else from the residual")
     if contents.pitch_mm is not None:
         return "\n".join(["[camera]", _line(f"pixel_size_mm = {contents.pitch_mm[0]:.6g}", "the pitch of the files"),
@@ -238,7 +244,8 @@ def _channel(contents: Found) -> str:
         note = "" if contents.mesh is not None else "   # the end that is pulled; all of OUTER adds up to zero"
         return "\n".join([_line("# [[channel]]", "measured against simulated; needs the scale and the thickness"),
                           f"# column = {json.dumps(column or 'force_N')}", f"# {simulated}{note}", ""])
-    return "\n".join([_line("[[channel]]", "measured against simulated; needs thickness_mm"),
+    needs = "" if contents.mesh.n_dim == 3 else "; needs thickness_mm"
+    return "\n".join([_line("[[channel]]", f"measured against simulated{needs}"),
                       f"column = {json.dumps(column)}", simulated,
                       _line("# ", "factor = 2.0 in it where half the thickness is modelled"),
                       _line("# noise_std = 5.0", "in the unit of the column"), ""])
@@ -250,6 +257,7 @@ def _pulled_side(contents: Found) -> tuple[str, str]:
     return ("RIGHT", "x") if x1 - x0 >= y1 - y0 else ("BOTTOM", "y")
 
 
+_DOF_OF_A_PAIR = ('name = "camera.rotation_deg"   # camera.*, ', 'name = "placement.t_z"         # placement.*, ')
 _TAIL = """# [[dof]]                        # further degrees of freedom
 # name = "camera.rotation_deg"   # camera.*, channel.COLUMN.{scale, offset, drift}, time.offset,
                                  # geometry.{thickness, hole_x, hole_y, hole_radius, outline}

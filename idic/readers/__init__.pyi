@@ -17,7 +17,7 @@ from .fields.series import (
 from .fields.sound_stages import check_stages
 from .frame_names import check_complete, frame_indices, frame_numbers
 from .gmsh_mesher import has_gmsh
-from .images import FileStack, PICTURE_SUFFIXES, image_entries, open_stack, read_image
+from .images import FileStack, PICTURE_SUFFIXES, VIDEO_SUFFIXES, image_entries, open_stack, read_image
 from .logs import Log, MatchedLog, check_increasing, match, read_log
 from .meshes import mesh_suffixes, read_mesh_file
 from .objects.images import ArrayFrames, frames_of
@@ -33,14 +33,15 @@ from .targets.view import TargetView
 
 __all__ = [
     "ALLOWED_SHARE", "BENDING_DEGREE", "DIMENSION", "KINDS", "LOG_IN_MEMORY", "MESH_IN_MEMORY", "MIN_HOLE",
-    "PICTURE_SUFFIXES", "SUFFIXES", "UM_PER_MM", "XYZ_SUFFIXES", "ArrayFrames", "CameraRig", "Conventions", "Drawing",
-    "Edges", "FieldSeries", "FieldStack", "FileStack", "Flattening", "Log", "MatchedLog", "MeasuredPoints", "Placement",
-    "PointOutline", "RawMesh", "StageRule", "TargetView", "check_complete", "check_increasing", "check_stages",
-    "chosen_stages", "column_factor", "detected", "existing_file", "factor_between", "factor_to", "find_target",
-    "fitted_placement", "frame_indices", "frame_numbers", "frames_of", "from_image", "has_gmsh", "image_entries",
-    "inside", "kind_of", "largest_bending", "largest_change", "log_of", "loops_of", "match", "matching_files",
-    "mean_strain", "measured_points", "mesh_of", "mesh_suffixes", "narrowest", "natural_key", "notched_axis",
-    "open_fields", "open_stack", "out_of_plane", "outline_of", "parse_unit", "patterns_of", "points_where", "powers",
-    "read_calibration", "read_image", "read_log", "read_mesh_file", "recorded_order", "roi_mesh", "sides",
-    "sides_of_any", "strain_path", "text_of", "to_mesh", "unit_in_name", "width_error", "write_rig",
+    "PICTURE_SUFFIXES", "SUFFIXES", "UM_PER_MM", "VIDEO_SUFFIXES", "XYZ_SUFFIXES", "ArrayFrames", "CameraRig",
+    "Conventions", "Drawing", "Edges", "FieldSeries", "FieldStack", "FileStack", "Flattening", "Log", "MatchedLog",
+    "MeasuredPoints", "Placement", "PointOutline", "RawMesh", "StageRule", "TargetView", "check_complete",
+    "check_increasing", "check_stages", "chosen_stages", "column_factor", "detected", "existing_file",
+    "factor_between", "factor_to", "find_target", "fitted_placement", "frame_indices", "frame_numbers", "frames_of",
+    "from_image", "has_gmsh", "image_entries", "inside", "kind_of", "largest_bending", "largest_change", "log_of",
+    "loops_of", "match", "matching_files", "mean_strain", "measured_points", "mesh_of", "mesh_suffixes", "narrowest",
+    "natural_key", "notched_axis", "open_fields", "open_stack", "out_of_plane", "outline_of", "parse_unit",
+    "patterns_of", "points_where", "powers", "read_calibration", "read_image", "read_log", "read_mesh_file",
+    "recorded_order", "roi_mesh", "sides", "sides_of_any", "strain_path", "text_of", "to_mesh", "unit_in_name",
+    "width_error", "write_rig",
 ]

@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
+from idic.experiment_file.initial.cameras import CameraPair, camera_pair
 from idic.fe import Mesh, is_circle
 from idic.readers import (
-    DIMENSION, Log, PICTURE_SUFFIXES, XYZ_SUFFIXES, image_entries, mesh_suffixes, natural_key, open_stack, patterns_of,
-    read_log, read_mesh_file, recorded_order, to_mesh,
+    DIMENSION, Log, PICTURE_SUFFIXES, VIDEO_SUFFIXES, XYZ_SUFFIXES, image_entries, mesh_suffixes, natural_key,
+    open_stack, patterns_of, read_log, read_mesh_file, recorded_order, to_mesh,
 )
 
 _NO_MESHES = (".dat", ".svg", ".wkt", ".xml")  # formats of meshio whose suffix usually means something else
@@ -42,6 +43,7 @@ class Found:
     are_heights: bool = False  # in a format of heights, which may state their unit and their pitch
     height_unit: str | None = None
     pitch_mm: tuple[float, float] | None = None
+    second: CameraPair | None = None
 
 
 Area = Callable[[np.ndarray], tuple[list, list]]  # image -> outline and holes of its speckled area, px
@@ -68,23 +70,31 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
         if path.suffix.lower() in PICTURE_SUFFIXES + XYZ_SUFFIXES:
             is_mask = _MASK.search(path.stem)
             (masks if is_mask else groups[path.parent, path.suffix]).append(path)
+    films = [path for path in files if path.suffix.lower() in VIDEO_SUFFIXES]
+    if not groups and films:
+        groups[films[0].parent, films[0].suffix] = films[:1]
     if not groups and len(masks) > 1:  # a name of the series: unmasked_001.tif
         for path in masks:
             groups[path.parent, path.suffix].append(path)
         masks = []
     if not groups:
         raise InputError("no images in the folder", file=folder,
-                         expected="TIFF or PNG images, or the exported fields of a DIC system, in it or in a folder "
-                                  "below", found=f"{len(files)} other files",
+                         expected="TIFF or PNG images, a film, or the exported fields of a DIC system, in it or in a "
+                                  "folder below", found=f"{len(files)} other files",
                          remedy="put the images in a folder images/")
-    images = max(groups.values(), key=len)
+    pair = camera_pair(folder, groups.values(), files)
+    images = max(groups.values(), key=len) if pair is None else pair[0]
     patterns = patterns_of(folder, images)
+    if images == films[:1]:
+        patterns = [films[0].relative_to(folder).as_posix()]
     are_heights = images[0].suffix.lower() in XYZ_SUFFIXES
     stack = open_stack(recorded_order(images, folder), with_gaps=are_heights)
     contents = Found(folder, patterns[0] if len(patterns) == 1 else patterns, stack.n_frames, stack.shape,
-                     stack.labels[0], are_heights=are_heights)
+                     stack.labels[0], are_heights=are_heights, second=None if pair is None else pair[1])
     if stack.grid is not None:
         contents.height_unit, contents.pitch_mm = stack.grid.height_unit, stack.grid.pitch_mm
+    if len(films) > 1 and images == films[:1]:
+        contents.notes.append(f"other films here: {', '.join(path.name for path in films[1:])}")
     _find_mask(masks, contents)
     holes: list = []
     if area is not None and not are_heights:

@@ -3,7 +3,7 @@ except where values of cameras with a lens are free."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from idic.experiment_file import corners_px, recorded, seen_nodes, seen_region, 
 from idic.images import largest_value, saturated_share
 from idic.model import Experiment, Measured, Model, Noise, Options, Recording, in_words
 from idic.readers import check_stages, mean_strain
-from idic.report.evidence.causes.before_run import causes_in_motion
+from idic.report.evidence.causes.before_run import causes_in_motion, sampled_frames
 from idic.report.evidence.causes.course import increments_by_load
 from idic.report.evidence.causes.lines import excluded_frames
 from idic.report.evidence.cost import Cost, expected_cost
@@ -174,10 +174,13 @@ def _check_camera(experiment: Experiment, draw: bool, is_main: bool) -> CheckRep
     if recording.quantity == "grey" and not scale:
         plain = without_pattern(reference, roi, noise.std_gv)
     is_placed = not scale and float(plain.mean()) <= MAX_PLAIN_SHARE
-    end, motion_warnings = causes_in_motion(experiment, reference if is_placed else None) if is_main else ((), ())
+    images = _Decoded() if recording.points is not None else _decoded(experiment, reference, roi, is_main)
+    end, motion_warnings = causes_in_motion(experiment, reference if is_placed else None,
+                                            images.picture(experiment)) if is_main else ((), ())
     warnings = field_warnings if recording.points is not None else (
         *scale, *(() if scale else _place_warnings(experiment, reference, roi, areas, noise, plain)),
-        *_image_warnings(experiment, reference, roi, end))
+        *_image_warnings(experiment, reference, roi), *images.warnings,
+        *_other_light(experiment, [k for k in images.other_light if k not in end]))
     return CheckReport(
         experiment.title, stack.n_frames, labels[model.reference], tuple(labels[k] for k in recording.excluded),
         (shape[1], shape[0]), str(reference.dtype), model.mesh.n_nodes, model.mesh.n_elements,
@@ -235,9 +238,8 @@ def _place_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarr
                "expect large error bars; improve contrast or lighting")
 
 
-def _image_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray,
-                    end: tuple[int, ...]) -> Iterator[str]:
-    """Warnings of the images; every one is decoded. end : frames after the end of the test, told elsewhere"""
+def _image_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray) -> Iterator[str]:
+    """Warnings of the reference image and of those at rest."""
     recording = experiment.recording
     image = recorded(recording.stack).frame(experiment.model.reference)
     share = saturated_share(image, roi) or 0.0
@@ -251,23 +253,54 @@ def _image_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarr
     if gaps > _MAX_GAP_SHARE:
         yield (f"{100 * gaps:.0f} % of the reference image in the ROI has no value, and interpolation also loses the "
                "neighbours of each gap: fill the gaps, or mask them")
-    mean, previous, previous_values, other_light = float(reference[roi].mean()), -1, np.zeros(0), []
+
+
+@dataclass(frozen=True)
+class _Decoded:
+    """What one pass over the images shows.
+
+    warnings : of repeated images; other_light : frames whose mean grey value is another; kept : some frames
+    """
+
+    warnings: tuple[str, ...] = ()
+    other_light: tuple[int, ...] = ()
+    kept: dict[int, np.ndarray] = field(default_factory=dict)
+
+    def picture(self, experiment: Experiment) -> Callable[[int], np.ndarray]:
+        """Frame -> its image, without decoding it again where it is kept."""
+        return lambda k: self.kept[k] if k in self.kept else experiment.recording.picture(k)
+
+
+def _decoded(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, is_main: bool) -> _Decoded:
+    """Decode every image, so that damaged ones are found here."""
+    recording = experiment.recording
+    mean, previous, previous_values = float(reference[roi].mean()), -1, np.zeros(0)
+    wanted = set(sampled_frames(experiment)) if is_main and recording.quantity == "grey" else set()
+    warnings: list[str] = []
+    other_light, kept = [], {}
     for k in range(recording.stack.n_frames):
-        values = recording.stack.frame(k)[roi]  # decodes every image: damaged ones are found here
-        if k not in recording.excluded:
-            if previous >= 0 and np.array_equal(values, previous_values, equal_nan=values.dtype.kind == "f"):
-                yield from repeated_image(experiment, previous, k)
-            previous, previous_values = k, values
+        image = recording.stack.frame(k)
+        values = image[roi]
+        if k in wanted:
+            kept[k] = np.asarray(image)
+        if k in recording.excluded:
+            continue
+        if previous >= 0 and np.array_equal(values, previous_values, equal_nan=values.dtype.kind == "f"):
+            warnings += repeated_image(experiment, previous, k)
+        previous, previous_values = k, values
         jump = abs(float(values.mean()) - mean) > _MAX_BRIGHTNESS_CHANGE * abs(mean)
-        if jump and k not in (*recording.excluded, *end) and recording.quantity == "grey":
+        if jump and recording.quantity == "grey":
             other_light.append(k)
-    if other_light:
-        first = recording.labels[other_light[0]]
-        more = f" and {len(other_light) - 1} more" if len(other_light) > 1 else ""
-        lines = excluded_frames(experiment, other_light)
-        yield (f"{first}{more}: the mean grey value differs by more than {100 * _MAX_BRIGHTNESS_CHANGE:g} % from the "
-               "reference: check lighting and exposure, or exclude them"
-               + "".join(f": {line.text()}" for line in lines))
+    return _Decoded(tuple(warnings), tuple(other_light), kept)
+
+
+def _other_light(experiment: Experiment, frames: Sequence[int]) -> Iterator[str]:
+    if not frames:
+        return
+    more = f" and {len(frames) - 1} more" if len(frames) > 1 else ""
+    yield (f"{experiment.recording.labels[frames[0]]}{more}: the mean grey value differs by more than "
+           f"{100 * _MAX_BRIGHTNESS_CHANGE:g} % from the reference: check lighting and exposure, or exclude them"
+           + "".join(f": {line.text()}" for line in excluded_frames(experiment, frames)))
 
 
 def _scale_warnings(experiment: Experiment, corners: list[np.ndarray], visible: np.ndarray) -> Iterator[str]:

@@ -67,7 +67,7 @@ def _evidence(view: _View) -> Evidence | None:
     reference = None
     if experiment.recording.quantity == "grey" and experiment.recording.points is None:
         reference = np.asarray(experiment.recording.stack.frame(experiment.model.reference))
-    motions = motions_of(experiment, _spread(experiment, MAX_FRAMES), reference)
+    motions = motions_of(experiment, _spread(experiment, MAX_FRAMES), reference, experiment.recording.picture)
     return None if motions is None else _beside(view, motions)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -21,15 +21,17 @@ MAX_NODES = 400  # of measured places, and of nodes between which subsets are pl
 MIN_RECOGNISED = 0.3  # share of the subsets; a frame with fewer does not show the specimen
 ALL_FRAMES = 16  # of a short test
 
+Picture = Callable[[int], np.ndarray]  # frame -> (ny, nx)
 
-def causes_in_motion(experiment: Experiment,
-                     reference: np.ndarray | None = None) -> tuple[tuple[int, ...], tuple[str, ...]]:
+
+def causes_in_motion(experiment: Experiment, reference: np.ndarray | None = None,
+                     picture: Picture | None = None) -> tuple[tuple[int, ...], tuple[str, ...]]:
     """Frames after the end of the test, and warnings: that end, ends that move otherwise than in the log, forces of the
     other sign.
 
-    reference : (ny, nx) reference image, where there are images
+    reference : (ny, nx) reference image, where there are images; picture : frame -> (ny, nx), None: decoded here
     """
-    motions = sampled_motions(experiment, reference)
+    motions = sampled_motions(experiment, reference, picture or experiment.recording.picture)
     end = end_of_test(experiment, motions)
     if end is None:
         return (), tuple(_warnings(experiment, motions))
@@ -56,17 +58,21 @@ def _before(experiment: Experiment, motions: AffineMotions | None,
     return replace(experiment, recording=recording), kept
 
 
-def sampled_motions(experiment: Experiment, reference: np.ndarray | None) -> AffineMotions | None:
-    """Measured motion of some frames: all of a short test, else spread over it, more where the load drops or the
-    pattern is lost; None where nothing is measured (heights, cross-sections)."""
+def sampled_frames(experiment: Experiment) -> list[int]:
+    """The frames that are followed: all of a short test, else spread over it, and those around a drop of the load."""
     counted = counted_frames(experiment)
-    frames = counted
-    if len(counted) > ALL_FRAMES:
-        picks = np.linspace(0, len(counted) - 1, MAX_FRAMES - 1)
-        near = [k for drop in load_drops(experiment) for k in range(drop.first - 2, drop.first + 2)]
-        chosen = {counted[round(p)] for p in picks} | {counted[1]} | ({*near} & {*counted})
-        frames = sorted(chosen)
-    motions = motions_of(experiment, frames, reference)
+    if len(counted) <= ALL_FRAMES:
+        return counted
+    picks = np.linspace(0, len(counted) - 1, MAX_FRAMES - 1)
+    near = [k for drop in load_drops(experiment) for k in range(drop.first - 2, drop.first + 2)]
+    return sorted({counted[round(p)] for p in picks} | {counted[1]} | ({*near} & {*counted}))
+
+
+def sampled_motions(experiment: Experiment, reference: np.ndarray | None, picture: Picture) -> AffineMotions | None:
+    """Measured motion of `sampled_frames`, of more where the pattern is lost at the end; None where nothing is measured
+    (heights, cross-sections)."""
+    counted, frames = counted_frames(experiment), sampled_frames(experiment)
+    motions = motions_of(experiment, frames, reference, picture)
     if motions is None or len(frames) == len(counted) or motions.agreeing[-1] >= MIN_RECOGNISED:
         return motions
     last_seen = max((k for k, share in zip(frames, motions.agreeing, strict=True) if share >= MIN_RECOGNISED),
@@ -76,14 +82,15 @@ def sampled_motions(experiment: Experiment, reference: np.ndarray | None) -> Aff
     def is_lost(frame: int) -> bool:
         nonlocal more
         if frame not in more.frames:
-            more = more.joined(motions_of(experiment, [frame], reference))
+            more = more.joined(motions_of(experiment, [frame], reference, picture))
         return more.agreeing[more.frames.index(frame)] < MIN_RECOGNISED
 
     first_of(between, is_lost)
     return more
 
 
-def motions_of(experiment: Experiment, frames: list[int], reference: np.ndarray | None) -> AffineMotions | None:
+def motions_of(experiment: Experiment, frames: list[int], reference: np.ndarray | None,
+               picture: Picture) -> AffineMotions | None:
     """Measured motion of these frames of the main camera; None where nothing is measured."""
     model, recording = experiment.model, experiment.recording
     if recording.points is not None:
@@ -98,4 +105,4 @@ def motions_of(experiment: Experiment, frames: list[int], reference: np.ndarray 
     points, _ = seen_nodes(model.mesh, model.kind, model.surface)
     places = model.camera.project(points)
     places = places[np.unique(np.linspace(0, len(places) - 1, min(len(places), 10 * MAX_NODES)).astype(int))]
-    return affine_motions(reference, recording.picture, frames, places)
+    return affine_motions(reference, picture, frames, places)
