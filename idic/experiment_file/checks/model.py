@@ -6,7 +6,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe import EXTERNAL, FreePart, Mesh, PerMesh, bodies, dofs_of, face_set_nodes, free_parts, surface_cells
-from idic.images import AnyCamera, gap_mark
+from idic.images import AnyCamera, PlacedCamera, gap_mark
 from idic.laws import LawSpec, get_law
 from idic.model import Experiment, Material, Prescribed
 from idic.readers import parse_unit
@@ -134,7 +134,8 @@ def check_visible(mesh: Mesh, kind: str, surface: str | None, camera: AnyCamera,
         raise InputError(f"the mesh lies outside the {'measured points' if fields else 'image'}", file=file,
                          key=keys[0],
                          expected=f"columns 0 … {shape[1] - 1}, rows 0 … {shape[0] - 1} (a part is enough)",
-                         found=span, remedy=_off_the_points(sizes) if fields else _out_of_sight(sizes))
+                         found=span, remedy=_off_the_points(sizes) if fields else _out_of_sight(
+                                 sizes, isinstance(camera, PlacedCamera)))
     if kind == "solid":
         _check_face_on(points, padded, px, camera, file, surface)
     if mask is not None and not (surface is not None and kind != "solid"):
@@ -163,8 +164,10 @@ def _check_face_on(points: np.ndarray, padded: np.ndarray, px: np.ndarray, camer
                                 "that the camera sees")
 
 
-def _out_of_sight(sizes: np.ndarray) -> str:
+def _out_of_sight(sizes: np.ndarray, has_lens: bool) -> str:
     """What to do about a mesh that is not seen; sizes : columns and rows that it spans, over those of the image."""
+    if has_lens:
+        return "check rotation and translation_mm, or the alignment, calibration_camera and mesh_unit"
     if sizes.min() > _MIN_LARGER:
         return f"check pixel_size_mm, which may be {sizes.max():.1f} times too small, and mesh_unit"
     return "check origin_px, axes, pixel_size_mm and mesh_unit"

@@ -12,7 +12,7 @@ from scipy.ndimage import binary_erosion
 
 from idic.identification import planned_increments, repeated_readings
 from idic.experiment_file import corners_px, recorded, seen_nodes, seen_region, visible_cells
-from idic.images import largest_value, saturated_share
+from idic.images import PlacedCamera, largest_value, saturated_share
 from idic.model import Experiment, Measured, Model, Noise, Options, Recording, in_words
 from idic.readers import check_stages, mean_strain
 from idic.report.evidence.causes.before_run import causes_in_motion, sampled_frames
@@ -306,7 +306,8 @@ def _other_light(experiment: Experiment, frames: Sequence[int]) -> Iterator[str]
 def _scale_warnings(experiment: Experiment, corners: list[np.ndarray], visible: np.ndarray) -> Iterator[str]:
     every = np.vstack(corners)
     part = any(isinstance(condition.drive, Measured) for condition in experiment.model.prescribed)
-    return implausible_scale(np.ptp(every, axis=0), experiment.recording.image_shape, float(visible.mean()), part)
+    return implausible_scale(np.ptp(every, axis=0), experiment.recording.image_shape, float(visible.mean()), part,
+                             isinstance(experiment.model.camera, PlacedCamera))
 
 
 def _points_line(recording: Recording) -> str:

@@ -123,7 +123,7 @@ def separate_pieces(mesh: Mesh, unit: str) -> Iterator[str]:
 
 
 def implausible_scale(extent_px: np.ndarray, shape: tuple[int, int], visible: float,
-                      part: bool = False) -> Iterator[str]:
+                      part: bool = False, has_lens: bool = False) -> Iterator[str]:
     """A mesh much larger or smaller than the image.
 
     Parameters
@@ -135,23 +135,27 @@ def implausible_scale(extent_px: np.ndarray, shape: tuple[int, int], visible: fl
         Share of the elements that lie in the image.
     part : bool
         Whether the camera sees a part of the specimen on purpose: an end in view is measured.
+    has_lens : bool
+        Whether the scale is that of a calibrated lens and its distance, not of pixel_size_mm.
     """
     image = np.array(shape[::-1], dtype=float)
     size = f"the mesh spans {extent_px[0]:.0f} x {extent_px[1]:.0f} px, the image {image[0]:.0f} x {image[1]:.0f} px"
     larger = float((extent_px / image).max())
-    is_turned = bool((extent_px > image).any() and (extent_px[::-1] <= image).all())
+    scale, place = ("the calibration or translation_mm", "rotation, translation_mm or the alignment") if has_lens else (
+        "pixel_size_mm", "origin_px or axes")
+    is_turned = not has_lens and bool((extent_px > image).any() and (extent_px[::-1] <= image).all())
     if visible < MIN_VISIBLE and is_turned:
         yield (f"{size}; {visible:.0%} of its elements are seen, turned by 90 degrees it would fit: the two entries of "
                "axes may be exchanged")
     elif visible < MIN_VISIBLE:
         yield (f"{size}; {visible:.0%} of its elements are seen: " + (
-            f"pixel_size_mm may be {larger:.1f} times too small, or mesh_unit is wrong" if larger > 1.5 else
-            "origin_px or axes place it outside the image, or an axis is mirrored"))
+            f"{scale} may be {larger:.1f} times too small, or mesh_unit is wrong" if larger > 1.5 else
+            f"{place} place it outside the image, or an axis is mirrored"))
     elif not part and (extent_px > MIN_LARGER * image).all():
-        yield (f"{size}; {visible:.0%} of its elements are seen: pixel_size_mm may be too small, or mesh_unit is "
+        yield (f"{size}; {visible:.0%} of its elements are seen: {scale} may be too small, or mesh_unit is "
                "wrong. If the camera sees only a part on purpose, do nothing")
     elif (extent_px < MIN_EXTENT * image).all():
-        yield f"{size}: pixel_size_mm may be too large (by ten?), or mesh_unit is wrong"
+        yield f"{size}: {scale} may be too large (by ten?), or mesh_unit is wrong"
 
 
 def pattern_warnings(image: np.ndarray, roi: np.ndarray, noise_gv: float | None, pixels_per_element: float,

@@ -21,7 +21,7 @@ ROWS: tuple[Row, ...] = (increments, other_sign, exchanged_ends, other_axes_of, 
                          rigid_motion)
 ROWS_OF_ENDS: tuple[Row, ...] = (other_sign, exchanged_ends, other_axes_of, other_order, rigid_motion, other_scale)
 MIN_NOISES = 3.0  # misfit (rms) over the noise of the measured motion, before a cause is looked for
-MIN_MISFIT_PX = 0.5  # largest misfit of an end that is told before a simulation: less is slip, drift, compliance
+MIN_MISFIT_PX = 0.5  # largest misfit of an end in images that is told before a simulation: less is slip, drift
 MIN_MISFIT_SHARE = 0.35  # of the largest expected motion, the same
 
 
@@ -35,7 +35,8 @@ def first_cause(evidence: Evidence) -> Cause | None:
 def cause_at_ends(evidence: Evidence) -> Cause | None:
     """The first cause that explains a clear difference between the ends in the images and in the log."""
     largest = float(np.abs(evidence.misfit).max(initial=0.0))
-    least = max(MIN_MISFIT_PX, MIN_MISFIT_SHARE * float(np.abs(evidence.expected).max(initial=0.0)),
+    least_px = MIN_MISFIT_PX if evidence.experiment.recording.points is None else 0.0
+    least = max(least_px, MIN_MISFIT_SHARE * float(np.abs(evidence.expected).max(initial=0.0)),
                 MIN_NOISES * evidence.noise_px)
     return _first(ROWS_OF_ENDS, evidence) if largest > least else None
 
