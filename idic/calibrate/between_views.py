@@ -59,7 +59,8 @@ def between_views(rows: dict[tuple[int, int], np.ndarray], errors: dict[tuple[in
     singles = {(view, camera): _reduced(part[:, :n_shared] * scale, part[:, n_shared:], errors[view, camera])
                for (view, camera), part in rows.items()}
     own_lenses = {key: _Reduced(single.score[lens_columns[key[1]]],
-                                single.matrix[lens_columns[key[1]], lens_columns[key[1]]], single.squares, single.number)
+                                single.matrix[lens_columns[key[1]], lens_columns[key[1]]], single.squares,
+                                single.number)
                   for key, single in singles.items()}
     noise = {key: _noise(single) for key, single in own_lenses.items()}
     joint = {view: _joint(view, cameras_of[view], rows, errors, noise, n_shared, scale) for view in views}

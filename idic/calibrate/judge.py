@@ -117,11 +117,11 @@ def _scatter_notes(result: Calibration) -> list[str]:
                 f"not ({sizes}). The cameras were not triggered at the same instant, or one of them moved; {ending}. "
                 "Trigger them together, hold the target still, and calibrate again"]
     if several and len(cameras) == 1:
-        return [f"the residual goes with camera {cameras[0]}: {sizes}; the other camera fits all its images. Its focus, "
-                f"aperture or mount changed between the images; {ending}. Lock its lens and calibrate again"]
+        return [f"the residual goes with camera {cameras[0]}: {sizes}; the other camera fits all its images. Its "
+                f"focus, aperture or mount changed between the images; {ending}. Lock its lens and calibrate again"]
     return [f"the residual goes with the view: {sizes}. Focus or aperture were touched between the images, the target "
-            f"was bent differently, or it moved during the exposure; {ending}. Lock the {'lenses' if several else 'lens'}"
-            ", hold the target still, and calibrate again"]
+            f"was bent differently, or it moved during the exposure; {ending}. Lock the "
+            f"{'lenses' if several else 'lens'}, hold the target still, and calibrate again"]
 
 
 def _odd_images(result):

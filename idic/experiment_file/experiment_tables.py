@@ -32,7 +32,7 @@ from idic.experiment_file.tables.geometry import geometry_of
 from idic.experiment_file.tables.heterogeneities import heterogeneities
 from idic.experiment_file.tables.lengths import Lengths
 from idic.experiment_file.tables.mesh_on_image import arcs_of, outline_share
-from idic.experiment_file.tables.mesh_sets import with_element_set
+from idic.experiment_file.tables.mesh_sets import with_element_set, with_joined_sets
 from idic.experiment_file.tables.solver import EXTERNAL_PERTURBATION, check_external_laws, solver_notes
 from idic.experiment_file.tables.temperatures import Body, knots_of_temperature, temperatures
 from idic.experiment_file.toml_file import validated, with_overrides
@@ -245,6 +245,8 @@ class ExperimentTables:
     def materials(self, mesh: Mesh) -> tuple[tuple[Material, ...], list[Parameter], Mesh, list[str]]:
         records, parameters, notes = [], [], []
         for name, table in self.config.material.items():
+            if table.sets:
+                mesh = with_joined_sets(mesh, name, table.sets, self.file, f"material.{name}.sets")
             mesh, note = with_element_set(mesh, name, len(self.config.material) == 1, self.file, f"material.{name}",
                                           self.config.sets)
             record, constants, more = dofs.material(name, table, self.file)

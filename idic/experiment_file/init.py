@@ -58,7 +58,7 @@ def initial_experiment(folder: str | Path, area: Area | None = None) -> tuple[Pa
 # writing ------------------------------------------------------------------------------------------------
 def _document(contents: Found) -> str:
     sections = [_experiment(contents), _camera(contents), _materials(contents), _sets_and_boundary(contents),
-                _channel(contents), _TAIL]
+                _channel(contents), _TAIL if contents.second is None else _TAIL.replace(*_DOF_OF_A_PAIR)]
     return "\n".join(sections)
 
 
@@ -105,6 +105,10 @@ def _log_lines(contents: Found) -> list[str]:
 
 def _mesh_lines(contents: Found) -> list[str]:
     mesh = contents.mesh
+    if mesh is None and contents.second is not None:
+        return [_line('# FILL IN: mesh = "mesh.inp"', "in mm: two cameras need a mesh at its place in space"),
+                'mesh_unit = "mm"', _line('kind = "solid"', 'or "plane_stress"'),
+                _line('# surface = "FRONT"', "FILL IN: the face set that both cameras see")]
     if mesh is None:
         x0, y0, x1, y1, size = _guessed_roi(contents)
         holes = f", holes_px = {json.dumps(contents.holes)}" if contents.holes else ""
@@ -143,6 +147,8 @@ def _guessed_roi(contents: Found) -> tuple[int, int, int, int, int]:
 
 
 def _camera(contents: Found) -> str:
+    if contents.second is not None:
+        return "\n".join(contents.second.lines(contents.mesh))
     noise = _line("# noise_std_gv = 2.0", "of one image; else from still_frames, else from the residual")
     stated_size = None if contents.pitch_mm is None else _line(f"pixel_size_mm = {contents.pitch_mm[0]:.6g}",
                                                                "as the image files state")
@@ -243,7 +249,8 @@ def _channel(contents: Found) -> str:
         note = "" if contents.mesh is not None else "   # the end that is pulled; all of OUTER adds up to zero"
         return "\n".join([_line("# [[channel]]", "measured against simulated; needs the scale and the thickness"),
                           f"# column = {json.dumps(column or 'force_N')}", f"# {simulated}{note}", ""])
-    return "\n".join([_line("[[channel]]", "measured against simulated; needs thickness_mm"),
+    needs = "" if contents.mesh.n_dim == 3 else "; needs thickness_mm"
+    return "\n".join([_line("[[channel]]", f"measured against simulated{needs}"),
                       f"column = {json.dumps(column)}", simulated,
                       _line("# ", "factor = 2.0 in it where half the thickness is modelled"),
                       _line("# noise_std = 5.0", "in the unit of the column"), ""])
@@ -255,6 +262,7 @@ def _pulled_side(contents: Found) -> tuple[str, str]:
     return ("RIGHT", "x") if x1 - x0 >= y1 - y0 else ("BOTTOM", "y")
 
 
+_DOF_OF_A_PAIR = ('name = "camera.rotation_deg"   # camera.*, ', 'name = "placement.t_z"         # placement.*, ')
 _TAIL = """# [[dof]]                        # further degrees of freedom
 # name = "camera.rotation_deg"   # camera.*, channel.COLUMN.{scale, offset, drift}, time.offset,
                                  # geometry.{thickness, hole_x, hole_y, hole_radius, outline}

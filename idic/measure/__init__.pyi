@@ -1,3 +1,4 @@
+from .dic.affine_motion import AffineMotions, affine_motions
 from .dic.boundary import BoundaryStart, boundary_start, edge_modes, virtual_boundaries, with_boundary_start
 from .dic.camera_floor import CameraFloor, camera_floor
 from .dic.field import field_frame, field_variance
@@ -6,7 +7,6 @@ from .dic.noise import fitted_dof, residual_noise
 from .dic.regularisation import Regularisation, build_smoother
 from .dic.section import section_field, smoothing_length
 from .dic.stack import DicStack, dic_stack
-from .dic.start import coarse_motion
 from .dic.stereo import surface_motion
 from .dic.still import declared_stack, find_still_frames
 from .sequence.frames import FrameSequence
@@ -18,10 +18,11 @@ from .fields.strain import MEASURES, rotated, strain
 from .fields.surface import surface_of
 
 __all__ = [
-    "MEASURES", "BoundaryStart", "CameraFloor", "DicStack", "FieldSeries", "FrameSequence", "Reading",
-    "Regularisation", "Seen", "boundary_start", "build_smoother", "camera_floor", "coarse_motion", "declared_stack",
-    "dic_frame", "dic_stack", "edge_modes", "field_columns", "field_frame", "field_variance", "find_still_frames",
-    "fitted_dof", "free_motion", "in_mm", "measured_nodes", "noise_samples", "readings", "residual_noise", "rotated",
-    "section_field", "seen_by", "simulated_states", "smoothed_length", "smoothing_length", "still_frame", "strain",
-    "surface_motion", "surface_of", "virtual_boundaries", "with_boundary_start",
+    "MEASURES", "AffineMotions", "BoundaryStart", "CameraFloor", "DicStack", "FieldSeries", "FrameSequence", "Reading",
+    "Regularisation", "Seen", "affine_motions", "boundary_start", "build_smoother", "camera_floor",
+    "declared_stack", "dic_frame", "dic_stack", "edge_modes", "field_columns", "field_frame", "field_variance",
+    "find_still_frames", "fitted_dof", "free_motion", "in_mm", "measured_nodes", "noise_samples", "readings",
+    "residual_noise", "rotated", "section_field", "seen_by", "simulated_states", "smoothed_length",
+    "smoothing_length", "still_frame", "strain", "surface_motion", "surface_of", "virtual_boundaries",
+    "with_boundary_start",
 ]

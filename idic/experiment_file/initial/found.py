@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
+from idic.experiment_file.initial.cameras import CameraPair, camera_pair
 from idic.fe import Mesh, is_circle
 from idic.readers import (
     DIMENSION, FORMATS, Log, image_entries, mesh_suffixes, natural_key, open_stack, patterns_of,
@@ -48,6 +49,7 @@ class Found:
     height_unit: str | None = None
     pitch_mm: tuple[float, float] | None = None
     times_s: np.ndarray | None = None  # (n_images,) that the image files state
+    second: CameraPair | None = None
 
 
 Area = Callable[[np.ndarray], tuple[list, list]]  # image -> outline and holes of its speckled area, px
@@ -73,7 +75,8 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
     for path in files:
         if path.suffix.lower() in IMAGE_SUFFIXES:
             is_mask = _MASK.search(path.stem)
-            (masks if is_mask else groups[path.parent, path.suffix]).append(path)
+            place = path if path.suffix.lower() in _FILM_SUFFIXES else path.parent  # a film is a series of its own
+            (masks if is_mask else groups[place, path.suffix]).append(path)
     if not groups and len(masks) > 1:  # a name of the series: unmasked_001.tif
         for path in masks:
             groups[path.parent, path.suffix].append(path)
@@ -83,17 +86,22 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
                          expected="TIFF or PNG images, a film, height maps, or the exported fields of a DIC system, in "
                                   "it or in a folder below", found=f"{len(files)} other files",
                          remedy="put the images in a folder images/")
-    images = max(groups.values(), key=lambda paths: (len(paths) > 1 or paths[0].suffix.lower() in _FILM_SUFFIXES,
-                                                     len(paths)))
-    patterns = patterns_of(folder, images)
+    pair = camera_pair(folder, groups.values(), files)
+    images = pair[0] if pair is not None else max(
+        groups.values(), key=lambda paths: (len(paths) > 1 or paths[0].suffix.lower() in _FILM_SUFFIXES, len(paths)))
+    is_film = images[0].suffix.lower() in _FILM_SUFFIXES
+    patterns = [images[0].relative_to(folder).as_posix()] if is_film else patterns_of(folder, images)
     are_heights = images[0].suffix.lower() in HEIGHT_SUFFIXES
     stack = open_stack(recorded_order(images, folder), with_gaps=are_heights)
     contents = Found(folder, patterns[0] if len(patterns) == 1 else patterns, stack.n_frames, stack.shape,
-                     stack.labels[0], are_heights=are_heights)
+                     stack.labels[0], are_heights=are_heights, second=None if pair is None else pair[1])
     if stack.grid is not None:
         contents.height_unit, contents.pitch_mm = stack.grid.height_unit, stack.grid.pitch_mm
     contents.times_s = stack.times_s
     contents.notes += stack.notes()
+    films = [path.name for (place, _), (path, *_) in groups.items() if place == path and path not in images]
+    if films and is_film:
+        contents.notes.append(f"other films here: {', '.join(films)}")
     _find_mask(masks, contents)
     holes: list = []
     if area is not None and not are_heights:

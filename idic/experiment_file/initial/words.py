@@ -22,7 +22,7 @@ def lines_of(contents: Found, text: str) -> list[str]:
     pattern = contents.images if isinstance(contents.images, str) else ", ".join(contents.images)
     lines = [f"images       {pattern}: {contents.n_images} of {nx} x {ny} px; the reference is the first, "
              f"{contents.reference}",
-             *_mesh(contents), _log(contents), *_columns_without_unit(contents),
+             *_second_camera(contents), *_mesh(contents), _log(contents), *_columns_without_unit(contents),
              "to identify  E from 70 000 MPa and nu from 0.3 of the law elastic, typical of aluminium: replace them by "
              "the law of your material (idic laws) and starting values",
              *(f"note         {note}" for note in contents.notes)]
@@ -48,6 +48,12 @@ def fitting_scale(contents: Found) -> tuple[float, tuple[float, float]] | None:
     return size, (float(start[0] - low[0] / size), float(end[1] + low[1] / size))
 
 
+def _second_camera(contents: Found) -> Iterator[str]:
+    if contents.second is not None:
+        yield (f"cameras      two, {' and '.join(contents.second.names)}, by {contents.second.calibration}; images of "
+               f"the second: {contents.second.images}")
+
+
 def _mesh(contents: Found) -> Iterator[str]:
     if contents.mesh is None:
         if contents.outline:
@@ -57,11 +63,11 @@ def _mesh(contents: Found) -> Iterator[str]:
         yield "             idic draw lets you draw it on the image"
         return
     yield f"mesh         {contents.mesh_file}: {contents.mesh.n_nodes} nodes, {contents.mesh.n_elements} elements"
-    fit = fitting_scale(contents)
+    fit = None if contents.second is not None else fitting_scale(contents)
     if fit is not None:
         yield (f"scale        the mesh would cover the speckled area with pixel_size_mm = {fit[0]:.4g} and origin_px = "
                f"[{fit[1][0]:.0f}, {fit[1][1]:.0f}]: compare it with your scale")
-    elif contents.outline:
+    elif contents.outline and contents.second is None:
         yield ("scale        the proportions of the mesh differ from those of the speckled area: it is larger or "
                "smaller than the part in the image, or axes are exchanged")
 

@@ -18,7 +18,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from idic.experiment_file.schema.base import Positive, Strict, as_value_table, refuse
+from idic.experiment_file.schema.base import Positive, Strict, as_list, as_value_table, refuse
 
 
 class PriorTable(Strict):
@@ -58,13 +58,16 @@ class SmoothnessTable(Strict):
 
 
 class MaterialTable(BaseModel):
-    """``law``, ``kinematics``, ``smoothness`` of free curves; every other key is a parameter of the law."""
+    """``law``, ``kinematics``, ``smoothness`` of free curves, ``sets`` of the mesh that it fills (default: that of its
+    name); every other key is a parameter of the law.
+    """
 
     model_config = ConfigDict(extra="allow", strict=True, frozen=True, allow_inf_nan=False)
     __pydantic_extra__: dict[str, Annotated[ParameterTable, BeforeValidator(as_value_table)]] = Field(init=False)
     law: str
     kinematics: Literal["small", "finite"] | None = None
     smoothness: dict[str, SmoothnessTable] = {}
+    sets: Annotated[list[str], BeforeValidator(as_list)] = []
 
     @property
     def parameters(self) -> dict[str, ParameterTable]:

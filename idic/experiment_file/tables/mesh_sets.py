@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +12,8 @@ from idic.errors import InputError
 from idic.experiment_file.schema.boundary import SetTable
 from idic.fe import Mesh, boundary_edges, boundary_faces, face_set_nodes
 from idic.readers import points_where
+
+ALL = "ALL"  # a material of this name fills the whole mesh
 
 
 def with_sets(mesh: Mesh, tables: Mapping[str, SetTable], factor: float, file) -> Mesh:
@@ -143,19 +145,40 @@ def with_element_set(mesh: Mesh, name: str, only: bool, file, key,
     """The mesh with an element set `name`, and a note.
 
     If the mesh file has no element sets (those of [sets], `by_position`, do not count) and there is one material
-    (`only`), its name means all elements.
+    (`only`), its name means all elements; ALL always does, unless the mesh names a set so.
     """
     if name in mesh.element_sets:
         return mesh, None
     element_sets, note = dict(mesh.element_sets), None
     if (spelling := known_name(name, mesh.element_sets)) is not None:
         element_sets[name] = mesh.element_sets[spelling]
-    elif only and set(mesh.element_sets) <= {"ALL", *by_position}:
+    elif name == ALL:
+        element_sets[name] = np.arange(mesh.n_elements)
+    elif only and set(mesh.element_sets) <= {ALL, *by_position}:
         element_sets[name] = np.arange(mesh.n_elements)
         note = f"the mesh names no element sets: material {name} applies to all elements"
     else:
         raise _no_set("no such set of elements", name, mesh.element_sets, file, key)
     return replace(mesh, element_sets=element_sets), note
+
+
+def with_joined_sets(mesh: Mesh, name: str, sets: Sequence[str], file, key: str) -> Mesh:
+    """The mesh with an element set `name` of all elements of `sets`.
+
+    Raises
+    ------
+    InputError
+        A set that the mesh does not have, or `name` is another set of it.
+    """
+    spellings = [known_name(entry, mesh.element_sets) for entry in sets]
+    if None in spellings:
+        raise _no_set("no such set of elements", sets[spellings.index(None)], mesh.element_sets, file, key)
+    elements = np.unique(np.concatenate([mesh.element_sets[spelling] for spelling in spellings]))
+    if name in mesh.element_sets and not np.array_equal(np.sort(mesh.element_sets[name]), elements):
+        raise InputError("the material has the name of another set", file=file, key=key,
+                         expected=f"a new name for {', '.join(sets)}", found=f"{name}, a set of the mesh",
+                         remedy=f"give the material another name, or leave out sets: it then fills {name}")
+    return replace(mesh, element_sets=mesh.element_sets | {name: elements})
 
 
 def _nodes_of_elements(mesh: Mesh, elements: np.ndarray) -> np.ndarray:

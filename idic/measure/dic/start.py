@@ -85,36 +85,38 @@ def coarse_motion(image_from: np.ndarray, image_to: np.ndarray, points_px: np.nd
     array (m, 2) px, or None where fewer than three subsets agree
     """
     factor = int(np.ceil(max(image_from.shape) / _MAX_SEARCH_PX))
-    a, b = _binned(image_from, factor), _binned(image_to, factor)
+    a, b = binned(image_from, factor), binned(image_to, factor)
     points = (points_px - (factor - 1) / 2) / factor
     side = int(np.clip(np.ptp(points, axis=0).min() / 3, *_SUBSET_SIDE_PX)) // 2 * 2
-    centres = _subset_centres(points, a.shape, side)
+    centres = subset_centres(points, a.shape, side)
     if len(centres) == 0 or side > min(a.shape):
         return None
-    shifts, scores = _search(a, b, centres, side)
+    shifts, scores = search_everywhere(a, b, centres, side)
     good = scores > _MIN_CORRELATION
-    fit = _affine_by_vote(centres[good].astype(float), shifts[good], tolerance=1.0 + 0.03 * side)
+    fit = affine_by_vote(centres[good].astype(float), shifts[good], tolerance=1.0 + 0.03 * side)
     if fit is None:
         return None
     at = points if at_px is None else (at_px - (factor - 1) / 2) / factor
     return factor * (np.column_stack([np.ones(len(at)), at]) @ fit)
 
 
-def _binned(image, factor):
+def binned(image: np.ndarray, factor: int) -> np.ndarray:
+    """Means over squares of `factor` px, smoothed by a pixel of theirs  # (ny, nx) -> (ny / factor, nx / factor)"""
     ny, nx = (n // factor * factor for n in image.shape)
     cut = np.asarray(image[:ny, :nx], dtype=np.float32)
     return scipy.ndimage.gaussian_filter(cut.reshape(ny // factor, factor, nx // factor, factor).mean(axis=(1, 3)), 1.0)
 
 
-def _subset_centres(points, shape, side):
+def subset_centres(points: np.ndarray, shape: tuple[int, ...], side: int,
+                   per_side: int = _SUBSETS_PER_SIDE) -> np.ndarray:
     """Centres of subsets that lie in the image, spread over the points  # (n, 2) int (column, row)"""
     limit = np.array(shape[::-1]) - 1
     inside = points[((points >= 0) & (points <= limit)).all(axis=1)]
     if len(inside) == 0:
         return np.zeros((0, 2), dtype=int)
     low, extent = inside.min(axis=0), np.maximum(np.ptp(inside, axis=0), 1e-9)
-    n = np.clip(np.ceil(2 * extent / side), 1, 2 * _SUBSETS_PER_SIDE)
-    n = np.maximum(np.floor(n * min(1.0, np.sqrt(_SUBSETS_PER_SIDE**2 / n.prod()))), 1).astype(int)
+    n = np.clip(np.ceil(2 * extent / side), 1, 2 * per_side)
+    n = np.maximum(np.floor(n * min(1.0, np.sqrt(per_side**2 / n.prod()))), 1).astype(int)
     cell = np.minimum((inside - low) / extent * n, n - 1).astype(int)
     key, inverse = np.unique(cell[:, 1] * n[0] + cell[:, 0], return_inverse=True)
     count = np.bincount(inverse)
@@ -122,7 +124,7 @@ def _subset_centres(points, shape, side):
     return np.unique(np.clip(np.rint(centre), side // 2, limit + 1 - side // 2).astype(int), axis=0)
 
 
-def _search(a, b, centres, side):
+def search_everywhere(a: np.ndarray, b: np.ndarray, centres: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarray]:
     """Best shift of every subset of `a` in the whole of `b` and its correlation  # (n, 2) binned px, (n,)"""
     shape = [scipy.fft.next_fast_len(n + side, real=True) for n in b.shape]
     level = b.mean()
@@ -142,11 +144,11 @@ def _search(a, b, centres, side):
         score = product[: spread.shape[0], : spread.shape[1]] / (norm * np.maximum(spread, floor) + 1e-12)
         i, j = np.unravel_index(np.argmax(score), score.shape)
         scores[k] = score[i, j]
-        shifts[k] = j + _vertex(score[i], j) - (column - half), i + _vertex(score[:, j], i) - (row - half)
+        shifts[k] = j + vertex(score[i], j) - (column - half), i + vertex(score[:, j], i) - (row - half)
     return shifts, scores
 
 
-def _vertex(line, k):
+def vertex(line: np.ndarray, k: int) -> float:
     """Sub-pixel offset of the largest of three neighbours by a parabola."""
     if not 0 < k < len(line) - 1:
         return 0.0
@@ -155,7 +157,7 @@ def _vertex(line, k):
     return 0.0 if curvature >= 0 else float(np.clip(0.5 * (lower - upper) / curvature, -0.5, 0.5))
 
 
-def _affine_by_vote(x, shift, tolerance):
+def affine_by_vote(x: np.ndarray, shift: np.ndarray, tolerance: float) -> np.ndarray | None:
     """Affine shift (3, 2) that most matches agree with, refitted on those; a translation where few agree on more."""
     if len(x) < 3:
         return None

@@ -23,6 +23,7 @@ MIN_GAIN = 1.1  # length of the order of the names over that of the smoothest on
 MAX_EXCESS = 1.05  # of the length of an order that is as smooth as the smoothest one
 MIN_AGREEMENT, MIN_BETTER = 0.7, 0.1  # correlation of distances between images and in the log: of a right order, and
 #                                       by how much it surpasses a wrong one
+MIN_AGREEMENT_OF_ANOTHER = 0.9  # of the order that refutes the names: the smoothest way through a random walk has 0.75
 MIN_MOTION, MIN_MOTION_PX = 2.0, 0.25  # largest distance of two images over the smallest, and itself: less is noise
 MAX_LISTED = 40  # images of an order that a message writes whole
 _OF_FILES = {"written": "the times in the files", "saved": "the times at which the files were saved"}
@@ -126,7 +127,7 @@ def _refutes(order: Sequence[int], names: Sequence[int], distance: np.ndarray, c
     if len(courses):
         at = _places(order)
         agreement = _agreement(order, distance, courses, at)
-        return agreement > max(MIN_AGREEMENT, _agreement(names, distance, courses, at) + MIN_BETTER)
+        return agreement > max(MIN_AGREEMENT_OF_ANOTHER, _agreement(names, distance, courses, at) + MIN_BETTER)
     step, step_of_names = steps(distance, order), steps(distance, names)
     jump = step_of_names.max() - step.max()
     return bool(step_of_names.max() > MIN_JUMP * step.max() and jump > MIN_JUMP_SHARE * distance.max()

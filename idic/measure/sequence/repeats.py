@@ -10,6 +10,7 @@ import numpy as np
 MAX_REPEATED = 0.4  # motion of a repeated image per change of the log, over that of the pair beside it
 BESIDE = 3  # pairs of images on both sides
 USUAL = 0.8  # quantile of the motion per change of the log: of copies three in a row, two thirds have none
+MIN_MOVED = 0.6  # the same of an image that is none: steps in between are those of an unsteady camera
 MAX_STEP = 0.35  # its step over that of the pair beside it
 MIN_LOG_STEP = 0.3  # change of the log over that of the pair beside it: the log moves on
 MIN_LOST, MAX_LOST = 1.6, 6.5  # motion over a missing image per change of the log, over that of the pairs beside it
@@ -45,7 +46,7 @@ class Steps:
 
     def repeats(self) -> list[int]:
         """Frames without the motion that the log and frames beside them have."""
-        n, frames = len(self.apart_px), []
+        n, frames, n_between = len(self.apart_px), [], 0
         if n < 3 or not self.logged.any():
             return []
         rates = self.moved_px / np.where(self.logged > 0.0, self.logged, np.inf)
@@ -59,7 +60,9 @@ class Steps:
             if self.apart_px[k] < MAX_STEP * share * self.apart_px[neighbour] and (
                     rates[k] < MAX_REPEATED * share * rates[neighbour]):
                 frames.append(k + 1)
-        return frames
+            elif rates[k] < MIN_MOVED * share * rates[neighbour]:
+                n_between += 1
+        return frames if len(frames) > n_between else []
 
 
 def repeated_frames(steps: Steps, labels: Sequence[str], equal: Collection[int], has_log: bool) -> list[str]:

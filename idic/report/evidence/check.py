@@ -3,7 +3,7 @@ except where values of cameras with a lens are free."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -12,16 +12,18 @@ from scipy.ndimage import binary_erosion
 
 from idic.identification import planned_increments, repeated_readings
 from idic.experiment_file import corners_px, recorded, seen_nodes, seen_region, visible_cells
-from idic.images import largest_value, saturated_share
+from idic.images import PlacedCamera, largest_value, saturated_share
 from idic.measure import FrameSequence
 from idic.model import Experiment, Measured, Model, Noise, Options, Recording, in_words
 from idic.readers import check_stages, mean_strain
+from idic.report.evidence.causes.before_run import causes_in_motion, sampled_frames
+from idic.report.evidence.causes.course import increments_by_load
+from idic.report.evidence.causes.lines import excluded_frames
 from idic.report.evidence.cost import Cost, expected_cost
-from idic.report.evidence.fields.increments import increments_of
-from idic.report.evidence.placement import ends_that_move_otherwise, mirrored_axes, misplaced_still_frames
+from idic.report.evidence.placement import mirrored_axes, misplaced_still_frames
 from idic.report.evidence.plausible import (
-    implausible_scale, implausible_values, loaded_reference, opposed_forces, pattern_warnings,
-    separate_pieces, start_values, sums_of_all_reactions,
+    MAX_PLAIN_SHARE, NO_PATTERN, implausible_scale, implausible_values, loaded_reference, pattern_warnings,
+    separate_pieces, start_values, sums_of_all_reactions, without_pattern,
 )
 from idic.report.evidence.rig import rig_warnings
 from idic.report.figures.mesh_overlay import mesh_on_points, mesh_overlay
@@ -33,7 +35,6 @@ _MAX_GAP_SHARE = 0.02  # share of the ROI: more isolated gaps take half of the p
 _MIN_CONTRAST = 4.0  # standard deviation of the pattern over that of the noise
 MIN_POINTS_PER_ELEMENT = 4.0  # of measured fields
 MIN_SEEN_PART = 0.5  # of the points of the reference stage
-MAX_BROKEN_SHARE = 0.1  # of the largest force: less from one stage to the next is a break
 _MAX_BRIGHTNESS_CHANGE = 0.2  # relative change of the mean grey value from the reference
 
 
@@ -146,7 +147,7 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None, draw: bo
         An image that cannot be decoded.
     """
     placed = experiment.at_geometry(experiment.model.parameters)
-    inspected = [_check_camera(view, draw) for view in placed.views]
+    inspected = [_check_camera(view, draw, is_main=view is placed) for view in placed.views]
     main, *further_cameras = [report for report, _ in inspected]
     if overlay_to is not None and main.overlay is not None:
         Path(overlay_to).write_bytes(main.overlay.png)
@@ -165,8 +166,9 @@ def _late_cameras(sequences: Sequence[FrameSequence | None]) -> Iterator[str]:
             yield from sequence.late_against(main)
 
 
-def _check_camera(experiment: Experiment, draw: bool) -> tuple[CheckReport, FrameSequence | None]:
-    """The facts on one camera, and its images as a sequence; experiment : its view."""
+def _check_camera(experiment: Experiment, draw: bool, is_main: bool) -> tuple[CheckReport, FrameSequence | None]:
+    """The facts on one camera, and its images as a sequence; experiment : its view; is_main : its motion is compared
+    with the log."""
     model, recording = experiment.model, experiment.recording
     stack, shape = recording.stack, recording.image_shape
     reference = recording.picture(model.reference)
@@ -179,9 +181,21 @@ def _check_camera(experiment: Experiment, draw: bool) -> tuple[CheckReport, Fram
     picture = overlay(experiment) if draw else None
     field_notes, field_warnings = _of_fields(experiment, corners, visible) if recording.points is not None else ((), ())
     labels = recording.labels
-    sequence = None
-    if recording.points is None:
-        sequence, field_warnings = _warnings_of_images(experiment, reference, corners, visible, roi, areas)
+    scale = () if recording.points is not None else tuple(_scale_warnings(experiment, corners, visible))
+    plain = NO_PATTERN
+    if recording.quantity == "grey" and not scale:
+        plain = without_pattern(reference, roi, noise.std_gv)
+    is_placed = not scale and float(plain.mean()) <= MAX_PLAIN_SHARE
+    images = _Decoded() if recording.points is not None else _decoded(experiment, reference, roi, is_main)
+    if images.sequence is not None:
+        images.sequence.check_order()
+    end, motion_warnings = causes_in_motion(experiment, reference if is_placed else None,
+                                            images.picture(experiment)) if is_main else ((), ())
+    warnings = field_warnings if images.sequence is None else (
+        *scale, *(() if scale else _place_warnings(experiment, reference, roi, areas, noise, plain)),
+        *_reference_warnings(experiment, reference, roi), *images.sequence.order_warnings(),
+        *images.sequence.repeated(images.equal), *images.sequence.lost(),
+        *_other_light(experiment, [k for k in images.other_light if k not in end]))
     return CheckReport(
         experiment.title, stack.n_frames, labels[model.reference], tuple(labels[k] for k in recording.excluded),
         (shape[1], shape[0]), str(reference.dtype), model.mesh.n_nodes, model.mesh.n_elements,
@@ -189,9 +203,9 @@ def _check_camera(experiment: Experiment, draw: bool) -> tuple[CheckReport, Fram
         float(areas.mean()), float(areas.min()), model.length_unit, model.parameters.free,
         tuple(channel.column for channel in model.channels), noise, float(np.nanstd(reference[roi])),
         (*experiment.notes, *field_notes, *_margin_note(experiment.options), *planned_increments(experiment)),
-        field_warnings, picture,
+        (*warnings, *motion_warnings), picture,
         recording.camera_name,
-        value_unit=recording.value_unit, points=_points_line(recording), starts=start_values(model)), sequence
+        value_unit=recording.value_unit, points=_points_line(recording), starts=start_values(model)), images.sequence
 
 
 def overlay(experiment: Experiment) -> Picture:
@@ -222,15 +236,15 @@ def _sets_px(model: Model, points: np.ndarray) -> dict[str, np.ndarray]:
     return {name: model.camera.project(points[model.mesh.node_sets[name]]) for name in names}
 
 
-def _place_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, areas: np.ndarray, noise: Noise):
-    """Warnings of the pattern below a mesh at its right place."""
+def _place_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, areas: np.ndarray, noise: Noise,
+                    plain: np.ndarray) -> Iterator[str]:
+    """Warnings of the pattern below a mesh of the right scale; plain : pixels of the ROI without pattern."""
     if areas.mean() < _MIN_ELEMENT_PX and experiment.model.surface is None:
         yield (f"only {areas.mean():.0f} px per element: enough for the identification, too few for the free FE-DIC of "
                "the report; larger elements would do for both")
     if experiment.recording.quantity == "grey":
-        yield from pattern_warnings(reference, roi, noise.std_gv, float(areas.mean()))
-        yield from mirrored_axes(experiment, reference, roi)
-        yield from ends_that_move_otherwise(experiment, reference)
+        yield from pattern_warnings(reference, roi, noise.std_gv, float(areas.mean()), plain)
+        yield from mirrored_axes(experiment, reference, float(plain.mean()))
     contrast = float(np.nanstd(reference[roi]))
     if contrast == 0.0:
         yield "the ROI has no pattern, so nothing can be correlated: check mask, mesh and reference image"
@@ -239,22 +253,8 @@ def _place_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarr
                "expect large error bars; improve contrast or lighting")
 
 
-def _image_warnings(experiment: Experiment, reference: np.ndarray,
-                    roi: np.ndarray) -> tuple[FrameSequence, list[str]]:
-    """The images as a sequence, and their warnings; every one is decoded.
-
-    Raises
-    ------
-    InputError
-        Their motion contradicts the order of their names.
-    """
-    warnings = list(_reference_warnings(experiment, reference, roi))
-    sequence, equal, changed = _decoded(experiment, reference, roi)
-    sequence.check_order()
-    return sequence, [*warnings, *sequence.order_warnings(), *sequence.repeated(equal), *sequence.lost(), *changed]
-
-
 def _reference_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray) -> Iterator[str]:
+    """Warnings of the reference image and of those at rest."""
     recording = experiment.recording
     image = recorded(recording.stack).frame(experiment.model.reference)
     share = saturated_share(image, roi) or 0.0
@@ -270,41 +270,63 @@ def _reference_warnings(experiment: Experiment, reference: np.ndarray, roi: np.n
                "neighbours of each gap: fill the gaps, or mask them")
 
 
-def _decoded(experiment: Experiment, reference: np.ndarray,
-             roi: np.ndarray) -> tuple[FrameSequence, list[int], list[str]]:
-    """The images as a sequence, those that equal the one before, and warnings of changed light."""
-    recording, equal, warnings = experiment.recording, [], []
-    thumbnails, to_thumbnail = [], FrameSequence.maker(roi)
+@dataclass(frozen=True)
+class _Decoded:
+    """What one pass over the images shows.
+
+    sequence : their motion from one to the next; equal : frames that repeat the one before to the last grey value;
+    other_light : frames whose mean grey value is another; kept : some frames
+    """
+
+    sequence: FrameSequence | None = None
+    equal: tuple[int, ...] = ()
+    other_light: tuple[int, ...] = ()
+    kept: dict[int, np.ndarray] = field(default_factory=dict)
+
+    def picture(self, experiment: Experiment) -> Callable[[int], np.ndarray]:
+        """Frame -> its image, without decoding it again where it is kept."""
+        return lambda k: self.kept[k] if k in self.kept else experiment.recording.picture(k)
+
+
+def _decoded(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, is_main: bool) -> _Decoded:
+    """Decode every image, so that damaged ones are found here."""
+    recording = experiment.recording
     mean, previous, previous_values = float(reference[roi].mean()), -1, np.zeros(0)
+    wanted = set(sampled_frames(experiment)) if is_main and recording.quantity == "grey" else set()
+    thumbnails, to_thumbnail = [], FrameSequence.maker(roi)
+    equal, other_light, kept = [], [], {}
     for k in range(recording.stack.n_frames):
-        image = recording.stack.frame(k)  # decodes every image: damaged ones are found here
+        image = recording.stack.frame(k)
         values = image[roi]
-        if k not in recording.excluded:
-            if previous >= 0 and np.array_equal(values, previous_values, equal_nan=values.dtype.kind == "f"):
-                equal.append(k)
-            thumbnails.append(to_thumbnail(image))
-            previous, previous_values = k, values
+        if k in wanted:
+            kept[k] = np.asarray(image)
+        if k in recording.excluded:
+            continue
+        if previous >= 0 and np.array_equal(values, previous_values, equal_nan=values.dtype.kind == "f"):
+            equal.append(k)
+        thumbnails.append(to_thumbnail(image))
+        previous, previous_values = k, values
         jump = abs(float(values.mean()) - mean) > _MAX_BRIGHTNESS_CHANGE * abs(mean)
-        if jump and k not in recording.excluded and recording.quantity == "grey":
-            warnings.append(f"{recording.labels[k]}: the mean grey value differs by more than "
-                            f"{100 * _MAX_BRIGHTNESS_CHANGE:g} % from the reference: check lighting and exposure, or "
-                            "exclude the frame")
-    return FrameSequence.of_thumbnails(experiment, thumbnails), equal, warnings
+        if jump and recording.quantity == "grey":
+            other_light.append(k)
+    sequence = FrameSequence.of_thumbnails(experiment, thumbnails)
+    return _Decoded(sequence, tuple(equal), tuple(other_light), kept)
 
 
-def _warnings_of_images(experiment: Experiment, reference: np.ndarray, corners: list[np.ndarray], visible: np.ndarray,
-                        roi: np.ndarray, areas: np.ndarray) -> tuple[FrameSequence, tuple[str, ...]]:
-    """The images as a sequence; warnings of scale, then, if there are none, of the pattern, and of the images."""
-    scale = tuple(_scale_warnings(experiment, corners, visible))
-    place = () if scale else tuple(_place_warnings(experiment, reference, roi, areas, experiment.recording.noise))
-    sequence, warnings = _image_warnings(experiment, reference, roi)
-    return sequence, (*scale, *place, *warnings)
+def _other_light(experiment: Experiment, frames: Sequence[int]) -> Iterator[str]:
+    if not frames:
+        return
+    more = f" and {len(frames) - 1} more" if len(frames) > 1 else ""
+    yield (f"{experiment.recording.labels[frames[0]]}{more}: the mean grey value differs by more than "
+           f"{100 * _MAX_BRIGHTNESS_CHANGE:g} % from the reference: check lighting and exposure, or exclude them"
+           + "".join(f": {line.text()}" for line in excluded_frames(experiment, frames)))
 
 
 def _scale_warnings(experiment: Experiment, corners: list[np.ndarray], visible: np.ndarray) -> Iterator[str]:
     every = np.vstack(corners)
     part = any(isinstance(condition.drive, Measured) for condition in experiment.model.prescribed)
-    return implausible_scale(np.ptp(every, axis=0), experiment.recording.image_shape, float(visible.mean()), part)
+    return implausible_scale(np.ptp(every, axis=0), experiment.recording.image_shape, float(visible.mean()), part,
+                             isinstance(experiment.model.camera, PlacedCamera))
 
 
 def _points_line(recording: Recording) -> str:
@@ -344,43 +366,16 @@ def _field_warnings(experiment: Experiment, corners: list[np.ndarray], visible: 
         part = float(np.isfinite(moved).all(axis=1).mean())
         if part < MIN_SEEN_PART:
             yield f"{recording.labels[k]}: only {100 * part:.0f} % of the points of the reference stage are measured"
-    yield from _increment_warnings(experiment, counted, np.array(strains))
-    for column, label in dropped_loads(experiment):
-        yield (f"{label}: {column} falls to less than a tenth of its largest value and stays there: after the break? "
-               f"then "
-               "list these stages in exclude_frames")
-
-
-def _increment_warnings(experiment: Experiment, counted: list[int], strains: np.ndarray) -> Iterator[str]:
-    """That displacements count from the stage before; strains : (n, 2, 2) of the stages in `counted`, of any scale"""
-    for channel in experiment.model.channels:
-        evidence = increments_of(strains, channel.values[counted]) if counted[0] == experiment.model.reference else None
-        if evidence is not None:
-            yield ("the displacements seem to count from the stage before, not from the reference: the mean strain "
-                   f"follows the change of {channel.column} from stage to stage (all but "
-                   f"{100 * evidence.by_change:.0f} % of it) and not {channel.column} ({100 * evidence.by_load:.0f} % "
-                   "unexplained). Every value would be wrong: export the displacements against the first stage (total, "
-                   "not incremental, correlation)")
-            return
-
-
-def dropped_loads(experiment: Experiment) -> Iterator[tuple[str, str]]:
-    """Channels of forces whose last values are those of a broken specimen, with the first such stage."""
-    counted = [k for k in range(experiment.model.n_frames) if k not in experiment.recording.excluded]
-    for channel in experiment.model.channels:
-        values = np.abs(channel.values[counted])
-        low = np.flatnonzero(values < MAX_BROKEN_SHARE * values.max(initial=0.0))
-        drop = low[low > int(np.argmax(values))]
-        broken = len(drop) and len(drop) == len(values) - drop[0] and values[drop[0] - 1] > 0.5 * values.max()
-        if channel.kind == "reaction" and broken:
-            yield channel.column, experiment.recording.labels[counted[drop[0]]]
+    cause = increments_by_load(experiment, counted, np.array(strains)) if counted[0] == experiment.model.reference \
+        else None
+    if cause is not None:
+        yield cause.sentence()
 
 
 def _model_warnings(experiment: Experiment):
     model = experiment.model
     yield from implausible_values(model)
     yield from separate_pieces(model.mesh, model.length_unit)
-    yield from opposed_forces(experiment)
     yield from sums_of_all_reactions(model)
     yield from repeated_readings(experiment)
     yield from loaded_reference(experiment)

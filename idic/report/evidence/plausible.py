@@ -11,7 +11,7 @@ from scipy.ndimage import find_objects, label, maximum_filter, uniform_filter
 from idic.fe import Mesh, bodies
 from idic.images import BLOCK_PX, compressed_at, edge_blur, speckle_size
 from idic.laws import law_for
-from idic.model import Column, Experiment, Model
+from idic.model import Experiment, Model
 
 MAX_FROM_TYPICAL = 200.0    # ratio of a stress-like value to the typical one of its law; GPa read as MPa is 1000
 MIN_VISIBLE = 0.5           # of the elements: with fewer, scale or origin is suspect
@@ -25,7 +25,6 @@ MAX_PLAIN_SHARE = 0.1       # of the ROI without pattern
 MIN_HOLE_SHARE = 0.02       # of the ROI, without pattern in one place: a hole that the mesh covers
 MIN_HOLE_FILL = 0.6         # of its bounding box; a circle fills 0.79, a scratch or a rim less
 PLAIN = 0.2                 # of the usual local standard deviation: less is no pattern
-MAX_OPPOSED = -0.5          # correlation of a force and the motion that it causes: below, the log has the other sign
 MAX_FIRST_FORCE = 0.02      # of the range of a force: a larger one at the reference frame is a load
 SAME_PLACE = 1e-7           # of the size of a mesh: nodes that are closer were one
 NO_PATTERN = np.zeros(1, dtype=bool)
@@ -60,25 +59,6 @@ def implausible_values(model: Model) -> Iterator[str]:
                        "Check its unit; if the value is intended, do nothing")
 
 
-def opposed_forces(experiment: Experiment) -> Iterator[str]:
-    """Forces with the wrong sign: a reaction is the force on a node set, with the motion at the moving set and against
-    it at the held one; no material opposes this over a whole test.
-    """
-    model = experiment.model
-    moved = [(condition, condition.drive) for condition in model.prescribed if isinstance(condition.drive, Column)]
-    counted = [k for k in range(model.n_frames) if k not in experiment.recording.excluded]
-    for channel in model.channels if len(counted) > 2 else ():
-        along = [(condition.nodes, drive) for condition, drive in moved if condition.component == channel.component]
-        if channel.kind != "reaction" or len(along) != 1:
-            continue
-        (nodes, drive), = along
-        sign = 1.0 if nodes == channel.nodes else -1.0
-        force, motion = sign * channel.factor * channel.values[counted], drive.values[counted]
-        if np.ptp(force) > 0.0 and np.ptp(motion) > 0.0 and np.corrcoef(force, motion)[0, 1] < MAX_OPPOSED:
-            with_it = "with" if sign > 0.0 else "against"
-            yield (f"{channel.column}: the force that holds {channel.nodes} goes {with_it} the motion of {nodes}, "
-                   f"{drive.column}; the log shows the opposite. factor = {-channel.factor:g} in simulated = {{ … }} "
-                   "reverses the sign of the force")
 
 
 def sums_of_all_reactions(model: Model) -> Iterator[str]:
@@ -130,7 +110,7 @@ def separate_pieces(mesh: Mesh, unit: str) -> Iterator[str]:
 
 
 def implausible_scale(extent_px: np.ndarray, shape: tuple[int, int], visible: float,
-                      part: bool = False) -> Iterator[str]:
+                      part: bool = False, has_lens: bool = False) -> Iterator[str]:
     """A mesh much larger or smaller than the image.
 
     Parameters
@@ -142,25 +122,36 @@ def implausible_scale(extent_px: np.ndarray, shape: tuple[int, int], visible: fl
         Share of the elements that lie in the image.
     part : bool
         Whether the camera sees a part of the specimen on purpose: an end in view is measured.
+    has_lens : bool
+        Whether the scale is that of a calibrated lens and its distance, not of pixel_size_mm.
     """
     image = np.array(shape[::-1], dtype=float)
     size = f"the mesh spans {extent_px[0]:.0f} x {extent_px[1]:.0f} px, the image {image[0]:.0f} x {image[1]:.0f} px"
     larger = float((extent_px / image).max())
-    if visible < MIN_VISIBLE:
+    scale, place = ("the calibration or translation_mm", "rotation, translation_mm or the alignment") if has_lens else (
+        "pixel_size_mm", "origin_px or axes")
+    is_turned = not has_lens and bool((extent_px > image).any() and (extent_px[::-1] <= image).all())
+    if visible < MIN_VISIBLE and is_turned:
+        yield (f"{size}; {visible:.0%} of its elements are seen, turned by 90 degrees it would fit: the two entries of "
+               "axes may be exchanged")
+    elif visible < MIN_VISIBLE:
         yield (f"{size}; {visible:.0%} of its elements are seen: " + (
-            f"pixel_size_mm may be {larger:.1f} times too small, or mesh_unit is wrong" if larger > 1.5 else
-            "origin_px or axes place it outside the image, or an axis is mirrored"))
+            f"{scale} may be {larger:.1f} times too small, or mesh_unit is wrong" if larger > 1.5 else
+            f"{place} place it outside the image, or an axis is mirrored"))
     elif not part and (extent_px > MIN_LARGER * image).all():
-        yield (f"{size}; {visible:.0%} of its elements are seen: pixel_size_mm may be too small, or mesh_unit is "
+        yield (f"{size}; {visible:.0%} of its elements are seen: {scale} may be too small, or mesh_unit is "
                "wrong. If the camera sees only a part on purpose, do nothing")
     elif (extent_px < MIN_EXTENT * image).all():
-        yield f"{size}: pixel_size_mm may be too large (by ten?), or mesh_unit is wrong"
+        yield f"{size}: {scale} may be too large (by ten?), or mesh_unit is wrong"
 
 
-def pattern_warnings(image: np.ndarray, roi: np.ndarray, noise_gv: float | None,
-                     pixels_per_element: float) -> Iterator[str]:
-    """A ROI that covers background or grips, and speckle too fine or too coarse for the pixels and elements."""
-    plain = without_pattern(image, roi, noise_gv)
+def pattern_warnings(image: np.ndarray, roi: np.ndarray, noise_gv: float | None, pixels_per_element: float,
+                     plain: np.ndarray | None = None) -> Iterator[str]:
+    """A ROI that covers background or grips, and speckle too fine or too coarse for the pixels and elements.
+
+    plain : of `without_pattern`; None: looked for here
+    """
+    plain = without_pattern(image, roi, noise_gv) if plain is None else plain
     if plain is NO_PATTERN:
         return  # told elsewhere
     if plain.mean() > MAX_PLAIN_SHARE:

@@ -38,6 +38,14 @@ MAX_CHANNEL_CHI2 = 2.0  # χ² per frame of a channel: with 20 frames a larger o
 MODES_OPEN = "the images do not separate them all; undetermined modes keep their start values"
 EDGES_OPEN = (" These edges stay where the margin puts them; moduli by the force depend on it, and no error bar counts "
               "it: draw the outline (outline_mm).")
+UNEXPLAINED_BY_MOTION = {  # a residual that no motion explains, by the quantity that was measured
+    "grey": "Look at the light and at the pattern in the residual maps; a mask leaves out what changes.",
+    "height": "The surface changes where no motion explains it: gaps, dirt, focus. Mask it, or state the noise "
+              "(noise_std_gv under [camera]).",
+    "displacement": "The points scatter by more than their noise, whatever the motion: glare, lost points or a crack. "
+                    "Leave them out in the program that exports them, or state the noise (fields_noise_um under "
+                    "[experiment]).",
+}
 MAX_LISTED = 4  # frames, or pairs of parameters, named in a sentence
 MIN_STRONG_CORRELATION = 0.95  # |coefficient| above which two parameters are hardly separated
 
@@ -293,19 +301,26 @@ def advice(result: Mapping) -> list[str]:
     sentences = [] if level == "good" else [f"{text}."]
     if result["status"] != "converged" or ending(result):
         sentences.append(convergence(result))
+    if cause := cause_text(result):
+        return [*sentences, cause, *result_cautions(result)]
     free_fit = against_free(result)
     only_light = free_fit is not None and free_fit.follows and chi2 is not None and chi2 > NOISE_CHI2[1]
     if result["status"] == "converged" and images(result)[0] == "look" and (place := cluster(result)):
         sentences.append(f"The residual is raised {place}.")
     if only_light and not channels_missed(result):
-        sentences.append(remedies(result)
-                         or "Try brightness = \"patch\", smaller patches or a stronger low-pass under [options].")
+        sentences.append(remedies(result) or UNEXPLAINED_BY_MOTION[result.get("quantity") or "grey"])
     elif channels_missed(result) or (level == "look" and (chi2 is None or chi2 >= noise_chi2(result)[0])):
         sentences.append(f"The model does not explain the test within its noise. {in_error_bars(result)} The report "
                          f"shows where "
                          "and when. Check the position of the mesh (idic check), scale, thickness and boundaries; idic "
                          "diagnose looks for the missing effect.")
     return sentences + result_cautions(result)
+
+
+def cause_text(result: Mapping) -> str:
+    """The cause that the measured motion shows, as a sentence; "" where none explains the misfit."""
+    text = ((result.get("residual") or {}).get("cause") or {}).get("text", "")
+    return f"{text[0].upper()}{text[1:]}." if text else ""
 
 
 def channels_missed(result: Mapping) -> list[str]:

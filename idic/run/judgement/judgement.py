@@ -1,4 +1,4 @@
-"""The judgement of an accepted point: free FE-DIC beside the model, local test, camera's floor, remedies.
+"""The judgement of an accepted point: free FE-DIC beside the model, local test, camera's floor, causes, remedies.
 
 What takes long is done side by side by the workers, the sums of the discrepancy (`idic.run.judgement.discrepancy`)
 among it.
@@ -16,6 +16,7 @@ from idic.identification import (
 )
 from idic.measure import CameraFloor
 from idic.report import NOISE_CHI2
+from idic.run.judgement.causes import cause_of_misfit
 from idic.run.judgement.floor import PointJob, floor_content, measure_floor, measured_floor, simulated_motion
 from idic.run.judgement.free import free_summary, measure_free, measured_free
 from idic.run.judgement.shown_frames import shown_frames
@@ -51,12 +52,13 @@ def judged(job: PointJob, fits: Mapping[int, FrameFit], sums: Sequence[ElementSu
     jobs: dict[str, PointJob | CorrelationJob] = {} if discrepancy is None else {DISCREPANCY: discrepancy}  # longest
     if wanting:
         jobs[REMEDIES] = replace(job, lost=tuple(k for k, fit in fits.items() if not fit.n_pixels))
+        jobs[CAUSE] = job
     jobs |= {name: job for name in (FREE, FLOOR)
              if context.store.finished(name, {"evaluation": job.evaluation}) is None}
     results = dict(zip(jobs, runner.map(_do, list(jobs.items()), list(jobs), retries=1), strict=True))  # side by side
     floor, motions, tried = measured_floor(job, runner), measured_free(job, runner), results.get(REMEDIES, ())
     return Judgement(
-        {"local": None if local is None else asdict(local),
+        {"local": None if local is None else asdict(local), "cause": results.get(CAUSE),
          "free_dic_shown": free_summary(motions, {k: fit.chi2_dof for k, fit in fits.items() if fit.n_pixels})},
         {"camera_floor": floor_content(context, floor), "remedies": [asdict(remedy) for remedy in tried]}, floor)
 
@@ -83,8 +85,9 @@ def tried_remedies(job: PointJob) -> tuple[Remedy, ...]:
                         simulated_motion(context, job.evaluation, parameters))
 
 
-REMEDIES = "remedies"
-_TASKS: dict[str, Callable[[Any], Any]] = {DISCREPANCY: sum_discrepancy, REMEDIES: tried_remedies, FREE: measure_free,
+REMEDIES, CAUSE = "remedies", "cause"
+_TASKS: dict[str, Callable[[Any], Any]] = {DISCREPANCY: sum_discrepancy, REMEDIES: tried_remedies,
+                                           CAUSE: cause_of_misfit, FREE: measure_free,
                                            FLOOR: measure_floor}
 
 

@@ -1,0 +1,83 @@
+"""Two cameras among the files of a folder: equally many images in two folders, and a calibration of both."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.fe import Mesh
+from idic.readers import image_entries, natural_key, patterns_of, read_calibration
+
+CALIBRATION_SUFFIXES = (".json", ".xml", ".yml", ".yaml", ".caldat", ".cal")
+FILL_IN_PLACE = "FILL IN: (column, row) of these points of the mesh in the reference image"
+
+
+@dataclass(frozen=True)
+class CameraPair:
+    """A second camera and the calibration of both; images : patterns; names : of the cameras, by their folders"""
+
+    images: str
+    calibration: str
+    names: tuple[str, str]
+
+    def lines(self, mesh: Mesh | None) -> list[str]:
+        """The tables of both cameras."""
+        first, second = self.names
+        corners = _corners(mesh)
+        return ["[[camera]]", f'name = "{first}"', 'model = "pinhole"',
+                f"calibration = {json.dumps(self.calibration)}   # of both cameras, relative to the first",
+                "# [camera.alignment]            # or rotation and translation_mm, from the mesh frame to the camera's",
+                f"# points_mm = {json.dumps(corners)}   # corners and holes that are seen",
+                f"# points_px = []                # {FILL_IN_PLACE}", "",
+                "[[camera]]", f'name = "{second}"', f"images = {json.dumps(self.images)}   # one per image of {first}",
+                'model = "pinhole"', f"calibration = {json.dumps(self.calibration)}", "calibration_camera = 1", ""]
+
+
+def camera_pair(folder: Path, groups: Iterable[Sequence[Path]],
+                files: Sequence[Path]) -> tuple[list[Path], CameraPair] | None:
+    """The images of the first camera, and the second one; None where no two folders pair, or nothing calibrates them.
+
+    The first camera is the one whose folder sorts first: left before right, cam0 before cam1.
+    """
+    by_folder = sorted((list(group) for group in groups), key=lambda group: natural_key(group[0].as_posix()))
+    pairs = [(first, second) for i, first in enumerate(by_folder) for second in by_folder[i + 1:]
+             if len(first) == len(second) > 1 and first[0].parent != second[0].parent
+             and image_entries(first[0])[0].shape == image_entries(second[0])[0].shape]
+    calibration = next((path for path in files if path.suffix.lower() in CALIBRATION_SUFFIXES and _has_two(path)), None)
+    if not pairs or calibration is None:
+        return None
+    first, second = max(pairs, key=lambda pair: len(pair[0]))
+    pattern, *others = patterns_of(folder, second)
+    if others:
+        return None
+    return first, CameraPair(pattern, calibration.relative_to(folder).as_posix(), _names(first, second))
+
+
+def _has_two(path: Path) -> bool:
+    try:
+        return len(read_calibration(path).cameras) >= 2
+    except InputError:
+        return False
+
+
+def _names(first: list[Path], second: list[Path]) -> tuple[str, str]:
+    first_name, second_name = (re.sub(r"[^A-Za-z0-9_-]", "_", group[0].parent.name) for group in (first, second))
+    if first_name == second_name or not (first_name[:1].isalpha() and second_name[:1].isalpha()):
+        return "first", "second"
+    return first_name, second_name
+
+
+def _corners(mesh: Mesh | None) -> list[list[float]]:
+    """Corners of the mesh, mesh unit; of a solid on the side of the largest z."""
+    if mesh is None:
+        return []
+    low, high = mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)
+    z = [float(high[2])] if mesh.n_dim == 3 else []
+    return [[float(np.round(x, 6)), float(np.round(y, 6)), *z]
+            for x, y in ((low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1]))]

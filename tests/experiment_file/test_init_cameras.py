@@ -1,0 +1,96 @@
+"""`idic init` in folders with a film, and with the images of two cameras and their calibration; sets of a material."""
+
+import json
+import tomllib
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+from typer.testing import CliRunner
+
+from experiment_file.small_experiment import change, write_experiment
+from idic.cli.app import app
+from idic.experiment_file import load_experiment
+
+
+def shown(*words):
+    result = CliRunner().invoke(app, [str(word) for word in words])
+    return result.exit_code, result.output
+
+
+def test_a_film_is_the_recording(tmp_path):
+    folder = write_experiment(tmp_path / "test")
+    (folder / "experiment.toml").unlink()
+    film = cv2.VideoWriter(str(folder / "pull.mp4"), cv2.VideoWriter_fourcc(*"mp4v"), 1, (60, 50), True)
+    for path in sorted((folder / "images").glob("*.tif")):
+        film.write(cv2.cvtColor(tifffile.imread(path), cv2.COLOR_GRAY2BGR))
+        path.unlink()
+    film.release()
+    code, text = shown("init", folder)
+    assert code == 0 and "pull.mp4: 4 of 60 x 50 px" in text
+    assert tomllib.loads((folder / "experiment.toml").read_text())["experiment"]["images"] == "pull.mp4"
+
+
+def paired(tmp_path, calibrated=True):
+    folder = write_experiment(tmp_path / "test")
+    (folder / "experiment.toml").unlink()
+    (folder / "images").rename(folder / "right")
+    (folder / "left").mkdir()
+    for path in (folder / "right").glob("*.tif"):
+        tifffile.imwrite(folder / "left" / path.name, tifffile.imread(path))
+    if calibrated:
+        matrix = [[3000.0, 0, 30], [0, 3000.0, 25], [0, 0, 1]]
+        rig = {"K1": matrix, "D1": [0, 0, 0, 0, 0], "K2": matrix, "D2": [0, 0, 0, 0, 0], "R": np.eye(3).tolist(),
+               "T": [-0.5, 0.0, 0.0], "image_size": [60, 50]}
+        (folder / "calibration.json").write_text(json.dumps(rig))
+    return folder
+
+
+def test_two_folders_with_a_calibration_are_two_cameras(tmp_path):
+    folder = paired(tmp_path)
+    code, text = shown("init", folder)
+    assert code == 0 and "cameras      two, left and right, by calibration.json" in text
+    text = (folder / "experiment.toml").read_text()
+    first, second = tomllib.loads(text)["camera"]
+    assert (first["name"], second["name"], second["images"], second["calibration_camera"]) == (
+        "left", "right", "right/*.tif", 1)
+    assert "camera.rotation_deg" not in text  # a lens has none
+    corners = "points_px = [[10, 40], [50, 40], [50, 10], [10, 10]]"  # FILL IN
+    text = text.replace("# [camera.alignment]", "[camera.alignment]").replace("# points_mm", "points_mm")
+    text = text.replace("# points_px = []", corners).replace("# thickness_mm", "thickness_mm")
+    (folder / "experiment.toml").write_text(text)
+    assert len(load_experiment(folder).views) == 2
+
+
+def test_two_folders_without_a_calibration_are_not(tmp_path):
+    folder = paired(tmp_path, calibrated=False)
+    shown("init", folder)
+    assert "name" not in tomllib.loads((folder / "experiment.toml").read_text())["camera"]
+
+
+def elements(folder, name):
+    return load_experiment(folder).model.mesh.element_sets[name]
+
+
+def test_a_material_fills_several_sets_or_the_whole_mesh(tmp_path):
+    folder = write_experiment(tmp_path / "test")
+    change(folder, "mesh.inp", "ELSET=SPECIMEN", "ELSET=WHOLE")
+    change(folder, "mesh.inp", "*ELSET, ELSET=LAST", "*ELSET, ELSET=LOW, GENERATE\n1001, 1006\n*ELSET, ELSET=HIGH, "
+                                                     "GENERATE\n1006, 1012\n*ELSET, ELSET=LAST")
+    change(folder, "experiment.toml", "[material.SPECIMEN]", '[material.STEEL]\nsets = ["low", "HIGH"]')
+    assert len(elements(folder, "STEEL")) == 12
+    change(folder, "experiment.toml", '[material.STEEL]\nsets = ["low", "HIGH"]', "[material.ALL]")
+    assert len(elements(folder, "ALL")) == 12
+
+
+@pytest.mark.parametrize("entry, told", [
+    ('[material.STEEL]\nsets = ["LAST", "ROOF"]', "ROOF"),
+    ('[material.WHOLE]\nsets = ["LAST"]', "the material has the name of another set"),
+])
+def test_sets_that_cannot_be_joined_are_refused(tmp_path, entry, told):
+    folder = write_experiment(tmp_path / "test")
+    change(folder, "mesh.inp", "ELSET=SPECIMEN", "ELSET=WHOLE")
+    change(folder, "experiment.toml", "[material.SPECIMEN]", entry)
+    code, text = shown("check", folder, "--no-picture")
+    assert code == 2 and told in text
