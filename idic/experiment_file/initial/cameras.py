@@ -53,8 +53,8 @@ def camera_pair(folder: Path, groups: Iterable[Sequence[Path]],
     if not pairs or calibration is None:
         return None
     first, second = max(pairs, key=lambda pair: len(pair[0]))
-    pattern, *others = patterns_of(folder, second)
-    if others:
+    pattern, *further_patterns = patterns_of(folder, second)
+    if further_patterns:
         return None
     return first, CameraPair(pattern, calibration.relative_to(folder).as_posix(), _names(first, second))
 

@@ -55,20 +55,20 @@ class AffineMotions:
         design = np.column_stack([np.ones(len(places_px)), places_px])
         fits = np.full((len(motions), 3, 2), np.nan)
         measured = np.isfinite(motions).all(axis=2)
-        for k, seen in enumerate(measured):
-            if seen.sum() >= MIN_PLACES:
-                fits[k] = np.linalg.lstsq(design[seen], motions[k][seen], rcond=None)[0]
+        for k, measured_places in enumerate(measured):
+            if measured_places.sum() >= MIN_PLACES:
+                fits[k] = np.linalg.lstsq(design[measured_places], motions[k][measured_places], rcond=None)[0]
         return cls(tuple(frames), places_px, fits, motions - design @ fits, measured.mean(axis=1), noise_px)
 
-    def only(self, kept: Sequence[bool] | np.ndarray) -> AffineMotions:
+    def only(self, kept_rows: Sequence[bool] | np.ndarray) -> AffineMotions:
         """Of some of the frames  # (n,) bool"""
-        at = np.flatnonzero(kept)
+        at = np.flatnonzero(kept_rows)
         return AffineMotions(tuple(self.frames[i] for i in at), self.places_px, self.fits[at], self.rests[at],
                              self.agreeing[at], self.noise_px)
 
-    def at_places(self, kept: np.ndarray) -> AffineMotions:
+    def at_places(self, kept_rows: np.ndarray) -> AffineMotions:
         """With some of the places alone  # indices"""
-        return replace(self, places_px=self.places_px[kept], rests=self.rests[:, kept])
+        return replace(self, places_px=self.places_px[kept_rows], rests=self.rests[:, kept_rows])
 
     def joined(self, more: AffineMotions) -> AffineMotions:
         """With further frames of the same places, in the order of their numbers."""
@@ -84,9 +84,9 @@ class AffineMotions:
         motions = np.column_stack([np.ones(len(places_px)), places_px]) @ self.fits
         distance = np.linalg.norm(places_px[:, None] - self.places_px, axis=2)
         for k, rests in enumerate(self.rests):
-            seen = np.isfinite(rests).all(axis=1)
-            if seen.any():
-                motions[k] += rests[seen][np.argmin(distance[:, seen], axis=1)]
+            measured_places = np.isfinite(rests).all(axis=1)
+            if measured_places.any():
+                motions[k] += rests[measured_places][np.argmin(distance[:, measured_places], axis=1)]
         return motions
 
 
@@ -119,13 +119,13 @@ def affine_motions(reference: np.ndarray, picture: Callable[[int], np.ndarray], 
     fit, searches, fits, rests, shares = np.zeros((3, 2)), MAX_SEARCHES, [], [], []
     for frame in frames:
         image = binned(picture(frame), factor)
-        motion, rest, share = _voted(design, *_matched(templates, image, centres, design @ fit), side)
+        motion, departure, share = _voted(design, *_matched(templates, image, centres, design @ fit), side)
         if share < MIN_AGREEING and searches:
             searches -= 1
-            other = _voted(design, *search_everywhere(first, image, centres, side), side)
-            motion, rest, share = other if other[2] > share else (motion, rest, share)
+            wide_search = _voted(design, *search_everywhere(first, image, centres, side), side)
+            motion, departure, share = wide_search if wide_search[2] > share else (motion, departure, share)
         fit = motion if share >= MIN_AGREEING else fit
-        for values, value in ((fits, motion), (rests, rest), (shares, share)):
+        for values, value in ((fits, motion), (rests, departure), (shares, share)):
             values.append(value)
     return AffineMotions(tuple(frames), factor * centres + (factor - 1) / 2,
                          _unbinned(np.reshape(fits, (-1, 3, 2)), factor),
@@ -140,9 +140,9 @@ def _voted(design: np.ndarray, shifts: np.ndarray, scores: np.ndarray,
     fit = affine_by_vote(design[good, 1:], shifts[good], tolerance)
     if fit is None:
         return np.full((3, 2), np.nan), np.full(shifts.shape, np.nan), 0.0
-    rest = shifts - design @ fit
-    share = float((good & (np.linalg.norm(rest, axis=1) < tolerance)).mean())
-    return fit, np.where(good[:, None], rest, np.nan), share
+    departure = shifts - design @ fit
+    share = float((good & (np.linalg.norm(departure, axis=1) < tolerance)).mean())
+    return fit, np.where(good[:, None], departure, np.nan), share
 
 
 def _windows(image: np.ndarray, centres: np.ndarray, half: int) -> np.ndarray:

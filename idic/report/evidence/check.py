@@ -281,25 +281,25 @@ class _Decoded:
     sequence: FrameSequence | None = None
     equal: tuple[int, ...] = ()
     other_light: tuple[int, ...] = ()
-    kept: dict[int, np.ndarray] = field(default_factory=dict)
+    pictures: dict[int, np.ndarray] = field(default_factory=dict)
 
     def picture(self, experiment: Experiment) -> Callable[[int], np.ndarray]:
         """Frame -> its image, without decoding it again where it is kept."""
-        return lambda k: self.kept[k] if k in self.kept else experiment.recording.picture(k)
+        return lambda k: self.pictures[k] if k in self.pictures else experiment.recording.picture(k)
 
 
 def _decoded(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, is_main: bool) -> _Decoded:
     """Decode every image, so that damaged ones are found here."""
     recording = experiment.recording
     mean, previous, previous_values = float(reference[roi].mean()), -1, np.zeros(0)
-    wanted = set(sampled_frames(experiment)) if is_main and recording.quantity == "grey" else set()
+    sampled = set(sampled_frames(experiment)) if is_main and recording.quantity == "grey" else set()
     thumbnails, to_thumbnail = [], FrameSequence.maker(roi)
-    equal, other_light, kept = [], [], {}
+    equal, other_light, pictures = [], [], {}
     for k in range(recording.stack.n_frames):
         image = recording.stack.frame(k)
         values = image[roi]
-        if k in wanted:
-            kept[k] = np.asarray(image)
+        if k in sampled:
+            pictures[k] = np.asarray(image)
         if k in recording.excluded:
             continue
         if previous >= 0 and np.array_equal(values, previous_values, equal_nan=values.dtype.kind == "f"):
@@ -310,7 +310,7 @@ def _decoded(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, is_
         if jump and recording.quantity == "grey":
             other_light.append(k)
     sequence = FrameSequence.of_thumbnails(experiment, thumbnails)
-    return _Decoded(sequence, tuple(equal), tuple(other_light), kept)
+    return _Decoded(sequence, tuple(equal), tuple(other_light), pictures)
 
 
 def _other_light(experiment: Experiment, frames: Sequence[int]) -> Iterator[str]:

@@ -26,11 +26,11 @@ PRECISE_NOISE_PX = 0.01  # of the free FE-DIC of a good test
 
 @dataclass(frozen=True)
 class _View:
-    """A camera's view at an accepted point; motion : frame -> (n_nodes, 2) px; seen : for a free FE-DIC, None: none"""
+    """A camera's view at an accepted point; motion : frame -> (n_nodes, 2) px; dic_setup : None: no free FE-DIC"""
 
     experiment: Experiment
     motion: Callable[[int], np.ndarray]
-    seen: Seen | None
+    dic_setup: Seen | None
 
 
 def cause_after_run(cameras: Sequence[tuple[Experiment, Callable[[int], np.ndarray], Seen | None]]) -> Cause | None:
@@ -45,19 +45,19 @@ def cause_after_run(cameras: Sequence[tuple[Experiment, Callable[[int], np.ndarr
     end = end_of_test(views[0].experiment, None if main is None else main.motions)
     if end is not None or main is None:
         return end
-    late = _late_camera([each for each in evidence if each is not None])
+    late = _late_camera([camera_evidence for camera_evidence in evidence if camera_evidence is not None])
     return late or first_cause(main) or _of_small_misfit(views[0])
 
 
 def _of_small_misfit(view: _View) -> Cause | None:
     """The cause of a misfit that a free FE-DIC resolves and subsets do not."""
-    if view.seen is None or isinstance(view.seen.reference, FieldReference):
+    if view.dic_setup is None or isinstance(view.dic_setup.reference, FieldReference):
         return None
     frames = _spread(view.experiment, MAX_PRECISE_FRAMES)
-    nodes = view.seen.reference.pixel_map.visible_nodes
+    nodes = view.dic_setup.reference.pixel_map.visible_nodes
     nodes = nodes[np.unique(np.linspace(0, len(nodes) - 1, min(len(nodes), MAX_PLACES)).astype(int))]
-    places = view.seen.reference.pixel_map.nodes_px[nodes]
-    motions = AffineMotions.of_places(frames, places, free_motion(view.seen, frames, view.motion)[:, nodes],
+    places = view.dic_setup.reference.pixel_map.nodes_px[nodes]
+    motions = AffineMotions.of_places(frames, places, free_motion(view.dic_setup, frames, view.motion)[:, nodes],
                                       PRECISE_NOISE_PX)
     return first_cause(_beside(view, motions, nodes))
 
@@ -97,16 +97,16 @@ def _late_camera(evidence: Sequence[Evidence]) -> Cause | None:
     """A camera whose frames are of other moments than those of the main one."""
     if len(evidence) < 2:
         return None
-    delays = [delay_of(each) for each in evidence]
+    delays = [delay_of(camera_evidence) for camera_evidence in evidence]
     if delays[0] is None:
         return None
-    for each, late in zip(evidence[1:], delays[1:], strict=True):
+    for camera_evidence, late in zip(evidence[1:], delays[1:], strict=True):
         difference = 0.0 if late is None else late[0] - delays[0][0]
         if late is not None and abs(difference) >= 2.0 * MIN_DELAY and late[1] >= MIN_SHARE:
-            name, main = each.experiment.recording.camera_name, evidence[0].experiment.recording.camera_name
+            name, main = camera_evidence.experiment.recording.camera_name, evidence[0].experiment.recording.camera_name
             way = "behind" if difference > 0 else "ahead of"
             return Cause("late_camera", late[1],
-                         f"camera {name} is {abs(difference):.2g} frames {way} {main}: {each.of(late[1])}. Its images "
-                         "are of other moments: check its trigger, and leave out its first or last images so that "
-                         "those of one moment pair")
+                         f"camera {name} is {abs(difference):.2g} frames {way} {main}: {camera_evidence.of(late[1])}. "
+                         "Its images are of other moments: check its trigger, and leave out its first or last images "
+                         "so that those of one moment pair")
     return None

@@ -54,8 +54,8 @@ def _before(experiment: Experiment, motions: AffineMotions | None,
             frames: tuple[int, ...]) -> tuple[Experiment, AffineMotions | None]:
     """Without the frames after the end of the test."""
     recording = replace(experiment.recording, excluded=tuple(sorted({*experiment.recording.excluded, *frames})))
-    kept = None if motions is None else motions.only([k not in frames for k in motions.frames])
-    return replace(experiment, recording=recording), kept
+    kept_motions = None if motions is None else motions.only([k not in frames for k in motions.frames])
+    return replace(experiment, recording=recording), kept_motions
 
 
 def sampled_frames(experiment: Experiment) -> list[int]:
@@ -64,8 +64,8 @@ def sampled_frames(experiment: Experiment) -> list[int]:
     if len(counted) <= ALL_FRAMES:
         return counted
     picks = np.linspace(0, len(counted) - 1, MAX_FRAMES - 1)
-    near = [k for drop in load_drops(experiment) for k in range(drop.first - 2, drop.first + 2)]
-    return sorted({counted[round(p)] for p in picks} | {counted[1]} | ({*near} & {*counted}))
+    frames_near = [k for drop in load_drops(experiment) for k in range(drop.first - 2, drop.first + 2)]
+    return sorted({counted[round(p)] for p in picks} | {counted[1]} | ({*frames_near} & {*counted}))
 
 
 def sampled_motions(experiment: Experiment, reference: np.ndarray | None, picture: Picture) -> AffineMotions | None:

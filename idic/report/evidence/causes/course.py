@@ -26,24 +26,24 @@ MAX_LISTED = 12
 
 def other_order(evidence: Evidence) -> Cause | None:
     """Frames in another order than that of the log."""
-    seen = evidence.is_seen
-    if seen.sum() < MIN_FRAMES or len(evidence.frames) < evidence.experiment.model.n_frames - 1 - len(
+    measured_frames = evidence.is_seen
+    if measured_frames.sum() < MIN_FRAMES or len(evidence.frames) < evidence.experiment.model.n_frames - 1 - len(
             evidence.experiment.recording.excluded):
         return None  # a permutation is judged on all frames
-    expected = evidence.expected[seen]
+    expected = evidence.expected[measured_frames]
     direction = np.linalg.svd(expected, full_matrices=False)[2][0]
-    logged, moved = expected @ direction, evidence.measured[seen] @ direction
-    shown = np.empty(len(logged), dtype=int)  # the place in the log of the frame at each place
-    shown[np.argsort(moved, kind="stable")] = np.argsort(logged, kind="stable")
-    wrong = shown != np.arange(len(shown))
-    if wrong.sum() < 2 or np.abs(logged[shown] - logged).max() < MIN_NOISE_RATIO * evidence.noise_px:
+    logged, moved = expected @ direction, evidence.measured[measured_frames] @ direction
+    place_in_log = np.empty(len(logged), dtype=int)  # the place in the log of the frame at each place
+    place_in_log[np.argsort(moved, kind="stable")] = np.argsort(logged, kind="stable")
+    wrong = place_in_log != np.arange(len(place_in_log))
+    if wrong.sum() < 2 or np.abs(logged[place_in_log] - logged).max() < MIN_NOISE_RATIO * evidence.noise_px:
         return None
     misfit = np.zeros_like(evidence.misfit)
-    misfit[seen] = evidence.measured[seen] - expected[shown]
+    misfit[measured_frames] = evidence.measured[measured_frames] - expected[place_in_log]
     share = evidence.explained(misfit)
     if share < MIN_SHARE:
         return None
-    labels = [evidence.labels[k] for k in evidence.frames[seen][np.argsort(shown)]]
+    labels = [evidence.labels[k] for k in evidence.frames[measured_frames][np.argsort(place_in_log)]]
     order = ", ".join(labels[:MAX_LISTED]) + (", …" if len(labels) > MAX_LISTED else "")
     return Cause("order", share, f"{evidence.source} are in another order than the log: by their motion it is {order}; "
                                  f"{evidence.of(share)}. Name them so, or sort the rows of the log")
@@ -90,14 +90,14 @@ def delay(evidence: Evidence) -> Cause | None:
 
 def delay_of(evidence: Evidence) -> tuple[float, float] | None:
     """The delay of the measured behind the expected motion that explains most, in frames, and its share."""
-    seen = evidence.is_seen
-    if seen.sum() < MIN_FRAMES:
+    measured_frames = evidence.is_seen
+    if measured_frames.sum() < MIN_FRAMES:
         return None
     numbers, frames = np.arange(len(evidence.expected_px)), evidence.frames
     measured, best = np.nan_to_num(evidence.measured), (0.0, 0.0)
     for frames_late in np.arange(-MAX_DELAY, MAX_DELAY + DELAY_STEP / 2, DELAY_STEP):
         at = frames + frames_late
-        inside = (at >= numbers[0]) & (at <= numbers[-1]) & seen
+        inside = (at >= numbers[0]) & (at <= numbers[-1]) & measured_frames
         if inside.sum() < MIN_FRAMES:
             continue
         low = np.clip(np.floor(at).astype(int), 0, numbers[-1] - 1)

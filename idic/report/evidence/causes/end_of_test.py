@@ -28,12 +28,12 @@ MIN_IN_VIEW = 0.7  # of the ends: less, and an end has left the image
 
 @dataclass(frozen=True)
 class Drop:
-    """A load that is gone for good; first : the first frame without it; before, after : load, its column's unit"""
+    """A load that is gone for good; first : the first frame without it; load_before, load_after : its column's unit"""
 
     column: str
     first: int
-    before: float
-    after: float
+    load_before: float
+    load_after: float
     is_total: bool
 
 
@@ -57,12 +57,12 @@ def load_drops(experiment: Experiment) -> list[Drop]:
     return drops
 
 
-def _returns(experiment: Experiment, last: int, first: int) -> bool:
+def _returns(experiment: Experiment, until: int, first: int) -> bool:
     """Whether a logged motion goes back between two frames."""
     for entry in experiment.model.prescribed:
         if isinstance(entry.drive, Column):
             motion = np.abs(np.asarray(entry.drive.values, float) - entry.drive.values[experiment.model.reference])
-            if motion[last] > 0.0 and motion[first] < MAX_RETURN * motion[last]:
+            if motion[until] > 0.0 and motion[first] < MAX_RETURN * motion[until]:
                 return True
     return False
 
@@ -75,12 +75,12 @@ def end_of_test(experiment: Experiment, motions: AffineMotions | None) -> Cause 
     after_reference = counted_frames(experiment)
     for drop in load_drops(experiment):
         frames = [k for k in after_reference if k >= drop.first]
-        shown = _shown_after(experiment, motions, drop)
-        if not drop.is_total and shown != "two":
+        evidence = _shown_after(experiment, motions, drop)
+        if not drop.is_total and evidence != "two":
             continue
-        text = (f"{drop.column} falls from {drop.before:.4g} to {drop.after:.4g} at "
-                f"{experiment.recording.labels[drop.first]} and stays low: {_MEANING[shown]}. Nothing after it fits a "
-                "model of the whole specimen. Write")
+        text = (f"{drop.column} falls from {drop.load_before:.4g} to {drop.load_after:.4g} at "
+                f"{experiment.recording.labels[drop.first]} and stays low: {_MEANING[evidence]}. Nothing after it "
+                "fits a model of the whole specimen. Write")
         return Cause("broken", None, text, excluded_frames(experiment, frames), tuple(frames))
     return None if motions is None else _out_of_view(experiment, motions)
 
@@ -98,17 +98,17 @@ def _shown_after(experiment: Experiment, motions: AffineMotions | None, drop: Dr
     if motions is None:
         return ""
     frames = np.array(motions.frames)
-    before, after = np.flatnonzero(frames < drop.first), np.flatnonzero(frames >= drop.first)
-    if not len(before) or not len(after) or not np.isfinite(motions.fits[before[-1]]).all():
+    frames_before, frames_after = np.flatnonzero(frames < drop.first), np.flatnonzero(frames >= drop.first)
+    if not len(frames_before) or not len(frames_after) or not np.isfinite(motions.fits[frames_before[-1]]).all():
         return ""
-    whole, parts = motions.agreeing[before].max(), motions.agreeing[after]
-    if not np.isfinite(motions.fits[after]).all(axis=(1, 2)).any():
+    share_before, parts = motions.agreeing[frames_before].max(), motions.agreeing[frames_after]
+    if not np.isfinite(motions.fits[frames_after]).all(axis=(1, 2)).any():
         return "lost"
-    if whole >= MIN_ONE_BODY and parts.max() < MAX_TWO_BODIES:
+    if share_before >= MIN_ONE_BODY and parts.max() < MAX_TWO_BODIES:
         return "two"
     stretch = _stretch(motions)
-    later = float(np.nanmax(stretch[after]))
-    return "strained" if later > MIN_STILL_STRAINED * stretch[before[-1]] else "sprung"
+    later = float(np.nanmax(stretch[frames_after]))
+    return "strained" if later > MIN_STILL_STRAINED * stretch[frames_before[-1]] else "sprung"
 
 
 def _stretch(motions: AffineMotions) -> np.ndarray:
@@ -122,8 +122,8 @@ def _out_of_view(experiment: Experiment, motions: AffineMotions) -> Cause | None
     frames, labels = np.array(motions.frames), experiment.recording.labels
     if experiment.recording.points is not None or not len(frames):
         return None
-    seen = np.isfinite(motions.fits).all(axis=(1, 2)) & (motions.agreeing >= 1.0 - MIN_ONE_BODY)
-    lost_from = int(np.flatnonzero(seen)[-1]) + 1 if seen.any() else 0
+    recognised = np.isfinite(motions.fits).all(axis=(1, 2)) & (motions.agreeing >= 1.0 - MIN_ONE_BODY)
+    lost_from = int(np.flatnonzero(recognised)[-1]) + 1 if recognised.any() else 0
     out_from = next((i for i in range(len(frames)) if all(_is_out(experiment, motions, j)
                                                           for j in range(i, max(lost_from, i + 1)))), len(frames))
     if 0 < out_from < len(frames) and out_from <= lost_from:
@@ -145,11 +145,11 @@ def _is_out(experiment: Experiment, motions: AffineMotions, i: int) -> bool:
     although it is in the reference image."""
     if not np.isfinite(motions.fits[i]).all():
         return False
-    last = np.array(experiment.recording.image_shape[::-1]) - 0.5
+    corner = np.array(experiment.recording.image_shape[::-1]) - 0.5
     for name, component in dict.fromkeys((entry.nodes, entry.component) for entry in experiment.model.prescribed):
         places, _ = component_px(experiment, name, component)
         moved = places + np.column_stack([np.ones(len(places)), places]) @ motions.fits[i]
-        inside = [((at > -0.5) & (at < last)).all(axis=1) for at in (places, moved)]
+        inside = [((at > -0.5) & (at < corner)).all(axis=1) for at in (places, moved)]
         if len(places) and inside[0].mean() >= MIN_IN_VIEW > inside[1].mean():
             return True
     return False

@@ -42,9 +42,9 @@ def logged_ends(experiment: Experiment, motions: AffineMotions) -> Evidence | No
     if is_section(model) or moves_freely(experiment) or (
             experiment.recording.points is not None and experiment.recording.points.free_rigid):
         return None
-    known = [entry for entry in model.prescribed
+    stated_entries = [entry for entry in model.prescribed
              if isinstance(entry.drive, Column) or (isinstance(entry.drive, Constant) and entry.drive.value == 0.0)]
-    parts = [(entry, *component_px(experiment, entry.nodes, entry.component)) for entry in known]
+    parts = [(entry, *component_px(experiment, entry.nodes, entry.component)) for entry in stated_entries]
     largest = max((float(np.linalg.norm(steps, axis=1).mean()) for _, places, steps in parts if len(places)),
                   default=0.0)
     places_px, directions, expected, sets = [], [], [], []

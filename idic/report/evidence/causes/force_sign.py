@@ -26,14 +26,14 @@ MIN_MOTION_NOISES = 5.0  # of a motion in images: less is noise
 class Slope:
     """Slope of the force over the motion, N/mm, its standard deviation, and where it was taken.
 
-    motion : what moves, in words; nodes : the moving set; last : the last frame
+    motion : what moves, in words; nodes : the moving set; end : the last frame
     """
 
     value: float
     std: float
     motion: str
     nodes: str
-    last: int
+    end: int
 
     @property
     def is_opposed(self) -> bool:
@@ -53,7 +53,7 @@ def opposed_forces(experiment: Experiment, motions: AffineMotions | None = None)
         with_it = "with" if slope.nodes == channel.nodes else "against"
         yield (f"{channel.column}: the force that holds {channel.nodes} goes {with_it} the motion of {slope.nodes}, "
                f"{slope.motion}; the log shows the opposite. factor = {-channel.factor:g} in simulated = {{ … }} "
-               f"reverses the sign of the force (slope until {experiment.recording.labels[slope.last]}, where the test "
+               f"reverses the sign of the force (slope until {experiment.recording.labels[slope.end]}, where the test "
                f"is elastic: {slope.value:.3g} ± {slope.std:.1g} N/mm)")
 
 
@@ -100,8 +100,8 @@ def _stretch(experiment: Experiment, channel: Channel, along: list,
              motions: AffineMotions) -> tuple[np.ndarray, np.ndarray, str, float] | None:
     """Frames and measured motion of the set of a force against the other end, mm; None where there are not two ends."""
     sets = list(dict.fromkeys(entry.nodes for entry in along))
-    seen = np.isfinite(motions.fits).all(axis=(1, 2))
-    if len(sets) != 2 or channel.nodes not in sets or not seen.any():
+    measured_frames = np.isfinite(motions.fits).all(axis=(1, 2))
+    if len(sets) != 2 or channel.nodes not in sets or not measured_frames.any():
         return None
     moved = {}
     for name in sets:
@@ -111,7 +111,7 @@ def _stretch(experiment: Experiment, channel: Channel, along: list,
         sizes = np.linalg.norm(steps, axis=1)
         moved[name] = np.einsum("npc,pc->np", motions.at(places), steps / sizes[:, None] ** 2).mean(axis=1)
         least = MIN_MOTION_NOISES * motions.noise_px / float(sizes.mean())
-    other, = (name for name in sets if name != channel.nodes)
-    frames = np.array([experiment.model.reference, *np.array(motions.frames)[seen]])
+    other_set, = (name for name in sets if name != channel.nodes)
+    frames = np.array([experiment.model.reference, *np.array(motions.frames)[measured_frames]])
     source = "the images" if experiment.recording.points is None else "the measured fields"
-    return frames, np.array([0.0, *(moved[channel.nodes] - moved[other])[seen]]), f"by {source}", least
+    return frames, np.array([0.0, *(moved[channel.nodes] - moved[other_set])[measured_frames]]), f"by {source}", least

@@ -59,10 +59,10 @@ def _basis(evidence: Evidence) -> np.ndarray:
 
 def _courses(evidence: Evidence, basis: np.ndarray) -> Iterator[_Course]:
     """Courses, those with fewer unknowns first."""
-    misfit, seen, n = evidence.misfit, evidence.is_seen.astype(float), len(evidence.frames)
+    misfit, seen_frames, n = evidence.misfit, evidence.is_seen.astype(float), len(evidence.frames)
 
     def fitted(kind: str, values: np.ndarray, first: int = 0) -> _Course:
-        values = values * seen
+        values = values * seen_frames
         amplitude = np.linalg.pinv(basis) @ misfit.T @ values / max(float(values @ values), 1e-300)
         return _Course(kind, values, amplitude, evidence.explained(misfit - np.outer(values, basis @ amplitude)), first)
 
@@ -77,7 +77,7 @@ def _courses(evidence: Evidence, basis: np.ndarray) -> Iterator[_Course]:
             yield fitted("rigid_load", (values - values[evidence.experiment.model.reference])[evidence.frames])
     amplitudes = rigid_part(evidence)
     size = np.abs(amplitudes @ np.diag([1.0, 1.0, _radius(evidence)])).max(axis=0)
-    yield _Course("rigid_free", seen, size / [1.0, 1.0, _radius(evidence)],
+    yield _Course("rigid_free", seen_frames, size / [1.0, 1.0, _radius(evidence)],
                   evidence.explained(misfit - amplitudes @ basis.T))
 
 
@@ -109,8 +109,8 @@ def _frame(evidence: Evidence, course: _Course) -> tuple[str, tuple]:
 
 
 def _step(evidence: Evidence, course: _Course) -> tuple[str, tuple]:
-    last, first = evidence.frames[course.first - 1], evidence.frames[course.first]
-    return (f"between {evidence.labels[last]} and {evidence.labels[first]} the specimen moves as a rigid body by "
+    until, first = evidence.frames[course.first - 1], evidence.frames[course.first]
+    return (f"between {evidence.labels[until]} and {evidence.labels[first]} the specimen moves as a rigid body by "
             f"{_size(evidence, course.amplitude)} and stays there (a grip that gives way, camera or table touched)"), ()
 
 
