@@ -63,7 +63,7 @@ def test_a_candidate_of_one_file_is_told_by_its_title(added):
 
 def test_every_candidate_has_a_twin_in_which_it_is_concealed():
     # test_lens_candidates.py, test_stereo.py; the first and the last are concealed there
-    before_a_lens = {"specimen_motion", "focal_length", "placement", "stereo_angle"}
+    before_a_lens = {"specimen_motion", "focal_length", "placement", "stereo_angle", "camera_time_offset"}
     of_points = {"outline"}  # tests/identify/test_rail_shear.py
     elsewhere = {"dust", "paint_loss", "layers"}  # test_spots.py, test_layered_strip.py: with the right parameters
     concealed = {name.split("_of_")[0] for name in TRUTHS} | set(SIDES) | before_a_lens | of_points | elsewhere

@@ -205,5 +205,6 @@ WRONG: dict[str, tuple[Callable[[], World], str]] = {
     "force of another sign, broken": (lambda: replace(broken(8), force=np.where(np.arange(N) >= 8, 0.0, -FORCE)),
                                       "reverses the sign of the force"),
     "reversed": (lambda: World(order=[0, *range(N - 1, 0, -1)]), "contradicts the order of their names"),
-    "sorted as text": (lambda: World(order=[0, 1, 10, 11, 2, 3, 4, 5, 6, 7, 8, 9]), "contradicts the order of their names"),
+    "sorted as text": (lambda: World(order=[0, 1, 10, 11, 2, 3, 4, 5, 6, 7, 8, 9]),
+                       "contradicts the order of their names"),
 }

@@ -268,9 +268,10 @@ def test_candidates_of_the_calibration_speak_of_every_camera(folder):
 
 
 @pytest.mark.slow  # a minute of processor time
-@pytest.mark.parametrize("fault", ["stereo_angle", "specimen_motion"])
+@pytest.mark.parametrize("fault", ["stereo_angle", "specimen_motion", "camera_time_offset"])
 def test_a_fault_of_the_rig_or_of_the_grips_is_told_from_the_material(tmp_path, fault):
-    """The right camera was turned by 0.1 degrees after the calibration, or the specimen comes 0.1 mm nearer."""
+    """The right camera was turned by 0.1 degrees after the calibration, or the specimen comes 0.1 mm nearer, or the
+    right camera is late by a frame."""
     test = plate_test(replace(SMALL, frames=(3, 3, 3), true=(2, 3, 2, 1)))
     believed = test.rig
     if fault == "stereo_angle":
@@ -278,9 +279,15 @@ def test_a_fault_of_the_rig_or_of_the_grips_is_told_from_the_material(tmp_path, 
         turn = Rotation.from_rotvec([0.0, np.deg2rad(0.1), 0.0]).as_matrix()
         turned = replace(right, rotation=turn @ right.rotation, translation_mm=turn @ right.translation_mm)
         believed = replace(believed, cameras=(believed.cameras[0], turned))
-    else:
+    elif fault == "specimen_motion":
         nearer = np.linspace(0.0, 0.1, len(test.grip))[:, None, None] * np.array([0.0, 0.0, 1.0])
         test = replace(test, displacements=test.displacements + nearer)
-    _, result = screening(write_plate(tmp_path, test, believed=believed))
+    folder = write_plate(tmp_path, test, believed=believed)
+    if fault == "camera_time_offset":
+        files = sorted((tmp_path / "right").glob("*.tif"))
+        images = [path.read_bytes() for path in files]
+        for path, image in zip(files[1:], images, strict=False):
+            path.write_bytes(image)
+    _, result = screening(folder)
     best = result.ranked[0]
     assert best.candidate.name == fault and best.standing == "significant"

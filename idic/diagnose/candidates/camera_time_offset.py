@@ -22,7 +22,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
         name = camera.time_offset
         if (edits := further_dofs(situation, name)) is not None:
             proposals.append(Variant(f"{camera.name} and {main} take their images at different times", edits, (name,),
-                                     {name: 0.0}, {name: probe}))
+                                     {name: 0.0}, {name: probe}, direct=True))
     return tuple(proposals)
 
 

@@ -27,7 +27,7 @@ from idic.diagnose.screen.course_columns import timed, times_courses, unit_value
 from idic.errors import NotConverged
 from idic.fe import Alternative, Responses, first_responses
 from idic.identification import Identification
-from idic.model import Experiment, ForwardModel, Model, build_forward
+from idic.model import Experiment, ForwardModel, Model, build_forward, is_camera_time
 
 Load = Callable[[Mapping[str, Any]], Experiment]  # edits of experiment.toml -> the experiment
 Gradients = dict[tuple[int, int], np.ndarray]  # deformation gradient at the nodes by frame and camera
@@ -252,15 +252,17 @@ def _direct(identification: Identification, residual: ResidualEvidence, variant:
     parameters = experiment.model.parameters.with_values(values | dict(variant.null))
     base = replace(identification.experiment, model=replace(identification.experiment.model, parameters=parameters,
                                                             channels=experiment.model.channels))
-    contexts = [_with_motion(camera.context, base, experiment) for camera in residual.cameras]
+    late = tuple(name for name in variant.new if is_camera_time(name))
+    contexts = [replace(_with_motion(camera.context, base, experiment), moving=late) for camera in residual.cameras]
     n_seen, n_channels = len(residual.evidence.seen), residual.channels.shape[1]
     fields = np.zeros((len(residual.u), n_seen, len(variant.new)))
     channels = np.zeros((len(residual.u), n_channels, len(variant.new)))
     for t, frame in enumerate(residual.evidence.frames):
         shape = residual.u[t].shape
         nothing = np.zeros((len(residual.channels[t]), 0))
-        response = FrameResponse(int(frame), residual.u[t], residual.channels[t], np.zeros((*shape, 0)), nothing,
-                                 np.zeros((*shape, 0)), nothing)
+        velocities = np.repeat(_velocity(residual, t)[..., None], len(late), axis=-1)
+        response = FrameResponse(int(frame), residual.u[t], residual.channels[t], velocities,
+                                 np.zeros((len(nothing), len(late))), np.zeros((*shape, 0)), nothing)
         places = [i for i, name in enumerate(variant.new) if _concerns(name, int(frame))]
         names = tuple(variant.new[i] for i in places)
         columns = []
@@ -273,6 +275,13 @@ def _direct(identification: Identification, residual: ResidualEvidence, variant:
         fields[t][:, places] = np.concatenate(columns)[residual.evidence.seen]
         channels[t][:, places] = channel_equations(replace(contexts[0], names=names), response).d_global
     return Columns(variant.new, fields, channels)
+
+
+def _velocity(residual: ResidualEvidence, t: int) -> np.ndarray:
+    """Of the nodes, since the frame that is compared before, or the reference  # (n_nodes, dim) mm/s"""
+    model, frames = residual.context.experiment.model, residual.evidence.frames
+    earlier, u = (frames[t - 1], residual.u[t - 1]) if t else (model.reference, np.zeros_like(residual.u[t]))
+    return (residual.u[t] - u) / (model.times[frames[t]] - model.times[earlier])
 
 
 def _with_motion(context: CorrelationContext, base: Experiment, enriched: Experiment) -> CorrelationContext:
