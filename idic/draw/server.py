@@ -26,6 +26,7 @@ from idic.draw.desk import Desk
 from idic.draw.folder import run_folder
 from idic.draw.watch import state_of
 from idic.errors import InputError
+from idic.inside import read_inside
 
 HOST = "127.0.0.1"
 MAX_BODY_BYTES = 4_000_000
@@ -189,11 +190,10 @@ def report(folder: Path) -> Callable[[Request], Awaitable[Response]]:
     """report.html of a run, in a sandbox: a page of a stranger's RUN cannot use this server."""
     async def answered(request: Request) -> Response:
         try:
-            file = run_folder(folder, request.path_params["name"]) / "report.html"
-        except InputError:
+            run = run_folder(folder, request.path_params["name"])
+            content = await run_in_threadpool(read_inside, run, "report.html")
+        except (InputError, OSError):
             return Response("not found", 404)
-        if not file.is_file() or not file.resolve().is_relative_to(folder.resolve()):
-            return Response("not found", 404)
-        return Response(await run_in_threadpool(file.read_bytes), media_type=KINDS[".html"],
+        return Response(content, media_type=KINDS[".html"],
                         headers={"Content-Security-Policy": REPORT})
     return answered

@@ -13,6 +13,7 @@ import meshio
 import numpy as np
 
 from idic.errors import InputError
+from idic.readers.containers.references import refuse_references
 
 SECONDS, SECONDS_PER_BYTE = 10.0, 5e-6  # the slowest readers take 1 µs per byte; small files 0.02 s
 _AFTER_THE_STOP_S = 1.0  # until the reader notices that it is to end
@@ -26,6 +27,7 @@ def read_by_meshio(path: Path) -> meshio.Mesh:
     InputError
         The file is damaged, of another format, or endless.
     """
+    refuse_references(path, "mesh")
     attempt, quiet = _Attempt(path), io.StringIO()
     with contextlib.redirect_stdout(quiet), contextlib.redirect_stderr(quiet), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the error below reports the fault once

@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 
 # Lower layers first. A room imports from lower layers and from itself; rooms of one layer do not see each other.
 LAYERS = [
-    ["idic.errors", "idic.expressions", "idic.parameters", "idic.path_names", "idic.remote_files",
+    ["idic.errors", "idic.expressions", "idic.inside", "idic.parameters", "idic.path_names", "idic.remote_files",
      "idic.studies"],
     ["idic.images", "idic.laws"],
     ["idic.fe"],
@@ -38,7 +38,7 @@ LAYERS = [
     ["idic_studies"],
 ]
 WITHIN_A_LAYER = {("idic.parameters", "idic.errors"), ("idic.path_names", "idic.errors"),
-                  ("idic.studies", "idic.errors"), ("idic.__main__", "idic.cli")}
+                  ("idic.inside", "idic.errors"), ("idic.studies", "idic.errors"), ("idic.__main__", "idic.cli")}
 DISTRIBUTIONS = {"idic": ".", "idic_flows": ".", "idic_studies": "studies"}  # package: folder of its pyproject.toml
 STUDIES_DOOR = "idic.studies"  # the one module of the product that knows of the studies
 BEFORE_THE_LAST = {"idic.fe": {"idic.images"}}  # rooms of lower layers that a room does not see

@@ -19,7 +19,8 @@ import idic
 from idic.errors import InputError
 from idic.readers import natural_key
 from idic.run.diagnosis.enriched import way_to
-from idic.run.store import replace, run_lock
+from idic import inside
+from idic.run.store import run_lock
 from idic.run import group_name
 from idic.path_names import ignores_case, path_name, refuse_names_that_are_one
 from idic.run.store.run_lock import RunBusy
@@ -60,14 +61,14 @@ def test_without_posix_locks_the_lock_of_windows_keeps_others_out(tmp_path, monk
 
 def test_a_file_that_another_program_holds_open_is_replaced_when_it_lets_go(tmp_path, monkeypatch):
     refused, given = [1, 1], os.replace
-    monkeypatch.setattr(os, "replace", lambda a, b: given(a, b) if not refused else held(refused))
+    monkeypatch.setattr(os, "replace", lambda a, b, **_: given(a, b) if not refused else held(refused))
     (tmp_path / "new").write_text("new", encoding="utf-8")
     (tmp_path / "old").write_text("old", encoding="utf-8")
-    replace.replace_file(tmp_path / "new", tmp_path / "old", patience_s=10.0)
+    inside.replace_file(tmp_path / "new", tmp_path / "old", patience_s=10.0)
     assert (tmp_path / "old").read_text(encoding="utf-8") == "new" and not refused
     refused.append(1)
     with pytest.raises(PermissionError):
-        replace.replace_file(tmp_path / "old", tmp_path / "new", patience_s=0.0)
+        inside.replace_file(tmp_path / "old", tmp_path / "new", patience_s=0.0)
 
 
 def held(refused):

@@ -15,6 +15,7 @@ from idic.errors import InputError
 from idic.experiment_file import ExperimentTables, read_experiment
 from idic.identification import is_two_step, measured_reference, point_context, seen_in
 from idic.images import Camera
+from idic.inside import read_inside, refuse_outside_of_data
 from idic.measure import BoundaryStart, with_boundary_start
 from idic.model import Experiment, ForwardModel, Stage, build_forward
 from idic.parameters import ParameterSet
@@ -71,7 +72,7 @@ class RunContext:
 def open_run(run: str) -> RunContext:
     """The context of a RUN; kept in the worker until its description changes."""
     try:
-        content = (Path(run) / DESCRIPTION).read_bytes()
+        content = read_inside(run, DESCRIPTION)
     except (FileNotFoundError, NotADirectoryError):
         raise _no_run(run) from None
     return _open_run(str(run), content)
@@ -90,6 +91,7 @@ def _no_run(run: str) -> InputError:
 def _open_run(run: str, content: bytes) -> RunContext:
     store = RunStore(run)
     store.refuse_other_version()
+    store.refuse_special_files()
     settings = load_checkpoint(Path(run) / DESCRIPTION, DESCRIPTION_SCHEMA)
     settings = settings | {"experiment": _experiment_of(run, settings)}
     tables = read_experiment(settings["experiment"], settings["overrides"])
@@ -115,6 +117,7 @@ def _experiment_of(run: str | Path, settings: Mapping) -> str:
     """Where the experiment of a RUN lies; one that was saved in the RUN moves with it."""
     path, saved = here(settings["experiment"]), Path(run) / FROM_PYTHON
     if os.path.exists(path):
+        refuse_outside_of_data(path, f"experiment of {run}")
         return path
     if saved.is_dir():
         return str(saved.resolve())

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from idic.errors import InputError
-from idic.run.store.replace import replace_file
+from idic.inside import read_inside, write_inside
 
 RESULT_FILE = "result.json"
 _SEAL = "sha256"
@@ -38,7 +37,7 @@ def read_result(run: Path | str) -> dict:
     """
     file = Path(run) / RESULT_FILE
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
+        content = json.loads(read_inside(run, RESULT_FILE))
     except (FileNotFoundError, NotADirectoryError):
         raise InputError("there is no result", file=run, expected=f"a RUN folder with {RESULT_FILE}", found="none",
                          remedy="run idic identify first, or finish the run with --resume") from None
@@ -53,13 +52,7 @@ def read_result(run: Path | str) -> dict:
 
 def write_json(path: Path, content: dict) -> None:
     """Replace a JSON file atomically; NaN becomes null."""
-    temporary = path.with_name(f".{path.name}.tmp")
-    with open(temporary, "w", encoding="utf-8") as file:
-        json.dump(finite(content), file, indent=1, allow_nan=False)
-        file.write("\n")
-        file.flush()
-        os.fsync(file.fileno())
-    replace_file(temporary, path)
+    write_inside(path.parent, path.name, json.dumps(finite(content), indent=1, allow_nan=False) + "\n", lasting=True)
 
 
 def finite(value):

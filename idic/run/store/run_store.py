@@ -24,10 +24,10 @@ import zarr
 
 from idic.errors import InputError
 from idic.images import Stack
+from idic.inside import refuse_special_files, remove_inside, replace_file
 from idic.run.store.arrays import Damaged, FrameArrays, gets_smaller, write_compressed
-from idic.run.store.layout import FROM_PYTHON
+from idic.run.store.layout import FROM_PYTHON, OF_LINKS
 from idic.run.store.run_lock import LOCK_NAME, run_lock
-from idic.run.store.replace import replace_file
 
 STORE_NAME = "run.zarr"
 _SEAL = "descriptions"  # attribute of a group
@@ -62,9 +62,10 @@ class RunStore:
         self._refuse_foreign_folder()
         self.refuse_other_version()
         with run_lock(self.run):
+            self.refuse_special_files()
             stored = self.identity()
             if stored is None:
-                shutil.rmtree(self.path, ignore_errors=True)
+                remove_inside(self.run, STORE_NAME)
                 with renamed_when_complete(self.path) as folder:
                     _create_group(folder, {"schema": SCHEMA, "identity": identity, "title": title})
             elif stored != identity:
@@ -85,6 +86,10 @@ class RunStore:
         if schema != SCHEMA and _ANY_SCHEMA.fullmatch(schema):
             raise InputError("another version of idic made this RUN", file=self.run, expected=SCHEMA, found=schema,
                              remedy="identify the experiment again into a new RUN")
+
+    def refuse_special_files(self) -> None:
+        """InputError where the RUN holds links or pipes, which what is written here would follow."""
+        refuse_special_files(self.run, except_in=OF_LINKS)
 
     def identity(self) -> str | None:
         """The identity of the experiment of this store; None without a store."""
@@ -230,9 +235,9 @@ class RunStore:
             )
 
     def _remove_leftovers(self) -> None:
-        for pattern in (".*.json.*tmp", ".sums-*.tmp"):  # of the state, the description, the result; of an evaluation
+        for pattern in (".*.tmp", "figures/.*.tmp", "tables/.*.tmp"):
             for file in self.run.glob(pattern):
-                file.unlink(missing_ok=True)
+                remove_inside(self.run, file.relative_to(self.run))
         for base, folders, names in os.walk(self.path):
             for name in [name for name in names if name.startswith(".") and name.endswith(".tmp")]:
                 (Path(base) / name).unlink(missing_ok=True)
