@@ -3,10 +3,10 @@ and a name."""
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 import shutil
-import sys
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -16,15 +16,7 @@ from typer.testing import CliRunner
 from idic.cli.app import app
 from idic.errors import InputError
 from idic.run import folders_of, open_run, read_result
-from idic.run.store.checkpoint import save_checkpoint
-from idic.run.store.run_folders import JOINT_FILE, SCHEMA
 from idic.readers import open_fields, read_mesh_file
-
-sys.path.append(str(Path(__file__).parents[1] / "draw"))
-
-from drawn_folder import make_folder  # noqa: E402
-from idic.draw.desk import Desk  # noqa: E402
-from idic.draw.watch import state_of  # noqa: E402
 
 SECRET = "what lies outside"
 COMMANDS = {"report": ["report", "{run}"], "clean": ["clean", "{run}"],
@@ -86,9 +78,16 @@ def test_no_command_waits_for_a_pipe_in_a_run(copied, tmp_path, command, place):
     assert "a pipe" in _refused(command, finished, tmp_path / "out")
 
 
+def _write_names(run, names):
+    """A joint.json of several experiments with a right checksum."""
+    state = {"names": names}
+    digest = hashlib.sha256(json.dumps(state, sort_keys=True).encode()).hexdigest()
+    (run / "joint.json").write_text(json.dumps({"schema": "idic.joint/1", "sha256": digest, "state": state}))
+
+
 @pytest.mark.parametrize("names", [["../../other", "a"], ["/tmp/other", "a"], ["a", "a"], ["a"], [1, 2], [".", ".."]])
 def test_names_of_experiments_lead_to_no_other_run(tmp_path, names):
-    save_checkpoint(tmp_path / JOINT_FILE, SCHEMA, {"names": names})
+    _write_names(tmp_path, names)
     with pytest.raises(InputError, match="names of the experiments"):
         folders_of(tmp_path)
 
@@ -98,7 +97,7 @@ def test_an_experiment_of_several_is_no_link(tmp_path, copied):
     run = tmp_path / "joint"
     (run / "experiments" / "a").mkdir(parents=True)
     (run / "experiments" / "b").symlink_to(finished.run)
-    save_checkpoint(run / JOINT_FILE, SCHEMA, {"names": ["a", "b"]})
+    _write_names(run, ["a", "b"])
     with pytest.raises(InputError, match="a symbolic link"):
         folders_of(run)
     assert read_result(finished.run)
@@ -153,31 +152,3 @@ def test_xdmf_names_no_file_elsewhere(tmp_path, name):
         f'Format="HDF" Precision="8">{name}:/x</DataItem></Geometry></Grid></Domain></Xdmf>')
     with pytest.raises(InputError, match=r"another file|leads out"):
         read_mesh_file(tmp_path / "part.xdmf")
-
-
-# the page of idic draw --------------------------------------------------------------------------------
-@pytest.mark.parametrize("make", [lambda path, target: path.symlink_to(target), lambda path, _: os.mkfifo(path)])
-@pytest.mark.parametrize("place", ["runs/run-1.console.txt", "runs/run-1/log.txt", "runs/run-1/result.json"])
-def test_the_page_reads_and_writes_no_link_and_no_pipe(tmp_path, make, place):
-    folder = make_folder(tmp_path / "test")
-    secret = tmp_path / "secret.txt"
-    secret.write_text(SECRET)
-    (folder / "runs" / "run-1").mkdir(parents=True)
-    make(folder / place, secret)
-    shown = state_of(folder, "run-1")
-    assert SECRET not in str(shown)
-    if place.endswith("console.txt"):
-        desk = Desk(folder)
-        (folder / "experiment.toml").write_text("")
-        with pytest.raises(InputError, match=r"a symbolic link|a pipe"):
-            desk.identify("run-1")
-    assert secret.read_text() == SECRET
-
-
-def test_a_run_of_the_page_is_no_link(tmp_path):
-    folder = make_folder(tmp_path / "test")
-    (folder / "runs").mkdir()
-    (tmp_path / "elsewhere").mkdir()
-    (folder / "runs" / "run-1").symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(InputError, match="a symbolic link"):
-        state_of(folder, "run-1")
