@@ -65,7 +65,8 @@ def test_a_change_needs_the_origin_of_the_page_and_json(client, folder):
 
 
 @pytest.mark.parametrize("body", [b"", b"[]", b"{", b"null", b'{"plan": 1}', b'{"replace": true}', b"[" * 5000,
-                                  b'{"plan": {"images": ["a"]}}'])
+                                  b'{"plan": {"images": ["a"]}}', b'{"plan": NaN, "replace": true}',
+                                  b'{"plan": "\\ud800", "replace": true}', b'{"plan": 1e999, "replace": true}'])
 def test_strange_bodies_get_one_message(client, body):
     answer = client.post(f"/{TOKEN}/api/write", content=body,
                          headers={"origin": OWN, "content-type": "application/json"})

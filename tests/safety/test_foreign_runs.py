@@ -25,7 +25,7 @@ COMMANDS = {"report": ["report", "{run}"], "clean": ["clean", "{run}"],
             "diagnose": ["diagnose", "{run}", "--no-prefect", "--workers", "0"],
             "compare": ["compare", "{run}", "{run}", "--out", "{out}"]}
 PLACES = {"report": ("report.html", "tables", "figures", "run.lock", "result.json", "run.json", "run.zarr/prepared"),
-          "clean": ("run.lock", "result.json", "state.json"),
+          "clean": ("run.lock",),  # another link is deleted, see tests/store/test_clean.py
           "resume": ("log.txt", "run.lock", "state.json", "run.json", "joint.json", "run.zarr/evaluations"),
           "diagnose": ("diagnosis", "diagnosis.json", "run.lock", "run.json"),
           "compare": ("result.json", "joint.json")}
@@ -88,7 +88,7 @@ def _write_names(run, names):
 @pytest.mark.parametrize("names", [["../../other", "a"], ["/tmp/other", "a"], ["a", "a"], ["a"], [1, 2], [".", ".."]])
 def test_names_of_experiments_lead_to_no_other_run(tmp_path, names):
     _write_names(tmp_path, names)
-    with pytest.raises(InputError, match="names of the experiments"):
+    with pytest.raises(InputError, match="does not hold what idic writes"):
         folders_of(tmp_path)
 
 

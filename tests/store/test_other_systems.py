@@ -178,3 +178,16 @@ def test_texts_are_written_and_read_as_utf_8():
 def test_files_on_another_drive_are_named_by_their_whole_path():
     assert way_to("D:\\tests\\one\\images", "D:\\runs\\first\\enriched", ntpath) == "..\\..\\..\\tests\\one\\images"
     assert way_to("C:\\tests\\one\\images", "D:\\runs\\first\\enriched", ntpath) == "C:\\tests\\one\\images"
+
+
+def test_where_nothing_may_be_written_kernels_are_kept_for_the_length_of_a_command(tmp_path):
+    """/proc takes no files, not even from root; without a folder numba refuses every function with a cache."""
+    code = ("import os, idic; idic.keep_compiled_somewhere(['/proc/nowhere', '/proc/cache'], os.environ); "
+            "print(os.environ['NUMBA_CACHE_DIR'])")
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True,
+                            env={**os.environ, "NUMBA_CACHE_DIR": "", "TMPDIR": str(tmp_path)})
+    folder = Path(answer.stdout.strip())
+    assert folder.parent == tmp_path and not folder.exists()
+    environment = {}
+    idic.keep_compiled_somewhere(["/proc/nowhere", str(tmp_path / "new" / "cache")], environment)
+    assert environment == {}

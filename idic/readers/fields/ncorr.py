@@ -21,7 +21,7 @@ import scipy
 
 from idic.errors import InputError
 from idic.readers.containers.references import is_hdf5, refuse_references
-from idic.readers.fields.stages.failed_points import OUTSIDE
+from idic.readers.fields.stages.failed_points import MAX_LENGTH, OUTSIDE
 from idic.readers.fields.stages.stage import KEY, Stage
 
 if TYPE_CHECKING:
@@ -79,6 +79,8 @@ def _content(path: Path) -> _Saved:
         scale = np.ravel([] if scale is None else scale)
     except Exception as problem:  # noqa: BLE001  (a damaged file makes SciPy and h5py raise all kinds)
         raise _foreign(path, _EXPECTED, str(problem) or type(problem).__name__) from None
+    if not 0.0 < step < MAX_LENGTH or not all(0.0 < value < MAX_LENGTH for value in scale):
+        raise _foreign(path, "a spacing and a scale above 0", f"{step - 1.0:g}, {', '.join(f'{s:g}' for s in scale)}")
     if not displacements:
         raise _foreign(path, _EXPECTED, "no image")
     unit = str(info.get("units") or "").strip().lower()

@@ -15,7 +15,7 @@ from idic.readers.delimited.log_table import Table
 from idic.readers.fields.aramis import is_aramis, read_aramis, read_aramis_head
 from idic.readers.fields.column_tables import FORMATS as COLUMN_FORMATS
 from idic.readers.fields.column_tables import read_columns
-from idic.readers.fields.stages.failed_points import in_words
+from idic.readers.fields.stages.failed_points import MAX_LENGTH, in_words
 from idic.readers.fields.flattened import Flattening
 from idic.readers.fields.mudic import SUFFIXES as MUDIC_SUFFIXES
 from idic.readers.fields.mudic import read_mudic
@@ -240,8 +240,18 @@ def _read_cached(path: Path, format: str, changed_ns: int) -> dict[float | None,
     if format == VTU:
         return {None: read_vtu(path)}
     if format in (NCORR, MUDIC):
-        return read_ncorr(path) if format == NCORR else read_mudic(path)
+        stages = read_ncorr(path) if format == NCORR else read_mudic(path)
+        return {number: _of_places(stage) for number, stage in stages.items()}
     return dict(read_columns(path, format))
+
+
+def _of_places(stage: Stage) -> Stage:
+    """The points of a stage that have a place."""
+    has_place = (np.abs(stage.points) < MAX_LENGTH).all(axis=1)
+    if has_place.all() or stage.displacement is None:
+        return stage
+    return stage.with_points(stage.points[has_place], stage.displacement[has_place],
+                             None if stage.ids is None else stage.ids[has_place], int((~has_place).sum()))
 
 
 def _read(path: Path, format: str) -> dict[float | None, Stage]:

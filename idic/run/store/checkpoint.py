@@ -10,6 +10,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.inside import read_inside, remove_inside, write_inside
+from idic.run.store.schemas import BY_SCHEMA, refuse_other_types
 
 
 def save_checkpoint(path: Path | str, schema: str, state: dict) -> None:
@@ -58,7 +59,7 @@ def load_checkpoint(path: Path | str, schema: str) -> dict | None:
     Raises
     ------
     InputError
-        The file is damaged, or was written by another version.
+        The file is damaged, was written by another version, or holds other types than those of its schema.
     """
     path = Path(path)
     try:
@@ -73,6 +74,8 @@ def load_checkpoint(path: Path | str, schema: str) -> dict | None:
         raise _damaged(path, f"schema {schema}", f"schema {document.get('schema')}")
     if document.get("sha256") != _digest(document["state"]):
         raise _damaged(path, "contents that fit their checksum", "contents that were altered")
+    if schema in BY_SCHEMA:
+        refuse_other_types(document["state"], BY_SCHEMA[schema], path)
     return document["state"]
 
 

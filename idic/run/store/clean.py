@@ -6,8 +6,8 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from idic.errors import InputError
-from idic.inside import is_inside, read_inside, refuse_special_files, remove_inside
-from idic.run.store.layout import EXPERIMENTS, OF_LINKS, SCRATCH
+from idic.inside import is_inside, read_inside, remove_inside
+from idic.run.store.layout import EXPERIMENTS, SCRATCH
 from idic.run.store.result_file import RESULT_FILE
 from idic.run.store.run_lock import run_lock
 from idic.run.store.state_file import load_state
@@ -40,7 +40,6 @@ def clean_run(run: Path | str, results_only: bool = False) -> int:
         one is not made its results alone: it could no longer be resumed.
     """
     run = Path(run)
-    refuse_special_files(run, except_in=OF_LINKS)
     if not is_inside(run, RESULT_FILE):
         raise _unfinished(run, "none")
     with ExitStack() as locks:

@@ -15,6 +15,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.inside import read_inside, write_inside
+from idic.run.store.schemas import Result, refuse_other_types
 
 RESULT_FILE = "result.json"
 _SEAL = "sha256"
@@ -33,7 +34,7 @@ def read_result(run: Path | str) -> dict:
     Raises
     ------
     InputError
-        The result is missing or altered.
+        The result is missing or altered, or holds other types than those of its schema.
     """
     file = Path(run) / RESULT_FILE
     try:
@@ -47,6 +48,7 @@ def read_result(run: Path | str) -> dict:
         raise _altered(file, "no checksum")
     if content.pop(_SEAL) != _digest(content):
         raise _altered(file, "contents with another checksum")
+    refuse_other_types(content, Result, file)
     return content
 
 

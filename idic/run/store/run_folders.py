@@ -11,13 +11,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from idic.errors import InputError
 from idic.inside import is_inside, way_inside
 from idic.run.store.checkpoint import load_checkpoint, save_checkpoint
 from idic.run.store.layout import DESCRIPTION, EXPERIMENTS
 
 JOINT_FILE, SCHEMA = "joint.json", "idic.joint/1"
-EXPERIMENT_NAME, NO_LETTERS = re.compile(r"[A-Za-z0-9_-]+"), re.compile(r"[^A-Za-z0-9_-]+")
+NO_LETTERS = re.compile(r"[^A-Za-z0-9_-]+")  # as in `schemas.Names`
 
 
 @dataclass(frozen=True)
@@ -55,21 +54,10 @@ class RunFolders:
 def folders_of(run: Path | str) -> dict[str, Path]:
     """The folders of the experiments of a RUN, by their names; of a single one RUN itself, without a name."""
     content = load_checkpoint(Path(run) / JOINT_FILE, SCHEMA)
-    names = [""] if content is None else _checked(content["names"], Path(run) / JOINT_FILE)
+    names = [""] if content is None else content["names"]
     folders = RunFolders._of_names(Path(run), names)
     return {name: way_inside(run, folder.relative_to(run)) if folder in folders.below.values() else folder
             for name, folder in folders.parts.items()}
-
-
-def _checked(names: Sequence[str], file: Path) -> list[str]:
-    """Names of experiments as idic gives them; `InputError` where one could lead elsewhere."""
-    strange = [name for name in names if not isinstance(name, str) or not EXPERIMENT_NAME.fullmatch(name)]
-    if strange or len(set(names)) < 2 or len(set(names)) < len(names):
-        raise InputError("the names of the experiments were altered", file=file,
-                         expected="two or more of letters, digits, _ and -, each once",
-                         found=", ".join(map(repr, names)),
-                         remedy="do not use this folder; identify the experiments again into another one")
-    return list(names)
 
 
 def is_joint(run: Path | str) -> bool:

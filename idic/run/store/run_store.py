@@ -151,7 +151,8 @@ class RunStore:
 
     def ident(self, folder: Path) -> dict:
         """The inputs of a finished group."""
-        return _attributes(folder).get("ident", {})
+        stored = _attributes(folder).get("ident", {})
+        return stored if isinstance(stored, dict) else {}
 
     def described(self, name: str, ident: Mapping | None = None) -> Path | None:
         """The folder of a group with the inputs `ident` that was finished once, whether or not it has all its
@@ -375,9 +376,10 @@ def _describe(folder: Path) -> None:
 
 def _attributes(folder: Path) -> dict:
     try:
-        return json.loads((folder / "zarr.json").read_text(encoding="utf-8")).get("attributes", {})
+        attributes = json.loads((folder / "zarr.json").read_text(encoding="utf-8")).get("attributes", {})
     except (OSError, ValueError, AttributeError):
         return {}
+    return attributes if isinstance(attributes, dict) else {}
 
 
 def _seal(folder: Path) -> None:
