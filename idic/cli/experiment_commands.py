@@ -65,11 +65,11 @@ def check(
         main = out or Path(loaded.folder) / "check" / "mesh.png"
         try:
             folder_inside(*((main.parent,) if out else (loaded.folder, main.parent.name)))
-        except OSError as problem:  # a read-only experiment folder is no fault of the experiment
+        except (OSError, InputError) as problem:  # a read-only experiment folder is no fault of the experiment
             if out is not None:
                 raise
-            typer.echo(f"picture      not written ({user_path(main.parent)}: {problem.strerror}); --out FILE: another "
-                       f"place")
+            reason = problem.strerror if isinstance(problem, OSError) else problem.found
+            typer.echo(f"picture      not written ({user_path(main.parent)}: {reason}); --out FILE: another place")
             return
         for camera in (inspection, *inspection.cameras):
             name = main.name if camera is inspection else f"{main.stem}_{camera.name}{main.suffix}"

@@ -101,10 +101,27 @@ def _open_run(run: str, content: bytes) -> RunContext:
                          expected=f"identity {settings['identity'][:16]}",
                          found=f"identity {experiment.recording.identity[:16]}",
                          remedy="restore its files, or identify it again into a new RUN")
+    _refuse_other_lengths(settings, experiment, Path(run) / DESCRIPTION)
     experiment = with_stored_noise(with_stored_images(store, experiment), settings)
     experiment = replace(experiment, recording=replace(experiment.recording, excluded=tuple(settings["excluded"])))
     experiment = with_boundary_start(experiment, stored_start(store, settings))
     return RunContext(store, tables, experiment, build_forward(experiment), settings)
+
+
+def _refuse_other_lengths(settings: Mapping, experiment: Experiment, file: Path) -> None:
+    """`InputError` where a description has other numbers of cameras, channels or frames than its experiment."""
+    n_cameras, n_channels, weights = len(experiment.cameras), len(experiment.model.channels), settings["weights"]
+    lengths = {"camera_noises": (settings["camera_noises"], n_cameras), "cameras": (weights["cameras"], n_cameras),
+               "camera_noise": (weights["camera_noise"], n_cameras), "channels": (weights["channels"], n_channels),
+               "channel_noise": (weights["channel_noise"], n_channels),
+               "channel_noise_source": (settings["channel_noise_source"], n_channels)}
+    wrong = [f"{len(entries)} of {key}" for key, (entries, n) in lengths.items() if len(entries) != n]
+    wrong += [f"frame {k}" for k in settings["excluded"] if k >= experiment.model.n_frames]
+    if wrong:
+        raise InputError("the description of the run is that of another experiment", file=file,
+                         expected=f"{n_cameras} further cameras, {n_channels} channels, {experiment.model.n_frames} "
+                                  "frames", found=", ".join(wrong[:3]),
+                         remedy="do not use this folder; identify the experiment again into another --out")
 
 
 def experiments_of(run: str | Path) -> tuple[ExperimentToSee, ...]:

@@ -19,6 +19,7 @@ MAX_SHOWN_ERRORS = 3
 MAX_WHOLE = 2**53  # of numbers that count something: larger ones are no counts
 Number = float | None  # None: not finite, or not determined
 Count = Annotated[int, Field(ge=0, le=MAX_WHOLE)]
+Std = Annotated[float, Field(ge=0)] | None
 Values = dict[str, Number]
 
 
@@ -167,6 +168,14 @@ class State(_Exact):
     history: list[_EvaluatedExactly]
     end: _Ending | None
 
+    @model_validator(mode="after")
+    def _of_the_same_parameters(self) -> State:
+        accepted = [self.accepted] if self.accepted else []
+        points: list[Any] = [self.trial, *self.trial.parallel, *self.history, *accepted]
+        if any(point.values.keys() != self.trial.values.keys() for point in points):
+            raise ValueError("points of other parameters")
+        return self
+
 
 class Names(_Exact):
     """``joint.json``: the experiments of a RUN of several."""
@@ -183,13 +192,13 @@ class Names(_Exact):
 # result.json ------------------------------------------------------------------------------------------
 class _Parameter(_Part):
     value: Number
-    std: Number
+    std: Std
     unit: str
     start: Number
-    free: bool
-    std_noise: Number = None
-    std_model: Number = None
-    systematic_std: Number = None
+    is_free: Annotated[bool, Field(alias="free")]
+    std_noise: Std = None
+    std_model: Std = None
+    systematic_std: Std = None
     discretisation_bias: Number = None
     time_bias: Number = None
     ci95: Annotated[list[Number], Field(min_length=2, max_length=2)] | None = None
@@ -212,6 +221,56 @@ class _Noise(_Part):
     unit: str | None = None
 
 
+class _FreeDic(_Part):
+    frames: list[Count]
+    chi2_dof: Number
+    model_chi2_dof: Number
+
+
+class _Local(_Part):
+    is_cluster: bool = False
+    chi2: Number = None
+    typical_chi2: Number = None
+    z: Number = None
+    p_value: Number = None
+    column: Number = None
+    row: Number = None
+    share: Number = None
+
+
+class _Discrepancy(_Part):
+    significant: bool | None = None
+    likelihood_ratio: Number = None
+    std: Values = {}
+    motion_px: Values = {}
+
+
+class _Remedy(_Part):
+    setting: str
+    chi2_before: Number
+    chi2_after: Number
+
+
+class _CameraFloor(_Part):
+    px: Number = None
+    bound_px: Number = None
+    length_px: Number = None
+    frames: list[Count] = []
+    labels: list[str] = []
+    drift_px: list[Number] = []
+    source: str | None = None
+
+
+class _Undetermined(_Part):
+    name: str
+
+
+class _ShownIncrements(_Part):
+    rate_dependent_laws: list[str] = []
+    path_dependent_laws: list[str] = []
+    words: str | None = None
+
+
 class _Residual(_Part):
     image_rms_gv: Number
     image_chi2_dof: Number
@@ -219,7 +278,8 @@ class _Residual(_Part):
     channel_rms: Values
     channel_chi2_dof: Values
     channel_noise_std: Values
-    local: dict[str, Any] | None = None
+    local: _Local | None = None
+    free_dic_shown: _FreeDic | None = None
 
 
 class _Frame(_Part):
@@ -264,11 +324,19 @@ class Result(_Part):
     M: _Matrix | None = None
     eigenvalues: list[Number] = []
     eigenvectors: list[list[Number]] = []
-    not_identifiable: list[dict[str, Any]] = []
+    not_identifiable: list[_Undetermined] = []
     at_bound: Values = {}
-    increments: dict[str, Any] | None = None
-    remedies: list[dict[str, Any]] = []
+    increments: _ShownIncrements | None = None
+    discrepancy: _Discrepancy | str | None = None
+    camera_floor: _CameraFloor | None = None
+    remedies: list[_Remedy] = []
     experiments: dict[str, dict[str, Any]] = {}
+
+    @model_validator(mode="after")
+    def _of_the_same_parameters(self) -> Result:
+        if any(entry.values.keys() != self.parameters.keys() for entry in self.history):
+            raise ValueError("a history of other parameters")
+        return self
 
 
 # run.zarr ---------------------------------------------------------------------------------------------
@@ -299,12 +367,13 @@ def refuse_other_types(content: object, kind: type[BaseModel], file: Path | str)
         _adapter(kind).validate_python(content)
     except ValidationError as problem:
         errors = problem.errors(include_url=False, include_context=False, include_input=False)
-        shown = "; ".join(f"{'.'.join(map(str, error['loc'])) or 'the content'}: {error['msg']}"
+        listing = "; ".join(f"{'.'.join(map(str, error['loc'])) or 'the content'}: {error['msg']}"
                           for error in errors[:MAX_SHOWN_ERRORS])
         raise InputError("the file does not hold what idic writes into it", file=file,
                          expected=f"keys and types of {(kind.__doc__ or '').split(':')[0].split(';')[0].strip('`.')}",
-                         found=shown, remedy="do not use this folder if it comes from somebody else; otherwise run the "
-                                             "command again with --resume, or identify into another --out") from None
+                         found=listing,
+                         remedy="do not use this folder if it comes from somebody else; otherwise run the command "
+                                "again with --resume, or identify into another --out") from None
     except (RecursionError, OverflowError) as problem:
         raise InputError("the file does not hold what idic writes into it", file=file, found=type(problem).__name__,
                          remedy="do not use this folder") from None
