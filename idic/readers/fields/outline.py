@@ -275,16 +275,19 @@ def _can_be_meshed(corners: np.ndarray, pitch: float) -> bool:
     if not len(first):
         return True
     ends = [(corners[first], following[first]), (corners[second], following[second])]
-    sign = [[_cross(b - a, p - a) for p in pair] for (a, b), pair in ((ends[0], ends[1]), (ends[1], ends[0]))]
-    if np.any((sign[0][0] * sign[0][1] <= 0.0) & (sign[1][0] * sign[1][1] <= 0.0)):
+    off = [[_beside(p, a, b) for p in pair] for (a, b), pair in ((ends[0], ends[1]), (ends[1], ends[0]))]
+    least = (ROUNDED * pitch) ** 2  # lines that touch have no clearance
+    if np.any((off[0][0] * off[0][1] < -least) & (off[1][0] * off[1][1] < -least)):
         return False
     nearest = min(float(_distance(p, *line).min()) for points, line in ((ends[0], ends[1]), (ends[1], ends[0]))
                   for p in points)
     return nearest >= MIN_CLEARANCE * pitch
 
 
-def _cross(u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    return u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+def _beside(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """How far points lie to the left of the lines through two others, row by row  # (n, 2) each -> (n,)"""
+    along, off = end - start, points - start
+    return (along[:, 0] * off[:, 1] - along[:, 1] * off[:, 0]) / np.hypot(*along.T)
 
 
 def _distance(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
