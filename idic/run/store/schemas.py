@@ -191,7 +191,7 @@ class Names(_Exact):
 
 # result.json ------------------------------------------------------------------------------------------
 class _Parameter(_Part):
-    value: Number
+    value: float
     std: Std
     unit: str
     start: Number
@@ -263,6 +263,8 @@ class _CameraFloor(_Part):
 
 class _Undetermined(_Part):
     name: str
+    reason: str
+    together_with: list[str] = []
 
 
 class _ShownIncrements(_Part):
