@@ -6,15 +6,14 @@ experiment folder.
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from prefect import flow
 from prefect.states import Completed, Failed, State
 
 from idic.errors import InputError
+from idic.inside import refuse_outside_of_data
 
-ROOT_VARIABLE = "IDIC_DATA_ROOT"
 # a suspended flow run fails after this time; `--resume` continues its RUN folder even then
 PAUSE_SECONDS = 30 * 24 * 3600
 
@@ -96,12 +95,8 @@ def data_path(text: str, key: str) -> Path:
     InputError
         A relative path, which means nothing on the worker, or one outside of the root.
     """
-    path, root = Path(text), os.environ.get(ROOT_VARIABLE)
+    path = Path(text)
     if not path.is_absolute():
         raise InputError("a relative path", key=key, expected="an absolute path on the worker", found=text,
                          remedy="write the path from the root of the worker's file system")
-    resolved = path.resolve()
-    if root and not resolved.is_relative_to(Path(root).resolve()):
-        raise InputError("a path outside of the data of this worker", key=key, expected=f"a path below {root}",
-                         found=text, remedy=f"move the data there, or start the worker with another {ROOT_VARIABLE}")
-    return resolved
+    return refuse_outside_of_data(path, key)

@@ -15,6 +15,11 @@ displacement of all frames without a model. `flow` holds the Prefect flows. Each
 
 from __future__ import annotations
 
+import atexit
+import os
+import shutil
+import tempfile
+
 __version__ = "0.1.0"
 
 _ROOMS = {
@@ -27,6 +32,35 @@ _ROOMS = {
 }
 
 __all__ = ["__version__", "flow", *_ROOMS]  # noqa: PLE0604  (ruff does not see that the keys are strings)
+
+
+def keep_compiled_somewhere(places, environment) -> None:
+    """Give numba a temporary folder for compiled kernels where none of its own may be written.
+
+    places : folders in which numba would make its own, one of which is enough; environment : ``os.environ``
+    """
+    def is_writable(place: str) -> bool:
+        while not os.path.isdir(place):
+            place = os.path.dirname(place)
+        try:
+            with tempfile.TemporaryFile(dir=place):
+                return True
+        except OSError:
+            return False
+
+    if environment.get("NUMBA_CACHE_DIR") or any(is_writable(os.path.abspath(place)) for place in places):
+        return
+    folder, owner = tempfile.mkdtemp(prefix="idic-compiled-"), os.getpid()
+    environment["NUMBA_CACHE_DIR"] = folder  # for worker processes too
+    atexit.register(lambda: shutil.rmtree(folder, ignore_errors=True) if os.getpid() == owner else None)
+
+
+def _caches() -> tuple[str, str]:
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    return os.path.dirname(__file__), home
+
+
+keep_compiled_somewhere(_caches(), os.environ)
 
 
 def __getattr__(name: str):

@@ -111,9 +111,9 @@ def _shown(camera) -> Mapping[str, float]:
 def _grid(text: str | None) -> tuple[int, int] | None:
     if text is None:
         return None
-    match = re.fullmatch(r"\s*(\d+)\s*[xX×,]\s*(\d+)\s*", text)
+    match = re.fullmatch(r"\s*(\d{1,4})\s*[xX×,]\s*(\d{1,4})\s*", text)
     if not match or min(int(match[1]), int(match[2])) < 3:
-        raise InputError("not a grid", key="--grid", expected="COLUMNSxROWS, at least 3x3, e.g. 11x7", found=text,
+        raise InputError("not a grid", key="--grid", expected="COLUMNSxROWS, at least 3x3, e.g. 11x7", found=text[:80],
                          remedy="count inner corners (one fewer than squares), or dots")
     return int(match[1]), int(match[2])
 

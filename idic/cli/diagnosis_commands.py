@@ -35,7 +35,7 @@ def diagnose(
 
         open_source(run)  # before a server is started
         with progress_view(terminal(stderr=True), run, stages(quick)) as view:
-            content = diagnose_run(run, resume=resume, quick=quick, console=Console(view.stage),
+            content = diagnose_run(run, resume=resume, quick=quick, console=Console(view.stage, remark=view.said),
                                    workplace=Workplace(workers, scheduler, memory_limit, store),
                                    orchestrator=orchestrator_of(prefect))
         console = terminal()

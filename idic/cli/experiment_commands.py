@@ -12,6 +12,7 @@ from idic.cli.app import (AllowExternal, Bits, Experiment, Overrides, Seed, Work
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 from idic.errors import InputError
+from idic.inside import folder_inside, write_inside
 
 
 @app.command()
@@ -63,16 +64,16 @@ def check(
             return
         main = out or Path(loaded.folder) / "check" / "mesh.png"
         try:
-            main.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as problem:  # a read-only experiment folder is no fault of the experiment
+            folder_inside(*((main.parent,) if out else (loaded.folder, main.parent.name)))
+        except (OSError, InputError) as problem:  # a read-only experiment folder is no fault of the experiment
             if out is not None:
                 raise
-            typer.echo(f"picture      not written ({user_path(main.parent)}: {problem.strerror}); --out FILE: another "
-                       f"place")
+            reason = problem.strerror if isinstance(problem, OSError) else problem.found
+            typer.echo(f"picture      not written ({user_path(main.parent)}: {reason}); --out FILE: another place")
             return
         for camera in (inspection, *inspection.cameras):
-            path = main if camera is inspection else main.with_name(f"{main.stem}_{camera.name}{main.suffix}")
-            path.write_bytes(camera.overlay.png)
+            name = main.name if camera is inspection else f"{main.stem}_{camera.name}{main.suffix}"
+            path = write_inside(main.parent, name, camera.overlay.png)
             typer.echo(f"picture      {user_path(path)}")
 
 

@@ -20,7 +20,9 @@ import typer
 
 from idic.cli.interrupts import interruptible
 from idic.errors import InputError, NotConverged
+from idic.inside import is_inside, open_inside
 
+LOG_FILE = "log.txt"
 DONE, BUG, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 4
 _NAMES = ("ENOSPC", "EDQUOT", "EFBIG", "EACCES", "EPERM", "EROFS", "ENOTDIR", "EISDIR", "EEXIST", "ENAMETOOLONG", "EIO",
           "ELOOP", "ESTALE")
@@ -122,7 +124,7 @@ def _report_bug(run: Path | None) -> int:
     text = (f"\n{time.strftime('%Y-%m-%d %H:%M:%S')} internal error\ncommand: {shlex.join(sys.argv)}\n"
             f"{_versions()}\n{traceback.format_exc()}")  # fmt: skip
     file = _log_file(run)
-    with open(file, "a", encoding="utf-8") as log:
+    with open_inside(file.parent, file.name, "a") as log:
         log.write(text)
     problem = sys.exc_info()[1]
     _say(f"internal error: {type(problem).__name__}: {problem}\n"
@@ -132,8 +134,8 @@ def _report_bug(run: Path | None) -> int:
 
 
 def _log_file(run: Path | None) -> Path:
-    if run is not None and run.is_dir():
-        return run / "log.txt"
+    if run is not None and run.is_dir() and (is_inside(run, LOG_FILE) or not os.path.lexists(run / LOG_FILE)):
+        return run / LOG_FILE
     descriptor, name = tempfile.mkstemp(prefix="idic-error-", suffix=".txt")
     os.close(descriptor)
     return Path(name)

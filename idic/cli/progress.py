@@ -12,6 +12,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from idic.inside import open_inside
+
 RUN_MARKS, LOG_FILE = ("run.zarr", "study.zarr", "batch.json"), "log.txt"  # each makes a folder a RUN, study or batch
 LABELS = {"ingest": "reading images", "simulate": "simulating", "correlate": "correlating frames",
           "search": "searching start values", "identify": "identifications", "comparisons": "identifications compared"}
@@ -98,7 +100,7 @@ class ProgressView:
             self._console.print(line + on_screen, highlight=False, markup=False, emoji=False, soft_wrap=True)
         self._unwritten.append(f"{time.strftime('%Y-%m-%d %H:%M:%S')} {line}\n")
         if any((self._run / mark).exists() for mark in RUN_MARKS):
-            with open(self._run / LOG_FILE, "a", encoding="utf-8") as log:
+            with open_inside(self._run, LOG_FILE, "a") as log:
                 log.writelines(self._unwritten)
             self._unwritten = []
 

@@ -114,7 +114,7 @@ def systematic(
 
         with progress_view(terminal(stderr=True), run, SYSTEMATIC_STAGES) as view:
             result = assess(run, bias, spread, workplace=Workplace(workers, scheduler, memory_limit, store),
-                            console=Console(view.stage, view.tasks))
+                            console=Console(view.stage, view.tasks, remark=view.said))
             view.stage("report")
             page = write_report(run)
         console = terminal()

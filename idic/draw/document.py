@@ -10,9 +10,9 @@ from pathlib import Path
 from idic.draw.plan import Plan, Sketch
 from idic.errors import InputError
 from idic.experiment_file import EXPERIMENT_FILE, ExperimentFolder, read_toml, validated
+from idic.inside import is_inside, read_inside, replace_inside, write_inside
 from idic.laws import get_law
 from idic.model import Experiment
-from idic.run import replace_file
 
 KEPT = "experiment.toml.before"  # the file that was replaced; later ones: .before-2, -3 …
 MATERIAL = "SPECIMEN"
@@ -180,26 +180,25 @@ def write(folder: Path, plan: Plan, replace: bool, drawn_text: str = "") -> str:
         The plan does not work, or there is an experiment.toml already; nothing is written then.
     """
     target, text = folder / EXPERIMENT_FILE, text_of(plan)
-    present_text = target.read_text(encoding="utf-8", errors="replace") if target.exists() else None
-    if not replace and (present_text is not None or target.is_symlink()):
+    is_taken = os.path.lexists(target)
+    present_text = read_inside(folder, EXPERIMENT_FILE).decode(errors="replace") if is_inside(
+        folder, EXPERIMENT_FILE) else None
+    if not replace and is_taken:
         raise InputError("the folder has an experiment already", file=target, key="replace",
                          expected="no experiment.toml",
                          found="an experiment.toml", remedy=f"replace it (the old one is kept as {KEPT})")
     if present_text == text:
         return text
     loaded(folder, plan)
-    fresh = folder / f".{EXPERIMENT_FILE}.new"
-    with open(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644), "w", encoding="utf-8") as stream:
-        stream.write(text)
-    if target.is_symlink() or present_text not in (None, drawn_text):
-        replace_file(target, _free(folder))
-    replace_file(fresh, target)
+    if is_taken and (present_text is None or present_text != drawn_text):
+        replace_inside(folder, EXPERIMENT_FILE, _free(folder))
+    write_inside(folder, EXPERIMENT_FILE, text)
     return text
 
 
-def _free(folder: Path) -> Path:
+def _free(folder: Path) -> str:
     names = (KEPT, *(f"{KEPT}-{k}" for k in range(2, 1000)))
-    return next(path for name in names if not os.path.lexists(path := folder / name))
+    return next(name for name in names if not os.path.lexists(folder / name))
 
 
 def drawn_before(folder: Path) -> dict | None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file import EXPERIMENT_FILE, find_stages
+from idic.inside import way_inside
 from idic.readers import (
     FileStack, Log, PICTURE_SUFFIXES, natural_key, open_stack, patterns_of, read_log, recorded_order,
 )
@@ -111,9 +112,10 @@ def _name_of(patterns: list[str]) -> str:
 
 def _runs(folder: Path) -> tuple[str, ...]:
     place = folder / RUNS
-    if not place.is_dir() or not place.resolve().is_relative_to(folder.resolve()):
+    if not place.is_dir() or place.is_symlink():
         return ()
-    return tuple(sorted(path.name for path in place.iterdir() if path.is_dir() and RUN_NAME.fullmatch(path.name)))
+    return tuple(sorted(path.name for path in place.iterdir()
+                        if path.is_dir() and not path.is_symlink() and RUN_NAME.fullmatch(path.name)))
 
 
 def run_folder(folder: Path, name: str) -> Path:
@@ -124,11 +126,10 @@ def run_folder(folder: Path, name: str) -> Path:
     InputError
         The name is none, or a link leads out of the folder.
     """
-    path = folder / RUNS / name
-    if not RUN_NAME.fullmatch(name) or not path.resolve().is_relative_to(folder.resolve()):
+    if not RUN_NAME.fullmatch(name):
         raise InputError("not a name of a run", key="run", expected="letters, digits, ., _ and -, inside the folder",
                          found=repr(name), remedy="choose another name")
-    return path
+    return way_inside(folder, f"{RUNS}/{name}")
 
 
 def log_table(log: Log, n_frames: int) -> dict:

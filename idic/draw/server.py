@@ -26,6 +26,7 @@ from idic.draw.desk import Desk
 from idic.draw.folder import run_folder
 from idic.draw.watch import state_of
 from idic.errors import InputError
+from idic.inside import read_inside
 
 HOST = "127.0.0.1"
 MAX_BODY_BYTES = 4_000_000
@@ -36,6 +37,8 @@ HEADERS = {"Content-Security-Policy": "default-src 'self'; img-src 'self' blob: 
                                       "base-uri 'none'",
            "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer", "Cache-Control": "no-store",
            "Cross-Origin-Resource-Policy": "same-origin"}
+# what fields that no page sends end in: numbers beyond an index, texts where numbers are, names that are no file's
+_STRANGE = (KeyError, TypeError, ValueError, AttributeError, ArithmeticError, IndexError, RecursionError, MemoryError)
 REPORT = ("sandbox allow-scripts allow-popups; default-src 'none'; script-src 'unsafe-inline'; style-src "
           "'unsafe-inline'; img-src data:")
 
@@ -135,9 +138,9 @@ def answer(make: Callable[[dict], dict]) -> Callable[[Request], Awaitable[Respon
             return JSONResponse(await run_in_threadpool(make, await _fields(request)))
         except InputError as error:
             return _refusal(error)
-        except (KeyError, TypeError, RecursionError) as problem:
-            return _refusal(InputError("a field is missing", expected="all fields of the page", found=str(problem)[:80],
-                                       remedy="load the page again"))
+        except _STRANGE as problem:
+            return _refusal(InputError("a field is missing, or none that the page sends", expected="the page's fields",
+                                       found=str(problem)[:80], remedy="load the page again"))
     return answered
 
 
@@ -158,13 +161,18 @@ async def _fields(request: Request) -> dict:
             raise InputError("the drawing is too large", expected=f"{MAX_BODY_BYTES} bytes", found="more",
                              remedy="draw fewer points")
     try:
-        fields = json.loads(body)
-    except ValueError:
+        fields = json.loads(body, parse_constant=_no_number)
+        json.dumps(fields, ensure_ascii=False).encode()  # halves of characters are no text
+    except (ValueError, RecursionError):
         fields = None
     if not isinstance(fields, dict):
         raise InputError("not a JSON object", expected="an object", found="something else",
                          remedy="load the page again")
     return fields
+
+
+def _no_number(text: str) -> float:
+    raise ValueError(f"{text} is no number of JSON")
 
 
 def picture(desk: Desk) -> Callable[[Request], Awaitable[Response]]:
@@ -180,7 +188,7 @@ def picture(desk: Desk) -> Callable[[Request], Awaitable[Response]]:
             return Response(await run_in_threadpool(made, dict(request.query_params)), media_type="image/jpeg")
         except InputError as error:
             return _refusal(error)
-        except (KeyError, ValueError):
+        except _STRANGE:
             return Response("not found", 404)
     return answered
 
@@ -189,11 +197,10 @@ def report(folder: Path) -> Callable[[Request], Awaitable[Response]]:
     """report.html of a run, in a sandbox: a page of a stranger's RUN cannot use this server."""
     async def answered(request: Request) -> Response:
         try:
-            file = run_folder(folder, request.path_params["name"]) / "report.html"
-        except InputError:
+            run = run_folder(folder, request.path_params["name"])
+            content = await run_in_threadpool(read_inside, run, "report.html")
+        except (InputError, OSError):
             return Response("not found", 404)
-        if not file.is_file() or not file.resolve().is_relative_to(folder.resolve()):
-            return Response("not found", 404)
-        return Response(await run_in_threadpool(file.read_bytes), media_type=KINDS[".html"],
+        return Response(content, media_type=KINDS[".html"],
                         headers={"Content-Security-Policy": REPORT})
     return answered

@@ -10,8 +10,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-from idic.draw.folder import run_folder
+from idic.draw.folder import RUNS, run_folder
 from idic.errors import InputError
+from idic.inside import folder_inside, is_inside, open_inside
 from idic.run import STATE_FILE, empty_folder, is_held, read_result
 
 CONSOLE = ".console.txt"  # FOLDER/runs/NAME.console.txt: what the command says
@@ -27,12 +28,12 @@ def start(folder: Path, name: str) -> subprocess.Popen:
         The name is none.
     """
     run = run_folder(folder, name)
-    run.parent.mkdir(exist_ok=True)
+    folder_inside(folder, RUNS)
     resume = ["--resume"] if (run / "run.zarr").exists() else []
     command = [sys.executable, "-m", "idic", "identify", str(folder), "--out", str(run), *resume]
     detachment = ({"creationflags": getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)} if os.name == "nt"
              else {"start_new_session": True})
-    with open(run.parent / f"{name}{CONSOLE}", "wb") as console:
+    with open_inside(folder, f"{RUNS}/{name}{CONSOLE}", "wb") as console:
         return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=console, stderr=subprocess.STDOUT,
                                 cwd=empty_folder(), **detachment)
 
@@ -46,8 +47,8 @@ def state_of(folder: Path, name: str) -> dict:
     """How a RUN stands: at work, starting, stopped, or the status of its result; the last lines of its log; whether it
     has a report. Cheap; asked every second."""
     run = run_folder(folder, name)
-    lines = _tail(run / "log.txt") or _tail(run.parent / f"{name}{CONSOLE}")
-    return {"name": name, "status": _status(run), "log": lines, "report": (run / "report.html").is_file()}
+    lines = _tail(folder, f"{RUNS}/{name}/log.txt") or _tail(folder, f"{RUNS}/{name}{CONSOLE}")
+    return {"name": name, "status": _status(run), "log": lines, "report": is_inside(run, "report.html")}
 
 
 def _status(run: Path) -> str:
@@ -56,16 +57,16 @@ def _status(run: Path) -> str:
     try:
         return read_result(run)["status"]
     except (InputError, OSError):  # none yet
-        return "stopped" if (run / STATE_FILE).is_file() else "starting"
+        return "stopped" if is_inside(run, STATE_FILE) else "starting"
 
 
-def _tail(file: Path) -> list[str]:
+def _tail(folder: Path, name: str) -> list[str]:
     try:
-        with file.open("rb") as stream:
+        with open_inside(folder, name) as stream:
             stream.seek(0, os.SEEK_END)
             stream.seek(max(stream.tell() - 8192, 0))
             text = stream.read().decode("utf-8", errors="replace")
-    except OSError:
+    except (InputError, OSError):
         return []
     return [line[:300] for line in text.splitlines() if line.strip()][-LOG_LINES:]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from idic.experiment_file.initial.found import Area, Found, IMAGE_SUFFIXES, file
 from idic.experiment_file.initial.words import fitting_scale, lines_of
 from idic.experiment_file.toml_file import EXPERIMENT_FILE
 from idic.fe import Mesh, segments_of
+from idic.inside import open_inside
 from idic.readers import Log, parse_unit
 
 _ENDS = (("BOTTOM", "TOP"), ("LEFT", "RIGHT"), ("FIXED", "MOVING"), ("FIX", "LOAD"), ("CLAMP", "PULL"))
@@ -42,7 +44,7 @@ def initial_experiment(folder: str | Path, area: Area | None = None) -> tuple[Pa
         raise InputError("no such folder", file=folder, expected="a folder with images", found="nothing there",
                          remedy="check the path")
     target = folder / EXPERIMENT_FILE
-    if target.exists():
+    if os.path.lexists(target):
         raise InputError("the folder has an experiment already", file=target, expected="no experiment.toml",
                          found="an experiment.toml", remedy="rename or delete that file first")
     files = files_in(folder)
@@ -50,7 +52,7 @@ def initial_experiment(folder: str | Path, area: Area | None = None) -> tuple[Pa
     stages = [] if has_images else find_stages(files)
     contents = None if stages else look_around(folder, files, area)
     text = fields_document(folder, stages, files) if contents is None else _document(contents)
-    with target.open("x", encoding="utf-8") as stream:
+    with open_inside(folder, EXPERIMENT_FILE, "x") as stream:
         stream.write(text)
     return target, [] if contents is None else lines_of(contents, text)
 

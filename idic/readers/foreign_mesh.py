@@ -13,6 +13,7 @@ import meshio
 import numpy as np
 
 from idic.errors import InputError
+from idic.readers.containers.references import refuse_references
 
 SECONDS, SECONDS_PER_BYTE = 10.0, 5e-6  # the slowest readers take 1 µs per byte; small files 0.02 s
 _LZ4, _HEAD_BYTES = b"vtkLZ4DataCompressor", 1000  # in the first line of a VTU file
@@ -31,6 +32,7 @@ def read_by_meshio(path: Path) -> meshio.Mesh:
         raise InputError("a compression that idic does not read", file=path, key="mesh",
                          expected="data without compression, or with zlib or LZMA", found="LZ4",
                          remedy="save the file with zlib, the default of VTK and ParaView")
+    refuse_references(path, "mesh")
     attempt, quiet = _Attempt(path), io.StringIO()
     with contextlib.redirect_stdout(quiet), contextlib.redirect_stderr(quiet), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the error below reports the fault once

@@ -31,7 +31,6 @@ from .runs import Folders
 from .store.arrays import FrameArrays, read_array, write_array
 from .store.clean import clean_run
 from .store.layout import BASE, FROM_PYTHON, group_name
-from .store.replace import replace_file
 from .store.result_file import RESULT_FILE, finite, read_result, write_json
 from .store.run_folders import folders_of
 from .store.run_lock import is_held, process_lives, run_lock, this_process
@@ -61,7 +60,7 @@ __all__ = [
     "group_name", "has_force", "headlines", "identify_batch", "identify_run", "identify_whole", "import_meanwhile",
     "in_empty_folder", "ingest", "is_held", "open_cluster", "open_run", "open_source", "peak_memory_mb",
     "prepare_in_memory", "process_lives", "read_array", "read_batch", "read_result", "refuse_passed_point",
-    "refuse_store", "replace_file", "residuals_of", "run_calibration", "run_lock", "run_refits", "start_server",
+    "refuse_store", "residuals_of", "run_calibration", "run_lock", "run_refits", "start_server",
     "systematic", "this_process", "use_one_thread", "with_starts", "without_spots", "write_array", "write_comparison",
     "write_design", "write_json", "write_report",
 ]

@@ -37,6 +37,7 @@ from idic.correlation import view_of
 from idic.errors import InputError
 from idic.fe import surface_cells
 from idic.identification import Design, Plan, VIRTUAL_SPECKLE, design_test, join_designs, joint_names, load_plan
+from idic.inside import folder_inside, write_inside
 from idic.report import (
     MIN_CONFUSABLE_CORRELATION, PlanPictures, compare, design_table, draw_design, joint_summary, render_design,
     summary,
@@ -71,12 +72,13 @@ def write_design(paths: Sequence[Path | str], out: Path | str, overrides: Mappin
     stage("figures and page")
     out = Path(out)
     sections = draw_design(content, pictures)
-    (out / "figures").mkdir(parents=True, exist_ok=True)
+    folder_inside(out)
+    folder_inside(out, "figures")
     for section in sections:
         for picture in section.pictures:
-            (out / "figures" / f"{picture.name}.png").write_bytes(picture.png)
-    (out / TABLE_FILE).write_text(design_table(content), encoding="utf-8")
-    (out / PAGE_FILE).write_text(render_design(content, sections), encoding="utf-8")
+            write_inside(out, f"figures/{picture.name}.png", picture.png)
+    write_inside(out, TABLE_FILE, design_table(content))
+    write_inside(out, PAGE_FILE, render_design(content, sections))
     write_json(out / DESIGN_FILE, content)
     return content
 

@@ -68,7 +68,7 @@ def identify_run(experiments: Folders, out: str | os.PathLike, *, resume: bool =
         earlier = _earlier_result(run, console, SerialRunner()) if resume and not large else None
         if earlier is not None:
             return earlier
-        with workplace.opened(out, run.to_see, preload=("idic.run.prepared.tasks",)) as runner:
+        with workplace.opened(out, run.to_see, ("idic.run.prepared.tasks",), console.remark) as runner:
             earlier = _earlier_result(run, console, runner) if large else None
             if earlier is not None:
                 return earlier

@@ -74,8 +74,8 @@ def systematic(run: str | Path, bias: bool = True, spread: bool = True, *, workp
     def work(hooks: Hooks) -> dict:
         return hooks.stage("assess", _assessed, run, hooks.runner, bias, spread, partial(console.tasks, "comparisons"))
 
-    with (orchestrator.opened(), workplace.opened(run, experiments_of(run), ("idic.run.systematic_run",)) as runner,
-          run_lock(run)):
+    with (orchestrator.opened(), run_lock(run),
+          workplace.opened(run, experiments_of(run), ("idic.run.systematic_run",), console.remark) as runner):
         command = Command("systematic", "the assessment", {"run": str(run), "bias": bias, "spread": spread,
                                                            "workers": runner.workers})
         return orchestrator.conduct(command, runner, console, work)

@@ -186,7 +186,7 @@ def test_runs_are_named_within_the_folder(desk, tmp_path):
     assert list_folder(desk.folder).runs == ()
 
 
-def test_the_page_says_how_a_run_stands_and_where_its_report_is(tmp_path):
+def test_the_page_says_how_a_run_stands_and_where_its_report_is(gallery, tmp_path):
     run = tmp_path / "runs" / "run-1"
     run.mkdir(parents=True)
     (run.parent / "run-1.console.txt").write_text("reading\n")
@@ -195,10 +195,12 @@ def test_the_page_says_how_a_run_stands_and_where_its_report_is(tmp_path):
     assert state_of(tmp_path, "run-1")["status"] == "stopped"
     with run_lock(run):
         assert state_of(tmp_path, "run-1")["status"] == "at work"
-    write_result(run, {"status": "converged"})
+    result = gallery("step").result
+    write_result(run, result)
     (run / "report.html").write_text("<p>done</p>")
     (run / "log.txt").write_text("done\n")
-    assert state_of(tmp_path, "run-1") == {"name": "run-1", "status": "converged", "log": ["done"], "report": True}
+    assert state_of(tmp_path, "run-1") == {"name": "run-1", "status": result["status"], "log": ["done"],
+                                            "report": True}
 
 
 def test_a_folder_without_images_is_refused(tmp_path):

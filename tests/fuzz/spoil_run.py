@@ -26,6 +26,7 @@ CODECS = [[], [{"name": "bytes"}], [{"name": "bytes", "configuration": {"endian"
           [{"name": "transpose", "configuration": {"order": [0]}}, {"name": "bytes"}, {"name": "crc32c"}],
           # fmt: skip
           [{"name": "sharding_indexed", "configuration": {"chunk_shape": [1], "codecs": [{"name": "bytes"}]}}]]
+LEFT_OUT = "(left out)"
 STRANGE = [None, 0, -1, 1e308, "", "x" * 3000, [], {}, [[]], True, "NaN", "../../etc/passwd", "\x1b[31m", "\ud800"]
 ARRAY_KEYS = {"shape": SHAPES, "data_type": TYPES, "codecs": CODECS, "fill_value": STRANGE, "zarr_format": [2, 4, "3"],
               "chunk_grid": STRANGE
@@ -141,7 +142,41 @@ def give_attributes(path: Path, how: tuple[str, object]) -> None:
     path.write_text(json.dumps(content))
 
 
+def sealed_texts(run: Path) -> list[Path]:
+    """The files that hold their own checksum."""
+    return [path for path in (run / "run.json", run / "state.json", run / "result.json") if path.is_file()]
+
+
+def places(value: object, above: tuple = ()) -> list[tuple]:
+    """The way to every value of a nested content."""
+    pairs = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    return [above, *(place for key, item in pairs for place in places(item, (*above, key)))]
+
+
+def forge(path: Path, how: tuple[float, object]) -> None:
+    """Another value in a file with a checksum, which is written anew; `LEFT_OUT`: none."""
+    document = json.loads(path.read_text())
+    is_result = path.name == "result.json"
+    content = document if is_result else document["state"]
+    content.pop("sha256", None) if is_result else None
+    ways = places(content)[1:]
+    *way, key = ways[int(how[0] * len(ways))]
+    target = content
+    for step in way:
+        target = target[step]
+    if how[1] == LEFT_OUT:
+        del target[key]
+    else:
+        target[key] = how[1]
+    digest = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    document["sha256"] = digest
+    path.write_text(json.dumps(document))
+    if not is_result:  # nor does its copy help
+        path.with_name(f"{path.stem}.copy.json").unlink(missing_ok=True)
+
+
 ACTIONS = {
+    "forge": (sealed_texts, forge),
     "splice text": (texts, splice), "splice chunk": (chunks, splice), "flip text": (texts, flip),
     "flip chunk": (chunks, flip), "cut text": (texts, cut), "cut chunk": (chunks, cut), "remove file": (files, remove),
     "remove folder": (folders, remove), "another kind of file": (files, put_another_kind),
@@ -154,6 +189,7 @@ _described = st.sampled_from(sorted(ARRAY_KEYS)).flatmap(
     lambda key: st.tuples(st.just(key), st.sampled_from(ARRAY_KEYS[key]), st.booleans()))
 _HOW = {"splice text": splices, "splice chunk": splices, "flip text": st.integers(0, 80_000),
         "flip chunk": st.integers(0, 80_000), "cut text": _share, "cut chunk": _share, "exchange": _share,
+        "forge": st.tuples(_share, st.sampled_from([*STRANGE, LEFT_OUT, 10**30, 7, [1, 2], {"a": None}, "0x1p+3"])),
         "describe": _described, "attributes": st.tuples(_share, st.sampled_from(STRANGE))}  # fmt: skip
 
 
@@ -161,9 +197,10 @@ def _one(what: str):
     return st.builds(Spoilt, st.just(what), _share, _HOW.get(what, st.none()))
 
 
+forged_runs = _one("forge")
 spoilt_runs = st.sampled_from(sorted(ACTIONS) + ["describe", "describe", "flip text"]).flatmap(_one)
 
 
 def forged(spoilt: Spoilt) -> bool:
     """Whether a checksum was written anew with it: who does that may put any numbers there."""
-    return spoilt.what == "describe" and spoilt.how[2]
+    return spoilt.what == "forge" or spoilt.what == "describe" and spoilt.how[2]

@@ -77,3 +77,44 @@ def test_a_spoilt_stage_is_read_or_refused(tmp_path, kind, spoil):
             outcomes["refused"] += 1
             assert error.expected and error.found and error.remedy and error.file, str(error)
     assert outcomes["refused"] > 0
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e300, -1e16])
+@pytest.mark.parametrize("part", [np.s_[...], np.s_[..., 0], np.s_[..., -1], np.s_[0, 0, 2, 3, 1]])
+def test_positions_of_no_place_are_read_as_lost_points_or_refused(tmp_path, value, part):
+    grid = np.stack(np.meshgrid(np.arange(8.0), np.arange(6.0)), 0)[None, ..., None] * (10.0 + 0.1 * np.arange(3))
+    grid[part] = value
+    np.save(tmp_path / "fields.npy", grid)
+    _read_or_refused(tmp_path)
+
+
+@pytest.mark.parametrize("shape", [(0, 2, 3, 3, 4), (4, 2, 0, 3, 2), (4, 2, 3, 0, 2), (1, 2, 1, 1, 2), (1, 2, 3, 3, 1)])
+def test_arrays_of_no_points_or_one_image_are_refused(tmp_path, shape):
+    np.save(tmp_path / "fields.npy", np.zeros(shape))
+    with pytest.raises(InputError):
+        _read(tmp_path)
+
+
+@pytest.mark.parametrize("ids", [0, 1000])
+def test_a_stage_without_a_point_of_the_reference_is_refused(tmp_path, ids):
+    for k in range(3):
+        rows = [f"{k},{i + ids * k},{x},{y},{0.01 * k * x},0" for i, (x, y) in enumerate(X)]
+        (tmp_path / f"s_{k}.csv").write_text("\n".join(["stage,id,x_mm,y_mm,ux_mm,uy_mm", *rows]))
+    if not ids:
+        _read(tmp_path)
+    else:
+        with pytest.raises(InputError):
+            _read(tmp_path)
+
+
+def _read(folder):
+    series = open_fields(sorted(folder.iterdir()), unit="mm")
+    stack = FieldStack(series, measured_points(series, [0]))
+    check_stages(stack, range(stack.n_frames))
+
+
+def _read_or_refused(folder):
+    try:
+        _read(folder)
+    except InputError as problem:
+        assert problem.expected and problem.remedy

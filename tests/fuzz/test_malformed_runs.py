@@ -14,7 +14,7 @@ import pytest
 from base_experiments import base_folder
 from commands import assert_fair, campaign, contents, copy_of, idic, within_outcome
 from hypothesis import strategies as st
-from spoil_run import describe, flip, forged, spoilt_runs
+from spoil_run import describe, flip, forged, forged_runs, spoilt_runs
 
 from idic import identify
 from idic.cli.app import exit_code
@@ -237,6 +237,10 @@ test_a_spoilt_run, test_many_spoilt_runs = campaign(
 )
 test_numbers_of_a_spoilt_run, test_many_numbers_of_spoilt_runs = campaign(
     2, a_spoilt_run, base=st.sampled_from(BASES), spoilt=spoilt_runs, reader=st.just("numbers")
+)
+test_a_forged_run, test_many_forged_runs = campaign(
+    12, a_spoilt_run, base=st.sampled_from(BASES), spoilt=forged_runs,
+    reader=st.sampled_from(["resume", "compare", "diagnose", "numbers"])
 )
 _, test_many_reports_of_spoilt_runs = campaign(
     1, a_spoilt_run, share=0.01, base=st.sampled_from(BASES), spoilt=spoilt_runs, reader=st.just("report")

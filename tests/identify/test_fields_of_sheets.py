@@ -19,6 +19,7 @@ from idic.errors import InputError
 from idic.experiment_file import load_experiment
 from idic.identification import identify
 from idic.model import build_forward
+from idic.run import diagnose_run, identify_run
 from idic_studies.cases.case import with_measured_start
 
 E, NU, RADIUS, HALF, THICKNESS, STRESS, N_STAGES = 70e3, 0.3, 3.0, 8.0, 4.0, 200.0, 4
@@ -118,6 +119,13 @@ def test_the_change_of_thickness_determines_poissons_ratio(plate):
     own, alone = found["parameters"]["ALL.nu"], identify(without(experiment), start).result["parameters"]["ALL.nu"]
     assert found["status"] == "converged"
     assert abs(own["value"] - NU) < 3.0 * own["std"] and own["std"] < 0.9 * alone["std"]
+
+
+def test_a_run_that_compares_the_change_of_thickness_is_diagnosed(tmp_path):
+    """The rows along the normal have unknowns of their frame, which are no light."""
+    run = tmp_path / "run"
+    assert identify_run(write_test(tmp_path / "test"), run)["status"] == "converged"
+    assert diagnose_run(run, library=(), quick=True)["verdict"]
 
 
 @pytest.mark.parametrize("law", ["elastic", pytest.param("j2_linear", marks=pytest.mark.slow)])

@@ -19,7 +19,8 @@ ROOT = Path(__file__).parents[2]
 
 # Lower layers first. A room imports from lower layers and from itself; rooms of one layer do not see each other.
 LAYERS = [
-    ["idic.errors", "idic.expressions", "idic.input_decks", "idic.parameters", "idic.path_names", "idic.remote_files",
+    ["idic.errors", "idic.expressions", "idic.input_decks", "idic.inside", "idic.parameters", "idic.path_names",
+     "idic.remote_files",
      "idic.studies"],
     ["idic.images", "idic.laws"],
     ["idic.fe"],
@@ -38,7 +39,7 @@ LAYERS = [
     ["idic_studies"],
 ]
 WITHIN_A_LAYER = {("idic.parameters", "idic.errors"), ("idic.path_names", "idic.errors"),
-                  ("idic.studies", "idic.errors"), ("idic.__main__", "idic.cli")}
+                  ("idic.inside", "idic.errors"), ("idic.studies", "idic.errors"), ("idic.__main__", "idic.cli")}
 DISTRIBUTIONS = {"idic": ".", "idic_flows": ".", "idic_studies": "studies"}  # package: folder of its pyproject.toml
 STUDIES_DOOR = "idic.studies"  # the one module of the product that knows of the studies
 BEFORE_THE_LAST = {"idic.fe": {"idic.images"}}  # rooms of lower layers that a room does not see
@@ -50,7 +51,8 @@ THIRD_PARTIES = {
                      "SurfaceTopography", "pyMRAW", "cinereader", "nptdms", "zs2decode", "openpyxl"},
     "idic.experiment_file": {"pydantic", "pydantic_core", "tomli_w"},
     "idic.report": {"matplotlib", "PIL", "plotly", "jinja2"},
-    "idic.run": {"dask", "distributed", "fsspec", "meshio", "numcodecs", "psutil", "threadpoolctl", "zarr"},
+    "idic.run": {"dask", "distributed", "fsspec", "meshio", "numcodecs", "psutil", "pydantic", "threadpoolctl",
+                 "zarr"},
     "idic.virtual_tests": {"tifffile", "PIL", "meshio", "cv2"},
     "idic.draw": {"cv2", "pydantic", "starlette", "uvicorn"},
     "idic.notebook": {"arviz", "matplotlib", "pandas", "threadpoolctl", "xarray"},

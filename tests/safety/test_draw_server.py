@@ -4,6 +4,7 @@ sandbox."""
 from __future__ import annotations
 
 import json
+import os
 import sys
 from pathlib import Path
 
@@ -15,11 +16,13 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "draw"))
 from drawn_folder import make_folder, plan  # noqa: E402
 
 from idic.draw.desk import Desk  # noqa: E402
+from idic.draw.watch import state_of  # noqa: E402
 from idic.draw.server import MAX_BODY_BYTES, application  # noqa: E402
 from idic.draw import HOST, new_token, open_socket  # noqa: E402
 from idic.errors import InputError  # noqa: E402
 
 PORT, TOKEN = 45671, "right-token"
+OUTSIDE_TEXT = "what lies outside"
 OWN = f"http://{HOST}:{PORT}"
 
 
@@ -62,7 +65,8 @@ def test_a_change_needs_the_origin_of_the_page_and_json(client, folder):
 
 
 @pytest.mark.parametrize("body", [b"", b"[]", b"{", b"null", b'{"plan": 1}', b'{"replace": true}', b"[" * 5000,
-                                  b'{"plan": {"images": ["a"]}}'])
+                                  b'{"plan": {"images": ["a"]}}', b'{"plan": NaN, "replace": true}',
+                                  b'{"plan": "\\ud800", "replace": true}', b'{"plan": 1e999, "replace": true}'])
 def test_strange_bodies_get_one_message(client, body):
     answer = client.post(f"/{TOKEN}/api/write", content=body,
                          headers={"origin": OWN, "content-type": "application/json"})
@@ -131,3 +135,30 @@ def test_the_server_listens_on_this_machine_only_with_a_new_token_each_time():
     finally:
         place.close()
     assert len({new_token() for _ in range(20)}) == 20 and len(new_token()) >= 32
+
+
+@pytest.mark.parametrize("make", [lambda path, target: path.symlink_to(target), lambda path, _: os.mkfifo(path)])
+@pytest.mark.parametrize("place", ["runs/run-1.console.txt", "runs/run-1/log.txt", "runs/run-1/result.json"])
+def test_the_page_reads_and_writes_no_link_and_no_pipe(tmp_path, make, place):
+    folder = make_folder(tmp_path / "test")
+    secret = tmp_path / "secret.txt"
+    secret.write_text(OUTSIDE_TEXT)
+    (folder / "runs" / "run-1").mkdir(parents=True)
+    make(folder / place, secret)
+    shown = state_of(folder, "run-1")
+    assert OUTSIDE_TEXT not in str(shown)
+    if place.endswith("console.txt"):
+        desk = Desk(folder)
+        (folder / "experiment.toml").write_text("")
+        with pytest.raises(InputError, match=r"a symbolic link|a pipe"):
+            desk.identify("run-1")
+    assert secret.read_text() == OUTSIDE_TEXT
+
+
+def test_a_run_of_the_page_is_no_link(tmp_path):
+    folder = make_folder(tmp_path / "test")
+    (folder / "runs").mkdir()
+    (tmp_path / "elsewhere").mkdir()
+    (folder / "runs" / "run-1").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(InputError, match="a symbolic link"):
+        state_of(folder, "run-1")

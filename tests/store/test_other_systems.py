@@ -19,7 +19,8 @@ import idic
 from idic.errors import InputError
 from idic.readers import natural_key
 from idic.run.diagnosis.enriched import way_to
-from idic.run.store import replace, run_lock
+from idic import inside
+from idic.run.store import run_lock
 from idic.run import group_name
 from idic.path_names import ignores_case, path_name, refuse_names_that_are_one
 from idic.run.store.run_lock import RunBusy
@@ -60,14 +61,14 @@ def test_without_posix_locks_the_lock_of_windows_keeps_others_out(tmp_path, monk
 
 def test_a_file_that_another_program_holds_open_is_replaced_when_it_lets_go(tmp_path, monkeypatch):
     refused, given = [1, 1], os.replace
-    monkeypatch.setattr(os, "replace", lambda a, b: given(a, b) if not refused else held(refused))
+    monkeypatch.setattr(os, "replace", lambda a, b, **_: given(a, b) if not refused else held(refused))
     (tmp_path / "new").write_text("new", encoding="utf-8")
     (tmp_path / "old").write_text("old", encoding="utf-8")
-    replace.replace_file(tmp_path / "new", tmp_path / "old", patience_s=10.0)
+    inside.replace_file(tmp_path / "new", tmp_path / "old", patience_s=10.0)
     assert (tmp_path / "old").read_text(encoding="utf-8") == "new" and not refused
     refused.append(1)
     with pytest.raises(PermissionError):
-        replace.replace_file(tmp_path / "old", tmp_path / "new", patience_s=0.0)
+        inside.replace_file(tmp_path / "old", tmp_path / "new", patience_s=0.0)
 
 
 def held(refused):
@@ -177,3 +178,16 @@ def test_texts_are_written_and_read_as_utf_8():
 def test_files_on_another_drive_are_named_by_their_whole_path():
     assert way_to("D:\\tests\\one\\images", "D:\\runs\\first\\enriched", ntpath) == "..\\..\\..\\tests\\one\\images"
     assert way_to("C:\\tests\\one\\images", "D:\\runs\\first\\enriched", ntpath) == "C:\\tests\\one\\images"
+
+
+def test_where_nothing_may_be_written_kernels_are_kept_for_the_length_of_a_command(tmp_path):
+    """/proc takes no files, not even from root; without a folder numba refuses every function with a cache."""
+    code = ("import os, idic; idic.keep_compiled_somewhere(['/proc/nowhere', '/proc/cache'], os.environ); "
+            "print(os.environ['NUMBA_CACHE_DIR'])")
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True,
+                            env={**os.environ, "NUMBA_CACHE_DIR": "", "TMPDIR": str(tmp_path)})
+    folder = Path(answer.stdout.strip())
+    assert folder.parent == tmp_path and not folder.exists()
+    environment = {}
+    idic.keep_compiled_somewhere(["/proc/nowhere", str(tmp_path / "new" / "cache")], environment)
+    assert environment == {}

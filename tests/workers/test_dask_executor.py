@@ -24,6 +24,8 @@ from idic.readers import open_stack
 from idic.run import JobKillsWorkers, RunStore, SerialRunner, ZarrStack, open_cluster
 from idic.run.prepared.prepare import ingest
 from idic.run.workers.dask_connection import checked_address
+from idic.run.workers import submission
+from idic.run.workers.dask_executor import checked_memory_limit
 from idic.run.workers.submission import Submission
 from idic.run.workers.task_limits import TaskLimits, task_limits
 from idic_flows.shown_runner import ShownRunner
@@ -218,10 +220,10 @@ class KillerFirst:
 
 def test_a_job_that_kills_its_workers_is_blamed_in_its_place_and_earlier_results_come():
     client, came = KillerFirst(), []
-    submission = Submission(client, square, [0, 1, 2], names(3), TaskLimits(), copies=False)
+    jobs = Submission(client, square, [0, 1, 2], names(3), TaskLimits(), copies=False)
     threading.Timer(0.1, client.end_all).start()
     with pytest.raises(JobKillsWorkers, match="dying on job-it000-1") as problem:
-        for result in submission.in_order(None, 3):
+        for result in jobs.in_order(None, 3):
             came.append(result)
     assert came == [0] and problem.value.job == 1
 
@@ -366,3 +368,51 @@ def _wait_for(condition, seconds):
     while not condition():
         assert time.monotonic() < end, "waited too long"
         time.sleep(0.05)
+
+
+@posix
+def test_a_worker_that_is_lost_again_while_it_starts_is_replaced(tmp_path, monkeypatch):
+    """Dask closes it and starts none in its place: with one worker the call would wait for ever."""
+    import dask
+
+    monkeypatch.setattr("idic.run.workers.dask_settings.LOST_AFTER", "1s")
+    with open_cluster(1) as runner:
+        assert dask.config.get("distributed.deploy.lost-worker-timeout") == "1s"
+        assert runner.map(square, [2], names(1)) == [4]
+        with Killer(2) as killer:
+            for worker in psutil.Process().children(recursive=True):
+                if "spawn_main" in " ".join(worker.cmdline()):
+                    worker.kill()
+            assert runner.map(square, [3, 4], names(2, "again")) == [9, 16]
+        assert killer.killed
+
+
+@posix
+@pytest.mark.parametrize("choice", ["end", "here"])
+def test_without_any_worker_the_run_ends_or_goes_on_in_this_process_and_says_so(monkeypatch, choice):
+    monkeypatch.setenv("IDIC_NO_WORKERS", choice)
+    monkeypatch.setattr(submission, "MAX_WITHOUT_S", 2.0)
+    monkeypatch.setattr(submission, "_REMARK_AFTER_S", 1.0)
+    lines = []
+    with open_cluster(1, say=lines.append) as runner, Killer(100):
+        for worker in psutil.Process().children(recursive=True):
+            if "spawn_main" in " ".join(worker.cmdline()):
+                worker.kill()
+        if choice == "here":
+            assert runner.map(square, [3, 4], names(2)) == [9, 16]
+        else:
+            with pytest.raises(InputError, match="no workers"):
+                runner.map(square, [3, 4], names(2))
+    assert lines and lines[0].startswith("0 of 1 workers")
+
+
+@pytest.mark.parametrize("workers", [10**23, -1, 5000])
+def test_a_number_of_workers_that_no_machine_has_is_refused(workers):
+    with pytest.raises(InputError, match="number of worker processes"), open_cluster(workers):
+        pass
+
+
+@pytest.mark.parametrize("limit", ["1e400", "nan", "-1e400", "1e400GB"])
+def test_a_memory_limit_that_is_no_number_is_refused(limit):
+    with pytest.raises(InputError, match="memory limit"):
+        checked_memory_limit(limit, 1, None)

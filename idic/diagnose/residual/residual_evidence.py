@@ -324,7 +324,7 @@ def _light(context: CorrelationContext, bb: np.ndarray, rb: np.ndarray) -> float
     Every model has those two: what they explain of a lamp that flickers grows with the pixels that a model looks at.
     Their columns are smooth: the low-pass of the images takes nothing off the noise of these sums.
     """
-    if not len(rb):
+    if not len(rb) or not _is_grey(context):  # of a field they are motions of the frame along the normal
         return 0.0
     layout = grey_image(context).layout(context.experiment.options.brightness)
     frame_columns, end = np.zeros((len(rb), 2)), layout.n_columns

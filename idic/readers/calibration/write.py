@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from idic.inside import write_inside
 from idic.readers.calibration.rig import CameraRig
 
 
@@ -32,4 +33,4 @@ def write_rig(path: str | Path, rig: CameraRig, about: dict[str, object]) -> Non
         content["R"], content["T"] = rig.cameras[1].rotation.tolist(), rig.cameras[1].translation_mm.tolist()
     if rig.covariance is not None:
         content["covariance"] = {"names": list(rig.names), "matrix": rig.covariance.tolist()}
-    Path(path).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    write_inside(Path(path).parent, Path(path).name, json.dumps(content, indent=1) + "\n")

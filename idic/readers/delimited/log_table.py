@@ -82,8 +82,7 @@ def read_table(text: str, path: Path) -> Table:
     names, units = cells[header][1], cells[header + 1][1] if first == header + 2 else ()
     names = (names[0].lstrip("%/ ") or names[0], *names[1:])  # marks of comments in other programs
     rows = cells[first:]
-    while names and not names[-1] and not any(row[len(names) - 1:] and any(row[len(names) - 1:]) for _, row in rows):
-        names = names[:-1]
+    names = names[:max(_width(names), *(_width(row) for _, row in rows))]  # without columns of nothing at the end
     n = len(names)
     _check_names(names, path)
     _refuse_shifted_row(names, rows, path)
@@ -99,6 +98,11 @@ def read_table(text: str, path: Path) -> Table:
     return Table(separator, cells[header][0], names, units + ("",) * (n - len(units)), tuple(table_rows),
                  tuple(k for k, _ in rows),
                  tuple(cells[:header]))
+
+
+def _width(cells: Sequence[str]) -> int:
+    """Cells up to the last one that holds something."""
+    return len(cells) - next((k for k, cell in enumerate(reversed(cells)) if cell), len(cells))
 
 
 def _split(lines: Sequence[tuple[int, str]], separators: Sequence[str],

@@ -20,14 +20,14 @@ import numpy as np
 import scipy
 
 from idic.errors import InputError
-from idic.readers.fields.stages.failed_points import OUTSIDE
+from idic.readers.containers.references import is_hdf5, refuse_references
+from idic.readers.fields.stages.failed_points import MAX_LENGTH, OUTSIDE
 from idic.readers.fields.stages.stage import KEY, Stage
 
 if TYPE_CHECKING:
     import h5py  # loaded where such a file is read
 
 SUFFIXES = (".mat",)
-_HDF5 = b"MATLAB 7.3"
 _EXPECTED = "a structure data_dic_save with displacements and dispinfo"
 _PIXELS = ("", "pixel", "pixels", "px")
 _REGULAR = "regular"
@@ -70,16 +70,17 @@ def read_ncorr(path: Path) -> dict[float | None, Stage]:
 
 
 def _content(path: Path) -> _Saved:
-    with path.open("rb") as stream:
-        is_hdf5 = stream.read(len(_HDF5)) == _HDF5
+    refuse_references(path, KEY)
     try:
-        info, displacements = _of_hdf5(path) if is_hdf5 else _of_mat(path)
+        info, displacements = _of_hdf5(path) if is_hdf5(path) else _of_mat(path)
         formatted = [_pair(image, "ref_formatted") for image in displacements]
         raw = [_pair(image, "dic") for image in displacements]
         step, scale = float(np.ravel(info["spacing"])[0]) + 1.0, info.get("pixtounits")
         scale = np.ravel([] if scale is None else scale)
     except Exception as problem:  # noqa: BLE001  (a damaged file makes SciPy and h5py raise all kinds)
         raise _foreign(path, _EXPECTED, str(problem) or type(problem).__name__) from None
+    if not 0.0 < step < MAX_LENGTH or not all(0.0 < value < MAX_LENGTH for value in scale):
+        raise _foreign(path, "a spacing and a scale above 0", f"{step - 1.0:g}, {', '.join(f'{s:g}' for s in scale)}")
     if not displacements:
         raise _foreign(path, _EXPECTED, "no image")
     unit = str(info.get("units") or "").strip().lower()

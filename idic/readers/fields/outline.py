@@ -24,6 +24,9 @@ MIN_HOLE = 8  # points around a hole
 MAX_CHAMFER = 3.0  # distances of neighbours: length of a line that cuts a corner, and how far the corner is from it
 FIRST_CORNER = (0.377, 1.0)  # the corner lowest along this direction is the first: no axis of symmetry
 SWEEPS = 20  # of a line: weights are the inverse distances from the one before
+ROUNDED = 1e-6  # distances of neighbours: the same points in axes of another origin have the same corners
+MIN_CLEARANCE = 0.1  # distances of neighbours, between lines that do not meet: less cannot be meshed
+MIN_SPIKE_ANGLE = np.radians(10.0)  # between the two lines of a corner
 MAX_MITRE = 4.0  # margins: a corner that would reach further out is a sliver
 
 
@@ -47,12 +50,13 @@ def outline_of(points: np.ndarray, pitch: float, margin: float) -> PointOutline:
     InputError
         No points are connected.
     """
+    points = np.round(points / (ROUNDED * pitch)) * (ROUNDED * pitch)
     loops = sorted(loops_of(points, pitch), key=lambda loop: -abs(_area(loop)))
     if not loops:
         raise InputError("the points have no outline", expected="points next to each other",
                          found=f"{len(points)} points, none with two neighbours within {MAX_CIRCUMRADIUS:g} distances",
                          remedy="draw the outline yourself: mesh = { outline_mm = … }")
-    outer = _from_below(_grown(_straightened(_turned(loops[0], True), pitch), margin))
+    outer = _from_below(_sound(_turned(loops[0], True), pitch, margin))
     inner = [(loop, _hole(loop, pitch, margin) if len(loop) >= MIN_HOLE else None) for loop in loops[1:]]
     holes = [hole for _, hole in inner if hole is not None]
     gaps = [[*np.mean([loop.min(axis=0), loop.max(axis=0)], axis=0), np.ptp(loop, axis=0).max()]
@@ -239,6 +243,60 @@ def _grown(corners: np.ndarray, margin: float) -> np.ndarray:
     return corners + margin * (previous_outward + outward) / cosine[:, None]
 
 
+def _sound(loop: np.ndarray, pitch: float, margin: float) -> np.ndarray:
+    """The straight lines through a counter-clockwise loop, wider by a margin; where these cross or come too near to
+    each other, corners that are closer to the points, and in the end the points themselves  # (n, 2)"""
+    corners = _grown(_straightened(loop, pitch), margin)
+    for tolerance, width in ((MAX_STEP, margin), (0.5 * MAX_STEP, margin), (0.0, margin), (0.0, 0.0)):
+        if _can_be_meshed(corners, pitch):
+            break
+        corners = _grown(_corners(loop, tolerance * pitch), width)
+    return corners
+
+
+def _corners(loop: np.ndarray, tolerance: float) -> np.ndarray:
+    """The points of a loop that the others lie within `tolerance` of lines between."""
+    loop = np.roll(loop, -int(np.argmax(np.hypot(*(loop - loop.mean(axis=0)).T))), axis=0)
+    closed, opposite = np.vstack([loop, loop[:1]]), int(np.argmax(np.hypot(*(loop - loop[0]).T)))
+    return closed[[0, *_chosen(closed, 0, opposite, tolerance), opposite,
+                   *_chosen(closed, opposite, len(loop), tolerance)]]
+
+
+def _can_be_meshed(corners: np.ndarray, pitch: float) -> bool:
+    """Whether the lines of a polygon meet at their corners only, and under an angle."""
+    n, following = len(corners), np.roll(corners, -1, axis=0)
+    along, back = following - corners, np.roll(corners, 1, axis=0) - corners
+    turn = np.abs(np.arctan2(along[:, 0] * back[:, 1] - along[:, 1] * back[:, 0], np.sum(along * back, axis=1)))
+    if turn.min() < MIN_SPIKE_ANGLE or np.hypot(*along.T).min() < MIN_CLEARANCE * pitch or _area(corners) <= 0.0:
+        return False
+    first, second = np.triu_indices(n, 2)
+    is_separate = (first > 0) | (second < n - 1)
+    first, second = first[is_separate], second[is_separate]
+    if not len(first):
+        return True
+    ends = [(corners[first], following[first]), (corners[second], following[second])]
+    off = [[_beside(p, a, b) for p in pair] for (a, b), pair in ((ends[0], ends[1]), (ends[1], ends[0]))]
+    least = (ROUNDED * pitch) ** 2  # lines that touch have no clearance
+    if np.any((off[0][0] * off[0][1] < -least) & (off[1][0] * off[1][1] < -least)):
+        return False
+    nearest = min(float(_distance(p, *line).min()) for points, line in ((ends[0], ends[1]), (ends[1], ends[0]))
+                  for p in points)
+    return nearest >= MIN_CLEARANCE * pitch
+
+
+def _beside(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """How far points lie to the left of the lines through two others, row by row  # (n, 2) each -> (n,)"""
+    along, off = end - start, points - start
+    return (along[:, 0] * off[:, 1] - along[:, 1] * off[:, 0]) / np.hypot(*along.T)
+
+
+def _distance(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Of points from the line between two others, row by row  # (n, 2) each -> (n,)"""
+    along = end - start
+    share = np.clip(np.sum((points - start) * along, axis=1) / np.sum(along**2, axis=1), 0.0, 1.0)
+    return np.hypot(*(points - start - share[:, None] * along).T)
+
+
 def _hole(loop: np.ndarray, pitch: float, margin: float) -> np.ndarray | None:
     """A hole narrower by the margin: ``[x, y, r]`` of a round one, else corners; None where nothing is left."""
     matrix = np.column_stack([2.0 * loop, np.ones(len(loop))])
@@ -247,5 +305,5 @@ def _hole(loop: np.ndarray, pitch: float, margin: float) -> np.ndarray | None:
     mean = float(np.sqrt(max(constant + x * x + y * y, 0.0)))
     if np.sqrt(np.mean((radius - mean) ** 2)) < MAX_OUT_OF_ROUND * pitch:
         return np.array([x, y, mean - margin]) if mean > margin else None
-    corners = _grown(_straightened(_turned(loop, True), pitch), -margin)
+    corners = _sound(_turned(loop, True), pitch, -margin)
     return corners if _area(corners) > pitch**2 else None

@@ -21,7 +21,7 @@ from idic.readers.fields.exports.py3dic import SUFFIXES as PY3DIC_SUFFIXES
 from idic.readers.fields.exports.py3dic import read_py3dic
 from idic.readers.fields.exports.sundic import SUFFIXES as SUNDIC_SUFFIXES
 from idic.readers.fields.exports.sundic import read_sundic
-from idic.readers.fields.stages.failed_points import in_words
+from idic.readers.fields.stages.failed_points import MAX_LENGTH, in_words
 from idic.readers.fields.flattened import Flattening
 from idic.readers.fields.mudic import SUFFIXES as MUDIC_SUFFIXES
 from idic.readers.fields.mudic import read_mudic
@@ -268,8 +268,17 @@ def _read_cached(path: Path, format: str | Dialect, changed_ns: int) -> dict[flo
     if format == SUNDIC and path.suffix.lower() in SUNDIC_SUFFIXES:
         return read_sundic(path)
     if (read := _READERS.get(format)) is not None:
-        return read(path)
+        return {number: _of_places(stage) for number, stage in read(path).items()}
     return dict(read_columns(path, format))
+
+
+def _of_places(stage: Stage) -> Stage:
+    """The points of a stage that have a place."""
+    has_place = (np.abs(stage.points) < MAX_LENGTH).all(axis=1)
+    if has_place.all() or stage.displacement is None:
+        return stage
+    return stage.with_points(stage.points[has_place], stage.displacement[has_place],
+                             None if stage.ids is None else stage.ids[has_place], int((~has_place).sum()))
 
 
 def _read(path: Path, format: str | Dialect) -> dict[float | None, Stage]:

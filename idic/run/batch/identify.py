@@ -49,7 +49,7 @@ def identify_batch(paths: Sequence[str | Path], out: str | Path, *, starts: int 
     batch = Batch(out, runs, sensitivity)
     workplace.check(out, say=console.stage)
     with (orchestrator.opened(), batch.claim(resume), _kept_when_interrupted(batch),
-          workplace.opened(out, (), ("idic.run.batch.runs",)) as runner):
+          workplace.opened(out, (), ("idic.run.batch.runs",), console.remark) as runner):
         batch.write("running")
         command = Command("batch", "the batch", {"experiments": [run.name for run in runs], "out": str(batch.folder),
                                                  "workers": runner.workers}, several_runs=True)

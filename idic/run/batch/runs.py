@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from idic.errors import InputError, NotConverged
+from idic.inside import open_inside
 from idic.run.identify import identify_run
 from idic.run.orchestrator import Console
 from idic.run.reporting.write import write_report
@@ -56,7 +57,7 @@ def identify_whole(job: BatchJob) -> BatchOutcome:
 def identify_job(job: BatchJob, runner: TaskRunner,
                  tasks: Callable[[str, int, int], None] = lambda label, count, total: None) -> BatchOutcome:
     """Identify and write the report; an interruption is the only thing that is raised."""
-    log = _Log(Path(job.out) / LOG_FILE)
+    log = _Log(Path(job.out))
     try:
         result = _patiently(lambda: identify_run(job.experiment, job.out, resume=True, overrides=job.overrides,
                                                  sensitivity=job.sensitivity, workplace=Workplace(runner=runner),
@@ -90,10 +91,10 @@ def _patiently(identify: Callable[[], dict]) -> dict:
 class _Log:
     """Lines with the time since the start into ``RUN/log.txt``, once the run has made its folder."""
 
-    def __init__(self, file: Path):
-        self._file, self._began = file, time.monotonic()
+    def __init__(self, run: Path):
+        self._run, self._began = run, time.monotonic()
 
     def say(self, text: str) -> None:
-        if self._file.parent.is_dir():
-            with open(self._file, "a", encoding="utf-8") as log:
+        if self._run.is_dir():
+            with open_inside(self._run, LOG_FILE, "a") as log:
                 log.write(f"{time.strftime('%Y-%m-%d %H:%M:%S')} {time.monotonic() - self._began:6.1f} s  {text}\n")

@@ -10,16 +10,15 @@ from __future__ import annotations
 
 import json
 import time
-import uuid
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from idic.errors import InputError
+from idic.inside import is_inside, read_inside, way_inside, write_inside
 from idic.report import batch_table, draw_batch, render_batch, scatter
 from idic.run.batch.entries import BatchRun
 from idic.run.batch.runs import BatchJob, BatchOutcome
-from idic.run.store.replace import replace_file
 from idic.run.store.result_file import RESULT_FILE
 from idic.run.store.run_lock import run_lock
 
@@ -75,7 +74,8 @@ class Batch:
 
     def job(self, run: BatchRun) -> BatchJob:
         """What a worker needs for a run."""
-        return BatchJob(run.name, run.experiment, str(self.folder / run.name), run.overrides, self._sensitivity)
+        out = way_inside(self.folder, run.name)
+        return BatchJob(run.name, run.experiment, str(out), run.overrides, self._sensitivity)
 
     def record(self, outcome: BatchOutcome) -> None:
         """Note the outcome of a run."""
@@ -87,10 +87,10 @@ class Batch:
         status : "running", "finished" or "interrupted"
         """
         content = self._content(status)
-        _replace(self.folder / JSON_FILE, json.dumps(content, indent=1, allow_nan=False))
-        _replace(self.folder / CSV_FILE, batch_table(content))
+        write_inside(self.folder, JSON_FILE, json.dumps(content, indent=1, allow_nan=False))
+        write_inside(self.folder, CSV_FILE, batch_table(content))
         if page:
-            _replace(self.folder / PAGE_FILE, render_batch(content, draw_batch(content)))
+            write_inside(self.folder, PAGE_FILE, render_batch(content, draw_batch(content)))
         return content
 
     def _content(self, status: str) -> dict:
@@ -101,7 +101,7 @@ class Batch:
     def _rows_of_earlier_batch(self) -> dict[str, dict]:
         """Rows of the same runs whose RUN is still there: they are true until --resume has come to them."""
         try:
-            rows = {row["run"]: row for row in json.loads((self.folder / JSON_FILE).read_text("utf-8"))["runs"]}
+            rows = {row["run"]: row for row in json.loads(read_inside(self.folder, JSON_FILE))["runs"]}
         except (OSError, ValueError, KeyError, TypeError):
             return {}
         earlier_rows = {}
@@ -110,7 +110,7 @@ class Batch:
             is_same = row.get("experiment") == run.experiment and row.get("set") == json.loads(
                 json.dumps(dict(run.overrides)))
             if is_same and row.get("status") not in (WAITING, INTERRUPTED) and (
-                    self.folder / run.name / RESULT_FILE).exists():
+                    is_inside(self.folder, f"{run.name}/{RESULT_FILE}")):
                 earlier_rows[run.name] = row
         return earlier_rows
 
@@ -131,9 +131,3 @@ class Batch:
             "status": outcome.status, "reason": outcome.reason or ended or _REASONS.get(outcome.status, ""),
             "iterations": result.get("iterations"), "image_chi2_dof": result.get("residual", {}).get("image_chi2_dof"),
             "wall_s": result.get("cost", {}).get("wall_s"), "parameters": parameters}  # fmt: skip
-
-
-def _replace(path: Path, text: str) -> None:
-    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
-    temporary.write_text(text, encoding="utf-8")
-    replace_file(temporary, path)

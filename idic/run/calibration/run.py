@@ -8,6 +8,7 @@ from pathlib import Path
 
 from idic.calibrate import Calibration, Lens, MIN_VIEWS, calibrate
 from idic.errors import InputError
+from idic.inside import write_inside
 from idic.readers import KINDS, find_target, kind_of, write_rig
 from idic.report import calibration_picture
 from idic.run.calibration.images import camera_stacks
@@ -106,5 +107,5 @@ def run_calibration(arguments: list[Path], out: Path, spacing_mm: float, kind: s
              "rms_px": result.rms_px, "noise_px": result.noise_px}
     picture = calibration_picture(result)
     write_rig(out, result.rig, about)
-    out.with_suffix(".png").write_bytes(picture.png)
+    write_inside(out.parent, out.with_suffix(".png").name, picture.png)
     return CalibrationRun(result, kind, tuple(stack.labels for stack in stacks), tuple(without))

@@ -91,7 +91,7 @@ def diagnose_run(run: str | Path, *, resume: bool = False, quick: bool = False,
         return hooks.stage("write", write_all, str(run), diagnosis, began)
 
     with (run_lock(run), orchestrator.opened(), threadpool_limits(1, user_api="blas"),
-          workplace.opened(run, experiments_of(run), ("idic.run.diagnosis.diagnose",)) as runner):
+          workplace.opened(run, experiments_of(run), ("idic.run.diagnosis.diagnose",), console.remark) as runner):
         command = Command("diagnose", "the diagnosis", {"run": str(run), "resume": resume, "quick": quick,
                                                         "workers": runner.workers})
         return orchestrator.conduct(command, runner, console, work)

@@ -11,10 +11,12 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from idic.experiment_file import EXPERIMENT_FILE, to_toml, validated, with_overrides
+from idic.inside import folder_inside, remove_inside, write_inside
 from idic.model import Experiment, without_knot
 from idic.run.diagnosis.source import Source
+from idic.run.store.layout import ENRICHED
 
-FOLDER = "enriched"
+FOLDER = ENRICHED
 
 
 def write_enriched(source: Source, experiment: Experiment, values: Mapping[str, float], named: tuple[str, ...]) -> Path:
@@ -33,9 +35,8 @@ def write_enriched(source: Source, experiment: Experiment, values: Mapping[str, 
     """
     model = experiment.model
     folder = Path(source.run) / FOLDER
-    if folder.exists():
-        shutil.rmtree(folder)
-    folder.mkdir(parents=True)
+    remove_inside(source.run, FOLDER)
+    folder_inside(source.run, FOLDER)
     start_values = {name: value / model.parameters[name].factor for name, value in values.items()
                     if name in model.parameters and model.parameters[name].free}
     document = source.document()
@@ -46,7 +47,7 @@ def write_enriched(source: Source, experiment: Experiment, values: Mapping[str, 
     document["experiment"]["title"] = f"{experiment.title}, with {' and '.join(n.replace('_', ' ') for n in named)}"
     file = folder / EXPERIMENT_FILE
     validated(document, file)
-    file.write_text(to_toml(document), encoding="utf-8")
+    write_inside(folder, EXPERIMENT_FILE, to_toml(document))
     _link_files(Path(experiment.folder), folder, Path(source.run))
     return file
 

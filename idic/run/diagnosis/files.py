@@ -13,6 +13,7 @@ from idic.diagnose import (
     Diagnosis, Fit, Misfit, Ranked, Rival, Round, better_blocks, cautions, content as courses_content, in_words,
     left_place, mismatch_content, ratio, refitted_form, unexplained,
 )
+from idic.inside import is_inside, read_inside
 from idic.parameters import ParameterSet
 from idic.report import diagnosis_headline, left_over, not_excluded, sentence, with_spots
 from idic.run.store.result_file import RESULT_FILE, finite, read_result, write_json
@@ -35,7 +36,7 @@ def write_diagnosis(run: Path | str, verdict: Mapping, enriched: Path | None, wa
         "model": model, "cost": verdict["cost"] | {"wall_s": wall_s}, "notes": list(notes),
         "cautions": [*verdict["cautions"], *notes]}
     write_json(run / DIAGNOSIS_FILE, content)
-    return json.loads((run / DIAGNOSIS_FILE).read_text(encoding="utf-8"))
+    return json.loads(read_inside(run, DIAGNOSIS_FILE))
 
 
 def diagnosis_content(diagnosis: Diagnosis, parameters_before: Mapping[str, Mapping], wall_s: float = 0.0) -> dict:
@@ -169,7 +170,7 @@ def _expected(ranked: Ranked) -> dict[str, float]:
 def identified_parameters(run: Path | str) -> dict:
     """Value, std, unit of the free parameters of a RUN; {} without a result.json."""
     run = Path(run)
-    return free_parameters(read_result(run) if (run / RESULT_FILE).exists() else {})
+    return free_parameters(read_result(run) if is_inside(run, RESULT_FILE) else {})
 
 
 def free_parameters(result: Mapping) -> dict[str, dict]:

@@ -13,6 +13,7 @@ from idic.diagnose import (
     Diagnosis, JUDGEMENT, Notes, ResidualEvidence, SEED, WindowCurve, identification_at, law_pairs, map_of_noise,
     maps_of_evidence, maps_of_identification, thinned, window_curves,
 )
+from idic.inside import folder_inside, write_inside
 from idic.report import (
     Curve, DiagnosisRecord, KNOWN_ERROR_COUNTED, Picture, draw_diagnosis_sections, render_diagnosis_page, short_names,
     time_label,
@@ -29,13 +30,11 @@ def write_page(run: Path | str, diagnosis: Diagnosis, content: Mapping, titles: 
     sections = draw_diagnosis_sections(record, notes)
     figure_notes = [note for note in notes.texts if note not in content["cautions"]]
     record = replace(record, content={**content, "cautions": [*content["cautions"], *figure_notes]})
-    (run / "figures").mkdir(exist_ok=True)
+    folder_inside(run, "figures")
     for section in sections:
         for picture in section.pictures:
-            (run / "figures" / f"{picture.name}.png").write_bytes(picture.png)
-    path = run / PAGE_FILE
-    path.write_text(render_diagnosis_page(record, sections), encoding="utf-8")
-    return path
+            write_inside(run, f"figures/{picture.name}.png", picture.png)
+    return write_inside(run, PAGE_FILE, render_diagnosis_page(record, sections))
 
 
 def record_of(diagnosis: Diagnosis, content: Mapping, titles: Mapping[str, str], notes: Notes,

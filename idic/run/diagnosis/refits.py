@@ -7,9 +7,8 @@ are repeated: they give the same numbers.
 from __future__ import annotations
 
 import hashlib
+import io
 import json
-import os
-import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -18,8 +17,8 @@ import numpy as np
 
 import idic
 from idic.diagnose import Fit, Misfit, RefitJob, run_refit
+from idic.inside import folder_inside, is_inside, read_inside, remove_inside, write_inside
 from idic.run.workers.runner import TaskRunner
-from idic.run.store.replace import replace_file
 
 FOLDER = "diagnosis"
 FITS = ("choice", "judgement")
@@ -54,17 +53,16 @@ class RefitStore:
     """
 
     def __init__(self, run: str | Path, resume: bool):
-        self.folder = Path(run) / FOLDER
-        if not resume and self.folder.exists():
-            shutil.rmtree(self.folder)
+        self.run = Path(run)
+        if not resume:
+            remove_inside(run, FOLDER)
 
     def get(self, job: RefitJob) -> Fit | None:
         """The stored refit of this job; None without one, or where its file cannot be read."""
-        path = self._path(job)
-        if not path.exists():
+        if not is_inside(self.run, name := self._name(job)):
             return None
         try:
-            return _read(path)
+            return _read(read_inside(self.run, name))
         except Exception:  # noqa: BLE001 - a damaged archive raises whatever comes; the refit is made again
             return None
 
@@ -78,23 +76,20 @@ class RefitStore:
             misfit: Misfit | None = getattr(refit, name)
             plain[name] = None if misfit is None else misfit.pixels
             arrays |= {} if misfit is None else {f"{name}.{part}": getattr(misfit, part) for part in _ARRAYS}
-        self.folder.mkdir(parents=True, exist_ok=True)
-        path, part = self._path(job), self.folder / f"{job.name}.part"
-        with open(part, "wb") as file:
-            np.savez(file, plain=np.array(json.dumps(plain)), **arrays)
-            file.flush()
-            os.fsync(file.fileno())  # a power cut leaves no name of an unwritten file
-        replace_file(part, path)
+        content = io.BytesIO()
+        np.savez(content, plain=np.array(json.dumps(plain)), **arrays)
+        folder_inside(self.run, FOLDER)
+        write_inside(self.run, self._name(job), content.getvalue(), lasting=True)
 
-    def _path(self, job: RefitJob) -> Path:
-        return self.folder / f"{job.name}-{job_hash(job)}.npz"
+    def _name(self, job: RefitJob) -> str:
+        return f"{FOLDER}/{job.name}-{job_hash(job)}.npz"
 
 
 _ARRAYS = [field.name for field in fields(Misfit) if field.name != "pixels"]
 
 
-def _read(path: Path) -> Fit:
-    with np.load(path, allow_pickle=False) as stored:
+def _read(content: bytes) -> Fit:
+    with np.load(io.BytesIO(content), allow_pickle=False) as stored:
         arrays = {name: stored[name] for name in stored.files}
     plain = json.loads(str(arrays.pop("plain")))
     fits = {name: None if plain[name] is None else _fit(name, plain[name], arrays) for name in FITS}

@@ -15,6 +15,7 @@ from idic.errors import InputError
 from idic.experiment_file import ExperimentTables, read_experiment
 from idic.identification import is_two_step, measured_reference, point_context, seen_in
 from idic.images import Camera
+from idic.inside import read_inside, refuse_outside_of_data
 from idic.measure import BoundaryStart, with_boundary_start
 from idic.model import Experiment, ForwardModel, Stage, build_forward
 from idic.parameters import ParameterSet
@@ -71,7 +72,7 @@ class RunContext:
 def open_run(run: str) -> RunContext:
     """The context of a RUN; kept in the worker until its description changes."""
     try:
-        content = (Path(run) / DESCRIPTION).read_bytes()
+        content = read_inside(run, DESCRIPTION)
     except (FileNotFoundError, NotADirectoryError):
         raise _no_run(run) from None
     return _open_run(str(run), content)
@@ -90,6 +91,7 @@ def _no_run(run: str) -> InputError:
 def _open_run(run: str, content: bytes) -> RunContext:
     store = RunStore(run)
     store.refuse_other_version()
+    store.refuse_special_files()
     settings = load_checkpoint(Path(run) / DESCRIPTION, DESCRIPTION_SCHEMA)
     settings = settings | {"experiment": _experiment_of(run, settings)}
     tables = read_experiment(settings["experiment"], settings["overrides"])
@@ -99,10 +101,27 @@ def _open_run(run: str, content: bytes) -> RunContext:
                          expected=f"identity {settings['identity'][:16]}",
                          found=f"identity {experiment.recording.identity[:16]}",
                          remedy="restore its files, or identify it again into a new RUN")
+    _refuse_other_lengths(settings, experiment, Path(run) / DESCRIPTION)
     experiment = with_stored_noise(with_stored_images(store, experiment), settings)
     experiment = replace(experiment, recording=replace(experiment.recording, excluded=tuple(settings["excluded"])))
     experiment = with_boundary_start(experiment, stored_start(store, settings))
     return RunContext(store, tables, experiment, build_forward(experiment), settings)
+
+
+def _refuse_other_lengths(settings: Mapping, experiment: Experiment, file: Path) -> None:
+    """`InputError` where a description has other numbers of cameras, channels or frames than its experiment."""
+    n_cameras, n_channels, weights = len(experiment.cameras), len(experiment.model.channels), settings["weights"]
+    lengths = {"camera_noises": (settings["camera_noises"], n_cameras), "cameras": (weights["cameras"], n_cameras),
+               "camera_noise": (weights["camera_noise"], n_cameras), "channels": (weights["channels"], n_channels),
+               "channel_noise": (weights["channel_noise"], n_channels),
+               "channel_noise_source": (settings["channel_noise_source"], n_channels)}
+    wrong = [f"{len(entries)} of {key}" for key, (entries, n) in lengths.items() if len(entries) != n]
+    wrong += [f"frame {k}" for k in settings["excluded"] if k >= experiment.model.n_frames]
+    if wrong:
+        raise InputError("the description of the run is that of another experiment", file=file,
+                         expected=f"{n_cameras} further cameras, {n_channels} channels, {experiment.model.n_frames} "
+                                  "frames", found=", ".join(wrong[:3]),
+                         remedy="do not use this folder; identify the experiment again into another --out")
 
 
 def experiments_of(run: str | Path) -> tuple[ExperimentToSee, ...]:
@@ -115,6 +134,7 @@ def _experiment_of(run: str | Path, settings: Mapping) -> str:
     """Where the experiment of a RUN lies; one that was saved in the RUN moves with it."""
     path, saved = here(settings["experiment"]), Path(run) / FROM_PYTHON
     if os.path.exists(path):
+        refuse_outside_of_data(path, f"experiment of {run}")
         return path
     if saved.is_dir():
         return str(saved.resolve())

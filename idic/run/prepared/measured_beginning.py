@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from idic.errors import InputError
 from idic.identification import is_two_step, measured_noise, measured_start, without_edges
 from idic.measure import BoundaryStart, boundary_start
 from idic.model import Experiment, Noise, build_drives
@@ -44,16 +45,32 @@ class Beginning:
 
 
 def beginning_of(experiment: Experiment, motion: FreeMotion | None) -> Beginning:
-    """What to begin with; motion : None where no free FE-DIC is needed."""
+    """What to begin with; motion : None where no free FE-DIC is needed.
+
+    Raises
+    ------
+    InputError
+        The free FE-DIC follows the specimen in no frame after the reference.
+    """
     if motion is None:
         return Beginning(tuple(experiment.recording.excluded),
                          np.zeros((experiment.model.n_frames, build_drives(experiment).n_local)))
     excluded = list(experiment.recording.excluded)
     excluded += [int(k) for k in np.flatnonzero(motion.unexplained) if int(k) not in excluded]
     excluded += [k for k in without_edges(experiment, motion.lost, motion.in_space) if k not in excluded]
+    _require_frames(experiment, excluded)
     local = measured_start(experiment, motion.u_px, excluded, motion.in_space,
                            motion.nodes if motion.in_space is None else None)
     return Beginning(tuple(excluded), local, boundary_start(experiment, motion.u_px, excluded, motion.in_space))
+
+
+def _require_frames(experiment: Experiment, excluded: list[int]) -> None:
+    compared = set(range(experiment.model.reference + 1, experiment.model.n_frames)) - set(excluded)
+    if not compared and len(excluded) > len(experiment.recording.excluded):
+        raise InputError("no frame after the reference can be compared", key="experiment.images",
+                         expected="images on which the speckle is followed from the reference on",
+                         found=f"{len(excluded) - len(experiment.recording.excluded)} frames with another pattern",
+                         remedy="look at the images and at the place of the mesh: idic check")
 
 
 def cameras_to_measure(experiment: Experiment) -> list[int]:

@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from idic.errors import InputError
+from idic.inside import folder_inside, write_inside
 from idic.model import is_mode
 from idic.readers import factor_to
 from idic.report import comparison_picture, comparison_tables, of_fields, render_tables
@@ -49,15 +50,13 @@ def compare_runs(runs: Sequence[str | Path]) -> dict:
 
 def write_comparison(content: Mapping, out: str | Path) -> Path:
     """Write ``compare.json``, ``compare.csv`` and ``compare.html`` into a folder; returns the page."""
-    folder = Path(out)
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = folder_inside(out)
     write_json(folder / JSON_FILE, dict(content))
-    (folder / CSV_FILE).write_text(_csv(content), encoding="utf-8")
+    write_inside(folder, CSV_FILE, _csv(content))
     picture = comparison_picture(content)
     page = render_tables("Comparison of runs", headlines(content), comparison_tables(content),
                          [picture] if picture else [])
-    (folder / PAGE_FILE).write_text(page, encoding="utf-8")
-    return folder / PAGE_FILE
+    return write_inside(folder, PAGE_FILE, page)
 
 
 def headlines(content: Mapping) -> list[str]:

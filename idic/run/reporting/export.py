@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import io
+import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +13,7 @@ import meshio
 import numpy as np
 
 from idic.errors import InputError
+from idic.inside import folder_inside, free_inside, write_inside
 from idic.measure import FieldSeries, MEASURES, field_columns
 from idic.run.prepared.context import open_run
 from idic.run.reporting.paraview import VTK_NAMES, three_columns, write_collection
@@ -70,7 +73,7 @@ def export_fields(run: Path | str, folder: Path | str, file_format: str = "csv",
         raise InputError("the run has no fields", file=run,
                          expected="an accepted simulation of a plane model or a solid",
                          found="a cross-section, or no accepted simulation", remedy="see result.json for its status")
-    folder.mkdir(parents=True, exist_ok=True)
+    folder_inside(folder)
     content = Exported(series, experiment.model.times[list(series.frames)],
                        lambda k: field_columns(series, k, measure, angle_deg))
     return WRITERS[file_format](content, folder)
@@ -80,11 +83,12 @@ def _csv(content: Exported, folder: Path) -> Path:
     """One file per frame, one row per node."""
     plane = content.series.surface.plane
     for frame, _, columns in content.frames:
-        with open(folder / f"frame_{frame:04d}.csv", "w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(["node", f"x_{content.series.unit}", f"y_{content.series.unit}", *columns])
-            for i, (label, point) in enumerate(zip(plane.node_labels, plane.nodes, strict=True)):
-                writer.writerow([label, *(_number(v) for v in (*point, *(values[i] for values in columns.values())))])
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(["node", f"x_{content.series.unit}", f"y_{content.series.unit}", *columns])
+        for i, (label, point) in enumerate(zip(plane.node_labels, plane.nodes, strict=True)):
+            writer.writerow([label, *(_number(v) for v in (*point, *(values[i] for values in columns.values())))])
+        write_inside(folder, f"frame_{frame:04d}.csv", text.getvalue())
     return folder
 
 
@@ -101,7 +105,7 @@ def _vtu(content: Exported, folder: Path) -> Path:
 
 def _xdmf(content: Exported, folder: Path) -> Path:
     """One XDMF file with all frames, numbers as text: every reader takes it."""
-    plane, path = content.series.surface.plane, folder / "fields.xdmf"
+    plane, path = content.series.surface.plane, free_inside(folder, "fields.xdmf")
     cells = [(VTK_NAMES[block.cell], np.asarray(block.connectivity)) for block in plane.blocks]
     with meshio.xdmf.TimeSeriesWriter(path, data_format="XML") as writer:
         writer.write_points_cells(three_columns(plane.nodes), cells)
@@ -113,15 +117,15 @@ def _xdmf(content: Exported, folder: Path) -> Path:
 def _zarr(content: Exported, folder: Path) -> Path:
     """A Zarr group: ``frame``, ``time``, ``node``, ``x``, ``y``, and (frames, nodes) for every field."""
     path, plane = folder / "fields.zarr", content.series.surface.plane
-    if path.exists():
+    if os.path.lexists(path):
         raise InputError("there is such a file", file=path, expected="a new name", found="an earlier export",
                          remedy="remove it, or choose another --out")
     frames = list(content.frames)
     arrays = {"frame": np.array([frame for frame, _, _ in frames]), "time": np.array([time for _, time, _ in frames]),
               "node": np.asarray(plane.node_labels), "x": plane.nodes[:, 0], "y": plane.nodes[:, 1]}
     arrays |= {name: np.array([columns[name] for _, _, columns in frames]) for name in frames[0][2]}
-    path.mkdir()
-    (path / "zarr.json").write_text('{"zarr_format": 3, "node_type": "group", "attributes": {}}\n', encoding="utf-8")
+    folder_inside(folder, path.name)
+    write_inside(path, "zarr.json", '{"zarr_format": 3, "node_type": "group", "attributes": {}}\n')
     for name, values in arrays.items():
         create_array(path, name, values.shape, values.shape, values.dtype)[...] = values
     return path

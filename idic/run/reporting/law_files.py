@@ -12,12 +12,14 @@ import numpy as np
 from idic.errors import InputError
 from idic.experiment_file import StatedCurve, to_toml
 from idic.fe import EXTERNAL
+from idic.inside import folder_inside, write_inside
 from idic.laws import (
     ELASTOPLASTIC, EXPANSION, LISTS, LOCUS_NAME, PRODUCT_SIGN, PROGRAMS, RINGS, WrittenTerm, get_law, material_card,
     terms_of,
 )
 from idic.model import Model, nodal_temperature
 from idic.readers import factor_between
+from idic.path_names import path_name
 from idic.run.prepared.context import open_run
 from idic.run.reporting.write import accepted_parameters
 from idic.run.store.result_file import read_result
@@ -48,22 +50,21 @@ def export_laws(run: Path | str, folder: Path | str) -> tuple[WrittenLaw, ...]:
     if not materials:
         raise InputError("the laws of this RUN belong to another solver", file=run, key="--export",
                          expected="a law of idic", found="[solver]", remedy="take the parameters from its result.json")
-    folder.mkdir(parents=True, exist_ok=True)
+    folder_inside(folder)
     written, visited = [], _visited_temperatures(context.experiment.model)
     for material in materials:
         names = [*get_law(material.law).parameter_names, EXPANSION.name]
         values = {name: parameters[f"{material.element_set}.{name}"].value for name in names
                   if f"{material.element_set}.{name}" in parameters}
-        files = [folder / f"{material.element_set}.toml"]
+        stem = path_name(material.element_set)
         curves = [curve for curve in context.experiment.model.free_curves
                   if curve.last_knot.startswith(f"{material.element_set}.")]
-        files[0].write_text(law_table(material.element_set, material.law, material.kinematics, values, result, curves),
-                            encoding="utf-8")
+        files = [write_inside(folder, f"{stem}.toml", law_table(
+            material.element_set, material.law, material.kinematics, values, result, curves))]
         missing = {}
         for program in PROGRAMS:
             card = material_card(material.element_set, material.law, values, program, temperatures=visited)
-            files.append(folder / f"{material.element_set}.{program}.inp")
-            files[-1].write_text(card.text, encoding="utf-8")
+            files.append(write_inside(folder, f"{stem}.{program}.inp", card.text))
             missing[program] = card.missing
         written.append(WrittenLaw(material.element_set, tuple(files), missing))
     return tuple(written)

@@ -10,6 +10,7 @@ import meshio
 import numpy as np
 
 from idic.fe import Mesh
+from idic.inside import folder_inside, free_inside, write_inside
 from idic.measure import field_columns
 from idic.model import Model
 from idic.report import RunRecord
@@ -50,23 +51,20 @@ def write_collection(folder: Path, mesh: Mesh, frames: Iterable[tuple[float, Map
     Path
         The PVD file to open.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    folder_inside(folder.parent, folder.name)
     points = three_columns(mesh.nodes).astype(np.float32)
     cells = [(VTK_NAMES[block.cell], np.asarray(block.connectivity, dtype=np.int32)) for block in mesh.blocks]
     entries = []
     for k, (time, fields) in enumerate(frames):
         name = f"frame_{k:04d}.vtu"
         data = {key: three_columns(value) for key, value in fields.items()}
-        meshio.write(folder / name, meshio.Mesh(points, cells, point_data=data), file_format="vtu")
+        meshio.write(free_inside(folder, name), meshio.Mesh(points, cells, point_data=data), file_format="vtu")
         entries.append(f'    <DataSet timestep={quoteattr(f"{time:.9g}")} part="0" file={quoteattr(name)}/>')
-    path = folder / COLLECTION
-    path.write_text(
+    return write_inside(
+        folder, COLLECTION,
         '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
         + "\n".join(entries)
-        + "\n  </Collection>\n</VTKFile>\n",
-        encoding="utf-8",
-    )
-    return path
+        + "\n  </Collection>\n</VTKFile>\n")
 
 
 def three_columns(values: np.ndarray) -> np.ndarray:

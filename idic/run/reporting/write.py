@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
@@ -14,6 +13,7 @@ from idic.correlation import SPACE, at_fixed_pixels, camera_at, is_section, view
 from idic.errors import InputError
 from idic.fe import surface_cells
 from idic.identification import ratios_of
+from idic.inside import folder_inside, is_inside, write_inside
 from idic.model import Experiment, Model, is_mode, nodal_temperature
 from idic.parameters import ParameterSet
 from idic.report import (
@@ -67,20 +67,18 @@ def write_report(run: Path | str, stage: Callable[[str], None] = lambda text: No
     write_numbers(run, record, paraview)  # before the figures: it meets a damaged frame at once
     stage("figures")
     sections = draw_sections(record, in_turn if second is None else partial(second.draw_all, record))
-    (run / "figures").mkdir(exist_ok=True)
+    folder_inside(run, "figures")
     for picture in all_pictures(sections):
-        (run / "figures" / f"{picture.name}.{picture.format}").write_bytes(picture.png)
+        write_inside(run, f"figures/{picture.name}.{picture.format}", picture.png)
     stage("page")
-    path = run / REPORT_FILE
-    path.write_text(render_page(record, sections), encoding="utf-8")
-    return path
+    return write_inside(run, REPORT_FILE, render_page(record, sections))
 
 
 def write_numbers(run: Path, record: RunRecord, paraview: bool = False) -> None:
     """Write ``RUN/tables``, and with `paraview` ``RUN/paraview``: what stands beside page and figures."""
-    (run / "tables").mkdir(exist_ok=True)
+    folder_inside(run, "tables")
     for name, text in all_tables(record).items():
-        (run / "tables" / name).write_text(text, encoding="utf-8")
+        write_inside(run, f"tables/{name}", text)
     if paraview:
         context = open_run(str(run))
         parameters = accepted_parameters(record.result, context.experiment.model.parameters)
@@ -93,12 +91,10 @@ def _write_joint_report(run: Path, stage: Callable[[str], None], paraview: bool,
     """The page of several experiments identified together, and the report of each."""
     result = read_result(run)
     for name, folder in folders_of(run).items():
-        if (folder / RESULT_FILE).exists():
+        if is_inside(folder, RESULT_FILE):
             stage(f"report of {name}")
             write_report(folder, paraview=paraview, second=second)
-    path = run / REPORT_FILE
-    path.write_text(joint_page(result), encoding="utf-8")
-    return path
+    return write_inside(run, REPORT_FILE, joint_page(result))
 
 
 def load_record(run: Path | str) -> RunRecord:
@@ -366,10 +362,7 @@ def _columns(context: RunContext, point: int, frame: int, parameters: ParameterS
     u = _read(context, point, BASE, "u", frame)
     columns = []
     for name in context.moving:
-        ident = json.loads((context.store.group(group_name(point, name))
-                            / "zarr.json").read_text(encoding="utf-8"))["attributes"][
-            "ident"
-        ]
+        ident = context.store.ident(context.store.group(group_name(point, name)))
         change = float.fromhex(ident["values"][name]) - parameters[name].value
         columns.append((_read(context, point, name, "u", frame) - u) / change)
     return np.stack(columns, axis=-1)

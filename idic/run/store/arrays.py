@@ -23,6 +23,7 @@ from zarr.codecs import BloscCodec, BytesCodec, Crc32cCodec
 from zarr.core import sync
 
 from idic.errors import InputError
+from idic.inside import is_regular
 from idic.remote_files import fetch
 
 _CODECS, _KINDS = (BytesCodec, BloscCodec, Crc32cCodec), "biuf"
@@ -96,7 +97,7 @@ def open_array(group: Path | str, name: str, mode: str = "r") -> zarr.Array:
     """
     path = os.path.join(os.path.abspath(group), name)
     try:
-        status = os.stat(os.path.join(path, "zarr.json"))
+        status = os.lstat(os.path.join(path, "zarr.json"))
     except OSError as problem:
         raise _damage(Path(path), found=f"{type(problem).__name__}: {problem}") from problem
     return _opened(path, mode, (status.st_dev, status.st_ino, status.st_mtime_ns, status.st_size))
@@ -139,12 +140,12 @@ def missing_chunks(array: zarr.Array, path: Path, first: int = 0, stop: int | No
         stop = array.shape[0] if stop is None else stop
         keys = [array.metadata.encode_chunk_key((i, *zeros)) for i in range(first // step, -(-stop // step))]
     files = {key: os.path.join(path, key) for key in keys}
-    return [key for key, file in files.items() if not (os.path.isfile(file) or _came(file))]
+    return [key for key, file in files.items() if not (is_regular(file) or _came(file))]
 
 
 def _came(file: str) -> bool:
     fetch(file)
-    return os.path.isfile(file)
+    return is_regular(file)
 
 
 def read_block(array: zarr.Array, path: Path, first: int, stop: int) -> np.ndarray:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import uuid
 from pathlib import Path
 
 import numpy as np
 
 from idic.errors import InputError
-from idic.run.store.replace import replace_file
+from idic.inside import read_inside, remove_inside, write_inside
+from idic.run.store.schemas import BY_SCHEMA, refuse_other_types
 
 
 def save_checkpoint(path: Path | str, schema: str, state: dict) -> None:
@@ -36,27 +35,22 @@ def restore_checkpoint(path: Path | str) -> bool:
     """Replace a damaged or lost checkpoint by its copy; whether that was needed and possible."""
     if _is_whole(path) or not _is_whole(copy_of(path)):
         return False
-    _replace(Path(path), copy_of(path).read_text(encoding="utf-8"))
+    _replace(Path(path), _content(copy_of(path)))
     return True
 
 
 def remove_checkpoint(path: Path | str) -> None:
     """Delete a checkpoint and its copy."""
     for place in (copy_of(path), Path(path)):  # a kill in between leaves the checkpoint, which counts
-        place.unlink(missing_ok=True)
+        remove_inside(place.parent, place.name)
 
 
-def _replace(path: Path, text: str) -> None:
-    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
-    try:
-        with open(temporary, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        replace_file(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
-    _sync_folder(path.parent)
+def _replace(path: Path, text: str | bytes) -> None:
+    write_inside(path.parent, path.name, text, lasting=True)
+
+
+def _content(path: Path | str) -> bytes:
+    return read_inside(Path(path).parent, Path(path).name)
 
 
 def load_checkpoint(path: Path | str, schema: str) -> dict | None:
@@ -65,11 +59,11 @@ def load_checkpoint(path: Path | str, schema: str) -> dict | None:
     Raises
     ------
     InputError
-        The file is damaged, or was written by another version.
+        The file is damaged, was written by another version, or holds other types than those of its schema.
     """
     path = Path(path)
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json.loads(_content(path))
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as problem:
@@ -80,6 +74,8 @@ def load_checkpoint(path: Path | str, schema: str) -> dict | None:
         raise _damaged(path, f"schema {schema}", f"schema {document.get('schema')}")
     if document.get("sha256") != _digest(document["state"]):
         raise _damaged(path, "contents that fit their checksum", "contents that were altered")
+    if schema in BY_SCHEMA:
+        refuse_other_types(document["state"], BY_SCHEMA[schema], path)
     return document["state"]
 
 
@@ -97,7 +93,7 @@ def from_hex(text) -> np.ndarray | float:
 
 def _is_whole(path: Path | str) -> bool:
     try:
-        document = json.loads(Path(path).read_text(encoding="utf-8"))
+        document = json.loads(_content(path))
         return document["sha256"] == _digest(document["state"])
     except (OSError, ValueError, TypeError, KeyError):
         return False
@@ -105,17 +101,6 @@ def _is_whole(path: Path | str) -> bool:
 
 def _digest(state: dict) -> str:
     return hashlib.sha256(json.dumps(state, sort_keys=True, allow_nan=False).encode()).hexdigest()
-
-
-def _sync_folder(folder: Path) -> None:
-    try:
-        descriptor = os.open(folder, os.O_RDONLY)
-    except PermissionError:  # folders cannot be opened on every system
-        return
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def _damaged(path: Path, expected: str, found: str) -> InputError:

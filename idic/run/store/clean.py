@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
 from contextlib import ExitStack
 from pathlib import Path
 
 from idic.errors import InputError
+from idic.inside import is_inside, read_inside, remove_inside
 from idic.run.store.layout import EXPERIMENTS, SCRATCH
 from idic.run.store.result_file import RESULT_FILE
 from idic.run.store.run_lock import run_lock
@@ -40,7 +40,7 @@ def clean_run(run: Path | str, results_only: bool = False) -> int:
         one is not made its results alone: it could no longer be resumed.
     """
     run = Path(run)
-    if not (run / RESULT_FILE).is_file():
+    if not is_inside(run, RESULT_FILE):
         raise _unfinished(run, "none")
     with ExitStack() as locks:
         locks.enter_context(run_lock(run))
@@ -69,17 +69,14 @@ def _is_interrupted(run: Path) -> bool:
 
 
 def _clean(folder: Path, results_only: bool) -> int:
-    cited = (folder / DIAGNOSIS).read_text(encoding="utf-8") if (folder / DIAGNOSIS).is_file() else ""
+    cited = read_inside(folder, DIAGNOSIS).decode(errors="replace") if is_inside(folder, DIAGNOSIS) else ""
     doomed = [folder / name for name in (*MADE_AGAIN, *(WORKING_FILES if results_only else ()))]
     if _is_folder(folder / PICTURES):
         doomed += [file for file in (folder / PICTURES).iterdir() if file.is_file() and file.name not in cited]
     freed = 0
     for path in doomed:
         freed += _size(path)
-        if _is_folder(path):
-            shutil.rmtree(path)
-        else:
-            path.unlink(missing_ok=True)
+        remove_inside(folder, path.relative_to(folder))
     return freed
 
 

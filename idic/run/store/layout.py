@@ -19,11 +19,13 @@ from idic.path_names import path_name
 DESCRIPTION = "run.json"
 DESCRIPTION_SCHEMA = "idic.run-description/1"
 BASE = "base"
+ENRICHED = "enriched"  # RUN/enriched: the model of a diagnosis as an experiment
 EXPERIMENTS = "experiments"  # RUN/experiments/NAME: the parts of a joint identification
 FROM_PYTHON = "experiment-from-python"  # RUN/experiment-from-python: the experiment where it was no folder before
 CHUNK_BYTES = 8_000_000  # bytes of a chunk; larger chunks are not read faster
 FIELDS, FLOOR, FREE = "fields", "floor", "free"  # groups of the judgement of the last point
 SCRATCH = "scratch"  # RUN/scratch: folders of an external solver
+OF_LINKS = (FROM_PYTHON, ENRICHED, SCRATCH)  # folders in which there may be links: to data, of an external solver
 
 
 def local_label(index: int) -> str:

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from idic.errors import InputError
-from idic.run.store.replace import replace_file
+from idic.inside import read_inside, write_inside
+from idic.run.store.schemas import Result, refuse_other_types
 
 RESULT_FILE = "result.json"
 _SEAL = "sha256"
@@ -34,11 +34,11 @@ def read_result(run: Path | str) -> dict:
     Raises
     ------
     InputError
-        The result is missing or altered.
+        The result is missing or altered, or holds other types than those of its schema.
     """
     file = Path(run) / RESULT_FILE
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
+        content = json.loads(read_inside(run, RESULT_FILE))
     except (FileNotFoundError, NotADirectoryError):
         raise InputError("there is no result", file=run, expected=f"a RUN folder with {RESULT_FILE}", found="none",
                          remedy="run idic identify first, or finish the run with --resume") from None
@@ -48,18 +48,13 @@ def read_result(run: Path | str) -> dict:
         raise _altered(file, "no checksum")
     if content.pop(_SEAL) != _digest(content):
         raise _altered(file, "contents with another checksum")
+    refuse_other_types(content, Result, file)
     return content
 
 
 def write_json(path: Path, content: dict) -> None:
     """Replace a JSON file atomically; NaN becomes null."""
-    temporary = path.with_name(f".{path.name}.tmp")
-    with open(temporary, "w", encoding="utf-8") as file:
-        json.dump(finite(content), file, indent=1, allow_nan=False)
-        file.write("\n")
-        file.flush()
-        os.fsync(file.fileno())
-    replace_file(temporary, path)
+    write_inside(path.parent, path.name, json.dumps(finite(content), indent=1, allow_nan=False) + "\n", lasting=True)
 
 
 def finite(value):

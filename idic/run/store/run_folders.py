@@ -5,15 +5,18 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from idic.inside import is_inside, way_inside
 from idic.run.store.checkpoint import load_checkpoint, save_checkpoint
 from idic.run.store.layout import DESCRIPTION, EXPERIMENTS
 
 JOINT_FILE, SCHEMA = "joint.json", "idic.joint/1"
+NO_LETTERS = re.compile(r"[^A-Za-z0-9_-]+")  # as in `schemas.Names`
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,7 @@ class RunFolders:
     @property
     def begun(self) -> bool:
         """Whether a run has begun here: of one experiment that is prepared, or of several."""
-        return (self.run / (JOINT_FILE if self.below else DESCRIPTION)).exists()
+        return os.path.lexists(self.run / (JOINT_FILE if self.below else DESCRIPTION))
 
     def write(self) -> None:
         """Name several experiments in ``RUN/joint.json``."""
@@ -52,12 +55,14 @@ def folders_of(run: Path | str) -> dict[str, Path]:
     """The folders of the experiments of a RUN, by their names; of a single one RUN itself, without a name."""
     content = load_checkpoint(Path(run) / JOINT_FILE, SCHEMA)
     names = [""] if content is None else content["names"]
-    return dict(RunFolders._of_names(Path(run), names).parts)
+    folders = RunFolders._of_names(Path(run), names)
+    return {name: way_inside(run, folder.relative_to(run)) if folder in folders.below.values() else folder
+            for name, folder in folders.parts.items()}
 
 
 def is_joint(run: Path | str) -> bool:
     """Whether a RUN folder holds several experiments that were identified together."""
-    return (Path(run) / JOINT_FILE).exists()
+    return is_inside(run, JOINT_FILE)
 
 
 def experiment_names(paths: Sequence[str | Path]) -> list[str]:
@@ -66,7 +71,7 @@ def experiment_names(paths: Sequence[str | Path]) -> list[str]:
     for path in paths:
         path = Path(path).resolve()
         folder = path.parent if path.suffix == ".toml" else path
-        stem = re.sub(r"[^A-Za-z0-9_-]+", "_", folder.name) or "experiment"
+        stem = NO_LETTERS.sub("_", folder.name) or "experiment"
         number, name = 1, stem
         while name in names:
             number += 1

@@ -13,6 +13,7 @@ from pathlib import Path
 import psutil
 
 from idic.errors import InputError
+from idic.inside import folder_inside, open_inside, read_inside
 
 try:
     import fcntl
@@ -45,9 +46,9 @@ def run_lock(run: Path | str) -> Iterator[Path]:
         Another running process holds the lock.
     """
     path = Path(run) / LOCK_NAME
-    path.parent.mkdir(parents=True, exist_ok=True)
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
-    try:
+    folder_inside(run)
+    with open_inside(run, LOCK_NAME, "a+b") as stream:  # its end drops the system's lock
+        descriptor = stream.fileno()
         owned_by_system = _try_system_lock(descriptor)
         if owned_by_system is False or (owned_by_system is None and process_lives(_read_holder(path))):
             raise _refusal(path)
@@ -56,8 +57,6 @@ def run_lock(run: Path | str) -> Iterator[Path]:
             yield path
         finally:
             os.ftruncate(descriptor, 0)
-    finally:
-        os.close(descriptor)  # drops the system's lock
 
 
 def is_held(run: Path | str) -> bool:
@@ -103,7 +102,7 @@ def _write_holder(descriptor: int) -> None:
 
 def _read_holder(path: Path) -> dict:
     try:
-        holder = json.loads(path.read_text(encoding="utf-8"))
+        holder = json.loads(read_inside(path.parent, path.name))
     except (OSError, ValueError):
         return {}
     return holder if isinstance(holder, dict) else {}

@@ -24,10 +24,10 @@ import zarr
 
 from idic.errors import InputError
 from idic.images import Stack
+from idic.inside import refuse_special_files, remove_inside, replace_file
 from idic.run.store.arrays import Damaged, FrameArrays, gets_smaller, write_compressed
-from idic.run.store.layout import FROM_PYTHON
+from idic.run.store.layout import FROM_PYTHON, OF_LINKS
 from idic.run.store.run_lock import LOCK_NAME, run_lock
-from idic.run.store.replace import replace_file
 
 STORE_NAME = "run.zarr"
 _SEAL = "descriptions"  # attribute of a group
@@ -62,9 +62,10 @@ class RunStore:
         self._refuse_foreign_folder()
         self.refuse_other_version()
         with run_lock(self.run):
+            self.refuse_special_files()
             stored = self.identity()
             if stored is None:
-                shutil.rmtree(self.path, ignore_errors=True)
+                remove_inside(self.run, STORE_NAME)
                 with renamed_when_complete(self.path) as folder:
                     _create_group(folder, {"schema": SCHEMA, "identity": identity, "title": title})
             elif stored != identity:
@@ -85,6 +86,10 @@ class RunStore:
         if schema != SCHEMA and _ANY_SCHEMA.fullmatch(schema):
             raise InputError("another version of idic made this RUN", file=self.run, expected=SCHEMA, found=schema,
                              remedy="identify the experiment again into a new RUN")
+
+    def refuse_special_files(self) -> None:
+        """InputError where the RUN holds links or pipes, which what is written here would follow."""
+        refuse_special_files(self.run, except_in=OF_LINKS)
 
     def identity(self) -> str | None:
         """The identity of the experiment of this store; None without a store."""
@@ -146,7 +151,8 @@ class RunStore:
 
     def ident(self, folder: Path) -> dict:
         """The inputs of a finished group."""
-        return _attributes(folder).get("ident", {})
+        stored = _attributes(folder).get("ident", {})
+        return stored if isinstance(stored, dict) else {}
 
     def described(self, name: str, ident: Mapping | None = None) -> Path | None:
         """The folder of a group with the inputs `ident` that was finished once, whether or not it has all its
@@ -230,9 +236,9 @@ class RunStore:
             )
 
     def _remove_leftovers(self) -> None:
-        for pattern in (".*.json.*tmp", ".sums-*.tmp"):  # of the state, the description, the result; of an evaluation
+        for pattern in (".*.tmp", "figures/.*.tmp", "tables/.*.tmp"):
             for file in self.run.glob(pattern):
-                file.unlink(missing_ok=True)
+                remove_inside(self.run, file.relative_to(self.run))
         for base, folders, names in os.walk(self.path):
             for name in [name for name in names if name.startswith(".") and name.endswith(".tmp")]:
                 (Path(base) / name).unlink(missing_ok=True)
@@ -370,9 +376,10 @@ def _describe(folder: Path) -> None:
 
 def _attributes(folder: Path) -> dict:
     try:
-        return json.loads((folder / "zarr.json").read_text(encoding="utf-8")).get("attributes", {})
+        attributes = json.loads((folder / "zarr.json").read_text(encoding="utf-8")).get("attributes", {})
     except (OSError, ValueError, AttributeError):
         return {}
+    return attributes if isinstance(attributes, dict) else {}
 
 
 def _seal(folder: Path) -> None:

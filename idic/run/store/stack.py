@@ -13,6 +13,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.images import Stack
 from idic.run.store.arrays import Damaged, create_array, open_array, read_block
+from idic.run.store.schemas import IngestedImages, refuse_other_types
 from idic.run.store.image_files import FILES, describe, files_of
 
 GROUP = "images"
@@ -35,6 +36,8 @@ class ZarrStack:
         self.group = Path(group)
         self._array = open_array(self.group, ARRAY)
         attributes = self._array.attrs
+        if attributes.get("finished"):
+            refuse_other_types(dict(attributes), IngestedImages, self.group / ARRAY)
         self._checksums = attributes.get("frame_crc32", [])
         self.files = tuple(attributes.get(FILES, ()))  # what was ingested (`idic.run.store.image_files`)
         if not attributes.get("finished") or len(self._checksums) != self._array.shape[0]:

@@ -19,9 +19,10 @@ from idic.run.workers.dask_settings import be_quiet, cluster_settings
 from idic.run.workers.mirrored_runner import check_store
 from idic.run.workers.probe import ExperimentToSee, check_workers
 from idic.run.workers.runner import SerialRunner, TaskRunner
-from idic.run.workers.submission import ALLOWED_FAILURES, Submission, WatchedCalls
+from idic.run.workers.submission import ALLOWED_FAILURES, LostWorkers, Submission, WatchedCalls
 from idic.run.workers.task_limits import TaskLimits, task_limits
 
+MAX_WORKERS = 1024  # processes of this machine
 SMALLEST_MEMORY = 350_000_000  # bytes of a worker process
 START_ATTEMPTS = 3
 _MAX_SETTLE_SECONDS = 10
@@ -44,6 +45,7 @@ def open_cluster(
     memory_limit: str | int | None = None,
     preload: Sequence[str] = (),
     threads: int = 1,
+    say: Callable[[str], None] = lambda text: None,
 ) -> Iterator[TaskRunner]:
     """A runner for the length of a ``with`` block.
 
@@ -59,6 +61,8 @@ def open_cluster(
         Modules that the workers import while the driver continues, up to its first job.
     threads : int
         Of a simulation, where all tasks are in this process.
+    say : callable
+        Takes a line for the user: of workers that are lost.
 
     Raises
     ------
@@ -69,7 +73,7 @@ def open_cluster(
     if scheduler is None and workers == 0:
         yield SerialRunner(threads)
         return
-    limits = task_limits()
+    limits = task_limits(scheduler)
     be_quiet()
     import dask
     import distributed
@@ -77,14 +81,24 @@ def open_cluster(
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(cluster_settings(ALLOWED_FAILURES)))
         if scheduler is None:
-            client = stack.enter_context(_local(distributed, workers or default_workers(), memory_limit))
+            number = checked_workers(workers) or default_workers()
+            client = stack.enter_context(_local(distributed, number, memory_limit))
         else:
             client = stack.enter_context(connected(scheduler))
-        runner = DaskRunner(client, preload, limits, local=scheduler is None)
+        runner = DaskRunner(client, preload, limits, client.cluster if scheduler is None else None, say)
         try:
             yield runner
         finally:
             runner.close()
+
+
+def checked_workers(workers: int | None) -> int | None:
+    """The number of ``--workers``; `InputError` where it is none, or more than `MAX_WORKERS`."""
+    if workers is not None and not 0 <= workers <= MAX_WORKERS:
+        number = str(workers) if abs(workers) < 10**12 else "a number of more than 12 digits"
+        raise InputError("not a number of worker processes", key="--workers", expected=f"0 to {MAX_WORKERS}",
+                         found=number, remedy="one per core is enough; for several machines use --scheduler")
+    return workers
 
 
 def checked_memory_limit(limit: str | None, workers: int | None, scheduler: str | None) -> int | None:
@@ -101,7 +115,7 @@ def checked_memory_limit(limit: str | None, workers: int | None, scheduler: str 
 
     try:
         size = parse_bytes(limit)
-    except (ValueError, IndexError):
+    except (ValueError, IndexError, OverflowError):  # no number, no unit, infinite
         size = 0
     if size < SMALLEST_MEMORY:
         raise InputError("not a usable memory limit", key="--memory-limit", found=limit,
@@ -141,13 +155,16 @@ class DaskRunner:
 
     preload : modules that the workers import at once; the first job is sent after these imports. A worker decodes jobs
         in one thread and runs them in another, and Python fails where both import a package for the first time.
-    here : the workers are processes of this machine, a core each
+    cluster : of workers that are processes of this machine, a core each
+    say : takes a line for the user
     """
 
     sees_files = True
 
-    def __init__(self, client, preload: Sequence[str] = (), limits: TaskLimits | None = None, local: bool = False):
-        self._client, self._limits, self._local = client, limits or TaskLimits(), local
+    def __init__(self, client, preload: Sequence[str] = (), limits: TaskLimits | None = None, cluster=None,
+                 say: Callable[[str], None] = lambda text: None):
+        self._client, self._limits, self._local = client, limits or TaskLimits(), cluster is not None
+        self._lost = LostWorkers(client, cluster, self._limits.no_workers, say)
         self._calls = WatchedCalls(client)
         self._imports = {  # the references keep Dask from dropping the tasks
             worker: client.submit(_import_modules, tuple(preload), workers=[worker], key=f"import-{worker}", pure=False)
@@ -198,7 +215,7 @@ class DaskRunner:
         self._after_imports()
         limits = replace(self._limits, retries=max(retries, self._limits.retries))
         submission = Submission(self._client, function, jobs, names, limits, copies,
-                                None if watch is None else self._calls.topic)
+                                None if watch is None else self._calls.topic, self._lost)
         if watch is not None:
             self._calls.add(submission.token, watch)
         try:

@@ -14,6 +14,9 @@ KEEP_MEMORY = {  # bytes; Dask's own setting returns every large array at once a
 # of distributed.worker.memory: Dask pauses a worker above 80 % of its limit until it frees memory; workers of idic
 # would wait forever, as only the next job uses their memory
 NEVER_PAUSE = {"target": False, "spill": False, "pause": False}
+# until Dask gives up on a worker that starts again: its 15 s are less than a start takes on a busy machine, and it does
+# not replace what it gave up (`submission.LostWorkers` does)
+LOST_AFTER = "5 minutes"
 _COMMAND_OF_A_WORKER = "multiprocessing"  # the Prefect server is another program
 _QUIET = {"DASK_LOGGING__DISTRIBUTED": "critical"}
 
@@ -34,6 +37,7 @@ def cluster_settings(allowed_failures: int) -> dict:
     """
     return {
         "distributed.scheduler.allowed-failures": allowed_failures,
+        "distributed.deploy.lost-worker-timeout": LOST_AFTER,
         "distributed.nanny.pre-spawn-environ": {**ONE_THREAD, **_QUIET, **KEEP_MEMORY},
         **{f"distributed.worker.memory.{name}": value for name, value in NEVER_PAUSE.items()},
         "distributed.worker.preload": ["idic.run.workers.dask_settings"],

@@ -21,6 +21,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe import find_program, require_permission
+from idic.inside import remove_inside, write_inside
 
 PACKAGES = ("idic", "numpy", "scipy", "numba", "zarr", "dask", "distributed")
 ANSWER_SECONDS = 300  # a worker may be busy with a task of somebody else
@@ -163,11 +164,11 @@ def _token_file(run: Path, token: str) -> Iterator[str]:
     """A file with the token in the RUN folder or the nearest folder above it, for the length of a ``with`` block."""
     folder = next(parent for parent in (run, *run.parents) if parent.is_dir())
     file = folder / f".idic-probe-{secrets.token_hex(8)}"
-    file.write_text(token, encoding="ascii")
+    write_inside(folder, file.name, token)
     try:
         yield str(file)
     finally:
-        file.unlink()
+        remove_inside(folder, file.name)
 
 
 def _answer(client, worker: str, job: ProbeJob) -> ProbeAnswer:

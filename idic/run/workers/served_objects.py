@@ -13,8 +13,8 @@ from contextlib import suppress
 from pathlib import Path
 
 from idic.errors import InputError
+from idic.inside import replace_file
 from idic.run.store.mirror.manifest import digest_of
-from idic.run.store.replace import replace_file
 
 ANSWER_SECONDS = 300
 _POLL_SECONDS = 1.0

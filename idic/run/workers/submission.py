@@ -12,10 +12,11 @@ from typing import Any
 
 from idic.errors import InputError
 from idic.run.workers.runner import JobKillsWorkers, Watch, problem_of, told
-from idic.run.workers.task_limits import TaskLimits
+from idic.run.workers.task_limits import HERE, MAX_WITHOUT_S, NO_WORKERS, WAIT, TaskLimits
 
 ALLOWED_FAILURES = 8  # deaths of workers before a job fails; deaths caused by other jobs count too
-_LOOK_SECONDS = 1.0  # between looks for tasks that straggle
+_LOOK_SECONDS = 1.0  # between looks for tasks that straggle, and for workers
+_REMARK_AFTER_S = 60.0  # without one of the workers
 
 
 @dataclass(frozen=True)
@@ -97,14 +98,85 @@ class WatchedCalls:
                 watch.lost(f"worker {event[1]['worker']}")
 
 
+class LostWorkers:
+    """Watches the number of workers while a call waits for its jobs.
+
+    A worker of this machine that is gone for good is replaced: Dask itself gives up on one that is lost a second time
+    while it starts again.
+
+    Parameters
+    ----------
+    client : of Dask
+    cluster : of workers of this machine; None: an existing one, whose workers come and go
+    no_workers : as of `TaskLimits`
+    say : takes a line for the user
+    """
+
+    def __init__(self, client, cluster, no_workers: str, say: Callable[[str], None]):
+        self._client, self._cluster, self._choice, self._say = client, cluster, no_workers, say
+        self._expected = 1 if cluster is None else len(cluster.worker_spec)
+        self._looked = self._complete = time.monotonic()
+        self._any = self._complete
+        self._remarked = False
+
+    def look(self) -> bool:
+        """Replace and remark; whether the jobs are to be done in this process.
+
+        Raises
+        ------
+        InputError
+            No worker has been there for too long, and the run is to end then.
+        """
+        clock = time.monotonic()
+        if clock - self._looked < _LOOK_SECONDS:
+            return False
+        self._looked = clock
+        try:
+            number = len(self._client.nthreads())
+        except Exception:  # noqa: BLE001  (the scheduler cannot be asked; its jobs tell when it is lost)
+            return False
+        self._any = clock if number else self._any
+        if number >= self._expected:
+            if self._remarked:
+                self._say(f"{number} of {self._expected} workers are there again")
+            self._complete, self._remarked = clock, False
+            return False
+        if self._cluster is not None and not self._cluster.loop.asyncio_loop.is_closed():
+            self._cluster.loop.add_callback(_replace_closed, self._cluster)
+        if clock - self._complete > _REMARK_AFTER_S and not self._remarked:
+            self._remarked = True
+            self._say(f"{number} of {self._expected} workers for {clock - self._complete:.0f} s: "
+                      + ("the others do their jobs" if number else "the jobs wait"))
+        return self._is_over(clock - self._any)
+
+    def _is_over(self, without_s: float) -> bool:
+        if without_s < MAX_WITHOUT_S or self._choice == WAIT:
+            return False
+        if self._choice == HERE:
+            return True
+        raise InputError("there are no workers", expected="at least one worker process",
+                         found=f"none for {without_s:.0f} s",
+                         remedy=f"check memory and cluster, then run the command again with --resume; "
+                                f"{NO_WORKERS}=wait waits for workers, {NO_WORKERS}=here goes on without")
+
+
+def _replace_closed(cluster) -> None:
+    """Start a worker in the place of each that has closed (in the loop of the cluster)."""
+    for name, nanny in list(cluster.workers.items()):
+        if nanny.status.name in ("closed", "failed"):
+            del cluster.workers[name]
+    if set(cluster.worker_spec) - set(cluster.workers):
+        cluster.scale(len(cluster.worker_spec))
+
+
 class Submission:
     """The submitted and completed jobs of one call; a job has a second copy where its first one straggles."""
 
     def __init__(self, client, function: Callable, jobs: Sequence, names: list[str], limits: TaskLimits, copies: bool,
-                 topic: str | None = None):
+                 topic: str | None = None, lost: LostWorkers | None = None):
         self._client, self._function, self._jobs = client, function, jobs
         self._names, self._limits, self._copies = names, limits, copies
-        self._topic = topic  # of events; None: without a watch
+        self._lost, self._topic = lost, topic  # of events; None: without a watch
         self.token = uuid.uuid4().hex[:8]  # keys are unique: Dask would answer a known key from memory
         self._waiting: dict[Any, int] = {}  # future -> its job
         self._began: dict[int, float] = {}
@@ -121,7 +193,7 @@ class Submission:
             while number not in back:
                 future, index = self._next()
                 try:
-                    back[index] = self._result(future, index)
+                    back[index] = self._function(self._jobs[index]) if future is None else self._result(future, index)
                 except JobKillsWorkers as problem:
                     back[index] = problem  # in the place of its result: what earlier jobs did is not lost
                 count += 1
@@ -143,9 +215,11 @@ class Submission:
         self._began.setdefault(index, time.monotonic())
         future.add_done_callback(self._arrived.put)
 
-    def _next(self) -> tuple[Any, int]:
-        """The next job that is done; its other copy is cancelled."""
+    def _next(self) -> tuple[Any | None, int]:
+        """The next job that is done, its other copy being cancelled; no future: it is to be done in this process."""
         while True:
+            if self._lost is not None and self._lost.look():
+                return None, self._taken_back()
             try:
                 future = self._arrived.get(timeout=_LOOK_SECONDS)
             except queue.Empty:
@@ -163,6 +237,15 @@ class Submission:
                 self._client.cancel(copies, force=True)
             self._slowest = max(self._slowest, time.monotonic() - self._began[index])
             return future, index
+
+    def _taken_back(self) -> int:
+        """The first waiting job, which no worker does any more."""
+        index = min(self._waiting.values())
+        futures = [future for future, number in self._waiting.items() if number == index]
+        for future in futures:
+            del self._waiting[future]
+        self._client.cancel(futures, force=True)
+        return index
 
     def _copy_stragglers(self) -> None:
         """Give jobs that take too long to free workers as well; the first result counts."""

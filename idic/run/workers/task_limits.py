@@ -8,8 +8,10 @@ from dataclasses import dataclass
 
 from idic.errors import InputError
 
-RETRIES, SECONDS = "IDIC_TASK_RETRIES", "IDIC_TASK_SECONDS"
+RETRIES, SECONDS, NO_WORKERS = "IDIC_TASK_RETRIES", "IDIC_TASK_SECONDS", "IDIC_NO_WORKERS"
+WAIT, END, HERE = "wait", "end", "here"
 MAX_RETRIES = 20
+MAX_WITHOUT_S = 300.0  # without any worker, before the run ends or goes on here
 LEAST_SECONDS = 60.0  # no second copy earlier, where no limit is set
 TIMES_THE_SLOWEST = 3.0  # of the finished tasks of the same kind
 
@@ -21,10 +23,13 @@ class TaskLimits:
     retries : how often a task that raised an error is tried again, beyond what its caller asks for
     seconds : a task without a result for so long, while a worker is free, is given to that worker as well. None: three
         times the slowest finished task of the same call, a minute at least
+    no_workers : what becomes of the run where no worker has been there for `MAX_WITHOUT_S`: it waits, ends, or goes on
+        in this process
     """
 
     retries: int = 0
     seconds: float | None = None
+    no_workers: str = END
 
     def straggles_after(self, slowest_s: float) -> float:
         """Seconds after which a task is also given to a free worker; slowest_s : of a finished task, 0 before any."""
@@ -33,8 +38,10 @@ class TaskLimits:
         return max(LEAST_SECONDS, TIMES_THE_SLOWEST * slowest_s) if slowest_s > 0 else math.inf
 
 
-def task_limits() -> TaskLimits:
+def task_limits(scheduler: str | None = None) -> TaskLimits:
     """The limits that the environment sets.
+
+    scheduler : of an existing cluster, whose workers may wait in a queue: without a word of the user the run waits too
 
     Raises
     ------
@@ -50,7 +57,11 @@ def task_limits() -> TaskLimits:
         limit = math.nan
     if limit is not None and not 1.0 <= limit < math.inf:
         raise _refused(SECONDS, "1 second or more", seconds)
-    return TaskLimits(int(retries or 0), limit)
+    choices = (END, HERE, WAIT) if scheduler is None else (WAIT, END)
+    choice = os.environ.get(NO_WORKERS, "").strip() or choices[0]
+    if choice not in choices:
+        raise _refused(NO_WORKERS, ", ".join(choices), choice)
+    return TaskLimits(int(retries or 0), limit, choice)
 
 
 def _refused(name: str, expected: str, found: str) -> InputError:

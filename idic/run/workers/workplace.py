@@ -7,7 +7,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from idic.run.workers.dask_executor import check_scheduler, checked_memory_limit, default_workers, open_cluster
+from idic.run.workers.dask_executor import (
+    check_scheduler, checked_memory_limit, checked_workers, default_workers, open_cluster,
+)
 from idic.run.workers.mirrored_runner import checked_store, without_common_disk
 from idic.run.workers.probe import ExperimentToSee
 from idic.run.workers.runner import TaskRunner
@@ -47,24 +49,25 @@ class Workplace:
         Raises
         ------
         InputError
-            As of `checked_memory_limit`, `checked_store` and `check_scheduler`.
+            As of `checked_workers`, `checked_memory_limit`, `checked_store` and `check_scheduler`.
         """
+        checked_workers(self.workers)
         checked_memory_limit(self.memory_limit, self.workers, self.scheduler)
         check_scheduler(self.scheduler, out, to_see, say, checked_store(self.store, self.scheduler))
 
     @contextmanager
-    def opened(self, out: Path | str, to_see: Sequence[ExperimentToSee],
-               preload: Sequence[str]) -> Iterator[TaskRunner]:
+    def opened(self, out: Path | str, to_see: Sequence[ExperimentToSee], preload: Sequence[str],
+               say: Callable[[str], None] = lambda text: None) -> Iterator[TaskRunner]:
         """The runner for the length of a ``with`` block.
 
         out, to_see : the RUN folder and the experiments that tasks read and write; preload : modules that workers
-        import at once
+        import at once; say : takes a line for the user
         """
         if self.runner is not None:
             yield self.runner
             return
         limit = checked_memory_limit(self.memory_limit, self.workers, self.scheduler)
-        with (open_cluster(self.workers, self.scheduler, limit, preload, self.threads) as cluster,
+        with (open_cluster(self.workers, self.scheduler, limit, preload, self.threads, say) as cluster,
               without_common_disk(cluster, self.store, out, to_see) as runner):
             yield runner
 

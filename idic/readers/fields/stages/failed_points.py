@@ -15,6 +15,7 @@ import scipy
 
 NO_DISPLACEMENT, NO_PLACE, OUTSIDE = "no displacement", "no position", "exactly zero, outside the region"
 MIN_CORRELATION = 0.9  # ZNCC; the threshold of pyvale, which writes points below it only on demand
+MAX_LENGTH = 1e9  # in any unit; a larger coordinate or displacement is none
 MIN_JUMP = 5.0  # from zero to the next point that moves, in steps between neighbours and in last digits
 _MAX_BORDER = 1.5  # distances of neighbours
 _MAX_DECIMALS = 9
@@ -87,14 +88,14 @@ def sound_points(points: np.ndarray, displacement: np.ndarray | None, ids: np.nd
     points, displacement : (n, d); ids : (n,); columns : by `Flag.column`, (n,) each; those that are no flags do not
     count
     """
-    has_place = np.isfinite(points).all(axis=1)
+    has_place = (np.abs(points) < MAX_LENGTH).all(axis=1)  # False for NaN
     is_failed = ~has_place
     failed = {NO_PLACE: int(is_failed.sum())}
     for flag in flags:
         if flag.column in columns and (not flag.formats or format in flag.formats):
             is_failed = _counted(failed, flag.words, flag.fails(columns[flag.column]), is_failed)
     if displacement is not None:
-        is_failed = _counted(failed, NO_DISPLACEMENT, ~np.isfinite(displacement).all(axis=1), is_failed)
+        is_failed = _counted(failed, NO_DISPLACEMENT, ~(np.abs(displacement) < MAX_LENGTH).all(axis=1), is_failed)
         is_failed = _counted(failed, OUTSIDE, _outside(points, displacement, ~is_failed), is_failed)
         displacement = np.where(is_failed[:, None], np.nan, displacement)
     else:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import os
-import uuid
 from collections.abc import Callable
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
+from idic.inside import folder_inside, write_inside
 from idic.run.store.mirror.manifest import Entry, Manifest, Scanner, inside
-from idic.run.store.replace import replace_file
 from idic.run.store.run_store import renamed_when_complete
 
 
@@ -29,15 +28,13 @@ def adopt(area: Path, files: Manifest, read: Callable[[Entry], bytes], scanner: 
         group_files = {key: entry for key, entry in files.items() if key.startswith(f"{group}/")}
         with renamed_when_complete(target) as folder:
             for key, entry in group_files.items():
-                _write(folder / key[len(group) + 1:], read(entry))
+                _write(folder, key[len(group) + 1:], read(entry))
         for key, entry in group_files.items():
             scanner.expect(str(area / key), entry)
     for key, entry in files.items():
         if not any(key.startswith(f"{group}/") for group in groups):
             path = inside(area, key)
-            temporary = path.parent / f".{uuid.uuid4().hex[:12]}.tmp"
-            _write(temporary, read(entry))
-            replace_file(temporary, path)
+            _write(area, key, read(entry))
             scanner.expect(str(path), entry)
 
 
@@ -53,6 +50,6 @@ def _finished_groups(files: Manifest, read: Callable[[Entry], bytes]) -> list[st
     return groups
 
 
-def _write(path: Path, content: bytes) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(content)
+def _write(folder: Path, key: str, content: bytes) -> None:
+    folder_inside(folder, PurePosixPath(key).parent)
+    write_inside(folder, key, content)

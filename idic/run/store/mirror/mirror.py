@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from idic.errors import InputError
+from idic.inside import replace_file
 from idic.remote_files import ImageFacts, forget, register
 from idic.run.store.mirror.manifest import SMALL_BYTES, ZARR, Entry, Manifest, Scanner, decoded
 from idic.run.store.mirror.objects import Objects
-from idic.run.store.replace import replace_file
 from idic.run.store.run_lock import LOCK_NAME
 
 _KEPT = ".kept"  # large files that no manifest lists yet: what a task made is listed once the driver has it
