@@ -27,11 +27,10 @@ from idic.correlation.pixels.blocks import Pattern, block_pattern
 from idic.correlation.volume.element_sums import element_sums, scatter
 from idic.correlation.volume.solid_cells import N_SOLID_NODES, TRANSFORMS, coefficients_of
 from idic.correlation.volume.volume_kernel import volume_pass
-from idic.correlation.volume.voxel_map import VoxelMap, only_sections
+from idic.correlation.volume.voxel_map import VoxelMap
 from idic.errors import InputError
-from idic.images import DEGREES, lowpass_weights, noise_gain_1d
-from idic.images.volumes.block_filter import filtered, mirrored_block, slope_taps, spline_taps
-from idic.images.volumes.stack import VolumeStack
+from idic.images import DEGREES, VolumeStack, lowpass_weights, noise_gain_1d
+from idic.correlation.volume.block_filter import filtered, mirrored_block, slope_taps, spline_taps
 from idic.model import Experiment
 
 KEPT_BYTES = 400_000_000  # of one process
@@ -209,10 +208,11 @@ class VolumeReference(NodalBasis):
 
     @cached_property
     def sections(self) -> VolumeReference:
-        """The reference on the voxels of three sections through the middle of the mesh alone."""
-        pm = only_sections(self.pixel_map, section_places(self.pixel_map))
-        used = np.searchsorted(self.pixel_map.element, pm.element) if (np.diff(self.pixel_map.element) > 0).all() else (
-            np.array([{e: k for k, e in enumerate(self.pixel_map.element)}[e] for e in pm.element]))
+        """The reference on the voxels of three sections alone."""
+        pm = self.pixel_map.sections
+        place = np.full(int(self.pixel_map.element.max()) + 1, -1)
+        place[self.pixel_map.element] = np.arange(self.pixel_map.n_elements)
+        used = place[pm.element]
         layouts = {name: replace(layout, patch=layout.patch[used]) for name, layout in self.layouts.items()}
         return replace(self, pixel_map=pm, layouts=layouts, kept={}, hessian=self.hessian[:0],
                        coupling=self.coupling[:0], grey=self.grey[used])
@@ -265,12 +265,6 @@ _NOTHING, _NO_FRACTIONS = np.empty(0, np.float32), np.empty((3, 0), np.float32)
 def volume_still_gain(std_px: float) -> float:
     """Variance of a blurred voxel over that of a voxel, of independent noise."""
     return float(np.sum(np.square(lowpass_weights(std_px)))) ** 3
-
-
-def section_places(voxel_map: VoxelMap) -> tuple[int, int, int]:
-    """Column, row and slice of three sections through the middle of the voxels of the mesh."""
-    boxes = voxel_map.boxes
-    return tuple(int(v) for v in (boxes[:, 0].min(axis=0) + boxes[:, 1].max(axis=0)) // 2)
 
 
 def build_volume_reference(voxel_map: VoxelMap, stack: VolumeStack, frames: Sequence[int], degree: int = 3,

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from idic.correlation.volume.solid_cells import N_TERMS, fill_monomials, local_places
-from idic.images.volumes.eight_taps import LANES, eight_cubic, eight_quintic
+from idic.correlation.volume.eight_taps import LANES, eight_cubic, eight_quintic
 
 BUFFER = 256  # voxels
 _MAX_MOTION = np.float32(1e6)  # voxels; keeps integers small

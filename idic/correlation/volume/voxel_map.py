@@ -22,6 +22,7 @@ from idic.correlation.volume.solid_cells import (
 )
 from idic.errors import InputError
 from idic.fe import Block
+from idic.images import picture_places, picture_shape
 
 VOXELS_PER_BLOCK = 4_000_000  # of the bounding box: 100 MB with halo and copies
 LEAST_BLOCK_PX = 32  # side of a block: below, the halo is most of it
@@ -57,6 +58,8 @@ class VoxelMap:
         Middle of the cell, where the deformation gradient is taken; d place / d (column, row, slice) there.
     blocks : array (n_blocks + 1,)
         First element of each block.
+    at : tuple of int, optional
+        Column, row and slice of three sections, where the map has their voxels alone.
     """
 
     shape: tuple[int, int, int]
@@ -75,6 +78,7 @@ class VoxelMap:
     centre: np.ndarray
     inverse_jacobian: np.ndarray
     blocks: np.ndarray
+    at: tuple[int, int, int] | None = None
 
     @property
     def n_nodes(self) -> int:
@@ -117,6 +121,24 @@ class VoxelMap:
         ends = np.cumsum(self.run[:, 3])
         at[:, 0] += np.arange(len(at)) - np.repeat(ends - self.run[:, 3], self.run[:, 3])
         return at
+
+    @cached_property
+    def sections(self) -> VoxelMap:
+        """The voxels of three sections alone: through the middle of the volume, or of the mesh where that is beside."""
+        nz, ny, nx = self.shape
+        chosen = only_sections(self, (nx // 2, ny // 2, nz // 2))
+        if chosen.n_elements:
+            return chosen
+        low, high = self.boxes[:, 0].min(axis=0), self.boxes[:, 1].max(axis=0)
+        return only_sections(self, tuple(int(place) for place in (low + high) // 2))
+
+    def to_image(self, values: np.ndarray, fill: float = np.nan) -> np.ndarray:
+        """Values of the voxels of the `sections` as the picture of three sections  # (n,) -> (rows, columns)"""
+        part = self if self.at is not None else self.sections
+        image = np.full(picture_shape(self.shape), fill, dtype=np.result_type(np.asarray(values).dtype, np.float32))
+        for numbers, places in picture_places(part.points(), self.shape, part.at):
+            image[places[:, 0], places[:, 1]] = np.asarray(values)[numbers]
+        return image
 
     def at_nodes(self, matrices: np.ndarray) -> np.ndarray:
         """Mean over the elements around each node, the identity where there is none  # (nel, c, c) -> (n_nodes, c, c)"""
@@ -205,7 +227,7 @@ def only_sections(voxel_map: VoxelMap, at: tuple[int, int, int]) -> VoxelMap:
     chosen = run[keep].copy()
     chosen[:, 0] += offset.astype(np.int32)
     chosen[crossed[keep], 3] = 1
-    return _chosen(voxel_map, keep, chosen, offset, owner[keep])
+    return replace(_chosen(voxel_map, keep, chosen, offset, owner[keep]), at=at)
 
 
 def _chosen(voxel_map: VoxelMap, keep: np.ndarray, chosen: np.ndarray, offset: np.ndarray,
@@ -213,6 +235,8 @@ def _chosen(voxel_map: VoxelMap, keep: np.ndarray, chosen: np.ndarray, offset: n
     """A map of parts of its runs; offset : voxels of each that are left out before the part."""
     seen, counts = np.unique(owner, return_counts=True)
     run_start = np.concatenate([[0], np.cumsum(counts)])
+    if not len(seen):
+        return replace(voxel_map, element=voxel_map.element[:0], run=chosen)
     start = np.concatenate([[0], np.cumsum(np.add.reduceat(chosen[:, 3], run_start[:-1]))])
     table, table_start = voxel_map.table, np.zeros(len(seen), dtype=np.int64)
     curved = ~voxel_map.affine[owner]

@@ -13,7 +13,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from idic.images.taps import weight_polynomials
+from idic.images import weight_polynomials
 
 LANES = 8
 _FLOAT, _LONG = ir.FloatType(), ir.IntType(64)

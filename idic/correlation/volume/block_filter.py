@@ -12,9 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numba import njit
 
-from idic.images.gaussian_lowpass import lowpass_weights
-from idic.images.spline_filter import POLES
-from idic.images.taps import weight_polynomials
+from idic.images import POLES, lowpass_weights, weight_polynomials
 
 REACH = {3: 12, 5: 20}  # voxels, by degree: what is cut off is below 1e-6
 _STRIP = 2048  # entries of a row that pass all taps together: they stay in the first cache
