@@ -20,6 +20,7 @@ from .evidence.points import point_maps_of
 from .evidence.practice import frame_views, practice_of
 from .evidence.relaxation import relaxation_curves
 from .evidence.rubber import rubber_curves
+from .evidence.shown_mesh import ShownMesh, shown_mesh
 from .evidence.section import section_fields, with_profiles, with_section_floor
 from .evidence.temperature import temperature_factors
 from .evidence.yield_surface import yield_surfaces
@@ -51,7 +52,7 @@ __all__ = [
     "BLACK", "BLUE", "CYCLE", "DIVERGING", "DPI", "EDGE", "FAINT", "GREY", "KNOWN_ERROR_COUNTED", "MARKERS",
     "MIN_CONFUSABLE_CORRELATION", "NOISE_CHI2", "ORANGE", "RANGE", "RED", "RESIDUAL_RANGE", "SEQUENTIAL", "STANDINGS",
     "ChannelRecord", "Curve", "DiagnosisRecord", "FieldFrames", "FreeMotions", "Picture", "PlanPictures",
-    "ResidualMaps", "RunRecord", "Sensitivities", "WhereRecord", "advice", "against_free", "all_pictures",
+    "ResidualMaps", "RunRecord", "Sensitivities", "ShownMesh", "WhereRecord", "advice", "against_free", "all_pictures",
     "all_tables", "assumed", "bare", "batch_headline", "batch_parameters", "batch_table", "best_plan",
     "between_specimens", "calibration_picture", "check", "compare", "comparison_picture", "comparison_tables",
     "derived_names", "design_table", "diagnosis_headline", "draw_batch", "draw_design", "draw_diagnosis_sections",
@@ -62,7 +63,7 @@ __all__ = [
     "plan_sections", "plot_law", "point_maps_of", "practice_of", "readable_unit", "relaxation_curves", "render_batch",
     "render_design", "render_diagnosis_page", "render_page", "render_tables", "residual_png", "residual_window",
     "result_headline", "result_verdict", "rubber_curves", "said", "scatter", "section_fields", "seen_area",
-    "sentence", "short", "short_names", "shown_step", "spot_picture", "standing_of", "stress_unit", "strongest",
+    "sentence", "short", "short_names", "shown_mesh", "shown_step", "spot_picture", "standing_of", "stress_unit", "strongest",
     "summary", "temperature_factors", "time_label", "to_picture", "treatment_table", "two_digits", "undetermined",
     "virtual_boundaries", "with_profiles", "with_residuals", "with_section_floor", "with_spots", "with_std",
     "without_modes", "yield_surfaces",
