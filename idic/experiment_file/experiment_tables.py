@@ -323,7 +323,8 @@ class ExperimentTables:
         if self.config.experiment.fields:
             self._check_field_options(table)
             table |= {"edge_margin_px": 0, "border_px": 0}  # a point has a value of its own
-        defaults = {"brightness": "none" if height else "frame", "interpolation": "cubic" if volume else Options.interpolation,
+        defaults = {"brightness": "none" if height else "frame",
+                    "interpolation": "cubic" if volume else Options.interpolation,
                     "lowpass_px": 0.0 if height or volume else Options.lowpass_px}
         defaults["perturbation"] = Options.perturbation if self.config.solver is None else EXTERNAL_PERTURBATION
         table |= {name: value for name, value in defaults.items() if table[name] is None}

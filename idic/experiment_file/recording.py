@@ -440,8 +440,8 @@ def ends_of(path: Path) -> tuple[int, str]:
     """Size of a file, and the sha256 of its ends; of a folder, over all of its files."""
     if path.is_dir():
         parts = [(file.relative_to(path), *ends_of(file)) for file in sorted(path.rglob("*")) if file.is_file()]
-        return sum(size for _, size, _ in parts), hashlib.sha256(repr([(str(name), size, ends)
-                                                                       for name, size, ends in parts]).encode()).hexdigest()
+        names = repr([(str(name), size, ends) for name, size, ends in parts])
+        return sum(size for _, size, _ in parts), hashlib.sha256(names.encode()).hexdigest()
     size = path.stat().st_size
     with path.open("rb") as stream:
         head = stream.read(_HASHED_AT_EACH_END)

@@ -24,8 +24,8 @@ RIGID_UNITS = dict(zip(RIGID, ("deg",) * 3 + ("mm",) * 3, strict=True))
 class RigidMotion:
     """Amplitudes and their courses.
 
-    names : degrees of freedom, without their stem; kinds : which of `numbers` each one changes; courses : (n, n_frames);
-    values : (n,) deg or mm per unit of the course
+    names : degrees of freedom, without their stem; kinds : which of `numbers` each one changes; courses : (n,
+    n_frames); values : (n,) deg or mm per unit of the course
     """
 
     numbers = RIGID

@@ -9,6 +9,7 @@ from .dic.stack import DicStack, dic_stack
 from .dic.start import coarse_motion
 from .dic.stereo import surface_motion
 from .dic.still import declared_stack, find_still_frames
+from .dic.volume import volume_motion
 from .fields.columns import field_columns
 from .fields.free import Seen, free_motion, in_mm, noise_samples, seen_by, smoothed_length, still_frame
 from .fields.readings import Reading, readings
@@ -22,5 +23,5 @@ __all__ = [
     "edge_modes", "field_columns", "field_frame", "field_variance", "find_still_frames", "fitted_dof", "free_motion",
     "in_mm", "measured_nodes", "noise_samples", "readings", "residual_noise", "rotated", "section_field", "seen_by",
     "simulated_states", "smoothed_length", "smoothing_length", "still_frame", "strain", "surface_motion", "surface_of",
-    "virtual_boundaries", "with_boundary_start",
+    "virtual_boundaries", "volume_motion", "with_boundary_start",
 ]

@@ -154,8 +154,11 @@ def is_stereo(experiment: Experiment) -> bool:
 
 
 def sees_space(experiment: Experiment) -> bool:
-    """Whether all three components of a motion are observed: by two cameras with a lens, or in measured fields."""
+    """Whether all three components of a motion are observed: by two cameras with a lens, in measured fields or in
+    volumes."""
     points = experiment.recording.points
+    if experiment.recording.quantity == "volume":
+        return True
     return is_stereo(experiment) if points is None else points.n_components == 3
 
 
@@ -296,10 +299,10 @@ class _Builder:
         self.precisions.append((second.T @ second + 1e-10 * np.eye(len(unique_leaders))) / std**2)
 
     def _measurable(self, stem: str, nodes: np.ndarray, component: int) -> np.ndarray:
-        """The nodes of a set whose motion the images tell: all of a plane mesh. Of a solid, hidden nodes move with the
-        seen ones; across a flat surface they are free, as the thickness changes."""
+        """The nodes of a set whose motion the images tell: all of a plane mesh, or in a volume. Of a solid, hidden
+        nodes move with the seen ones; across a flat surface they are free, as the thickness changes."""
         experiment = self.experiment
-        if experiment.model.n_dim == 2:
+        if experiment.model.n_dim == 2 or experiment.recording.quantity == "volume":
             return nodes
         if component == normal_axis(experiment.model.mesh, experiment.model.surface) and not sees_space(experiment):
             raise InputError("a measured motion along the line of sight", file="experiment.toml", key=stem,

@@ -3,9 +3,9 @@
     r = f - g(x + u),      L = (F^-T grad f) . phi,      brightness columns L = (-f_centred, -1) per patch
 
 docs/method.md, equations 1.2, 1.3, 3.2, 3.3 and 4.3 in three dimensions: dof = 3 node + component, F of each element in
-voxels. Neither scan is held whole: block by block its voxels are read with a halo, filtered and summed. Of the reference
-scan the grey values and gradients at the voxels are kept where they fit into `KEPT_BYTES`, else made anew in each pass;
-the sums are the same.
+voxels. No scan is held whole: block by block its voxels are read with a halo, filtered and summed. Grey values and
+gradients of the reference scan at the voxels are kept where they fit into `KEPT_BYTES`, else made anew in each pass; the
+sums are the same.
 """
 
 from __future__ import annotations
@@ -296,7 +296,8 @@ def build_volume_reference(voxel_map: VoxelMap, stack: VolumeStack, frames: Sequ
     n, first, second = grey.sum(axis=0)
     if not second / n - (first / n) ** 2 > 0.0:
         raise InputError("the reference scan shows no contrast on the mesh", expected="a texture",
-                         found=f"grey value {level:g} everywhere", remedy="check the order of the scans and the scanner table")
+                         found=f"grey value {level:g} everywhere",
+                         remedy="check the order of the scans and the scanner table")
     patches = {"none": np.zeros(pm.n_elements, dtype=np.int64), "frame": np.zeros(pm.n_elements, dtype=np.int64),
                "patch": _patches(pm, patch_px)}
     pairs = pm.is_node[:, :, None] & pm.is_node[:, None, :]
@@ -341,7 +342,8 @@ def _voxels(voxel_map: VoxelMap, number: int, stack: VolumeStack, frames: Sequen
     reach = halo + len(blur) // 2
     block = np.zeros(high - low + 2 * reach, dtype=np.float32)
     for frame in frames:
-        block += mirrored_block(lambda *at, frame=frame: stack.block(frame, *at), stack.shape, low - reach, high + reach)
+        block += mirrored_block(lambda *at, frame=frame: stack.block(frame, *at), stack.shape, low - reach,
+                                high + reach)
     block = block / np.float32(len(frames)) - np.float32(level)
     for axis in range(3):
         block = filtered(block, blur, axis)

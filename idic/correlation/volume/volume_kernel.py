@@ -5,8 +5,8 @@
 Voxels run through it element by element in buffers of 256, row by row. Neighbours along a row whose motion has the same
 whole part read neighbouring coefficients: eight of them at a time are one vector, and the 64 taps of the cubic spline
 are 64 loads without a gather. The sums of an element are those of the monomials of its cell
-(`idic.correlation.volume.solid_cells`) times grad f times r; float32 within a buffer, float64 across buffers. The kernel
-is serial and free of the interpreter lock.
+(`idic.correlation.volume.solid_cells`) times grad f times r; float32 within a buffer, float64 across buffers. The
+kernel is serial and free of the interpreter lock.
 """
 
 from __future__ import annotations
@@ -28,14 +28,15 @@ _ZERO = np.float32(0.0)
 def _positions(x, y, z, u, whole, box, low, high, fraction, base, lost):
     """First tap and fractions of every voxel of a buffer; clamped and marked lost beyond the borders.
 
-    x, y, z: int32 (n,); u: float32 (3, n), motion less its whole part `whole` (3,) int32; box: int32 (first column,
-    row, slice of the coefficients that have all taps, their columns, rows, slices); low, high: int32 (3,), the first and
-    last place that counts as inside.
+    x, y, z: int32 (n,); u: float32 (3, n), motion less its whole part `whole` (3,) int32; box: int32 (8,), first
+    column, row and slice that have all taps, number of such columns, rows and slices, entries of a row and of a slice;
+    low, high: int32 (3,), the first and last place that counts as inside.
     """
     first_x, first_y, first_z, nx, ny, nz, row, plane = box[0], box[1], box[2], box[3], box[4], box[5], box[6], box[7]
     low_x, low_y, low_z = max(low[0], first_x), max(low[1], first_y), max(low[2], first_z)
     end_x, end_y, end_z = min(high[0], first_x + nx - 1), min(high[1], first_y + ny - 1), min(high[2], first_z + nz - 1)
-    low_x, low_y, low_z, end_x, end_y, end_z = _INT(low_x), _INT(low_y), _INT(low_z), _INT(end_x), _INT(end_y), _INT(end_z)
+    low_x, low_y, low_z = _INT(low_x), _INT(low_y), _INT(low_z)
+    end_x, end_y, end_z = _INT(end_x), _INT(end_y), _INT(end_z)
     whole_x, whole_y, whole_z = whole[0], whole[1], whole[2]
     for k in range(x.size):
         ux = min(max(u[0, k], -_MAX_MOTION), _MAX_MOTION)
@@ -113,7 +114,8 @@ def volume_pass(elements, kind, n_terms, run_start, run, voxel_start, affine, mi
     elements (n,): numbers of the elements; kind, run_start, voxel_start, affine, middle, places, table_start, mean,
     motion, sums, n_lost: of all elements; run (n_runs, 4) int16|int32: column, row, slice, length;
     f, gx, gy, gz, valid, residual, fractions: of the voxels of the block, which begin at voxel_start[elements[0]];
-    motion (n_elements, 3, n_terms): monomial coefficients of the displacement, voxels; c: flat float32 coefficients of the scan;
+    motion (n_elements, 3, n_terms): monomial coefficients of the displacement, voxels; c: flat float32 coefficients of
+    the scan;
     sums (n_elements, 3 n_terms + 3): monomials times gx r, gy r, gz r; r^2, r, r (f - mean).
     """
     begin = voxel_start[elements[0]]

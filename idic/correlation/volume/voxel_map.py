@@ -50,7 +50,8 @@ class VoxelMap:
         Column, row and slice where each run begins, and its length.
     start : array (n_elements + 1,)
         Voxels of element e: ``start[e]`` to ``start[e + 1]``.
-    affine : array (n_elements,), bool; middle : array (n_elements, 3), int32; places : array (n_elements, 3, 4), float32
+    affine : array (n_elements,), bool; middle : array (n_elements, 3), int32
+    places : array (n_elements, 3, 4), float32
         Of elements with straight edges: d place / d voxel, and the place of the voxel `middle`.
     table_start : array (n_elements,); table : array (3, n), int16
         Places of the voxels of the other elements, in steps of 1 / `TABLE_SCALE`.
@@ -141,7 +142,10 @@ class VoxelMap:
         return image
 
     def at_nodes(self, matrices: np.ndarray) -> np.ndarray:
-        """Mean over the elements around each node, the identity where there is none  # (nel, c, c) -> (n_nodes, c, c)"""
+        """Mean over the elements around each node, the identity where there is none
+
+        # (nel, c, c) -> (n_nodes, c, c)
+        """
         used, size = self.is_node, matrices.shape[1]
         nodes, owner = self.conn[used], np.nonzero(used)[0]
         count = np.bincount(nodes, minlength=self.n_nodes)
@@ -189,7 +193,8 @@ def build_voxel_map(nodes_px: np.ndarray, cells: Sequence[Block], shape: tuple[i
         raise InputError("no voxel lies in the mesh", key="scanner",
                          expected="a mesh within the volume: " + spans((0, 0, 0), np.array(shape)[::-1] - 1),
                          found="a mesh from " + spans(low, high),
-                         remedy="check voxel_mm, origin_px, axes and mesh_unit; `idic check` draws the mesh in the volume")
+                         remedy="check voxel_mm, origin_px, axes and mesh_unit; `idic check` draws the mesh in the "
+                                "volume")
     seen, counts = np.unique(owner, return_counts=True)
     run_start = np.concatenate([[0], np.cumsum(counts)])
     start = np.concatenate([[0], np.cumsum(np.add.reduceat(runs[:, 3], run_start[:-1]))])

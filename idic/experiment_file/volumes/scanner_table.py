@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +37,8 @@ def scanner_scale(config: ExperimentFile, stack: VolumeStack, file: Path) -> Len
     if voxel is None and of_files is None:
         raise InputError("the size of a voxel is not known", file=file, key="scanner.voxel_mm",
                          expected="its side in mm; three of different sides, along column, row and slice",
-                         found="no such key, and files without it", remedy="write e.g. voxel_mm = 0.012 under [scanner]")
+                         found="no such key, and files without it",
+                         remedy="write e.g. voxel_mm = 0.012 under [scanner]")
     if voxel is None:
         voxel = of_files
         notes.append("size of a voxel by the files: " + " x ".join(f"{side:.6g}" for side in voxel) + " mm")
@@ -111,8 +113,8 @@ def scan_noise(config: ExperimentFile, stack: VolumeStack, still: tuple[int, ...
         raise InputError("the noise of the scans is not known", file=file, key="experiment.still_frames",
                          expected="two scans of the same state, or noise_std_gv under [scanner]",
                          found="neither of them",
-                         remedy="scan the specimen twice at the first load: still_frames = [0, 1]; or give the standard "
-                                "deviation of the grey values of one scan")
+                         remedy="scan the specimen twice at the first load: still_frames = [0, 1]; or give the "
+                                "standard deviation of the grey values of one scan")
     std = noise_of_pairs(stack, still, scanner.project(mesh.nodes))
     if not std > 0.0:
         raise InputError("scans that are declared to be at rest are equal", file=file, key="experiment.still_frames",
@@ -132,7 +134,7 @@ def noise_of_pairs(stack: VolumeStack, frames: tuple[int, ...], nodes_px: np.nda
     middle, half = (low + high) // 2, np.minimum((high - low) // 2, _NOISE_SIDE // 2)
     block = tuple(slice(int(m - h), int(m + h + 1)) for m, h in zip(middle, half, strict=True))
     variances = []
-    for first, second in zip(frames, frames[1:], strict=False):
+    for first, second in pairwise(frames):
         f, g = (np.asarray(stack.block(k, *block), float).ravel() for k in (first, second))
         if np.ptp(f) == 0 or np.ptp(g) == 0:
             variances.append(0.0)

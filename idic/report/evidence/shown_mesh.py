@@ -99,11 +99,10 @@ def _cut(mesh: Mesh, nodes_px: np.ndarray, shape: tuple[int, int, int]) -> Shown
                 _add(cells, polygon, points)
     first, second, share = (np.array(column) for column in zip(*rows, strict=True))
     n = np.arange(len(rows))
-    weights = sparse.csr_array((np.concatenate([1 - share, share]), (np.concatenate([n, n]),
-                                                                      np.concatenate([first, second]))),
-                               shape=(len(rows), mesh.n_nodes))
-    return ShownMesh(np.array(points), tuple((name, np.array(table)) for name, table in cells.items() if table), weights,
-                     np.array(pane))
+    at = np.concatenate([n, n]), np.concatenate([first, second])
+    weights = sparse.csr_array((np.concatenate([1 - share, share]), at), shape=(len(rows), mesh.n_nodes))
+    tables = tuple((name, np.array(table)) for name, table in cells.items() if table)
+    return ShownMesh(np.array(points), tables, weights, np.array(pane))
 
 
 def _add(cells: dict[str, list], polygon: list[int], points: list[np.ndarray]) -> None:

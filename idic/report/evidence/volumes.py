@@ -1,4 +1,4 @@
-"""What `idic check` tells of volumes: every scan is read, slab by slab; mesh and texture are looked at in its middle."""
+"""What `idic check` tells of volumes: every scan is read slab by slab; the texture is looked at in the middle."""
 
 from __future__ import annotations
 
@@ -51,7 +51,8 @@ def volume_facts(experiment: Experiment) -> VolumeFacts:
     low = np.clip(np.floor(px.min(axis=0)), 0, last)[::-1].astype(int)
     high = np.clip(np.ceil(px.max(axis=0)), 0, last)[::-1].astype(int) + 1
     middle, half = (low + high) // 2, np.minimum((high - low) // 2, TEXTURE_SIDE // 2)
-    texture = stack.block(model.reference, *(slice(int(m - h), int(m + h + 1)) for m, h in zip(middle, half, strict=True)))
+    block = (slice(int(m - h), int(m + h + 1)) for m, h in zip(middle, half, strict=True))
+    texture = stack.block(model.reference, *block)
     contrast = float(np.std(texture, dtype=float))
     warnings = [*_of_mesh(sizes, inside), *_of_texture(experiment, contrast), *_of_scans(experiment)]
     return VolumeFacts(str(texture.dtype), seen, float(sizes.mean()), float(sizes.min()), contrast, tuple(warnings))
@@ -79,8 +80,8 @@ def _sizes(corners: np.ndarray, cell: str) -> np.ndarray:
 
 def _of_mesh(sizes: np.ndarray, inside: np.ndarray) -> Iterator[str]:
     if sizes.mean() < MIN_ELEMENT_VOXELS:
-        yield (f"only {sizes.mean():.0f} voxels per element: enough for the identification; the mesh is finer than what "
-               "the scans show of the motion")
+        yield (f"only {sizes.mean():.0f} voxels per element: enough for the identification; the mesh is finer than "
+               "what the scans show of the motion")
     if inside.mean() < MIN_SEEN_SHARE:
         yield (f"{100.0 * (1.0 - inside.mean()):.0f} % of the nodes lie outside the volume: what is simulated there is "
                "not compared; look at the picture of the sections")
@@ -91,8 +92,8 @@ def _of_texture(experiment: Experiment, contrast: float) -> Iterator[str]:
     if contrast == 0.0:
         yield "the middle of the mesh has no texture, so nothing can be correlated: check origin_px, axes and mesh"
     elif noise is not None and contrast < MIN_CONTRAST * noise:
-        yield (f"the texture ({contrast:.3g}) is less than {MIN_CONTRAST:g} times the noise ({noise:.3g}): expect large "
-               "error bars; more projections or a longer exposure would help")
+        yield (f"the texture ({contrast:.3g}) is less than {MIN_CONTRAST:g} times the noise ({noise:.3g}): expect "
+               "large error bars; more projections or a longer exposure would help")
 
 
 def _of_scans(experiment: Experiment) -> Iterator[str]:

@@ -16,9 +16,9 @@ from idic.identification import ratios_of
 from idic.model import Experiment, Model, is_mode, nodal_temperature
 from idic.parameters import ParameterSet
 from idic.report import (
-    ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities, ShownMesh, all_pictures, all_tables, draw_sections,
-    hardening_curves, in_turn, joint_page, render_page, shown_mesh, shown_step, temperature_factors, time_label, without_modes,
-    yield_surfaces,
+    ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities, ShownMesh, all_pictures, all_tables,
+    draw_sections, hardening_curves, in_turn, joint_page, render_page, shown_mesh, shown_step, temperature_factors,
+    time_label, without_modes, yield_surfaces,
 )
 from idic.run.judgement.accepted_point import channel_table, channels_of, refuse_passed_point
 from idic.run.judgement.floor import read_floor
