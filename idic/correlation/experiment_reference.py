@@ -62,7 +62,7 @@ def build_experiment_reference(experiment: Experiment, camera: AnyCamera) -> Ref
     if recording.points is not None:
         return build_field_reference(experiment, camera)
     if isinstance(camera, Scanner):
-        return _volume_reference(experiment, camera)
+        return _volume_reference(experiment, camera)  # type: ignore[return-value]
     view = view_of(experiment, camera)
     if view.kind == SECTION:
         return _section_reference(experiment, camera)
@@ -87,7 +87,7 @@ def build_experiment_reference(experiment: Experiment, camera: AnyCamera) -> Ref
 def _volume_reference(experiment: Experiment, scanner: Scanner) -> VolumeReference:
     """The reference of volumes: the voxels in the solid."""
     model, options = experiment.model, experiment.options
-    voxel_map = build_voxel_map(scanner.project(model.mesh.nodes), model.mesh.blocks, experiment.recording.stack.shape,
+    voxel_map = build_voxel_map(scanner.project(model.mesh.nodes), model.mesh.blocks, experiment.recording.volumes.shape,
                                 options.edge_margin_px, options.border_px)
     return volume_reference(voxel_map, experiment)
 

@@ -67,8 +67,8 @@ class Frames:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(ny, nx) of the images, or of the grid of the points."""
-        return self.stack.shape if self.points is None else self.points.shape
+        """(ny, nx) of the images, or of the grid of the points; (nz, ny, nx) of volumes."""
+        return self.stack.shape if self.points is None else self.points.shape  # type: ignore[return-value]
 
 
 @dataclass(frozen=True, eq=False)

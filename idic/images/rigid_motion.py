@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -28,7 +29,7 @@ class RigidMotion:
     n_frames); values : (n,) deg or mm per unit of the course
     """
 
-    numbers = RIGID
+    numbers: ClassVar[tuple[str, ...]] = RIGID
 
     names: tuple[str, ...]
     kinds: tuple[str, ...]

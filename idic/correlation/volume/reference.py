@@ -4,8 +4,8 @@
 
 docs/method.md, equations 1.2, 1.3, 3.2, 3.3 and 4.3 in three dimensions: dof = 3 node + component, F of each element in
 voxels. No scan is held whole: block by block its voxels are read with a halo, filtered and summed. Grey values and
-gradients of the reference scan at the voxels are kept where they fit into `KEPT_BYTES`, else made anew in each pass; the
-sums are the same.
+gradients of the reference scan at the voxels are kept where they fit into `KEPT_BYTES`, else made anew in each pass;
+the sums are the same.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class VolumeReference(NodalBasis):
         Sums over the voxels of each element (`idic.correlation.volume.element_sums`).
     """
 
-    pixel_map: VoxelMap
+    pixel_map: VoxelMap  # type: ignore[assignment]
     scans: VolumeStack
     frames: tuple[int, ...]
     degree: int
@@ -118,7 +118,7 @@ class VolumeReference(NodalBasis):
 
     def compare(self, experiment: Experiment, frame: int, motion: np.ndarray) -> NodalEquations:
         """Nodal equations of one scan under a nodal motion (n_nodes, 3), voxels."""
-        return self.equations(experiment.recording.stack, frame, motion, experiment.options.brightness)
+        return self.equations(experiment.recording.volumes, frame, motion, experiment.options.brightness)
 
     def equations(self, stack: VolumeStack, frame: int, u_px: np.ndarray, brightness: str = "frame") -> NodalEquations:
         """The same of a scan of any stack."""
@@ -220,7 +220,7 @@ class VolumeReference(NodalBasis):
     def compare_pixels(self, experiment: Experiment, frame: int, motion: np.ndarray,
                        coefficients: np.ndarray) -> ResidualMap:
         """Residual of the voxels of the `sections`; coefficients : (nb,) gains and offsets."""
-        return self.sections.residual(experiment.recording.stack, frame, motion, experiment.options.brightness,
+        return self.sections.residual(experiment.recording.volumes, frame, motion, experiment.options.brightness,
                                       coefficients)
 
     def residual(self, stack: VolumeStack, frame: int, u_px: np.ndarray, brightness: str = "none",
@@ -411,6 +411,6 @@ def _gather(block, run, low, out):
 def volume_reference(voxel_map: VoxelMap, experiment: Experiment) -> VolumeReference:
     """The reference of an experiment, with interpolation, low-pass and patches of its options."""
     options, recording = experiment.options, experiment.recording
-    return build_volume_reference(voxel_map, recording.stack, recording.averaged or (experiment.model.reference,),
+    return build_volume_reference(voxel_map, recording.volumes, recording.averaged or (experiment.model.reference,),
                                   DEGREES[options.interpolation], options.lowpass_px, options.border_px,
                                   options.patch_px)

@@ -101,6 +101,7 @@ class Scanner:
 
     def motion_slope(self, points: np.ndarray, name: str) -> np.ndarray:
         """d (column, row, slice) of mesh points by an amplitude of the drift  # (n, 3) mm -> (n, 3) voxels per unit"""
+        assert self.motion is not None and self.frame is not None  # of a scan
         number, course = self.motion.course(name, self.frame)
         seven, centred = self._moved, points - self.pivot_mm
         if number == 6:

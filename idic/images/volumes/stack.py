@@ -43,7 +43,8 @@ class ArrayVolumes:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        return tuple(int(n) for n in np.shape(self._scans[0]))
+        nz, ny, nx = np.shape(self._scans[0])
+        return int(nz), int(ny), int(nx)
 
     def block(self, k: int, z: slice, y: slice, x: slice) -> np.ndarray:
         return self._scans[k][z, y, x]

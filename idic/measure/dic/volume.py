@@ -166,7 +166,7 @@ def _stiffness(nodes_px: np.ndarray, blocks: Sequence[Block]) -> tuple[sparse.cs
     lame, shear = POISSON_RATIO / ((1 + POISSON_RATIO) * (1 - 2 * POISSON_RATIO)), 0.5 / (1 + POISSON_RATIO)
     lame, shear = np.array([lame, shear]) / np.sqrt(shear * (lame + 2 * shear))
     n = len(nodes_px)
-    total, nodal_volume = sparse.csr_array((3 * n, 3 * n)), np.zeros(n)
+    triplets, nodal_volume = [], np.zeros(n)
     for block in blocks:
         xi, w = quadrature_rule(block.cell)
         slopes = shape_gradients(block.cell, xi)
@@ -180,11 +180,12 @@ def _stiffness(nodes_px: np.ndarray, blocks: Sequence[Block]) -> tuple[sparse.cs
             k[:, :, c, :, c] += shear * dot
         dofs = (3 * block.connectivity[:, :, None] + np.arange(3)).reshape(len(k), -1)
         i, j = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
-        total = total + sparse.coo_array((k.ravel(), (i.ravel(), j.ravel())), shape=total.shape).tocsr()
+        triplets.append((k.ravel(), i.ravel(), j.ravel()))
         mass = np.einsum("eq,qa->ea", volume, shape_functions(block.cell, xi) ** 2)
         np.add.at(nodal_volume, block.connectivity,
                   mass / mass.sum(axis=1, keepdims=True) * volume.sum(axis=1)[:, None])
-    return total, nodal_volume
+    values, rows, columns = (np.concatenate(part) for part in zip(*triplets, strict=True))
+    return sparse.coo_array((values, (rows, columns)), shape=(3 * n, 3 * n)).tocsr(), nodal_volume  # zeros are kept
 
 
 def _without_affine(stiffness: sparse.csr_array, x: np.ndarray, volume: np.ndarray) -> sparse.csr_array:

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 
-from idic.images import AnyCamera, Stabiliser, Stack, picture, picture_shape
+from idic.images import AnyCamera, Stabiliser, Stack, VolumeStack, picture, picture_shape
 
 
 @dataclass(frozen=True)
@@ -155,10 +156,15 @@ class Recording:
     identity: str = ""  # hash of everything that decides the result
 
     @property
+    def volumes(self) -> VolumeStack:
+        """The scans, where `quantity` is "volume"."""
+        return cast(VolumeStack, self.stack)
+
+    @property
     def image_shape(self) -> tuple[int, int]:
         """(ny, nx) of the images, of the grid of a measured field, or of the picture of three sections of a volume."""
         if self.quantity == "volume":
-            return picture_shape(self.stack.shape)
+            return picture_shape(self.volumes.shape)
         return self.stack.shape if self.points is None else self.points.shape
 
     @property
@@ -181,7 +187,7 @@ class Recording:
         if self.points is not None:
             return f"{n_frames} stages of {len(self.points.positions_px)} points"
         if self.quantity == "volume":
-            nz, ny, nx = self.stack.shape
+            nz, ny, nx = self.volumes.shape
             return f"{n_frames} volumes of {nx} x {ny} x {nz} voxels"
         rows, columns = (0, 0) if self.stack is None else self.image_shape
         return f"{n_frames} images of {columns} x {rows} px"
@@ -190,9 +196,9 @@ class Recording:
         """A frame to look at: its image, or of a measured field without images the points that it holds, bright on
         black; of a volume three sections through its middle  # (ny, nx)"""
         if self.quantity == "volume":
-            shape = self.stack.shape
-            nz, ny, nx = shape
-            return picture(lambda *at: self.stack.block(frame, *at), shape, (nx // 2, ny // 2, nz // 2))
+            scans = self.volumes
+            nz, ny, nx = scans.shape
+            return picture(lambda *at: scans.block(frame, *at), scans.shape, (nx // 2, ny // 2, nz // 2))
         images = getattr(self.stack, "images", None)  # in which the motion was measured
         values = np.asarray((images or self.stack).frame(frame))
         if self.points is None or images is not None:

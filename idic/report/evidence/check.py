@@ -207,7 +207,7 @@ def _check_volume(experiment: Experiment, draw: bool) -> CheckReport:
     """The facts on volumes."""
     model, recording = experiment.model, experiment.recording
     facts, labels = volume_facts(experiment), recording.labels
-    nz, ny, nx = recording.stack.shape
+    nz, ny, nx = recording.volumes.shape
     voxel = " x ".join(f"{side:.6g}" for side in dict.fromkeys(model.camera.voxel_mm.tolist()))
     return CheckReport(
         experiment.title, recording.stack.n_frames, labels[model.reference],

@@ -57,7 +57,7 @@ def shown_mesh(experiment: Experiment, camera) -> ShownMesh:
     """The mesh of a view by this camera."""
     model = experiment.model
     if isinstance(camera, Scanner):
-        return _cut(model.mesh, camera.project(model.mesh.nodes), experiment.recording.stack.shape)
+        return _cut(model.mesh, camera.project(model.mesh.nodes), experiment.recording.volumes.shape)
     if experiment.recording.quantity == "height" and is_section(model):
         faces = model.mesh.edge_sets[model.surface]
         cells = ((EDGE, np.array([model.mesh.face_nodes(face) for face in faces])),)

@@ -41,12 +41,12 @@ class VolumeFacts:
 
 def volume_facts(experiment: Experiment) -> VolumeFacts:
     """Read every scan once; InputError where one is damaged."""
-    model, stack = experiment.model, experiment.recording.stack
+    model, stack = experiment.model, experiment.recording.volumes
     scanner = model.camera
     assert isinstance(scanner, Scanner)
     px, last = scanner.project(model.mesh.nodes), np.array(stack.shape)[::-1] - 1.0
-    inside = ((px >= 0) & (px <= last)).all(axis=1)
-    seen = sum(int(inside[block.connectivity].any(axis=1).sum()) for block in model.mesh.blocks)
+    inside = np.all((px >= 0) & (px <= last), axis=1)
+    seen = sum(int(np.count_nonzero(np.any(inside[block.connectivity], axis=1))) for block in model.mesh.blocks)
     sizes = np.concatenate([_sizes(px[block.connectivity], block.cell) for block in model.mesh.blocks])
     low = np.clip(np.floor(px.min(axis=0)), 0, last)[::-1].astype(int)
     high = np.clip(np.ceil(px.max(axis=0)), 0, last)[::-1].astype(int) + 1
@@ -102,7 +102,7 @@ def _of_scans(experiment: Experiment) -> Iterator[str]:
     known: dict[int, int] = {}
     reference = None
     for k in (model.reference, *(k for k in range(model.n_frames) if k != model.reference)):
-        checksum, mean = _read_through(recording.stack, k)
+        checksum, mean = _read_through(recording.volumes, k)
         reference = mean if reference is None else reference
         if checksum in known and k not in recording.excluded:
             yield (f"{recording.labels[k]} equals {recording.labels[known[checksum]]} voxel by voxel: a copy under "

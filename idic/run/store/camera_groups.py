@@ -69,7 +69,7 @@ def with_stored_images(store: RunStore, experiment: Experiment) -> Experiment:
     """The experiment with the ingested images of all its cameras."""
     stacks = [ZarrStack(store.group(group_of(experiment, number, IMAGES))) for number in range(len(experiment.views))]
     if experiment.recording.quantity == "volume":
-        stacks = [SlicedVolumes(stacks[0], experiment.recording.stack.shape[0])]
+        stacks = [SlicedVolumes(stacks[0], experiment.recording.volumes.shape[0])]
     cameras = tuple(replace(camera, stack=stack) for camera, stack in zip(experiment.cameras, stacks[1:], strict=True))
     return with_stabilised_images(replace(experiment, recording=replace(experiment.recording, stack=stacks[0]),
                                           cameras=cameras))
