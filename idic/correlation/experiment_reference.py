@@ -87,8 +87,8 @@ def build_experiment_reference(experiment: Experiment, camera: AnyCamera) -> Ref
 def _volume_reference(experiment: Experiment, scanner: Scanner) -> VolumeReference:
     """The reference of volumes: the voxels in the solid."""
     model, options = experiment.model, experiment.options
-    voxel_map = build_voxel_map(scanner.project(model.mesh.nodes), model.mesh.blocks, experiment.recording.volumes.shape,
-                                options.edge_margin_px, options.border_px)
+    voxel_map = build_voxel_map(scanner.project(model.mesh.nodes), model.mesh.blocks,
+                                experiment.recording.volumes.shape, options.edge_margin_px, options.border_px)
     return volume_reference(voxel_map, experiment)
 
 

@@ -18,7 +18,8 @@ from idic.model import build_forward
 VOXEL_MM, ORIGIN_PX, NOISE_GV, CONTRAST_GV = 0.02, np.array([10.0, 9.0, 7.0]), 2.0, 30.0
 BLOB_PX, FORCE_NOISE = 1.6, 2.0
 COARSE, FINE = (3, 5), (5, 8)
-ELASTIC = 'law = "elastic"\nE = {{ value = {E}, unit = "MPa", identify = true }}\nnu = {{ value = {nu}, identify = true }}\n'
+ELASTIC = ('law = "elastic"\nE = {{ value = {E}, unit = "MPa", identify = true }}\n'
+           "nu = {{ value = {nu}, identify = true }}\n")
 TRUTH = {"E": 70000.0, "nu": 0.33}
 
 

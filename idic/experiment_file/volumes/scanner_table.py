@@ -21,6 +21,7 @@ MAX_SIZE_RATIO = 1.02  # of the stated voxel to that of the files
 UNIT_RATIO = 300.0  # of mesh to volume, or the other way: a unit is wrong
 AXES = ("+col", "+row", "+slice")
 MIN_SCANS = 2
+MIN_SEEN_SHARE = 0.5  # of the nodes within the volume
 
 
 def scanner_scale(config: ExperimentFile, stack: VolumeStack, file: Path) -> Lengths:
@@ -81,14 +82,14 @@ def check_in_volume(mesh: Mesh, scanner: Scanner, shape: tuple[int, int, int], f
     span = ", ".join(f"{name} {a:.0f} to {b:.0f}" for name, a, b in zip(("column", "row", "slice"), low, high,
                                                                         strict=True))
     inside = ((px >= -0.5) & (px <= last + 0.5)).all(axis=1)
-    if inside.mean() > 0.5:
-        return
     expected = f"most nodes within {size_in_words(shape)}"
     found = f"{100.0 * inside.mean():.0f} % of them; the mesh spans {span}"
     if ratio > UNIT_RATIO or ratio < 1.0 / UNIT_RATIO:
         raise InputError("mesh and voxels have different units", file=file, key="scanner.voxel_mm", expected=expected,
                          found=found, remedy=f"the mesh is {ratio:.3g} times as large as the volume: give voxel_mm in "
                          "mm (12 µm are 0.012) and mesh_unit as the mesh file has it")
+    if inside.mean() > MIN_SEEN_SHARE:
+        return
     order = [int(np.argmin(np.abs(np.ptp(px, axis=0)[k] - last))) for k in range(3)]
     swapped = sorted(order) == [0, 1, 2] and order != [0, 1, 2]
     remedy = ("the sides of the mesh fit the volume in another order: check scanner.axes" if swapped
