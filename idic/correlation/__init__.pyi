@@ -31,10 +31,10 @@ from .placing.pose import Pose, fitted_pose, reselected
 from .placing.surface_points import SurfacePoints, surface_points
 from .shared_noise import MAX_DENSE_UNKNOWNS, closed_system, generalised_weights, ordinary_variance
 from .views.pinhole_view import PinholeView, in_space, nodal_normals
-from .views.volume_view import VOLUME, VolumeView
+from .views.volume_view import VOLUME
 from .views.view import GREY, SECTION, SPACE, View, is_section, view_of
 from .volume.reference import VolumeReference, build_volume_reference
-from .volume.voxel_map import VoxelMap, build_voxel_map
+from .volume.voxel_map import build_voxel_map
 
 __all__ = [
     "CELLS", "COARSE_PX", "GREY", "MAX_DENSE_UNKNOWNS", "MAX_GRADIENT_NOISE", "MIN_CORRELATION", "N_NODES",
@@ -42,7 +42,7 @@ __all__ = [
     "FieldEquations", "FieldReference", "FrameEquations", "FrameRecord", "FrameResponse", "GreyReference",
     "LocalEquations", "Marked", "MeasuredReference", "NodalEquations", "NodalField", "OpenSums", "PinholeView",
     "PixelMap", "Pose", "Reference", "ReferenceImage", "ResidualMap", "Rim", "SectionReference", "Seen",
-    "SurfacePoints", "TexturePair", "View", "VolumeReference", "VolumeView", "VoxelMap", "Weights", "agreements",
+    "SurfacePoints", "TexturePair", "View", "VolumeReference", "Weights", "agreements",
     "at_fixed_pixels", "blur_bias", "build_experiment_reference", "build_field_reference", "build_pixel_map",
     "build_reference", "build_volume_reference", "build_voxel_map", "camera_at", "channel_equations",
     "channel_values", "closed_system", "correlated_frames", "dense", "determined_by_texture", "edge_contour",

@@ -10,7 +10,7 @@ from .lenses.brown import PinholeCamera
 from .lenses.lens_models import LENS_MODELS, LENS_PARAMETERS
 from .matched_blur import PIXEL_BLUR_PX, derivative_maps, fineness_of, matched_gain, matching_weights, mean_shift
 from .pattern import DOT_RADIUS, Pattern, dense_speckle, sparse_speckle
-from .placed_camera import AnyCamera, PLACED_TURNS, PLACEMENT_STEM, PlacedCamera
+from .placed_camera import PLACED_TURNS, PLACEMENT_STEM, PlacedCamera
 from .quality.compression import BLOCK_PX, compressed_at
 from .quality.drift import MIN_TOLD_SHIFT_PX, drift_note, shifts
 from .quality.field_noise import FieldNoise, MIN_POINTS, MIN_STAGES, field_noise
@@ -31,7 +31,8 @@ from .spline_filter import MIRROR_PAD_PX, POLES, filter_block
 from .spline_reference import inside, spline_slopes, spline_values
 from .stack import ArrayStack, Stack
 from .stack_views import LeadingFrames, LitStack, NoisyStack, RoundedStack, StackView
-from .volumes.scanner import SCANNER, SCANNER_MOTIONS, VOXEL_AXES, Scanner, ScannerMotion
+from .volumes.any_camera import AnyCamera
+from .volumes.scanner import SCANNER, SCANNER_MOTIONS, Scanner, ScannerMotion
 from .volumes.sections import GAP_PX, picture, picture_places, picture_shape
 from .volumes.slices import SlicedVolumes, Slices
 from .volumes.stack import ArrayVolumes, VolumeStack
@@ -42,7 +43,7 @@ __all__ = [
     "LENS_MODELS", "LENS_PARAMETERS", "MAGNIFICATION", "MARGIN_PX", "MAX_NODES", "MIN_GOOD_TILES", "MIN_POINTS",
     "MIN_STAGES", "MIN_TOLD_SHIFT_PX", "MIRROR_PAD_PX", "PIXEL_BLUR_PX", "PLACED_TURNS", "PLACEMENT_STEM", "POLES",
     "POSE_PARAMETERS", "REACH_STDS", "RIGID", "RIGID_UNITS", "ROW", "SCANNER", "SCANNER_MOTIONS", "TURN",
-    "VOXEL_AXES", "AnyCamera", "ArrayStack", "ArrayVolumes", "Camera", "CameraMotion", "FieldNoise",
+    "AnyCamera", "ArrayStack", "ArrayVolumes", "Camera", "CameraMotion", "FieldNoise",
     "LeadingFrames", "LensCamera", "LitStack", "NoiseCovariance", "NoiseModel", "NoisyStack", "Pattern",
     "PinholeCamera", "PlacedCamera", "RigidMotion", "RoundedStack", "Scanner", "ScannerMotion", "SlicedVolumes",
     "Slices", "Spline", "StabilisedStack", "Stabiliser", "Stack", "StackView", "TileNoise", "VolumeStack",

@@ -20,14 +20,13 @@ from .evidence.points import point_maps_of
 from .evidence.practice import frame_views, practice_of
 from .evidence.relaxation import relaxation_curves
 from .evidence.rubber import rubber_curves
-from .evidence.shown_mesh import ShownMesh, shown_mesh
+from .evidence.volumes.shown_mesh import ShownMesh, shown_mesh
 from .evidence.section import section_fields, with_profiles, with_section_floor
 from .evidence.temperature import temperature_factors
 from .evidence.yield_surface import yield_surfaces
 from .figures.calibration import calibration_picture
 from .figures.law_curve import plot_law
 from .figures.maps import RESIDUAL_RANGE, bare, residual_window
-from .figures.profiles import EDGE
 from .figures.style import (
     BLACK, BLUE, CYCLE, DIVERGING, DPI, FAINT, GREY, MARKERS, ORANGE, Picture, RED, SEQUENTIAL, look, new_figure,
     to_picture,
@@ -49,7 +48,7 @@ from .tables import all_tables
 from .treatments import treatment_table
 
 __all__ = [
-    "BLACK", "BLUE", "CYCLE", "DIVERGING", "DPI", "EDGE", "FAINT", "GREY", "KNOWN_ERROR_COUNTED", "MARKERS",
+    "BLACK", "BLUE", "CYCLE", "DIVERGING", "DPI", "FAINT", "GREY", "KNOWN_ERROR_COUNTED", "MARKERS",
     "MIN_CONFUSABLE_CORRELATION", "NOISE_CHI2", "ORANGE", "RANGE", "RED", "RESIDUAL_RANGE", "SEQUENTIAL",
     "STANDINGS", "ChannelRecord", "Curve", "DiagnosisRecord", "FieldFrames", "FreeMotions", "Picture",
     "PlanPictures", "ResidualMaps", "RunRecord", "Sensitivities", "ShownMesh", "WhereRecord", "advice",

@@ -30,12 +30,12 @@ def element_sums(elements, begin, kind, n_terms, transforms, run_start, run, sta
     for e in elements:
         n = n_terms[kind[e]]
         products, moments = np.zeros((n, n, 6)), np.zeros((n, 3, 2))
-        j, done, s = run_start[e], 0, start[e]
+        j, passed, s = run_start[e], 0, start[e]
         grey[e, 0] = grey[e, 1] = grey[e, 2] = 0.0
         while s < start[e + 1]:
             t = min(s + BUFFER, start[e + 1])
             size, a, b = t - s, s - begin, t - begin
-            j, done = fill_places(run, j, done, size, x, y, z)
+            j, passed = fill_places(run, j, passed, size, x, y, z)
             local_places(affine[e], middle[e], places[e], table, table_start[e] + s - start[e], size, x, y, z, place)
             fill_monomials(kind[e], place, size, powers)
             _weights(f[a:b], gx[a:b], gy[a:b], gz[a:b], valid[a:b], weight, slope)

@@ -96,7 +96,7 @@ class VolumeReference(NodalBasis):
     pattern: Pattern
     layouts: Mapping[str, Brightness]
     gradient_noise: float = 0.0
-    kept: dict[int, Voxels] = field(default_factory=dict)
+    stored: dict[int, Voxels] = field(default_factory=dict)
     n_components = 3
 
     @property
@@ -156,11 +156,11 @@ class VolumeReference(NodalBasis):
 
     def voxels(self, number: int) -> Voxels:
         """Grey value above `level` and gradient of the voxels of a block."""
-        voxels = self.kept.get(number)
+        voxels = self.stored.get(number)
         if voxels is None:
             voxels = _voxels(self.pixel_map, number, self.scans, self.frames, self.degree, self.lowpass_px, self.level)
-            if voxels.nbytes + sum(block.nbytes for block in list(self.kept.values())) <= KEPT_BYTES:
-                self.kept[number] = voxels
+            if voxels.nbytes + sum(block.nbytes for block in list(self.stored.values())) <= KEPT_BYTES:
+                self.stored[number] = voxels
         return voxels
 
     def _pass(self, stack: VolumeStack, frame: int, motion: VolumeMotion, layout: Brightness, number: int,
@@ -214,7 +214,7 @@ class VolumeReference(NodalBasis):
         place[self.pixel_map.element] = np.arange(self.pixel_map.n_elements)
         used = place[pm.element]
         layouts = {name: replace(layout, patch=layout.patch[used]) for name, layout in self.layouts.items()}
-        return replace(self, pixel_map=pm, layouts=layouts, kept={}, hessian=self.hessian[:0],
+        return replace(self, pixel_map=pm, layouts=layouts, stored={}, hessian=self.hessian[:0],
                        coupling=self.coupling[:0], grey=self.grey[used])
 
     def compare_pixels(self, experiment: Experiment, frame: int, motion: np.ndarray,
@@ -286,13 +286,13 @@ def build_volume_reference(voxel_map: VoxelMap, stack: VolumeStack, frames: Sequ
     level = _level(pm, stack, frames)
     hessian = np.zeros((pm.n_elements, n_max * (n_max + 1) // 2, 6))
     coupling, grey = np.zeros((pm.n_elements, n_max, 3, 2)), np.zeros((pm.n_elements, 3))
-    kept: dict[int, Voxels] = {}
+    stored: dict[int, Voxels] = {}
     for number in range(len(pm.blocks) - 1):
         voxels = _voxels(pm, number, stack, frames, degree, lowpass_px, level)
         elements = np.arange(*pm.blocks[number:number + 2])
         _sums_of(pm, elements, pm.start[elements[0]], voxels, np.ones(len(voxels.f), np.uint8), hessian, coupling, grey)
-        if voxels.nbytes + sum(block.nbytes for block in kept.values()) <= KEPT_BYTES:
-            kept[number] = voxels
+        if voxels.nbytes + sum(block.nbytes for block in stored.values()) <= KEPT_BYTES:
+            stored[number] = voxels
     n, first, second = grey.sum(axis=0)
     if not second / n - (first / n) ** 2 > 0.0:
         raise InputError("the reference scan shows no contrast on the mesh", expected="a texture",
@@ -305,7 +305,7 @@ def build_volume_reference(voxel_map: VoxelMap, stack: VolumeStack, frames: Sequ
     pattern = block_pattern(rows, columns, pairs, pm.n_nodes, pm.n_nodes, 3)
     return VolumeReference(pm, stack, tuple(frames), degree, lowpass_px, border_px, level, hessian, coupling, grey,
                            pattern, {name: _layout(name, patch, pm, grey, level) for name, patch in patches.items()},
-                           kept=kept)
+                           stored=stored)
 
 
 def _layout(mode: str, patch: np.ndarray, voxel_map: VoxelMap, grey: np.ndarray, level: float) -> Brightness:
@@ -368,16 +368,16 @@ def _coefficients(voxel_map: VoxelMap, number: int, stack: VolumeStack, frame: i
     row and of a slice; (3,), (3,) int32
     """
     span = slice(*voxel_map.blocks[number:number + 2])
-    last = np.array(voxel_map.shape)[::-1] - 1
+    farthest = np.array(voxel_map.shape)[::-1] - 1
     u = motion[span]
     spread = np.abs(u[:, :, 1:]).sum(axis=2)  # no place in a cell is beyond 1
     low_u, high_u = (u[:, :, 0] - spread).min(axis=0), (u[:, :, 0] + spread).max(axis=0)
-    first = np.clip(np.floor(voxel_map.boxes[number, 0] + low_u) - 1, 0, last).astype(np.int64)
-    end = np.clip(np.ceil(voxel_map.boxes[number, 1] + high_u) + 1, first, last).astype(np.int64)
+    first = np.clip(np.floor(voxel_map.boxes[number, 0] + low_u) - 1, 0, farthest).astype(np.int64)
+    end = np.clip(np.ceil(voxel_map.boxes[number, 1] + high_u) + 1, first, farthest).astype(np.int64)
     taps = spline_taps(degree, lowpass_px)
-    before, after = (degree - 1) // 2, (degree + 1) // 2
+    taps_below, taps_above = (degree - 1) // 2, (degree + 1) // 2
     reach = len(taps) // 2
-    low, high = (first - before - reach)[::-1], (end + after + reach + 1)[::-1]
+    low, high = (first - taps_below - reach)[::-1], (end + taps_above + reach + 1)[::-1]
     block = mirrored_block(lambda *at: stack.block(frame, *at), stack.shape, low, high) - np.float32(level)
     for axis in range(3):
         block = filtered(block, taps, axis)
@@ -385,7 +385,7 @@ def _coefficients(voxel_map: VoxelMap, number: int, stack: VolumeStack, frame: i
     flat = np.zeros(block.size + _TAPS_BEYOND + (degree + 1) * nx, dtype=np.float32)
     flat[:block.size] = block.ravel()
     box = np.array([*first, *(end - first + 1), nx, nx * ny], dtype=np.int32)
-    low_inside, high_inside = np.full(3, border, np.int32), (last - border).astype(np.int32)
+    low_inside, high_inside = np.full(3, border, np.int32), (farthest - border).astype(np.int32)
     return flat, box, low_inside, high_inside
 
 

@@ -25,10 +25,10 @@ _ZERO = np.float32(0.0)
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST)
-def _positions(x, y, z, u, whole, box, low, high, fraction, base, lost):
+def _positions(x, y, z, u, steps, box, low, high, fraction, base, lost):
     """First tap and fractions of every voxel of a buffer; clamped and marked lost beyond the borders.
 
-    x, y, z: int32 (n,); u: float32 (3, n), motion less its whole part `whole` (3,) int32; box: int32 (8,), first
+    x, y, z: int32 (n,); u: float32 (3, n), motion less its whole part `steps` (3,) int32; box: int32 (8,), first
     column, row and slice that have all taps, number of such columns, rows and slices, entries of a row and of a slice;
     low, high: int32 (3,), the first and last place that counts as inside.
     """
@@ -37,7 +37,7 @@ def _positions(x, y, z, u, whole, box, low, high, fraction, base, lost):
     end_x, end_y, end_z = min(high[0], first_x + nx - 1), min(high[1], first_y + ny - 1), min(high[2], first_z + nz - 1)
     low_x, low_y, low_z = _INT(low_x), _INT(low_y), _INT(low_z)
     end_x, end_y, end_z = _INT(end_x), _INT(end_y), _INT(end_z)
-    whole_x, whole_y, whole_z = whole[0], whole[1], whole[2]
+    whole_x, whole_y, whole_z = steps[0], steps[1], steps[2]
     for k in range(x.size):
         ux = min(max(u[0, k], -_MAX_MOTION), _MAX_MOTION)
         uy = min(max(u[1, k], -_MAX_MOTION), _MAX_MOTION)
@@ -126,14 +126,14 @@ def volume_pass(elements, kind, n_terms, run_start, run, voxel_start, affine, mi
     base, lost = np.zeros(BUFFER + LANES, np.int32), np.empty(BUFFER, np.int32)
     value, r = np.empty(BUFFER + LANES, np.float32), np.empty(BUFFER, np.float32)
     weighted, place = np.empty((3, BUFFER), np.float32), np.empty((3, BUFFER), np.float32)
-    whole, coefficients = np.empty(3, np.int32), np.zeros((3, N_TERMS), np.float32)
+    steps, coefficients = np.empty(3, np.int32), np.zeros((3, N_TERMS), np.float32)
     row, plane = box[6], box[7]
     for index in range(elements.size):
         e = elements[index]
         n = n_terms[kind[e]]
         for d in range(3):
             shift = np.rint(min(max(motion[e, d, 0], -1e6), 1e6))
-            whole[d] = _INT(shift)
+            steps[d] = _INT(shift)
             for m in range(n):
                 coefficients[d, m] = np.float32(motion[e, d, m])
             for m in range(n, N_TERMS):
@@ -142,18 +142,18 @@ def volume_pass(elements, kind, n_terms, run_start, run, voxel_start, affine, mi
         for m in range(sums.shape[1]):
             sums[e, m] = 0.0
         n_lost[e] = 0
-        j, done = run_start[e], 0  # run, voxels of it that are through
+        j, passed = run_start[e], 0  # run, voxels of it that are through
         s = voxel_start[e]
         while s < voxel_start[e + 1]:
             t = min(s + BUFFER, voxel_start[e + 1])
             size = t - s
-            j, done = fill_places(run, j, done, size, x, y, z)
+            j, passed = fill_places(run, j, passed, size, x, y, z)
             local_places(affine[e], middle[e], places[e], table, table_start[e] + s - voxel_start[e], size, x, y, z,
                          place)
             fill_monomials(kind[e], place, size, powers)
             _motion(coefficients, powers, n, size, u)
             first, end = s - begin, t - begin
-            _positions(x[:size], y[:size], z[:size], u, whole, box, low, high, fraction, base, lost)
+            _positions(x[:size], y[:size], z[:size], u, steps, box, low, high, fraction, base, lost)
             spline_buffer(c, base, size, row, plane, degree, fraction, value)
             _residuals(f[first:end], value, size, r)
             n_lost[e] += _drop_lost(lost[:size], valid[first:end], r)
@@ -186,11 +186,11 @@ def _grey_sums(r, f, mean):
 
 
 @njit(cache=True, nogil=True)
-def fill_places(run, j, done, size, x, y, z):
+def fill_places(run, j, passed, size, x, y, z):
     """Column, row and slice of the next `size` voxels; the run to go on with, and the voxels of it that are through."""
     k = 0
     while k < size:
-        x0, length = run[j, 0] + done, run[j, 3] - done
+        x0, length = run[j, 0] + passed, run[j, 3] - passed
         m = min(length, size - k)
         y0, z0 = run[j, 1], run[j, 2]
         for i in range(m):
@@ -200,10 +200,10 @@ def fill_places(run, j, done, size, x, y, z):
         k += m
         if m == length:
             j += 1
-            done = 0
+            passed = 0
         else:
-            done += m
-    return j, done
+            passed += m
+    return j, passed
 
 
 @njit(cache=True, nogil=True)

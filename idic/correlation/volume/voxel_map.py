@@ -195,10 +195,10 @@ def build_voxel_map(nodes_px: np.ndarray, cells: Sequence[Block], shape: tuple[i
                          found="a mesh from " + spans(low, high),
                          remedy="check voxel_mm, origin_px, axes and mesh_unit; `idic check` draws the mesh in the "
                                 "volume")
-    seen, counts = np.unique(owner, return_counts=True)
+    visible, counts = np.unique(owner, return_counts=True)
     run_start = np.concatenate([[0], np.cumsum(counts)])
     start = np.concatenate([[0], np.cumsum(np.add.reduceat(runs[:, 3], run_start[:-1]))])
-    geometry, conn, kind, element, group = geometry[seen], conn[seen], kind[seen], element[seen], group[seen]
+    geometry, conn, kind, element, group = (part[visible] for part in (geometry, conn, kind, element, group))
     middle = runs[run_start[:-1] + counts // 2, :3].astype(np.int32)
     inverse = _inverse_jacobians(geometry, kind)
     affine = _is_affine(geometry, kind)
@@ -209,15 +209,15 @@ def build_voxel_map(nodes_px: np.ndarray, cells: Sequence[Block], shape: tuple[i
     table = np.empty((3, int(sizes.sum())), dtype=np.int16)
     _fill_table(np.flatnonzero(~affine), geometry, kind, N_SOLID_NODES, _EXPONENTS, MIDDLES, run_start, runs,
                 table_start, table)
-    blocks = np.concatenate([[0], np.flatnonzero(np.diff(group)) + 1, [len(seen)]])
+    blocks = np.concatenate([[0], np.flatnonzero(np.diff(group)) + 1, [len(visible)]])
     return VoxelMap(shape, nodes_px, element, conn, kind, run_start, runs, start, affine, middle, places, table_start,
                     table, MIDDLES[kind], inverse, blocks)
 
 
 def spans(low, high) -> str:
     """A box in words  # (column, row, slice) each"""
-    return ", ".join(f"{name} {first:.0f} to {last:.0f}"
-                     for name, first, last in zip(("column", "row", "slice"), low, high, strict=True))
+    return ", ".join(f"{name} {first:.0f} to {farthest:.0f}"
+                     for name, first, farthest in zip(("column", "row", "slice"), low, high, strict=True))
 
 
 def only_sections(voxel_map: VoxelMap, at: tuple[int, int, int]) -> VoxelMap:
@@ -225,9 +225,9 @@ def only_sections(voxel_map: VoxelMap, at: tuple[int, int, int]) -> VoxelMap:
     column, row, plane = at
     owner = np.repeat(np.arange(voxel_map.n_elements), np.diff(voxel_map.run_start))
     run = voxel_map.run
-    whole = (run[:, 1] == row) | (run[:, 2] == plane)
-    crossed = ~whole & (run[:, 0] <= column) & (column < run[:, 0] + run[:, 3])
-    keep = np.flatnonzero(whole | crossed)
+    complete = (run[:, 1] == row) | (run[:, 2] == plane)
+    crossed = ~complete & (run[:, 0] <= column) & (column < run[:, 0] + run[:, 3])
+    keep = np.flatnonzero(complete | crossed)
     offset = np.where(crossed[keep], column - run[keep, 0], 0)
     chosen = run[keep].copy()
     chosen[:, 0] += offset.astype(np.int32)
@@ -238,26 +238,26 @@ def only_sections(voxel_map: VoxelMap, at: tuple[int, int, int]) -> VoxelMap:
 def _chosen(voxel_map: VoxelMap, keep: np.ndarray, chosen: np.ndarray, offset: np.ndarray,
             owner: np.ndarray) -> VoxelMap:
     """A map of parts of its runs; offset : voxels of each that are left out before the part."""
-    seen, counts = np.unique(owner, return_counts=True)
+    visible, counts = np.unique(owner, return_counts=True)
     run_start = np.concatenate([[0], np.cumsum(counts)])
-    if not len(seen):
+    if not len(visible):
         return replace(voxel_map, element=voxel_map.element[:0], run=chosen)
     start = np.concatenate([[0], np.cumsum(np.add.reduceat(chosen[:, 3], run_start[:-1]))])
-    table, table_start = voxel_map.table, np.zeros(len(seen), dtype=np.int64)
+    table, table_start = voxel_map.table, np.zeros(len(visible), dtype=np.int64)
     curved = ~voxel_map.affine[owner]
     if curved.any():
         ends = np.cumsum(voxel_map.run[:, 3])
         first = (ends - voxel_map.run[:, 3])[keep] + offset - voxel_map.start[owner] + voxel_map.table_start[owner]
         pieces = [np.arange(a, a + n) for a, n in zip(first[curved], chosen[curved, 3], strict=True)]
         table = table[:, np.concatenate(pieces)]
-        sizes = np.where(voxel_map.affine[seen], 0, np.diff(start))
+        sizes = np.where(voxel_map.affine[visible], 0, np.diff(start))
         table_start = np.concatenate([[0], np.cumsum(sizes)])[:-1]
-    group = np.searchsorted(voxel_map.blocks, seen, side="right")
-    blocks = np.concatenate([[0], np.flatnonzero(np.diff(group)) + 1, [len(seen)]])
-    return replace(voxel_map, element=voxel_map.element[seen], conn=voxel_map.conn[seen], kind=voxel_map.kind[seen],
-                   run_start=run_start, run=chosen, start=start, affine=voxel_map.affine[seen],
-                   middle=voxel_map.middle[seen], places=voxel_map.places[seen], table_start=table_start, table=table,
-                   centre=voxel_map.centre[seen], inverse_jacobian=voxel_map.inverse_jacobian[seen], blocks=blocks)
+    group = np.searchsorted(voxel_map.blocks, visible, side="right")
+    blocks = np.concatenate([[0], np.flatnonzero(np.diff(group)) + 1, [len(visible)]])
+    of_elements = {name: getattr(voxel_map, name)[visible] for name in (
+        "element", "conn", "kind", "affine", "middle", "places", "centre", "inverse_jacobian")}
+    return replace(voxel_map, **of_elements, run_start=run_start, run=chosen, start=start, table_start=table_start,
+                   table=table, blocks=blocks)
 
 
 def _flat(cells: Sequence[Block]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -321,9 +321,9 @@ def _runs(geometry: np.ndarray, kind: np.ndarray, corners: np.ndarray, shape: tu
     low = np.where(used[:, :, None], corners, np.inf).min(axis=1)
     high = np.where(used[:, :, None], corners, -np.inf).max(axis=1)
     slack = np.where(N_SOLID_NODES[kind] > 8, 0.125, 0.0)[:, None] * (high - low)  # a curved face bulges
-    last = np.array(shape)[::-1] - 1 - border
-    first = np.clip(np.ceil(low - slack - 1.0), border, last + 1).astype(np.int64)
-    end = np.clip(np.floor(high + slack + 1.0), border - 1, last).astype(np.int64)
+    farthest = np.array(shape)[::-1] - 1 - border
+    first = np.clip(np.ceil(low - slack - 1.0), border, farthest + 1).astype(np.int64)
+    end = np.clip(np.floor(high + slack + 1.0), border - 1, farthest).astype(np.int64)
     rows = np.maximum(end - first + 1, 0)
     capacity = int((rows[:, 1] * rows[:, 2]).sum())
     while True:
@@ -346,17 +346,17 @@ def _kept(run: np.ndarray, owner: np.ndarray, shape: tuple[int, int, int], margi
     for first in range(int(slices[0]), int(slices[-1]) + 1, thickness):
         stop = min(first + thickness, int(slices[-1]) + 1)
         low, high = max(first - margin, 0), min(stop + margin, shape[0])
-        near = by_slice[np.searchsorted(slices, low):np.searchsorted(slices, high)]
+        around = by_slice[np.searchsorted(slices, low):np.searchsorted(slices, high)]
         inside = np.zeros((high - low, shape[1], shape[2]), dtype=np.uint8)
-        _paint(run, near, low, inside)
+        _paint(run, around, low, inside)
         if mask is not None:
             inside &= np.asarray(mask(slice(low, high), slice(0, shape[1]), slice(0, shape[2])), dtype=bool)
         for axis in range(3) if margin else ():
             inside = minimum_filter1d(inside, 2 * margin + 1, axis=axis, mode="nearest")
-        here = by_slice[np.searchsorted(slices, first):np.searchsorted(slices, stop)]
-        capacity = int(run[here, 3].sum()) // 2 + len(here) + 1
+        inner = by_slice[np.searchsorted(slices, first):np.searchsorted(slices, stop)]
+        capacity = int(run[inner, 3].sum()) // 2 + len(inner) + 1
         out, source = np.empty((capacity, 4), dtype=np.int32), np.empty(capacity, dtype=np.int64)
-        n = _split(run, here, low, inside, out, source)
+        n = _split(run, inner, low, inside, out, source)
         pieces.append(out[:n].copy())
         owners.append(owner[source[:n]])
         number.append(source[:n].copy())
@@ -431,7 +431,7 @@ def _is_inside(kind, place):
 
 
 @njit(cache=True, nogil=True)
-def _find_runs(geometry, kind, n_nodes, exponents, middles, first, end, beside, run, owner):
+def _find_runs(geometry, kind, n_nodes, exponents, middles, first, end, offsets, run, owner):
     """Fill the runs of all elements; returns their number, -1 where there are more than fit."""
     count, place = 0, np.empty(3)
     for e in range(len(geometry)):
@@ -442,7 +442,7 @@ def _find_runs(geometry, kind, n_nodes, exponents, middles, first, end, beside, 
                 for x in range(first[e, 0], end[e, 0] + 1):
                     if not is_near:
                         place[:] = middles[kind[e]]
-                    is_near = _place(geometry[e], n, exponents[kind[e]], x + beside[0], y + beside[1], z + beside[2],
+                    is_near = _place(geometry[e], n, exponents[kind[e]], x + offsets[0], y + offsets[1], z + offsets[2],
                                      place)
                     if is_near and _is_inside(kind[e], place):
                         if open_run:

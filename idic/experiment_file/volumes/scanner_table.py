@@ -77,24 +77,24 @@ def check_in_volume(mesh: Mesh, scanner: Scanner, shape: tuple[int, int, int], f
     Most of the mesh must be seen: where it is not, axes are swapped or the origin is wrong.
     """
     px = scanner.project(mesh.nodes)
-    low, high, last = px.min(axis=0), px.max(axis=0), np.array(shape)[::-1] - 1.0
-    ratio = float(np.max((high - low) / last))
+    low, high, farthest = px.min(axis=0), px.max(axis=0), np.array(shape)[::-1] - 1.0
+    ratio = float(np.max((high - low) / farthest))
     span = ", ".join(f"{name} {a:.0f} to {b:.0f}" for name, a, b in zip(("column", "row", "slice"), low, high,
                                                                         strict=True))
-    inside = ((px >= -0.5) & (px <= last + 0.5)).all(axis=1)
+    inside = ((px >= -0.5) & (px <= farthest + 0.5)).all(axis=1)
     expected = f"most nodes within {size_in_words(shape)}"
-    found = f"{100.0 * inside.mean():.0f} % of them; the mesh spans {span}"
+    share = f"{100.0 * inside.mean():.0f} % of them; the mesh spans {span}"
     if ratio > UNIT_RATIO or ratio < 1.0 / UNIT_RATIO:
         raise InputError("mesh and voxels have different units", file=file, key="scanner.voxel_mm", expected=expected,
-                         found=found, remedy=f"the mesh is {ratio:.3g} times as large as the volume: give voxel_mm in "
+                         found=share, remedy=f"the mesh is {ratio:.3g} times as large as the volume: give voxel_mm in "
                          "mm (12 µm are 0.012) and mesh_unit as the mesh file has it")
     if inside.mean() > MIN_SEEN_SHARE:
         return
-    order = [int(np.argmin(np.abs(np.ptp(px, axis=0)[k] - last))) for k in range(3)]
+    order = [int(np.argmin(np.abs(np.ptp(px, axis=0)[k] - farthest))) for k in range(3)]
     swapped = sorted(order) == [0, 1, 2] and order != [0, 1, 2]
     remedy = ("the sides of the mesh fit the volume in another order: check scanner.axes" if swapped
               else "check origin_px, axes, voxel_mm and mesh_unit; `idic check` draws the mesh in the volume")
-    raise InputError("the mesh lies outside the volume", file=file, key="scanner", expected=expected, found=found,
+    raise InputError("the mesh lies outside the volume", file=file, key="scanner", expected=expected, found=share,
                      remedy=remedy)
 
 

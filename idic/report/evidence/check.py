@@ -23,7 +23,7 @@ from idic.report.evidence.plausible import (
     separate_pieces, start_values, sums_of_all_reactions,
 )
 from idic.report.evidence.rig import rig_warnings
-from idic.report.evidence.volumes import volume_facts, volume_overlay
+from idic.report.evidence.volumes.facts import volume_facts, volume_overlay
 from idic.report.figures.mesh_overlay import mesh_on_points, mesh_overlay
 from idic.report.figures.style import Picture
 

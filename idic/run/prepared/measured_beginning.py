@@ -32,8 +32,8 @@ class FreeMotion:
 
 def motion_of_volumes(u_mm: np.ndarray) -> FreeMotion:
     """A free FE-DVC as that motion  # (n_frames, n_nodes, 3) mm"""
-    known = np.zeros(len(u_mm), dtype=bool)
-    return FreeMotion(u_mm[:, :, :2], known, np.isnan(u_mm).all(axis=(1, 2)), in_space=u_mm)
+    explained = np.zeros(len(u_mm), dtype=bool)
+    return FreeMotion(u_mm[:, :, :2], explained, np.isnan(u_mm).all(axis=(1, 2)), in_space=u_mm)
 
 
 @dataclass(frozen=True, eq=False)

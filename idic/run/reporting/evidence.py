@@ -81,7 +81,7 @@ def _of_volume(context: RunContext, result: Mapping, shared: CorrelationContext,
                stored: FrameArrays) -> dict:
     """The same of volumes: sections to look at, and the curves of the laws."""
     experiment, nodes = shared.experiment, shared.experiment.model.mesh.nodes
-    view, shown = view_of(experiment, shared.camera), shown_mesh(experiment, shared.camera)
+    view, shown_points = view_of(experiment, shared.camera), shown_mesh(experiment, shared.camera)
 
     def simulated(frame: int) -> np.ndarray:
         k = frame - experiment.model.reference
@@ -91,7 +91,7 @@ def _of_volume(context: RunContext, result: Mapping, shared: CorrelationContext,
               if k != experiment.model.reference]
     motions = np.array([simulated(k) for k in shown_frames(experiment)])
     views = frame_views(experiment.recording, frames,
-                        lambda frame: shown.moved_px(view.at(frame).motion(nodes, simulated(frame))),
+                        lambda frame: shown_points.moved_px(view.at(frame).motion(nodes, simulated(frame))),
                         residuals_of(context, last_accepted(result)))
     return dict(curves=law_curves(experiment, parameters, result, motions),
                 rubber=rubber_curves(experiment.model, parameters, result, motions),

@@ -114,7 +114,7 @@ def load_record(run: Path | str) -> RunRecord:
     parameters = accepted_parameters(result, experiment.model.parameters)
     fitted_experiment = experiment.at_geometry(parameters)  # the mesh as it was identified
     names, M = without_modes(result.get("M", {}))
-    shown = shown_mesh(fitted_experiment, camera_at(experiment, parameters))
+    shown_points = shown_mesh(fitted_experiment, camera_at(experiment, parameters))
     common = dict(
         title=experiment.title,
         result=result,
@@ -122,8 +122,8 @@ def load_record(run: Path | str) -> RunRecord:
         names=names,
         M=M,
         reference=experiment.recording.picture(experiment.model.reference),
-        nodes_px=shown.points_px,
-        cells=shown.cells,
+        nodes_px=shown_points.points_px,
+        cells=shown_points.cells,
         times=experiment.model.times,
         time_label=time_label(experiment.model.times),
         notes=_notes(context, result),
@@ -154,17 +154,17 @@ def _seen(context: RunContext, result: Mapping, experiment: Experiment, number: 
     """Images and residuals of one camera: the fields of a RunRecord that differ between cameras."""
     view = experiment.views[number]
     point = [entry["evaluation"] for entry in result["history"] if entry["accepted"]][-1]
-    shown = shown_mesh(view, camera_at(view, parameters))
+    shown_points = shown_mesh(view, camera_at(view, parameters))
     return dict(
         reference=view.recording.picture(view.model.reference),
-        nodes_px=shown.points_px,
-        cells=shown.cells,
+        nodes_px=shown_points.points_px,
+        cells=shown_points.cells,
         pixel_size_mm=_pixel_size(view),
         rms_before=_rms_before(context, result, number),
         rms_after=_rms_after(result if number == 0 else _of_camera(result, view.recording.camera_name)),
         residuals=_residuals(context, result, number),
-        fields=_fields(context, point, view, parameters, shown),
-        sensitivities=_shown(sensitivities_of(context, point, view, parameters), shown),
+        fields=_fields(context, point, view, parameters, shown_points),
+        sensitivities=_shown(sensitivities_of(context, point, view, parameters), shown_points),
     )
 
 
@@ -312,7 +312,7 @@ def _residuals(context: RunContext, result: Mapping, number: int) -> ResidualMap
 
 
 def _fields(context: RunContext, point: int, experiment: Experiment, parameters: ParameterSet,
-            shown: ShownMesh) -> FieldFrames | None:
+            shown_points: ShownMesh) -> FieldFrames | None:
     """Displacement of some frames as one camera sees it; experiment : the view of that camera."""
     recording = experiment.recording
     frames = shown_frames(experiment)
@@ -322,7 +322,7 @@ def _fields(context: RunContext, point: int, experiment: Experiment, parameters:
     if not frames:
         return None
     if view.kind == VOLUME:
-        u = np.array([shown.of(motion) for motion in u])
+        u = np.array([shown_points.of(motion) for motion in u])
         return FieldFrames(frames, u[:, :, :2], {"motion along the slices [px]": u[:, :, 2]})
     unit = 1.0 if recording.points is None else recording.points.um_per_px
     rise = {f"rise [{recording.value_unit}]": unit * u[:, :, 2]} if view.n_components == 3 else {}
@@ -352,9 +352,9 @@ def sensitivities_of(context: RunContext, point: int, experiment: Experiment,
     return Sensitivities(names, frame, phi, tuple(text for _, text in steps), sizes)
 
 
-def _shown(data: Sensitivities | None, shown: ShownMesh) -> Sensitivities | None:
+def _shown(data: Sensitivities | None, shown_points: ShownMesh) -> Sensitivities | None:
     """The fields at the points that are shown."""
-    return data and replace(data, phi_px=np.array([shown.of(phi) for phi in data.phi_px]))
+    return data and replace(data, phi_px=np.array([shown_points.of(phi) for phi in data.phi_px]))
 
 
 def _columns(context: RunContext, point: int, frame: int, parameters: ParameterSet) -> np.ndarray:

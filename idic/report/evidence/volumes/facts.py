@@ -11,7 +11,7 @@ import numpy as np
 from idic.fe import cell_type
 from idic.images import Scanner
 from idic.model import Experiment
-from idic.report.evidence.shown_mesh import shown_mesh
+from idic.report.evidence.volumes.shown_mesh import shown_mesh
 from idic.report.figures.mesh_overlay import mesh_overlay
 from idic.report.figures.style import Picture
 
@@ -44,25 +44,25 @@ def volume_facts(experiment: Experiment) -> VolumeFacts:
     model, stack = experiment.model, experiment.recording.volumes
     scanner = model.camera
     assert isinstance(scanner, Scanner)
-    px, last = scanner.project(model.mesh.nodes), np.array(stack.shape)[::-1] - 1.0
-    inside = np.all((px >= 0) & (px <= last), axis=1)
-    seen = sum(int(np.count_nonzero(np.any(inside[block.connectivity], axis=1))) for block in model.mesh.blocks)
+    px, farthest = scanner.project(model.mesh.nodes), np.array(stack.shape)[::-1] - 1.0
+    inside = np.all((px >= 0) & (px <= farthest), axis=1)
+    n_seen = sum(int(np.count_nonzero(np.any(inside[block.connectivity], axis=1))) for block in model.mesh.blocks)
     sizes = np.concatenate([_sizes(px[block.connectivity], block.cell) for block in model.mesh.blocks])
-    low = np.clip(np.floor(px.min(axis=0)), 0, last)[::-1].astype(int)
-    high = np.clip(np.ceil(px.max(axis=0)), 0, last)[::-1].astype(int) + 1
+    low = np.clip(np.floor(px.min(axis=0)), 0, farthest)[::-1].astype(int)
+    high = np.clip(np.ceil(px.max(axis=0)), 0, farthest)[::-1].astype(int) + 1
     middle, half = (low + high) // 2, np.minimum((high - low) // 2, TEXTURE_SIDE // 2)
     block = (slice(int(m - h), int(m + h + 1)) for m, h in zip(middle, half, strict=True))
     texture = stack.block(model.reference, *block)
     contrast = float(np.std(texture, dtype=float))
     warnings = [*_of_mesh(sizes, inside), *_of_texture(experiment, contrast), *_of_scans(experiment)]
-    return VolumeFacts(str(texture.dtype), seen, float(sizes.mean()), float(sizes.min()), contrast, tuple(warnings))
+    return VolumeFacts(str(texture.dtype), n_seen, float(sizes.mean()), float(sizes.min()), contrast, tuple(warnings))
 
 
 def volume_overlay(experiment: Experiment) -> Picture:
     """Three sections of the reference scan with the mesh that they cut."""
     model = experiment.model
-    shown = shown_mesh(experiment, model.camera)
-    corners = [shown.points_px[ring] for _, cells in shown.cells for ring in cells]
+    sections = shown_mesh(experiment, model.camera)
+    corners = [sections.points_px[ring] for _, cells in sections.cells for ring in cells]
     return mesh_overlay(experiment.recording.picture(model.reference), corners, np.ones(len(corners), bool), {})
 
 
@@ -99,15 +99,15 @@ def _of_texture(experiment: Experiment, contrast: float) -> Iterator[str]:
 def _of_scans(experiment: Experiment) -> Iterator[str]:
     """Equal scans, and scans of another brightness; all are decoded."""
     recording, model = experiment.recording, experiment.model
-    known: dict[int, int] = {}
+    numbers: dict[int, int] = {}
     reference = None
     for k in (model.reference, *(k for k in range(model.n_frames) if k != model.reference)):
         checksum, mean = _read_through(recording.volumes, k)
         reference = mean if reference is None else reference
-        if checksum in known and k not in recording.excluded:
-            yield (f"{recording.labels[k]} equals {recording.labels[known[checksum]]} voxel by voxel: a copy under "
+        if checksum in numbers and k not in recording.excluded:
+            yield (f"{recording.labels[k]} equals {recording.labels[numbers[checksum]]} voxel by voxel: a copy under "
                    "another name? name it in exclude_frames")
-        known.setdefault(checksum, k)
+        numbers.setdefault(checksum, k)
         if abs(mean - reference) > MAX_BRIGHTNESS_CHANGE * abs(reference) and k not in recording.excluded:
             yield (f"{recording.labels[k]}: the mean grey value differs by more than {100 * MAX_BRIGHTNESS_CHANGE:g} % "
                    "from the reference: reconstruct all scans with one window of grey values")

@@ -77,7 +77,7 @@ def _cut(mesh: Mesh, nodes_px: np.ndarray, shape: tuple[int, int, int]) -> Shown
     points, rows, pane, cells = [], [], [], {"tri3": [], "quad4": []}
     for number, (across_columns, across_rows, normal) in enumerate(PANES):
         distance = nodes_px[:, normal] - places[normal]
-        known: dict[tuple[int, int], int] = {}
+        points_of_edges: dict[tuple[int, int], int] = {}
         for block in mesh.blocks:
             n_corners = cell_type(block.cell).n_corners
             corners = block.connectivity[:, :n_corners]
@@ -88,14 +88,14 @@ def _cut(mesh: Mesh, nodes_px: np.ndarray, shape: tuple[int, int, int]) -> Shown
                     first, second = sorted((int(cell[a]), int(cell[b])))
                     if distance[first] * distance[second] >= 0:
                         continue
-                    if (first, second) not in known:
+                    if (first, second) not in points_of_edges:
                         share = distance[first] / (distance[first] - distance[second])
                         place = (1 - share) * nodes_px[first] + share * nodes_px[second]
-                        known[first, second] = len(points)
+                        points_of_edges[first, second] = len(points)
                         points.append(np.array(origin[number]) + place[[across_columns, across_rows]])
                         rows.append((first, second, share))
                         pane.append(number)
-                    polygon.append(known[first, second])
+                    polygon.append(points_of_edges[first, second])
                 _add(cells, polygon, points)
     first, second, share = (np.array(column) for column in zip(*rows, strict=True))
     n = np.arange(len(rows))
