@@ -32,7 +32,7 @@ EXAMPLES: dict[str, Callable[[bool, bool], VirtualTest]] = {
 WRITERS = {  # (out, reduced, noise, seed, foreign) -> experiment.toml, or the folder of several
     "stereo": write_stereo, "volume": write_volume,
 }
-OF_THE_STUDIES = ("bulge", "polycarbonate", "polycarbonate-plans")  # in the tables of their room examples
+OF_THE_STUDIES = ("bulge", "polycarbonate", "polycarbonate-plans", "volume-calculix")  # in the tables of their room
 
 
 def write_example(

@@ -78,6 +78,8 @@ simulated = { reaction = "TOP", component = "z" }
 noise_std = 0.02
 """
 
+Solver = Callable[[Mesh, np.ndarray, dict[str, float]], tuple[np.ndarray, np.ndarray]]
+
 
 @dataclass(frozen=True)
 class BarSize:
@@ -90,8 +92,8 @@ class BarSize:
     true: tuple[int, int, int, int]
 
 
-FULL = BarSize(96, 0.02, (2, 4, 2, 6), (3, 3, 2, 4))
-REDUCED = BarSize(48, 0.04, (1, 2, 1, 3), (2, 2, 1, 2))
+FULL = BarSize(96, 0.02, (4, 4, 2, 8), (3, 4, 2, 5))
+REDUCED = BarSize(48, 0.04, (2, 3, 1, 4), (2, 3, 2, 3))
 
 
 def bar(cell: str, around: int, radial: int, along: int, layers: int) -> Mesh:
@@ -103,8 +105,11 @@ def bar(cell: str, around: int, radial: int, along: int, layers: int) -> Mesh:
 
 
 def write_volume(out: Path | str, reduced: bool = False, noise: float | None = None, seed: int = 0,
-                 foreign: bool = False) -> Path:
-    """Write the folder of the example; the truth is always foreign. Arguments as in `write_example`."""
+                 foreign: bool = False, solve: Solver | None = None) -> Path:
+    """Write the folder of the example; the truth is always foreign. Arguments as in `write_example`.
+
+    solve : motion and force of the true mesh, default `tension`
+    """
     folder = empty_folder(out, SCANS)
     size = REDUCED if reduced else FULL
     texture_rng, ring_rng, scan_rng, channel_rng = np.random.default_rng(seed).spawn(4)
@@ -117,7 +122,7 @@ def write_volume(out: Path | str, reduced: bool = False, noise: float | None = N
                           air_gv=AIR * GREY_LEVELS, noise=ReconstructionNoise(std),
                           rings=rings(ring_rng, (size.n,) * 3, RING_SHARE * contrast) if std else None)
     mesh = bar("quad8", *size.true)
-    displacements, force = tension(mesh, ELONGATION_MM, TRUTH)
+    displacements, force = (solve or tension)(mesh, ELONGATION_MM, TRUTH)
     write_scans(folder, tomograph, mesh, displacements, texture.value, scan_rng)
     columns = {"force_N": (force, FORCE_NOISE_N), "grip_displacement_mm": (ELONGATION_MM, GRIP_NOISE_MM)}
     write_loads(folder, 600.0 * np.arange(len(force)),
