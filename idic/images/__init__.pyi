@@ -26,6 +26,7 @@ from .quality.saturation import largest_value, saturated_share, sensor_levels
 from .quality.speckle import edge_blur, speckle_size
 from .quality.stabilise import StabilisedStack, Stabiliser
 from .quality.subpixel_blur import subpixel_blur
+from .quality.volume_noise import cube_corners, grey_change, volume_noise, whole_shift
 from .rigid_motion import RIGID, RIGID_UNITS, RigidMotion
 from .spline_filter import MIRROR_PAD_PX, POLES, filter_block
 from .spline_reference import inside, spline_slopes, spline_values
@@ -43,17 +44,18 @@ __all__ = [
     "LENS_MODELS", "LENS_PARAMETERS", "MAGNIFICATION", "MARGIN_PX", "MAX_NODES", "MIN_GOOD_TILES", "MIN_POINTS",
     "MIN_STAGES", "MIN_TOLD_SHIFT_PX", "MIRROR_PAD_PX", "PIXEL_BLUR_PX", "PLACED_TURNS", "PLACEMENT_STEM", "POLES",
     "POSE_PARAMETERS", "REACH_STDS", "RIGID", "RIGID_UNITS", "ROW", "SCANNER", "SCANNER_MOTIONS", "TURN",
-    "AnyCamera", "ArrayStack", "ArrayVolumes", "Camera", "CameraMotion", "FieldNoise",
-    "LeadingFrames", "LensCamera", "LitStack", "NoiseCovariance", "NoiseModel", "NoisyStack", "Pattern",
-    "PinholeCamera", "PlacedCamera", "RigidMotion", "RoundedStack", "Scanner", "ScannerMotion", "SlicedVolumes",
-    "Slices", "Spline", "StabilisedStack", "Stabiliser", "Stack", "StackView", "TileNoise", "VolumeStack",
-    "blur_column", "carry", "coloured", "compressed_at", "cubic_value", "dense_speckle", "derivative_maps",
-    "drift_note", "edge_blur", "evaluate", "field_noise", "filter_block", "fineness_of", "fixed_pixel_sensitivity",
-    "gap_mark", "gradient_at_pixels", "gradient_noise_share", "image_noise", "inside", "largest_value",
+    "AnyCamera", "ArrayStack", "ArrayVolumes", "Camera", "CameraMotion", "FieldNoise", "LeadingFrames",
+    "LensCamera", "LitStack", "NoiseCovariance", "NoiseModel", "NoisyStack", "Pattern", "PinholeCamera",
+    "PlacedCamera", "RigidMotion", "RoundedStack", "Scanner", "ScannerMotion", "SlicedVolumes", "Slices", "Spline",
+    "StabilisedStack", "Stabiliser", "Stack", "StackView", "TileNoise", "VolumeStack", "blur_column", "carry",
+    "coloured", "compressed_at", "cube_corners", "cubic_value", "dense_speckle", "derivative_maps", "drift_note",
+    "edge_blur", "evaluate", "field_noise", "filter_block", "fineness_of", "fixed_pixel_sensitivity", "gap_mark",
+    "gradient_at_pixels", "gradient_noise_share", "grey_change", "image_noise", "inside", "largest_value",
     "left_jacobian", "locate", "lowpass", "lowpass_weights", "matched_gain", "matching_weights", "mean_shift",
     "mirrored_rim_px", "noise_covariance", "noise_gain", "noise_gain_1d", "noise_share", "normal_sign", "picture",
     "picture_places", "picture_shape", "pixel_gain", "pooled", "prefilter", "quintic_value", "rotation_of",
     "saturated_share", "sensor_levels", "shape_functions", "shifts", "sparse_speckle", "speckle_size",
     "spline_error", "spline_slopes", "spline_values", "still_gain", "still_noise", "still_noise_model",
-    "subpixel_blur", "sum_gain", "tile_corners", "tile_noise", "weight_polynomials", "without_noise",
+    "subpixel_blur", "sum_gain", "tile_corners", "tile_noise", "volume_noise", "weight_polynomials", "whole_shift",
+    "without_noise",
 ]
