@@ -36,7 +36,8 @@ from idic.experiment_file.tables.mesh_sets import with_element_set
 from idic.experiment_file.tables.solver import EXTERNAL_PERTURBATION, check_external_laws, solver_notes
 from idic.experiment_file.tables.temperatures import Body, knots_of_temperature, temperatures
 from idic.experiment_file.toml_file import validated, with_overrides
-from idic.experiment_file.volumes.scanner_table import check_in_volume, scan_noise
+from idic.experiment_file.volumes.scan_noise import scan_noise
+from idic.experiment_file.volumes.scanner_table import check_in_volume
 from idic.fe import Mesh, can_raise_order, curved, is_raised_by_default, raise_order
 from idic.images import AnyCamera, Camera, SCANNER, Scanner, mirrored_rim_px
 from idic.model import (
@@ -196,8 +197,8 @@ class ExperimentTables:
         if self.original is not None:
             return self.original.recording.noise, self.original.recording.points, ()
         if isinstance(scale.camera, Scanner):
-            noise, notes = scan_noise(self.config, frames.stack, frames.still, frames.reference, mesh, scale.camera,
-                                      self.file)
+            noise, notes = scan_noise(self.config, frames.stack, frames.still, max(len(frames.averaged), 1), mesh,
+                                      scale.camera, self.file)
             return noise, None, notes
         if not isinstance(frames.stack, FieldStack) or frames.points is None:
             noise, notes = camera_noise(self.config, frames, mesh, scale.camera, self.file)

@@ -72,7 +72,7 @@ def test_keys_that_do_not_go_together(folder, run_cli, old, new, words):
 
 def test_a_scan_that_is_a_copy_is_no_noise(folder, run_cli):
     shutil.copy(folder / "scans" / "scan_00.npy", folder / "scans" / "scan_01.npy")
-    assert "scans that are declared to be at rest are equal" in refusal(folder, run_cli)
+    assert "two scans at rest show no noise" in refusal(folder, run_cli)
 
 
 def test_a_design_or_a_rehearsal_is_refused(folder, run_cli):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +13,11 @@ from idic.experiment_file.tables.lengths import Lengths
 from idic.experiment_file.volumes.scans import ScanFiles, size_in_words
 from idic.fe import Mesh
 from idic.images import Scanner, VolumeStack
-from idic.model import Noise
 from idic.readers import factor_between
 
 MAX_SIZE_RATIO = 1.02  # of the stated voxel to that of the files
 UNIT_RATIO = 300.0  # of mesh to volume, or the other way: a unit is wrong
 AXES = ("+col", "+row", "+slice")
-MIN_SCANS = 2
 MIN_SEEN_SHARE = 0.5  # of the nodes within the volume
 
 
@@ -96,53 +93,3 @@ def check_in_volume(mesh: Mesh, scanner: Scanner, shape: tuple[int, int, int], f
               else "check origin_px, axes, voxel_mm and mesh_unit; `idic check` draws the mesh in the volume")
     raise InputError("the mesh lies outside the volume", file=file, key="scanner", expected=expected, found=share,
                      remedy=remedy)
-
-
-def scan_noise(config: ExperimentFile, stack: VolumeStack, still: tuple[int, ...], reference: int, mesh: Mesh,
-               scanner: Scanner, file: Path) -> tuple[Noise, tuple[str, ...]]:
-    """Noise of one scan: given, or from scans of the same state.
-
-    Raises
-    ------
-    InputError
-        Neither a value nor two scans at rest.
-    """
-    table = config.scanner or ScannerTable()
-    if table.noise_std_gv is not None:
-        return Noise(table.noise_std_gv, "given"), ()
-    if len(still) < MIN_SCANS:
-        raise InputError("the noise of the scans is not known", file=file, key="experiment.still_frames",
-                         expected="two scans of the same state, or noise_std_gv under [scanner]",
-                         found="neither of them",
-                         remedy="scan the specimen twice at the first load: still_frames = [0, 1]; or give the "
-                                "standard deviation of the grey values of one scan")
-    std = noise_of_pairs(stack, still, scanner.project(mesh.nodes))
-    if not std > 0.0:
-        raise InputError("scans that are declared to be at rest are equal", file=file, key="experiment.still_frames",
-                         expected="two scans, each with its own noise", found="no difference between them",
-                         remedy="name two scans, not one scan and its copy")
-    return Noise(std, "still_frames"), ()
-
-
-def noise_of_pairs(stack: VolumeStack, frames: tuple[int, ...], nodes_px: np.ndarray) -> float:
-    """Standard deviation of one scan, by the differences of consecutive ones around the middle of the mesh.
-
-    Gain and offset between them are taken out. nodes_px : (n_nodes, 3) column, row, slice of the mesh
-    """
-    shape = np.array(stack.shape)
-    low = np.clip(np.floor(nodes_px.min(axis=0))[::-1], 0, shape - 2).astype(int)
-    high = np.clip(np.ceil(nodes_px.max(axis=0))[::-1] + 1, low + 2, shape).astype(int)
-    middle, half = (low + high) // 2, np.minimum((high - low) // 2, _NOISE_SIDE // 2)
-    block = tuple(slice(int(m - h), int(m + h + 1)) for m, h in zip(middle, half, strict=True))
-    variances = []
-    for first, second in pairwise(frames):
-        f, g = (np.asarray(stack.block(k, *block), float).ravel() for k in (first, second))
-        if np.ptp(f) == 0 or np.ptp(g) == 0:
-            variances.append(0.0)
-            continue
-        gain = float(np.sqrt(g.var() / f.var()))  # symmetric: noise in either does not bend it
-        variances.append(float(np.var(g - gain * f)) / (1.0 + gain**2))
-    return float(np.sqrt(np.mean(variances)))
-
-
-_NOISE_SIDE = 96  # voxels
