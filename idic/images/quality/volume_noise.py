@@ -188,7 +188,7 @@ def _cube_noise(a: np.ndarray, b: np.ndarray, lowpass_px: float) -> _CubeNoise |
     for axis in range(3):
         slopes = [_slope(mean, stencil, axis)[_INNER] for stencil in _STENCILS]
         columns += [*slopes, x * slopes[0], y * slopes[0], z * slopes[0]]
-        columns += [_slope(_second(mean, other), _STENCILS[0], axis)[_INNER] for other in range(3) if other != axis]
+        columns += [_slope(_second(mean, across), _STENCILS[0], axis)[_INNER] for across in range(3) if across != axis]
     basis, _ = np.linalg.qr(np.stack([column.ravel() for column in columns], axis=1))
     difference = (a - b)[_INNER].ravel()
     difference = (difference - basis @ (basis.T @ difference)).reshape(x.shape) / np.sqrt(2.0)
