@@ -326,9 +326,11 @@ def _runs(geometry: np.ndarray, kind: np.ndarray, corners: np.ndarray, shape: tu
     end = np.clip(np.floor(high + slack + 1.0), border - 1, farthest).astype(np.int64)
     rows = np.maximum(end - first + 1, 0)
     capacity = int((rows[:, 1] * rows[:, 2]).sum())
+    affine, inverse = _is_affine(geometry, kind), _inverse_jacobians(geometry, kind)
     while True:
         run, owner = np.empty((capacity, 4), dtype=np.int32), np.empty(capacity, dtype=np.int32)
-        n = _find_runs(geometry, kind, N_SOLID_NODES, _EXPONENTS, MIDDLES, first, end, BESIDE, run, owner)
+        n = _find_runs(geometry, kind, N_SOLID_NODES, _EXPONENTS, MIDDLES, first, end, BESIDE, affine, inverse, run,
+                       owner)
         if n >= 0:
             return run[:n].copy(), owner[:n].copy()
         capacity *= 2  # a row can leave a curved element and enter it again
@@ -431,19 +433,30 @@ def _is_inside(kind, place):
 
 
 @njit(cache=True, nogil=True)
-def _find_runs(geometry, kind, n_nodes, exponents, middles, first, end, offsets, run, owner):
+def _find_runs(geometry, kind, n_nodes, exponents, middles, first, end, offsets, affine, inverse, run, owner):
     """Fill the runs of all elements; returns their number, -1 where there are more than fit."""
-    count, place = 0, np.empty(3)
+    count, place, centre = 0, np.empty(3), np.empty(3)
     for e in range(len(geometry)):
         n = n_nodes[kind[e]]
+        for d in range(3):  # where the middle of the cell is
+            centre[d] = geometry[e, d, 0]
+            for m in range(1, 4):
+                centre[d] += geometry[e, d, m] * middles[kind[e], m - 1]
         for z in range(first[e, 2], end[e, 2] + 1):
             for y in range(first[e, 1], end[e, 1] + 1):
                 open_run, is_near = False, False
                 for x in range(first[e, 0], end[e, 0] + 1):
-                    if not is_near:
-                        place[:] = middles[kind[e]]
-                    is_near = _place(geometry[e], n, exponents[kind[e]], x + offsets[0], y + offsets[1], z + offsets[2],
-                                     place)
+                    px, py, pz = x + offsets[0], y + offsets[1], z + offsets[2]
+                    if affine[e]:
+                        is_near = True
+                        gx, gy, gz = px - centre[0], py - centre[1], pz - centre[2]
+                        for d in range(3):
+                            place[d] = (middles[kind[e], d] + inverse[e, d, 0] * gx + inverse[e, d, 1] * gy
+                                        + inverse[e, d, 2] * gz)
+                    else:
+                        if not is_near:
+                            place[:] = middles[kind[e]]
+                        is_near = _place(geometry[e], n, exponents[kind[e]], px, py, pz, place)
                     if is_near and _is_inside(kind[e], place):
                         if open_run:
                             run[count - 1, 3] += 1
