@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
-from scipy import fft
+from scipy import fft, ndimage
 
 from idic.images import cube_corners, grey_change, volume_noise, whole_shift
+from idic.readers import volume_entries
 from idic.virtual_tests import ReconstructionNoise
 
 N, SIDE, STD_GV = 64, 18, 5.0
@@ -95,3 +99,20 @@ def test_copies_and_too_few_cubes_tell_nothing():
     assert volume_noise(of(volume), of(volume.copy()), CORNERS, SIDE) is None
     assert volume_noise(of(volume), of(volume + 1.0), CORNERS[:2], SIDE) is None
     assert len(cube_corners((0, 0, 0), (10, 10, 10), SIDE)) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.skipif("IDIC_SPAM" not in os.environ, reason="the scans in the wheel of spam are not here: "
+                    "pip install --no-deps --target DIR spam==0.9.1, then IDIC_SPAM=DIR")
+@pytest.mark.parametrize("name", ["snow/snow.tif", "concrete/concrete_x-ray-bin16.tif"])
+@pytest.mark.parametrize("shift", [0.0, 0.25])
+def test_noise_on_real_scans_comes_back(name, shift):
+    """Scans with edges of grains and pores; the second is moved by a spline of order 5 and has noise of its own."""
+    entry, = volume_entries(Path(os.environ["IDIC_SPAM"]), f"spam/data/{name}")
+    scan = entry.block(slice(None), slice(None), slice(None)) / 256.0
+    noise, rng = ReconstructionNoise(STD_GV), np.random.default_rng(3)
+    moved = ndimage.shift(scan, (shift, -shift, shift / 2), order=5, mode="mirror") if shift else scan
+    first, second = (values + np.stack(list(noise.planes(rng, scan.shape))) for values in (scan, moved))
+    estimate = volume_noise(of(first), of(second), cube_corners((8, 8, 8), (92, 92, 92), 20), 20)
+    assert estimate.std_gv == pytest.approx(STD_GV, rel=0.04)
+    assert 1.7 < estimate.sum_std_gv / STD_GV < 2.2

@@ -132,14 +132,14 @@ def grey_change(first: Read, second: Read, corners: np.ndarray, side: int, shift
     moments = []
     for corner in corners:
         axes = [(corner[a] + np.arange(side) - centre[a]) / half[a] for a in range(3)]
-        moments.append(np.mean(_slow_terms(*axes, side), axis=1))
+        moments.append(np.mean(_slow_terms(axes), axis=1))
     means = np.mean(moments, axis=0)
     matrix, right = np.zeros((11, 11)), np.zeros(11)
     for corner in corners:
         a, b = _cubes(first, second, corner, side, shift)
         mean, difference = 0.5 * (a + b), (b - a)[_INNER].ravel()
         axes = [(corner[k] + np.arange(side) - centre[k]) / half[k] for k in range(3)]
-        columns = np.stack([mean[_INNER].ravel(), np.ones(side**3), *(_slow_terms(*axes, side) - means[:, None])])
+        columns = np.stack([mean[_INNER].ravel(), np.ones(side**3), *(_slow_terms(axes) - means[:, None])])
         motion, _ = np.linalg.qr(np.stack([_slope(mean, _STENCILS[0], axis)[_INNER].ravel() for axis in range(3)]).T)
         columns = columns - (columns @ motion) @ motion.T
         matrix += columns @ columns.T
@@ -194,7 +194,7 @@ def _cube_noise(a: np.ndarray, b: np.ndarray, lowpass_px: float) -> _CubeNoise |
     difference = (difference - basis @ (basis.T @ difference)).reshape(x.shape) / np.sqrt(2.0)
     lost = x.size / (x.size - basis.shape[1])
     gradient = [_lowpassed(_slope(mean, _STENCILS[0], axis), lowpass_px)[_INNER] for axis in range(3)]
-    square = sum(part**2 for part in gradient)
+    square = np.sum([part**2 for part in gradient], axis=0)
     if not np.any(square > 0.0):
         return None
     return _CubeNoise(float((difference**2).mean()) * lost, _lagged(difference),
@@ -202,9 +202,9 @@ def _cube_noise(a: np.ndarray, b: np.ndarray, lowpass_px: float) -> _CubeNoise |
                       np.stack([_lagged(part) for part in gradient]))
 
 
-def _slow_terms(z: np.ndarray, y: np.ndarray, x: np.ndarray, side: int) -> np.ndarray:
-    """Terms of the slow field in a cube  # (9, side³)"""
-    z, y, x = (np.broadcast_to(part, (side,) * 3).ravel() for part in (z[:, None, None], y[:, None], x))
+def _slow_terms(axes: Sequence[np.ndarray]) -> np.ndarray:
+    """Terms of the slow field in a cube  # places along planes, rows and columns (side,) each -> (9, side³)"""
+    z, y, x = (part.ravel() for part in np.meshgrid(*axes, indexing="ij"))
     return np.stack([x, y, z, x * x, y * y, z * z, x * y, x * z, y * z])
 
 
