@@ -198,7 +198,7 @@ class ExperimentTables:
             return self.original.recording.noise, self.original.recording.points, ()
         if isinstance(scale.camera, Scanner):
             noise, notes = scan_noise(self.config, frames.stack, frames.still, max(len(frames.averaged), 1), mesh,
-                                      scale.camera, self.file)
+                                      scale.camera, self.options().interpolation, self.file)
             return noise, None, notes
         if not isinstance(frames.stack, FieldStack) or frames.points is None:
             noise, notes = camera_noise(self.config, frames, mesh, scale.camera, self.file)
@@ -325,8 +325,9 @@ class ExperimentTables:
             self._check_field_options(table)
             table |= {"edge_margin_px": 0, "border_px": 0}  # a point has a value of its own
         defaults = {"brightness": "none" if height else "frame",
-                    "interpolation": "cubic" if volume else Options.interpolation,
                     "lowpass_px": 0.0 if height or volume else Options.lowpass_px}
+        if volume and "interpolation" not in self.config.options.model_fields_set:
+            table["interpolation"] = "cubic"
         defaults["perturbation"] = Options.perturbation if self.config.solver is None else EXTERNAL_PERTURBATION
         table |= {name: value for name, value in defaults.items() if table[name] is None}
         if table["border_px"] is None:

@@ -12,7 +12,7 @@ from idic.errors import InputError
 from idic.experiment_file.schema.cameras import ScannerTable
 from idic.experiment_file.schema.experiment_file import ExperimentFile
 from idic.fe import Mesh
-from idic.images import Scanner, VolumeStack, cube_corners, volume_noise, whole_shift
+from idic.images import DEGREES, Scanner, VolumeStack, cube_corners, volume_noise, whole_shift
 from idic.model import CorrelatedNoise, Noise
 
 MIN_SCANS = 2
@@ -23,10 +23,10 @@ MIN_NOISE_RATIO = 1.08  # of the noise in sums to that of a voxel, or the other 
 
 
 def scan_noise(config: ExperimentFile, stack: VolumeStack, still: tuple[int, ...], n_references: int, mesh: Mesh,
-               scanner: Scanner, file: Path) -> tuple[Noise, tuple[str, ...]]:
+               scanner: Scanner, interpolation: str, file: Path) -> tuple[Noise, tuple[str, ...]]:
     """Noise of one scan.
 
-    n_references : scans that are averaged to the reference
+    n_references : scans that are averaged to the reference; interpolation : of `Options`
 
     Raises
     ------
@@ -55,7 +55,7 @@ def scan_noise(config: ExperimentFile, stack: VolumeStack, still: tuple[int, ...
     correlation = np.mean([entry.correlation for entry in measured], axis=0)
     if 1.0 / MIN_NOISE_RATIO < sums / std < MIN_NOISE_RATIO:
         return Noise(std, "still_frames"), ()
-    degree = 5 if config.options.interpolation == "quintic" else 3
+    degree = DEGREES[interpolation]
     compared = std * np.sqrt((1.0 / n_references + _interpolated(correlation, degree))
                              / (1.0 / n_references + _interpolated(None, degree)))
     plane = correlation[len(correlation) // 2]
