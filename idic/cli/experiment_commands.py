@@ -108,8 +108,8 @@ def design(
 @app.command()
 def example(
     name: Annotated[str,
-                    typer.Argument(metavar="NAME", help="demo | stereo; with the studies also bulge | polycarbonate | "
-                                   "polycarbonate-plans", show_default=False)],
+                    typer.Argument(metavar="NAME", help="demo | stereo | volume; with the studies also bulge | "
+                                   "polycarbonate | polycarbonate-plans | volume-calculix", show_default=False)],
     out: Annotated[Path, typer.Option(help="New or empty folder for the experiment.")],
     reduced: Annotated[bool, typer.Option("--reduced", help="Smaller images and mesh.")] = False,
     noise: Annotated[float | None, typer.Option(

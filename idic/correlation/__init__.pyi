@@ -31,21 +31,25 @@ from .placing.pose import Pose, fitted_pose, reselected
 from .placing.surface_points import SurfacePoints, surface_points
 from .shared_noise import MAX_DENSE_UNKNOWNS, closed_system, generalised_weights, ordinary_variance
 from .views.pinhole_view import PinholeView, in_space, nodal_normals
+from .views.volume_view import VOLUME
 from .views.view import GREY, SECTION, SPACE, View, is_section, view_of
+from .volume.reference import VolumeReference, build_volume_reference
+from .volume.voxel_map import build_voxel_map
 
 __all__ = [
     "CELLS", "COARSE_PX", "GREY", "MAX_DENSE_UNKNOWNS", "MAX_GRADIENT_NOISE", "MIN_CORRELATION", "N_NODES",
-    "SECTION", "SPACE", "ColumnSum", "Contour", "CorrelationContext", "CorrelationSystem", "Evidence",
+    "SECTION", "SPACE", "VOLUME", "ColumnSum", "Contour", "CorrelationContext", "CorrelationSystem", "Evidence",
     "FieldEquations", "FieldReference", "FrameEquations", "FrameRecord", "FrameResponse", "GreyReference",
     "LocalEquations", "Marked", "MeasuredReference", "NodalEquations", "NodalField", "OpenSums", "PinholeView",
     "PixelMap", "Pose", "Reference", "ReferenceImage", "ResidualMap", "Rim", "SectionReference", "Seen",
-    "SurfacePoints", "TexturePair", "View", "Weights", "agreements", "at_fixed_pixels", "blur_bias",
-    "build_experiment_reference", "build_field_reference", "build_pixel_map", "build_reference", "camera_at",
-    "channel_equations", "channel_values", "closed_system", "correlated_frames", "dense", "determined_by_texture",
-    "edge_contour", "eliminate", "fitted_pose", "frame_equations", "frame_spline", "frame_system",
-    "generalised_weights", "global_columns", "hole_contour", "in_space", "is_section", "local_covariance",
-    "mean_information", "measured_values", "nodal_equations", "nodal_gradient", "nodal_normals", "onto_nodes",
-    "ordinary_variance", "reduce_systems", "reselected", "residual_map", "residual_pass", "section_equations",
-    "section_motion", "section_residual_map", "solve_brightness", "speckle_agreement", "surface_points",
-    "texture_pairs", "turned_response", "view_of", "with_all_cameras",
+    "SurfacePoints", "TexturePair", "View", "VolumeReference", "Weights", "agreements",
+    "at_fixed_pixels", "blur_bias", "build_experiment_reference", "build_field_reference", "build_pixel_map",
+    "build_reference", "build_volume_reference", "build_voxel_map", "camera_at", "channel_equations",
+    "channel_values", "closed_system", "correlated_frames", "dense", "determined_by_texture", "edge_contour",
+    "eliminate", "fitted_pose", "frame_equations", "frame_spline", "frame_system", "generalised_weights",
+    "global_columns", "hole_contour", "in_space", "is_section", "local_covariance", "mean_information",
+    "measured_values", "nodal_equations", "nodal_gradient", "nodal_normals", "onto_nodes", "ordinary_variance",
+    "reduce_systems", "reselected", "residual_map", "residual_pass", "section_equations", "section_motion",
+    "section_residual_map", "solve_brightness", "speckle_agreement", "surface_points", "texture_pairs",
+    "turned_response", "view_of", "with_all_cameras",
 ]

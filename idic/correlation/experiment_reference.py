@@ -18,9 +18,11 @@ from idic.correlation.height.surface import build_height_reference
 from idic.correlation.pinhole.ray_map import build_ray_map
 from idic.correlation.pixels.pixel_map import PixelMap, build_pixel_map
 from idic.correlation.views.view import GREY, SECTION, view_of
+from idic.correlation.volume.reference import VolumeReference, volume_reference
+from idic.correlation.volume.voxel_map import build_voxel_map
 from idic.errors import InputError
 from idic.fe import surface_cells
-from idic.images import AnyCamera, CAMERA_PARAMETERS, Camera, DEGREES, PLACEMENT_STEM, PlacedCamera
+from idic.images import AnyCamera, CAMERA_PARAMETERS, Camera, DEGREES, PLACEMENT_STEM, PlacedCamera, Scanner
 from idic.model import Experiment, is_camera_time
 from idic.parameters import ParameterSet
 
@@ -59,6 +61,8 @@ def build_experiment_reference(experiment: Experiment, camera: AnyCamera) -> Ref
     recording = experiment.recording
     if recording.points is not None:
         return build_field_reference(experiment, camera)
+    if isinstance(camera, Scanner):
+        return _volume_reference(experiment, camera)  # type: ignore[return-value]
     view = view_of(experiment, camera)
     if view.kind == SECTION:
         return _section_reference(experiment, camera)
@@ -78,6 +82,14 @@ def build_experiment_reference(experiment: Experiment, camera: AnyCamera) -> Ref
         roi = ~gaps if mask is None else mask & ~gaps
         pixel_map = mapped_pixels(experiment, camera, roi)
     return build_height_reference(pixel_map, image, degree, options.lowpass_px)
+
+
+def _volume_reference(experiment: Experiment, scanner: Scanner) -> VolumeReference:
+    """The reference of volumes: the voxels in the solid."""
+    model, options = experiment.model, experiment.options
+    voxel_map = build_voxel_map(scanner.project(model.mesh.nodes), model.mesh.blocks,
+                                experiment.recording.volumes.shape, options.edge_margin_px, options.border_px)
+    return volume_reference(voxel_map, experiment)
 
 
 def _kept_pixels(experiment: Experiment, camera: AnyCamera,

@@ -36,8 +36,10 @@ from idic.experiment_file.tables.mesh_sets import with_element_set, with_joined_
 from idic.experiment_file.tables.solver import EXTERNAL_PERTURBATION, check_external_laws, solver_notes
 from idic.experiment_file.tables.temperatures import Body, knots_of_temperature, temperatures
 from idic.experiment_file.toml_file import validated, with_overrides
+from idic.experiment_file.volumes.scan_noise import scan_noise
+from idic.experiment_file.volumes.scanner_table import check_in_volume
 from idic.fe import Mesh, can_raise_order, curved, is_raised_by_default, raise_order
-from idic.images import AnyCamera, Camera, mirrored_rim_px
+from idic.images import AnyCamera, Camera, SCANNER, Scanner, mirrored_rim_px
 from idic.model import (
     Column, Experiment, FieldPoints, FurtherCamera, Material, Model, Noise, Options, Prescribed, Recording, Stage,
 )
@@ -115,12 +117,15 @@ class ExperimentTables:
         thickness = self.thickness(scale, motion)
         if recording.solver is None:  # else the deck holds the body
             self.check_held(mesh, motion.prescribed)
-        check_visible(mesh, table.kind, table.surface, scale.camera, frames.shape, frames.mask, self.file,
-                      fields=frames.points is not None)
+        if isinstance(scale.camera, Scanner):
+            check_in_volume(mesh, scale.camera, frames.shape, self.file)
+        else:
+            check_visible(mesh, table.kind, table.surface, scale.camera, frames.shape, frames.mask, self.file,
+                          fields=frames.points is not None)
         noises = None if self.original is None else [camera.noise for camera in self.original.cameras]
         cameras, camera_notes = further_cameras(self.config, recording.cameras, mesh, scale, frames.stack.n_frames,
                                                 frames.still, self.file, lens, noises)
-        if self.original is None:
+        if self.original is None and not table.volumes:
             camera_notes += pairing_notes(self.config, mesh, scale.camera, frames.stack, cameras, frames.reference,
                                           self.file)
         mesh, order_notes = self.element_order(mesh, scale.camera, frames)
@@ -191,6 +196,10 @@ class ExperimentTables:
         """Noise of the main camera, or of the measured fields; their points, weighed by it; and notes."""
         if self.original is not None:
             return self.original.recording.noise, self.original.recording.points, ()
+        if isinstance(scale.camera, Scanner):
+            noise, notes = scan_noise(self.config, frames.stack, frames.still, max(len(frames.averaged), 1), mesh,
+                                      scale.camera, self.options().interpolation, self.file)
+            return noise, None, notes
         if not isinstance(frames.stack, FieldStack) or frames.points is None:
             noise, notes = camera_noise(self.config, frames, mesh, scale.camera, self.file)
             return noise, None, notes
@@ -214,7 +223,8 @@ class ExperimentTables:
         return Recording(
             stack=stack, labels=frames.labels, excluded=frames.excluded, mask=frames.mask, quantity=table.quantity,
             height_unit=_HEIGHT_MM[table.height_unit] if table.height_unit else 1.0, noise=noise,
-            camera_name=self.config.camera.name if self.config.camera else "camera", averaged=frames.averaged,
+            camera_name=SCANNER if table.volumes else self.config.camera.name if self.config.camera else "camera",
+            averaged=frames.averaged,
             points=points, still_frames=frames.still, still_stack=frames.still_stack, still_labels=()
             if frames.still_stack is None else frames.still_stack.labels,
             is_log_interpolated=log is not None and log.is_interpolated,
@@ -305,15 +315,21 @@ class ExperimentTables:
     def options(self) -> Options:
         """The options; height images have defaults of their own.
 
+        A scan is blurred by its reconstruction already, and the quintic spline has 216 taps: none and the cubic one.
+
         Height images have no drifting light, and an offset of the instrument is indistinguishable from a rise of the
         whole specimen: no brightness correction by default. They are not blurred either: the pixels of a profilometer
         do not alias like those of a camera, and a blur would smooth the simulated height within the pattern.
         """
-        table, height = self.config.options.model_dump(), self.config.experiment.quantity != "grey"
+        table, quantity = self.config.options.model_dump(), self.config.experiment.quantity
+        height, volume = quantity in ("height", "displacement"), quantity == "volume"
         if self.config.experiment.fields:
             self._check_field_options(table)
             table |= {"edge_margin_px": 0, "border_px": 0}  # a point has a value of its own
-        defaults = {"brightness": "none" if height else "frame", "lowpass_px": 0.0 if height else Options.lowpass_px}
+        defaults = {"brightness": "none" if height else "frame",
+                    "lowpass_px": 0.0 if height or volume else Options.lowpass_px}
+        if volume and "interpolation" not in self.config.options.model_fields_set:
+            table["interpolation"] = "cubic"
         defaults["perturbation"] = Options.perturbation if self.config.solver is None else EXTERNAL_PERTURBATION
         table |= {name: value for name, value in defaults.items() if table[name] is None}
         if table["border_px"] is None:

@@ -17,8 +17,9 @@ from idic.experiment_file.tables.further_cameras import with_surfaces
 from idic.experiment_file.tables.lengths import Lengths, lengths
 from idic.experiment_file.tables.mesh_on_image import mesh_on_image
 from idic.experiment_file.tables.mesh_sets import with_edge_set, with_sets
+from idic.experiment_file.volumes.scanner_table import scanner_scale
 from idic.fe import Mesh, check_elements
-from idic.images import Camera
+from idic.images import Camera, Scanner
 from idic.readers import FieldStack, factor_between, to_mesh
 
 
@@ -43,7 +44,7 @@ class PlacedMesh:
 def tables_of(config: ExperimentFile) -> tuple:
     """The tables that decide mesh and cameras: motions of a camera are none of them."""
     still = tuple(table.model_copy(update={"motion": None}) for table in camera_tables(config))
-    return config.experiment, config.sets, config.camera is None, still
+    return config.experiment, config.sets, config.camera is None, still, config.scanner
 
 
 def placed_mesh(config: ExperimentFile, recording: RecordedFiles, file: Path) -> PlacedMesh:
@@ -78,7 +79,10 @@ class _Placement:
             lens = placed_lenses(lens, self.config, mesh, stacks, frames.reference, self.file)
             scale = replace(scale, camera=lens.cameras[0])
         scale = self.on_outline(scale, mesh)
-        check_surface(mesh, table.kind, table.surface, self.file)
+        if isinstance(scale.camera, Scanner):
+            scale = replace(scale, camera=replace(scale.camera, pivot_mm=middle_of(mesh)))
+        else:
+            check_surface(mesh, table.kind, table.surface, self.file)
         if table.quantity == "height" and isinstance(scale.camera, Camera):
             is_section = table.surface is not None and table.kind != "solid"
             notes += pitch_notes(frames.stack, scale.camera, is_section, self.file)
@@ -86,6 +90,8 @@ class _Placement:
 
     def scale(self, lens: Lenses) -> Lengths:
         table, frames = self.config.experiment, self.recording.frames
+        if table.volumes:
+            return scanner_scale(self.config, frames.stack, self.file)
         if isinstance(frames.stack, FieldStack):
             unit = table.mesh_unit or "mm"
             if unit == "px":

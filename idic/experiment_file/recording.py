@@ -22,6 +22,7 @@ from idic.experiment_file.checks.height_maps import check_height_unit
 from idic.experiment_file.checks.images_at_rest import check_depth
 from idic.experiment_file.tables.solver import external_solver, solver_files
 from idic.experiment_file.tables.temperatures import infrared_stacks, temperature_images
+from idic.experiment_file.volumes.scans import ScanFiles, open_scans
 from idic.fe import ExternalSetup
 from idic.laws import all_laws, code_of, outside_values, source_of
 from idic.model import FieldPoints, KINDS
@@ -52,7 +53,7 @@ class Recorded:
 class Frames:
     """The images of the main camera: stack, reference, excluded and still frames, mask."""
 
-    stack: FileStack | ArrayFrames | FieldStack
+    stack: FileStack | ArrayFrames | FieldStack | ScanFiles
     labels: tuple[str, ...]
     numbers: tuple[int, ...] | None
     reference: int
@@ -68,8 +69,8 @@ class Frames:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(ny, nx) of the images, or of the grid of the points."""
-        return self.stack.shape if self.points is None else self.points.shape
+        """(ny, nx) of the images, or of the grid of the points; (nz, ny, nx) of volumes."""
+        return self.stack.shape if self.points is None else self.points.shape  # type: ignore[return-value]
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +135,8 @@ class RecordedFolder:
         table, file = self.config.experiment, self.file
         if table.fields:
             return self._field_frames()
+        if table.volumes:
+            return self._volume_frames()
         if not table.images:
             raise InputError("there are no images", file=file, key="experiment.images",
                              expected="the images of the test", found="no such key",
@@ -227,6 +230,37 @@ class RecordedFolder:
         notes += field_notes(stack, grid, later, table.thickness_mm, reference)
         return Frames(stack, labels, frame_numbers(labels), reference, excluded, (), None, None, tuple(notes),
                       averaged if len(averaged) > 1 else (), grid, recorded=recorded)
+
+    def opened_scans(self) -> ScanFiles:
+        """The volumes; only their headers are read."""
+        return open_scans(self.folder, self.config.experiment.volumes, file=self.file, key="experiment.volumes")
+
+    def _volume_frames(self) -> Frames:
+        """Open the scans."""
+        table, file, key = self.config.experiment, self.file, "experiment.volumes"
+        stack = self.opened_scans()
+        labels, notes = stack.labels, self._image_times_notes()
+        self._check_complete(labels)
+
+        def indices(entries, key):
+            numbers, note = frame_indices(entries, labels, file=file, key=f"experiment.{key}")
+            notes.extend([note] if note else [])
+            return numbers
+
+        averaged = indices(table.reference, "reference") if table.reference is not None else (0,)
+        excluded = indices(table.exclude_frames, "exclude_frames")
+        still = indices(table.still_frames, "still_frames") if table.still_frames else ()
+        reference = max(averaged)
+        if set(averaged) & set(excluded):
+            raise InputError("the reference scan is excluded", file=file, key="experiment.exclude_frames",
+                             expected="scans other than the reference", found=labels[reference],
+                             remedy="choose another reference")
+        if not set(range(reference + 1, stack.n_frames)) - set(excluded):
+            raise InputError("no scan follows the reference", file=file, key=key,
+                             expected="two scans or more, the reference before the others", found=f"{len(labels)}",
+                             remedy="check the pattern, reference and exclude_frames")
+        return Frames(stack, labels, frame_numbers(labels), reference, excluded, still, None, None, tuple(notes),
+                      averaged if len(averaged) > 1 else ())
 
     def _still_frames(self, stack: FileStack, indices) -> tuple[tuple[int, ...], FileStack | None]:
         """The frames taken at rest: frame numbers of the test, or a separate stack."""
@@ -322,9 +356,11 @@ class RecordedFolder:
         times = self.image_times(frames.recorded.stack.n_frames)
         return None if times is None else times[list(frames.recorded.compared)]
 
-    def stated_times(self, stack: FileStack | ArrayFrames | FieldStack) -> np.ndarray | None:
-        """Times of the frames that the image files state, from `first_frame_s` on; None without  # (n_frames,) s"""
+    def stated_times(self, stack: FileStack | ArrayFrames | FieldStack | ScanFiles) -> np.ndarray | None:
+        """Times of the frames that the files state, from `first_frame_s` on; None without  # (n_frames,) s"""
         times = stack.times_s if isinstance(stack, FileStack) else None
+        if isinstance(stack, ScanFiles):
+            return stack.times
         return None if times is None else self.config.experiment.first_frame_s + times
 
     def _check_complete(self, labels: tuple[str, ...]) -> None:
@@ -445,7 +481,11 @@ def fingerprint(raw: Mapping, files: Iterable[Path], images: Iterable[Path], law
 
 
 def ends_of(path: Path) -> tuple[int, str]:
-    """Size of a file, and the sha256 of its ends."""
+    """Size of a file, and the sha256 of its ends; of a folder, over all of its files."""
+    if path.is_dir():
+        parts = [(file.relative_to(path), *ends_of(file)) for file in sorted(path.rglob("*")) if file.is_file()]
+        names = repr([(str(name), size, ends) for name, size, ends in parts])
+        return sum(size for _, size, _ in parts), hashlib.sha256(names.encode()).hexdigest()
     size = path.stat().st_size
     with path.open("rb") as stream:
         head = stream.read(_HASHED_AT_EACH_END)

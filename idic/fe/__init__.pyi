@@ -31,7 +31,8 @@ from .mesh.outline import Boundary, Segments, is_circle, segments_of
 from .mesh.polygon import Filling, fill, follow_arcs, mesh_polygon, smallest_angle
 from .mesh.refine import can_raise_order, is_raised_by_default, raise_order
 from .mesh.surface_edges import (
-    CORNER_COSINE, followed, normal_axis, rim_second_differences, second_difference, seen_first,
+    CORNER_COSINE, followed, inner_second_differences, normal_axis, rim_second_differences, second_difference,
+    seen_first,
 )
 from .response import Alternative, Responses, first_responses
 from .solver.factorisation_cost import Fill, dissected
@@ -127,6 +128,7 @@ __all__ = [
     "green_strain",
     "halve",
     "increments_to_try",
+    "inner_second_differences",
     "inp_text",
     "interpolation",
     "is_circle",

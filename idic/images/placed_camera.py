@@ -20,7 +20,6 @@ from functools import partial
 import numpy as np
 
 from idic.errors import InputError
-from idic.images.camera import Camera
 from idic.images.lens_camera import LensCamera, POSE_PARAMETERS, left_jacobian, rotation_of
 from idic.images.rigid_motion import RIGID, RigidMotion, displaced, rigid_slope
 
@@ -199,9 +198,6 @@ class PlacedCamera:
     def _in_rig(self, points):
         placed = displaced(points, self.placement, self.pivot_mm)
         return displaced(placed, self.moved, self.pivot_mm) @ self.rotation.T + self.translation_mm
-
-
-AnyCamera = Camera | PlacedCamera
 
 
 def _space(points):

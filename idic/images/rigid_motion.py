@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -24,9 +25,11 @@ RIGID_UNITS = dict(zip(RIGID, ("deg",) * 3 + ("mm",) * 3, strict=True))
 class RigidMotion:
     """Amplitudes and their courses.
 
-    names : degrees of freedom, without their stem; kinds : which of `RIGID` each one changes; courses : (n, n_frames);
-    values : (n,) deg or mm per unit of the course
+    names : degrees of freedom, without their stem; kinds : which of `numbers` each one changes; courses : (n,
+    n_frames); values : (n,) deg or mm per unit of the course
     """
+
+    numbers: ClassVar[tuple[str, ...]] = RIGID
 
     names: tuple[str, ...]
     kinds: tuple[str, ...]
@@ -43,16 +46,16 @@ class RigidMotion:
         return replace(self, courses=np.hstack([self.courses, np.repeat(self.courses[:, -1:], n, axis=1)]))
 
     def at(self, frame: int) -> np.ndarray:
-        """The six numbers of a frame  # (6,) deg, mm"""
-        motion = np.zeros(6)
+        """The numbers of a frame  # (6,) deg, mm"""
+        motion = np.zeros(len(self.numbers))
         for kind, course, value in zip(self.kinds, self.courses[:, frame], self.values, strict=True):
-            motion[RIGID.index(kind)] += course * value
+            motion[self.numbers.index(kind)] += course * value
         return motion
 
     def course(self, name: str, frame: int) -> tuple[int, float]:
-        """Which of the six numbers an amplitude changes in a frame, and by how much per unit."""
+        """Which of the numbers an amplitude changes in a frame, and by how much per unit."""
         i = self.names.index(name)
-        return RIGID.index(self.kinds[i]), float(self.courses[i, frame])
+        return self.numbers.index(self.kinds[i]), float(self.courses[i, frame])
 
 
 def displaced(points: np.ndarray, six: np.ndarray, pivot: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from .dic.stack import DicStack, dic_stack
 from .dic.stereo import surface_motion
 from .dic.still import declared_stack, find_still_frames
 from .sequence.frames import FrameSequence
+from .dic.volume import volume_motion
 from .fields.columns import field_columns
 from .fields.free import Seen, free_motion, in_mm, noise_samples, seen_by, smoothed_length, still_frame
 from .fields.readings import Reading, readings
@@ -18,11 +19,11 @@ from .fields.strain import MEASURES, rotated, strain
 from .fields.surface import surface_of
 
 __all__ = [
-    "MEASURES", "AffineMotions", "BoundaryStart", "CameraFloor", "DicStack", "FieldSeries", "FrameSequence", "Reading",
-    "Regularisation", "Seen", "affine_motions", "boundary_start", "build_smoother", "camera_floor",
+    "MEASURES", "AffineMotions", "BoundaryStart", "CameraFloor", "DicStack", "FieldSeries", "FrameSequence",
+    "Reading", "Regularisation", "Seen", "affine_motions", "boundary_start", "build_smoother", "camera_floor",
     "declared_stack", "dic_frame", "dic_stack", "edge_modes", "field_columns", "field_frame", "field_variance",
     "find_still_frames", "fitted_dof", "free_motion", "in_mm", "measured_nodes", "noise_samples", "readings",
     "residual_noise", "rotated", "section_field", "seen_by", "simulated_states", "smoothed_length",
     "smoothing_length", "still_frame", "strain", "surface_motion", "surface_of", "virtual_boundaries",
-    "with_boundary_start",
+    "volume_motion", "with_boundary_start",
 ]

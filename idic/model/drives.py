@@ -12,7 +12,8 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe import (
-    Mesh, boundary_edges, boundary_faces, face_set_nodes, followed, normal_axis, rim_second_differences,
+    Mesh, boundary_edges, boundary_faces, face_set_nodes, followed, inner_second_differences, normal_axis,
+    rim_second_differences,
     second_difference, seen_first,
 )
 from idic.images import PlacedCamera
@@ -154,8 +155,11 @@ def is_stereo(experiment: Experiment) -> bool:
 
 
 def sees_space(experiment: Experiment) -> bool:
-    """Whether all three components of a motion are observed: by two cameras with a lens, or in measured fields."""
+    """Whether all three components of a motion are observed: by two cameras with a lens, in measured fields or in
+    volumes."""
     points = experiment.recording.points
+    if experiment.recording.quantity == "volume":
+        return True
     return is_stereo(experiment) if points is None else points.n_components == 3
 
 
@@ -275,14 +279,15 @@ class _Builder:
         if not len(nodes):
             return
         mesh, surface = self.experiment.model.mesh, self.experiment.model.surface
-        leaders = np.arange(len(nodes)) if mesh.n_dim == 2 else seen_first(mesh, surface, nodes)
+        inside = self.experiment.recording.quantity == "volume"
+        leaders = np.arange(len(nodes)) if mesh.n_dim == 2 or inside else seen_first(mesh, surface, nodes)
         if not len(leaders):
             raise InputError("hidden nodes without a visible node to follow", file="experiment.toml", key=stem,
                              expected="one [[boundary]] for the visible and the hidden nodes of an edge",
                              found=f"{len(nodes)} nodes whose visible neighbours an earlier [[boundary]] measures",
                              remedy="measure both in one set")
         unique_leaders = np.unique(leaders)
-        weights = np.eye(len(nodes)) if mesh.n_dim == 2 else followed(mesh.nodes[nodes], leaders)[0]
+        weights = np.eye(len(nodes)) if mesh.n_dim == 2 or inside else followed(mesh.nodes[nodes], leaders)[0]
         for leader, weight in zip(unique_leaders, weights.T, strict=True):
             index = self._drive(f"{stem}.node{mesh.node_labels[nodes[leader]]}", np.zeros(self.frames))
             moved = np.flatnonzero(weight)
@@ -292,14 +297,15 @@ class _Builder:
         pixel = pixel_size(self.experiment) / (1.0 if self.experiment.recording.points is None else PX_PER_POINT)
         std = drive.smoothing * MEASURED_ROUGHNESS_PX * pixel
         second = (second_differences(mesh, nodes) if mesh.n_dim == 2 else
+                  inner_second_differences(mesh, nodes) if inside else
                   rim_second_differences(mesh, surface, nodes[unique_leaders]))
         self.precisions.append((second.T @ second + 1e-10 * np.eye(len(unique_leaders))) / std**2)
 
     def _measurable(self, stem: str, nodes: np.ndarray, component: int) -> np.ndarray:
-        """The nodes of a set whose motion the images tell: all of a plane mesh. Of a solid, hidden nodes move with the
-        seen ones; across a flat surface they are free, as the thickness changes."""
+        """The nodes of a set whose motion the images tell: all of a plane mesh, or in a volume. Of a solid, hidden
+        nodes move with the seen ones; across a flat surface they are free, as the thickness changes."""
         experiment = self.experiment
-        if experiment.model.n_dim == 2:
+        if experiment.model.n_dim == 2 or experiment.recording.quantity == "volume":
             return nodes
         if component == normal_axis(experiment.model.mesh, experiment.model.surface) and not sees_space(experiment):
             raise InputError("a measured motion along the line of sight", file="experiment.toml", key=stem,

@@ -32,17 +32,20 @@ from .raw_mesh import DIMENSION, RawMesh, to_mesh
 from .region_mesh import roi_mesh
 from .targets.find import KINDS, find_target, kind_of
 from .targets.view import TargetView
+from .volumes.entry import VolumeEntry
+from .volumes.scans import volume_entries
 
 __all__ = [
     "ALLOWED_SHARE", "BENDING_DEGREE", "DIMENSION", "FORMATS", "KINDS", "LOG_IN_MEMORY", "MESH_IN_MEMORY", "MIN_HOLE",
     "PICTURE_SUFFIXES", "UM_PER_MM", "ArrayFrames", "CameraRig", "Conventions", "Drawing", "Edges", "FieldSeries",
     "FieldStack", "FileStack", "Flattening", "Log", "MatchedLog", "MeasuredPoints", "NamedColumns", "Placement",
-    "PointOutline", "RawMesh", "StageRule", "TargetView", "check_complete", "check_increasing", "check_stages",
-    "chosen_stages", "column_factor", "detected", "existing_file", "factor_between", "factor_to", "find_target",
-    "fitted_placement", "frame_indices", "frame_numbers", "frames_of", "from_image", "has_gmsh", "image_entries",
-    "inside", "kind_of", "largest_bending", "largest_change", "log_of", "loops_of", "match", "matching_files",
-    "mean_strain", "measured_points", "mesh_of", "mesh_suffixes", "narrowest", "natural_key", "notched_axis",
-    "open_fields", "open_stack", "out_of_plane", "outline_of", "parse_unit", "patterns_of", "points_where", "powers",
-    "read_calibration", "read_image", "read_log", "read_mesh_file", "recorded_order", "roi_mesh", "sides",
-    "sides_of_any", "strain_path", "text_of", "to_mesh", "unit_in_name", "width_error", "write_rig",
+    "PointOutline", "RawMesh", "StageRule", "TargetView", "VolumeEntry", "check_complete", "check_increasing",
+    "check_stages", "chosen_stages", "column_factor", "detected", "existing_file", "factor_between", "factor_to",
+    "find_target", "fitted_placement", "frame_indices", "frame_numbers", "frames_of", "from_image", "has_gmsh",
+    "image_entries", "inside", "kind_of", "largest_bending", "largest_change", "log_of", "loops_of", "match",
+    "matching_files", "mean_strain", "measured_points", "mesh_of", "mesh_suffixes", "narrowest", "natural_key",
+    "notched_axis", "open_fields", "open_stack", "out_of_plane", "outline_of", "parse_unit", "patterns_of",
+    "points_where", "powers", "read_calibration", "read_image", "read_log", "read_mesh_file", "recorded_order",
+    "roi_mesh", "sides", "sides_of_any", "strain_path", "text_of", "to_mesh", "unit_in_name", "volume_entries",
+    "width_error", "write_rig",
 ]

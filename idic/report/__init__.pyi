@@ -21,13 +21,13 @@ from .evidence.points import point_maps_of
 from .evidence.practice import frame_views, practice_of
 from .evidence.relaxation import relaxation_curves
 from .evidence.rubber import rubber_curves
+from .evidence.volumes.shown_mesh import ShownMesh, shown_mesh
 from .evidence.section import section_fields, with_profiles, with_section_floor
 from .evidence.temperature import temperature_factors
 from .evidence.yield_surface import yield_surfaces
 from .figures.calibration import calibration_picture
 from .figures.law_curve import plot_law
 from .figures.maps import RESIDUAL_RANGE, bare, residual_window
-from .figures.profiles import EDGE
 from .figures.style import (
     BLACK, BLUE, CYCLE, DIVERGING, DPI, FAINT, GREY, MARKERS, ORANGE, Picture, RED, SEQUENTIAL, look, new_figure,
     to_picture,
@@ -49,23 +49,23 @@ from .tables import all_tables
 from .treatments import treatment_table
 
 __all__ = [
-    "BLACK", "BLUE", "CYCLE", "DIVERGING", "DPI", "EDGE", "FAINT", "GREY", "KNOWN_ERROR_COUNTED", "MARKERS",
-    "MIN_CONFUSABLE_CORRELATION", "NOISE_CHI2", "ORANGE", "RANGE", "RED", "RESIDUAL_RANGE", "SEQUENTIAL",
-    "STANDINGS", "ChannelRecord", "Curve", "DiagnosisRecord", "FieldFrames", "FreeMotions", "Picture",
-    "PlanPictures", "ResidualMaps", "RunRecord", "Sensitivities", "WhereRecord", "advice", "against_free",
-    "all_pictures", "all_tables", "assumed", "bare", "batch_headline", "batch_parameters", "batch_table",
-    "best_plan", "between_specimens", "calibration_picture", "cause_after_run", "check", "compare",
-    "comparison_picture", "comparison_tables", "derived_names", "design_table", "diagnosis_headline", "draw_batch",
-    "draw_design", "draw_diagnosis_sections", "draw_sections", "expected_cost", "filled_in", "frame_views",
-    "free_motions", "hardening_curves", "held_stresses", "heldout_drop", "in_ratios", "in_turn", "in_words",
-    "in_words_of", "joint_page", "joint_summary", "largest_motion", "law_curves", "left_out", "left_over", "look",
-    "motion_unit", "new_figure", "noise_floor", "not_excluded", "not_explained", "number_text", "of_fields",
-    "overlay", "parameter_rows", "parts", "parts_of_std", "pictures", "plan_sections", "plot_law", "point_maps_of",
+    "BLACK", "BLUE", "CYCLE", "DIVERGING", "DPI", "FAINT", "GREY", "KNOWN_ERROR_COUNTED", "MARKERS",
+    "MIN_CONFUSABLE_CORRELATION", "NOISE_CHI2", "ORANGE", "RANGE", "RED", "RESIDUAL_RANGE", "SEQUENTIAL", "STANDINGS",
+    "ChannelRecord", "Curve", "DiagnosisRecord", "FieldFrames", "FreeMotions", "Picture", "PlanPictures",
+    "ResidualMaps", "RunRecord", "Sensitivities", "ShownMesh", "WhereRecord", "advice", "against_free",
+    "all_pictures", "all_tables", "assumed", "bare", "batch_headline", "batch_parameters", "batch_table", "best_plan",
+    "between_specimens", "calibration_picture", "cause_after_run", "check", "compare", "comparison_picture",
+    "comparison_tables", "derived_names", "design_table", "diagnosis_headline", "draw_batch", "draw_design",
+    "draw_diagnosis_sections", "draw_sections", "expected_cost", "filled_in", "frame_views", "free_motions",
+    "hardening_curves", "held_stresses", "heldout_drop", "in_ratios", "in_turn", "in_words", "in_words_of",
+    "joint_page", "joint_summary", "largest_motion", "law_curves", "left_out", "left_over", "look", "motion_unit",
+    "new_figure", "noise_floor", "not_excluded", "not_explained", "number_text", "of_fields", "overlay",
+    "parameter_rows", "parts", "parts_of_std", "pictures", "plan_sections", "plot_law", "point_maps_of",
     "practice_of", "readable_unit", "relaxation_curves", "render_batch", "render_design", "render_diagnosis_page",
     "render_page", "render_tables", "residual_png", "residual_window", "result_headline", "result_verdict",
     "rubber_curves", "said", "scatter", "section_fields", "seen_area", "sentence", "short", "short_names",
-    "shown_step", "spot_picture", "standing_of", "stress_unit", "strongest", "summary", "temperature_factors",
-    "time_label", "to_picture", "treatment_table", "two_digits", "undetermined", "virtual_boundaries",
-    "with_profiles", "with_residuals", "with_section_floor", "with_spots", "with_std", "without_modes",
-    "yield_surfaces",
+    "shown_mesh", "shown_step", "spot_picture", "standing_of", "stress_unit", "strongest", "summary",
+    "temperature_factors", "time_label", "to_picture", "treatment_table", "two_digits", "undetermined",
+    "virtual_boundaries", "with_profiles", "with_residuals", "with_section_floor", "with_spots", "with_std",
+    "without_modes", "yield_surfaces",
 ]

@@ -18,7 +18,7 @@ from idic.correlation import GREY, SPACE, TexturePair, correlated_frames, textur
 from idic.identification import (
     ElementSums, Evaluation, FrameFit, LoopState, PointFit, chunk_frames, element_sums, experiment_result,
 )
-from idic.model import Model, Stage
+from idic.model import Experiment, Model, Stage
 from idic.run.judgement.accepted_point import channel_table, solver_notes
 from idic.run.judgement.discrepancy import discrepancy_job, discrepancy_of
 from idic.run.judgement.fields import write_fields
@@ -183,7 +183,7 @@ def _fits_of(session: Session, state: LoopState, point: Evaluation,
                                         {"evaluation": state.accepted.number}) as folder:
         write_array(folder, "frames", np.array(map_frames, dtype=np.int64))
         # three digits are enough to look at
-        dtype = "f2" if np.asarray(view.recording.stack.frame(view.model.reference)).dtype == np.uint8 else "f4"
+        dtype = "f2" if _is_8_bit(view) else "f4"
         FrameArrays.create(folder, "residual", len(map_frames), view.recording.image_shape, 1, dtype, compressed=True)
         jobs = [FitJob(session.run, state.accepted.number, chunk, state.accepted.values,
                        {k: brightness[k] for k in chunk if k in brightness}, number, str(folder / "residual"),
@@ -195,6 +195,14 @@ def _fits_of(session: Session, state: LoopState, point: Evaluation,
     lost = {r.frame for r in point.system.frames if r.cameras[number, 0] == 0}  # nothing of the pattern in them
     return ({k: replace(fit, n_pixels=0) if k in lost else fit for k, fit in fits.items()},
             [sums for _, sums in parts if sums is not None])
+
+
+def _is_8_bit(view: Experiment) -> bool:
+    stack, reference = view.recording.stack, view.model.reference
+    if view.recording.quantity == "volume":
+        first = slice(0, 1)
+        return np.asarray(stack.block(reference, first, first, first)).dtype == np.uint8
+    return np.asarray(stack.frame(reference)).dtype == np.uint8
 
 
 def _textures(context: RunContext, state: LoopState) -> tuple[TexturePair, ...]:

@@ -23,15 +23,16 @@ from idic.virtual_tests.meshes import write_inp
 from idic.virtual_tests.stereo_plate import write_stereo
 from idic.virtual_tests.render import Sensor, clean_image, noisy_channel, render
 from idic.virtual_tests.virtual_test import VirtualTest
+from idic.virtual_tests.volume_bar import write_volume
 
 IMAGES_AT_A_TIME = 2  # rendered by threads; each takes some 50 MB
 EXAMPLES: dict[str, Callable[[bool, bool], VirtualTest]] = {
     "demo": lambda reduced, foreign: demo(reduced),
 }
 WRITERS = {  # (out, reduced, noise, seed, foreign) -> experiment.toml, or the folder of several
-    "stereo": write_stereo,
+    "stereo": write_stereo, "volume": write_volume,
 }
-OF_THE_STUDIES = ("bulge", "polycarbonate", "polycarbonate-plans")  # in the tables of their room examples
+OF_THE_STUDIES = ("bulge", "polycarbonate", "polycarbonate-plans", "volume-calculix")  # in the tables of their room
 
 
 def write_example(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +16,8 @@ IMAGES = "images"
 LOADS = "loads.csv"
 
 
-def empty_folder(out: Path | str) -> Path:
-    """Make the folder of a new experiment.
+def empty_folder(out: Path | str, place: str = IMAGES) -> Path:
+    """Make the folder of a new experiment, and in it that of the images.
 
     Raises
     ------
@@ -33,7 +33,7 @@ def empty_folder(out: Path | str) -> Path:
             found=f"{folder} with files in it" if folder.is_dir() else "a file",
             remedy="choose another folder or remove it",
         )
-    (folder / IMAGES).mkdir(parents=True, exist_ok=True)
+    (folder / place).mkdir(parents=True, exist_ok=True)
     return folder
 
 
@@ -44,6 +44,17 @@ def write_images(folder: Path, images: Iterable[np.ndarray], place: str = IMAGES
         names.append(f"frame_{k:03d}.tif")
         tifffile.imwrite(folder / place / names[-1], image)
     return names
+
+
+def write_scan(path: Path, planes: Iterator[np.ndarray], shape: tuple[int, int, int], dtype: np.dtype,
+               voxel_mm: np.ndarray) -> None:
+    """Write the scan of a volume as an ImageJ stack, plane by plane.
+
+    shape : (nz, ny, nx); dtype : uint8 or uint16; voxel_mm : (3,) along x, y, z
+    """
+    dx, dy, dz = (float(side) for side in voxel_mm)
+    tifffile.imwrite(path, planes, shape=shape, dtype=dtype, imagej=True, resolution=(1.0 / dx, 1.0 / dy),
+                     metadata={"axes": "ZYX", "spacing": dz, "unit": "mm"})
 
 
 def write_loads(folder: Path, times: np.ndarray, columns: Mapping[str, np.ndarray],

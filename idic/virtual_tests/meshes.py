@@ -1,7 +1,7 @@
 """Structured meshes of the built-in examples, and the Abaqus input file of a mesh.
 
-A mesh is a set of mapped patches; nodes that coincide are merged. The same geometry is meshed twice: coarsely for the
-user, finely and quadratically for the truth.
+A mesh is a set of mapped patches, or layers of it; nodes that coincide are merged. The same geometry is meshed twice:
+coarsely for the user, finely and quadratically for the truth.
 """
 
 from __future__ import annotations
@@ -91,6 +91,35 @@ def strip_with_hole(
         "RIGHT": np.flatnonzero(nodes[:, 0] > length / 2 - MERGE_DISTANCE),
     }
     return make_mesh(nodes, [(cell, conn)], node_sets=ends, element_sets={name: np.arange(len(conn))})
+
+
+def layered(flat: Mesh, planes: np.ndarray, name: str = "BODY") -> Mesh:
+    """A flat mesh of quad4 or quad8 as layers of hex8 or hex20 between planes; its node sets go through all of them.
+
+    planes : (n + 1,) heights in mm, increasing
+    """
+    cell, quads, n = flat.blocks[0].cell, flat.blocks[0].connectivity, len(flat.nodes)
+    heights = planes if cell == "quad4" else np.sort(np.concatenate([planes, 0.5 * (planes[1:] + planes[:-1])]))
+    step = 1 if cell == "quad4" else 2
+    corners = np.unique(quads[:, :4])
+    # a brick has no node in the middle of a face
+    plane_nodes = [np.arange(n) if k % step == 0 else corners for k in range(len(heights))]
+    first = np.cumsum([0, *(len(nodes) for nodes in plane_nodes)])
+    number = np.full((len(heights), n), -1)
+    for k, indices in enumerate(plane_nodes):
+        number[k, indices] = first[k] + np.arange(len(indices))
+    nodes = np.concatenate([np.column_stack([flat.nodes[indices], np.full(len(indices), z)])
+                            for indices, z in zip(plane_nodes, heights, strict=True)])
+    bricks = []
+    for k in range(0, len(heights) - 1, step):
+        parts = [number[k][quads[:, :4]], number[k + step][quads[:, :4]]]
+        if step == 2:
+            parts += [number[k][quads[:, 4:]], number[k + 2][quads[:, 4:]], number[k + 1][quads[:, :4]]]
+        bricks.append(np.hstack(parts))
+    sets = {entry: np.setdiff1d(number[:, members], [-1]) for entry, members in flat.node_sets.items()}
+    n_bricks = len(quads) * len(bricks)
+    return make_mesh(nodes, [("hex8" if step == 1 else "hex20", np.concatenate(bricks))], node_sets=sets,
+                     element_sets={name: np.arange(n_bricks)})
 
 
 def write_inp(mesh: Mesh, path: Path, title: str) -> None:

@@ -8,11 +8,11 @@ from string import Template
 
 import numpy as np
 
-from idic.fe import Constraints, Mesh, Body, Reaction, Section, boundary_faces, face_cells, make_mesh, march
+from idic.fe import Constraints, Mesh, Body, Reaction, Section, boundary_faces, face_cells, march
 from idic.images import PinholeCamera
 from idic.laws import compile as compile_law
 from idic.virtual_tests.experiment_files import empty_folder, write_images, write_loads, write_truth
-from idic.virtual_tests.meshes import strip_with_hole, write_inp
+from idic.virtual_tests.meshes import layered, strip_with_hole, write_inp
 from idic.virtual_tests.render import Sensor, noisy_channel, record
 from idic.virtual_tests.ray_tracing import Scene, traced_image
 from idic.virtual_tests.stereo_rig import Rig, rig, write_calibration
@@ -122,23 +122,7 @@ def plate_test(size: Size, increments: int = INCREMENTS) -> PlateTest:
 def plate(around: int, radial: int, along: int, layers: int) -> Mesh:
     """The plate of hex20, its front at z = 0, the hole round; sets LEFT, RIGHT, BODY, faces FRONT, REST."""
     flat = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", around, radial, along)
-    n, quads = len(flat.nodes), flat.blocks[0].connectivity
-    corners = np.unique(quads[:, :4])
-    planes = np.linspace(-THICKNESS, 0.0, 2 * layers + 1)
-    # a brick has no node in the middle of a face
-    plane_nodes = [np.arange(n) if k % 2 == 0 else corners for k in range(len(planes))]
-    first = np.cumsum([0, *(len(nodes) for nodes in plane_nodes)])
-    number = np.full((len(planes), n), -1)
-    for k, indices in enumerate(plane_nodes):
-        number[k, indices] = first[k] + np.arange(len(indices))
-    nodes = np.concatenate([np.column_stack([flat.nodes[indices], np.full(len(indices), z)])
-                            for indices, z in zip(plane_nodes, planes, strict=True)])
-    bricks = np.concatenate([np.hstack([number[2 * k][quads[:, :4]], number[2 * k + 2][quads[:, :4]],
-                                        number[2 * k][quads[:, 4:]],
-                                        number[2 * k + 2][quads[:, 4:]], number[2 * k + 1][quads[:, :4]]])
-                                        for k in range(layers)])
-    sets = {name: np.setdiff1d(number[:, members], [-1]) for name, members in flat.node_sets.items()}
-    mesh = make_mesh(nodes, [("hex20", bricks)], node_sets=sets, element_sets={"BODY": np.arange(len(bricks))})
+    mesh = layered(flat, np.linspace(-THICKNESS, 0.0, layers + 1))
     faces = boundary_faces(mesh)
     on_front = np.array([np.abs(mesh.nodes[mesh.face_nodes(face), 2]).max() < 1e-9 for face in faces])
     return replace(mesh, edge_sets={"FRONT": faces[on_front], "REST": faces[~on_front]})

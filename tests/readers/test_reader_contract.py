@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
+import h5py
 import meshio
+import nrrd
 import numpy as np
 import pytest
 import tifffile
@@ -15,7 +17,7 @@ from test_calibration_files import TEXTS, opencv_yaml
 from test_field_exports import GRID, displaced, ncorr_file, ncorr_hdf5, on_image
 
 from experiment_file.small_experiment import LOADS, inp_text
-from idic.readers import open_fields, open_stack, read_calibration, read_log, read_mesh_file
+from idic.readers import open_fields, open_stack, read_calibration, read_log, read_mesh_file, volume_entries
 
 PIXELS = np.arange(600, dtype=np.uint8).reshape(20, 30)
 SQUARES = meshio.Mesh(np.array([[x, y, 0.0] for y in range(2) for x in range(3)]),
@@ -61,6 +63,31 @@ class TestMeshes(ReaderContract):
 
     def read(self, path):
         return read_mesh_file(path)
+
+
+VOXELS = np.random.default_rng(3).integers(0, 60_000, (6, 20, 30)).astype(np.uint16)
+ALL = slice(None)
+
+
+def compressed_hdf5(path):
+    with h5py.File(path, "w") as file:
+        file.create_dataset("entry/data", data=VOXELS, chunks=(2, 8, 8), compression="gzip")
+
+
+class TestVolumes(ReaderContract):
+    files = {"scan.tif": lambda path: tifffile.imwrite(path, VOXELS),
+             "deflated.tif": lambda path: tifffile.imwrite(path, VOXELS, compression="deflate"),
+             "tiles.tif": lambda path: tifffile.imwrite(path, VOXELS, tile=(16, 16)),
+             "scan.npy": lambda path: np.save(path, VOXELS), "scan.h5": compressed_hdf5,
+             "scan.nrrd": lambda path: nrrd.write(str(path), VOXELS.T, {"encoding": "raw"}),
+             "scan.mha": lambda path: path.write_bytes(
+                 b"NDims = 3\nDimSize = 30 20 6\nElementType = MET_USHORT\nElementDataFile = LOCAL\n"
+                 + VOXELS.tobytes())}
+
+    def read(self, path):
+        voxels = volume_entries(path.parent, path.name)[0].block(ALL, ALL, ALL)
+        assert voxels.shape == VOXELS.shape
+        return voxels
 
 
 class TestLogs(ReaderContract):

@@ -126,14 +126,14 @@ def nodal_equations(reference: ReferenceImage, spline: Spline, u_px: np.ndarray,
     sums, lost = _element_sums(reference, layout, spline, motion, valid)  # r = f - g(x + u), valid without lost pixels
     blocks = _blocks_of_valid(reference, lost, valid)  # grad f grad f^T of the elements
     q, H, hb = _nodal_sums(reference, layout, motion, sums, blocks)  # L = N^T F^-T grad f:  q = sum L r, H = sum L L^T
-    bb, rb = _brightness_blocks(layout, blocks.grey, _centre(reference, layout), sums)
+    bb, rb = brightness_blocks(layout, blocks.grey, _centre(reference, layout), sums[:, 17], sums[:, 18])
     rr, nb, n_lost = float(sums[:, 16].sum()), layout.n_columns, int(lost.sum())
     return NodalEquations(
         q, H, hb, bb[:nb, :nb], rb[:nb], rr, pm.n_pixels - n_lost, n_lost, lost,
         lost_pixels=np.flatnonzero(valid == 0) if n_lost else np.zeros(0, dtype=np.int64),
         element_rr=sums[:, 16].copy(),
         kappa=float((blocks.grey[:, 0] / np.maximum(np.abs(motion.det), 1e-3)).sum() / max(pm.n_pixels - n_lost, 1)),
-        squares=_squares_about_mean(bb, rb, rr), motion=motion)
+        squares=squares_about_mean(bb, rb, rr), motion=motion)
 
 
 def _element_sums(reference: ReferenceImage, layout: Brightness, spline: Spline, motion: ImageMotion,
@@ -201,12 +201,16 @@ def _blocks_of_valid(reference: ReferenceImage, lost: np.ndarray, valid: np.ndar
     return ValidBlocks(slot, blocks.hessian, blocks.coupling, grey)
 
 
-def _brightness_blocks(layout: Brightness, grey: np.ndarray, centre: np.ndarray,
-                       sums: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Block and right-hand side of gain and offset of every patch  # (2 n_patches, 2 n_patches), (2 n_patches,)"""
+def brightness_blocks(layout: Brightness, grey: np.ndarray, centre: np.ndarray, r_sum: np.ndarray,
+                      rf_sum: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Block and right-hand side of gain and offset of every patch  # (2 n_patches, 2 n_patches), (2 n_patches,)
+
+    grey : (n_elements, 3) pixels, sum of f, sum of f^2; centre : (n_elements,) that f is centred on; r_sum, rf_sum :
+    (n_elements,) sums of r and r f_centred
+    """
     number, first, second = grey.T
     per_element = np.column_stack([
-        second - 2.0 * centre * first + centre**2 * number, first - centre * number, number, -sums[:, 18], -sums[:, 17],
+        second - 2.0 * centre * first + centre**2 * number, first - centre * number, number, -rf_sum, -r_sum,
     ])  # (n_elements, 5): f f, f 1, 1 1 with f centred; gain and offset right-hand sides
     total = np.column_stack([np.bincount(layout.patch, column) for column in per_element.T])  # (n_patches, 5)
     size = 2 * len(total)
@@ -218,7 +222,7 @@ def _brightness_blocks(layout: Brightness, grey: np.ndarray, centre: np.ndarray,
     return bb, rb
 
 
-def _squares_about_mean(bb: np.ndarray, rb: np.ndarray, rr: float) -> tuple[float, float]:
+def squares_about_mean(bb: np.ndarray, rb: np.ndarray, rr: float) -> tuple[float, float]:
     """Sums of squares of f and of g(x + u) = f - r about their means, patch by patch (GV²)."""
     gain, offset = slice(0, None, 2), slice(1, None, 2)
     patches = np.diagonal(bb)[offset] > 0

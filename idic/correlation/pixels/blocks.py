@@ -41,7 +41,7 @@ class ElementBlocks:
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """Where the blocks (2 x 2, 3 x 3) of the elements go in the data of a CSR matrix: row 2 n + c belongs to node n.
+    """Where the blocks (2 x 2, 3 x 3) of the elements go in the data of a CSR matrix: row size n + c is of node n.
 
     ``place[e, ...]``: first entry of a block of element e; its next row is ``stride[node]`` entries further.
     """
@@ -86,23 +86,27 @@ def element_nodes(pixel_map: PixelMap) -> tuple[np.ndarray, np.ndarray]:
     return pixel_map.conn[:, :n_max].astype(np.int64), np.arange(n_max) < N_NODES[pixel_map.kind][:, None]
 
 
-def block_pattern(rows, columns, used, n_rows: int, n_columns: int, size: int = 2) -> Pattern:
-    """CSR pattern of a matrix of size x size blocks at (rows, columns), arrays shaped as `used` (False: no entry)."""
+def block_pattern(rows, columns, used, n_rows: int, n_columns: int, size: int | tuple[int, int] = 2) -> Pattern:
+    """CSR pattern of a matrix of blocks at (rows, columns), arrays shaped as `used` (False: no entry).
+
+    size : rows and columns of a block; one number: of both
+    """
+    n, m = (size, size) if isinstance(size, int) else size
     keys, inverse = np.unique(rows[used] * n_columns + columns[used], return_inverse=True)
     row, column = np.divmod(keys, n_columns)
     first = np.searchsorted(row, np.arange(n_rows + 1))  # first block of each row
     length = np.diff(first)
-    start = size**2 * first[row] + size * (np.arange(len(keys)) - first[row])  # (n_blocks,) of the upper left entry
-    indices = np.empty(size**2 * len(keys), dtype=np.int32)
-    indptr = np.empty(size * n_rows + 1, dtype=np.int32)
-    indptr[0::size] = size**2 * first
-    for i in range(size):
-        for j in range(size):
-            indices[start + size * i * length[row] + j] = size * column + j
-        indptr[i:-1:size] = size**2 * first[:-1] + size * i * length
+    start = n * m * first[row] + m * (np.arange(len(keys)) - first[row])  # (n_blocks,) of the upper left entry
+    indices = np.empty(n * m * len(keys), dtype=np.int32)
+    indptr = np.empty(n * n_rows + 1, dtype=np.int32)
+    indptr[0::n] = n * m * first
+    for i in range(n):
+        for j in range(m):
+            indices[start + m * i * length[row] + j] = m * column + j
+        indptr[i:-1:n] = n * m * first[:-1] + m * i * length
     place = np.zeros(used.shape, dtype=np.int64)
     place[used] = start[inverse]
-    return Pattern(indices, indptr, place, size * length)
+    return Pattern(indices, indptr, place, m * length)
 
 
 @njit(cache=True, nogil=True)
@@ -179,10 +183,10 @@ def _accumulate(powers, weight, slope, n, count, products, moments, grey):
 def to_nodes(products, transform, n, out):
     """sum_kl T[k, i] T[l, j] S[k, l] for j <= i of every component.
 
-    products (8, 8, n_components) holds the lower half of S; out (n (n + 1) / 2, n_components).
+    products (>= n, >= n, n_components) holds the lower half of S; out (n (n + 1) / 2, n_components).
     """
     n_components = products.shape[2]
-    half = np.zeros((8, 8, n_components))
+    half = np.zeros((n, n, n_components))
     for k in range(n):
         for m in range(n):
             source = products[k, m] if m <= k else products[m, k]

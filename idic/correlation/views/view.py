@@ -3,6 +3,7 @@
     grey      column, row                  camera(X + u) - camera(X)                      px
     (a measured field likewise: its px is the distance of neighbouring points)
     space     column, row, normal          a field of three components: the same, and  n u_z        px, px, px
+    volume    column, row, slice           scanner(X + u) - scanner(X), `volume_view`            voxels
     height    column, row, height          the same, and  n u_z / height_unit             px, px, unit of the images
     section   column, row, height          camera at (x, 0); the height is  n u_y / height_unit
 
@@ -21,9 +22,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.correlation.views.pinhole_view import PinholeView, in_space
+from idic.correlation.views.volume_view import VolumeView
 from idic.errors import InputError
 from idic.fe import Mesh, cell_type
-from idic.images import AnyCamera, Camera, PlacedCamera, fixed_pixel_sensitivity, normal_sign
+from idic.images import AnyCamera, Camera, PlacedCamera, Scanner, fixed_pixel_sensitivity, normal_sign
 from idic.model import Experiment, Model
 
 GREY, HEIGHT, SECTION, SPACE = "grey", "height", "section", "space"
@@ -131,7 +133,7 @@ class View:
         return np.column_stack([plane, -(slope * carried).sum(axis=1)]).ravel()
 
 
-def view_of(experiment: Experiment, camera: AnyCamera) -> View | PinholeView:
+def view_of(experiment: Experiment, camera: AnyCamera) -> View | PinholeView | VolumeView:
     """The view of an experiment by one of its cameras.
 
     Raises
@@ -140,6 +142,8 @@ def view_of(experiment: Experiment, camera: AnyCamera) -> View | PinholeView:
         For height images of a plane mesh without the edge set that is seen.
     """
     model, recording = experiment.model, experiment.recording
+    if isinstance(camera, Scanner):
+        return VolumeView(camera)
     if isinstance(camera, PlacedCamera):
         return PinholeView(camera, model.mesh, model.surface)
     if recording.points is not None and recording.points.depth is not None:

@@ -200,6 +200,30 @@ class CameraTable(LensTable):
         return self
 
 
+Voxel = Annotated[list[Positive], Field(min_length=3, max_length=3)]
+
+
+class ScannerTable(Strict):
+    """The scanner of volumes.
+
+    voxel_mm : side of a voxel, or its sides along column, row and slice; None: as the files state. origin_px : column,
+    row and slice of the mesh origin. axes : of the volume along mesh x, y and z. motion = "free": rigid motion of every
+    scan.
+    """
+
+    voxel_mm: Positive | Voxel | None = None
+    origin_px: Triple | None = None
+    axes: Annotated[list[Literal["+col", "-col", "+row", "-row", "+slice", "-slice"]],
+                    Field(min_length=3, max_length=3)] | None = None
+    noise_std_gv: Positive | None = None
+    motion: Literal["free"] | None = None
+
+    @property
+    def sides(self) -> list[float] | None:
+        """Sides of a voxel along column, row and slice (mm); None where they are not given."""
+        return [self.voxel_mm] * 3 if isinstance(self.voxel_mm, float | int) else self.voxel_mm
+
+
 class FurtherCameraTable(CameraTable):
     """The second and later [[camera]] tables: their own images, one per frame and in the same order."""
 

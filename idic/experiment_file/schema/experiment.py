@@ -176,6 +176,7 @@ class FieldsTable(Strict):
 class ExperimentTable(Strict):
     title: str = ""
     images: Annotated[list[str], BeforeValidator(as_list)] = []  # none: a plan, for `idic design`
+    volumes: Annotated[list[str], BeforeValidator(as_list)] = []  # in the place of images: scans of a solid
     fields: Annotated[list[str], BeforeValidator(as_list)] = []  # in the place of images: measured displacements
     fields_format: Literal["auto", "aramis", "nodemap", "vic", "matchid", "dice", "pyvale", "al-dic", "sun-dic",
                            "py3dic", "ncorr", "mudic", "table", "vtu"] = "auto"
@@ -194,7 +195,7 @@ class ExperimentTable(Strict):
     thickness_mm: Positive | None = None
     surface: str | None = None
     symmetry: Literal["x"] | None = None
-    quantity: Literal["grey", "height", "displacement"] = "grey"  # displacement: set by `fields`
+    quantity: Literal["grey", "height", "displacement", "volume"] = "grey"  # the last two: set by `fields`, `volumes`
     height_unit: Literal["m", "mm", "um", "nm"] | None = None
     mask: str | None = None
     reference: Annotated[list[Frame], BeforeValidator(_as_frames), Field(min_length=1)] | None = None
@@ -209,7 +210,31 @@ class ExperimentTable(Strict):
     def _displacements_of_fields(cls, values: object) -> object:
         if isinstance(values, dict) and values.get("fields") and "quantity" not in values:
             return {**values, "quantity": "displacement"}
+        if isinstance(values, dict) and values.get("volumes") and "quantity" not in values:
+            return {**values, "quantity": "volume"}
         return values
+
+    @model_validator(mode="after")
+    def _volumes_alone(self):
+        if not self.volumes:
+            if self.quantity == "volume":
+                raise refuse("volumes without scans", 'volumes = "scans/*.tif"', "name the scans", "no volumes")
+            return self
+        extra = [name for name in ("images", "fields", "mask", "symmetry", "surface") if getattr(self, name)]
+        if extra or self.quantity != "volume":
+            raise refuse("a key of images next to volumes", "volumes without images, fields, surface, mask, symmetry "
+                         "and quantity", f"leave out {', '.join(extra) or 'quantity'}",
+                         ", ".join(extra) or self.quantity)
+        if self.kind != "solid":
+            raise refuse("volumes of a plane model", 'kind = "solid"', "mesh the specimen with hex8, hex20, tet4 or "
+                         "tet10", self.kind)
+        if self.mesh.file is None:
+            raise refuse("volumes without a mesh file", 'mesh = "mesh.inp"', "mesh the specimen as a solid, in mm",
+                         "a mesh on images")
+        if isinstance(self.still_frames, str):
+            raise refuse("separate scans at rest", "still_frames = [0, 1], numbers or names of scans of `volumes`",
+                         "name them among the scans of the test", self.still_frames)
+        return self
 
     @model_validator(mode="after")
     def _fields_or_images(self):

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from idic.experiment_file.schema.base import Strict, refuse
 from idic.experiment_file.schema.boundary import BoundaryTable, ChannelTable, SetTable
-from idic.experiment_file.schema.cameras import CameraTable, FurtherCameraTable
+from idic.experiment_file.schema.cameras import CameraTable, FurtherCameraTable, ScannerTable
 from idic.experiment_file.schema.experiment import ExperimentTable, FieldsTable, SetupTable
 from idic.experiment_file.schema.materials import DofTable, HeterogeneityTable, MaterialTable
 from idic.experiment_file.schema.options import (
@@ -29,6 +29,7 @@ class ExperimentFile(Strict):
     experiment: ExperimentTable
     fields: FieldsTable | None = None
     camera: CameraTable | None = None  # the main one
+    scanner: ScannerTable | None = None  # of volumes
     further_cameras: list[FurtherCameraTable] = []  # further [[camera]] tables
     material: Annotated[dict[str, MaterialTable], Field(min_length=1)]
     sets: dict[str, SetTable] = {}
@@ -72,6 +73,25 @@ class ExperimentFile(Strict):
             raise refuse("the columns of the fields are told twice", "[fields.columns] with its unit, or fields_format "
                          "and fields_unit", "leave out fields_format and fields_unit",
                          "both")
+        return self
+
+    @model_validator(mode="after")
+    def _scanner_of_volumes(self):
+        if self.experiment.volumes:
+            extra = [name for name in ("camera", "further_cameras", "design", "solver", "probe", "extensometer", "line",
+                                       "circle") if getattr(self, name)]
+            if extra:
+                raise refuse("tables that volumes do not have", "[scanner] in the place of [camera]; no gauges, design "
+                             "or external solver", f"leave out {', '.join(extra)}", ", ".join(extra))
+            if self.options.method != "integrated":
+                raise refuse("two steps on volumes", 'method = "integrated"', "leave method out", self.options.method)
+            if self.options.defocus != "none":
+                raise refuse("defocus of volumes", "no defocus", "leave defocus out", self.options.defocus)
+            if self.options.left_out_px:
+                raise refuse("circles that are left out of volumes", "no left_out_px", "leave them out", "left_out_px")
+        elif self.scanner is not None:
+            raise refuse("a scanner without volumes", 'volumes = "scans/*.tif" in [experiment]',
+                         "name the scans, or write [camera]", "[scanner]")
         return self
 
     @model_validator(mode="after")

@@ -36,7 +36,7 @@ class StageTable(Strict):
 
 
 class OptionsTable(Strict):
-    interpolation: Literal["cubic", "quintic"] = "quintic"
+    interpolation: Literal["cubic", "quintic"] = "quintic"  # of volumes cubic
     lowpass_px: Annotated[float, Field(ge=0, le=5)] | None = None  # 0.6; height images 0
     camera_blur_px: Annotated[float, Field(ge=0, le=5)] = 12**-0.5
     border_px: Annotated[int, Field(ge=0, le=50)] | None = None  # 4 with the low-pass of 0.6 px, 0 without one

@@ -14,7 +14,7 @@ from idic.errors import InputError
 from idic.experiment_file.schema.cameras import CameraTable
 from idic.images import (
     AnyCamera, COLUMN, CameraMotion, MAGNIFICATION, PLACEMENT_STEM, PlacedCamera, RIGID, RIGID_UNITS, ROW, RigidMotion,
-    TURN,
+    SCANNER, SCANNER_MOTIONS, Scanner, ScannerMotion, TURN,
 )
 from idic.model import FurtherCamera, hats, knot_frames, knot_name
 from idic.parameters import Parameter
@@ -37,6 +37,8 @@ def moving_camera(camera: AnyCamera, table: CameraTable | None, context, times: 
     """
     if isinstance(camera, PlacedCamera):
         return replace(camera, motion=_rigid_motion(table, context, times, compared))
+    if isinstance(camera, Scanner):
+        return replace(camera, motion=_scanner_motion(context, times, compared))
     courses: dict[str, tuple[str, np.ndarray]] = {}
     if times is not None and len(times) > 1:
         courses[DRIFT] = (MAGNIFICATION, times - times[context.reference])
@@ -77,6 +79,37 @@ def _rigid_motion(table: CameraTable, context, times: np.ndarray | None,
                        np.array([course for _, course in courses.values()]), np.zeros(len(courses)))
 
 
+def _scanner_motion(context, times: np.ndarray | None, compared: Sequence[int]) -> ScannerMotion:
+    """Rigid motion and magnification of the scans: a drift in time, and of every scan alone; every amplitude zero."""
+    courses: dict[str, tuple[str, np.ndarray]] = {}
+    for kind in SCANNER_MOTIONS:
+        if times is not None and len(times) > 1:
+            courses[f"{kind}_drift"] = (kind, times - times[context.reference])
+        for frame in compared:
+            courses[f"{kind}_at[{frame}]"] = (kind, (np.arange(context.n_frames) == frame).astype(float))
+    return ScannerMotion(tuple(courses), tuple(kind for kind, _ in courses.values()),
+                         np.array([course for _, course in courses.values()]), np.zeros(len(courses)))
+
+
+def scanner_parameters(scanner: Scanner, shape: tuple[int, ...], is_free: bool) -> list[Parameter]:
+    """The amplitudes of the drift; a unit of their scale moves a corner of the volume by three voxels.
+
+    is_free : the rigid motion of every scan is identified
+    """
+    motion, parameters = scanner.motion, []
+    if motion is None:
+        return []
+    half_mm = 0.5 * float(np.linalg.norm(np.array(shape)[::-1] * scanner.voxel_mm))
+    for name, kind, course in zip(motion.names, motion.kinds, motion.courses, strict=True):
+        unit = SCANNER_MOTIONS[kind]
+        reach = {"deg": np.radians(half_mm), "": half_mm, "mm": 1.0}[unit] / scanner.pixel_size
+        if name.endswith("_drift"):
+            unit += "/s" if unit else "1/s"
+        parameters.append(Parameter(f"{SCANNER}.{name}", 0.0, unit, is_free and "[" in name and kind != MAGNIFICATION,
+                                    scale=3.0 / (float(reach * np.abs(course).max()) or 1.0)))
+    return parameters
+
+
 def rigid_parameters(camera: PlacedCamera, scales: Mapping[str, float]) -> list[Parameter]:
     """The amplitudes of the rigid motion as degrees of freedom; scales : of the six numbers, deg and mm."""
     motion, parameters = camera.motion, []
@@ -91,7 +124,7 @@ def rigid_parameters(camera: PlacedCamera, scales: Mapping[str, float]) -> list[
 
 def motion_parameters(stem: str, camera: AnyCamera, image_shape) -> list[Parameter]:
     """The amplitudes as degrees of freedom; a unit of their scale moves a corner of the image by three pixels."""
-    if camera.motion is None or isinstance(camera, PlacedCamera):
+    if camera.motion is None or isinstance(camera, PlacedCamera | Scanner):
         return []
     half, parameters = 0.5 * float(np.hypot(*image_shape)), []
     for name, kind, course in zip(camera.motion.names, camera.motion.kinds, camera.motion.courses, strict=True):
@@ -105,7 +138,8 @@ def with_identified_motions(camera: AnyCamera, cameras: tuple[FurtherCamera, ...
                             parameters: Sequence[Parameter]) -> tuple[AnyCamera, tuple[FurtherCamera, ...]]:
     """The main and further cameras; only motions that are parameters are kept."""
     values = {parameter.name: parameter.value for parameter in parameters}
-    main = _identified(camera, "camera" if table is None else table.name, values)
+    stem = SCANNER if isinstance(camera, Scanner) else "camera" if table is None else table.name
+    main = _identified(camera, stem, values)
     return main, tuple(replace(entry, camera=_identified(entry.camera, entry.name, values)) for entry in cameras)
 
 

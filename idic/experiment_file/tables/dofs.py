@@ -12,11 +12,11 @@ import numpy as np
 from idic.errors import InputError
 from idic.experiment_file.schema.experiment_file import ExperimentFile
 from idic.experiment_file.schema.materials import DofTable, MaterialTable, ParameterTable
-from idic.experiment_file.tables.camera_motion import motion_parameters
+from idic.experiment_file.tables.camera_motion import motion_parameters, scanner_parameters
 from idic.experiment_file.tables.lens_dofs import lens_dofs, placement_dofs
 from idic.experiment_file.tables.solver import foreign_material
 from idic.fe import EXTERNAL
-from idic.images import AnyCamera, CAMERA_PARAMETERS, PlacedCamera
+from idic.images import AnyCamera, CAMERA_PARAMETERS, PlacedCamera, Scanner
 from idic.laws import EXPANSION, KELVIN, LawParameter, LawSpec, law_for
 from idic.model import (
     CHANNEL_TERMS, Channel, Column, FurtherCamera, Load, Material, Prescribed, boundary_parameters,
@@ -195,6 +195,8 @@ def degrees_of_freedom(config: ExperimentFile, camera: AnyCamera, channels: tupl
     catalogue |= uncertain
     main = "camera" if config.camera is None else config.camera.name
     moves = motion_parameters(main, camera, image_shape)
+    if isinstance(camera, Scanner):
+        moves += scanner_parameters(camera, image_shape, config.scanner is not None and config.scanner.motion == "free")
     for view in cameras:
         moves += motion_parameters(view.name, view.camera, view.stack.shape)
     seen_by = {main: (camera, image_shape)} | {view.name: (view.camera, view.stack.shape) for view in cameras}
@@ -203,7 +205,7 @@ def degrees_of_freedom(config: ExperimentFile, camera: AnyCamera, channels: tupl
     moves += motions
     catalogue |= {p.name: p for p in moves}
     known_by_drive = (*known_by_drive, *(p.name for p in moves if p.free))
-    for name, (by, shape) in seen_by.items():
+    for name, (by, shape) in () if isinstance(camera, Scanner) else seen_by.items():
         catalogue |= (lens_dofs(name, by, shape) if isinstance(by, PlacedCamera)
                       else _camera_dofs(name, by, length_unit, shape))
     catalogue |= of_placement | _camera_times(config, cameras, times)

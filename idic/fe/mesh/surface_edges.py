@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import combinations, pairwise
 
 import numpy as np
 import scipy
 
+from idic.fe.mesh.element import cell_edges, cell_type
 from idic.fe.mesh.mesh import Mesh, face_cells, face_set_nodes
 
 MIN_NORMAL_ALONG_AXIS = 0.99  # cosine: a surface that looks along an axis
@@ -99,6 +101,28 @@ def rim_second_differences(mesh: Mesh, surface: str, nodes: np.ndarray) -> np.nd
         row = second_difference(mesh.nodes, place, around[0], node, around[1])
         if row is not None:
             rows.append(row)
+    return np.array(rows).reshape(-1, len(nodes))
+
+
+def inner_second_differences(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
+    """Second differences of nodal values along the element edges within a set of a solid  # (n_rows, n)
+
+    nodes : (n,) indices. One row per node and pair of its neighbours in the set on opposite sides of it, scaled to the
+    mean of the two spacings.
+    """
+    place = {int(node): i for i, node in enumerate(nodes)}
+    neighbours: dict[int, set[int]] = {node: set() for node in place}
+    for block in mesh.blocks:
+        n_corners = cell_type(block.cell).n_corners
+        for k, (a, b) in enumerate(cell_edges(block.cell)):
+            path = (a, n_corners + k, b) if block.connectivity.shape[1] > n_corners else (a, b)
+            for first, second in pairwise(path):
+                ends = block.connectivity[:, [first, second]]
+                for i, j in ends[np.isin(ends, nodes).all(axis=1)].tolist():
+                    neighbours[i].add(j)
+                    neighbours[j].add(i)
+    rows = [row for node, around in neighbours.items() for previous, following in combinations(sorted(around), 2)
+            if (row := second_difference(mesh.nodes, place, previous, node, following)) is not None]
     return np.array(rows).reshape(-1, len(nodes))
 
 

@@ -7,12 +7,15 @@ from collections.abc import Collection
 import numpy as np
 
 from idic.identification.free_motion.two_step import is_two_step
-from idic.measure import surface_motion, virtual_boundaries
+from idic.measure import surface_motion, virtual_boundaries, volume_motion
 from idic.model import Experiment, Measured, build_drives, is_stereo, mode_names
 
 
 def needs_free_dic(experiment: Experiment) -> bool:
-    """Whether motion or noise must first be measured from the images of the main camera alone."""
+    """Whether motion or noise must first be measured from the images of the main camera alone; volumes show the
+    motion in space at once."""
+    if experiment.recording.quantity == "volume":
+        return False
     measured = any(isinstance(entry.drive, Measured) for entry in experiment.model.prescribed)
     return (measured or experiment.recording.noise.std_gv is None or starts_from_dic(experiment)
             or is_two_step(experiment.options))
@@ -27,13 +30,18 @@ def starts_from_dic(experiment: Experiment) -> bool:
 
 
 def needs_motion_in_space(experiment: Experiment) -> bool:
-    """Whether edges of a solid start from what two cameras with a lens measure: from a free stereo FE-DIC."""
-    return experiment.model.n_dim == 3 and is_stereo(experiment) and (starts_from_dic(experiment) or any(
+    """Whether edges of a solid start from what two cameras with a lens measure, or volumes: from a free stereo FE-DIC,
+    or a free FE-DVC."""
+    in_space = is_stereo(experiment) or experiment.recording.quantity == "volume"
+    return experiment.model.n_dim == 3 and in_space and (starts_from_dic(experiment) or any(
         isinstance(entry.drive, Measured) for entry in experiment.model.prescribed))
 
 
 def motion_in_space(experiment: Experiment) -> np.ndarray:
-    """Nodal motion by a free stereo FE-DIC  # (n_frames, n_nodes, 3) mm, NaN: not seen, or the frame was lost"""
+    """Nodal motion by a free stereo FE-DIC, or FE-DVC  # (n_frames, n_nodes, 3) mm, NaN: not seen, or the frame was
+    lost"""
+    if experiment.recording.quantity == "volume":
+        return volume_motion(experiment).u_mm
     surface = surface_motion(experiment)
     u_mm = np.full((experiment.model.n_frames, experiment.model.mesh.n_nodes, 3), np.nan)
     u_mm[:, surface.nodes] = surface.u_mm

@@ -111,7 +111,12 @@ def planned_speckle(path: str | Path, overrides: Mapping[str, Any] | None = None
 def _folder(path: str | Path, overrides: Mapping[str, Any] | None) -> PlannedFolder:
     file = locate(path)
     raw = with_overrides(read_toml(file), overrides)
-    return PlannedFolder(file, file.parent.resolve(), validated(raw, file), raw)
+    config = validated(raw, file)
+    if config.experiment.volumes:
+        raise InputError("a test design or a rehearsal of volumes is not available", file=file,
+                         key="experiment.volumes", expected="images, or measured fields", found="volumes",
+                         remedy="idic check, identify, report and systematic take volumes (docs/volumes.md)")
+    return PlannedFolder(file, file.parent.resolve(), config, raw)
 
 
 def virtual_speckle(shape: tuple[int, int], speckle_px: float, contrast_gv: float) -> np.ndarray:

@@ -34,13 +34,13 @@ BLURRED_STAGE = Stage("all", max_iterations=5, lowpass_px=3.0)  # after a search
 def wants_search(experiment: Experiment) -> bool:
     """Whether a start is searched before the first step: a free parameter has start values of its law.
 
-    Not where edges take a motion in space from the images: the search knows that of one camera.
+    Not where edges take a motion in space from the images, nor of volumes: the search knows the motion of one camera.
     """
     model = experiment.model
     options = experiment.options
     in_space = is_stereo(experiment) and any(isinstance(entry.drive, Measured) for entry in model.prescribed)
     is_allowed = (options.search != "never" and options.method == "integrated" and model.solver is None
-                  and not in_space)
+                  and not in_space and experiment.recording.quantity != "volume")
     return is_allowed and any(model.parameters[name].start_values for name in first_free(experiment))
 
 

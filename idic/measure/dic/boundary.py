@@ -41,7 +41,7 @@ def virtual_boundaries(experiment: Experiment) -> tuple[Prescribed, ...]:
     section = model.surface is not None and model.kind != "solid"
     if experiment.recording.stack is None or experiment.recording.quantity == "height" or section:
         return ()
-    seen_components = "xyz" if is_stereo(experiment) else "xy"
+    seen_components = "xyz" if is_stereo(experiment) or experiment.recording.quantity == "volume" else "xy"
     return tuple(p for p in model.prescribed
                  if isinstance(p.drive, Parametrised) and p.component in seen_components)
 

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 
-from idic.images import AnyCamera, Stabiliser, Stack
+from idic.images import AnyCamera, Stabiliser, Stack, VolumeStack, picture, picture_shape
 
 
 CAMERA_TIME = "time_offset"  # last word of the degree of freedom of a camera
@@ -147,7 +148,8 @@ class Recording:
     labels: tuple[str, ...]  # one per frame: file names
     excluded: tuple[int, ...] = ()
     mask: np.ndarray | None = None  # (ny, nx) bool: True = correlate
-    quantity: str = "grey"  # grey | height (topography: pixel values are heights) | displacement (measured fields)
+    # grey | height (topography: pixel values are heights) | displacement (measured fields) | volume (scans of a solid)
+    quantity: str = "grey"
     height_unit: float = 1.0  # mm per unit of pixel value of a height image
     noise: Noise = field(default_factory=lambda: Noise(None))
     camera_name: str = "camera"  # of the main camera, by which frames are named
@@ -163,8 +165,15 @@ class Recording:
     identity: str = ""  # hash of everything that decides the result
 
     @property
+    def volumes(self) -> VolumeStack:
+        """The scans, where `quantity` is "volume"."""
+        return cast(VolumeStack, self.stack)
+
+    @property
     def image_shape(self) -> tuple[int, int]:
-        """(ny, nx) of the images, or of the grid of a measured field."""
+        """(ny, nx) of the images, of the grid of a measured field, or of the picture of three sections of a volume."""
+        if self.quantity == "volume":
+            return picture_shape(self.volumes.shape)
         return self.stack.shape if self.points is None else self.points.shape
 
     @property
@@ -175,7 +184,7 @@ class Recording:
     @property
     def value_unit(self) -> str:
         """What a pixel's value is in: "grey values", or the unit of the heights."""
-        if self.quantity == "grey":
+        if self.quantity in ("grey", "volume"):
             return "grey values"
         if self.quantity == "displacement":
             return "µm"
@@ -186,12 +195,19 @@ class Recording:
         n_frames = len(self.labels)
         if self.points is not None:
             return f"{n_frames} stages of {len(self.points.positions_px)} points"
+        if self.quantity == "volume":
+            nz, ny, nx = self.volumes.shape
+            return f"{n_frames} volumes of {nx} x {ny} x {nz} voxels"
         rows, columns = (0, 0) if self.stack is None else self.image_shape
         return f"{n_frames} images of {columns} x {rows} px"
 
     def picture(self, frame: int) -> np.ndarray:
         """A frame to look at: its image, or of a measured field without images the points that it holds, bright on
-        black  # (ny, nx)"""
+        black; of a volume three sections through its middle  # (ny, nx)"""
+        if self.quantity == "volume":
+            scans = self.volumes
+            nz, ny, nx = scans.shape
+            return picture(lambda *at: scans.block(frame, *at), scans.shape, (nx // 2, ny // 2, nz // 2))
         images = getattr(self.stack, "images", None)  # in which the motion was measured
         values = np.asarray((images or self.stack).frame(frame))
         if self.points is None or images is not None:

@@ -26,6 +26,7 @@ from idic.report.evidence.plausible import (
     separate_pieces, start_values, sums_of_all_reactions, without_pattern,
 )
 from idic.report.evidence.rig import rig_warnings
+from idic.report.evidence.volumes.facts import volume_facts, volume_overlay
 from idic.report.figures.mesh_overlay import mesh_on_points, mesh_overlay
 from idic.report.figures.style import Picture
 
@@ -67,6 +68,7 @@ class CheckReport:
     value_unit: str = "grey values"  # of noise and pattern
     cost: Cost | None = None  # of the identification; None for a further camera
     points: str = ""  # of measured fields, in words
+    volume: str = ""  # size and voxels of scans, in words
     starts: tuple[str, ...] = ()  # of `free_parameters`: with their start values
 
     def lines(self) -> list[str]:
@@ -79,6 +81,8 @@ class CheckReport:
         excluded = f", excluded {', '.join(self.excluded)}" if self.excluded else ""
         if self.points:
             return self._lines_of_fields(noise, excluded)
+        if self.volume:
+            return self._lines_of_volumes(noise, excluded)
         return [
             f"{self.title}",
             f"frames       {self.n_frames}, {self.image_size[0]} x {self.image_size[1]} px, {self.depth}; "
@@ -103,6 +107,22 @@ class CheckReport:
             f"points       {self.points}",
             f"mesh         {self.n_nodes} nodes, {self.n_elements} elements; lengths in {self.length_unit}",
             f"noise        {noise} {self.value_unit} per component of a point",
+            f"channels     {', '.join(self.channels) or 'none'}",
+            f"to identify  {self._to_identify()}",
+            *([f"cost         {self.cost.line()}"] if self.cost is not None else []),
+            *(f"note         {text}" for text in self.notes),
+            *(f"warning      {text}" for text in self.warnings),
+        ]
+
+    def _lines_of_volumes(self, noise: str, excluded: str) -> list[str]:
+        """The same of volumes."""
+        return [
+            f"{self.title}",
+            f"scans        {self.n_frames}, {self.volume}; reference {self.reference}{excluded}",
+            f"mesh         {self.n_nodes} nodes, {self.n_elements} elements; {self.n_visible} of {self.n_seen} in the "
+            "volume",
+            f"resolution   {self.px_per_element:.0f} voxels per element (smallest {self.smallest_element_px:.0f})",
+            f"texture      {self.contrast_gv:.3g} {self.value_unit} (standard deviation in the middle); noise {noise}",
             f"channels     {', '.join(self.channels) or 'none'}",
             f"to identify  {self._to_identify()}",
             *([f"cost         {self.cost.line()}"] if self.cost is not None else []),
@@ -170,6 +190,8 @@ def _check_camera(experiment: Experiment, draw: bool, is_main: bool) -> tuple[Ch
     """The facts on one camera, and its images as a sequence; experiment : its view; is_main : its motion is compared
     with the log."""
     model, recording = experiment.model, experiment.recording
+    if recording.quantity == "volume":
+        return _check_volume(experiment, draw)
     stack, shape = recording.stack, recording.image_shape
     reference = recording.picture(model.reference)
     points, cells = seen_nodes(model.mesh, model.kind, model.surface)
@@ -208,9 +230,27 @@ def _check_camera(experiment: Experiment, draw: bool, is_main: bool) -> tuple[Ch
         value_unit=recording.value_unit, points=_points_line(recording), starts=start_values(model)), images.sequence
 
 
-def overlay(experiment: Experiment) -> Picture:
-    """The mesh of a view, drawn on its reference image or on the measured points."""
+def _check_volume(experiment: Experiment, draw: bool) -> CheckReport:
+    """The facts on volumes."""
     model, recording = experiment.model, experiment.recording
+    facts, labels = volume_facts(experiment), recording.labels
+    nz, ny, nx = recording.volumes.shape
+    voxel = " x ".join(f"{side:.6g}" for side in dict.fromkeys(model.camera.voxel_mm.tolist()))
+    return CheckReport(
+        experiment.title, recording.stack.n_frames, labels[model.reference],
+        tuple(labels[k] for k in recording.excluded), (nx, ny), facts.dtype, model.mesh.n_nodes, model.mesh.n_elements,
+        model.mesh.n_elements, facts.n_seen, facts.element_voxels, facts.smallest_voxels, model.length_unit,
+        model.parameters.free, tuple(channel.column for channel in model.channels), recording.noise, facts.contrast_gv,
+        (*experiment.notes, *_margin_note(experiment.options), *planned_increments(experiment)), facts.warnings,
+        overlay(experiment) if draw else None, recording.camera_name, starts=start_values(model),
+        volume=f"{nx} x {ny} x {nz} voxels of {voxel} mm (columns, rows, slices), {facts.dtype}")
+
+
+def overlay(experiment: Experiment) -> Picture:
+    """The mesh of a view, drawn on its reference image, on the measured points or on sections of a volume."""
+    model, recording = experiment.model, experiment.recording
+    if recording.quantity == "volume":
+        return volume_overlay(experiment)
     points, cells = seen_nodes(model.mesh, model.kind, model.surface)
     camera, shape = model.camera, recording.image_shape
     corners = corners_px(points, cells, model.kind, model.surface, camera)

@@ -226,7 +226,8 @@ def sensitivities(record: RunRecord) -> Picture | None:
         return None
     short, (scale, name_of_unit) = short_names(record.result["parameters"]), record.motion_unit
     with look():
-        components = ("columns", "rows (down)", "height")[:data.phi_px.shape[2]]
+        third = "slices" if record.result.get("quantity") == "volume" else "height"
+        components = ("columns", "rows (down)", third)[:data.phi_px.shape[2]]
         column_from, column_to, row_from, row_to = window = specimen_window(record)
         tall = abs(row_to - row_from) > abs(column_to - column_from)  # no room for many numbers side by side
         figure, axes = grid(len(components), len(data.names), window, bottom=0.75)
@@ -246,7 +247,7 @@ def sensitivities(record: RunRecord) -> Picture | None:
                             ticks=MaxNLocator(2 if tall else 4, symmetric=True) if largest else [0.0])
         for row, text in enumerate(components):
             axes[row, 0].set_ylabel(text)
-        rises = "" if len(components) == 2 else "and rises (over the size of a pixel) "
+        rises = "" if len(components) == 2 or third == "slices" else "and rises (over the size of a pixel) "
         small = "0.01 px (about what one pixel shows) are determined by many pixels" if name_of_unit == "px" else (
             "the noise of one point are determined by many points")
         caption = (

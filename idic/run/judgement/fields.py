@@ -56,8 +56,11 @@ def field_frames(experiment: Experiment) -> tuple[int, ...]:
 
 
 def write_fields(job: PointJob, runner: TaskRunner) -> None:
-    """Measure and simulate the fields of an accepted point, unless the store has them; nothing of a cross-section."""
+    """Measure and simulate the fields of an accepted point, unless the store has them; nothing of a cross-section or a
+    volume, which show no surface."""
     context = open_run(job.run)
+    if context.experiment.model.surface is None and context.experiment.model.n_dim == 3:
+        return
     if is_section(context.experiment.model) or context.store.finished(FIELDS,
                                                                       {"evaluation": job.evaluation}) is not None:
         return

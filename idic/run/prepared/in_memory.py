@@ -16,7 +16,9 @@ from idic.identification import (
 )
 from idic.measure import DicStack, dic_stack, with_boundary_start
 from idic.model import Experiment
-from idic.run.prepared.measured_beginning import FreeMotion, beginning_of, camera_noises, cameras_to_measure
+from idic.run.prepared.measured_beginning import (
+    FreeMotion, beginning_of, camera_noises, cameras_to_measure, motion_of_volumes,
+)
 from idic.run.prepared.prepare import check_before_writing
 
 
@@ -69,6 +71,8 @@ def prepare_in_memory(experiment: Experiment, say: Callable[[str], None] = lambd
         unexplained, lost = (np.array([status == name for status in main.status]) for name in ("unexplained", "lost"))
         motion = FreeMotion(main.u_px, unexplained, lost,
                             in_space=motion_in_space(experiment) if needs_motion_in_space(experiment) else None)
+    if experiment.recording.quantity == "volume" and needs_motion_in_space(experiment):
+        motion = motion_of_volumes(motion_in_space(experiment))
     beginning = beginning_of(experiment, motion)
     measured = with_boundary_start(experiment, beginning.boundary)
     noises = camera_noises(experiment, {number: free_dics[view.recording.camera_name].noise_gv for number,

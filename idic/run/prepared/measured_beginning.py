@@ -31,6 +31,12 @@ class FreeMotion:
     in_space: np.ndarray | None = None
 
 
+def motion_of_volumes(u_mm: np.ndarray) -> FreeMotion:
+    """A free FE-DVC as that motion  # (n_frames, n_nodes, 3) mm"""
+    explained = np.zeros(len(u_mm), dtype=bool)
+    return FreeMotion(u_mm[:, :, :2], explained, np.isnan(u_mm).all(axis=(1, 2)), in_space=u_mm)
+
+
 @dataclass(frozen=True, eq=False)
 class Beginning:
     """What is known before the first simulation.

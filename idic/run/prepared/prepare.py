@@ -24,7 +24,9 @@ from idic.measure import FrameSequence, virtual_boundaries
 from idic.model import Experiment, Measured, Parametrised, build_forward, set_nodes
 from idic.path_names import path_name
 from idic.readers import FieldStack, FileStack, check_stages
-from idic.run.prepared.measured_beginning import FreeMotion, beginning_of, camera_noises, cameras_to_measure
+from idic.run.prepared.measured_beginning import (
+    FreeMotion, beginning_of, camera_noises, cameras_to_measure, motion_of_volumes,
+)
 from idic.run.store.arrays import FrameArrays, read_array, write_array
 from idic.run.store.camera_groups import group_of, ingest_all, noise_entry, with_stored_images
 from idic.run.store.checkpoint import save_checkpoint, to_hex
@@ -61,7 +63,8 @@ def check_before_writing(experiment: Experiment) -> None:
         model.solver.require_ready()
     reference, *_ = [build_experiment_reference(view, camera_at(view,
     model.parameters)) for view in experiment.views]
-    _check_measurable(experiment, reference.pixel_map.visible_nodes)
+    if recording.quantity != "volume":  # they show every node in space
+        _check_measurable(experiment, reference.pixel_map.visible_nodes)
     for view in experiment.views:
         _check_order(view)
 
@@ -156,7 +159,7 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
     if needs_motion_in_space(experiment) and store.finished("motion") is None:
         runner.map(run_stereo_dic, [(run, path, overrides)], ["free-stereo-dic"], retries=1)
     with store.building("prepared") as folder:
-        beginning = beginning_of(experiment, _free_motion(store, experiment) if needs_free_dic(experiment) else None)
+        beginning = beginning_of(experiment, _free_motion(store, experiment))
         write_array(folder, "local", beginning.local)
         for name, (shapes, courses) in beginning.boundary.modes.items():
             write_array(folder, path_name(f"{name}.shapes"), shapes)
@@ -192,8 +195,12 @@ def write_description(run: str | Path, description: dict) -> None:
     save_checkpoint(Path(run) / DESCRIPTION, DESCRIPTION_SCHEMA, description)
 
 
-def _free_motion(store: RunStore, experiment: Experiment) -> FreeMotion:
-    """What the stored free FE-DIC of the main camera says of the frames."""
+def _free_motion(store: RunStore, experiment: Experiment) -> FreeMotion | None:
+    """What the stored free FE-DIC of the main camera, or FE-DVC, says of the frames; None where none is needed."""
+    if experiment.recording.quantity == "volume" and needs_motion_in_space(experiment):
+        return motion_of_volumes(read_array(store.group("motion"), "u_mm"))
+    if not needs_free_dic(experiment):
+        return None
     frames = read_free_dic(store)
     nodes = None if virtual_boundaries(experiment) else measured_nodes(experiment)
     in_space = read_array(store.group("motion"), "u_mm") if needs_motion_in_space(experiment) else None

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from idic.correlation import FieldReference, correlated_frames, view_of
+from idic.correlation import CorrelationContext, FieldReference, VOLUME, correlated_frames, view_of
 from idic.measure import seen_by
 from idic.parameters import ParameterSet
 from idic.report import (
     Sensitivities, frame_views, free_motions, law_curves, noise_floor, point_maps_of, practice_of, relaxation_curves,
-    rubber_curves, section_fields, with_profiles, with_residuals, with_section_floor,
+    rubber_curves, section_fields, shown_mesh, with_profiles, with_residuals, with_section_floor,
 )
 from idic.run.judgement.free import read_free
 from idic.run.judgement.residual_maps import residuals_of
@@ -31,6 +31,8 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
     experiment, reference = shared.experiment, shared.reference.image
     view, nodes = view_of(experiment, shared.camera), experiment.model.mesh.nodes
     stored = FrameArrays.open(context.store.group(group_name(point, BASE)), "u")
+    if view.kind == VOLUME:
+        return _of_volume(context, result, shared, parameters, stored)
     at_rest = shared.camera.project(view.points(nodes))
 
     def simulated(frame: int) -> np.ndarray:
@@ -73,6 +75,27 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
         practice=practice_of(experiment, reference, result, floor, sources),
         views=views,
     )
+
+
+def _of_volume(context: RunContext, result: Mapping, shared: CorrelationContext, parameters: ParameterSet,
+               stored: FrameArrays) -> dict:
+    """The same of volumes: sections to look at, and the curves of the laws."""
+    experiment, nodes = shared.experiment, shared.experiment.model.mesh.nodes
+    view, shown_points = view_of(experiment, shared.camera), shown_mesh(experiment, shared.camera)
+
+    def simulated(frame: int) -> np.ndarray:
+        k = frame - experiment.model.reference
+        return stored.read(k, k + 1)[0]  # (n_nodes, 3) mm
+
+    frames = [k for k in correlated_frames(experiment, range(experiment.model.n_frames))
+              if k != experiment.model.reference]
+    motions = np.array([simulated(k) for k in shown_frames(experiment)])
+    views = frame_views(experiment.recording, frames,
+                        lambda frame: shown_points.moved_px(view.at(frame).motion(nodes, simulated(frame))),
+                        residuals_of(context, last_accepted(result)))
+    return dict(curves=law_curves(experiment, parameters, result, motions),
+                rubber=rubber_curves(experiment.model, parameters, result, motions),
+                relaxation=relaxation_curves(experiment.model, parameters, result), views=views)
 
 
 def last_accepted(result: Mapping) -> Mapping:

@@ -9,17 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation import SPACE, at_fixed_pixels, camera_at, is_section, view_of
+from idic.correlation import SPACE, VOLUME, at_fixed_pixels, camera_at, view_of
 from idic.errors import InputError
-from idic.fe import surface_cells
 from idic.identification import ratios_of
 from idic.inside import folder_inside, is_inside, write_inside
 from idic.model import Experiment, Model, is_mode, nodal_temperature
 from idic.parameters import ParameterSet
 from idic.report import (
-    ChannelRecord, EDGE, FieldFrames, ResidualMaps, RunRecord, Sensitivities, all_pictures, all_tables, draw_sections,
-    hardening_curves, in_turn, joint_page, render_page, shown_step, temperature_factors, time_label, without_modes,
-    yield_surfaces,
+    ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities, ShownMesh, all_pictures, all_tables,
+    draw_sections, hardening_curves, in_turn, joint_page, render_page, shown_mesh, shown_step, temperature_factors,
+    time_label, without_modes, yield_surfaces,
 )
 from idic.run.judgement.accepted_point import channel_table, channels_of, refuse_passed_point
 from idic.run.judgement.floor import read_floor
@@ -83,7 +82,9 @@ def write_numbers(run: Path, record: RunRecord, paraview: bool = False) -> None:
         context = open_run(str(run))
         parameters = accepted_parameters(record.result, context.experiment.model.parameters)
         experiment = context.experiment.at_geometry(parameters)
-        write_paraview(context, experiment.model, record, run / "paraview")
+        accepted = [entry["evaluation"] for entry in record.result.get("history", ()) if entry["accepted"]]
+        data = sensitivities_of(context, accepted[-1], experiment.views[0], parameters) if accepted else None
+        write_paraview(context, experiment.model, replace(record, sensitivities=data), run / "paraview")
 
 
 def _write_joint_report(run: Path, stage: Callable[[str], None], paraview: bool,
@@ -109,6 +110,7 @@ def load_record(run: Path | str) -> RunRecord:
     parameters = accepted_parameters(result, experiment.model.parameters)
     fitted_experiment = experiment.at_geometry(parameters)  # the mesh as it was identified
     names, M = without_modes(result.get("M", {}))
+    shown_points = shown_mesh(fitted_experiment, camera_at(experiment, parameters))
     common = dict(
         title=experiment.title,
         result=result,
@@ -116,8 +118,8 @@ def load_record(run: Path | str) -> RunRecord:
         names=names,
         M=M,
         reference=experiment.recording.picture(experiment.model.reference),
-        nodes_px=camera_at(experiment, parameters).project(fitted_experiment.model.mesh.nodes),
-        cells=_cells(experiment),
+        nodes_px=shown_points.points_px,
+        cells=shown_points.cells,
         times=experiment.model.times,
         time_label=time_label(experiment.model.times),
         notes=_notes(context, result),
@@ -148,16 +150,17 @@ def _seen(context: RunContext, result: Mapping, experiment: Experiment, number: 
     """Images and residuals of one camera: the fields of a RunRecord that differ between cameras."""
     view = experiment.views[number]
     point = [entry["evaluation"] for entry in result["history"] if entry["accepted"]][-1]
+    shown_points = shown_mesh(view, camera_at(view, parameters))
     return dict(
         reference=view.recording.picture(view.model.reference),
-        nodes_px=camera_at(view, parameters).project(view.model.mesh.nodes),
-        cells=_cells(view),
+        nodes_px=shown_points.points_px,
+        cells=shown_points.cells,
         pixel_size_mm=_pixel_size(view),
         rms_before=_rms_before(context, result, number),
         rms_after=_rms_after(result if number == 0 else _of_camera(result, view.recording.camera_name)),
         residuals=_residuals(context, result, number),
-        fields=_fields(context, point, view, parameters),
-        sensitivities=_sensitivities(context, point, view, parameters),
+        fields=_fields(context, point, view, parameters, shown_points),
+        sensitivities=_shown(sensitivities_of(context, point, view, parameters), shown_points),
     )
 
 
@@ -197,14 +200,6 @@ def _history(result: Mapping, parameters: ParameterSet) -> tuple[dict, ...]:
         entry | {"values": {n: v / parameters[n].factor for n, v in entry["values"].items() if v is not None}}
         for entry in result.get("history", ())
     )
-
-
-def _cells(experiment: Experiment) -> tuple[tuple[str, np.ndarray], ...]:
-    model = experiment.model
-    if experiment.recording.quantity == "height" and is_section(model):
-        faces = model.mesh.edge_sets[model.surface]
-        return ((EDGE, np.array([model.mesh.face_nodes(face) for face in faces])),)
-    return tuple((block.cell, block.connectivity) for block in surface_cells(model.mesh, model.surface))
 
 
 def _pixel_size(experiment) -> float | None:
@@ -312,7 +307,8 @@ def _residuals(context: RunContext, result: Mapping, number: int) -> ResidualMap
     return ResidualMaps(frames, maps_before, maps_after)
 
 
-def _fields(context: RunContext, point: int, experiment: Experiment, parameters: ParameterSet) -> FieldFrames | None:
+def _fields(context: RunContext, point: int, experiment: Experiment, parameters: ParameterSet,
+            shown_points: ShownMesh) -> FieldFrames | None:
     """Displacement of some frames as one camera sees it; experiment : the view of that camera."""
     recording = experiment.recording
     frames = shown_frames(experiment)
@@ -326,13 +322,16 @@ def _fields(context: RunContext, point: int, experiment: Experiment, parameters:
     u = np.array([view.at(frame).motion(nodes, seen_u(frame)) for frame in frames])
     if not frames:
         return None
+    if view.kind == VOLUME:
+        u = np.array([shown_points.of(motion) for motion in u])
+        return FieldFrames(frames, u[:, :, :2], {"motion along the slices [px]": u[:, :, 2]})
     unit = 1.0 if recording.points is None else recording.points.um_per_px
     rise = {f"rise [{recording.value_unit}]": unit * u[:, :, 2]} if view.n_components == 3 else {}
     return FieldFrames(frames, u[:, :, :2], rise)
 
 
-def _sensitivities(context: RunContext, point: int, experiment: Experiment,
-                   parameters: ParameterSet) -> Sensitivities | None:
+def sensitivities_of(context: RunContext, point: int, experiment: Experiment,
+                     parameters: ParameterSet) -> Sensitivities | None:
     """Fields of the parameters that move the simulation, in the frame in which they move most, seen by one camera."""
     model = experiment.model
     chosen = [i for i, name in enumerate(context.moving) if not is_mode(name)]
@@ -346,12 +345,17 @@ def _sensitivities(context: RunContext, point: int, experiment: Experiment,
     du = at_fixed_pixels(model, u, columns, names)
     view, nodes = view_of(experiment, camera_at(experiment, parameters)).at(frame), model.mesh.nodes
     columns = view.columns(nodes, u, du).reshape(len(nodes), view.n_components, len(names))
-    if view.n_components == 3 and view.kind != SPACE:
+    if view.n_components == 3 and view.kind not in (SPACE, VOLUME):
         columns[:, 2] *= experiment.recording.height_unit / view.camera.pixel_size
     steps = [shown_step(parameters[name]) for name in names]
     phi = np.stack([columns[:, :, i] * size for i, (size, _) in enumerate(steps)])
     sizes = tuple(size / parameters[name].factor for name, (size, _) in zip(names, steps, strict=True))
     return Sensitivities(names, frame, phi, tuple(text for _, text in steps), sizes)
+
+
+def _shown(data: Sensitivities | None, shown_points: ShownMesh) -> Sensitivities | None:
+    """The fields at the points that are shown."""
+    return data and replace(data, phi_px=np.array([shown_points.of(phi) for phi in data.phi_px]))
 
 
 def _columns(context: RunContext, point: int, frame: int, parameters: ParameterSet) -> np.ndarray:

@@ -11,6 +11,7 @@ from contextlib import suppress
 from dataclasses import asdict, replace
 
 from idic.experiment_file import recorded, with_stabilised_images
+from idic.images import SlicedVolumes, Slices, Stack
 from idic.model import CorrelatedNoise, Experiment, Noise
 from idic.run.store.arrays import Damaged
 from idic.run.store.image_files import refuse_changed
@@ -33,13 +34,20 @@ def ingest_all(store: RunStore, experiment: Experiment, progress: Callable[[int,
     `idic.run.store.stack.ingest`
     """
     views = experiment.views
-    total = sum(view.recording.stack.n_frames for view in views)
+    stacks = [_as_images(view) for view in views]
+    total = sum(stack.n_frames for stack in stacks)
     offset = 0
-    for number, view in enumerate(views):
+    for number, stack in enumerate(stacks):
         report = progress and (lambda count, _, offset=offset: progress(offset + count, total))  # type: ignore[misc]
         group = group_of(experiment, number, IMAGES)
-        ingest_stack(store, recorded(view.recording.stack), report, experiment.recording.identity, group, spread)
-        offset += view.recording.stack.n_frames
+        ingest_stack(store, stack, report, experiment.recording.identity, group, spread)
+        offset += stack.n_frames
+
+
+def _as_images(view: Experiment) -> Stack:
+    """The recorded images of a camera; of volumes their slices."""
+    stack = recorded(view.recording.stack)
+    return Slices(stack) if view.recording.quantity == "volume" else stack
 
 
 def refuse_changed_images(store: RunStore, experiment: Experiment) -> None:
@@ -54,12 +62,14 @@ def refuse_changed_images(store: RunStore, experiment: Experiment) -> None:
         group = store.described(group_of(experiment, number, IMAGES))
         if group is not None:
             with suppress(Damaged):  # they are ingested anew
-                refuse_changed(recorded(view.recording.stack), ZarrStack(group).files)
+                refuse_changed(_as_images(view), ZarrStack(group).files)
 
 
 def with_stored_images(store: RunStore, experiment: Experiment) -> Experiment:
     """The experiment with the ingested images of all its cameras."""
     stacks = [ZarrStack(store.group(group_of(experiment, number, IMAGES))) for number in range(len(experiment.views))]
+    if experiment.recording.quantity == "volume":
+        stacks = [SlicedVolumes(stacks[0], experiment.recording.volumes.shape[0])]
     cameras = tuple(replace(camera, stack=stack) for camera, stack in zip(experiment.cameras, stacks[1:], strict=True))
     return with_stabilised_images(replace(experiment, recording=replace(experiment.recording, stack=stacks[0]),
                                           cameras=cameras))

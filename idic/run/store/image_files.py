@@ -50,5 +50,9 @@ def refuse_changed(stack: Stack, descriptions: Iterable[Mapping]) -> None:
 
 
 def _content(path: Path) -> str:
+    if path.is_dir():
+        files = [file for file in sorted(path.rglob("*")) if file.is_file()]
+        contents = repr([(str(file.relative_to(path)), _content(file)) for file in files])
+        return hashlib.sha256(contents.encode()).hexdigest()
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -1,0 +1,220 @@
+"""The volume kernel: motion of the nodes -> position in the scan -> spline value -> residual -> sums over the element.
+
+    r = f - g(x + u)
+
+Voxels run through it element by element in buffers of 256, row by row. Neighbours along a row whose motion has the same
+whole part read neighbouring coefficients: eight of them at a time are one vector, and the 64 taps of the cubic spline
+are 64 loads without a gather. The sums of an element are those of the monomials of its cell
+(`idic.correlation.volume.solid_cells`) times grad f times r; float32 within a buffer, float64 across buffers. The
+kernel is serial and free of the interpreter lock.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from idic.correlation.volume.solid_cells import N_TERMS, fill_monomials, local_places
+from idic.correlation.volume.eight_taps import LANES, eight_cubic, eight_quintic
+
+BUFFER = 256  # voxels
+_MAX_MOTION = np.float32(1e6)  # voxels; keeps integers small
+_FAST = {"contract", "reassoc", "nsz"}  # not nnan: the meaning of nan is kept
+_INT = np.int32
+_ZERO = np.float32(0.0)
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST)
+def _positions(x, y, z, u, steps, box, low, high, fraction, base, lost):
+    """First tap and fractions of every voxel of a buffer; clamped and marked lost beyond the borders.
+
+    x, y, z: int32 (n,); u: float32 (3, n), motion less its whole part `steps` (3,) int32; box: int32 (8,), first
+    column, row and slice that have all taps, number of such columns, rows and slices, entries of a row and of a slice;
+    low, high: int32 (3,), the first and last place that counts as inside.
+    """
+    first_x, first_y, first_z, nx, ny, nz, row, plane = box[0], box[1], box[2], box[3], box[4], box[5], box[6], box[7]
+    low_x, low_y, low_z = max(low[0], first_x), max(low[1], first_y), max(low[2], first_z)
+    end_x, end_y, end_z = min(high[0], first_x + nx - 1), min(high[1], first_y + ny - 1), min(high[2], first_z + nz - 1)
+    low_x, low_y, low_z = _INT(low_x), _INT(low_y), _INT(low_z)
+    end_x, end_y, end_z = _INT(end_x), _INT(end_y), _INT(end_z)
+    whole_x, whole_y, whole_z = steps[0], steps[1], steps[2]
+    for k in range(x.size):
+        ux = min(max(u[0, k], -_MAX_MOTION), _MAX_MOTION)
+        uy = min(max(u[1, k], -_MAX_MOTION), _MAX_MOTION)
+        uz = min(max(u[2, k], -_MAX_MOTION), _MAX_MOTION)
+        fx, fy, fz = np.floor(ux), np.floor(uy), np.floor(uz)
+        tx, ty, tz = ux - fx, uy - fy, uz - fz
+        px, py, pz = _INT(x[k] + whole_x + _INT(fx)), _INT(y[k] + whole_y + _INT(fy)), _INT(z[k] + whole_z + _INT(fz))
+        outside = (px < low_x) | (px > end_x) | (py < low_y) | (py > end_y) | (pz < low_z) | (pz > end_z)
+        outside = outside | ((px == end_x) & (tx > 0)) | ((py == end_y) & (ty > 0)) | ((pz == end_z) & (tz > 0))
+        lost[k] = _INT(outside)
+        px, py, pz = min(max(px, low_x), end_x), min(max(py, low_y), end_y), min(max(pz, low_z), end_z)
+        fraction[0, k], fraction[1, k], fraction[2, k] = tx, ty, tz
+        base[k] = _INT(_INT(px - first_x) + _INT(py - first_y) * row + _INT(pz - first_z) * plane)
+
+
+@njit(cache=True, nogil=True)
+def spline_buffer(c, base, n, row, plane, degree, fraction, out):
+    """Values of the scan at the positions of a buffer; `base` has LANES - 1 entries beyond n."""
+    k = 0
+    while k < n:
+        first = base[k]
+        m = 1
+        while m < LANES and k + m < n and base[k + m] == first + m:
+            m += 1
+        if degree == 3:
+            eight_cubic(c, first, row, plane, fraction[0], fraction[1], fraction[2], k, out)
+        else:
+            eight_quintic(c, first, row, plane, fraction[0], fraction[1], fraction[2], k, out)
+        k += m
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST)
+def _motion(coefficients, powers, n_terms, n, u):
+    """Motion of the voxels of a buffer  # coefficients (3, n_terms) float32, powers (n_terms, BUFFER) -> u (3, n)"""
+    for d in range(3):
+        a0, a1, a2, a3 = coefficients[d, 0], coefficients[d, 1], coefficients[d, 2], coefficients[d, 3]
+        for k in range(n):
+            u[d, k] = a0 + a1 * powers[1, k] + a2 * powers[2, k] + a3 * powers[3, k]
+        for m in range(4, n_terms, 4):  # coefficients beyond the terms of the cell are zero
+            a0, a1, a2, a3 = coefficients[d, m], coefficients[d, m + 1], coefficients[d, m + 2], coefficients[d, m + 3]
+            for k in range(n):
+                u[d, k] += (a0 * powers[m, k] + a1 * powers[m + 1, k] + a2 * powers[m + 2, k]
+                            + a3 * powers[m + 3, k])
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST)
+def _dots3(p, x, y, z):
+    a = b = c = _ZERO
+    for k in range(p.size):
+        a += p[k] * x[k]
+        b += p[k] * y[k]
+        c += p[k] * z[k]
+    return a, b, c
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST)
+def _weighted(r, gx, gy, gz, out):
+    for k in range(r.size):
+        out[0, k], out[1, k], out[2, k] = r[k] * gx[k], r[k] * gy[k], r[k] * gz[k]
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST)
+def _residuals(f, value, n, r):
+    for k in range(n):
+        r[k] = f[k] - value[k]
+
+
+@njit(cache=True, nogil=True)
+def volume_pass(elements, kind, n_terms, run_start, run, voxel_start, affine, middle, places, table_start, table,
+                f, gx, gy, gz, mean, motion, c, degree,
+                box, low, high, valid, keep_residual, residual, fractions, sums, n_lost):
+    """Sums of the elements of a block over their voxels that are inside the scan and valid on entry.
+
+    elements (n,): numbers of the elements; kind, run_start, voxel_start, affine, middle, places, table_start, mean,
+    motion, sums, n_lost: of all elements; run (n_runs, 4) int16|int32: column, row, slice, length;
+    f, gx, gy, gz, valid, residual, fractions: of the voxels of the block, which begin at voxel_start[elements[0]];
+    motion (n_elements, 3, n_terms): monomial coefficients of the displacement, voxels; c: flat float32 coefficients of
+    the scan;
+    sums (n_elements, 3 n_terms + 3): monomials times gx r, gy r, gz r; r^2, r, r (f - mean).
+    """
+    begin = voxel_start[elements[0]]
+    n_max = motion.shape[2]
+    powers = np.zeros((N_TERMS, BUFFER), np.float32)
+    x, y, z = np.empty(BUFFER, np.int32), np.empty(BUFFER, np.int32), np.empty(BUFFER, np.int32)
+    u, fraction = np.empty((3, BUFFER), np.float32), np.zeros((3, BUFFER + LANES), np.float32)
+    base, lost = np.zeros(BUFFER + LANES, np.int32), np.empty(BUFFER, np.int32)
+    value, r = np.empty(BUFFER + LANES, np.float32), np.empty(BUFFER, np.float32)
+    weighted, place = np.empty((3, BUFFER), np.float32), np.empty((3, BUFFER), np.float32)
+    steps, coefficients = np.empty(3, np.int32), np.zeros((3, N_TERMS), np.float32)
+    row, plane = box[6], box[7]
+    for index in range(elements.size):
+        e = elements[index]
+        n = n_terms[kind[e]]
+        for d in range(3):
+            shift = np.rint(min(max(motion[e, d, 0], -1e6), 1e6))
+            steps[d] = _INT(shift)
+            for m in range(n):
+                coefficients[d, m] = np.float32(motion[e, d, m])
+            for m in range(n, N_TERMS):
+                coefficients[d, m] = _ZERO
+            coefficients[d, 0] = np.float32(motion[e, d, 0] - shift)
+        for m in range(sums.shape[1]):
+            sums[e, m] = 0.0
+        n_lost[e] = 0
+        j, passed = run_start[e], 0  # run, voxels of it that are through
+        s = voxel_start[e]
+        while s < voxel_start[e + 1]:
+            t = min(s + BUFFER, voxel_start[e + 1])
+            size = t - s
+            j, passed = fill_places(run, j, passed, size, x, y, z)
+            local_places(affine[e], middle[e], places[e], table, table_start[e] + s - voxel_start[e], size, x, y, z,
+                         place)
+            fill_monomials(kind[e], place, size, powers)
+            _motion(coefficients, powers, n, size, u)
+            first, end = s - begin, t - begin
+            _positions(x[:size], y[:size], z[:size], u, steps, box, low, high, fraction, base, lost)
+            spline_buffer(c, base, size, row, plane, degree, fraction, value)
+            _residuals(f[first:end], value, size, r)
+            n_lost[e] += _drop_lost(lost[:size], valid[first:end], r)
+            _weighted(r[:size], gx[first:end], gy[first:end], gz[first:end], weighted)
+            for m in range(n):
+                a, b, d = _dots3(powers[m, :size], weighted[0, :size], weighted[1, :size], weighted[2, :size])
+                sums[e, m] += a
+                sums[e, n_max + m] += b
+                sums[e, 2 * n_max + m] += d
+            rr, r1, rf = _grey_sums(r[:size], f[first:end], mean[e])
+            sums[e, 3 * n_max] += rr
+            sums[e, 3 * n_max + 1] += r1
+            sums[e, 3 * n_max + 2] += rf
+            if keep_residual:
+                for k in range(size):
+                    residual[first + k] = r[k]
+                    for d in range(3):
+                        fractions[d, first + k] = fraction[d, k]
+            s = t
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST)
+def _grey_sums(r, f, mean):
+    rr = r1 = rf = _ZERO
+    for k in range(r.size):
+        rr += r[k] * r[k]
+        r1 += r[k]
+        rf += r[k] * (f[k] - mean)
+    return rr, r1, rf
+
+
+@njit(cache=True, nogil=True)
+def fill_places(run, j, passed, size, x, y, z):
+    """Column, row and slice of the next `size` voxels; the run to go on with, and the voxels of it that are through."""
+    k = 0
+    while k < size:
+        x0, length = run[j, 0] + passed, run[j, 3] - passed
+        m = min(length, size - k)
+        y0, z0 = run[j, 1], run[j, 2]
+        for i in range(m):
+            x[k + i] = x0 + i
+            y[k + i] = y0
+            z[k + i] = z0
+        k += m
+        if m == length:
+            j += 1
+            passed = 0
+        else:
+            passed += m
+    return j, passed
+
+
+@njit(cache=True, nogil=True)
+def _drop_lost(lost, valid, r):
+    """Exact exclusion: the residual of a lost voxel is 0 in every sum; counted and marked."""
+    count = _INT(0)
+    for k in range(lost.size):
+        count = _INT(count + (lost[k] | _INT(valid[k] == 0)))
+    if count:
+        for k in range(lost.size):
+            if lost[k] or valid[k] == 0:
+                valid[k] = 0
+                r[k] = _ZERO
+    return count

@@ -1,0 +1,1 @@
+"""Volumes in experiment.toml: the scans, the scanner, checks of axes and size."""

@@ -1,0 +1,1 @@
+"""Volumes: the scanner that sees them, and their filters block by block."""

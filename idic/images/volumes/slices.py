@@ -1,0 +1,57 @@
+"""Volumes as stacks of their slices, and back: what stores images slice by slice stores volumes too."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.images.stack import Stack
+from idic.images.volumes.stack import VolumeStack
+
+
+@dataclass(frozen=True, eq=False)
+class Slices:
+    """The slices of all scans one after the other, as images."""
+
+    volumes: VolumeStack
+
+    @property
+    def n_frames(self) -> int:
+        return self.volumes.n_frames * self.volumes.shape[0]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.volumes.shape[1:]
+
+    @property
+    def entries(self) -> list | None:
+        """The file of every slice; None of volumes in memory."""
+        entries = getattr(self.volumes, "entries", None)
+        return None if entries is None else [entry for entry in entries for _ in range(self.volumes.shape[0])]
+
+    def frame(self, k: int) -> np.ndarray:
+        """Slice `k` of all  # (ny, nx)"""
+        scan, plane = divmod(k, self.volumes.shape[0])
+        everything = slice(None)
+        return np.asarray(self.volumes.block(scan, slice(plane, plane + 1), everything, everything))[0]
+
+
+@dataclass(frozen=True, eq=False)
+class SlicedVolumes:
+    """Volumes out of a stack of their slices; n_slices : of each."""
+
+    slices: Stack
+    n_slices: int
+
+    @property
+    def n_frames(self) -> int:
+        return self.slices.n_frames // self.n_slices
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        return self.n_slices, *self.slices.shape
+
+    def block(self, k: int, z: slice, y: slice, x: slice) -> np.ndarray:
+        """A block of scan `k`  # (slices, rows, columns)"""
+        return np.stack([self.slices.frame(k * self.n_slices + plane)[y, x] for plane in range(self.n_slices)[z]])
