@@ -191,7 +191,7 @@ def _check_camera(experiment: Experiment, draw: bool, is_main: bool) -> tuple[Ch
     with the log."""
     model, recording = experiment.model, experiment.recording
     if recording.quantity == "volume":
-        return _check_volume(experiment, draw)
+        return _check_volume(experiment, draw), None
     stack, shape = recording.stack, recording.image_shape
     reference = recording.picture(model.reference)
     points, cells = seen_nodes(model.mesh, model.kind, model.surface)
