@@ -24,7 +24,7 @@ from idic.diagnose.residual.evidence import Columns, Evidence, FrameEvidence, no
 from idic.diagnose.residual.grey_value_effects import (
     grey_image, joined_pixels, pixel_basis, pixel_parts, sums_against,
 )
-from idic.identification import Identification, response_of
+from idic.identification import Identification, Path, response_of
 from idic.model import MotionError
 
 MAX_KEPT_BYTES = 300e6  # of residual maps, at most
@@ -114,6 +114,20 @@ def simulated(identification: Identification, null: bool = True) -> list[FrameRe
     states = identification.march(moving, forward.drives.n_local > 0)
     return [response_of(at, experiment.model.reference) for at in states
             if at.frame + experiment.model.reference in compared]
+
+
+def path_of(residual: ResidualEvidence, local: np.ndarray, steps: np.ndarray | None) -> Path | None:
+    """The simulation behind a residual with the columns of the identified parameters; None where frames are left out.
+
+    local : (n_frames, m) mm, frame-local unknowns; steps : its increments, s
+    """
+    responses, context = residual.responses, residual.context
+    first, n_frames = context.experiment.model.reference, context.experiment.model.n_frames
+    if steps is None or [response.frame for response in responses] != list(range(first + 1, n_frames)):
+        return None
+    at_rest = FrameResponse(first, *(np.zeros_like(getattr(responses[0], name)) for name in
+                                     ("u", "channels", "du", "dchannels", "local_du", "local_dchannels")))
+    return Path(context.parameters.as_values(), local, context.moving, (at_rest, *responses), steps)
 
 
 def with_error_added(responses: Sequence[FrameResponse], error: MotionError) -> list[FrameResponse]:
