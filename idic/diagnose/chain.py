@@ -101,8 +101,7 @@ def compared_with(identified: Identified, setting: Setting) -> State:
     with setting.clock.step("null_s"):
         (null,) = setting.refits([RefitJob("null", source, ("null",), ({},), (identification.parameters.as_values(),),
                                            identification.local, setting.grid, np.inf, setting.seed,
-                                           begun=path_of(identified.residual, identification.local,
-                                                         identification.steps))])
+                                           begun=path_of(identified.residual, identification.steps))])
     if not null.usable:
         raise NotConverged("the identified model finds no equilibrium when it is fitted again to a copy of the "
                            "recording; no candidate can be compared with it. Identify with smaller increments, or from "

@@ -1,12 +1,15 @@
 """An identification in memory begins every simulation at the accepted one, and simulates no point twice."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
 
-from idic.diagnose import JUDGEMENT, thinned
+from idic.diagnose import JUDGEMENT, residual_evidence, thinned
+from idic.diagnose.refits.fitted_model import FittedModel
+from idic.diagnose.refits.refit import Fit
 from idic.diagnose.residual.residual_evidence import simulated
 from idic.experiment_file import load_experiment
 from idic.identification import kept_simulation as paths
@@ -109,3 +112,16 @@ def test_from_a_far_simulation_the_end_is_simulated(experiment, marches):
     for name in found.parameters.free:
         std = found.result["parameters"][name]["std"]
         assert abs(foreseen.parameters[name].value - found.parameters[name].value) < 0.1 * std
+
+
+def test_the_simulation_behind_a_residual_foresees_motions_and_channels_of_a_fit_nearby(experiment):
+    found = identify(experiment)
+    values = {name: 1.0001 * value for name, value in found.parameters.as_values().items()}
+    local = found.local + 1e-4 * np.arange(len(found.local))[:, None]
+    fit = Fit("null", "null", "converged", values, {}, local, found.steps, None, None)
+    model = FittedModel(SimpleNamespace(motion_error=None), fit, residual_evidence(found, light=False))
+    states = found.forward.march(experiment.model.parameters.with_values(values), (), local)
+    assert model.path.origin.values == found.parameters.as_values()
+    for at, state in zip(model.path.frames, states, strict=True):
+        np.testing.assert_allclose(at.u, state.u, atol=1e-7)
+        np.testing.assert_allclose(at.channels, state.channels, rtol=1e-6, atol=1e-5)

@@ -47,10 +47,10 @@ class FittedModel:
         residual, fit = self.residual, self.fit
         if residual is None or residual.context.experiment.model.motion_error is not self.error:
             return None
-        path = path_of(residual, fit.local, fit.steps)
+        path = path_of(residual, fit.steps)
         if path is None or path.is_at(fit.values, fit.local, fit.steps):
             return path
-        if path.values.keys() != fit.values.keys() or (
+        if path.values.keys() != fit.values.keys() or path.local.shape != fit.local.shape or (
                 fit.local.shape[1] and path_dependent_laws(residual.context.experiment.model)):
             return None
         gram = null_model(residual.evidence, residual.null).gram
@@ -60,9 +60,9 @@ class FittedModel:
     def identification(self) -> Identification:
         """The end of the fit on the recording, as if it had been identified there."""
         fit, path = self.fit, self.path
-        near = None if path is not None or self.residual is None else path_of(self.residual, fit.local, fit.steps)
-        guesses = None if near is None or near.values.keys() != fit.values.keys() else partial(
-            near.predicted_at, fit.values, fit.local)
+        near = None if path is not None or self.residual is None else path_of(self.residual, fit.steps)
+        is_alike = near is not None and (near.values.keys(), near.local.shape) == (fit.values.keys(), fit.local.shape)
+        guesses = partial(near.predicted_at, fit.values, fit.local) if is_alike else None
         return replace(identification_at(self.source.load(), fit.values, fit.local, fit.steps), path=path,
                        stored=guesses)
 

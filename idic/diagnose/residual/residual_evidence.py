@@ -10,7 +10,7 @@ mesh had as many nodes again; frame-local unknowns of the simulation are common,
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import sparse
@@ -55,7 +55,7 @@ class ResidualEvidence:
 
     evidence : the white residual; null : columns of the identified parameters; u : (T, n_nodes, dim) mm; channels :
     (T, n_channels) simulated; cameras : whose images the evidence holds, the main camera first; responses : that were
-    simulated, for another copy of the recording.
+    simulated, for another copy of the recording; local : (n_frames, m) mm, frame-local unknowns of all frames.
     """
 
     evidence: Evidence
@@ -64,6 +64,7 @@ class ResidualEvidence:
     channels: np.ndarray
     cameras: tuple[CameraResidual, ...]
     responses: tuple[FrameResponse, ...] = ()
+    local: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def context(self) -> CorrelationContext:
@@ -116,10 +117,10 @@ def simulated(identification: Identification, null: bool = True) -> list[FrameRe
             if at.frame + experiment.model.reference in compared]
 
 
-def path_of(residual: ResidualEvidence, local: np.ndarray, steps: np.ndarray | None) -> Path | None:
+def path_of(residual: ResidualEvidence, steps: np.ndarray | None) -> Path | None:
     """The simulation behind a residual with the columns of the identified parameters; None where frames are left out.
 
-    local : (n_frames, m) mm, frame-local unknowns; steps : its increments, s
+    steps : its increments, s
     """
     responses, context = residual.responses, residual.context
     first, n_frames = context.experiment.model.reference, context.experiment.model.n_frames
@@ -127,7 +128,7 @@ def path_of(residual: ResidualEvidence, local: np.ndarray, steps: np.ndarray | N
         return None
     at_rest = FrameResponse(first, *(np.zeros_like(getattr(responses[0], name)) for name in
                                      ("u", "channels", "du", "dchannels", "local_du", "local_dchannels")))
-    return Path(context.parameters.as_values(), local, context.moving, (at_rest, *responses), steps)
+    return Path(context.parameters.as_values(), residual.local, context.moving, (at_rest, *responses), steps)
 
 
 def with_error_added(responses: Sequence[FrameResponse], error: MotionError) -> list[FrameResponse]:
@@ -267,7 +268,7 @@ def _assemble(contexts: Sequence[CorrelationContext], responses: Sequence[FrameR
     return ResidualEvidence(evidence, Columns(context.names, np.array(fields), np.array(channels)),
                     np.array([r.u for r in responses]), np.array([r.channels for r in responses]),
                     tuple(CameraResidual(camera.context, camera.view, camera.shared) for camera in passes),
-                            tuple(responses))
+                            tuple(responses), local)
 
 
 def _white_local(local: np.ndarray, kappa: np.ndarray, c: float) -> np.ndarray:
