@@ -33,6 +33,7 @@ from idic.diagnose.refits.refit import refit_residual
 from idic.diagnose.refits.refit_job import ExperimentSource, RefitJob, Refits
 from idic.diagnose.remainder import Remainder, remainder_of
 from idic.diagnose.residual.margin import ASSUMED, Margin
+from idic.diagnose.residual.residual_evidence import path_of
 from idic.diagnose.screen.library import candidate_library
 from idic.diagnose.screen.select import Ranked
 from idic.diagnose.selection.moves.screening import screened
@@ -99,7 +100,8 @@ def compared_with(identified: Identified, setting: Setting) -> State:
     source, identification = identified.source, identified.identification
     with setting.clock.step("null_s"):
         (null,) = setting.refits([RefitJob("null", source, ("null",), ({},), (identification.parameters.as_values(),),
-                                           identification.local, setting.grid, np.inf, setting.seed)])
+                                           identification.local, setting.grid, np.inf, setting.seed,
+                                           begun=path_of(identified.residual, identification.steps))])
     if not null.usable:
         raise NotConverged("the identified model finds no equilibrium when it is fitted again to a copy of the "
                            "recording; no candidate can be compared with it. Identify with smaller increments, or from "
@@ -211,7 +213,6 @@ def _free_law(identification: Identification, state: State, verdict: Verdict) ->
     models = [state.first]
     if final is not None and final.residual is not None and has_other_sides(state.rounds):
         models.append(replace(final, fit=state.model.fit))
-    setting.stage("a free law, as no named cause fits")
     with setting.clock.step("free_form_s"):
         return free_form(state, models)
 

@@ -127,6 +127,7 @@ def free_form(state: State, bases: Sequence[FittedModel]) -> FreeForm | None:
     jobs = [RefitJob(f"free_form_{k}", base.source, (law.title,), (law.edits,), (_without(base.fit.values, law),),
                      base.fit.local, setting.grid, np.inf, setting.seed, unlimited=True, whole_std=True)
             for k, (base, law) in enumerate(offered)]
+    setting.stage(f"fit of a free law, as no named cause fits: {', '.join(law.title for _, law in offered)}")
     forms = [FreeForm(refit, ExcessLeft(null.judgement, refit.judgement,
                                         state.power_of_copy, margin_px=setting.margin.px,
                                         camera_px=setting.margin.camera_px), law)

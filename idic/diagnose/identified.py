@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 from idic.diagnose.discretisation.known_error import with_error
 from idic.diagnose.discretisation.thickness_error import neglected_errors, with_thickness
@@ -14,7 +15,7 @@ from idic.diagnose.residual.heldout import Misfit, grid_of, misfit_of
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.subspace import Grid
-from idic.diagnose.selection.stages import EVIDENCE, PLACE
+from idic.diagnose.selection.stages import EVIDENCE, MESH_ERROR, NEGLECTED, PLACE, TURNS
 from idic.diagnose.selection.state import Clock, Stage
 from idic.errors import NotConverged
 from idic.identification import Identification
@@ -50,16 +51,19 @@ def as_identified(source: ExperimentSource, identification: Identification, marg
     """The identified model with the error of its mesh, and of plane stress where the recording shows it."""
     stage(EVIDENCE)
     with clock.step("gather_s"):
-        source, identification, residual = with_error(source, identification)
+        source, identification, residual = with_error(source, identification, partial(stage, MESH_ERROR))
         grid = grid_of(residual)
         misfit = misfit_of(residual, grid)
     stage(PLACE)
     with clock.step("locate_s"):
         mismatch = located(identification, residual, margin)
         is_mismatched = mismatch is not None and mismatch.is_significant
-        neglected = neglected_errors(identification) if is_mismatched or not quick else {}
+        if is_neglect_computed := is_mismatched or not quick:
+            stage(NEGLECTED)
+        neglected = neglected_errors(identification) if is_neglect_computed else {}
         first = Identified(source, identification, residual, grid, misfit, mismatch, neglected)
-        source, bricks = with_thickness(source, identification, residual, misfit, grid, neglected, is_mismatched)
+        source, bricks = with_thickness(source, identification, residual, misfit, grid, neglected, is_mismatched,
+                                        partial(stage, TURNS))
         if bricks is identification:
             return first
         residual = residual_evidence(bricks, light=False)

@@ -23,10 +23,13 @@ from idic.fe import Control, FrameState
 from idic.identification.discrepancy.normal_equations import DiscrepancySystem, discrepancy_system, reason_against
 from idic.identification.driver import MemoryPoints, next_local, run_loop
 from idic.identification.free_motion.two_step import check_method, is_two_step, measure, measured_reference
-from idic.identification.kept_simulation import Path, PathKeeper, response_of
+from idic.identification.kept_simulation import (
+    MAX_SECOND_ORDER_STD, MAX_SECOND_ORDER_STD_ON_THE_WAY, Path, PathKeeper, response_of,
+)
 from idic.identification.loop import experiment_of, parameters_at, start
 from idic.identification.point import closed_evaluation, point_context, streamed_system
 from idic.identification.result import build_result
+from idic.identification.step.increments import path_dependent_laws
 from idic.identification.step.state import (
     GENERALISED,
     HALF_RATE,
@@ -52,7 +55,7 @@ class Identification:
     point : the accepted evaluation, None where no simulation converged; local : (n_frames, m) mm, frame-local
     unknowns of that point; steps : its increments (s); weights : with the noise figures behind them; path : its
     simulation, None where it was not kept; stored : displacements of every simulated frame ((n_nodes, dim) mm, the
-    reference first), read anew at every call, where they were written to a RUN.
+    reference first) or guesses of them, anew at every call, where a RUN or another model has them.
     """
 
     experiment: Experiment
@@ -74,7 +77,7 @@ class Identification:
     def model_point(self) -> ModelPoint:
         """The model there without a known error, to compare it with another one (`idic.simulation_error`)."""
         return ModelPoint(replace(self.experiment, model=replace(self.experiment.model, motion_error=None)),
-                          self.parameters, self.local, self.steps)
+                          self.parameters, self.local, self.steps, self._motion)
 
     def march(self, names: Sequence[str] = (), influence: bool = False) -> Iterator[FrameState]:
         """Simulate the accepted point once more, beginning at its solution where that is at hand.
@@ -91,8 +94,18 @@ class Identification:
         NotConverged
             If equilibrium is not found however small the increments.
         """
-        motion = (at.u for at in self.path.frames) if self.path is not None else self.stored and self.stored()
+        motion = None if self._motion is None else self._motion()
         return self.forward.march(self.parameters, names, self.local, self.steps, influence, motion, may_cut=True)
+
+    @property
+    def _motion(self) -> Callable[[], Iterator[np.ndarray]] | None:
+        """Gives the displacements of every simulated frame, at this point or near it, at each call; None without."""
+        path, error = self.path, self.experiment.model.motion_error
+        if path is None:
+            return self.stored
+        if error is None:
+            return lambda: (at.u for at in path.frames)
+        return lambda: (at.u[:, :error.u.shape[2]] - error.u[at.frame] for at in path.frames)
 
     @property
     def result(self) -> dict:
@@ -154,7 +167,8 @@ def point_discrepancy(context: CorrelationContext, forward: ForwardModel, local:
 def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.ndarray | None = None,
              progress: Callable[[LoopState], None] = lambda state: None,
              motion: Mapping[str, np.ndarray] | None = None, searched: bool = False,
-             estimator: str = ORDINARY, control: Control | None = None) -> Identification:
+             estimator: str = ORDINARY, control: Control | None = None, begun: Path | None = None,
+             foreseen: bool = False) -> Identification:
     """Identify the free parameters of an experiment whose image noise is known, in this process.
 
     Parameters
@@ -169,6 +183,9 @@ def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.
     searched : whether the start was found from far (`idic.identification.start_search`)
     estimator : to begin with; "generalised" only from a start within a few standard deviations of the answer
     control : tolerances and limits of every increment, those of `idic.fe` by default; not of an external solver
+    begun : a simulation of the start or of a point near it, whose increments are followed
+    foreseen : points so near to a simulated one that first order tells their motions are not simulated
+        (`idic.identification.kept_simulation`)
 
     Raises
     ------
@@ -179,11 +196,37 @@ def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.
     if control is not None and isinstance(setup.forward, ForwardModel):
         setup = replace(setup, forward=replace(setup.forward, control=control))
     local = np.zeros((experiment.model.n_frames, setup.forward.drives.n_local)) if local is None else local
-    points = MemoryPoints(experiment, setup.weights.image_noise, start(experiment, searched, estimator),
-                          _Point(None, local, steps), partial(_next_point, setup))
-    state, end = run_loop(points, progress=progress), points.point
+    if begun is not None and begun.moving == setup.moving and begun.local.shape == local.shape:
+        first = _Point(None, local, begun.steps, begun)
+    else:
+        first = _Point(None, local, steps)
+    setup = replace(setup, foreseen=foreseen and isinstance(setup.forward, ForwardModel))
+    state, end = _searched(setup, start(experiment, searched, estimator), first, progress)
+    if end.path is not None and end.path.origin is not None and not _is_told(setup, end, state.accepted.values):
+        state, end = _continued(setup, state, end, progress)
     return Identification(experiment, setup.forward, state, end.evaluation, end.local, end.steps, setup.weights,
                           end.path)
+
+
+def _searched(setup: _Setup, state: LoopState, first: _Point,
+              progress: Callable[[LoopState], None]) -> tuple[LoopState, _Point]:
+    """The end of a search."""
+    points = MemoryPoints(setup.experiment, setup.weights.image_noise, state, first, partial(_next_point, setup))
+    return run_loop(points, progress=progress), points.point
+
+
+def _continued(setup: _Setup, state: LoopState, end: _Point,
+               progress: Callable[[LoopState], None]) -> tuple[LoopState, _Point]:
+    """The search from an end that first order alone has told, simulated there; that end where this finds none."""
+    parameters = setup.experiment.model.parameters.with_starts(state.accepted.values)
+    experiment = replace(setup.experiment, model=replace(setup.experiment.model, parameters=parameters), stages=())
+    again = start(experiment, True, state.estimator.kind if state.generalised else ORDINARY)
+    later, point = _searched(replace(setup, experiment=experiment), again,
+                             _Point(None, end.local, end.steps, end.path.origin), progress)
+    if point.evaluation is None:
+        return state, end
+    return replace(later, evaluations=state.evaluations + later.evaluations,
+                   history=(*state.history, *later.history)), point
 
 
 @dataclass(frozen=True)
@@ -201,8 +244,33 @@ def _next_point(setup: _Setup, trial: LoopState, accepted: _Point) -> _Point:
     if accepted.evaluation is not None:
         local = next_local(trial, accepted.evaluation, local, setup.experiment.model.parameters.free)
     steps = None if trial.trial.new_increments else accepted.steps
-    evaluation, steps, path = _evaluate(setup, trial, local, steps, accepted.path)
+    evaluation, steps, path = _evaluate(setup, trial, local, steps, _begun_at(setup, trial, accepted, local, steps))
     return _Point(evaluation, local, steps, path)
+
+
+def _begun_at(setup: _Setup, trial: LoopState, accepted: _Point, local: np.ndarray,
+              steps: np.ndarray | None) -> Path | None:
+    """The simulation that a trial begins at: of the accepted point, or the trial's own where first order tells it."""
+    path, known, values = accepted.path, accepted.evaluation, trial.trial.values
+    if not setup.foreseen or None in (path, known) or steps is None or path.is_at(values, local, steps):
+        return path
+    lack = _second_order_std(setup, accepted, values, path)
+    return path.foreseen_at(values, local) if lack <= MAX_SECOND_ORDER_STD_ON_THE_WAY else path
+
+
+def _second_order_std(setup: _Setup, accepted: _Point, values: Mapping[str, float], path: Path) -> float:
+    """What first order lacks at other values (`Path.second_order_std`), by the equations of the accepted point."""
+    known = accepted.evaluation
+    noise = known.system.spread + setup.weights.image_noise**2 * known.reference_gram
+    information = known.system.M @ np.linalg.pinv(noise, hermitian=True) @ known.system.M
+    return path.second_order_std(values, known.system.names, information)
+
+
+def _is_told(setup: _Setup, end: _Point, values: Mapping[str, float]) -> bool:
+    """Whether first order tells the end of a search: it lacks little, and no law with a memory hands on what the
+    unknowns of a frame have moved."""
+    hands_on = setup.forward.drives.n_local and path_dependent_laws(setup.experiment.model)
+    return not hands_on and _second_order_std(setup, end, values, end.path) <= MAX_SECOND_ORDER_STD
 
 
 def evaluate_at(experiment: Experiment, values: Mapping[str, float], local: np.ndarray,
@@ -232,6 +300,7 @@ class _Setup:
     weights: Weights
     references: dict  # per camera: the attached reference image where camera and mesh were last
     motions: Mapping[str, np.ndarray]  # per camera: (n_frames, n_nodes, 2) px, of the first of two steps
+    foreseen: bool = False  # whether points near a simulated one are not simulated
 
 
 def _prepare(experiment: Experiment, motion: Mapping[str, np.ndarray] | None = None) -> _Setup:
@@ -268,8 +337,11 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray, steps: np.ndar
                                                     state.increments.per_frame))
             system = streamed_system(context, responses, local)
             evaluation = closed_evaluation(state.evaluations, context, forward, system, len(keeper.steps))
-            return (evaluation, np.array(keeper.steps),
-                    keeper.path(context.parameters.as_values(), local, setup.moving))
+            values = context.parameters.as_values()
+            kept = keeper.path(values, local, setup.moving)
+            if kept is not None and path is not None and path.is_at(values, local, keeper.steps):
+                kept = replace(kept, origin=path.origin)  # which is another one where the point was foreseen
+            return evaluation, np.array(keeper.steps), kept
         except NotConverged as failure:
             problem = failure
             if isinstance(failure, GaveUp):

@@ -106,7 +106,7 @@ def simulated_sheet(point: ModelPoint, names: Sequence[str] = (),
                     guesses: Iterable[np.ndarray] | None = None) -> Iterator[FrameState]:
     """All frames of the model, the reference first.
 
-    names : to differentiate by; guesses : (n_nodes, 2) mm of every frame
+    names : to differentiate by; guesses : (n_nodes, 2) mm of every frame, those of the point where none are given
 
     Raises
     ------
@@ -115,7 +115,8 @@ def simulated_sheet(point: ModelPoint, names: Sequence[str] = (),
     """
     forward = build_forward(point.experiment)
     return forward.march(point.parameters, names, point.local, point.steps,
-                         bool(names) and forward.drives.n_local > 0, guesses, may_cut=True)
+                         bool(names) and forward.drives.n_local > 0, point.guesses() if guesses is None else guesses,
+                         may_cut=True)
 
 
 def reason_against_bricks(experiment: Experiment) -> str | None:

@@ -13,7 +13,7 @@ next, and the error is linear in between.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,13 +36,19 @@ class ModelPoint:
     """A model at values of its parameters.
 
     experiment : without a known error; local : (n_frames, m) mm, frame-local unknowns; steps : ends of its increments,
-    s, None: one per frame
+    s, None: one per frame; motion : gives the displacements of every simulated frame at each call, (n_nodes, dim) mm,
+    the reference first: first guesses, where the point or one near it has been simulated
     """
 
     experiment: Experiment
     parameters: ParameterSet
     local: np.ndarray | None
     steps: np.ndarray | None = None
+    motion: Callable[[], Iterator[np.ndarray]] | None = None
+
+    def guesses(self) -> Iterator[np.ndarray] | None:
+        """First guesses of every simulated frame, None where there are none  # (n_nodes, dim) mm"""
+        return None if self.motion is None else self.motion()
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,12 +56,14 @@ class BetterModel:
     """What a model is compared with at a point.
 
     local : (n_frames, m) mm, its frame-local unknowns; difference : of the motion of the two in a frame, that of the
-    model first, (n_nodes, dim) mm on the mesh of the model
+    model first, (n_nodes, dim) mm on the mesh of the model; begins_alike : whether the motions of the model are its
+    first guesses, of the same mesh: those carried to a finer one cost more iterations than they save
     """
 
     experiment: Experiment
     local: np.ndarray | None
     difference: Difference
+    begins_alike: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,14 +96,17 @@ class ErrorInFrames:
 
 
 def error_in_every_frame(point: ModelPoint, better: BetterModel) -> MotionError | None:
-    """What the simulation at a point lacks of a better one; None where one of them finds no equilibrium."""
+    """What the simulation at a point lacks of a better one, loosely solved; None where one of them finds no
+    equilibrium."""
     experiment = point.experiment
     u = np.zeros((experiment.model.n_frames, *experiment.model.mesh.nodes.shape))
     channels = np.zeros((experiment.model.n_frames, len(experiment.model.channels)))
     steps = compared_increments(point)
     try:
-        pair = (_forward(test).march(point.parameters, (), local, steps, may_cut=True)
-                for test, local in ((experiment, point.local), (better.experiment, better.local)))
+        pair = (replace(_forward(test), control=LOOSE).march(point.parameters, (), local, steps, False,
+                                                             point.guesses() if begins else None, may_cut=True)
+                for test, local, begins in ((experiment, point.local, True),
+                                            (better.experiment, better.local, better.begins_alike)))
         for state, better_state in zip(*pair, strict=True):
             frame = experiment.model.reference + state.frame
             u[frame] = better.difference(state, better_state)

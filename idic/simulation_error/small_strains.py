@@ -37,7 +37,7 @@ def strain_error(point: ModelPoint) -> MotionError | None:
     finite = with_finite_strains(point.experiment)
     if finite is None:
         return None
-    return error_in_every_frame(point, BetterModel(finite, point.local, lambda state, better: better.u - state.u))
+    return error_in_every_frame(point, BetterModel(finite, point.local, lambda state, better: better.u - state.u, True))
 
 
 def strain_error_in(point: ModelPoint, frames: np.ndarray, motions: Sequence[np.ndarray]) -> ErrorInFrames | None:

@@ -1,5 +1,9 @@
-"""What a diagnosis costs beside the identification that it starts from."""
+"""What a diagnosis costs beside the identification that it starts from, and beside another version of idic."""
 
+import os
+import resource
+import subprocess
+import sys
 import time
 from pathlib import Path
 from statistics import median
@@ -14,6 +18,9 @@ from idic.run import Console, diagnose_run
 from idic.virtual_tests import strip_with_hole, write_inp
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow]
+
+# an installed idic may come first on the path
+RUN_CHECKOUT = "import runpy, sys; sys.path.insert(0, sys.argv.pop(1)); runpy.run_module('idic', run_name='__main__')"
 
 
 def cpu(function, *arguments, **options):
@@ -103,3 +110,36 @@ def test_what_a_diagnosis_of_640_pixels_costs(measured, tmp_path, monkeypatch):
     assert quick < 18.0 * identify_s
     assert diagnosis_s < 28.0 * identify_s
     assert screening < 7.5 * identify_s
+
+
+def cpu_of_command(checkout, folder, *words):
+    """CPU seconds of a command of idic, of the version in a checkout."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([sys.executable, "-c", RUN_CHECKOUT, str(checkout), *words, "--workers", "0", "--no-prefect"],
+                   cwd=folder, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    now = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return now.ru_utime + now.ru_stime - used.ru_utime - used.ru_stime
+
+
+def test_diagnosis_of_the_demo_beside_another_version(measured, tmp_path):
+    """Two diagnoses by each version in turns, the second one counts: the first compiles.
+
+    IDIC_OTHER names a checkout of the other version: git worktree add FOLDER 3c8fed03.
+    """
+    other = os.environ.get("IDIC_OTHER", "")
+    if not (Path(other) / "idic" / "__init__.py").exists():
+        pytest.skip("IDIC_OTHER names no checkout of another version")
+    versions = {"this version": Path(__file__).parents[2], "the other one": Path(other).resolve()}
+    for name, checkout in versions.items():
+        (tmp_path / name).mkdir()
+        cpu_of_command(checkout, tmp_path / name, "demo", "--out", "demo")
+    for _ in range(2):
+        diagnosis_s = {name: cpu_of_command(checkout, tmp_path / name, "diagnose", "demo/run")
+                       for name, checkout in versions.items()}
+    identify_s = cpu_of_command(versions["this version"], tmp_path / "this version", "identify", "demo/experiment",
+                                "--out", "again", "--no-report")
+    ratio = diagnosis_s["the other one"] / diagnosis_s["this version"]
+    measured("diagnosis of the demo", f"{diagnosis_s['this version']:.1f} CPU s",
+             f"{diagnosis_s['this version'] / identify_s:.1f} identifications; the other version takes {ratio:.2f} "
+             "times as long")
+    assert ratio > 1.0

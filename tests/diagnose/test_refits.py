@@ -286,7 +286,8 @@ def swapped(rivals, drops, null_usable=True):
     trials = tuple(SimpleNamespace(candidate=r.ranked.candidate, variant=YIELD) for r in rivals)
     null = made(name="null", choice=leaving(50.0), judgement=leaving(50.0), values={"E": 1.0})
     drops = drops | ({"null": 0.0} if null_usable else {})
-    found = judged_on_both(Source("nowhere", {}), null, rivals, SimpleNamespace(trials=trials), refits, GRID, 3)
+    found = judged_on_both(FittedModel(Source("nowhere", {}), null), rivals, SimpleNamespace(trials=trials), refits,
+                           GRID, 3)
     return *found, null, asked
 
 

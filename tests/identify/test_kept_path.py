@@ -1,11 +1,15 @@
 """An identification in memory begins every simulation at the accepted one, and simulates no point twice."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
 
+from idic.diagnose import JUDGEMENT, residual_evidence, thinned
+from idic.diagnose.refits.fitted_model import FittedModel
+from idic.diagnose.refits.refit import Fit
 from idic.diagnose.residual.residual_evidence import simulated
 from idic.experiment_file import load_experiment
 from idic.identification import kept_simulation as paths
@@ -77,3 +81,47 @@ def test_generalised_least_squares_alone_end_at_the_same_place_from_a_near_start
     for name in found.parameters.free:
         std = found.result["parameters"][name]["std"]
         assert abs(found.parameters[name].value - other.parameters[name].value) < 0.1 * std
+
+
+def test_a_fit_to_a_copy_of_the_recording_simulates_nothing_where_first_order_tells_its_points(experiment, marches):
+    found = identify(experiment)
+    copy = thinned(experiment, JUDGEMENT, 3)
+    values = experiment.model.parameters.with_values(found.parameters.as_values())
+    copy = replace(copy, model=replace(copy.model, parameters=values), stages=())
+    marches.clear()
+    whole = identify(copy, found.local)
+    assert len(marches) > 1
+    marches.clear()
+    foreseen = identify(copy, found.local, begun=found.path, foreseen=True)
+    assert marches == [] and foreseen.state.status == "converged"
+    assert foreseen.path.origin.values == found.path.values
+    for name in found.parameters.free:
+        std = found.result["parameters"][name]["std"]
+        assert abs(foreseen.parameters[name].value - whole.parameters[name].value) < 0.05 * std
+        assert abs(whole.parameters[name].value - found.parameters[name].value) > 0.1 * std  # the copy has other noise
+
+
+def test_from_a_far_simulation_the_end_is_simulated(experiment, marches):
+    found = identify(experiment)
+    far = {name: 1.1 * found.parameters[name].value for name in found.parameters.free}
+    values = experiment.model.parameters.with_values(far)
+    far_experiment = replace(experiment, model=replace(experiment.model, parameters=values), stages=())
+    marches.clear()
+    foreseen = identify(far_experiment, foreseen=True)
+    assert foreseen.state.status == "converged" and 1 < len(marches) < foreseen.state.evaluations
+    for name in found.parameters.free:
+        std = found.result["parameters"][name]["std"]
+        assert abs(foreseen.parameters[name].value - found.parameters[name].value) < 0.1 * std
+
+
+def test_the_simulation_behind_a_residual_foresees_motions_and_channels_of_a_fit_nearby(experiment):
+    found = identify(experiment)
+    values = {name: 1.0001 * value for name, value in found.parameters.as_values().items()}
+    local = found.local + 1e-4 * np.arange(len(found.local))[:, None]
+    fit = Fit("null", "null", "converged", values, {}, local, found.steps, None, None)
+    model = FittedModel(SimpleNamespace(motion_error=None), fit, residual_evidence(found, light=False))
+    states = found.forward.march(experiment.model.parameters.with_values(values), (), local)
+    assert model.path.origin.values == found.parameters.as_values()
+    for at, state in zip(model.path.frames, states, strict=True):
+        np.testing.assert_allclose(at.u, state.u, atol=1e-7)
+        np.testing.assert_allclose(at.channels, state.channels, rtol=1e-6, atol=1e-5)

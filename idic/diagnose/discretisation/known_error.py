@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from idic.correlation import FrameResponse
@@ -22,11 +22,17 @@ MAX_FURTHER_SHARE = 1.5
 MIN_FURTHER_DROP = 9.0  # of chi-square: three standard deviations
 
 
-def with_error(source: ExperimentSource,
-               identification: Identification) -> tuple[ExperimentSource, Identification, ResidualEvidence]:
+def _silent() -> None:
+    """Announces nothing."""
+
+
+def with_error(source: ExperimentSource, identification: Identification,
+               announce: Callable[[], None] = _silent) -> tuple[ExperimentSource, Identification, ResidualEvidence]:
     """The source and the identification with the error of the mesh added, where it matters, as they are elsewhere; and
-    the residual of that identification."""
-    error, residual = mesh_error(identification.model_point), residual_evidence(identification, light=False)
+    the residual of that identification; announce : called before a finer mesh is simulated"""
+    residual = residual_evidence(identification, light=False)
+    announce()
+    error = mesh_error(identification.model_point)
     if error is None or not weighed(residual, error).matters:
         return source, identification, residual
     source, identification = knowing(source, identification, error, with_error_added(residual.responses, error))

@@ -8,7 +8,7 @@ says so.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -44,8 +44,8 @@ def neglected_errors(identification: Identification) -> dict[str, MotionError]:
 
 
 def with_thickness(source: ExperimentSource, identification: Identification, residual: ResidualEvidence, misfit: Misfit,
-                   grid: Grid, errors: Mapping[str, MotionError],
-                   significant: bool) -> tuple[ExperimentSource, Identification]:
+                   grid: Grid, errors: Mapping[str, MotionError], significant: bool,
+                   announce: Callable[[], None]) -> tuple[ExperimentSource, Identification]:
     """The source and the identification with the error of plane stress added, where the recording asks for it; as they
     are elsewhere.
 
@@ -54,7 +54,7 @@ def with_thickness(source: ExperimentSource, identification: Identification, res
     or without finite strains; where the mismatch is significant, also after the turns.
 
     residual, misfit : of the identification, and its fit; errors : that it neglects (`neglected_errors`);
-    significant : whether its mismatch is
+    significant : whether its mismatch is; announce : called before the turns
     """
     if BRICKS not in errors:
         return source, identification
@@ -62,6 +62,7 @@ def with_thickness(source: ExperimentSource, identification: Identification, res
     is_asked = _drop_by_bricks(residual, errors) >= least
     if not (is_asked or significant):
         return source, identification
+    announce()
     settled = in_turns(identification, identification.experiment.model.motion_error, grid,
                        np.inf if is_asked else misfit.chi2, errors[BRICKS])
     if settled is None:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from idic.diagnose.physics.candidate import Situation
 from idic.diagnose.refits.refit import Fit, identification_at, is_residual_of, residual_from_rest
 from idic.diagnose.refits.refit_job import ExperimentSource
-from idic.diagnose.residual.residual_evidence import ResidualEvidence
+from idic.diagnose.residual.residual_evidence import ResidualEvidence, path_of
+from idic.diagnose.residual.score import null_model
 from idic.diagnose.screen.situation import situation
-from idic.identification import Identification
+from idic.identification import MAX_SECOND_ORDER_STD, Identification, Path, path_dependent_laws
 from idic.model import MotionError
 
 
@@ -38,9 +40,31 @@ class FittedModel:
         """Whether the residual is that of the end of the fit, with the known error."""
         return self.residual is not None and is_residual_of(self.residual, self.fit, self.error)
 
+    @property
+    def path(self) -> Path | None:
+        """The simulation of the end of the fit: that of the residual, or foreseen from it to first order where the fit
+        has moved so little; None elsewhere."""
+        residual, fit = self.residual, self.fit
+        if residual is None or residual.context.experiment.model.motion_error is not self.error:
+            return None
+        path = path_of(residual, fit.steps)
+        if path is None or path.is_at(fit.values, fit.local, fit.steps):
+            return path
+        if path.values.keys() != fit.values.keys() or path.local.shape != fit.local.shape or (
+                fit.local.shape[1] and path_dependent_laws(residual.context.experiment.model)):
+            return None
+        gram = null_model(residual.evidence, residual.null).gram
+        is_near = path.second_order_std(fit.values, residual.null.names, gram) <= MAX_SECOND_ORDER_STD
+        return path.foreseen_at(fit.values, fit.local) if is_near else None
+
     def identification(self) -> Identification:
         """The end of the fit on the recording, as if it had been identified there."""
-        return identification_at(self.source.load(), self.fit.values, self.fit.local, self.fit.steps)
+        fit, path = self.fit, self.path
+        near = None if path is not None or self.residual is None else path_of(self.residual, fit.steps)
+        is_alike = near is not None and (near.values.keys(), near.local.shape) == (fit.values.keys(), fit.local.shape)
+        guesses = partial(near.predicted_at, fit.values, fit.local) if is_alike else None
+        return replace(identification_at(self.source.load(), fit.values, fit.local, fit.steps), path=path,
+                       stored=guesses)
 
     def situation(self) -> Situation:
         """What candidates look at: stresses and strains of the model."""

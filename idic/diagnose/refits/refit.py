@@ -18,8 +18,8 @@ from idic.diagnose.screen.select import Ranked
 from idic.errors import InputError, NotConverged
 from idic.fe import Control
 from idic.identification import (
-    AcceptedPoint, Analysis, GENERALISED, Identification, LoopState, ORDINARY, Trial, identify, may_begin_generalised,
-    noise_weights,
+    AcceptedPoint, Analysis, GENERALISED, Identification, LoopState, ORDINARY, Path, Trial, identify,
+    may_begin_generalised, noise_weights,
 )
 from idic.model import Experiment, MotionError, build_forward
 
@@ -144,8 +144,9 @@ class _Progress:
 
 def refit(name: str, starts: Sequence[Start], other_copies: Mapping[str, Experiment], local: np.ndarray, grid: Grid,
           target: float = np.inf, early_stop: EarlyStop | None = None, estimator: str = ORDINARY,
-          unlimited: bool = False, whole_std: bool = False, most_evaluations: int | None = None) -> Fit:
-    """Identify a model from the best of a few starts and measure it.
+          unlimited: bool = False, whole_std: bool = False, most_evaluations: int | None = None,
+          begun: Path | None = None) -> Fit:
+    """Identify a model from the best of a few starts and measure it; points that first order tells are not simulated.
 
     Parameters
     ----------
@@ -161,6 +162,7 @@ def refit(name: str, starts: Sequence[Start], other_copies: Mapping[str, Experim
     whole_std : the standard deviations also count what the model leaves unexplained: one more pass over the images
     most_evaluations : of the body per frame, on the mean of one simulation; a simulation that needs more has failed,
         and a search of which `MAX_FAILED_SIMULATIONS` fail is given up. None: any number
+    begun : a simulation of the first start or of a point near it
     """
     best, runs, problems, watch, lost = None, 0, [], _Progress(early_stop), None
     limit = None if most_evaluations is None else Control(most_evaluations=most_evaluations)
@@ -171,7 +173,7 @@ def refit(name: str, starts: Sequence[Start], other_copies: Mapping[str, Experim
             watch = _Progress(early_stop, limit is not None)
             most = MAX_EVALUATIONS if other_copies and not unlimited else None
             identification = _identified(_started(start, most), _fitting(local, start.experiment), watch, estimator,
-                                         limit)
+                                         limit, begun)
             runs += identification.state.evaluations
             if identification.point is None or (start.borrowed
                                                 and not (identification.state.status == "converged" or watch.left)):
@@ -187,18 +189,18 @@ def refit(name: str, starts: Sequence[Start], other_copies: Mapping[str, Experim
             lost = start.label
             continue
         if best is None or misfit.chi2 < best[1].chi2:
-            best = (replace(identification, path=None), misfit, start, watch.lowest, path)
+            stds = _stds(identification, whole_std)  # while its simulation is at hand
+            best = (replace(identification, path=None), misfit, start, watch.lowest, path, stds)
         if best[1].chi2 < target:
             break
     if best is None:
         return Fit(name, starts[0].label, "failed", {}, {}, local, None, None, None, runs, "; ".join(problems))
-    identification, misfit, start, phi, path = best
+    identification, misfit, start, phi, path, stds = best
     judged = None
     if start.label in other_copies:
         other_point = at_other_copy(identification, other_copies[start.label])
         judged = misfit_of(residual_evidence(other_point, light=False, null=False, responses=path), grid)
-    return Fit(name, start.label, identification.state.status, identification.parameters.as_values(),
-               _stds(identification, whole_std),
+    return Fit(name, start.label, identification.state.status, identification.parameters.as_values(), stds,
                identification.local, identification.steps, misfit, judged, runs, phi=phi,
                estimator=identification.state.estimator.kind)
 
@@ -211,10 +213,10 @@ def _no_answer(identification: Identification, limit: Control | None) -> str:
 
 
 def _identified(experiment: Experiment, local: np.ndarray | None, watch: _Progress, estimator: str,
-                control: Control | None) -> Identification:
+                control: Control | None, begun: Path | None) -> Identification:
     """By generalised least squares from the first step where they are to begin with and may; otherwise as every one."""
     begin = estimator if estimator == GENERALISED and may_begin_generalised(experiment) else ORDINARY
-    return identify(experiment, local, progress=watch, estimator=begin, control=control)
+    return identify(experiment, local, progress=watch, estimator=begin, control=control, begun=begun, foreseen=True)
 
 
 def warm_start(ranked: Ranked, values: Mapping[str, float]) -> dict[str, float]:

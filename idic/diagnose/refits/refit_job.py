@@ -13,7 +13,7 @@ import numpy as np
 from idic.diagnose.refits.refit import EarlyStop, Fit, Start, refit
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE, JUDGEMENT, thinned
-from idic.identification import ORDINARY
+from idic.identification import ORDINARY, Path
 from idic.model import Experiment, MotionError
 
 
@@ -59,6 +59,7 @@ class RefitJob:
     estimator : of the first evaluation; unlimited : without the limit of evaluations
     whole_std : standard deviations count what the model leaves unexplained, for the model that is selected at last
     most_evaluations : of the body per frame, beyond which a simulation has failed (`refit`); None: any number
+    begun : a simulation of the first start or of a point near it
     """
 
     name: str
@@ -78,6 +79,7 @@ class RefitJob:
     unlimited: bool = False
     whole_std: bool = False
     most_evaluations: int | None = None
+    begun: Path | None = None
 
 
 Refits = Callable[[Sequence[RefitJob]], list[Fit]]  # runs jobs, side by side or not; answers in their order
@@ -122,7 +124,7 @@ def run_refit(job: RefitJob) -> Fit:
         starts.append(Start(label, experiment, values, label == job.borrowed))
     return refit(job.name, starts, other_copies, job.local, job.grid, job.target, job.early_stop, job.estimator,
                  job.unlimited,
-                 job.whole_std, job.most_evaluations)
+                 job.whole_std, job.most_evaluations, job.begun)
 
 
 def refit_of_one(source: ExperimentSource, name: str, null: Fit, grid: Grid, seed: int,

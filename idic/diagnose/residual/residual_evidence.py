@@ -10,7 +10,7 @@ mesh had as many nodes again; frame-local unknowns of the simulation are common,
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import sparse
@@ -24,7 +24,7 @@ from idic.diagnose.residual.evidence import Columns, Evidence, FrameEvidence, no
 from idic.diagnose.residual.grey_value_effects import (
     grey_image, joined_pixels, pixel_basis, pixel_parts, sums_against,
 )
-from idic.identification import Identification, response_of
+from idic.identification import Identification, Path, response_of
 from idic.model import MotionError
 
 MAX_KEPT_BYTES = 300e6  # of residual maps, at most
@@ -57,7 +57,7 @@ class ResidualEvidence:
 
     evidence : the white residual; null : columns of the identified parameters; u : (T, n_nodes, dim) mm; channels :
     (T, n_channels) simulated; cameras : whose images the evidence holds, the main camera first; responses : that were
-    simulated, for another copy of the recording.
+    simulated, for another copy of the recording; local : (n_frames, m) mm, frame-local unknowns of all frames.
     """
 
     evidence: Evidence
@@ -66,6 +66,7 @@ class ResidualEvidence:
     channels: np.ndarray
     cameras: tuple[CameraResidual, ...]
     responses: tuple[FrameResponse, ...] = ()
+    local: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def context(self) -> CorrelationContext:
@@ -116,6 +117,20 @@ def simulated(identification: Identification, null: bool = True) -> list[FrameRe
     states = identification.march(moving, forward.drives.n_local > 0)
     return [response_of(at, experiment.model.reference) for at in states
             if at.frame + experiment.model.reference in compared]
+
+
+def path_of(residual: ResidualEvidence, steps: np.ndarray | None) -> Path | None:
+    """The simulation behind a residual with the columns of the identified parameters; None where frames are left out.
+
+    steps : its increments, s
+    """
+    responses, context = residual.responses, residual.context
+    first, n_frames = context.experiment.model.reference, context.experiment.model.n_frames
+    if steps is None or [response.frame for response in responses] != list(range(first + 1, n_frames)):
+        return None
+    at_rest = FrameResponse(first, *(np.zeros_like(getattr(responses[0], name)) for name in
+                                     ("u", "channels", "du", "dchannels", "local_du", "local_dchannels")))
+    return Path(context.parameters.as_values(), residual.local, context.moving, (at_rest, *responses), steps)
 
 
 def with_error_added(responses: Sequence[FrameResponse], error: MotionError) -> list[FrameResponse]:
@@ -269,7 +284,7 @@ def _assemble(contexts: Sequence[CorrelationContext], responses: Sequence[FrameR
                     tuple(CameraResidual(camera.context, camera.view, camera.shared,
                                          np.array([response.u for response in camera.responses]))
                                   for camera in passes),
-                            tuple(responses))
+                            tuple(responses), local)
 
 
 def _white_local(local: np.ndarray, kappa: np.ndarray, c: float) -> np.ndarray:

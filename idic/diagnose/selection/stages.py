@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 EVIDENCE = "residual evidence of the identified model"
+MESH_ERROR = "simulation on a finer mesh"
 PLACE = "side, onset and place of the mismatch"
+NEGLECTED = "simulations of bricks of the thickness and of finite strains"
+TURNS = "error of plane stress and parameters in turns"
 NULL_FIT = "fit of the identified model"
 SCREENING = "screening of the library"
 REFIT = "refit"

@@ -51,6 +51,7 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: i
     source, identification = open_source(run)
     refuse_volumes(identification.experiment, "a diagnosis")
     accepted = identification.state.accepted
+    stage("floor of the camera, register and spots of the images")
     floor = measured_floor(PointJob(str(run), accepted.number, accepted.values), runner)
     motion_fit = on_measured_motion(source, identification, runner, stage)
     source, identification, register = motion_fit or (source, identification, None)

@@ -110,8 +110,11 @@ def job_hash(job: RefitJob) -> str:
              "swapped": job.swapped, "borrowed": job.borrowed, "estimator": job.estimator,
              "to_its_end": job.unlimited, "seed": job.seed} | ({"whole_std": True} if job.whole_std else {})
     plain |= {} if job.most_evaluations is None else {"most_evaluations": job.most_evaluations}
+    error, begun = job.source.motion_error, job.begun
+    arrays = [job.local, job.grid.at, job.grid.low, job.grid.extent, job.grid.cells,
+              *(() if error is None else (error.u, error.channels))]
+    if begun is not None:
+        plain |= {"begun": {name: float(value).hex() for name, value in begun.values.items()}}
+        arrays += [begun.local, begun.steps, *(array for at in begun.frames for array in (at.u, at.channels, at.du))]
     text = json.dumps(plain, sort_keys=True, default=repr)
-    error = job.source.motion_error
-    arrays = (job.local, job.grid.at, job.grid.low, job.grid.extent, job.grid.cells,
-              *(() if error is None else (error.u, error.channels)))
     return hashlib.sha256(text.encode() + b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()[:16]

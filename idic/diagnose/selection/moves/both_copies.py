@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic.diagnose.physics.candidate import Variant
+from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.refits.refit import Fit
 from idic.diagnose.refits.refit_job import ExperimentSource, RefitJob, Refits, refit_of_one
 from idic.diagnose.residual.excess_left import MIN_EXCESS_Z
@@ -32,18 +33,21 @@ def undecided(rivals: Sequence[Rival]) -> list[Rival]:
     return candidates if not clear and any(r.achieved > r.min_heldout_drop for r in candidates) else []
 
 
-def judged_on_both(source: ExperimentSource, null: Fit, rivals: Sequence[Rival], screening: Screening, refits: Refits,
+def judged_on_both(model: FittedModel, rivals: Sequence[Rival], screening: Screening, refits: Refits,
                    grid: Grid, seed: int) -> tuple[tuple[Rival, ...], Misfit | None]:
     """Rivals refitted to the copy for judging and judged on the other one too: no copy judges a fit to itself.
 
     The candidates were chosen on one of the two, so the bar is twice as high (`Rival.min_heldout_drop`).
+
+    model : without a candidate
 
     Returns
     -------
     The rivals with their drops on both copies, and the null's fit on the second copy. Without an answer of the null
     there, the rivals are unchanged and the fit is None.
     """
-    (null_of_copy,) = refits([refit_of_one(source, "null", null, grid, seed, swapped=True)])
+    source = model.source
+    (null_of_copy,) = refits([refit_of_one(source, "null", model.fit, grid, seed, swapped=True, begun=model.path)])
     if not null_of_copy.usable:
         return tuple(rivals), None
     candidates = undecided(rivals)
@@ -82,7 +86,7 @@ def on_both_copies(under_way: OpenRound) -> State:
     """The round with its rivals judged on both copies."""
     state, entry = under_way.state, under_way.round
     setting, model = state.setting, state.model
-    rivals, crossed = judged_on_both(model.source, model.fit, entry.rivals, entry.screening,
+    rivals, crossed = judged_on_both(model, entry.rivals, entry.screening,
                                      setting.refits, setting.grid, setting.seed)
     return judged(state, replace(entry, rivals=rivals, crossed_judgement=crossed))
 

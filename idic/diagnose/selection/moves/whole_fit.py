@@ -82,7 +82,8 @@ def whole_fit(setting: Setting, model: FittedModel, settled: Identification | No
     steps = None if settled is None else {name: settled.parameters[name].value - value
                                           for name, value in values.items()}
     (fit,) = setting.refits([refit_of_one(model.source, "enriched", model.fit, setting.grid, setting.seed, steps,
-                                          copies=False, estimator=model.fit.estimator, whole_std=True)])
+                                          copies=False, estimator=model.fit.estimator, whole_std=True,
+                                          begun=model.path)])
     return fit
 
 
