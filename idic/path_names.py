@@ -10,7 +10,7 @@ import hashlib
 import re
 import unicodedata
 from collections.abc import Iterable
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from urllib.parse import quote
 
 from idic.errors import InputError
@@ -61,3 +61,20 @@ def ignores_case(folder: Path) -> bool:
         if part.exists() and swapped.name != part.name:
             return swapped.exists() and swapped.samefile(part)
     return False
+
+
+def path_inside(folder: Path, name: str, *, file, key) -> Path:
+    """The path `name` inside the experiment folder.
+
+    Raises
+    ------
+    InputError
+        The path is absolute or contains `..`; an experiment folder can be moved and passed on.
+    """
+    parts = PurePosixPath(name.replace("\\", "/")).parts
+    if not name or ".." in parts or Path(name).is_absolute() or (
+            parts and (parts[0].startswith("/") or re.match(r"[A-Za-z]:", parts[0]))):
+        raise InputError("the path leaves the experiment folder", file=file, key=key, found=repr(name),
+                         expected="a path relative to experiment.toml, without ..",
+                         remedy="copy the data into the experiment folder, or put a symbolic link there")
+    return folder.joinpath(*parts)

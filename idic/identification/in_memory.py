@@ -220,8 +220,8 @@ def _continued(setup: _Setup, state: LoopState, end: _Point,
     """The search from an end that first order alone has told, simulated there; that end where this finds none."""
     parameters = setup.experiment.model.parameters.with_starts(state.accepted.values)
     experiment = replace(setup.experiment, model=replace(setup.experiment.model, parameters=parameters), stages=())
-    again = start(experiment, True, state.estimator.kind if state.generalised else ORDINARY)
-    later, point = _searched(replace(setup, experiment=experiment), again,
+    restart = start(experiment, True, state.estimator.kind if state.generalised else ORDINARY)
+    later, point = _searched(replace(setup, experiment=experiment), restart,
                              _Point(None, end.local, end.steps, end.path.origin), progress)
     if point.evaluation is None:
         return state, end
@@ -251,8 +251,8 @@ def _next_point(setup: _Setup, trial: LoopState, accepted: _Point) -> _Point:
 def _begun_at(setup: _Setup, trial: LoopState, accepted: _Point, local: np.ndarray,
               steps: np.ndarray | None) -> Path | None:
     """The simulation that a trial begins at: of the accepted point, or the trial's own where first order tells it."""
-    path, known, values = accepted.path, accepted.evaluation, trial.trial.values
-    if not setup.foreseen or None in (path, known) or steps is None or path.is_at(values, local, steps):
+    path, evaluation, values = accepted.path, accepted.evaluation, trial.trial.values
+    if not setup.foreseen or None in (path, evaluation) or steps is None or path.is_at(values, local, steps):
         return path
     lack = _second_order_std(setup, accepted, values, path)
     return path.foreseen_at(values, local) if lack <= MAX_SECOND_ORDER_STD_ON_THE_WAY else path
@@ -260,10 +260,10 @@ def _begun_at(setup: _Setup, trial: LoopState, accepted: _Point, local: np.ndarr
 
 def _second_order_std(setup: _Setup, accepted: _Point, values: Mapping[str, float], path: Path) -> float:
     """What first order lacks at other values (`Path.second_order_std`), by the equations of the accepted point."""
-    known = accepted.evaluation
-    noise = known.system.spread + setup.weights.image_noise**2 * known.reference_gram
-    information = known.system.M @ np.linalg.pinv(noise, hermitian=True) @ known.system.M
-    return path.second_order_std(values, known.system.names, information)
+    evaluation = accepted.evaluation
+    noise = evaluation.system.spread + setup.weights.image_noise**2 * evaluation.reference_gram
+    information = evaluation.system.M @ np.linalg.pinv(noise, hermitian=True) @ evaluation.system.M
+    return path.second_order_std(values, evaluation.system.names, information)
 
 
 def _is_told(setup: _Setup, end: _Point, values: Mapping[str, float]) -> bool:
@@ -338,10 +338,10 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray, steps: np.ndar
             system = streamed_system(context, responses, local)
             evaluation = closed_evaluation(state.evaluations, context, forward, system, len(keeper.steps))
             values = context.parameters.as_values()
-            kept = keeper.path(values, local, setup.moving)
-            if kept is not None and path is not None and path.is_at(values, local, keeper.steps):
-                kept = replace(kept, origin=path.origin)  # which is another one where the point was foreseen
-            return evaluation, np.array(keeper.steps), kept
+            simulated = keeper.path(values, local, setup.moving)
+            if simulated is not None and path is not None and path.is_at(values, local, keeper.steps):
+                simulated = replace(simulated, origin=path.origin)  # which is another one where the point was foreseen
+            return evaluation, np.array(keeper.steps), simulated
         except NotConverged as failure:
             problem = failure
             if isinstance(failure, GaveUp):

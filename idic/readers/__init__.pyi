@@ -26,9 +26,9 @@ from .objects.images import ArrayFrames, frames_of
 from .objects.log import LOG_IN_MEMORY, log_of
 from .objects.mesh import MESH_IN_MEMORY, mesh_of
 from .outline_mesh import Drawing, from_image
-from .paths import existing_file, inside, matching_files, patterns_of, recorded_order
+from .paths import existing_file, matching_files, patterns_of, recorded_order
 from .position_sets import points_where
-from .raw_mesh import DIMENSION, RawMesh, to_mesh
+from .mesh_files.raw_mesh import DIMENSION, RawMesh, to_mesh
 from .region_mesh import roi_mesh
 from .targets.find import KINDS, find_target, kind_of
 from .targets.view import TargetView
@@ -42,10 +42,9 @@ __all__ = [
     "PointOutline", "RawMesh", "StageRule", "TargetView", "VolumeEntry", "check_complete", "check_increasing",
     "check_stages", "chosen_stages", "column_factor", "detected", "existing_file", "factor_between", "factor_to",
     "find_target", "fitted_placement", "frame_indices", "frame_numbers", "frames_of", "from_image", "has_gmsh",
-    "image_entries", "inside", "kind_of", "largest_bending", "largest_change", "log_of", "loops_of", "match",
-    "matching_files", "mean_strain", "measured_points", "mesh_of", "mesh_suffixes", "narrowest", "natural_key",
-    "notched_axis", "open_fields", "open_stack", "out_of_plane", "outline_of", "parse_unit", "patterns_of",
-    "points_where", "powers", "read_calibration", "read_image", "read_log", "read_mesh_file", "recorded_order",
-    "roi_mesh", "sides", "sides_of_any", "strain_path", "text_of", "to_mesh", "unit_in_name", "volume_entries",
-    "width_error", "write_rig",
+    "image_entries", "kind_of", "largest_bending", "largest_change", "log_of", "loops_of", "match", "matching_files",
+    "mean_strain", "measured_points", "mesh_of", "mesh_suffixes", "narrowest", "natural_key", "notched_axis",
+    "open_fields", "open_stack", "out_of_plane", "outline_of", "parse_unit", "patterns_of", "points_where", "powers",
+    "read_calibration", "read_image", "read_log", "read_mesh_file", "recorded_order", "roi_mesh", "sides",
+    "sides_of_any", "strain_path", "text_of", "to_mesh", "unit_in_name", "volume_entries", "width_error", "write_rig",
 ]

@@ -13,7 +13,7 @@ from idic.readers.mesh_files.abaqus import read_inp
 from idic.readers.mesh_files.gmsh_msh import VERSIONS as GMSH_VERSIONS, gmsh_version, read_msh
 from idic.readers.mesh_files.med import SUFFIX as MED_SUFFIX, read_med
 from idic.readers.mesh_files.nastran import SUFFIXES as NASTRAN_SUFFIXES, read_nastran
-from idic.readers.raw_mesh import RawMesh
+from idic.readers.mesh_files.raw_mesh import RawMesh
 
 if TYPE_CHECKING:
     import meshio  # loaded for other formats than inp

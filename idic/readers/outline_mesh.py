@@ -11,7 +11,7 @@ from idic.errors import InputError
 from idic.fe import Mesh, fill, follow_arcs, mesh_polygon
 from idic.images import AnyCamera
 from idic.readers.gmsh_mesher import fill_with_gmsh
-from idic.readers.element_orientation import turned_around
+from idic.readers.mesh_files.element_orientation import turned_around
 
 MESHERS = {"idic": fill, "gmsh": fill_with_gmsh}
 

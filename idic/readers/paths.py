@@ -11,6 +11,7 @@ from itertools import takewhile
 from pathlib import Path, PurePosixPath
 
 from idic.errors import InputError
+from idic.path_names import path_inside
 from idic.readers.frames.name_orders import (
     CLOCK, LISTED, NAMES, SIGNED, UncertainOrder, WRAPPED, natural_key, order_by_names,
 )
@@ -95,26 +96,9 @@ def _check_decimals(paths: list[Path], folder: Path) -> None:
                                 f"images, then write {_choice((NAMES, LISTED))} under [experiment]")
 
 
-def inside(folder: Path, name: str, *, file, key) -> Path:
-    """The path `name` inside the experiment folder.
-
-    Raises
-    ------
-    InputError
-        The path is absolute or contains `..`; an experiment folder can be moved and passed on.
-    """
-    parts = PurePosixPath(name.replace("\\", "/")).parts
-    if not name or ".." in parts or Path(name).is_absolute() or (
-            parts and (parts[0].startswith("/") or re.match(r"[A-Za-z]:", parts[0]))):
-        raise InputError("the path leaves the experiment folder", file=file, key=key, found=repr(name),
-                         expected="a path relative to experiment.toml, without ..",
-                         remedy="copy the data into the experiment folder, or put a symbolic link there")
-    return folder.joinpath(*parts)
-
-
 def existing_file(folder: Path, name: str, *, file, key) -> Path:
     """The path `name` inside the experiment folder; InputError if the file does not exist."""
-    path = inside(folder, name, file=file, key=key)
+    path = path_inside(folder, name, file=file, key=key)
     if not path.is_file():
         siblings = sorted(p.name for p in path.parent.iterdir() if p.is_file())[:10] if path.parent.is_dir() else []
         raise InputError("no such file", file=file, key=key, expected=str(path),
@@ -127,7 +111,7 @@ def matching_files(folder: Path, patterns: list[str], *, file, key, order: str |
     """All files that match the patterns, in `recorded_order`, or pattern by pattern as they are listed."""
     files: dict[Path, None] = {}
     for pattern in patterns:
-        inside(folder, pattern, file=file, key=key)
+        path_inside(folder, pattern, file=file, key=key)
         matches = _matches(folder, pattern, file=file, key=key)
         if not matches:
             parent = folder.joinpath(*PurePosixPath(pattern).parts[:-1])

@@ -53,12 +53,20 @@ def test_every_page_of_the_docs_is_on_the_map():
         assert name == "README.md" or f"]({name})" in text or f"`{name}`" in text, name
 
 
+BOUNDS = {  # words of pages with a bound of their own; formats.md is generated
+    "compare.md": 500, "formats.md": 1000, "how-to/use-volumes.md": 200, "volume-files.md": 200, "volumes.md": 900,
+    "evidence/safety.md": 120,
+}
+
+
 def test_the_pages_stay_within_their_words():
-    """As wc counts them; the tutorial and the page of what was measured have bounds of their own."""
+    """As wc counts them; the tutorial and the page of what was measured have bounds of their own, too."""
     docs = ROOT / "docs"
     pages = [*docs.rglob("*.md"), ROOT / "CHANGELOG.md"]
     words = {page: len(page.read_text(encoding="utf-8").split()) for page in pages}
-    assert sum(words.values()) <= 46_307
+    for name, bound in BOUNDS.items():
+        assert words.pop(docs / name) <= bound, name
+    assert sum(words.values()) <= 45_000
     assert words[docs / "tutorial.md"] <= 1500 and words[docs / "evidence" / "measurements.md"] <= 3000
 
 

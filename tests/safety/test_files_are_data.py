@@ -16,7 +16,8 @@ from quality.called import called
 from quality.sources import modules
 
 from idic.errors import InputError
-from idic.readers import existing_file, inside, matching_files, open_stack, read_mesh_file
+from idic.path_names import path_inside
+from idic.readers import existing_file, matching_files, open_stack, read_mesh_file
 from idic.run.store.arrays import open_array
 from idic.run import FrameArrays, read_array, write_array
 
@@ -147,7 +148,7 @@ def test_a_mesh_does_not_pull_in_other_files(tmp_path):
 # paths ----------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("name", LEAVING)
 def test_a_path_that_leaves_the_experiment_folder_is_refused(tmp_path, name):
-    for read in (inside, existing_file):
+    for read in (path_inside, existing_file):
         with pytest.raises(InputError, match="leaves the experiment folder"):
             read(tmp_path, name, file="experiment.toml", key="experiment.loads")
     with pytest.raises(InputError, match="leaves the experiment folder"):

@@ -60,9 +60,10 @@ class FittedModel:
     def identification(self) -> Identification:
         """The end of the fit on the recording, as if it had been identified there."""
         fit, path = self.fit, self.path
-        near = None if path is not None or self.residual is None else path_of(self.residual, fit.steps)
-        is_alike = near is not None and (near.values.keys(), near.local.shape) == (fit.values.keys(), fit.local.shape)
-        guesses = partial(near.predicted_at, fit.values, fit.local) if is_alike else None
+        neighbour = None if path is not None or self.residual is None else path_of(self.residual, fit.steps)
+        is_alike = neighbour is not None and (
+            neighbour.values.keys() == fit.values.keys() and neighbour.local.shape == fit.local.shape)
+        guesses = partial(neighbour.predicted_at, fit.values, fit.local) if is_alike else None
         return replace(identification_at(self.source.load(), fit.values, fit.local, fit.steps), path=path,
                        stored=guesses)
 

@@ -24,7 +24,8 @@ from idic.experiment_file import (
 )
 from idic.images import dense_speckle
 from idic.model import Experiment, Noise, Recording
-from idic.readers import MatchedLog, check_increasing, inside, matching_files, open_stack, unit_in_name
+from idic.path_names import path_inside
+from idic.readers import MatchedLog, check_increasing, matching_files, open_stack, unit_in_name
 from idic.identification.plan.planned_motion import edge_keys, edge_motion
 
 DOT_SIGMA_PER_SPECKLE = 0.4  # sigma of the dots per px of speckle size
@@ -191,7 +192,7 @@ class PlannedFolder(ExperimentFolder):
         """The images that are there; a pattern without a match stands for images to come."""
         files = []
         for pattern in self.config.experiment.images:
-            inside(self.folder, pattern, file=self.file, key="experiment.images")
+            path_inside(self.folder, pattern, file=self.file, key="experiment.images")
             with suppress(InputError):
                 files += matching_files(self.folder, [pattern], file=self.file, key="experiment.images")
         return files
@@ -209,7 +210,7 @@ class PlannedFolder(ExperimentFolder):
         name = self.config.experiment.loads
         if name is None and self.config.experiment.fields:  # the stages may hold it
             return True
-        return name is not None and inside(self.folder, name, file=self.file, key="experiment.loads").is_file()
+        return name is not None and path_inside(self.folder, name, file=self.file, key="experiment.loads").is_file()
 
     @property
     def pattern(self) -> str:

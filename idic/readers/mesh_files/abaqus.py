@@ -22,7 +22,7 @@ from idic.readers.mesh_files.abaqus_scopes import Body, Element, Instance, Membe
 from idic.readers.mesh_files.abaqus_sets import LabelSets, ScopedNames
 from idic.readers.mesh_files.deck_lines import Place, fail
 from idic.readers.mesh_files.local_systems import CYLINDRICAL, IDENTITY, Frame, frame_of, rectangular
-from idic.readers.raw_mesh import DIMENSION, RawMesh
+from idic.readers.mesh_files.raw_mesh import DIMENSION, RawMesh
 
 _MAKING = ("ELGEN", "ELCOPY", "NCOPY", "NFILL", "NGEN", "NMAP")  # of nodes and elements, by rules
 _ORPHAN = "write the mesh as an orphan mesh: every node with its x, y, z, every element with its nodes"

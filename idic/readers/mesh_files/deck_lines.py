@@ -8,7 +8,7 @@ from typing import NamedTuple, NoReturn
 
 from idic.errors import InputError
 from idic.readers.delimited.text_files import text_of
-from idic.readers.paths import inside
+from idic.path_names import path_inside
 
 _MAX_DEPTH = 20  # of files that include each other
 
@@ -62,7 +62,7 @@ class DeckLines:
         InputError
             The file lies outside the folder of the deck, is not there or includes itself.
         """
-        path = inside(self.path.parent, name, file=place.file, key=f"line {place.number}")
+        path = path_inside(self.path.parent, name, file=place.file, key=f"line {place.number}")
         if not path.is_file():
             fail(place, "an included file is not there", str(path), f"no file {name}",
                  "copy it next to the mesh file, under the name that the deck gives it")

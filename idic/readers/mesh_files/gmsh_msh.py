@@ -16,7 +16,7 @@ from typing import NoReturn
 import numpy as np
 
 from idic.errors import InputError
-from idic.readers.raw_mesh import RawMesh
+from idic.readers.mesh_files.raw_mesh import RawMesh
 
 VERSIONS = ("2.2", "4.1")
 _HEAD_BYTES = 4096  # in which the version stands

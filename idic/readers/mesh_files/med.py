@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.readers.raw_mesh import RawMesh
+from idic.readers.mesh_files.raw_mesh import RawMesh
 
 SUFFIX = ".med"
 _CELLS = {"PO1": ("point", 1), "SE2": ("line2", 2), "SE3": ("line3", 3), "TR3": ("tri3", 3), "TR6": ("tri6", 6),

@@ -15,7 +15,7 @@ import numpy as np
 from idic.readers.mesh_files.deck_lines import fail
 from idic.readers.mesh_files.local_systems import IDENTITY, RECTANGULAR, Frame, frame_of, rectangular
 from idic.readers.mesh_files.nastran_cards import Card, cards, nastran_lines
-from idic.readers.raw_mesh import RawMesh
+from idic.readers.mesh_files.raw_mesh import RawMesh
 
 SUFFIXES = (".bdf", ".fem", ".nas")
 _PLANE_3, _PLANE_4, _PLANE_6, _PLANE_8 = {3: "tri3"}, {4: "quad4"}, {3: "tri3", 6: "tri6"}, {4: "quad4", 8: "quad8"}
@@ -133,8 +133,8 @@ class _Bulk:
         nodes = [card.integer(first + k, f"node {k + 1}", 0) for k in range(most)]
         number = next((n for n in sorted(kinds) if not any(nodes[n:])), most)
         if 0 in nodes[:number]:
-            where = "a corner" if 0 in nodes[:fewest] else "some of its mid-side nodes"
-            fail(card.place, f"{card.name} {label} lacks {where}", f"{' or '.join(map(str, kinds))} nodes",
+            missing = "a corner" if 0 in nodes[:fewest] else "some of its mid-side nodes"
+            fail(card.place, f"{card.name} {label} lacks {missing}", f"{' or '.join(map(str, kinds))} nodes",
                  ", ".join(str(node) if node else "blank" for node in nodes[:number]),
                  "export elements with all their mid-side nodes, or with none")
         nodes = nodes[:number]

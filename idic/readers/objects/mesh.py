@@ -13,7 +13,7 @@ from idic.errors import InputError
 from idic.fe import Mesh, cell_type, n_face_corners
 from idic.readers.foreign_mesh import check_indices
 from idic.readers.meshes import raw_mesh_of, read_mesh_file
-from idic.readers.raw_mesh import RawMesh
+from idic.readers.mesh_files.raw_mesh import RawMesh
 
 KEY, MESH_IN_MEMORY = "mesh", Path("mesh")  # in messages
 

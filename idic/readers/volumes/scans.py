@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path, PurePosixPath
 
 from idic.errors import InputError
-from idic.readers.paths import inside, natural_key, recorded_order
+from idic.path_names import path_inside
+from idic.readers.paths import natural_key, recorded_order
 from idic.readers.volumes.entry import VolumeEntry
 from idic.readers.volumes.hdf5_volume import hdf5_entries
 from idic.readers.volumes.meta_image import meta_image_entries
@@ -66,7 +67,7 @@ def volume_entries(folder: Path, pattern: str | Sequence[str], *, file: Path | N
 
 def _matches(folder: Path, pattern: str, *, file, key) -> list[Path]:
     """Files and folders that match, in recorded order."""
-    inside(folder, pattern, file=file, key=key)
+    path_inside(folder, pattern, file=file, key=key)
     parts = PurePosixPath(pattern.replace("\\", "/")).parts
     start = folder
     while parts and os.path.exists(start / parts[0]):  # names as they stand, brackets included

@@ -11,7 +11,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe import CELL_TYPES, Mesh, cell_edges, cell_type, make_mesh, n_face_corners
-from idic.readers.element_orientation import oriented
+from idic.readers.mesh_files.element_orientation import oriented
 
 SUPPORTED = ("tri3", "tri6", "quad4", "quad8", "tet4", "tet10", "hex8", "hex20")
 DIMENSION = {"point": 0, "line2": 1, "line3": 1, "tri3": 2, "tri6": 2, "quad4": 2, "quad8": 2, "quad9": 2, "hex8": 3,
