@@ -1,5 +1,7 @@
 """Files of instruments: films, height maps and logs come in as they were recorded, or are refused with the reason."""
 
+from importlib.util import find_spec
+
 import numpy as np
 import pytest
 from instrument_files import write_cine, write_mraw, write_plu, write_plux, write_zs2
@@ -12,6 +14,8 @@ pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")  # pymraw on file
 
 RNG = np.random.default_rng(5)
 FRAMES = RNG.integers(0, 4096, (5, 12, 23)).astype(np.uint16)  # an odd number of pixels: packed frames share a byte
+WITH_BOTH_LIBRARIES = pytest.mark.skipif(find_spec("SurfaceTopography") is None,
+                                         reason="SurfaceTopography is not installed")
 HEIGHTS = RNG.normal(40.0, 3.0, (20, 30)).astype(np.float32)
 HEIGHTS[3, 4] = np.nan
 
@@ -111,6 +115,7 @@ def test_a_truncated_film_of_phantom_is_refused(tmp_path):
 
 
 # profilometers ----------------------------------------------------------------------------------------
+@WITH_BOTH_LIBRARIES
 @pytest.mark.parametrize("name, write", [("map.plu", write_plu), ("map.plux", write_plux)])
 def test_a_map_of_sensofar_has_its_heights_pitch_and_gaps(name, write, tmp_path):
     write(tmp_path / name, HEIGHTS, 0.83)
@@ -120,6 +125,7 @@ def test_a_map_of_sensofar_has_its_heights_pitch_and_gaps(name, write, tmp_path)
     assert stack.grid.height_unit == "um"
 
 
+@WITH_BOTH_LIBRARIES
 @pytest.mark.parametrize("suffix", ["x3p", "al3d"])
 def test_a_map_that_surfalize_writes_comes_back(suffix, tmp_path):
     from surfalize import Surface
@@ -130,6 +136,7 @@ def test_a_map_that_surfalize_writes_comes_back(suffix, tmp_path):
     np.testing.assert_allclose(stack.grid.pitch_mm, (0.5e-3, 0.7e-3), rtol=1e-6)
 
 
+@WITH_BOTH_LIBRARIES
 @pytest.mark.parametrize("suffix", ["sdf", "sur", "tmd"])
 def test_a_map_on_which_the_libraries_differ_is_refused_with_both_readings(suffix, tmp_path):
     from surfalize import Surface
@@ -140,6 +147,7 @@ def test_a_map_on_which_the_libraries_differ_is_refused_with_both_readings(suffi
     assert "surfalize: " in refusal.value.found and "SurfaceTopography: " in refusal.value.found
 
 
+@WITH_BOTH_LIBRARIES
 def test_the_times_of_maps_are_those_at_which_they_were_taken(tmp_path):
     for k in range(3):
         write_plu(tmp_path / f"{k}.plu", HEIGHTS + k, 0.83)

@@ -46,7 +46,8 @@ def film(path, write, **keys):
     write(path, np.stack([PIXELS, PIXELS[::-1]]).astype(np.uint16), 16, **keys)
 
 
-@pytest.mark.skipif(find_spec("surfalize") is None, reason="idic[instruments] is not installed")
+@pytest.mark.skipif(None in (find_spec("surfalize"), find_spec("SurfaceTopography")),
+                    reason="idic[instruments] is not installed")
 class TestImagesOfInstruments(ReaderContract):
     files = {"a.cine": lambda path: film(path, write_cine), "a.plu": lambda path: write_plu(path, HEIGHTS, 0.5),
              "a.plux": lambda path: write_plux(path, HEIGHTS, 0.5)}
