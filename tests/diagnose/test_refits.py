@@ -133,7 +133,7 @@ def test_a_refit_of_another_version_is_made_again(tmp_path, monkeypatch):
 def test_a_refit_whose_file_cannot_be_read_is_made_again(damage, tmp_path):
     store = RefitStore(tmp_path, resume=False)
     store.put(job(), made())
-    (file,) = store.folder.glob("*.npz")
+    (file,) = store.run.rglob("*.npz")
     content = file.read_bytes()
     flipped = bytes(byte ^ (k % 7 == 0) for k, byte in enumerate(content))
     file.write_bytes({"cut": content[:len(content) // 2], "empty": b"", "flipped": flipped, "other": b"text"}[damage])
@@ -321,7 +321,7 @@ def test_values_of_the_copy_that_judges_count_only_where_a_search_has_left_them(
     """A search that stalls where it starts would be judged on the copy that it was fitted to."""
     experiment, found = clean
 
-    def search(*given, progress, estimator, control):
+    def search(*given, progress, estimator, control, **more):
         for k in range(steps + 1):
             progress(LoopState(Trial({}), AcceptedPoint({}, k, phi=10.0 - k)))
         return replace(found, state=replace(found.state, status=status))
@@ -356,7 +356,7 @@ def test_a_search_is_given_up_when_three_of_its_simulations_failed(failures, lim
     """A step that fails is halved and often answers then: two failures are a part of a good search."""
     experiment, found = clean
 
-    def search(*given, progress, estimator, control):
+    def search(*given, progress, estimator, control, **more):
         phis = [None if k < failures else 1.0 for k in range(9)]
         history = tuple({"phi": phi, "message": "no equilibrium beyond 3 s"} for phi in phis)
         progress(replace(found.state, history=history))

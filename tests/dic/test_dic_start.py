@@ -7,7 +7,8 @@ import pytest
 from dic_cases import grid, pictures, rest, set_up
 
 from idic.measure.dic import build_pyramid, descend
-from idic.measure import Regularisation, build_smoother, coarse_motion
+from idic.measure import Regularisation, build_smoother
+from idic.measure.dic import coarse_motion
 
 SHAPE = (420, 380)
 

@@ -138,7 +138,7 @@ CASES = {
     "no origin": (text("origin_px = [10.0, 40.0]", ""), TOML, "camera.origin_px", "no such key"),
     "mesh wholly outside the image": (text("[10.0, 40.0]", "[1000.0, 40.0]"), TOML, "camera", "columns 1000"),
     "both axes along the columns": (text('"-row"', '"-col"'), TOML, "camera.axes", "-col"),
-    "inverted element": (text("1006, 107, 108, 113, 112", "1006, 107, 112, 113, 108", "mesh.inp"), "mesh.inp",
+    "folded element": (text("1006, 107, 108, 113, 112", "1006, 107, 113, 108, 112", "mesh.inp"), "mesh.inp",
                          "experiment.mesh", "1006"),
     "element with a missing node": (text("1006, 107,", "1006, 999,", "mesh.inp"), "mesh.inp", "line", "999"),
     "truncated mesh": (cut("mesh.inp", 0.55), "mesh.inp", None, ""),

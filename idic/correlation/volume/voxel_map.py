@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numba import njit
-from scipy.ndimage import minimum_filter1d
 
 from idic.correlation.volume.solid_cells import (
     MIDDLES, N_SOLID_NODES, N_TERMS, POWERS, SOLIDS, TABLE_SCALE, coefficients_of, monomial_slopes,
@@ -354,7 +354,7 @@ def _kept(run: np.ndarray, owner: np.ndarray, shape: tuple[int, int, int], margi
         if mask is not None:
             inside &= np.asarray(mask(slice(low, high), slice(0, shape[1]), slice(0, shape[2])), dtype=bool)
         for axis in range(3) if margin else ():
-            inside = minimum_filter1d(inside, 2 * margin + 1, axis=axis, mode="nearest")
+            inside = scipy.ndimage.minimum_filter1d(inside, 2 * margin + 1, axis=axis, mode="nearest")
         inner = by_slice[np.searchsorted(slices, first):np.searchsorted(slices, stop)]
         capacity = int(run[inner, 3].sum()) // 2 + len(inner) + 1
         out, source = np.empty((capacity, 4), dtype=np.int32), np.empty(capacity, dtype=np.int64)

@@ -6,7 +6,7 @@ from itertools import pairwise, product
 from pathlib import Path
 
 import numpy as np
-from scipy.ndimage import map_coordinates
+import scipy
 
 from idic.errors import InputError
 from idic.experiment_file.schema.cameras import ScannerTable
@@ -107,7 +107,8 @@ def _interpolated(correlation: np.ndarray | None, degree: int) -> float:
             for lag in range(1, reach + 1):
                 place[axis] = reach + lag
                 along[lag] = correlation[tuple(place)]
-        weights = [map_coordinates(impulse, [len(impulse) // 2 + fraction - voxels], order=degree, mode="mirror")
+        weights = [scipy.ndimage.map_coordinates(impulse, [len(impulse) // 2 + fraction - voxels], order=degree,
+                                                 mode="mirror")
                    for fraction in np.linspace(0.0, 1.0, 16, endpoint=False)]
         gain *= float(np.mean([w @ along[lags] @ w for w in weights]))
     return gain

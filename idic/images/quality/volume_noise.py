@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy import fft, ndimage
+import scipy
 
 from idic.images.gaussian_lowpass import lowpass_weights
 
@@ -77,8 +77,8 @@ def cube_corners(low: Sequence[int], high: Sequence[int], side: int, max_cubes: 
 
 def whole_shift(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Motion from one block to another to the nearest voxel, by the peak of their correlation  # (3,)"""
-    spectra = [fft.rfftn(block - np.mean(block, dtype=float)) for block in (first, second)]
-    peak = fft.irfftn(spectra[1] * spectra[0].conj(), s=first.shape)
+    spectra = [scipy.fft.rfftn(block - np.mean(block, dtype=float)) for block in (first, second)]
+    peak = scipy.fft.irfftn(spectra[1] * spectra[0].conj(), s=first.shape)
     place = np.array(np.unravel_index(np.argmax(peak), peak.shape))
     return np.where(place > np.array(first.shape) // 2, place - first.shape, place)
 
@@ -209,11 +209,11 @@ def _slow_terms(axes: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _slope(block: np.ndarray, stencil: np.ndarray, axis: int) -> np.ndarray:
-    return ndimage.correlate1d(block, stencil, axis=axis, mode="nearest")
+    return scipy.ndimage.correlate1d(block, stencil, axis=axis, mode="nearest")
 
 
 def _second(block: np.ndarray, axis: int) -> np.ndarray:
-    return ndimage.correlate1d(block, np.array([1.0, -2.0, 1.0]), axis=axis, mode="nearest")
+    return scipy.ndimage.correlate1d(block, np.array([1.0, -2.0, 1.0]), axis=axis, mode="nearest")
 
 
 def _lowpassed(block: np.ndarray, lowpass_px: float) -> np.ndarray:
@@ -222,14 +222,14 @@ def _lowpassed(block: np.ndarray, lowpass_px: float) -> np.ndarray:
         return block
     weights = np.convolve(lowpass_weights(lowpass_px), lowpass_weights(lowpass_px))
     for axis in range(3):
-        block = ndimage.correlate1d(block, weights, axis=axis, mode="nearest")
+        block = scipy.ndimage.correlate1d(block, weights, axis=axis, mode="nearest")
     return block
 
 
 def _lagged(values: np.ndarray) -> np.ndarray:
     """Mean products with neighbours at all lags up to `MAX_LAG_PX`  # (2 L + 1, 2 L + 1, 2 L + 1)"""
     shape = [n + MAX_LAG_PX for n in values.shape]
-    sums = fft.irfftn(np.abs(fft.rfftn(values, shape)) ** 2, shape)
+    sums = scipy.fft.irfftn(np.abs(scipy.fft.rfftn(values, shape)) ** 2, shape)
     lags = np.arange(-MAX_LAG_PX, MAX_LAG_PX + 1)
     overlap = [n - np.abs(lags) for n in values.shape]
     return sums[np.ix_(lags, lags, lags)] / np.einsum("i,j,k->ijk", *overlap)

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 from numba import njit
-from scipy.ndimage import map_coordinates
+import scipy
 
 SQUARES_ALONG = 96  # of a thumbnail, along the longer side of the region
 LEVELS = 3
@@ -117,7 +117,8 @@ def _motion(first: Thumbnail, second: Thumbnail) -> np.ndarray:
         a, b = (x - half[0] + 0.5) / half[0], (y - half[1] + 0.5) / half[1]
         basis = np.stack([np.ones_like(a), a, b])
         shift = [np.tensordot(part, basis, 1) / scale for part in (motion[:3], motion[3:])]
-        moved = map_coordinates(g, [y + shift[1], x + shift[0]], order=1, mode="nearest") if motion.any() else g
+        places = [y + shift[1], x + shift[0]]
+        moved = scipy.ndimage.map_coordinates(g, places, order=1, mode="nearest") if motion.any() else g
         down, right = np.gradient(0.5 * (f + moved))
         inner = (slice(1, -1),) * 2
         columns = np.concatenate([right * basis, down * basis])[(slice(None), *inner)].reshape(6, -1)

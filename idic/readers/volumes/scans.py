@@ -10,7 +10,6 @@ from idic.errors import InputError
 from idic.path_names import path_inside
 from idic.readers.paths import natural_key, recorded_order
 from idic.readers.volumes.entry import VolumeEntry
-from idic.readers.volumes.hdf5_volume import hdf5_entries
 from idic.readers.volumes.meta_image import meta_image_entries
 from idic.readers.volumes.npy import npy_entries
 from idic.readers.volumes.nrrd_volume import nrrd_entries
@@ -20,10 +19,17 @@ from idic.readers.volumes.vgi import vgi_entries
 from idic.readers.volumes.zarr_volume import is_zarr, zarr_entries
 from idic.remote_files import fetch
 
+
+def _hdf5_entries(path: Path, name: str) -> list[VolumeEntry]:
+    from idic.readers.volumes.hdf5_volume import hdf5_entries  # h5py is loaded where such a file is read
+
+    return hdf5_entries(path, name)
+
+
 _READERS: dict[str, Callable[[Path], list[VolumeEntry]]] = {
     ".tif": tiff_entries, ".tiff": tiff_entries, ".vgi": vgi_entries, ".mhd": meta_image_entries,
     ".mha": meta_image_entries, ".nrrd": nrrd_entries, ".nhdr": nrrd_entries, ".npy": npy_entries}
-_WITH_PARTS = {".h5": hdf5_entries, ".hdf5": hdf5_entries, ".hdf": hdf5_entries, ".nxs": hdf5_entries}
+_WITH_PARTS = dict.fromkeys((".h5", ".hdf5", ".hdf", ".nxs"), _hdf5_entries)
 _HEADERS = {".vol": (".vgi",), ".raw": (".mhd", ".nhdr")}  # of files that hold voxels only
 _EXPECTED = ("TIFF stacks, folders of slices, .vgi, .mhd, .mha, .nrrd, .nhdr, .npy, Zarr folders, or HDF5 files with "
              "::dataset")
