@@ -6,7 +6,8 @@ import logging
 import os
 import signal
 
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS",
+NUMBA_THREADS = "NUMBA_NUM_THREADS"
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", NUMBA_THREADS,
                             "VECLIB_MAXIMUM_THREADS", "OPENCV_FOR_THREADS_NUM"), "1")
 KEEP_MEMORY = {  # bytes; Dask's own setting returns every large array at once and has it zeroed again for the next one
     "MALLOC_MMAP_THRESHOLD_": str(32 << 20), "MALLOC_TRIM_THRESHOLD_": str(128 << 20)
@@ -38,7 +39,11 @@ def cluster_settings(allowed_failures: int) -> dict:
     return {
         "distributed.scheduler.allowed-failures": allowed_failures,
         "distributed.deploy.lost-worker-timeout": LOST_AFTER,
-        "distributed.nanny.pre-spawn-environ": {**ONE_THREAD, **_QUIET, **KEEP_MEMORY},
+        # set in this process while a worker starts: numba refuses another number of threads once it has started some
+        "distributed.nanny.pre-spawn-environ": {name: value for name, value in {**ONE_THREAD, **_QUIET,
+                                                                                 **KEEP_MEMORY}.items()
+                                                if name != NUMBA_THREADS},
+        "distributed.nanny.environ": {NUMBA_THREADS: ONE_THREAD[NUMBA_THREADS]},
         **{f"distributed.worker.memory.{name}": value for name, value in NEVER_PAUSE.items()},
         "distributed.worker.preload": ["idic.run.workers.dask_settings"],
         "distributed.worker.profile.enabled": False,  # it samples every 10 ms and keeps an hour of it in memory
