@@ -201,18 +201,17 @@ def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.
     else:
         first = _Point(None, local, steps)
     setup = replace(setup, foreseen=foreseen and isinstance(setup.forward, ForwardModel))
-    state, end = _searched(setup, start(experiment, searched, estimator), first, progress)
+    points = _points(setup, start(experiment, searched, estimator), first)
+    state = run_loop(points, progress=progress)
+    end = points.point
     if end.path is not None and end.path.origin is not None and not _is_told(setup, end, state.accepted.values):
         state, end = _continued(setup, state, end, progress)
     return Identification(experiment, setup.forward, state, end.evaluation, end.local, end.steps, setup.weights,
                           end.path)
 
 
-def _searched(setup: _Setup, state: LoopState, first: _Point,
-              progress: Callable[[LoopState], None]) -> tuple[LoopState, _Point]:
-    """The end of a search."""
-    points = MemoryPoints(setup.experiment, setup.weights.image_noise, state, first, partial(_next_point, setup))
-    return run_loop(points, progress=progress), points.point
+def _points(setup: _Setup, state: LoopState, first: _Point) -> MemoryPoints:
+    return MemoryPoints(setup.experiment, setup.weights.image_noise, state, first, partial(_next_point, setup))
 
 
 def _continued(setup: _Setup, state: LoopState, end: _Point,
@@ -221,12 +220,13 @@ def _continued(setup: _Setup, state: LoopState, end: _Point,
     parameters = setup.experiment.model.parameters.with_starts(state.accepted.values)
     experiment = replace(setup.experiment, model=replace(setup.experiment.model, parameters=parameters), stages=())
     restart = start(experiment, True, state.estimator.kind if state.generalised else ORDINARY)
-    later, point = _searched(replace(setup, experiment=experiment), restart,
-                             _Point(None, end.local, end.steps, end.path.origin), progress)
-    if point.evaluation is None:
+    points = _points(replace(setup, experiment=experiment), restart,
+                     _Point(None, end.local, end.steps, end.path.origin))
+    later = run_loop(points, progress=progress)
+    if points.point.evaluation is None:
         return state, end
     return replace(later, evaluations=state.evaluations + later.evaluations,
-                   history=(*state.history, *later.history)), point
+                   history=(*state.history, *later.history)), points.point
 
 
 @dataclass(frozen=True)

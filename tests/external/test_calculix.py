@@ -98,7 +98,7 @@ def built_in(experiment):
     """The same with the solver of idic, on the whole thickness."""
     channels = tuple(replace(channel, factor=1.0) for channel in experiment.model.channels)
     here = replace(experiment, model=replace(experiment.model, solver=None, channels=channels))
-    return solve(build_forward(here), here.parameters)
+    return solve(build_forward(here), here.model.parameters)
 
 
 @pytest.mark.parametrize("reader", ["calculix_dat", "calculix_frd"])
