@@ -173,7 +173,7 @@ def test_a_damaged_frame_is_told_before_the_figures_are_drawn():
         flip(chunks[len(chunks) // 2], 323)
         with pytest.raises(InputError, match="missing or damaged"):
             write_report(run, stages.append, paraview=True)
-    assert stages == ["tables and ParaView files"]
+    assert not [stage for stage in stages if "figures" in stage]
 
 
 def test_a_fill_value_beyond_the_type_of_its_array_is_refused():

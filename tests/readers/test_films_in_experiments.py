@@ -61,5 +61,5 @@ def test_init_writes_the_film(strip, tmp_path):
     for name in ("film.mraw", "film.cihx"):
         (folder / name).write_bytes((strip / name).read_bytes())
     text = initial_experiment(folder)[0].read_text()
-    assert 'images = "*.mraw"' in text and f"{N_FRAMES} images of 110 x 60 px" in text
+    assert 'images = "film.mraw"' in text and f"{N_FRAMES} images of 110 x 60 px" in text
     assert "every 10th was saved" in text

@@ -1,5 +1,7 @@
 """When a fit is doubtful, and stresses without a force; what is said of both is in test_approved_words.py."""
 
+import json
+
 from __future__ import annotations
 
 import re
@@ -11,7 +13,6 @@ from idic.report import (
     against_free, held_stresses, in_ratios, joint_page, render_page, result_headline, result_verdict, stress_unit,
 )
 from idic.report.result.words import convergence, explained
-from idic.run import read_result
 from idic.run.joint_result import result_of_part
 
 CLUSTER = {"is_cluster": True, "chi2": 1.62, "typical_chi2": 1.0, "z": 31.0, "p_value": 0.0, "column": 412.3,
@@ -109,7 +110,7 @@ def test_a_part_of_several_experiments_has_a_stress_where_one_of_them_has_a_forc
              "not_identifiable": []}
     own = {"parameters": {}, "notes": [], "has_force": False}
     result_of_part(tmp_path, own, whole, "b", {})
-    assert read_result(tmp_path)["has_force"] is True
+    assert json.loads((tmp_path / "result.json").read_text())["has_force"] is True
 
 
 def test_without_a_force_a_bound_is_a_ratio_too():

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
+from idic.readers.containers.references import refuse_references
 from idic.readers.mesh_files.raw_mesh import RawMesh
 
 SUFFIX = ".med"
@@ -32,6 +33,7 @@ def read_med(path: Path) -> RawMesh:
     """
     import h5py
 
+    refuse_references(path, "mesh")
     try:
         with h5py.File(path, "r") as file:
             return _mesh(path, file)
