@@ -1,9 +1,8 @@
 """When a fit is doubtful, and stresses without a force; what is said of both is in test_approved_words.py."""
 
-import json
-
 from __future__ import annotations
 
+import json
 import re
 
 import pytest
