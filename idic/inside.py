@@ -1,7 +1,7 @@
 """Files in a folder that somebody else may have filled, such as a RUN: opened there, and nowhere else.
 
-The folder itself is the one that the user names, links on the way to it included. Below it every level is opened by the
-handle of the one above, no symbolic link is followed, and only regular files are opened: a link could lead to any file
+The folder may be reached by links: the user names it. Below it every level is opened by the handle of the one above, no
+symbolic link is followed, and only regular files are opened: a link could lead to any file
 of the user, and a pipe has no end. Without handles of folders (Windows) every level is looked at first.
 """
 
@@ -40,7 +40,7 @@ def open_inside(folder: Path | str, name: Name, mode: str = "rb") -> IO[Any]:
     ----------
     folder : as the user names it
     name : relative to it, separated by ``/``
-    mode : as of `open`: r, w, x, a, r+; ``a+`` keeps what is there. Texts are UTF-8
+    mode : as of `open`: r, w, x, a, r+; ``a+`` keeps the content of the file. Texts are UTF-8
 
     Raises
     ------
@@ -321,7 +321,7 @@ def _descriptor(place: _Place, flags: int) -> int:
 
 
 def _refuse_special(place: _Place, folder: bool = False) -> None:
-    """`InputError` where the name belongs to a link, a pipe …; nothing is said of a name that nobody has."""
+    """`InputError` where the name is that of a link, a pipe …; a name without a file passes."""
     try:
         kind = stat.S_IFMT(place.status().st_mode)
     except OSError:

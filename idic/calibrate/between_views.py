@@ -22,7 +22,7 @@ _RANK = 1e-10  # of the largest eigenvalue: unknowns that a single view does not
 
 @dataclass(frozen=True, eq=False)
 class _Reduced:
-    """Equations of a view without its pose: score (m,), matrix (m, m), what is left of the squares, their number."""
+    """Equations of a view without its pose: score (m,), matrix (m, m), the sum of squares behind it, their number."""
 
     score: np.ndarray
     matrix: np.ndarray

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from idic.correlation.image_equations.image_kernel import (_FAST, _INT, _ZERO, _cubic_residuals, _drop_lost, _positions,
+from idic.correlation.image_equations.image_kernel import (_FAST, _INT, _ZERO, _cubic_residuals, drop_lost, _positions,
                                            _quintic_residuals, _split_motion)
 from idic.images import MIRROR_PAD_PX
 
@@ -103,7 +103,7 @@ def height_pass(start, ix, iy, a, b, f, fx, fy, motion, coefficients, width, deg
                 _quintic_residuals(raised[:n], coefficients, base, stride, fraction_x, fraction_y, r)
             if gap_windows.size:
                 _drop_gaps(base, gap_windows, lost[:n])
-            n_lost[e] += _drop_lost(lost[:n], valid[s:t], r)
+            n_lost[e] += drop_lost(lost[:n], valid[s:t], r)
             _weighted_sums(a[s:t], b[s:t], fx[s:t], r[:n], sums[e, :8])
             _weighted_sums(a[s:t], b[s:t], fy[s:t], r[:n], sums[e, 8:16])
             _weighted_sums(a[s:t], b[s:t], ones[:n], r[:n], sums[e, 16:24])
@@ -138,4 +138,4 @@ def height_residuals(start, ix, iy, a, b, f, motion, coefficients, width, degree
                                    residual[s:t])
             if gap_windows.size:
                 _drop_gaps(base, gap_windows, lost[:n])
-            _drop_lost(lost[:n], valid[s:t], residual[s:t])
+            drop_lost(lost[:n], valid[s:t], residual[s:t])

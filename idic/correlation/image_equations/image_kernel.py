@@ -179,13 +179,13 @@ def image_pass(start, ix, iy, a, b, f, fx, fy, maps, weights, means, motion, coe
                 _cubic_residuals(still, coefficients, base, stride, fraction_x, fraction_y, r)
             else:
                 _quintic_residuals(still, coefficients, base, stride, fraction_x, fraction_y, r)
-            n_lost[e] += _drop_lost(lost[:n], valid[s:t], r)
+            n_lost[e] += drop_lost(lost[:n], valid[s:t], r)
             _add_sums(a[s:t], b[s:t], f[s:t], fx[s:t], fy[s:t], means[e], r, sums[e])
 
 
 @njit(cache=True, nogil=True)
-def _drop_lost(lost, valid, r):
-    """Exact exclusion: the residual of a lost pixel is 0 in every sum; counted and marked."""
+def drop_lost(lost, valid, r):
+    """Exact exclusion: the residual of a lost pixel or voxel is 0 in every sum; counted and marked."""
     count = _INT(0)
     for k in range(lost.size):
         count = _INT(count + (lost[k] | _INT(valid[k] == 0)))
@@ -221,4 +221,4 @@ def residual_pass(start, ix, iy, a, b, f, maps, weights, motion, coefficients, w
                 _cubic_residuals(still, coefficients, base, stride, fraction_x[s:t], fraction_y[s:t], residual[s:t])
             else:
                 _quintic_residuals(still, coefficients, base, stride, fraction_x[s:t], fraction_y[s:t], residual[s:t])
-            _drop_lost(lost[: t - s], valid[s:t], residual[s:t])
+            drop_lost(lost[: t - s], valid[s:t], residual[s:t])

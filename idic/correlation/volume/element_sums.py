@@ -11,11 +11,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from idic.correlation.pixels.blocks import to_nodes
+from idic.correlation.pixels.blocks import dot3, to_nodes
 from idic.correlation.volume.solid_cells import N_TERMS, fill_monomials, local_places
 from idic.correlation.volume.volume_kernel import BUFFER, fill_places
-
-_FAST = {"contract", "reassoc", "nsz"}
 
 
 @njit(cache=True, nogil=True)
@@ -42,20 +40,20 @@ def element_sums(elements, begin, kind, n_terms, transforms, run_start, run, sta
             for k in range(n):
                 for m in range(k + 1):
                     for half in range(0, 6, 3):
-                        v0, v1, v2 = _dot4(powers[k, :size], powers[m, :size], weight[half, :size],
+                        v0, v1, v2 = dot3(powers[k, :size], powers[m, :size], weight[half, :size],
                                            weight[half + 1, :size], weight[half + 2, :size])
                         products[k, m, half] += v0
                         products[k, m, half + 1] += v1
                         products[k, m, half + 2] += v2
                 for c in range(3):
-                    v0, v1, v2 = _dot4(powers[k, :size], slope[c, :size], slope[3, :size], slope[4, :size],
+                    v0, v1, v2 = dot3(powers[k, :size], slope[c, :size], slope[3, :size], slope[4, :size],
                                        slope[4, :size])
                     moments[k, c, 0] += v0
                     moments[k, c, 1] += v1
-            v0, v1, v2 = _dot4(slope[4, :size], slope[4, :size], slope[4, :size], slope[3, :size], slope[3, :size])
+            v0, v1, v2 = dot3(slope[4, :size], slope[4, :size], slope[4, :size], slope[3, :size], slope[3, :size])
             grey[e, 0] += v0
             grey[e, 1] += v1
-            v0, v1, v2 = _dot4(slope[3, :size], slope[4, :size], slope[3, :size], slope[3, :size], slope[3, :size])
+            v0, v1, v2 = dot3(slope[3, :size], slope[4, :size], slope[3, :size], slope[3, :size], slope[3, :size])
             grey[e, 2] += v0
             s = t
         hessian[e, :n * (n + 1) // 2] = 0.0
@@ -76,17 +74,6 @@ def _weights(f, gx, gy, gz, valid, weight, slope):
         weight[0, k], weight[1, k], weight[2, k] = x * x, x * y, y * y
         weight[3, k], weight[4, k], weight[5, k] = x * z, y * z, z * z
         slope[0, k], slope[1, k], slope[2, k], slope[3, k], slope[4, k] = x, y, z, w * f[k], w
-
-
-@njit(cache=True, nogil=True, fastmath=_FAST)
-def _dot4(p, q, x, y, z):
-    sx = sy = sz = np.float32(0.0)
-    for k in range(p.size):
-        m = p[k] * q[k]
-        sx += m * x[k]
-        sy += m * y[k]
-        sz += m * z[k]
-    return sx, sy, sz
 
 
 @njit(cache=True, nogil=True)

@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from idic.correlation.image_equations.image_kernel import drop_lost
 from idic.correlation.volume.solid_cells import N_TERMS, fill_monomials, local_places
 from idic.correlation.volume.eight_taps import LANES, eight_cubic, eight_quintic
 
@@ -156,7 +157,7 @@ def volume_pass(elements, kind, n_terms, run_start, run, voxel_start, affine, mi
             _positions(x[:size], y[:size], z[:size], u, steps, box, low, high, fraction, base, lost)
             spline_buffer(c, base, size, row, plane, degree, fraction, value)
             _residuals(f[first:end], value, size, r)
-            n_lost[e] += _drop_lost(lost[:size], valid[first:end], r)
+            n_lost[e] += drop_lost(lost[:size], valid[first:end], r)
             _weighted(r[:size], gx[first:end], gy[first:end], gz[first:end], weighted)
             for m in range(n):
                 a, b, d = _dots3(powers[m, :size], weighted[0, :size], weighted[1, :size], weighted[2, :size])
@@ -204,17 +205,3 @@ def fill_places(run, j, passed, size, x, y, z):
         else:
             passed += m
     return j, passed
-
-
-@njit(cache=True, nogil=True)
-def _drop_lost(lost, valid, r):
-    """Exact exclusion: the residual of a lost voxel is 0 in every sum; counted and marked."""
-    count = _INT(0)
-    for k in range(lost.size):
-        count = _INT(count + (lost[k] | _INT(valid[k] == 0)))
-    if count:
-        for k in range(lost.size):
-            if lost[k] or valid[k] == 0:
-                valid[k] = 0
-                r[k] = _ZERO
-    return count

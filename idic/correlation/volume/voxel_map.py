@@ -338,7 +338,7 @@ def _runs(geometry: np.ndarray, kind: np.ndarray, corners: np.ndarray, shape: tu
 
 def _kept(run: np.ndarray, owner: np.ndarray, shape: tuple[int, int, int], margin: int,
           mask: ReadMask | None) -> tuple[np.ndarray, np.ndarray]:
-    """The runs less voxels outside the mask, and less `margin` voxels along the surface of what is left."""
+    """The runs less voxels outside the mask, and less `margin` voxels along the surface of the others."""
     if (margin == 0 and mask is None) or not len(run):
         return run, owner
     thickness = max(1, int(VOXELS_PER_BLOCK // (shape[1] * shape[2])))

@@ -49,12 +49,12 @@ def natural_key(text: str) -> list[tuple[int, int, str]]:
 def order_by_names(stems: Sequence[str], order: str | None = None) -> tuple[list[int], str]:
     """Indices of the names in their order, and the reading by which they are in it.
 
-    order : "names", "signed", "wrapped", "clock", "number 1", "number 2" …; None: the one that the names show
+    order : "names", "signed", "wrapped", "clock", "number 1", "number 2" …; None: the reading that the names show
 
     Raises
     ------
     UncertainOrder
-        Names with two readings, or without the one that is asked for.
+        Names with two readings, or names that lack the reading of `order`.
     """
     readings = {SIGNED: signed_keys, WRAPPED: wrapped_keys, CLOCK: clock_keys}
     if order is None:

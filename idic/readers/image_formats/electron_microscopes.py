@@ -40,7 +40,7 @@ class Micrograph:
 
     @property
     def note(self) -> str:
-        """What is left out; empty without a data bar."""
+        """The rows of the data bar in words; empty without one."""
         return (f"an image of an electron microscope: the data bar, the lowest {self.bar_rows} rows, is left out"
                 if self.bar_rows else "")
 

@@ -22,7 +22,7 @@ _OTHER_NAMES = {"Newton": "N", "Kilonewton": "kN", "Millimeter": "mm", "Seconds"
 
 
 def read_tdms(path: Path) -> tuple[Table, list[str]]:
-    """The table, and notes on what is left out.
+    """The table, and notes on channels that it lacks.
 
     Raises
     ------
