@@ -16,7 +16,6 @@ MIRROR_PAD_PX = 8  # mirrored coefficients on every side: the kernels need no bo
 POLES = {3: (np.sqrt(3.0) - 2.0,), 5: (-0.43057534709997379, -0.04309628820326465)}
 _MIRROR_TERMS = 40  # |pole|^40 < 3e-15: the infinite mirror sum needs no more terms in float32
 _ROWS, _COLUMNS, _TILE = 32, 32, 16  # lines of a strip; pixels that are turned round together
-_FAST = {"contract", "nsz"}
 _U = np.uint64
 
 
@@ -54,7 +53,7 @@ def _mirror_rim(c):
         c[:, -MIRROR_PAD_PX - 1 + k] = c[:, -MIRROR_PAD_PX - 1 - k]
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@njit(cache=True, nogil=True)
 def filter_block(t, n, width, poles):
     """Filter every column of a strip on its own, in place  # t (>= n * width,) float32: n values of `width` columns"""
     gain = 1.0
@@ -85,7 +84,7 @@ def filter_block(t, n, width, poles):
                 t[line + _U(j)] = z * (t[following + _U(j)] - t[line + _U(j)])
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@njit(cache=True, nogil=True)
 def _mirror_sum(t, n, width, z, first):
     """Start value of the causal recursion: sum of z^k s_k over the mirrored signal (exact for short signals)."""
     first[:] = np.float32(0.0)
@@ -113,7 +112,7 @@ def _mirror_ends(s, n, width, reach):
             s[(reach + n - 1 + k) * width + j] = s[(reach + n - 1 - inner) * width + j]
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@njit(cache=True, nogil=True)
 def _blur(s, t, n, width, weights):
     """Symmetric low-pass of every column of a strip; weights from the middle on.
 

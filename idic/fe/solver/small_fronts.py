@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.fe.solver.compilation import fast_kernel, kernel
+from idic.fe.solver.compilation import kernel
 from idic.fe.solver.multifrontal import Front
 
 MIN_PIVOT = 0.1  # of the largest entry of the pivots below it: a smaller diagonal is exchanged
@@ -126,7 +126,7 @@ def factor(tree: SmallFronts, values: np.ndarray) -> SmallFactor | None:
     return SmallFactor(tree, entries, exchanges) if regular else None
 
 
-@fast_kernel
+@kernel
 def _reduce(panel, start, m, k, column, at):
     """Subtract from a column what its entries in the first k pivots bring, in turn; panel from `start` on, (m, k)."""
     j = 0
@@ -152,7 +152,7 @@ def _reduce(panel, start, m, k, column, at):
         j += 1
 
 
-@fast_kernel
+@kernel
 def _reduce_pair(panel, start, m, k, columns, at, partner):
     """`_reduce` for the columns at `at` and `other`: each column of the panel is read once for both."""
     j = 0
@@ -291,7 +291,7 @@ def factorise(first, end, beginning, starts, below, children, places_from, place
     return True
 
 
-@fast_kernel
+@kernel
 def _subtract(entries, at, factor_, room, first, end):
     """room[first:end] less a column of entries times a number."""
     a = _U(at)
@@ -300,7 +300,7 @@ def _subtract(entries, at, factor_, room, first, end):
         room[i] -= factor_ * entries[a + i]
 
 
-@fast_kernel
+@kernel
 def _dot(entries, at, room, first, end):
     total = 0.0
     a = _U(at)
