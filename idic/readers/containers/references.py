@@ -44,7 +44,7 @@ def refuse_references(path: Path, key: str) -> None:
                 raise _refused(path, key, f"{name}, no regular file beside it")
             refuse_references(path.parent / name, key)
     elif is_hdf5(path):
-        outside = next(_outside_of(path), None)
+        outside = next(_outside_of(path, key), None)
         if outside is not None:
             raise _refused(path, key, outside)
 
@@ -63,8 +63,8 @@ def _named_in_xdmf(path: Path) -> list[str]:
     return []
 
 
-def _outside_of(path: Path) -> Iterator[str]:
-    """What an HDF5 file takes from elsewhere."""
+def _outside_of(path: Path, key: str) -> Iterator[str]:
+    """What an HDF5 file takes from elsewhere; `InputError` where it cannot be looked at."""
     import h5py  # loaded where such a file is read
 
     places: list[str] = []
@@ -83,5 +83,6 @@ def _outside_of(path: Path) -> Iterator[str]:
             if not places:
                 file.visititems(of_array)
     except Exception as problem:  # noqa: BLE001  (a damaged file makes h5py raise all kinds)
-        places.append(f"parts that cannot be looked at ({problem})")
+        raise InputError("the file cannot be read", file=path, key=key, expected="a whole file of HDF5",
+                         found=f"parts that cannot be looked at ({problem})", remedy="write the file again") from problem
     yield from places
