@@ -20,6 +20,7 @@ from idic_studies.equality.normal_text import without_numbers
 
 VALUE_TOLERANCE, STD_TOLERANCE = 1e-6, 1e-4  # of the scale, between machines
 SMALLEST_SCALE = 1e-9  # of a number: below it is rounding
+UNITS = {"score": 1.0, "effect_channel_std": 1.0, "effect_px_rms": 0.01}  # std, std, px; far below is rounding
 STD_PLACES = ("std", "ci95", "bias", "p_value", "eigen", "correlation", "discrepancy", " M", "diagnosis.json")
 REMAINDERS = ("system/b", "system/frame_local_step")  # arrays that a search brings near zero: their digits are rounding
 MAX_TEXT_LINES = 6  # of one text that are shown
@@ -98,7 +99,13 @@ def _documents(base: Mapping, head: Mapping, exact: bool) -> Iterator[Difference
     yield from _names("documents", base, head)
     for name in base:
         if name in head:
-            yield from _values(name, base[name], head[name], exact, None)
+            yield from _values(name, base[name], head[name], exact, None, UNITS | _parameter_stds(base))
+
+
+def _parameter_stds(documents: Mapping) -> dict[str, float]:
+    """Standard deviations of the identified parameters: a change far below its own is rounding."""
+    parameters = documents.get("run/result.json", {}).get("parameters") or {}
+    return {name: entry["std"] for name, entry in parameters.items() if entry.get("std")}
 
 
 def _arrays(base: Mapping, head: Mapping, exact: bool, base_arrays: Mapping,
@@ -141,19 +148,21 @@ def _texts(base: Mapping, head: Mapping, exact: bool) -> Iterator[Difference]:
 
 
 # values -----------------------------------------------------------------------------------------------------
-def _values(place: str, base: Any, head: Any, exact: bool, scale: float | None) -> Iterator[Difference]:
-    """scale : largest magnitude of the list around a number; None: there is none."""
+def _values(place: str, base: Any, head: Any, exact: bool, scale: float | None,
+            units: Mapping[str, float]) -> Iterator[Difference]:
+    """scale : largest magnitude of the list around a number, or its unit; None: there is none. units : by name."""
     if isinstance(base, dict) and isinstance(head, dict):
         yield from _names(place, base, head)
         for key in base:
             if key in head:
-                yield from _values(f"{place} {key}", base[key], head[key], exact, None)
+                yield from _values(f"{place} {key}", base[key], head[key], exact,
+                                   _unit(key, base, units) or scale, units)
     elif isinstance(base, list) and isinstance(head, list):
         if len(base) != len(head):
             yield Difference(place, f"{len(base)} entries -> {len(head)}")
         scale = _largest(base) if scale is None else scale
         for number, (first, second) in enumerate(zip(base, head, strict=False)):
-            yield from _values(f"{place}[{number}]", first, second, exact, scale)
+            yield from _values(f"{place}[{number}]", first, second, exact, scale, units)
     elif not exact and _is_number(base) and _is_number(head):
         tolerance = STD_TOLERANCE if any(word in place for word in STD_PLACES) else VALUE_TOLERANCE
         yield from _numbers(place, base, head, tolerance, scale)
@@ -162,6 +171,11 @@ def _values(place: str, base: Any, head: Any, exact: bool, scale: float | None) 
             yield Difference(place, f"{base!r} -> {head!r}")
     elif type(base) is not type(head) or not (base == head or _both_nan(base, head)):
         yield Difference(place, f"{base!r} -> {head!r}")
+
+
+def _unit(key: str, record: Mapping, units: Mapping[str, float]) -> float | None:
+    """What a number is measured in; a change that a candidate expects: in its standard deviation."""
+    return record.get("expected_change_std") if key == "expected_change" else units.get(key)
 
 
 def _numbers(place: str, base: float | None, head: float | None, tolerance: float,

@@ -6,6 +6,7 @@ import platform
 from importlib.metadata import version
 from pathlib import Path
 
+import llvmlite.binding
 import numpy as np  # noqa: F401 - its linear algebra is one of the libraries below
 import scipy.linalg  # noqa: F401 - likewise
 from threadpoolctl import threadpool_info
@@ -19,8 +20,9 @@ def fingerprint() -> dict:
     """The fingerprint of this machine and environment."""
     kernels = {f"{library['prefix']} {library.get('version')} {library.get('architecture', '')}".strip()
                for library in KERNELS if library["user_api"] == "blas"}
-    return {"processor": _processor(), "python": platform.python_version(),
-            "packages": {name: version(name) for name in PACKAGES}, "blas": sorted(kernels)}
+    return {"processor": _processor(), "target": llvmlite.binding.get_host_cpu_name(),
+            "python": platform.python_version(), "packages": {name: version(name) for name in PACKAGES},
+            "blas": sorted(kernels)}
 
 
 def _processor() -> str:
