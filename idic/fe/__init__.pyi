@@ -36,7 +36,7 @@ from .mesh.surface_edges import (
 )
 from .response import Alternative, Responses, first_responses
 from .solver.factorisation_cost import Fill, dissected
-from .solver.linear import Factor, MIN_OPERATIONS_PER_ENTRY
+from .solver.linear import Factor
 from .solver.rigid_motion import FreePart, bodies, free_parts
 from .solver.threads import solver_threads
 from .stress_error import stress_error_responses
@@ -50,7 +50,6 @@ __all__ = [
     "EDGE_STD_SHARE",
     "EXTERNAL",
     "LOG_FILE",
-    "MIN_OPERATIONS_PER_ENTRY",
     "OUTLINE",
     "PERMISSION",
     "REASON_FILE",

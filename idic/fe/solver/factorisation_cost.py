@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from idic.fe.solver import linear
 from idic.fe.solver.dissection import dissect, incidences
 from idic.fe.mesh.mesh import Mesh
 
@@ -21,6 +22,16 @@ class Fill:
 
     entries: float
     operations: float
+
+    @property
+    def costs_much(self) -> bool:
+        """Whether an earlier factor is kept as long as iterations with it converge fast."""
+        return self.operations > linear.MIN_OPERATIONS_PER_ENTRY * self.entries
+
+    @property
+    def is_too_large(self) -> bool:
+        """Whether multigrid takes the place of factors."""
+        return self.entries > linear.MAX_FACTOR_ENTRIES
 
 
 def dissected(mesh: Mesh) -> Fill:

@@ -2,7 +2,8 @@
 
 An LU by dense fronts, numbered by nested dissection: compiled where fronts are small, by LAPACK where it costs much.
 Matrices are unsymmetric in general (F-bar, follower loads, non-associated laws). Where an LU costs much, the symmetric
-part is factorised for half of it, if it is positive definite and near the matrix; iterations correct the rest.
+part is factorised for half of it, if it is positive definite and near the matrix; iterations correct the rest. Where
+that too costs much, multigrid takes the place of the factor.
 """
 
 from __future__ import annotations
@@ -15,9 +16,13 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array
 from scipy.sparse.linalg import SuperLU, splu
 
-from idic.fe.solver import cholesky, dissection, krylov, multifrontal, small_fronts, storage, substitution
+from idic.fe.solver import cholesky, dissection, krylov, multifrontal, multigrid, small_fronts, storage, substitution
 
 MIN_OPERATIONS_PER_ENTRY = 250  # of a factorisation by fronts: from here on kept factors cost less (cubes, a plate)
+
+# of a factor, 4 GB: half of a laptop's memory. Cubes of 180 000 equations; an elastoplastic one of 100 000 with four
+# derivatives takes half as long again by multigrid, for half the memory
+MAX_FACTOR_ENTRIES = 5e8
 
 MAX_BACKWARD_ERROR = 1e-13  # of an LU by fronts; beyond, its row exchanges were not enough and SuperLU takes over
 
@@ -42,6 +47,8 @@ class Pattern:
         Compressed columns with sorted rows.
     fronts : tuple of Front
         How they are factorised.
+    coordinates : (n_nodes, d) mm
+        Of the nodes whose dofs they are.
     """
 
     equation: np.ndarray
@@ -49,6 +56,7 @@ class Pattern:
     indptr: np.ndarray
     indices: np.ndarray
     fronts: tuple[multifrontal.Front, ...] = field(default=(), repr=False)
+    coordinates: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
 
     @property
     def n(self) -> int:
@@ -62,9 +70,18 @@ class Pattern:
     def costs_much(self) -> bool:
         """Whether a factorisation costs so much that an earlier one is kept as long as iterations with it converge
         fast."""
-        sizes = [(float(front.end - front.first), len(front.boundary)) for front in self.fronts]
-        entries = sum(s * (s + 1) / 2 + s * b for s, b in sizes)
-        return sum(s**3 / 3 + s**2 * b + s * b**2 for s, b in sizes) > MIN_OPERATIONS_PER_ENTRY * entries
+        operations = sum(s**3 / 3 + s**2 * b + s * b**2 for s, b in self._front_sizes)
+        return operations > MIN_OPERATIONS_PER_ENTRY * self.factor_entries
+
+    @cached_property
+    def factor_entries(self) -> float:
+        """Entries of one triangular factor."""
+        return sum(s * (s + 1) / 2 + s * b for s, b in self._front_sizes)
+
+    @cached_property
+    def _front_sizes(self) -> list[tuple[float, int]]:
+        """Own equations and boundary of each front."""
+        return [(float(front.end - front.first), len(front.boundary)) for front in self.fronts]
 
     @cached_property
     def tree(self) -> cholesky.Tree:
@@ -99,19 +116,20 @@ class Pattern:
 class Factor:
     """A factorised matrix.
 
-    lu : fronts, small or by LAPACK, or SuperLU
+    lu : fronts, small or by LAPACK, SuperLU, or the levels of multigrid
     matrix : where the factors are those of a similar one: of its symmetric part, or (``of_earlier_tangent``) of an
         earlier one
     """
 
     pattern: Pattern
-    lu: small_fronts.SmallFactor | tuple[multifrontal.FrontFactor, ...] | cholesky.SymmetricFactor | SuperLU
+    lu: small_fronts.SmallFactor | tuple[multifrontal.FrontFactor, ...] | cholesky.SymmetricFactor | (
+        SuperLU | multigrid.Hierarchy)
     matrix: csc_array | None = field(default=None, repr=False)
     of_earlier_tangent: bool = False
 
     @property
     def of_symmetric_part(self) -> bool:
-        return isinstance(self.lu, cholesky.SymmetricFactor)
+        return isinstance(self.lu, (cholesky.SymmetricFactor, multigrid.Hierarchy))
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:
         """Solve for one (n,) or several (n, m) right-hand sides, in equation numbering."""
@@ -178,7 +196,7 @@ def make_pattern(coordinates: np.ndarray, element_dofs: Sequence[np.ndarray], pr
     equation = np.full(coordinates.size, -1, dtype=np.int64)
     equation[order] = np.arange(len(order))
     columns = _compressed_columns(len(order), [equation[dofs] for dofs in element_dofs])
-    return Pattern(equation, order, *columns, fronts=multifrontal.analyse(ends, children, *columns))
+    return Pattern(equation, order, *columns, multifrontal.analyse(ends, children, *columns), coordinates)
 
 
 def _compressed_columns(n: int, equations: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -208,13 +226,21 @@ def factorise(pattern: Pattern, values: np.ndarray, symmetric: bool = True) -> F
 
 
 def _symmetric_factor(pattern: Pattern, values: np.ndarray) -> Factor | None:
-    """Factors of the symmetric part; None where it is not positive definite or not near the matrix."""
+    """Levels or factors of the symmetric part; None where it is not positive definite or not near the matrix."""
+    matrix = pattern.matrix(values)
+    if pattern.factor_entries > MAX_FACTOR_ENTRIES and (np.asarray(matrix.diagonal()) > 0.0).all():
+        levels = multigrid.hierarchy(pattern.coordinates, pattern.dofs, pattern.indptr, pattern.indices, values)
+        if levels is not None and _is_near(factor := Factor(pattern, levels, matrix)):
+            return factor
     fronts = cholesky.factor(pattern.fronts, pattern.tree, values)
-    if fronts is None:
-        return None
-    factor, rhs = Factor(pattern, fronts, pattern.matrix(values)), np.cos(np.arange(pattern.n, dtype=float))
-    relative_residual = np.linalg.norm(rhs - factor.matrix @ factor.approximate(rhs)) / np.linalg.norm(rhs)
-    return factor if relative_residual <= MAX_LEFT_BY_SYMMETRIC_PART else None
+    return factor if fronts is not None and _is_near(factor := Factor(pattern, fronts, matrix)) else None
+
+
+def _is_near(factor: Factor) -> bool:
+    """Whether solutions by the symmetric part leave little of a right-hand side."""
+    rhs = np.cos(np.arange(factor.pattern.n, dtype=float))
+    remainder = rhs - factor.matrix @ factor.approximate(rhs)
+    return bool(np.linalg.norm(remainder) <= MAX_LEFT_BY_SYMMETRIC_PART * np.linalg.norm(rhs))
 
 
 def _sparse_factor(pattern: Pattern, values: np.ndarray) -> Factor:

@@ -4,8 +4,8 @@ The constants are rounded measurements: one core of a shared machine (two cores 
 per BLAS, September 2026 versions of NumPy and SciPy): the LU by small fronts on stiffness patterns of 300 to 18 000
 equations, simulations of 10 000 to 22 000 equations in elastic, rubber-like and elastoplastic laws, image
 passes with ten parameters. Kept factors of large solids: cubes of 9 000 to 101 000 equations on a quiet machine, memory
-up to 318 000. Within these the estimates were between half and twice the measurement; beyond them they are
-extrapolations.
+up to 318 000. Multigrid: cubes of 25 000 to 1 000 000. Within these the estimates were between half and twice the
+measurement; beyond them they are extrapolations.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.fe import Fill, MIN_OPERATIONS_PER_ENTRY, Mesh, dissected, quadrature_rule
+from idic.fe import Fill, Mesh, dissected, quadrature_rule
 from idic.correlation import MAX_DENSE_UNKNOWNS
 from idic.identification import rate_dependent_laws
 from idic.laws import get_law
@@ -40,6 +40,8 @@ _PER_ELEMENT_ENTRY_S = 7e-9  # element matrices and their sum
 _FACTORISATIONS, _ITERATIONS_KEPT = 1.3, 6.0  # per increment, where a factor is kept
 _SOLUTIONS_PER_CORRECTION, _SOLUTIONS_PER_DERIVATIVE = 4, 6  # each iteration and each parameter then needs several
 _DERIVATIVE_SHARE = 0.15  # of an evaluation of all points, per parameter
+_PER_ELEMENT_ENTRY_LEVELS = 20.0  # bytes of multigrid: matrix by nodes, coarser levels, what they are made of
+_LEVELS_S, _CYCLES_S = 8e-8, 2e-8  # making them; one solution that an iteration then corrects
 _PER_POINT_S = {2: 1.6e-6, 3: 2.3e-6}  # stress and tangent of an integration point, by dimension
 _DIRECT_SHARE = 0.12  # of a simulation, per directly differentiated parameter
 _PER_PIXEL_S = 3e-8  # per frame and evaluation: spline, residual, its derivatives
@@ -142,10 +144,11 @@ def simulation_cost(mesh: Mesh, frames: int, increments: float, n_free: int) -> 
     kept_bytes = _PER_ELEMENT_ENTRY * entries + 8.0 * points * _POINT_VALUES * (1 + 0.1 * n_free)
     evaluation = _PER_POINT_S[mesh.n_dim] * points
     fill = dissected(mesh)
-    if fill.operations > MIN_OPERATIONS_PER_ENTRY * fill.entries:
+    if fill.costs_much:
         evaluation += _PER_ELEMENT_ENTRY_S * entries
-        time_s = _by_kept_factors(fill, frames, increments, n_free, evaluation)
-        return SimulationCost(_PER_ENTRY_KEPT * fill.entries, kept_bytes, time_s)
+        factor, factorisation, solution = _kept_factor(fill, entries)
+        time_s = _by_kept_factors(factorisation, solution, frames, increments, n_free, evaluation)
+        return SimulationCost(factor, kept_bytes, time_s)
     factorisation = _PER_ENTRY_S * fill.entries + _PER_OPERATION_S * fill.operations
     factor, solution = _PER_ENTRY * fill.entries, _SOLVE_S * fill.entries
     steps = max(1.0, increments * _NEWTON_ITERATIONS)
@@ -153,10 +156,18 @@ def simulation_cost(mesh: Mesh, frames: int, increments: float, n_free: int) -> 
     return SimulationCost(factor, kept_bytes, time_s * (1.0 + _DIRECT_SHARE * n_free))
 
 
-def _by_kept_factors(fill: Fill, frames: int, increments: float, n_free: int, evaluation: float) -> float:
+def _kept_factor(fill: Fill, element_entries: float) -> tuple[float, float, float]:
+    """Bytes of a factor of the symmetric part, or of the levels of multigrid; seconds to make it, and of a solution."""
+    if fill.is_too_large:
+        return (_PER_ELEMENT_ENTRY_LEVELS * element_entries, _LEVELS_S * element_entries,
+                _CYCLES_S * element_entries)
+    return (_PER_ENTRY_KEPT * fill.entries,
+            _PER_ENTRY_KEPT_S * fill.entries + _PER_OPERATION_KEPT_S * fill.operations, _SOLVE_KEPT_S * fill.entries)
+
+
+def _by_kept_factors(factorisation: float, solution: float, frames: int, increments: float, n_free: int,
+                     evaluation: float) -> float:
     """Seconds of a simulation whose factors, of symmetric parts, serve several iterations (`idic.fe.solver.krylov`)."""
-    factorisation = _PER_ENTRY_KEPT_S * fill.entries + _PER_OPERATION_KEPT_S * fill.operations
-    solution = _SOLVE_KEPT_S * fill.entries
     iteration = evaluation + _SOLUTIONS_PER_CORRECTION * solution
     derivatives = n_free * (_SOLUTIONS_PER_DERIVATIVE * solution + _DERIVATIVE_SHARE * evaluation)
     steps = max(1.0, increments)

@@ -1,7 +1,8 @@
 """One evaluation of a large solid with its sensitivities, in a process of its own: ``python solid_job.py SOLVER N
 FRAMES [THREADS]``.
 
-SOLVER : "fronts", or "superlu" for minimum degree with a new factorisation per Newton iteration. Standard error: a line
+SOLVER : "fronts", "multigrid", "superlu" for minimum degree with a new factorisation per Newton iteration, or "elastic"
+for idic's choice, an elastic body and two sensitivities. Standard error: a line
 per frame. Standard output: equations, CPU seconds, peak memory in MB, the last force in N, and seconds of the wall
 clock.
 """
@@ -11,13 +12,15 @@ from __future__ import annotations
 import resource
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
-from bench_jobs import brick, directions, stretched
+from bench_jobs import PLASTIC, brick, directions, stretched
 from scipy.sparse.linalg import splu
 
-from idic.fe import march, solver_threads
+from idic.fe import Section, march, solver_threads
 from idic.fe.solver import linear
+from idic.laws import compile as compile_law
 from idic.run import peak_memory_mb
 
 
@@ -27,6 +30,16 @@ def minimum_degree(pattern: linear.Pattern, values: np.ndarray) -> linear.Factor
                                        options={"SymmetricMode": True}))
 
 
+def problem(solver: str, n: int, n_frames: int) -> tuple:
+    """What `march` takes."""
+    model, values, times = stretched(brick(n, n, n), "solid", float(n), n_frames)
+    if solver != "elastic":
+        return model, values, times, directions(4)
+    section = Section("body", compile_law("elastic", "small"), model.mesh.element_sets["body"])
+    model = replace(model, sections=(section,), locking="none")
+    return model, {"body": np.array([PLASTIC["E"], PLASTIC["nu"]])}, times, directions(2)
+
+
 def peak_mb() -> float:
     return peak_memory_mb(children=False)
 
@@ -34,12 +47,14 @@ def peak_mb() -> float:
 def main(solver: str, n: int, n_frames: int, n_threads: int = 1) -> str:
     if solver == "superlu":
         linear._sparse_factor, linear.MIN_OPERATIONS_PER_ENTRY = minimum_degree, np.inf
-    list(march(*stretched(brick(12, 12, 12), "solid", 12.0, 2), directions(4)))  # compiled
-    model, values, times = stretched(brick(n, n, n), "solid", float(n), n_frames)
+    if solver in ("fronts", "multigrid"):
+        linear.MAX_FACTOR_ENTRIES = np.inf if solver == "fronts" else 0.0
+    list(march(*problem(solver, 12, 2)))  # compiled
+    model, values, times, unknowns = problem(solver, n, n_frames)
     equations = model.n_dof - len(model.constraints.dofs)
     began, wall = time.process_time(), time.perf_counter()
     with solver_threads(n_threads):
-        for state in march(model, values, times, directions(4)):
+        for state in march(model, values, times, unknowns):
             spent = resource.getrusage(resource.RUSAGE_SELF)
             sys.stderr.write(f"{equations} equations, frame {state.frame} of {n_frames - 1}: {state.n_newton} Newton "
                              f"iterations, {time.perf_counter() - wall:.1f} s, CPU {time.process_time() - began:.1f} s "
