@@ -50,6 +50,25 @@ def test_a_hundred_thousand_equations_take_thirty_frames_within_six_gigabytes(me
     assert equations > 100_000 and memory < 6000.0
 
 
+def test_a_million_equations_are_solved_within_fourteen_gigabytes(measured):
+    """One elastic load step with the derivatives to E and nu, by multigrid; a factor would take some 40 GB. About four
+    minutes; alone:  pytest studies/bench -m bench -s -k million."""
+    equations, seconds, memory, _, wall = evaluate("elastic", 69, 2)
+    measured(f"{equations} equations, hex8, elastic, one load step, 2 sensitivities, one thread",
+             f"{wall / 60:.1f} min, {seconds / 60:.1f} CPU min, {memory:.0f} MB", "goal 6 min, 14 GB")
+    assert equations > 990_000 and memory < 14_000.0
+
+
+@pytest.mark.parametrize("n", [20, 32])
+def test_multigrid_beside_factors(n, measured):
+    """The same elastoplastic body by both; which one runs without being asked is decided by the size of the factor."""
+    equations, seconds, memory, force, _ = evaluate("multigrid", n, 4)
+    _, direct_s, direct_mb, direct_force, _ = evaluate("fronts", n, 4)
+    measured(f"{equations} equations, hex8, elastoplastic, 3 frames, 4 sensitivities, multigrid",
+             f"{seconds:.1f} CPU s, {memory:.0f} MB", f"factors {direct_s:.1f} CPU s, {direct_mb:.0f} MB")
+    assert force == pytest.approx(direct_force, rel=1e-8) and memory < direct_mb
+
+
 def deck(mesh, grip: np.ndarray, yield_stress: float) -> str:
     """The test as input of CalculiX: C3D8 are fully integrated."""
     lines = ["*NODE, NSET=ALL", *(f"{i}, {x}, {y}, {z}" for i, (x, y, z) in enumerate(mesh.nodes.tolist(), 1)),
