@@ -146,6 +146,6 @@ class _Placement:
 
 def _other_kinds(stated_kinds: Mapping[str, str], kind: str) -> list[str]:
     """Notes on elements that another program takes for another state of the body than idic."""
-    return [f"the mesh has {name} elements, which are {stated_kind.replace('_', ' ')} elsewhere: idic takes their shape "
-            f"alone and computes {kind.replace('_', ' ')} (kind under [experiment])"
+    return [f"the mesh has {name} elements, which are {stated_kind.replace('_', ' ')} elsewhere: idic takes their "
+            f"shape alone and computes {kind.replace('_', ' ')} (kind under [experiment])"
             for name, stated_kind in stated_kinds.items() if stated_kind != kind]

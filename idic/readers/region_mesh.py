@@ -40,7 +40,7 @@ def roi_mesh(roi, element_size: float, holes=(), *, down: bool, file=None, key="
         raise InputError("the element size does not suit the ROI", file=file, key=key,
                          expected=f"less than {min(x1 - x0, y1 - y0):g}, "
                          f"not more than {MAX_ELEMENTS:g} elements",
-                         found=f"{element_size:g}: {(x1 - x0) / element_size * ((y1 - y0) / element_size):.2g} elements",
+                         found=f"{element_size:g}: {(x1 - x0) * (y1 - y0) / element_size**2:.2g} elements",
                          remedy="choose another element size")
     x, y = np.linspace(x0, x1, nx + 1), np.linspace(y0, y1, ny + 1)
     nodes = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)  # row after row
