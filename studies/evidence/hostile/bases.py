@@ -1,4 +1,4 @@
-"""The experiments and RUNs that the campaigns copy and spoil, made once for a process."""
+"""The experiment and the RUN that the campaigns copy and spoil, made once for a process."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from functools import cache
 from pathlib import Path
 
 import idic
-from idic.virtual_tests import write_example
+from idic.virtual_tests import EXAMPLES, DemoSize, strip, write_example
+
+SIZE = DemoSize(0.2, (60, 110), (2, 2, 2), (2, 2, 1), (2, 2, 1), 1)  # a RUN with everything that a larger one has
+NAME = "hostile"
 
 
 @dataclass(frozen=True)
@@ -21,8 +24,14 @@ class Base:
 
 @cache
 def demonstration() -> Base:
-    """The demonstration in its small size."""
+    """The demonstration in six small frames, with two steps: what is damaged is computed again in a second."""
     folder = Path(tempfile.mkdtemp(prefix="idic-base-"))
-    write_example("demo", folder / "experiment", reduced=True)
+    EXAMPLES[NAME] = lambda reduced, foreign: strip(SIZE)
+    try:
+        write_example(NAME, folder / "experiment")
+    finally:
+        del EXAMPLES[NAME]
+    file = folder / "experiment" / "experiment.toml"
+    file.write_text(file.read_text().replace("[options]\n", "[options]\nmax_iterations = 2\n"))
     idic.identify(folder / "experiment", folder / "run")
     return Base(folder / "experiment", folder / "run")

@@ -24,7 +24,7 @@ from idic.errors import InputError, NotConverged
 from idic_studies.evidence.hostile.watch import watched
 
 LIMIT_S = 60.0  # wall time of a case, after which it hangs: other programs share the cores
-LONG_S = 10.0  # processor time of a case: more is a hang, too
+LONG_S = 10.0  # processor time of a case: more is a hang, too; a case with nothing spoilt takes 3 s at most
 GOOD = ("done", "refused")
 SHOWN = 12  # failures that are kept in full
 

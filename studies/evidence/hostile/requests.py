@@ -100,7 +100,7 @@ def _keep_coarse(content: object) -> None:
 def _get(scene: Scene) -> tuple[str, str, dict]:
     if scene.rng.integers(8) == 0:
         paths = ("..%2f..%2fsecret%2fsecret.txt", "report/..%2f..%2fsecret", "report/run-1", "%2e%2e/secret.txt",
-                 "report/%00", "app.js", "", "api/files/", "\x7f", "report/" + "a" * 3000)
+                 "report/%00", "app.js", "", "api/files/", "%7f", "report/" + "a" * 3000)
         return "GET", paths[int(scene.rng.integers(len(paths)))], {}
     name = GET[int(scene.rng.integers(len(GET)))]
     query = {"images": "images/*.tif", "name": "loads.csv" if name == "log" else "run-1", "x0": 0, "y0": 0, "x1": 90,
