@@ -23,7 +23,7 @@ from idic.cli.app import app
 from idic.errors import InputError, NotConverged
 from idic_studies.evidence.hostile.watch import watched
 
-LIMIT_S = 60.0  # wall time of a case, after which it hangs: other programs share the cores
+LIMIT_S = 300.0  # wall time of a case, after which it hangs: other programs share the cores
 LONG_S = 10.0  # processor time of a case: more is a hang, too; a case with nothing spoilt takes 3 s at most
 GOOD = ("done", "refused")
 SHOWN = 12  # failures that are kept in full
@@ -89,9 +89,11 @@ def _one(case: Case, seed: int) -> tuple[str, str, str, float]:
         scene.work.mkdir()
         _write_secret(scene.secret)
         began, words, trace = time.process_time(), "", ""
+        os.chdir(scene.work)
         with watched([scene.work, Path.home() / ".cache", *_own_folders()], scene.secret) as watch:
             outcome, words, trace = _outcome(case, scene)
         spent = time.process_time() - began
+        os.chdir(tempfile.gettempdir())
     if watch.events and outcome in GOOD:
         return watch.events[0][0], words, "\n".join(f"{kind}: {path}" for kind, path in watch.events[:5]), spent
     if spent > LONG_S and outcome in GOOD:

@@ -124,7 +124,7 @@ async def _asked(desk: Desk, method: str, path: str, more: dict) -> httpx.Respon
 
 def _judged(response: httpx.Response, method: str, path: str, more: dict) -> str:
     """"done" or nothing; what lies outside never stands in an answer."""
-    if response.status_code not in (200, 404, 405, 422):
+    if response.status_code not in (200, 307, 404, 405, 422):
         raise Failure("failed", f"{method} {path} {str(more)[:600]}: status {response.status_code}")
     if b"what lies outside" in response.content:
         raise Failure("read outside", f"{method} {path}")

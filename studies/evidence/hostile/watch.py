@@ -21,6 +21,8 @@ NAMES = {"os.symlink": slice(1, 2), "os.link": slice(1, 2), "os.rename": slice(0
          "shutil.copyfile": slice(0, 2)}  # the arguments that are opened or changed; else the first
 PROGRAMS = {"subprocess.Popen", "os.system", "os.exec", "os.posix_spawn", "os.spawn", "pickle.find_class"}
 
+OF_CODE = ("numpy", "idic", "builtins", "_codecs", "numba", "copyreg", "llvmlite")  # copies in memory, compiled code
+
 _active: list[Watch] = []
 _hook_lock = threading.Lock()
 _hooked = False
@@ -50,8 +52,10 @@ class Watch:
                 self._add_path(event, os.fsdecode(path), arguments)
 
     def _add_program(self, event: str, arguments: tuple) -> None:
-        if event == "pickle.find_class" and str(arguments[0]).split(".")[0] in ("numpy", "idic", "builtins", "_codecs"):
-            return  # of copies in memory
+        if event == "pickle.find_class" and str(arguments[0]).split(".")[0] in OF_CODE:
+            return
+        if event == "subprocess.Popen" and arguments[0] == sys.executable:  # servers and helpers of idic
+            return
         self.events.append(("program", f"{event} {arguments[:2]!r}"[:200]))
 
     def _add_path(self, event: str, path: str, arguments: tuple) -> None:
