@@ -76,3 +76,9 @@ def test_a_simulation_that_no_memory_holds_is_refused_before_anything_is_written
         else:
             identify_run(experiment, run, overrides={"options.max_iterations": 1})
             assert np.isfinite(needed) and (run / "result.json").exists()
+
+
+@pytest.mark.parametrize("flaw", [["--workers", "100000"], ["--scheduler", "tcp://192.0.2.1:1"]])
+def test_a_demo_that_cannot_run_writes_nothing(tmp_path, flaw):
+    answer = CliRunner().invoke(app, ["demo", "--out", str(tmp_path / "demo"), "--no-prefect", *flaw])
+    assert answer.exit_code == 2 and not (tmp_path / "demo").exists()
