@@ -272,12 +272,12 @@ def _left_to_this_process(kind) -> Iterator[None]:
 
     kind : of clusters, with a register of its instances
     """
-    others = set(map(id, kind._instances))
+    earlier_clusters = set(map(id, kind._instances))
     try:
         yield
     finally:
         for cluster in list(kind._instances):
-            if id(cluster) not in others:
+            if id(cluster) not in earlier_clusters:
                 cluster.shutdown_on_close = False
 
 
