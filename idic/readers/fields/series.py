@@ -117,7 +117,13 @@ class FieldSeries:
         """
         entry = self.entries[k]
         stage = _read(entry.path, self.dialect or self.format)[entry.number]
-        _refuse_another_kind(stage, self.unit, self.columns, entry.path)
+        if stage.unit != self.unit:
+            raise InputError("a stage in another unit than the first", file=entry.path, key=KEY, expected=self.unit,
+                             found=stage.unit, remedy="export all stages in one unit")
+        if stage.columns != self.columns:
+            raise InputError("a stage with other columns than the first", file=entry.path, key=KEY,
+                             expected=", ".join(self.columns), found=", ".join(stage.columns),
+                             remedy="export all stages in the same way, or remove this one from the pattern")
         if self.positions == DEFORMED and stage.displacement is not None:
             stage = at_rest(stage)
         n = stage.points.shape[1]
@@ -187,14 +193,8 @@ def open_fields(paths: Sequence[Path], format: str = "auto", unit: str | None = 
     source = dialect or file_format
     entries = [entry for path in paths for entry in _entries(path, source)]
     first = _read(entries[0].path, source)[entries[0].number]
-
-    def alike(k: int) -> Stage:
-        stage = _read(entries[k].path, source)[entries[k].number]
-        _refuse_another_kind(stage, first.unit, first.columns, entries[k].path)
-        return stage
-
-    positions = state_of_positions(alike, [entry.path for entry in entries],
-                                   DEFORMED if file_format == ARAMIS else REFERENCE)
+    positions = state_of_positions(lambda k: _read(entries[k].path, source)[entries[k].number],
+                                   [entry.path for entry in entries], DEFORMED if file_format == ARAMIS else REFERENCE)
     assumed = first.unit_assumed and unit is None
     if assumed and pixel_size_mm is not None:
         raise InputError("the unit of the fields is not known", file=paths[0], key="experiment.fields_unit",
@@ -212,17 +212,6 @@ def open_fields(paths: Sequence[Path], format: str = "auto", unit: str | None = 
         factor = factor_between(unit, "mm", file=paths[0], key="experiment.fields_unit")
     return FieldSeries(tuple(entries), file_format, factor, file_unit, first.columns, assumed,
                        first.unit_assumed and unit == "px" and file_format != VTU, positions, dialect)
-
-
-def _refuse_another_kind(stage: Stage, unit: str, columns: Sequence[str], path: Path) -> None:
-    """`InputError` unless a stage has the unit and the columns of the first."""
-    if stage.unit != unit:
-        raise InputError("a stage in another unit than the first", file=path, key=KEY, expected=unit, found=stage.unit,
-                         remedy="export all stages in one unit")
-    if stage.columns != columns:
-        raise InputError("a stage with other columns than the first", file=path, key=KEY, expected=", ".join(columns),
-                         found=", ".join(stage.columns),
-                         remedy="export all stages in the same way, or remove this one from the pattern")
 
 
 def shared_part(moved: np.ndarray) -> float:
