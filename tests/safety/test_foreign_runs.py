@@ -124,6 +124,18 @@ def test_a_number_that_is_none_is_refused(copied, tmp_path, name, command, value
     assert "the checkpoint cannot be used" in _refused(command, finished, tmp_path / "out")
 
 
+def test_a_run_names_no_other_file_as_its_experiment(copied, tmp_path):
+    """Found by the campaign: the file was read, and its first line stood in the message."""
+    finished, outside = copied
+    file = finished.run / "run.json"
+    document = json.loads(file.read_text())
+    document["state"]["experiment"] = str(outside / "secret.txt")
+    digest = hashlib.sha256(json.dumps(document["state"], sort_keys=True).encode()).hexdigest()
+    file.write_text(json.dumps(document | {"sha256": digest}))
+    said = _refused("report", finished, tmp_path / "out")
+    assert "not an experiment file" in said and SECRET not in said
+
+
 # files of data ----------------------------------------------------------------------------------------
 def _linked(path, outside):
     with h5py.File(outside / "other.h5", "w") as file:
