@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from idic.cli.app import app
-from idic.cli.outcomes import outcome
+from idic.cli.outcomes import abandon, outcome
 
 
 @app.command()
@@ -34,4 +34,4 @@ def draw(
                    "continues.")
         if browser:
             webbrowser.open(address)
-        serve(folder.resolve(), place, token)
+        serve(folder.resolve(), place, token, abandon)

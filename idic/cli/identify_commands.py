@@ -78,9 +78,10 @@ def demo(
     """Identify a small built-in experiment with known truth."""
     run, began = out / "run", time.monotonic()
     with outcome(run=run):
-        from idic.run import refuse_store
+        from idic.run import Workplace, refuse_store
 
         refuse_store(store, "demo")
+        Workplace(workers, scheduler).check(run)  # before anything is written
         _clear_earlier_demo(out)
         typer.echo(f"writing a virtual tensile test with known parameters to {user_path(out / 'experiment')}")
         with _drawing_beside() as second:

@@ -73,6 +73,16 @@ def outcome(run: Path | None = None, resume: bool = False) -> Iterator[None]:
             raise typer.Exit(INTERRUPTED) from None
 
 
+def abandon(is_told: bool) -> None:
+    """End at once, as after an interruption: what other threads compute is not waited for.
+
+    is_told : the message is on the screen
+    """
+    if not is_told:
+        _say("interrupted")
+    os._exit(INTERRUPTED)
+
+
 def _no_folder_there(problem: OSError) -> bool:
     """A file system without new folders (/proc, an automounter) answers mkdir with "no such file"."""
     return problem.errno == errno.ENOENT and traceback.extract_tb(problem.__traceback__)[-1].name == "mkdir"

@@ -11,6 +11,7 @@ import json
 import secrets
 import socket
 import threading
+import time
 from collections.abc import Awaitable, Callable
 from importlib.resources import files
 from pathlib import Path
@@ -29,6 +30,7 @@ from idic.errors import InputError
 from idic.inside import read_inside
 
 HOST = "127.0.0.1"
+GRACE_S, LOOK_S = 2, 0.2  # for answers on their way; between two looks at whether the server ends
 MAX_BODY_BYTES = 4_000_000
 KINDS = {".html": "text/html; charset=utf-8", ".js": "text/javascript; charset=utf-8",
          ".css": "text/css; charset=utf-8",
@@ -57,14 +59,31 @@ def open_socket(port: int) -> socket.socket:
     return place
 
 
-def serve(folder: Path, place: socket.socket, token: str) -> None:
-    """Answer until the process is interrupted."""
+def serve(folder: Path, place: socket.socket, token: str, abandon: Callable[[bool], None]) -> None:
+    """Answer until the process is interrupted.
+
+    abandon : ends the process at once, where an answer is still computed some seconds later: Python waits for its
+        threads. It takes whether this function has returned. Files are written whole or not at all, and runs are
+        processes of their own.
+    """
     port = place.getsockname()[1]
     desk = Desk(folder)
     threading.Thread(target=desk.read_ahead, daemon=True).start()
     config = uvicorn.Config(application(desk, token, port), log_level="critical", lifespan="off", access_log=False,
-                            timeout_graceful_shutdown=2)
-    uvicorn.Server(config).run(sockets=[place])
+                            timeout_graceful_shutdown=GRACE_S)
+    server, ended = uvicorn.Server(config), threading.Event()
+    threading.Thread(target=_end_for_certain, args=(server, ended, abandon), daemon=True).start()
+    try:
+        server.run(sockets=[place])
+    finally:
+        ended.set()
+
+
+def _end_for_certain(server: uvicorn.Server, ended: threading.Event, abandon: Callable[[bool], None]) -> None:
+    while not server.should_exit:
+        time.sleep(LOOK_S)
+    time.sleep(2 * GRACE_S)
+    abandon(ended.is_set())
 
 
 def new_token() -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -119,6 +120,7 @@ class _Placement:
             assert raw is not None  # of the file
             source = raw.file
             mesh, notes = to_mesh(raw, n_dim, scale.factor)
+            notes += _other_kinds(raw.stated_kinds, self.config.experiment.kind)
         else:
             mesh, notes = mesh_on_image(self.config, scale, self.recording.frames.stack, self.file)
         try:
@@ -140,3 +142,10 @@ class _Placement:
                              "a mesh that is made of the points", remedy="leave placement out")
         camera, note = laid_on_outline(self.config, frames.stack.points, mesh, scale.camera, self.file)
         return replace(scale, camera=camera, notes=(*scale.notes, note))
+
+
+def _other_kinds(stated_kinds: Mapping[str, str], kind: str) -> list[str]:
+    """Notes on elements that another program takes for another state of the body than idic."""
+    return [f"the mesh has {name} elements, which are {stated_kind.replace('_', ' ')} elsewhere: idic takes their "
+            f"shape alone and computes {kind.replace('_', ' ')} (kind under [experiment])"
+            for name, stated_kind in stated_kinds.items() if stated_kind != kind]

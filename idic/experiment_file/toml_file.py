@@ -23,6 +23,7 @@ EXPERIMENT_FILE = "experiment.toml"
 _MAX_LEVELS = 20  # of tables and lists within each other
 _MAX_LINE = 100  # characters of a list written on one line
 _MAX_NUMBER = 1e60  # absolute value, and its reciprocal the smallest: variances of variances stay floats
+EXPERIMENT_SUFFIX = ".toml"
 _MAX_INDEX_DIGITS = 6  # of the number of a [[...]] table
 TABLES = tuple(name for name in ExperimentFile.model_fields if name != "further_cameras")
 
@@ -40,6 +41,9 @@ def locate(path: str | Path) -> Path:
         raise InputError("no such experiment", file=path,
                          expected=f"a folder with an {EXPERIMENT_FILE}, or such a file", found="nothing there",
                          remedy="check the path")
+    if path.suffix.lower() != EXPERIMENT_SUFFIX:  # a forged RUN may name any file as its experiment
+        raise InputError("not an experiment file", file=path, expected=f"a name that ends in {EXPERIMENT_SUFFIX}",
+                         found=path.name, remedy="check the path, or rename the file")
     return path
 
 

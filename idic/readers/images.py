@@ -194,6 +194,10 @@ def _size(entry: ImageEntry) -> str:
 
 def _headers(path: Path) -> list[ImageEntry]:
     suffix = path.suffix.lower()
+    if not path.is_file():  # a pipe has no end
+        raise InputError("not a file", file=path, key="images", expected="an image, or a link to one",
+                         found="a folder, a pipe or a device" if path.exists() else "nothing there",
+                         remedy="name the images only, or correct the path")
     if suffix in TIFF_SUFFIXES:
         return _tiff_headers(path)
     if suffix in PNG_SUFFIXES:

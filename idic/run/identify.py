@@ -61,6 +61,8 @@ def identify_run(experiments: Folders, out: str | os.PathLike, *, resume: bool =
     run = Run.planned(experiments, out, dict(overrides or {}), console.stage)
     run.check(sensitivity)
     run.check_pause(pause_after)
+    if workplace.is_here:
+        run.refuse_hopeless()
     workplace = workplace.worthwhile(run.worth_workers)
     workplace.check(out, run.to_see, console.stage)
     with orchestrator.opened(), threadpool_limits(1, user_api="blas"), run.claim(resume):

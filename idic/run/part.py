@@ -78,9 +78,14 @@ class RunPart:
         """Whether its preparation makes a free FE-DIC."""
         return needs_free_dic(self.experiment)
 
+    @cached_property
+    def cost(self):
+        """See `expected_cost`."""
+        return expected_cost(self.experiment)
+
     @property
     def worth_workers(self) -> bool:
-        return self.experiment.model.solver is not None or expected_cost(self.experiment).worth_workers
+        return self.experiment.model.solver is not None or self.cost.worth_workers
 
     @property
     def to_see(self) -> ExperimentToSee:

@@ -76,6 +76,11 @@ class Run:
             part.check(sensitivity)
         start(self.joint.whole)
 
+    def refuse_hopeless(self) -> None:
+        """`InputError` where this machine cannot hold a simulation."""
+        for part in self.parts.values():
+            part.cost.refuse_hopeless(part.path)
+
     def check_pause(self, pause_after: int | None) -> None:
         """Refuse a pause after a stage that does not exist or is the last one (`InputError`)."""
         n = len(resolve_stages(self.joint.whole))

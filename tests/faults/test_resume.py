@@ -186,6 +186,16 @@ def test_a_description_that_is_damaged_with_its_copy_is_reported_and_not_used(sm
 
 
 # refusals -----------------------------------------------------------------------------------------
+def test_a_finished_run_that_lost_its_state_and_the_copy_starts_over(small, tmp_path):
+    """Its points were thinned at the end: they are not those that a further step reads."""
+    run = tmp_path / "run"
+    shutil.copytree(small.run, run)
+    for name in ("state.json", "state.copy.json"):
+        (run / name).unlink()
+    idic.identify(small.experiment, run, resume=True)
+    assert_same_end(run, small)
+
+
 def test_the_run_of_another_experiment_stays_as_it_is(small, tmp_path):
     other = shutil.copytree(small.experiment, tmp_path / "other")
     log = (other / "loads.csv").read_text()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.readers import FieldStack, check_stages, measured_points, open_fields
+from idic.readers import FieldStack, check_stages, loops_of, measured_points, notched_axis, open_fields
 
 X = np.stack(np.meshgrid(np.arange(6) * 1.5, np.arange(5) * 1.5), axis=-1).reshape(-1, 2)
 ARAMIS = ("# Units: length:mm time:s\n# Stage: 1\nstage;index;relative_time;date\n1;1;1.0;now\n# Name : Surface\n"
@@ -105,6 +105,42 @@ def test_a_stage_without_a_point_of_the_reference_is_refused(tmp_path, ids):
     else:
         with pytest.raises(InputError):
             _read(tmp_path)
+
+
+def test_a_stage_with_another_number_of_coordinates_is_refused(tmp_path):
+    """Found by the campaign: the trees of nearest points raised."""
+    for k in range(3):
+        lines = text_of("vic", k)
+        if k == 2:
+            lines[0] = lines[0].replace("Z", "").replace("W", "")
+        (tmp_path / f"s_{k}.csv").write_text("\n".join(lines))
+    with pytest.raises(InputError, match="other columns than the first"):
+        _read(tmp_path)
+
+
+def test_a_stage_of_aramis_with_a_short_row_is_refused(tmp_path):
+    for k in range(3):
+        (tmp_path / f"s_{k}.csv").write_text("\n".join(text_of("aramis", k)).replace("1;1;1.0;now", "1"))
+    with pytest.raises(InputError, match="not a number"):
+        _read(tmp_path)
+
+
+def test_a_damaged_header_of_numpy_is_refused(tmp_path):
+    """Its text is parsed as Python: a bracket that is never closed raises an error of the tokenizer."""
+    np.save(tmp_path / "fields.npy", np.zeros((1, 2, 3, 4, 2)))
+    content = (tmp_path / "fields.npy").read_bytes()
+    damaged = content.replace(b"(1, 2, 3, 4, 2)", "(((¨, 2, 3, 4 ".encode())
+    assert len(damaged) == len(content) and damaged != content
+    (tmp_path / "fields.npy").write_bytes(damaged)
+    with pytest.raises(InputError, match="not a readable NumPy file"):
+        _read(tmp_path)
+
+
+@pytest.mark.parametrize("factor", [0.0, 1e-72])
+def test_points_on_a_line_have_no_outline(factor):
+    """Found by the campaign: Qhull finds no triangle, and the places along a side were counted beyond memory."""
+    assert len(loops_of(X * [factor, 1.0], 1.5)) == 0
+    assert notched_axis(X * [1.0, 1e200], 1e-100) is None
 
 
 def _read(folder):

@@ -112,6 +112,30 @@ def test_a_run_below_the_data_of_a_worker_names_no_experiment_outside(copied, tm
     assert open_run(str(finished.run)).experiment
 
 
+@pytest.mark.parametrize("value", ["NaN", "-Infinity", "[" * 5000 + "]" * 5000])
+@pytest.mark.parametrize(("name", "command"), [("run.json", "report"), ("state.json", "resume")])
+def test_a_number_that_is_none_is_refused(copied, tmp_path, name, command, value):
+    finished, _ = copied
+    file = finished.run / name
+    document = json.loads(file.read_text())
+    document["state"]["more"] = 0
+    file.write_text(json.dumps(document).replace('"more": 0', f'"more": {value}'))
+    (finished.run / name.replace(".", ".copy.")).unlink(missing_ok=True)
+    assert "the checkpoint cannot be used" in _refused(command, finished, tmp_path / "out")
+
+
+def test_a_run_names_no_other_file_as_its_experiment(copied, tmp_path):
+    """Found by the campaign: the file was read, and its first line stood in the message."""
+    finished, outside = copied
+    file = finished.run / "run.json"
+    document = json.loads(file.read_text())
+    document["state"]["experiment"] = str(outside / "secret.txt")
+    digest = hashlib.sha256(json.dumps(document["state"], sort_keys=True).encode()).hexdigest()
+    file.write_text(json.dumps(document | {"sha256": digest}))
+    said = _refused("report", finished, tmp_path / "out")
+    assert "not an experiment file" in said and SECRET not in said
+
+
 # files of data ----------------------------------------------------------------------------------------
 def _linked(path, outside):
     with h5py.File(outside / "other.h5", "w") as file:

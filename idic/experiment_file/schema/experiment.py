@@ -19,6 +19,8 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from idic.experiment_file.schema.base import Positive, Strict, as_list, exactly_one, refuse
 
+MIN_ELEMENT_PX = 1.0  # a smaller element has no pixel of its own
+MIN_THICKNESS_MM = 1e-7  # an atom is 2e-7 mm thick
 Frame = Annotated[object, BeforeValidator(lambda value: _frame(value))]
 
 
@@ -57,7 +59,7 @@ class MeshTable(Strict):
     file: str | None = None
     roi_px: Annotated[list[float], Field(min_length=4, max_length=4)] | None = None
     outline_px: Circle | Points | None = None
-    element_px: Positive | None = None
+    element_px: Annotated[float, Field(ge=MIN_ELEMENT_PX)] | None = None
     holes_px: list[Circle | Points] = []
     roi_mm: Annotated[list[float], Field(min_length=4, max_length=4)] | None = None
     outline_mm: Circle | Points | None = None
@@ -192,7 +194,7 @@ class ExperimentTable(Strict):
     mesh: Annotated[MeshTable, BeforeValidator(_as_file_table)]
     mesh_unit: str | None = None
     kind: Literal["plane_stress", "plane_strain", "solid"]
-    thickness_mm: Positive | None = None
+    thickness_mm: Annotated[float, Field(ge=MIN_THICKNESS_MM)] | None = None
     surface: str | None = None
     symmetry: Literal["x"] | None = None
     quantity: Literal["grey", "height", "displacement", "volume"] = "grey"  # the last two: set by `fields`, `volumes`

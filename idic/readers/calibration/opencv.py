@@ -67,9 +67,12 @@ def _entries(content, file):
         storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
         entries = _node(storage.root())
         return entries if isinstance(entries, dict) else {}  # of an empty file it is a number
-    except (ValueError, UnicodeDecodeError, OSError, cv2.error, KeyError, SystemError) as error:
+    except InputError:
+        raise
+    except Exception as error:  # noqa: BLE001  (damaged archives and headers raise many types)
         raise InputError("not readable as a file of OpenCV", file=file, expected="YAML, XML, JSON or npz",
-                         found=str(error).splitlines()[0], remedy="write the file again") from None
+                         found=next(iter(str(error).splitlines()), type(error).__name__),
+                         remedy="write the file again") from None
 
 
 def _node(node):

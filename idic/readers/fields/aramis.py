@@ -120,6 +120,7 @@ def _channels(units, blocks, path: Path) -> tuple[float | None, dict[str, tuple[
         if len(block.lines) < 2:
             continue
         cells = cells_of(block.lines[1], ";")
+        cells += [""] * (len(header) - len(cells))
         if "relative_time" in header:
             time = _value(cells[header.index("relative_time")], path, block.first + 1, "relative_time")
             time *= factor_between(units.get("time", "s"), "s", file=path, key="# Units: time")

@@ -27,7 +27,7 @@ def read_mudic(path: Path) -> dict[float | None, Stage]:
     expected = "an array (elements, 2, n, m, images), as fields.coords() of µDIC gives it"
     try:
         coords = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (ValueError, OSError, EOFError, OverflowError) as problem:
+    except Exception as problem:  # noqa: BLE001  (damaged headers raise many types)
         raise InputError("not a readable NumPy file", file=path, key=KEY, expected=expected, found=str(problem),
                          remedy='save it again: np.save("fields.npy", fields.coords())') from None
     if coords.ndim != 5 or coords.shape[1] != 2 or coords.dtype.kind != "f" or coords.shape[4] < 2 or not coords.size:

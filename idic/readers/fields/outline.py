@@ -105,8 +105,11 @@ def _turned(loop: np.ndarray, counter_clockwise: bool) -> np.ndarray:
 
 
 def loops_of(points: np.ndarray, pitch: float) -> list[np.ndarray]:
-    """Boundary loops of the largest group of neighbouring points, in walking order."""
-    mesh = scipy.spatial.Delaunay(points)
+    """Boundary loops of the largest group of neighbouring points, in walking order; none of points on a line."""
+    try:
+        mesh = scipy.spatial.Delaunay(points)
+    except (scipy.spatial.QhullError, ValueError):
+        return []
     corners = mesh.simplices
     a, b, c = (points[corners[:, k]] for k in range(3))
     sides_ = [np.hypot(*(p - q).T) for p, q in ((b, c), (c, a), (a, b))]

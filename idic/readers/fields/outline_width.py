@@ -83,9 +83,8 @@ def notched_axis(positions: np.ndarray, pitch: float) -> int | None:
 
 def _recess(across: np.ndarray, along: np.ndarray, pitch: float) -> float:
     """How far the lower end of `across` recedes between two places along the side."""
-    place = np.floor((along - along.min()) / (2.0 * pitch)).astype(int)
-    lowest = np.full(place.max() + 1, np.inf)
+    places, place = np.unique(np.floor((along - along.min()) / (2.0 * pitch)), return_inverse=True)
+    lowest = np.full(len(places), np.inf)
     np.minimum.at(lowest, place, across)
-    lowest = lowest[np.isfinite(lowest)]
     from_start, from_end = np.minimum.accumulate(lowest), np.minimum.accumulate(lowest[::-1])[::-1]
     return float((lowest - np.maximum(from_start, from_end)).max())

@@ -15,7 +15,7 @@ import numpy as np
 from idic.input_decks import fortran_real
 from idic.fe import CELL_TYPES, n_face_corners
 from idic.readers.mesh_files.abaqus_elements import (
-    N_NODES, cell_of, face_corners, face_names, has_no_body, ordered, side_of_sheet,
+    N_NODES, cell_of, face_corners, face_names, has_no_body, ordered, side_of_sheet, stated_kind,
 )
 from idic.readers.mesh_files.abaqus_keywords import Keyword, Row, keyword_lines, keywords, unquoted
 from idic.readers.mesh_files.abaqus_scopes import Body, Element, Instance, Member, Scope, Surface, bodies
@@ -247,7 +247,7 @@ class _Assembled:
             self._add_nodes_of_elements(body, names, element_members, node_members, elements_of)
         nodes_of = LabelSets(names.flat(node_members), self.index, "node", self.fail)
         raw = RawMesh(self.path, np.array(nodes, dtype=float).reshape(-1, 3), labels, cells, nodes_of.as_indices(),
-                      elements_of.as_indices(), notes=self._notes())
+                      elements_of.as_indices(), notes=self._notes(), stated_kinds=self._stated_kinds())
         surfaces = _Surfaces(self, names, nodes_of, elements_of, node_members, element_members)
         for body in self.bodies:
             for name, surface in body.scope.surfaces.items():
@@ -274,6 +274,11 @@ class _Assembled:
         position = {label: k for k, label in enumerate(label for part in rows.values() for label, _ in part)}
         return position, [(cell, np.array([[self.index[node] for node in nodes] for _, nodes in part], dtype=np.int64),
                            np.array([label for label, _ in part], dtype=np.int64)) for cell, part in rows.items()]
+
+    def _stated_kinds(self) -> dict[str, str]:
+        """Element types with what their names say of the state; idic reads only the shape."""
+        types = {element.type for body in self.bodies for element in body.scope.elements.values()}
+        return {name: kind for name in sorted(types) if (kind := stated_kind(name)) is not None}
 
     def _notes(self) -> list[str]:
         types = Counter(element.type for body in self.bodies for element in body.scope.elements.values()

@@ -20,6 +20,7 @@ _FAMILIES = (  # type name -> {number in it: cell}
     (re.compile(r"(?:R2D|RB2D|RB3D|RAX)(\d)"), {2: "line2"}),
     (re.compile(r"(?:B2|B3|PIPE2|PIPE3|ELBOW3|SAX|MAX|SFMAX)(\d)"), {1: "line2", 2: "line3", 3: "line2"}),
 )
+_KINDS = {"CPS": "plane_stress", "CPE": "plane_strain", "CAX": "axisymmetric", "CGAX": "axisymmetric"}
 _NO_BODY = re.compile(r"SPRING|DASHPOT|MASS|ROTARYI|HEATCAP|CONN|COH|GAP|DGAP|ITS|ITT|JOINT|DCOUP|GK|ISL|IRS|DRAG|CIN|"
                       r"F2D|F3D|FAX|FGAP|D$|D\d*$|MCL")  # springs, masses, connectors, interfaces, networks
 _SIDES = ("SPOS", "SNEG", "SP", "SN", "P", "N", "POS", "NEG")  # the two sides of a sheet or of a plane element
@@ -35,6 +36,12 @@ def cell_of(element_type: str) -> str | None:
         if match and int(match.group(1)) in cells:
             return cells[int(match.group(1))]
     return None
+
+
+def stated_kind(element_type: str) -> str | None:
+    """What the name of a plane element says of its state; None where it says nothing."""
+    name = element_type.upper()
+    return next((kind for start, kind in _KINDS.items() if name.startswith(start)), None)
 
 
 def has_no_body(element_type: str) -> bool:

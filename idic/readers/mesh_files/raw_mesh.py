@@ -31,6 +31,7 @@ class RawMesh:
     face_sets : {name: list of corner-node tuples}
     notes : what of the file was left out
     files : all files that were read, where the mesh is in several
+    stated_kinds : {element type: the kind of model that it is written for}, where the file says so
     """
 
     file: Path
@@ -42,6 +43,7 @@ class RawMesh:
     face_sets: dict[str, list[tuple[int, ...]]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     files: tuple[Path, ...] = ()
+    stated_kinds: dict[str, str] = field(default_factory=dict)
 
 
 def to_mesh(raw: RawMesh, n_dim: int, factor: float) -> tuple[Mesh, list[str]]:

@@ -22,8 +22,8 @@ from idic.report.evidence.causes.lines import excluded_frames
 from idic.report.evidence.cost import Cost, expected_cost
 from idic.report.evidence.placement import mirrored_axes, misplaced_still_frames
 from idic.report.evidence.plausible import (
-    MAX_PLAIN_SHARE, NO_PATTERN, implausible_scale, implausible_values, loaded_reference, pattern_warnings,
-    separate_pieces, start_values, sums_of_all_reactions, without_pattern,
+    MAX_PLAIN_SHARE, NO_PATTERN, implausible_scale, implausible_thickness, implausible_values, loaded_reference,
+    pattern_warnings, separate_pieces, start_values, sums_of_all_reactions, without_pattern,
 )
 from idic.report.evidence.rig import rig_warnings
 from idic.report.evidence.volumes.facts import volume_facts, volume_overlay
@@ -416,6 +416,7 @@ def _model_warnings(experiment: Experiment):
     model = experiment.model
     yield from implausible_values(model)
     yield from separate_pieces(model.mesh, model.length_unit)
+    yield from implausible_thickness(model)
     yield from sums_of_all_reactions(model)
     yield from repeated_readings(experiment)
     yield from loaded_reference(experiment)

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from idic.errors import InputError
 from idic.fe import Fill, Mesh, dissected, quadrature_rule
 from idic.correlation import MAX_DENSE_UNKNOWNS
 from idic.identification import rate_dependent_laws
@@ -51,6 +52,7 @@ _NEWTON_ITERATIONS = 3  # per increment
 _CHOSEN_INCREMENTS = 3  # 2 and 1 per frame, extrapolated: where most rate-dependent laws end
 _FREE_DIC_PASSES = 10  # image passes of a free FE-DIC, which finds the noise where it is not given
 _FITS_SHARE, _TIGHT_SHARE = 2.0, 0.5  # of the memory of the machine
+_HOPELESS_SHARE = 4.0  # twice what the factor of two leaves open: the estimate of large meshes is extrapolated
 _LONG_S = 24 * 3600.0
 _WORTH_WORKERS_S = 30.0  # of computing: the start of worker processes takes about ten
 
@@ -80,6 +82,15 @@ class Cost:
         memory_text = "" if self.available is None else f"; this machine has {_bytes(self.available)}"
         return (f"about {_bytes(self.memory)} of memory, {_duration(self.time_s)} on one core, {_bytes(self.disk)} of "
                 f"disk (each within a factor of 2){memory_text}")
+
+    def refuse_hopeless(self, file: str) -> None:
+        """`InputError` where this machine has not a quarter of the memory: it would be ended in the middle."""
+        if self.available is not None and self.memory > _HOPELESS_SHARE * self.available:
+            raise InputError("the identification needs far more memory than this machine has", file=file,
+                             key="experiment.mesh", expected=f"at most about {_bytes(self.available)}",
+                             found=f"about {_bytes(self.memory)} for {self.equations} equations",
+                             remedy="use larger elements (idic check tells the cost), or workers of larger machines "
+                                    "(--scheduler)")
 
     def warnings(self) -> list[str]:
         """Warnings if memory is short or the run takes longer than a day."""

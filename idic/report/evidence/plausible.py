@@ -26,6 +26,7 @@ MIN_HOLE_SHARE = 0.02       # of the ROI, without pattern in one place: a hole t
 MIN_HOLE_FILL = 0.6         # of its bounding box; a circle fills 0.79, a scratch or a rim less
 PLAIN = 0.2                 # of the usual local standard deviation: less is no pattern
 MAX_FIRST_FORCE = 0.02      # of the range of a force: a larger one at the reference frame is a load
+MIN_SLENDERNESS = 1e-5      # thickness over length of a sheet: a film of 1 um over 0.1 m
 SAME_PLACE = 1e-7           # of the size of a mesh: nodes that are closer were one
 NO_PATTERN = np.zeros(1, dtype=bool)
 
@@ -225,3 +226,14 @@ def without_pattern(image: np.ndarray, roi: np.ndarray, noise_gv: float | None) 
     middle = np.zeros(values.shape, dtype=bool)
     middle[roi] = local < max(PLAIN * usual, 1.5 * (noise_gv or 0.0))
     return maximum_filter(middle, window)[roi]
+
+
+def implausible_thickness(model: Model) -> Iterator[str]:
+    """A plane body as thick as it is long, or far thinner than any foil, has its thickness in another unit."""
+    if model.kind != "plane_stress" or model.thickness is None or model.length_unit == "px":
+        return
+    length = float(np.ptp(model.mesh.nodes, axis=0).max())
+    if not MIN_SLENDERNESS * length <= model.thickness <= length:
+        yield (f"thickness_mm is {model.thickness:g}, and the mesh is {length:.3g} mm long: a sheet in plane stress is "
+               "thinner than long, and a film of 1 um over 0.1 m is thicker. Forces, and so moduli, are off by the "
+               "factor of a wrong unit")

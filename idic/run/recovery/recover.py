@@ -23,6 +23,7 @@ from idic.run.workers.runner import SerialRunner, TaskRunner
 
 EVALUATIONS = "evaluations"
 START, SYSTEM = "start", "system"
+OF_THE_END = ("channels", "final")  # groups that the end of a run writes
 
 
 def recover(store: RunStore, path: Path | str, runner: TaskRunner) -> list[str]:
@@ -60,7 +61,10 @@ def recover(store: RunStore, path: Path | str, runner: TaskRunner) -> list[str]:
         start_over(store)
         return [*lines, "the preparation (noise, measured motion) is damaged: the run starts over, with the same end"]
     if state is None:
-        return lines
+        if not any((store.path / name).exists() for name in OF_THE_END):
+            return lines
+        start_over(store)  # points of a run that had ended lack what only further steps read
+        return [*lines, f"{STATE_FILE} is lost: the run starts over, with the same end"]
     if damaged.intersection(needed):
         start_over(store)
         return [*lines, "the accepted point is damaged: the run starts over, with the same end"]
@@ -88,7 +92,7 @@ def _shown(store: RunStore) -> list[str]:
     state = load_state(store.run)
     if state.accepted is None:
         return []
-    return ["channels", "final", *(f"cameras/{camera}/final" for camera in _further(store)), *_judged(store)]
+    return [*OF_THE_END, *(f"cameras/{camera}/final" for camera in _further(store)), *_judged(store)]
 
 
 def _judged(store: RunStore) -> list[str]:

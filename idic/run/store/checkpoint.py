@@ -63,10 +63,10 @@ def load_checkpoint(path: Path | str, schema: str) -> dict | None:
     """
     path = Path(path)
     try:
-        document = json.loads(_content(path))
+        document = json.loads(_content(path), parse_constant=_no_number)
     except FileNotFoundError:
         return None
-    except (OSError, ValueError) as problem:
+    except (OSError, ValueError, RecursionError) as problem:
         raise _damaged(path, "a JSON document", str(problem)) from problem
     if not isinstance(document, dict) or "state" not in document:
         raise _damaged(path, "an object with the keys schema, sha256, state", type(document).__name__)
@@ -93,10 +93,14 @@ def from_hex(text) -> np.ndarray | float:
 
 def _is_whole(path: Path | str) -> bool:
     try:
-        document = json.loads(_content(path))
+        document = json.loads(_content(path), parse_constant=_no_number)
         return document["sha256"] == _digest(document["state"])
-    except (OSError, ValueError, TypeError, KeyError):
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):
         return False
+
+
+def _no_number(text: str) -> float:
+    raise ValueError(f"{text} is no number of JSON")
 
 
 def _digest(state: dict) -> str:

@@ -116,7 +116,7 @@ def process_lives(holder: Mapping) -> bool:
         return True
     try:
         started = _started(psutil.Process(int(holder["pid"])))
-    except (psutil.Error, KeyError, ValueError):
+    except (psutil.Error, KeyError, ValueError, TypeError, OverflowError):
         return False
     return abs(started - holder.get("process_started", started)) < 1.0  # s; a later process may reuse the number
 

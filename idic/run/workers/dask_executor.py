@@ -256,12 +256,29 @@ def _wait(client, future, worker: str | None) -> None:
 @contextmanager
 def _local(distributed, workers: int, memory_limit):
     """A LocalCluster on the loopback interface; its workers end with this process, also after a kill."""
-    cluster = _started(distributed, workers, memory_limit)
+    with _left_to_this_process(distributed.SpecCluster):
+        cluster = _started(distributed, workers, memory_limit)
+        try:
+            with distributed.Client(cluster, set_as_default=False) as client:
+                yield client
+        finally:
+            _close(cluster)
+
+
+@contextmanager
+def _left_to_this_process(kind) -> Iterator[None]:
+    """Clusters that an interruption leaves half started or half closed are not closed again at the end of Python, which
+    fails with a traceback: their workers end with this process.
+
+    kind : of clusters, with a register of its instances
+    """
+    earlier_clusters = set(map(id, kind._instances))
     try:
-        with distributed.Client(cluster, set_as_default=False) as client:
-            yield client
+        yield
     finally:
-        _close(cluster)
+        for cluster in list(kind._instances):
+            if id(cluster) not in earlier_clusters:
+                cluster.shutdown_on_close = False
 
 
 def _started(distributed, workers: int, memory_limit, attempts: int = START_ATTEMPTS):

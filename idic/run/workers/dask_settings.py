@@ -60,7 +60,7 @@ def dask_setup(worker) -> None:
 def be_quiet() -> None:
     """Silence log lines of Dask such as "Worker process 123 was killed"; idic raises errors that matter."""
     os.environ.setdefault("DASK_LOGGING__DISTRIBUTED", _QUIET["DASK_LOGGING__DISTRIBUTED"])
-    for name in ("asyncio", "tornado.application"):
+    for name in ("asyncio", "tornado.application", "distributed.client", "distributed.utils"):
         logger = logging.getLogger(name)
         if not any(isinstance(item, _NoFarewells) for item in logger.filters):
             logger.addFilter(_NoFarewells())
@@ -85,7 +85,8 @@ def cpu_seconds() -> float:
 
 
 class _NoFarewells(logging.Filter):
-    """Drops log lines of Dask's background tasks on closed connections at the end of a cluster."""
+    """Drops log lines of Dask's background tasks on closed connections: at the end of a cluster, or of a lost
+    scheduler, which idic says in its own words."""
 
     def filter(self, record: logging.LogRecord) -> bool:
         trace = record.exc_info[2] if record.exc_info else None

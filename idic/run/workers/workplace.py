@@ -34,6 +34,11 @@ class Workplace:
     threads: int = 1
     runner: TaskRunner | None = None
 
+    @property
+    def is_here(self) -> bool:
+        """Whether this machine does the work, for all that is known."""
+        return self.scheduler is None and self.runner is None
+
     def worthwhile(self, worth_workers: bool) -> Workplace:
         """This place; without a word of the user this process for a small run, as the start of workers takes longer
         than they save, with a second thread where there is a second core."""

@@ -108,7 +108,7 @@ def _displacement(stage: Stage) -> np.ndarray:
 
 def _matched(first: Stage, stage: Stage, places: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
     """Rows of points that both stages have measured: by id, else the nearest of `places`  # (m,), (m,)"""
-    if stage.displacement is None or first.displacement is None:
+    if stage.displacement is None or first.displacement is None or stage.points.shape[1] != first.points.shape[1]:
         return None
     measured = np.flatnonzero(np.isfinite(stage.displacement).all(axis=1))
     if not len(measured) or not len(first.points):

@@ -1,0 +1,1 @@
+"""Campaigns of hostile and damaged input against idic in one process: ``python -m idic_studies.evidence.hostile``."""

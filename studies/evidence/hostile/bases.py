@@ -1,0 +1,37 @@
+"""The experiment and the RUN that the campaigns copy and spoil, made once for a process."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import idic
+from idic.virtual_tests import EXAMPLES, DemoSize, strip, write_example
+
+SIZE = DemoSize(0.2, (60, 110), (2, 2, 2), (2, 2, 1), (2, 2, 1), 1)  # a RUN with everything that a larger one has
+NAME = "hostile"
+
+
+@dataclass(frozen=True)
+class Base:
+    """An experiment and its finished RUN; both are copied, never changed."""
+
+    experiment: Path
+    run: Path
+
+
+@cache
+def demonstration() -> Base:
+    """The demonstration in six small frames, with two steps: what is damaged is computed again in a second."""
+    folder = Path(tempfile.mkdtemp(prefix="idic-base-"))
+    EXAMPLES[NAME] = lambda reduced, foreign: strip(SIZE)
+    try:
+        write_example(NAME, folder / "experiment")
+    finally:
+        del EXAMPLES[NAME]
+    file = folder / "experiment" / "experiment.toml"
+    file.write_text(file.read_text().replace("[options]\n", "[options]\nmax_iterations = 2\n"))
+    idic.identify(folder / "experiment", folder / "run")
+    return Base(folder / "experiment", folder / "run")
