@@ -11,7 +11,7 @@ from idic.measure.sequence.lateness import course_of, frame_offset, sentence
 from idic.measure.sequence.order import OrderEvidence
 from idic.measure.sequence.repeats import Steps, lost_frames, repeated_frames
 from idic.measure.sequence.thumbnails import Thumbnail, apart, distances, thumbnail
-from idic.model import Column, Experiment
+from idic.model import Column, Experiment, Remedies
 from idic.readers import FileStack
 
 MAX_FRAMES = 300  # that are compared with each other; of a longer test some
@@ -104,14 +104,17 @@ class FrameSequence:
         """Frames that repeat the one before although the log moves on; equal : numbers of those that are equal to the
         last grey value."""
         of_equal = {self.frames.index(k) for k in equal if k in self.frames}
-        return repeated_frames(self.steps, self.labels, of_equal, len(self.courses) > 0)
+        return repeated_frames(self.steps, self.labels, of_equal, len(self.courses) > 0,
+                               lambda places: Remedies(self.experiment).exclusion([self.frames[i] for i in places]))
 
     def lost(self) -> list[str]:
         """Places where images are missing by the step of the motion."""
         recording, model = self.experiment.recording, self.experiment.model
         if not model.has_times or not (recording.is_log_interpolated or not len(self.courses)):
             return []
-        return lost_frames(self.steps, self.labels, len(self.courses) > 0)
+        times = "give the time of every image with image_times"
+        remedy = Remedies(self.experiment).possible(times, otherwise=f"{times} in the place of the present times")
+        return lost_frames(self.steps, self.labels, len(self.courses) > 0, remedy)
 
 
     @cached_property

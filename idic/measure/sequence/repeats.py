@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,6 @@ MAX_UNLIKE = 1.25  # of the pairs on both sides
 MIN_MOVING = 0.5  # share of motion in the distance of two images: the rest is noise
 MIN_CHANGE = 1e-3  # of the range of a column: less is none
 MIN_HALF = 0.4  # share of the images: more are every second one
-MAX_NAMED = 40
 
 
 @dataclass(frozen=True)
@@ -65,29 +64,30 @@ class Steps:
         return frames if len(frames) > n_between else []
 
 
-def repeated_frames(steps: Steps, labels: Sequence[str], equal: Collection[int], has_log: bool) -> list[str]:
+def repeated_frames(steps: Steps, labels: Sequence[str], equal: Collection[int], has_log: bool,
+                    excluding: Callable[[Sequence[int]], str]) -> list[str]:
     """One sentence on the frames that repeat the one before, with the line that excludes them.
 
-    equal : frames that are equal to the last grey value; has_log : whether the steps know the change of a log
+    excluding : numbers -> the value of exclude_frames, "" where too few would remain; equal : frames that are equal to
+    the last grey value; has_log : whether the steps know the change of a log
     """
     moving = [k for k in equal if not has_log or steps.logged[k - 1] > MIN_CHANGE / len(labels)]
     numbers = sorted({*(steps.repeats() if has_log else ()), *moving})
     if not numbers:
         return []
-    named = [f'"{labels[k]}"' for k in numbers]
-    if len(named) > MAX_NAMED:
-        named = [*named[:MAX_NAMED], "…"]
     likeness = "to the last grey value" if set(numbers) <= set(equal) else "within the noise"
     subject = (f"{labels[numbers[0]]} repeats {labels[numbers[0] - 1]}" if len(numbers) == 1
                else f"{len(numbers)} of {len(labels)} images, {labels[numbers[0]]} the first, repeat the one before")
     cause = ("a film that was decoded to a multiple of its rate?" if len(numbers) >= MIN_HALF * len(labels) > 2
            else "the recording lost images, and put the ones before in their place?")
     log = " while the log moves on" if has_log else ""
-    return [f"{subject} {likeness}{log}: {cause} Their motion is that of another moment: write "
-            f"exclude_frames = [{', '.join(named)}], and check that log and images belong together after them"]
+    names = excluding(numbers)
+    remedy = f"write exclude_frames = {names}, and check" if names else "check"
+    return [f"{subject} {likeness}{log}: {cause} Their motion is that of another moment: {remedy} that log and images "
+            "belong together after them"]
 
 
-def lost_frames(steps: Steps, labels: Sequence[str], has_log: bool) -> list[str]:
+def lost_frames(steps: Steps, labels: Sequence[str], has_log: bool, remedy: str) -> list[str]:
     """Sentences on places where one step of the motion is a multiple of those beside it, and that of the log is not."""
     if len(steps.apart_px) < 4 or steps.repeats():
         return []
@@ -102,6 +102,6 @@ def lost_frames(steps: Steps, labels: Sequence[str], has_log: bool) -> list[str]
         n = round(float(ratio / usual)) - 1
         texts.append(f"from {labels[k]} to {labels[k + 1]} the images move {ratio / usual:.2g} times as far as "
                      f"{'the log says' if has_log else 'before and after'}: {'an image' if n < 2 else f'{n} images'} "
-                     "lost between them? Then the times of all later images are too early: give the time of every "
-                     "image with image_times. If the grip slipped there, do nothing")
+                     f"lost between them? Then the times of all later images are too early: {remedy}. If the grip "
+                     "slipped there, do nothing")
     return texts

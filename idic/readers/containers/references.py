@@ -82,7 +82,8 @@ def _outside_of(path: Path, key: str) -> Iterator[str]:
             file.visititems_links(of_link)
             if not places:
                 file.visititems(of_array)
-    except Exception as problem:  # noqa: BLE001  (a damaged file makes h5py raise all kinds)
+    except Exception as problem:
         raise InputError("the file cannot be read", file=path, key=key, expected="a whole file of HDF5",
-                         found=f"parts that cannot be looked at ({problem})", remedy="write the file again") from problem
+                         found=f"parts that cannot be looked at ({problem})",
+                         remedy="write the file again") from problem
     yield from places
