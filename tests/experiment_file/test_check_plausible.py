@@ -11,10 +11,11 @@ from scipy.ndimage import gaussian_filter
 from experiment_file.small_experiment import change, write_experiment
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
+from idic.images import speckle_size
 from idic.report import check
 from idic.report.evidence.causes.axes import TURNS
 from idic.report.evidence.causes.lines import excluded_frames, free_rigid_motion, other_axes, time_offset
-from idic.report.evidence.plausible import pattern_warnings
+from idic.report.evidence.plausible import pattern_warnings, without_pattern
 from report.experiment_kinds import KINDS, in_px
 
 
@@ -40,6 +41,12 @@ def show(folder, image):
 
 def warnings(folder):
     return " ".join(check(load_experiment(folder), draw=False).warnings)
+
+
+def pattern_told(experiment, image, roi):
+    """Warnings of the pattern, of elements of 12 px."""
+    width = speckle_size(image, roi, 2.0)
+    return list(pattern_warnings(experiment, image, roi, 144.0, width, without_pattern(image, roi, 2.0, width)))
 
 
 def test_a_sound_experiment_is_told_nothing_but_its_start_values(folder):
@@ -173,9 +180,9 @@ def test_a_hole_that_the_mesh_covers_is_told_with_its_place_and_one_that_it_has_
     image = np.where(hole, 12.0, speckle((140, 200))) + np.random.default_rng(0).normal(0.0, 2.0, hole.shape)
     covered = np.zeros(hole.shape, dtype=bool)
     covered[10:130, 10:190] = True
-    told, = pattern_warnings(drawn, image, covered, 144.0)
+    told, = pattern_told(drawn, image, covered)
     assert "around column 120, row 60): a hole?" in told and "holes_px" in told
-    assert not list(pattern_warnings(drawn, image, covered & ~hole, 144.0))
+    assert not list(pattern_told(drawn, image, covered & ~hole))
 
 
 def test_images_that_were_compressed_are_told_with_the_place_of_their_blocks(folder):
@@ -183,8 +190,8 @@ def test_images_that_were_compressed_are_told_with_the_place_of_their_blocks(fol
     image = np.clip(speckle((160, 200)) + np.random.default_rng(0).normal(0.0, 2.0, (160, 200)), 0, 255)
     whole, kept = np.ones(image.shape, dtype=bool), np.rint(image).astype(np.uint8)
     compressed = cv2.imdecode(cv2.imencode(".jpg", kept, [cv2.IMWRITE_JPEG_QUALITY, 80])[1], cv2.IMREAD_GRAYSCALE)
-    assert not any("JPEG" in line for line in pattern_warnings(experiment, kept, whole, 144.0))
-    told, = (line for line in pattern_warnings(experiment, compressed, whole, 144.0) if "JPEG" in line)
+    assert not any("JPEG" in line for line in pattern_told(experiment, kept, whole))
+    told, = (line for line in pattern_told(experiment, compressed, whole) if "JPEG" in line)
     assert "blocks of 8 px from column 0, row 0" in told and "TIFF or PNG" in told
 
 

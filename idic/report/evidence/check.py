@@ -12,7 +12,7 @@ from scipy.ndimage import binary_erosion
 
 from idic.identification import planned_increments, repeated_readings
 from idic.experiment_file import corners_px, recorded, seen_nodes, seen_region, visible_cells
-from idic.images import largest_value, saturated_share
+from idic.images import largest_value, saturated_share, speckle_size
 from idic.measure import FrameSequence
 from idic.model import Experiment, Measured, Model, Noise, Options, Recording, Remedies, in_words
 from idic.readers import check_stages, mean_strain
@@ -205,9 +205,10 @@ def _check_camera(experiment: Experiment, draw: bool, is_main: bool) -> tuple[Ch
     field_notes, field_warnings = _of_fields(experiment, corners, visible) if recording.points is not None else ((), ())
     labels = recording.labels
     scale = () if recording.points is not None else tuple(_scale_warnings(experiment, corners, visible))
-    plain = NO_PATTERN
+    plain, width = NO_PATTERN, None
     if recording.quantity == "grey" and not scale:
-        plain = without_pattern(reference, roi, noise.std_gv)
+        width = speckle_size(reference, roi, noise.std_gv or 0.0)
+        plain = without_pattern(reference, roi, noise.std_gv, width)
     is_placed = not scale and float(plain.mean()) <= MAX_PLAIN_SHARE
     images = _Decoded() if recording.points is not None else _decoded(experiment, reference, roi, is_main)
     if images.sequence is not None:
@@ -215,7 +216,7 @@ def _check_camera(experiment: Experiment, draw: bool, is_main: bool) -> tuple[Ch
     end, motion_warnings = causes_in_motion(experiment, reference if is_placed else None,
                                             images.picture(experiment)) if is_main else ((), ())
     warnings = field_warnings if images.sequence is None else (
-        *scale, *(() if scale else _place_warnings(experiment, reference, roi, areas, noise, plain)),
+        *scale, *(() if scale else _place_warnings(experiment, reference, roi, areas, width, plain)),
         *_reference_warnings(experiment, reference, roi), *images.sequence.order_warnings(),
         *images.sequence.repeated(images.equal), *images.sequence.lost(),
         *_other_light(experiment, [k for k in images.other_light if k not in end]))
@@ -278,15 +279,17 @@ def _sets_px(model: Model, points: np.ndarray) -> dict[str, np.ndarray]:
     return {name: model.camera.project(points[model.mesh.node_sets[name]]) for name in names}
 
 
-def _place_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, areas: np.ndarray, noise: Noise,
-                    plain: np.ndarray) -> Iterator[str]:
-    """Warnings of the pattern below a mesh of the right scale; plain : pixels of the ROI without pattern."""
+def _place_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, areas: np.ndarray,
+                    width: float | None, plain: np.ndarray) -> Iterator[str]:
+    """Warnings of the pattern below a mesh of the right scale; width : of the speckle, px; plain : pixels of the ROI
+    without pattern."""
+    noise = experiment.recording.noise
     if areas.mean() < _MIN_ELEMENT_PX and experiment.model.surface is None:
         yield (f"only {areas.mean():.0f} px per element: enough for the identification, too few for the free FE-DIC of "
                "the report; larger elements would do for both")
     if experiment.recording.quantity == "grey":
-        yield from pattern_warnings(experiment, reference, roi, float(areas.mean()), plain)
-        yield from mirrored_axes(experiment, reference, float(plain.mean()))
+        yield from pattern_warnings(experiment, reference, roi, float(areas.mean()), width, plain)
+        yield from mirrored_axes(experiment, reference, float(plain.mean()), width)
     contrast = float(np.nanstd(reference[roi]))
     if contrast == 0.0:
         yield ("the ROI has no pattern, so nothing can be correlated: check the reference image and the place of the "

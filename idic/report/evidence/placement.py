@@ -47,7 +47,8 @@ def _still_images(recording: Recording) -> Iterator[tuple[str, np.ndarray]]:
         yield recording.labels[k], np.asarray(recording.stack.frame(k), dtype=float)
 
 
-def mirrored_axes(experiment: Experiment, reference: np.ndarray, plain_share: float) -> Iterator[str]:
+def mirrored_axes(experiment: Experiment, reference: np.ndarray, plain_share: float,
+                  width: float | None) -> Iterator[str]:
     """Axes, mirrored or turned, that would put the mesh on the pattern, where this share of the ROI has none."""
     camera, noise = experiment.model.camera, experiment.recording.noise.std_gv
     if not isinstance(camera, Camera) or is_section(experiment.model) or experiment.recording.quantity != "grey":
@@ -58,7 +59,7 @@ def mirrored_axes(experiment: Experiment, reference: np.ndarray, plain_share: fl
     for name, turn in zip(NAMES, TURNS, strict=True):
         region = _region(replace(experiment, model=replace(experiment.model,
                                                            camera=replace(camera, matrix=turn @ camera.matrix))))
-        share = 1.0 if region is None else float(without_pattern(reference, region, noise).mean())
+        share = 1.0 if region is None else float(without_pattern(reference, region, noise, width).mean())
         if share < best:
             best, meaning, change = share, name, turn
     if meaning:

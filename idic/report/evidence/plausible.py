@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import find_objects, label, maximum_filter, uniform_filter
 
 from idic.fe import Mesh, bodies
-from idic.images import BLOCK_PX, compressed_at, edge_blur, speckle_size
+from idic.images import BLOCK_PX, compressed_at, edge_blur
 from idic.laws import law_for
 from idic.model import Experiment, Model, Remedies
 
@@ -147,13 +147,12 @@ def implausible_scale(experiment: Experiment, extent_px: np.ndarray, visible: fl
 
 
 def pattern_warnings(experiment: Experiment, image: np.ndarray, roi: np.ndarray, pixels_per_element: float,
-                     plain: np.ndarray | None = None) -> Iterator[str]:
+                     width: float | None, plain: np.ndarray) -> Iterator[str]:
     """A ROI that covers background or grips, and speckle too fine or too coarse for the pixels and elements.
 
-    experiment : the view of the camera; plain : of `without_pattern`; None: looked for here
+    experiment : the view of the camera; width : of the speckle, px; plain : of `without_pattern`
     """
     noise_gv = experiment.recording.noise.std_gv
-    plain = without_pattern(image, roi, noise_gv) if plain is None else plain
     if plain is NO_PATTERN:
         return  # told elsewhere
     if plain.mean() > MAX_PLAIN_SHARE:
@@ -165,7 +164,6 @@ def pattern_warnings(experiment: Experiment, image: np.ndarray, roi: np.ndarray,
     else:
         yield from covered_holes(experiment, roi, plain)
     yield from compression_warning(image)
-    width = speckle_size(image, roi, noise_gv or 0.0)
     if width is not None and width < MIN_SPECKLE_PX:
         yield (f"the speckle is {width:.1f} px wide, too fine for the pixels: interpolation errors bias the result. "
                "Coarser speckle or a closer camera next time"
@@ -212,15 +210,16 @@ def covered_holes(experiment: Experiment, roi: np.ndarray, plain: np.ndarray) ->
                    + Remedies(experiment).possible("; if there is none, a mask leaves the place out"))
 
 
-def without_pattern(image: np.ndarray, roi: np.ndarray, noise_gv: float | None) -> np.ndarray:
+def without_pattern(image: np.ndarray, roi: np.ndarray, noise_gv: float | None, width: float | None) -> np.ndarray:
     """Pixels of the ROI in a window in which the grey value hardly changes; `NO_PATTERN` where it nowhere does
+
+    width : of the speckle, px
 
     Returns
     -------
     (n_roi,) bool
     """
     values = np.asarray(image, dtype=float)
-    width = speckle_size(image, roi, noise_gv or 0.0)
     window = int(np.clip(2.0 * (width or 0.0), WINDOW_PX, MAX_WINDOW_PX))
     mean, square = uniform_filter(values, window), uniform_filter(values**2, window)
     local = np.sqrt(np.maximum(square - mean**2, 0.0))[roi]
