@@ -40,19 +40,15 @@ def patterned(image: np.ndarray, region: np.ndarray, window: int) -> np.ndarray:
 
 def without_trend(image: np.ndarray, region: np.ndarray) -> np.ndarray:
     """The image less a polynomial of uneven light, 0 outside of the region  # (ny, nx)"""
+    degree = min(TREND_DEGREE, min(region.shape) // MIN_PX_PER_DEGREE)
+    y, x = (np.linspace(-1.0, 1.0, n)[:, None] ** np.arange(degree + 1) for n in region.shape)  # (ny, p), (nx, p)
+    i, j = np.nonzero(np.add.outer(np.arange(degree + 1), np.arange(degree + 1)) <= degree)
     rows, columns = np.nonzero(region)
     step = max(len(rows) // FITTED_PIXELS, 1)
-    fit = np.linalg.lstsq(_terms(rows[::step], columns[::step], region.shape), image[rows, columns][::step], rcond=None)
-    detail = np.zeros(region.shape)
-    detail[rows, columns] = image[rows, columns] - _terms(rows, columns, region.shape) @ fit[0]
-    return detail
-
-
-def _terms(rows: np.ndarray, columns: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """Products of powers of row and column, -1 … 1 over the image  # (n, 15)"""
-    y, x = 2.0 * rows / max(shape[0] - 1, 1) - 1.0, 2.0 * columns / max(shape[1] - 1, 1) - 1.0
-    degree = min(TREND_DEGREE, min(shape) // MIN_PX_PER_DEGREE)
-    return np.stack([x**i * y**j for i in range(degree + 1) for j in range(degree + 1 - i)], axis=1)
+    rows, columns = rows[::step], columns[::step]
+    coefficients = np.zeros((degree + 1, degree + 1))
+    coefficients[i, j] = np.linalg.lstsq(y[rows][:, i] * x[columns][:, j], image[rows, columns], rcond=None)[0]
+    return np.where(region, image - y @ coefficients @ x.T, 0.0)
 
 
 def _two_classes(values: np.ndarray) -> float | None:
