@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 import numpy as np
 
-from idic.measure.sequence.lateness import course_of, frame_offset, sentence
+from idic.measure.sequence.lateness import check_pairing, course_of, frame_offset, sentence
 from idic.measure.sequence.order import OrderEvidence
 from idic.measure.sequence.repeats import Steps, lost_frames, repeated_frames
 from idic.measure.sequence.thumbnails import Thumbnail, apart, distances, thumbnail
@@ -124,13 +124,22 @@ class FrameSequence:
         return course_of(self.thumbnails, self.frames.index(reference) if reference in self.frames else 0)
 
     def late_against(self, main: FrameSequence) -> list[str]:
-        """Whether this camera takes its images at other times than the main one, with the line that says so."""
+        """Whether this camera takes its images at other times than the main one, with the line that says so.
+
+        Raises
+        ------
+        InputError
+            So much later or earlier that images of the same number do not belong together.
+        """
         offset = frame_offset(main.course, self.course) if self.frames == main.frames else None
         if offset is None:
             return []
-        model, cameras = self.experiment.model, (main.experiment.recording, self.experiment.recording)
+        names = main.experiment.recording.camera_name, self.experiment.recording.camera_name
+        if self.experiment.time_offset not in self.experiment.model.parameters:
+            check_pairing(names, (main.labels, self.labels), *offset)
+        model = self.experiment.model
         interval_s = float(np.median(np.diff(model.times[list(self.frames)]))) if model.has_times else None
-        return [sentence((cameras[0].camera_name, cameras[1].camera_name), *offset, interval_s)]
+        return [sentence(names, *offset, interval_s)]
 
 
 def _counted(experiment: Experiment) -> tuple[int, ...]:

@@ -12,7 +12,7 @@ BESIDE = 3  # pairs of images on both sides
 USUAL = 0.8  # quantile of the motion per change of the log: of copies three in a row, two thirds have none
 MIN_MOVED = 0.6  # the same of an image that is none: steps in between are those of an unsteady camera
 MAX_STEP = 0.35  # its step over that of the pair beside it
-MIN_LOG_STEP = 0.3  # change of the log over that of the pair beside it: the log moves on
+MIN_LOG_STEP = 0.3  # change of the log over that of a pair beside it that it is compared with: the log moves on
 MIN_LOST, MAX_LOST = 1.6, 6.5  # motion over a missing image per change of the log, over that of the pairs beside it
 MAX_UNLIKE = 1.25  # of the pairs on both sides
 MIN_MOVING = 0.5  # share of motion in the distance of two images: the rest is noise
@@ -51,9 +51,10 @@ class Steps:
         rates = self.moved_px / np.where(self.logged > 0.0, self.logged, np.inf)
         usual = float(np.quantile(rates[self.logged > 0.0], USUAL))  # images may be lost beside: a larger step
         for k in range(n):
-            neighbour = max(range(max(k - BESIDE, 0), min(k + BESIDE + 1, n)), key=lambda j: self.moved_px[j])
-            logged = self.logged[neighbour]
-            if not self.logged[k] >= MIN_LOG_STEP * logged > 0.0 or neighbour == k:
+            pairs = [j for j in range(max(k - BESIDE, 0), min(k + BESIDE + 1, n))
+                     if self.logged[k] >= MIN_LOG_STEP * self.logged[j] > 0.0]
+            neighbour = max(pairs, key=lambda j: self.moved_px[j], default=k)
+            if neighbour == k:
                 continue
             share = min(1.0, usual / max(rates[neighbour], 1e-300))
             if self.apart_px[k] < MAX_STEP * share * self.apart_px[neighbour] and (
