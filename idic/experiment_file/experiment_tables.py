@@ -244,7 +244,8 @@ class ExperimentTables:
                              found=", ".join(sorted({block.cell for block in mesh.blocks})),
                              remedy='use element_order = "auto"')
         straight, table = raise_order(mesh), self.config.experiment.mesh
-        if (drawing := arcs_of(self.config, frames.stack, camera, self.file)) is not None:
+        drawing = None if mesh.n_dim == 3 else arcs_of(self.config, frames.stack, camera, self.file)
+        if drawing is not None:
             mesh = drawing.on_arcs(straight, camera if table.in_px else None)
         else:
             mesh = curved(straight)

@@ -47,8 +47,8 @@ class Remedies:
     def possible(self, *remedies: str, otherwise: str = "") -> str:
         """The remedies that this experiment can follow, as alternatives in a sentence; `otherwise` where there is
         none."""
-        kept = [remedy for remedy in remedies if all(self.can_have(key) for key in self.keys_in(remedy))]
-        return ", or ".join(kept) or otherwise
+        alternatives = [remedy for remedy in remedies if all(self.can_have(key) for key in self.keys_in(remedy))]
+        return ", or ".join(alternatives) or otherwise
 
     @property
     def scale(self) -> str:

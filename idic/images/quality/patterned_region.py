@@ -34,8 +34,8 @@ def patterned(image: np.ndarray, region: np.ndarray, window: int) -> np.ndarray:
     if level is None:
         return region
     plain = minimum_filter(~region | (log < level), window)  # a gap between speckles is narrower than a window
-    rest = region & ~maximum_filter(plain & region, 2 * window + EDGE_PX)
-    return rest if np.count_nonzero(rest) > window**2 else region & (log >= level)
+    patterned_pixels = region & ~maximum_filter(plain & region, 2 * window + EDGE_PX)
+    return patterned_pixels if np.count_nonzero(patterned_pixels) > window**2 else region & (log >= level)
 
 
 def without_trend(image: np.ndarray, region: np.ndarray) -> np.ndarray:

@@ -44,10 +44,10 @@ def speckle_size(image: np.ndarray, region: np.ndarray, noise_std: float = 0.0) 
     image, pattern = _middle(image, pattern)
     width, n_seen = _width(image, pattern, noise_std), np.count_nonzero(pattern)
     for window in WINDOWS_PX:
-        rest = patterned(image, pattern, window)
-        n_rest = np.count_nonzero(rest)
-        if MIN_PIXELS <= n_rest < n_seen and (narrower := _width(image, rest, noise_std)) is not None:
-            width, n_seen = narrower, n_rest
+        part = patterned(image, pattern, window)
+        n_part = np.count_nonzero(part)
+        if MIN_PIXELS <= n_part < n_seen and (narrower := _width(image, part, noise_std)) is not None:
+            width, n_seen = narrower, n_part
     return width
 
 

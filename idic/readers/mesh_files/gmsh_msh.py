@@ -190,11 +190,11 @@ def _entities(stream: _Stream) -> dict[tuple[int, int], list[int]]:
     return groups
 
 
-def _partitioned_entities(stream: _Stream, whole: dict[tuple[int, int], list[int]]) -> dict[tuple[int, int],
-                                                                                            list[int]]:
+def _partitioned_entities(stream: _Stream, parents: dict[tuple[int, int], list[int]]
+                          ) -> dict[tuple[int, int], list[int]]:
     """The same of a mesh in partitions, whose entities are parts of others; together they are the mesh.
 
-    whole : groups of the entities that were parted
+    parents : groups of the entities that were parted
     """
     groups: dict[tuple[int, int], list[int]] = {}
     stream.integers(2 * int(stream.sizes(2)[1]))  # ghost entities: they hold copies
@@ -205,7 +205,7 @@ def _partitioned_entities(stream: _Stream, whole: dict[tuple[int, int], list[int
             stream.integers(int(stream.sizes(1)[0]))  # its partitions
             stream.reals(3 if dimension == 0 else 6)
             written = [abs(int(group)) for group in stream.integers(int(stream.sizes(1)[0]))]
-            inherited = whole.get((of_dimension, of_tag), []) if of_dimension == dimension else []
+            inherited = parents.get((of_dimension, of_tag), []) if of_dimension == dimension else []
             groups[dimension, tag] = list(dict.fromkeys([*written, *inherited]))
             if dimension:
                 stream.integers(int(stream.sizes(1)[0]))  # what bounds it

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.ticker import FixedLocator, MaxNLocator
-
-from idic.report.figures.style import GREY
 
 MIN_FRAMES = 5  # of a test that can have a pause
 MIN_PAUSE_SHARE = 0.2  # of the whole time: a shorter pause leaves the rest legible
@@ -41,20 +40,21 @@ def label_frames(axis, label: str, times: np.ndarray) -> None:
         axis.xaxis.set_major_locator(MaxNLocator(integer=by_number, steps=[1, 2, 5, 10]))
         return
     corners = np.array([np.min(times), *(time for pause in breaks for time in pause), np.max(times)])
-    shown = float(np.ptp(times)) - sum(end - begin for begin, end in breaks)
+    recorded_s = float(np.ptp(times)) - sum(end - begin for begin, end in breaks)
     widths = np.diff(corners)
-    widths[1::2] = BREAK_SHARE * shown
+    widths[1::2] = BREAK_SHARE * recorded_s
     places = np.concatenate([[0.0], np.cumsum(widths)])
-    first, last = max(widths[0], shown / 100.0), max(widths[-1], shown / 100.0)  # beyond the ends it goes on to scale
-    outer_times = np.concatenate([[corners[0] - first], corners, [corners[-1] + last]])
-    outer_places = np.concatenate([[-first], places, [places[-1] + last]])
-    outer_times, kept = np.unique(outer_times, return_index=True)
-    outer_places = outer_places[kept]
+    least = recorded_s / 100.0  # beyond the ends the axis goes on to scale
+    margin_before, margin_after = max(widths[0], least), max(widths[-1], least)
+    outer_times = np.concatenate([[corners[0] - margin_before], corners, [corners[-1] + margin_after]])
+    outer_places = np.concatenate([[-margin_before], places, [places[-1] + margin_after]])
+    outer_times, places_of_times = np.unique(outer_times, return_index=True)
+    outer_places = outer_places[places_of_times]
     axis.set_xscale("function", functions=(lambda t: _mapped(t, outer_times, outer_places),
                                            lambda p: _mapped(p, outer_places, outer_times)))
     margin = 0.03 * float(places[-1])
     axis.set_xlim(*_mapped(np.array([-margin, places[-1] + margin]), outer_places, outer_times))
-    axis.xaxis.set_major_locator(FixedLocator(_ticks(corners, shown)))
+    axis.xaxis.set_major_locator(FixedLocator(_ticks(corners, recorded_s)))
     for shared_axis in axis.get_shared_x_axes().get_siblings(axis):
         for begin, end in breaks:
             _draw_break(shared_axis, begin, end)
@@ -70,21 +70,22 @@ def _mapped(values: np.ndarray, knots: np.ndarray, targets: np.ndarray) -> np.nd
     return np.where(values < knots[0], below, np.where(values > knots[-1], above, inside))
 
 
-def _ticks(corners: np.ndarray, shown: float) -> list[float]:
+def _ticks(corners: np.ndarray, recorded_s: float) -> list[float]:
     """Round times in the parts between the breaks, and the one frame of a part that has no more."""
     ticks: list[float] = []
     for begin, end in zip(corners[::2], corners[1::2], strict=True):
-        if end - begin < shown / N_TICKS:
+        if end - begin < recorded_s / N_TICKS:
             ticks.append(float(begin))
             continue
-        n = max(round(N_TICKS * (end - begin) / shown), 1)
+        n = max(round(N_TICKS * (end - begin) / recorded_s), 1)
         ticks += [float(t) for t in MaxNLocator(n, steps=[1, 2, 5, 10]).tick_values(begin, end) if begin <= t <= end]
     return ticks
 
 
 def _draw_break(axis, begin: float, end: float) -> None:
-    """A white band with two slanted strokes on the axis, and how long the pause is."""
-    axis.axvspan(begin, end, facecolor="white", edgecolor=GREY, hatch="////", alpha=0.35, lw=0, zorder=3)
+    """A hatched band, and how long the pause is."""
+    colour = rcParams["xtick.color"]
+    axis.axvspan(begin, end, facecolor="white", edgecolor=colour, hatch="////", alpha=0.35, lw=0, zorder=3)
     axis.annotate(f"{end - begin:.3g} s", (begin, 1.0), xycoords=axis.get_xaxis_transform(), xytext=(2, -2),
-                  textcoords="offset points", rotation=90, ha="left", va="top", fontsize=7, color=GREY, zorder=4,
+                  textcoords="offset points", rotation=90, ha="left", va="top", fontsize=7, color=colour, zorder=4,
                   bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5})
