@@ -149,7 +149,6 @@ CONDITIONS: dict[str, Condition] = {
     "holes_px": _is_in_px,
     "holes_mm": lambda e: _has(e, "experiment.mesh.roi_mm", "experiment.mesh.outline_mm",
                                "experiment.mesh.around_points_mm"),
-    "outline_mm": lambda e: e.recording.quantity == "displacement" and not _has(e, "experiment.mesh.file"),
     # [camera] and [scanner]
     "pixel_size_mm": _has_pixel_size,
     "matrix_px_per_unit": lambda e: _of_camera(e, "matrix_px_per_unit"),

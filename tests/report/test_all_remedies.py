@@ -25,7 +25,6 @@ VALUES = {  # key -> table, value; "camera": of the camera whose view it is
     "image_times": ("experiment", "times.csv"), "frame_interval_s": ("experiment", 1.0),
     "fields_noise_um": ("experiment", 1.0), "mesh_unit": ("experiment", "mm"),
     "holes_px": ("experiment.mesh", [[30.0, 25.0, 8.0]]), "holes_mm": ("experiment.mesh", [[2.0, 1.5, 0.9]]),
-    "outline_mm": ("experiment", {"outline_mm": [[0.5, -3], [19, -3], [19, 3], [0.5, 3]], "element_mm": 2.0}),
     "pixel_size_mm": ("camera", 0.1), "matrix_px_per_unit": ("camera", [[10.0, 0.0], [0.0, -10.0]]),
     "origin_px": ("camera", [11.0, 40.0]), "origin_mm": ("camera", [0.0, 0.0]),
     "noise_std_gv": ("camera", 1.0), "voxel_mm": ("camera", 0.02), "calibration": ("camera", "cal.json"),
@@ -106,7 +105,7 @@ def edits_with(folder, experiment, key, number):
     if key == "time_modes":
         return {f"boundary.{i}.{c}": {"virtual": "bspline", "modes": 2, "time_modes": 2}
                 for i, c in driven(folder)}
-    edits = {f"{table}.{'mesh' if key == 'outline_mm' else key}": value}
+    edits = {f"{table}.{key}": value}
     if key == "translation_mm":
         edits[f"{table}.rotation"] = POSE
     return edits

@@ -112,8 +112,9 @@ class FrameSequence:
         recording, model = self.experiment.recording, self.experiment.model
         if not model.has_times or not (recording.is_log_interpolated or not len(self.courses)):
             return []
-        times = "give the time of every image with image_times"
-        remedy = Remedies(self.experiment).possible(times, otherwise=f"{times} in the place of the present times")
+        remedy = Remedies(self.experiment).possible(
+            "give the time of every image with image_times",
+            otherwise="give the time of every image with image_times, in the place of the present times")
         return lost_frames(self.steps, self.labels, len(self.courses) > 0, remedy)
 
 
