@@ -53,14 +53,19 @@ class Remedies:
     @property
     def scale(self) -> str:
         """The keys that say how large the mesh is in the image, in words."""
-        return self.possible("pixel_size_mm", "matrix_px_per_unit", "voxel_mm", "the calibration", "translation_mm",
-                             "the alignment", otherwise="the positions of the cameras")
+        return self._drawn or self.possible("pixel_size_mm", "matrix_px_per_unit", "voxel_mm", "the calibration",
+                                            "translation_mm", "the alignment", otherwise="the positions of the cameras")
+
+    @property
+    def _drawn(self) -> str:
+        """The keys of a mesh that is drawn on the image, which is as large as it is drawn, where it is drawn."""
+        return self.possible("roi_px", "outline_px")
 
     @property
     def place(self) -> str:
         """The keys that say where the mesh is in the image, in words."""
-        return self.possible("origin_px", "axes", "matrix_px_per_unit", "rotation and translation_mm", "the alignment",
-                             "origin_mm", otherwise="the positions of the cameras")
+        return self._drawn or self.possible("origin_px", "axes", "matrix_px_per_unit", "rotation and translation_mm",
+                                            "the alignment", "origin_mm", otherwise="the positions of the cameras")
 
     @property
     def times_of_images(self) -> str:
@@ -146,6 +151,8 @@ CONDITIONS: dict[str, Condition] = {
     "frame_interval_s": lambda e: _has_log(e) and not _has(e, "experiment.image_times"),
     "fields_noise_um": _is_of("displacement"),
     "mesh_unit": lambda e: _has(e, "experiment.mesh.file") and e.model.length_unit != "px",
+    "roi_px": lambda e: _has(e, "experiment.mesh.roi_px"),
+    "outline_px": lambda e: _has(e, "experiment.mesh.outline_px"),
     "holes_px": _is_in_px,
     "holes_mm": lambda e: _has(e, "experiment.mesh.roi_mm", "experiment.mesh.outline_mm",
                                "experiment.mesh.around_points_mm"),
