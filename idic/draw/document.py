@@ -15,6 +15,7 @@ from idic.laws import get_law
 from idic.model import Experiment
 
 KEPT = "experiment.toml.before"  # the file that was replaced; later ones: .before-2, -3 …
+THROUGH = ("through_mm", "layers")  # of a solid: the page has the thickness in a field of its own
 MATERIAL = "SPECIMEN"
 _HEAD = "# An idic experiment, drawn with  idic draw . It may be edited: idic check  tells what is wrong.\n"
 
@@ -40,10 +41,10 @@ def _check_scale(plan: Plan) -> None:
                          expected="the size of a pixel in mm",
                          found="none",
                          remedy="set two points at a known distance, or choose no force and no logged motion")
-    if plan.thickness_mm is None and plan.force is not None:
-        raise InputError("a force needs the thickness", key="thickness_mm", expected="the thickness in mm",
-                         found="none",
-                         remedy="give the thickness, or choose no force")
+    if plan.thickness_mm is None and (plan.force is not None or plan.kind == "solid"):
+        user, alternative = ("a solid", "a plane model") if plan.kind == "solid" else ("a force", "no force")
+        raise InputError(f"{user} needs the thickness", key="thickness_mm", expected="the thickness in mm",
+                         found="none", remedy=f"give the thickness, or choose {alternative}")
 
 
 def tables_of(plan: Plan) -> dict:
@@ -58,13 +59,15 @@ def _experiment(plan: Plan) -> list[str]:
     if plan.frame_interval_s is not None:
         lines.append(f"frame_interval_s = {plan.frame_interval_s!r}")
     lines.append(f"kind = {_text(plan.kind)}")
+    if plan.kind == "solid":
+        return [*lines, 'surface = "FRONT"', f"mesh = {mesh_text(plan.sketch, plan.thickness_mm)}"]
     if plan.thickness_mm is not None:
         lines.append(f"thickness_mm = {plan.thickness_mm!r}")
     return [*lines, f"mesh = {mesh_text(plan.sketch)}"]
 
 
-def mesh_text(sketch: Sketch) -> str:
-    """The value of ``mesh`` in [experiment]: one line, as TOML wants it."""
+def mesh_text(sketch: Sketch, through_mm: float | None = None) -> str:
+    """The value of ``mesh`` in [experiment]: one line, as TOML wants it; through_mm : thickness of a solid."""
     parts = [f"outline_px = {_numbers(sketch.outline)}"]
     if sketch.holes:
         parts.append(f"holes_px = {_numbers(sketch.holes)}")
@@ -72,6 +75,8 @@ def mesh_text(sketch: Sketch) -> str:
     if sketch.edge_names:
         names = ", ".join(f"{name} = {json.dumps(numbers)}" for name, numbers in sketch.edge_names.items())
         parts.append(f"edge_names = {{ {names} }}")
+    if through_mm is not None:
+        parts.append(f"through_mm = {through_mm!r}")
     if sketch.mesher != "idic":
         parts.append(f"mesher = {_text(sketch.mesher)}")
     return f"{{ {', '.join(parts)} }}"
@@ -99,7 +104,8 @@ def _material(plan: Plan) -> list[str]:
 
 
 def _boundaries(plan: Plan) -> list[str]:
-    lines = []
+    lines: list[str] = []
+    end_along_z = next((name for name, motion in plan.motions.items() if motion.kind in ("fixed", "column")), None)
     for name, motion in plan.motions.items():
         edges = [*plan.sketch.edge_names, "OUTER", *(f"HOLE{k + 1}" for k in range(len(plan.sketch.holes)))]
         if name not in edges:
@@ -117,6 +123,8 @@ def _boundaries(plan: Plan) -> list[str]:
         else:
             transverse = {"x": "y", "y": "x"}[motion.component]
             lines += [f"u{motion.component} = {{ column = {_text(motion.column)} }}", f"u{transverse} = 0.0"]
+        if plan.kind == "solid" and name == end_along_z:
+            lines.append("uz = 0.0")
     if all(motion.kind == "pressure" for motion in plan.motions.values()):
         raise InputError("nothing holds or moves the specimen", key="boundary", expected="a motion of one edge or more",
                          found="pressure only" if lines else "none",
@@ -212,6 +220,7 @@ def drawn_before(folder: Path) -> dict | None:
         return None
     field_of_key = {"outline_px": "outline", "holes_px": "holes"}
     try:
-        return Sketch.model_validate({field_of_key.get(key, key): value for key, value in table.items()}).model_dump()
+        return Sketch.model_validate({field_of_key.get(key, key): value for key, value in table.items()
+                                      if key not in THROUGH}).model_dump()
     except ValueError:
         return None

@@ -64,7 +64,7 @@ class Plan(Strict):
     loads: str | None = None
     frame_interval_s: Annotated[float, Field(gt=0)] | None = None
     sketch: Sketch
-    kind: Literal["plane_stress", "plane_strain"] = "plane_stress"
+    kind: Literal["plane_stress", "plane_strain", "solid"] = "plane_stress"
     thickness_mm: Annotated[float, Field(gt=0)] | None = None
     pixel_size_mm: Annotated[float, Field(gt=0)] | None = None
     origin_px: tuple[float, float]

@@ -41,7 +41,8 @@ from idic.experiment_file.volumes.scanner_table import check_in_volume
 from idic.fe import Mesh, can_raise_order, curved, is_raised_by_default, raise_order
 from idic.images import AnyCamera, Camera, SCANNER, Scanner, mirrored_rim_px
 from idic.model import (
-    Column, Experiment, FieldPoints, FurtherCamera, Material, Model, Noise, Options, Prescribed, Recording, Stage,
+    Column, Experiment, FieldPoints, FurtherCamera, Material, Model, Noise, Options, Prescribed, Recording,
+    Remedies, Stage,
 )
 from idic.parameters import Parameter, ParameterSet
 from idic.readers import FieldStack, MatchedLog
@@ -165,7 +166,7 @@ class ExperimentTables:
             recording=self.compared(frames, log, noise, points), model=model, cameras=cameras,
             stages=self.stages(parameters, known_times), options=self.options(),
             gauges=gauges(self.config, mesh, scale.unit, scale.camera, self.file), notes=notes,
-            setup=self.config.setup.entries)
+            setup=self.config.setup.entries, written=Remedies.written(self.raw))
         if self.original is not None:
             return self._on_images_of(self.original, experiment)
         return checked_heights(with_notes_on_references(with_stabilised_images(experiment), self.file), self.file)
@@ -243,7 +244,8 @@ class ExperimentTables:
                              found=", ".join(sorted({block.cell for block in mesh.blocks})),
                              remedy='use element_order = "auto"')
         straight, table = raise_order(mesh), self.config.experiment.mesh
-        if (drawing := arcs_of(self.config, frames.stack, camera, self.file)) is not None:
+        drawing = None if mesh.n_dim == 3 else arcs_of(self.config, frames.stack, camera, self.file)
+        if drawing is not None:
             mesh = drawing.on_arcs(straight, camera if table.in_px else None)
         else:
             mesh = curved(straight)

@@ -108,9 +108,11 @@ def _log_lines(contents: Found) -> list[str]:
 def _mesh_lines(contents: Found) -> list[str]:
     mesh = contents.mesh
     if mesh is None and contents.second is not None:
-        return [_line('# FILL IN: mesh = "mesh.inp"', "in mm: two cameras need a mesh at its place in space"),
-                'mesh_unit = "mm"', _line('kind = "solid"', 'or "plane_stress"'),
-                _line('# surface = "FRONT"', "FILL IN: the face set that both cameras see")]
+        return [_line('# FILL IN: mesh = "mesh.inp"', "in mm: two cameras need a mesh at its place in space, or"),
+                "# mesh = { outline_mm = [[0, 0], [20, 0], [20, 8], [0, 8]], element_mm = 1, through_mm = 2 }",
+                _line('mesh_unit = "mm"', "the outline of the seen face, and the thickness"),
+                _line('kind = "solid"', 'or "plane_stress", without through_mm'),
+                _line('# surface = "FRONT"', "FILL IN: the face set that both cameras see; FRONT of an outline")]
     if mesh is None:
         x0, y0, x1, y1, size = _guessed_roi(contents)
         holes = f", holes_px = {json.dumps(contents.holes)}" if contents.holes else ""

@@ -18,12 +18,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise, tee
+from threading import Lock
+from typing import TypeVar
 
 import numpy as np
 
 from idic.fe.equilibrium import Control
 from idic.fe.time_march import FrameState, StepList, march
 from idic.fe.body.body import Direction, Body
+
+T = TypeVar("T")
 
 
 def march_extrapolated(body: Body, params: Mapping[str, np.ndarray], times: np.ndarray,
@@ -44,13 +48,30 @@ def march_extrapolated(body: Body, params: Mapping[str, np.ndarray], times: np.n
     InputError, NotConverged
         As `idic.fe.time_march.march`, where one of the two fails.
     """
-    numbers, warm = (increments, increments // 2), (None, None) if warm_start is None else tee(warm_start)
+    numbers, warm = (increments, increments // 2), (None, None) if warm_start is None else for_two(warm_start)
     frozen = [None, None] if steps is None else [StepList(ends) for ends in split(steps.times)]
     fine, coarse = (march(body, params, times, directions, step_list, number, control, start, may_cut)
                     for step_list, number, start in zip(frozen, numbers, warm, strict=True))
     order = time_order(body)
     for fine_state, coarse_state in zip(fine, coarse, strict=True):
         yield _extrapolated(fine_state, coarse_state, order)
+
+
+def for_two(items: Iterable[T]) -> tuple[Iterator[T], Iterator[T]]:
+    """The same items twice, for two simulations each of which may look ahead in a thread of its own."""
+    lock = Lock()
+
+    def one_by_one(shared: Iterator[T]) -> Iterator[T]:
+        while True:
+            with lock:
+                try:
+                    item = next(shared)
+                except StopIteration:
+                    return
+            yield item
+
+    first, second = tee(items)
+    return one_by_one(first), one_by_one(second)
 
 
 def time_order(body: Body) -> int:

@@ -43,7 +43,7 @@ from idic.identification.step.parameter_covariance import (
 from idic.identification.step.state import Evaluation, LoopState
 from idic.images import CAMERA_PARAMETERS, LENS_PARAMETERS, PLACED_TURNS
 from idic.laws import get_law
-from idic.model import Experiment, in_words, strayed
+from idic.model import Experiment, Remedies, in_words, strayed
 from idic.parameters import ParameterSet
 
 Names = Mapping[str, Mapping[str, str]]  # {experiment: {its parameter: parameter of the whole}}
@@ -155,8 +155,8 @@ def shift_notes(experiment: Experiment, parameters: ParameterSet, entries: Mappi
         return []
     remedy = (f"write value = {entry['value']:.4g} in its [[dof]] and identify again, until this note is gone"
               if experiment.recording.is_log_interpolated else
-              "give a log with times of its own, faster than the images (time_s, and image_times or frame_interval_s "
-              "under [experiment])")
+              f"give a log with times of its own, faster than the images (a column time_s"
+              f"{Remedies(experiment).times_of_images})")
     return [f"time.offset: the log counts {abs(shift):.3g} s {'earlier' if shift < 0.0 else 'later'} than it was read, "
             f"{abs(shift) / interval:.2g} of the time between two images, and its columns are taken as straight over "
             f"that time. Where they bend, all values are wrong: {remedy}"]

@@ -3,7 +3,7 @@ from .drives import (
     COMPONENTS, DriveTable, boundary_parameters, build_drives, is_stereo, mode_names, mode_shapes, pixel_size,
     rates_since_reference, set_nodes,
 )
-from .records.experiment import Experiment, refuse_volumes
+from .records.experiment import Experiment
 from .records.model import Model
 from .records.options import Options, Stage
 from .records.parts import (
@@ -20,6 +20,7 @@ from .loads import load_parameters
 from .mode_words import in_words, is_mode, motions
 from .records.motion_error import MotionError
 from .readings import Readings
+from .remedies import Remedies
 from .records.stated_curve import StatedCurve
 from .temperature import nodal_temperature
 from .terms.channels.channel_term import ChannelTerm
@@ -32,10 +33,10 @@ __all__ = [
     "Column", "Constant", "Controlled", "CorrectedMotion", "Correction", "CorrectionTerm", "CorrelatedNoise", "Depth",
     "Drive", "DriveTable", "Experiment", "FieldPoints", "ForwardModel", "FurtherCamera", "Gauge", "Heterogeneity",
     "Load", "Material", "Measured", "Model", "MotionError", "Noise", "Options", "Parametrised", "Prescribed",
-    "Readings", "Recording", "Stage", "StatedCurve", "Temperature", "TemperatureField", "boundary_parameters",
-    "build_drives", "build_forward", "channel_term", "corrections_of", "hats", "in_words", "is_camera_time",
-    "is_mode", "is_stereo", "jump_frame", "jump_name", "knot_frames", "knot_name", "leading_frames",
+    "Readings", "Recording", "Remedies", "Stage", "StatedCurve", "Temperature", "TemperatureField",
+    "boundary_parameters", "build_drives", "build_forward", "channel_term", "corrections_of", "hats", "in_words",
+    "is_camera_time", "is_mode", "is_stereo", "jump_frame", "jump_name", "knot_frames", "knot_name", "leading_frames",
     "load_parameters", "mode_names", "mode_shapes", "motions", "nodal_temperature", "nodes_of", "pixel_size",
-    "rates_since_reference", "refuse_volumes", "selected_frames", "set_nodes", "shown_value", "solve", "strayed",
+    "rates_since_reference", "selected_frames", "set_nodes", "shown_value", "solve", "strayed",
     "term_of_motion", "tried_increments", "without_knot",
 ]

@@ -242,3 +242,20 @@ def test_groups_with_as_many_images_each_may_be_cameras(tmp_path):
     assert list_folder(tmp_path).cameras == ("cam0/*.tif", "cam1/*.tif")
     (tmp_path / "cam1" / "2.tif").unlink()
     assert list_folder(tmp_path).cameras == ()
+
+
+def test_a_solid_is_made_of_the_drawing_and_the_thickness(desk):
+    """One face seen: FRONT; the held end is held along z, too."""
+    desk.write(plan(kind="solid"), replace=False)
+    text = (desk.folder / "experiment.toml").read_text()
+    tables = tomllib.loads(text)
+    assert tables["experiment"]["mesh"]["through_mm"] == 2.0 and "thickness_mm" not in tables["experiment"]
+    model = load_experiment(desk.folder).model
+    assert model.kind == "solid" and model.surface == "FRONT" and np.ptp(model.mesh.nodes[:, 2]) == 2.0
+    assert [entry.nodes for entry in model.prescribed if entry.component == "z"] == ["LEFT"]
+    assert drawn_before(desk.folder) is not None
+
+
+def test_a_solid_without_its_thickness_is_refused(desk):
+    with pytest.raises(InputError, match="a solid needs the thickness"):
+        desk.write(plan(kind="solid", thickness_mm=None, force=None), replace=False)

@@ -1,5 +1,7 @@
 """`idic check` speaks where input hardly is meant, and is silent where it may well be."""
 
+import tomllib
+
 import cv2
 import numpy as np
 import pytest
@@ -9,8 +11,12 @@ from scipy.ndimage import gaussian_filter
 from experiment_file.small_experiment import change, write_experiment
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
+from idic.images import speckle_size
 from idic.report import check
-from idic.report.evidence.plausible import pattern_warnings
+from idic.report.evidence.causes.axes import TURNS
+from idic.report.evidence.causes.lines import excluded_frames, free_rigid_motion, other_axes, time_offset
+from idic.report.evidence.plausible import pattern_warnings, without_pattern
+from report.experiment_kinds import KINDS, in_px
 
 
 def speckle(shape=(50, 60), sigma=1.8, seed=3):
@@ -35,6 +41,12 @@ def show(folder, image):
 
 def warnings(folder):
     return " ".join(check(load_experiment(folder), draw=False).warnings)
+
+
+def pattern_told(experiment, image, roi):
+    """Warnings of the pattern, of elements of 12 px."""
+    width = speckle_size(image, roi, 2.0)
+    return list(pattern_warnings(experiment, image, roi, 144.0, width, without_pattern(image, roi, 2.0, width)))
 
 
 def test_a_sound_experiment_is_told_nothing_but_its_start_values(folder):
@@ -161,23 +173,25 @@ def test_a_roi_over_background_is_told_as_such_and_not_as_exposure(folder):
     assert "exposure" not in told and "saturated" not in told
 
 
-def test_a_hole_that_the_mesh_covers_is_told_with_its_place_and_one_that_it_has_is_not():
+def test_a_hole_that_the_mesh_covers_is_told_with_its_place_and_one_that_it_has_is_not(tmp_path):
+    drawn = load_experiment(in_px(tmp_path / "drawn"))
     rows, columns = np.mgrid[:140, :200]
     hole = np.hypot(columns - 120, rows - 60) < 16
     image = np.where(hole, 12.0, speckle((140, 200))) + np.random.default_rng(0).normal(0.0, 2.0, hole.shape)
     covered = np.zeros(hole.shape, dtype=bool)
     covered[10:130, 10:190] = True
-    told, = pattern_warnings(image, covered, 2.0, 144.0)
+    told, = pattern_told(drawn, image, covered)
     assert "around column 120, row 60): a hole?" in told and "holes_px" in told
-    assert not list(pattern_warnings(image, covered & ~hole, 2.0, 144.0))
+    assert not list(pattern_told(drawn, image, covered & ~hole))
 
 
-def test_images_that_were_compressed_are_told_with_the_place_of_their_blocks():
+def test_images_that_were_compressed_are_told_with_the_place_of_their_blocks(folder):
+    experiment = load_experiment(folder)
     image = np.clip(speckle((160, 200)) + np.random.default_rng(0).normal(0.0, 2.0, (160, 200)), 0, 255)
     whole, kept = np.ones(image.shape, dtype=bool), np.rint(image).astype(np.uint8)
     compressed = cv2.imdecode(cv2.imencode(".jpg", kept, [cv2.IMWRITE_JPEG_QUALITY, 80])[1], cv2.IMREAD_GRAYSCALE)
-    assert not any("JPEG" in line for line in pattern_warnings(kept, whole, 2.0, 144.0))
-    told, = (line for line in pattern_warnings(compressed, whole, 2.0, 144.0) if "JPEG" in line)
+    assert not any("JPEG" in line for line in pattern_told(experiment, kept, whole))
+    told, = (line for line in pattern_told(experiment, compressed, whole) if "JPEG" in line)
     assert "blocks of 8 px from column 0, row 0" in told and "TIFF or PNG" in told
 
 
@@ -279,3 +293,19 @@ def test_a_force_that_repeats_its_readings_while_the_grip_moves_is_told(folder):
     assert not log(lambda k: 0.1 * min(k, 5))  # a plateau
     told = log(lambda k: 0.1 * (k // 3 * 3))
     assert "force_kN: in 8 of the 11 steps in which grip_um changes" in told and "jumps by 0.3 kN" in told
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_line_can_be_written_into_an_experiment_of_every_kind(tmp_path, kind):
+    folder = KINDS[kind](tmp_path / kind)
+    experiment = load_experiment(folder)
+    tables = tomllib.loads((folder / "experiment.toml").read_text())
+    for number, view in enumerate(experiment.views):
+        camera = f"camera.{number}" if isinstance(tables.get("camera"), list) else "camera"
+        names = {"camera": "scanner" if "scanner" in tables else camera}
+        lines = [*free_rigid_motion(view), *excluded_frames(view, [2]), *time_offset(view),
+                 *(line for turn in TURNS[:3] for line in other_axes(view, turn) if view.recording.points is None)]
+        for line in lines:
+            value = {} if line.table == "dof" else tomllib.loads(f"value = {line.value}")["value"]
+            load_experiment(folder, {"dof": [{"name": line.key}]} if line.table == "dof"
+                            else {f"{names.get(line.table, line.table)}.{line.key}": value})

@@ -104,7 +104,33 @@ def two_cameras(folder, frames, more=""):
     return folder
 
 
-@pytest.mark.parametrize("frames", [-1.0, 1.0, -0.4, 0.3, -2.0, 2.6, 0.0])
+@pytest.mark.parametrize("frames, words", [
+    (-2.0, ("right is 2.", "late", "shift the images of right by 2", "leave out n00.tif to n01.tif of right and "
+                                                                     "n14.tif to n15.tif of left")),
+    (2.6, ("right is 2.", "early", "shift the images of right by 3", "leave out n00.tif to n02.tif of left and "
+                                                                     "n13.tif to n15.tif of right"))])
+def test_images_of_different_moments_are_refused_with_the_shift_until_the_user_states_the_offset(
+        frames, words, tmp_path):
+    folder = two_cameras(tmp_path / "a", frames)
+    code, output = check(folder)
+    assert code == 2 and all(word in " ".join(output.split()) for word in words), output
+    with (folder / "experiment.toml").open("a") as stream:
+        stream.write('\n[[dof]]\nname = "right.time_offset"\n')
+    assert "frames" in accepted(folder)
+
+
+def test_images_that_are_paired_as_told_are_accepted(tmp_path):
+    folder = two_cameras(tmp_path / "a", -2.0)
+    for name in ("n00", "n01"):
+        (folder / "right" / f"{name}.tif").unlink()
+    for name in ("n14", "n15"):
+        (folder / "images" / f"{name}.tif").unlink()
+    log = (folder / "loads.csv").read_text().splitlines()
+    (folder / "loads.csv").write_text("\n".join(log[:-2]) + "\n")
+    assert "moment than left" not in accepted(folder)
+
+
+@pytest.mark.parametrize("frames", [-1.0, 1.0, -0.4, 0.3, 0.0])
 def test_a_late_camera_is_told_with_its_offset(frames, tmp_path):
     output = accepted(two_cameras(tmp_path / "a", frames))
     if not frames:

@@ -101,3 +101,21 @@ def test_lengths_of_fields_in_px_are_told_in_px(tmp_path):
             "SUBSET_ID,COORDINATE_X,COORDINATE_Y,DISPLACEMENT_X,DISPLACEMENT_Y,SIGMA", *rows]))
     text = write_initial_experiment(tmp_path).read_text()
     assert "the points span 240 x 620 px and end" in text and "multiply the lengths of mesh and geometry by it" in text
+
+
+@pytest.mark.parametrize("upright", [False, True])
+def test_a_beam_in_bending_is_no_compression(tmp_path, upright):
+    """Four-point bending: the strain along the beam changes across it, its mean is next to nothing."""
+    x, y = (each.ravel() for each in np.meshgrid(np.arange(0.25, 40.0), np.arange(0.25, 10.0)))
+    for k in range(4):
+        curvature = 4e-4 * k
+        u = curvature * (x - 20.0) * (y - 5.0) - 2e-5 * k * x
+        v = -0.5 * curvature * (x - 20.0) ** 2
+        rows = zip(y, x, v, u, strict=True) if upright else zip(x, y, u, v, strict=True)
+        lines = [f"{a},{b},{c:.7f},{d:.7f}" for a, b, c, d in rows]
+        (tmp_path / f"s_{k}.csv").write_text("\n".join(["x_mm,y_mm,ux_mm,uy_mm", *lines]))
+    (tmp_path / "log.csv").write_text("force_N\n0\n100\n200\n300\n")
+    text = write_initial_experiment(tmp_path).read_text()
+    line = next(line for line in text.splitlines() if line.startswith("simulated = "))
+    assert "bending, by the strain across the specimen" in line and "compression" not in text, line
+    assert f'component = "{"x" if upright else "y"}"' in line and "factor" not in line

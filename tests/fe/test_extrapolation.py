@@ -2,11 +2,14 @@
 
 from dataclasses import replace
 
+import time
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.fe.extrapolation import split, time_order
+from idic.fe.extrapolation import for_two, split, time_order
 from idic.fe import (
     Constraints, Direction, Body, Reaction, Section, StepList, at_frames, every_second, increments_to_try, make_mesh,
     march, march_extrapolated, without_time_error,
@@ -112,3 +115,15 @@ def test_a_law_depends_on_time_where_its_stress_does(name):
             state = new
         differ.append(P.copy())
     assert spec.rate_dependent == bool(np.abs(differ[0] - differ[1]).max() > 1e-9 * np.abs(differ[0]).max())
+
+
+def test_two_simulations_may_look_ahead_in_threads_of_their_own():
+    """`itertools.tee` alone refuses a second thread while a first one makes the next item."""
+    def slow():
+        for k in range(30):
+            time.sleep(1e-3)
+            yield k
+
+    first, second = for_two(slow())
+    with ThreadPoolExecutor(2) as pool:
+        assert [*pool.map(list, (first, second))] == [[*range(30)]] * 2

@@ -42,6 +42,26 @@ def test_the_place_and_shape_of_the_region_do_not_matter():
     assert speckle_size(image, region) == pytest.approx(WIDTH * np.sqrt(2.0) * 2.0, rel=0.08)
 
 
+def vignette(image):
+    y, x = np.mgrid[:400, :500]
+    return image / (1.0 + (np.hypot(y - 200, x - 250) / 280.0) ** 2) ** 2  # cos^4: a sixth in the corners
+
+
+def grips(image):
+    image = image.copy()
+    image[:, :120], image[:, 400:] = 235.0, 20.0  # bright and dark, without a pattern
+    return image
+
+
+@pytest.mark.parametrize("world", [vignette, grips, lambda image: grips(vignette(image)),
+                                   lambda image: image * np.linspace(0.3, 1.0, 500)])
+@pytest.mark.parametrize("sigma", [1.0, 2.4])
+def test_uneven_light_and_places_without_pattern_do_not_widen_the_speckle(world, sigma):
+    image = world(blurred_noise(sigma)) + np.random.default_rng(4).normal(0.0, 1.0, (400, 500))
+    # a twentieth, as without them; the other twentieth is that of weights where the light is uneven
+    assert speckle_size(image, np.ones((400, 500), bool), 1.0) == pytest.approx(WIDTH * np.sqrt(2.0) * sigma, rel=0.1)
+
+
 def test_camera_noise_does_not_make_the_speckle_finer():
     clean, region = blurred_noise(2.0), np.ones((400, 500), bool)
     noisy = clean + 20.0 * np.random.default_rng(5).standard_normal(clean.shape)

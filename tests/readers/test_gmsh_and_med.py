@@ -41,6 +41,23 @@ def test_groups_of_every_sign_keep_their_names(tmp_path, change):
     assert mesh.node_sets["LEFT"].tolist() == [0, 3] and mesh.edge_sets["END"].tolist() == [[1, 1]] and not notes
 
 
+@pytest.mark.parametrize("groups", ["1 {}", "0"])  # written with the part, or of the entity alone that was parted
+def test_the_parts_of_a_partitioned_mesh_are_one_mesh_with_its_groups(tmp_path, groups):
+    """As gmsh 4.15 writes it: entity, parent, partitions, box, groups, what bounds it."""
+    parts = ("$PartitionedEntities\n2\n0\n0 2 2 0\n"
+             f"11 1 1 1 1 0 0 0 0 1 0 {groups.format(1)} 0\n12 1 2 1 2 2 0 0 2 1 0 {groups.format(2)} 2 5 -6\n"
+             f"21 2 1 1 1 0 0 0 1 1 0 {groups.format(3)} 0\n22 2 2 2 2 1 1 0 0 2 1 0 {groups.format('3')} 0\n"
+             "$EndPartitionedEntities\n")
+    text = msh4().replace("$Nodes", parts + "$Nodes", 1)
+    for old, new in (("1 1 1 1\n1 1 4", "1 11 1 1\n1 1 4"), ("1 2 1 1\n2 3 6", "1 12 1 1\n2 3 6"),
+                     ("2 1 3 1\n3 1", "2 21 3 1\n3 1"), ("2 2 3 1\n4", "2 22 3 1\n4")):
+        assert old in text
+        text = text.replace(old, new)
+    mesh, notes = read(tmp_path, text)
+    assert mesh.n_elements == 2 and mesh.element_sets["SHEET"].tolist() == [0, 1] and mesh.n_nodes == 6
+    assert mesh.node_sets["LEFT"].tolist() == [0, 3] and mesh.edge_sets["END"].tolist() == [[1, 1]]
+
+
 def test_entities_without_a_group_are_read(tmp_path):
     mesh, _ = read(tmp_path, msh4(first_groups="0"))
     assert mesh.n_elements == 2 and mesh.element_sets["SHEET"].tolist() == [1]
@@ -67,7 +84,7 @@ def test_names_of_empty_groups_are_told(tmp_path):
     (msh4().replace("$EndElements\n", ""), "cannot be read"), (msh4().replace("1 6 1 6", "1 7 1 7"), None),
     (msh4().replace("2 1 0 6", "2 1 0 60"), "cannot be read"), (msh4(second=(2, 3, 66, 5)), "cannot be read"),
     (msh4().replace("2 2 3 1\n4", "2 2 99 1\n4"), "a type that idic does not know"),
-    (msh4().replace("$Entities", "$PartitionedEntities\n$EndPartitionedEntities\n$Entities"), "in partitions")])
+    (msh4().replace("$Entities", "$PartitionedEntities\n2\n$EndPartitionedEntities\n$Entities"), "cannot be read")])
 def test_an_incomplete_file_is_refused(tmp_path, text, message):
     if message is None:  # a wrong total alone does not matter: the blocks state their own numbers
         assert read(tmp_path, text)[0].n_nodes == 6

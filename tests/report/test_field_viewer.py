@@ -1,5 +1,6 @@
 """The field viewer of the report in a real browser: what it computes is what Python computes."""
 
+import base64
 import json
 from dataclasses import replace
 
@@ -40,7 +41,9 @@ def record():
     measured[:, 0] = np.nan
     stress = np.einsum("mnij,kl->mnij", np.ones((20, len(nodes), 2, 2)), np.ones((1, 1)))
     stress = stress * np.array([[100.0, 20.0], [20.0, -30.0]]) * share[..., None, None]
-    series = FieldSeries(surface, tuple(range(20)), u, measured, noise, stress, {"plastic_strain": share * np.abs(x)})
+    depth = {"u_z": -0.01 * share * np.abs(x), "z": 2.0 + 0.1 * x - 0.01 * share * np.abs(x)}
+    series = FieldSeries(surface, tuple(range(20)), u, measured, noise, stress, {"plastic_strain": share * np.abs(x)},
+                         depth=depth)
     return make_record(series=series, gauges=GAUGES)
 
 
@@ -54,6 +57,17 @@ def page(record, tmp_path_factory):
 ASKED = [("strain.xx", "green_lagrange", 0.0), ("strain.xy", "hencky", 30.0), ("strain.1", "hencky", 0.0),
          ("strain.max_shear", "small", 0.0), ("stress.yy", "green_lagrange", 30.0),
          ("stress.von_mises", "green_lagrange", 0.0)]
+
+
+def test_the_motion_out_of_the_plane_and_the_shape_are_on_the_page(record):
+    data = json.loads(viewer_data(record))
+    assert [name for name, _ in data["depth"]] == ["u_z", "z"]
+    corners = record.series.surface.corners
+    for name, exact in record.series.depth.items():
+        packed = data["arrays"][f"depth.{name}"]
+        raw = np.frombuffer(base64.b64decode(packed["data"]), "<i2").reshape(packed["shape"])
+        values = packed["middle"][0] + packed["step"][0] * raw[..., 0]
+        assert np.allclose(values, exact[data["frames"]][:, corners], atol=packed["step"][0])
 
 
 def test_a_free_measurement_that_failed_is_told_beside_its_field(record):

@@ -7,6 +7,7 @@ import pytest
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from PIL import Image
 
+from idic.report.figures.axes.time_axis import label_frames, pauses
 from idic.report.figures.layout import MeasuredOnce
 from idic.report import DIVERGING, DPI, look, new_figure, to_picture
 
@@ -49,3 +50,44 @@ def test_axes_stand_where_measuring_twice_puts_them(scale):
             figure.canvas.draw()
         places.append([axes.get_position().bounds for axes in figure.axes])
     assert np.allclose(*places, atol=0.01)  # of the figure: three or four pixels
+
+
+RAMP = np.linspace(0.0, 60.0, 30)
+
+
+@pytest.mark.parametrize("times, expected", [
+    (np.r_[-675.0, RAMP], [(-675.0, 0.0)]),  # the reference long before the load
+    (np.r_[0.0, 675.0 + RAMP, 1500.0 + RAMP], [(0.0, 675.0), (735.0, 1500.0)]),
+    (RAMP, []), (2.0 ** np.arange(12.0), []), (np.r_[0.0, 100.0], []),
+    (np.r_[RAMP, 62.0, 70.0], [])])
+def test_only_a_pause_that_leaves_no_room_for_the_rest_is_a_break(times, expected):
+    assert pauses(times) == expected
+
+
+def test_a_pause_takes_little_room_and_the_rest_is_to_scale():
+    times = np.r_[-675.0, RAMP]
+    with look():
+        figure = new_figure(7.2, 3.0)
+        top, axis = figure.subplots(2, 1, sharex=True)
+        axis.plot(times, times, "-o")
+        label_frames(axis, "time [s]", times)
+        figure.canvas.draw()
+        at = axis.transData.transform(np.column_stack([times, times]))[:, 0]
+    low, high = axis.bbox.x0, axis.bbox.x1
+    assert low < at.min() and at.max() < high
+    assert np.ptp(at[1:]) > 0.85 * (high - low)  # all but margins and break
+    assert np.allclose(np.diff(at[1:]), np.diff(at[1:])[0])
+    assert 0.03 < (at[1] - at[0]) / (high - low) < 0.08
+    assert all(len([patch for patch in each.patches if patch.get_hatch()]) == 1 for each in (top, axis))
+    ticks = [tick for tick in axis.get_xticks()]
+    assert -675.0 in ticks and not [tick for tick in ticks if -675.0 < tick < 0.0]
+
+
+def test_frames_by_number_have_whole_ticks():
+    with look():
+        figure = new_figure(4.0, 3.0)
+        axis = figure.subplots()
+        axis.plot(range(4), range(4))
+        label_frames(axis, "frame", np.arange(4))
+        figure.canvas.draw()
+    assert all(float(tick).is_integer() for tick in axis.get_xticks())

@@ -293,7 +293,7 @@ def nothing_visible(nodes_px: np.ndarray, shape: tuple[int, int], mask: np.ndarr
         "no pixel lies on the mesh", key="camera",
         expected=f"a mesh that overlaps the image: columns 0 to {shape[1] - 1}, rows 0 to {shape[0] - 1}, and the mask",
         found=f"a mesh from column {low[0]:.0f} to {high[0]:.0f}, row {low[1]:.0f} to {high[1]:.0f}",
-        remedy="check pixel_size_mm, origin_px, axes and mesh_unit; `idic check` draws the mesh on the image",
+        remedy="correct the scale and the place of the mesh in the image; `idic check` draws the mesh on it",
     )
 
 

@@ -8,16 +8,16 @@ import json
 import re
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from idic.errors import InputError
+from idic.experiment_file.initial.loading import Loading, largest_load, loading
 from idic.experiment_file.initial.open_edges import open_edges, open_rectangle
 from idic.images import MIN_POINTS, MIN_STAGES
 from idic.readers import (
-    FORMATS, FieldSeries, Log, MeasuredPoints, StageRule, detected, mean_strain, measured_points, notched_axis,
+    FORMATS, FieldSeries, Log, MeasuredPoints, StageRule, detected, measured_points, notched_axis,
     open_fields, outline_of, parse_unit, patterns_of, read_log, strain_path,
 )
 
@@ -88,10 +88,10 @@ def fields_document(folder: Path, paths: Sequence[Path], files: Sequence[Path]) 
         log, is_exported = separate_log[1], False
     column = _force(log)
     stage_log = log if log is not None and len(log.rows) == len(series.entries) else None
-    strain, force = _largest_load(series, points, stage_log, column)
+    strain, force, bent = largest_load(series, points, stage_log, column)
     upright, reason = _upright(points, strain)
     ends = ("TOP", "BOTTOM") if upright else ("RIGHT", "LEFT")
-    loaded = _loading(strain, force, upright)
+    loaded = loading(strain, force, bent, upright)
     parts = [_experiment(folder, _patterns(folder, paths), series, points, mesh, "px" if in_px else "mm"),
              *_log_lines(series, log, None if is_exported else separate_log[0].relative_to(folder).as_posix(), column),
              "",
@@ -256,7 +256,7 @@ def _boundary(moving_end: str, fixed_end: str, reason: str) -> str:
                       f"nodes = {json.dumps(fixed_end)}", 'u = "measured"', ""])
 
 
-def _channel(column: str | None, moving: str, loaded: _Loading) -> str:
+def _channel(column: str | None, moving: str, loaded: Loading) -> str:
     factor = ", factor = -1.0" if loaded.opposite else ""
     lines = ["[[channel]]", f"column = {json.dumps(column or 'force_N')}",
              f"simulated = {{ reaction = {json.dumps(moving)}, component = {json.dumps(loaded.component)}{factor} }}"]
@@ -265,36 +265,6 @@ def _channel(column: str | None, moving: str, loaded: _Loading) -> str:
         lines = [_line(f"# {line}", "measured against simulated; needs thickness_mm") if k == 0 else f"# {line}"
                  for k, line in enumerate(lines)]
     return "\n".join([*lines, _line("# noise_std = 5.0", "in the unit of the column; else from its course"), ""])
-
-
-@dataclass(frozen=True)
-class _Loading:
-    """Component of the force on the moving end, and whether its sign is opposite to that of the log."""
-
-    component: str
-    opposite: bool
-    words: str
-
-
-def _largest_load(series: FieldSeries, points: MeasuredPoints, log: Log | None,
-                  column: str | None) -> tuple[np.ndarray, float]:
-    """Mean strain of the stage with the largest force, and that force since the first stage; the last stage and 0
-    without a log  # (2, 2)"""
-    force = None if log is None or column is None else log.column(column)
-    k = len(series.entries) - 1 if force is None else int(np.argmax(np.abs(force)))
-    strain = mean_strain(points.positions, points.moved(series.stage(k))[:, :2])
-    return strain, 0.0 if force is None else float(force[k] - force[0])
-
-
-def _loading(strain: np.ndarray, force: float, upright: bool) -> _Loading:
-    """Tension or shear, by the mean strain (2, 2) under the largest force, which is 0 without a log."""
-    along, shear = strain[1, 1] if upright else strain[0, 0], 2.0 * strain[0, 1]
-    sheared = bool(abs(shear) > abs(along))
-    main_strain = shear if sheared else along
-    opposite = bool(main_strain * force < 0)
-    words = (f"{'shear' if sheared else 'tension' if main_strain > 0 else 'compression'}, by the mean strain"
-             + ("; the log counts the other way" if opposite else ""))
-    return _Loading("y" if upright != sheared else "x", opposite, words)
 
 
 def _force(log: Log | None) -> str | None:

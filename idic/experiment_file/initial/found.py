@@ -12,7 +12,8 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.initial.cameras import CameraPair, camera_pair
-from idic.fe import Mesh, is_circle
+from idic.fe import Mesh, is_circle, segments_of
+from idic.images import speckle_size
 from idic.readers import (
     DIMENSION, FORMATS, Log, image_entries, mesh_suffixes, natural_key, open_stack, patterns_of,
     read_log, read_mesh_file, recorded_order, to_mesh,
@@ -50,6 +51,7 @@ class Found:
     pitch_mm: tuple[float, float] | None = None
     times_s: np.ndarray | None = None  # (n_images,) that the image files state
     second: CameraPair | None = None
+    speckle_px: float | None = None  # width of the speckle in the first image
 
 
 Area = Callable[[np.ndarray], tuple[list, list]]  # image -> outline and holes of its speckled area, px
@@ -105,8 +107,10 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
     _find_mask(masks, contents)
     holes: list = []
     if area is not None and not are_heights:
-        contents.outline, holes = area(np.asarray(stack.frame(0)))
+        first = np.asarray(stack.frame(0))
+        contents.outline, holes = area(first)
         contents.holes = [hole for hole in holes if is_circle(hole)]
+        contents.speckle_px = speckle_size(first, _box(contents.outline, first.shape))
     formats = set(mesh_suffixes()) - set(_NO_MESHES)
     _find_mesh([path for path in files if path.suffix.lower() in formats], contents)
     if contents.mesh is None and (n_irregular := len(holes) - len(contents.holes)):
@@ -114,6 +118,14 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
                               "the mesh covers them, although they have no pattern; idic draw draws holes of any shape")
     _find_log([path for path in files if path.suffix.lower() in _LOG_SUFFIXES], contents)
     return contents
+
+
+def _box(outline: list, shape: tuple[int, int]) -> np.ndarray:
+    """The pixels in the box around an outline, all without one  # (ny, nx) bool"""
+    region = np.zeros(shape, dtype=bool)
+    low, high = segments_of(outline).box() if outline else ((0, 0), (shape[1], shape[0]))
+    region[max(int(low[1]), 0):int(high[1]) + 1, max(int(low[0]), 0):int(high[0]) + 1] = True
+    return region
 
 
 def _find_mask(paths: list[Path], contents: Found) -> None:

@@ -22,7 +22,8 @@ def lines_of(contents: Found, text: str) -> list[str]:
     pattern = contents.images if isinstance(contents.images, str) else ", ".join(contents.images)
     lines = [f"images       {pattern}: {contents.n_images} of {nx} x {ny} px; the reference is the first, "
              f"{contents.reference}",
-             *_second_camera(contents), *_mesh(contents), _log(contents), *_columns_without_unit(contents),
+             *_pattern(contents), *_second_camera(contents), *_mesh(contents), _log(contents),
+             *_columns_without_unit(contents),
              "to identify  E from 70 000 MPa and nu from 0.3 of the law elastic, typical of aluminium: replace them by "
              "the law of your material (idic laws) and starting values",
              *(f"note         {note}" for note in contents.notes)]
@@ -46,6 +47,11 @@ def fitting_scale(contents: Found) -> tuple[float, tuple[float, float]] | None:
         return None
     size = float(scale.mean())
     return size, (float(start[0] - low[0] / size), float(end[1] + low[1] / size))
+
+
+def _pattern(contents: Found) -> Iterator[str]:
+    if contents.speckle_px is not None:
+        yield f"pattern      the speckle is {contents.speckle_px:.1f} px wide"
 
 
 def _second_camera(contents: Found) -> Iterator[str]:

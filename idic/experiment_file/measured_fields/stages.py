@@ -16,6 +16,7 @@ from idic.readers import (
 )
 
 MIN_TOLD_BENDING = 0.005  # of the mean strain
+MAX_SHARE_OF_TENSION = 0.5  # beyond, it is no fault of a tension test
 MIN_TOLD_REFERENCE_STRAIN = 0.02  # of the largest mean strain: the reference stage of the other system is missing
 MIN_TOLD_CURVATURE_STRAIN = 2e-5  # of a surface by bending, half a thickness away from the middle
 
@@ -91,6 +92,10 @@ def field_notes(stack: FieldStack, grid: FieldPoints, stages: Sequence[int], thi
         return [*notes, text]
     if most.share <= ALLOWED_SHARE:
         return [*notes, f"{text}. Bending is at most {100 * most.share:.2g} % of the mean strain"]
+    if most.share > MAX_SHARE_OF_TENSION:
+        return [*notes, f"{text}. At {series.labels[most.stage]} the sheet bends out of its plane more than it is "
+                        f"strained in it: {most.strain:.1e} at its surface by bending. A plane model has no bending; "
+                        'kind = "solid" with its surface has']
     return [*notes, f"{text}. At {series.labels[most.stage]} bending is {100 * most.share:.2g} % of the mean strain "
                     f"({most.strain:.1e}; a tension test allows 10 %): the grips may not be in line, or the sheet was "
                     "not flat"]

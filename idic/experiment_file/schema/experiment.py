@@ -69,6 +69,8 @@ class MeshTable(Strict):
                                 Field(min_length=1, max_length=2)] | None = None
     outline_points_mm: Annotated[float, Field(ge=0)] | None = None  # margin around the outline of measured points
     elements: Literal["quads", "triangles"] = "quads"  # of an outline
+    through_mm: Positive | None = None  # thickness of a solid that is made of the plane mesh
+    layers: Annotated[int, Field(ge=1, le=50)] = 2  # of elements through it
     edge_names: dict[str, list[int]] = {}
     mesher: Literal["idic", "gmsh"] = "idic"
 
@@ -82,6 +84,12 @@ class MeshTable(Strict):
 
     @model_validator(mode="after")
     def _complete(self):
+        if self.through_mm is None and "layers" in self.model_fields_set:
+            raise refuse("layers without a thickness", "through_mm = 2.0 next to layers", "give through_mm, or leave "
+                         "layers out", "no through_mm")
+        if self.file is not None and self.through_mm is not None:
+            raise refuse("a mesh file has its thickness already", "through_mm next to a mesh that is made here",
+                         "leave out through_mm", "through_mm")
         exactly_one(self, ("file", "roi_px", "outline_px", "roi_mm", "outline_mm", "around_points_mm",
                            "outline_points_mm"),
                     '"mesh.inp" or { roi_px = [x0, y0, x1, y1], element_px = 20 }')

@@ -12,9 +12,10 @@ from idic.errors import InputError
 from idic.experiment_file.measured_fields.placement import grid_of
 from idic.experiment_file.schema.experiment_file import ExperimentFile
 from idic.experiment_file.schema.experiment import MeshTable
+from idic.experiment_file.tables.extruded import extruded
 from idic.experiment_file.tables.lengths import Lengths
 from idic.fe import Mesh, OUTLINE
-from idic.images import Camera, Stack
+from idic.images import AnyCamera, Camera, Stack
 from idic.readers import (
     Drawing, FieldStack, MeasuredPoints, PointOutline, from_image, narrowest, outline_of, roi_mesh, sides,
     sides_of_any, width_error,
@@ -38,10 +39,32 @@ def mesh_on_image(config: ExperimentFile, scale: Lengths, stack: Stack, file: Pa
                          expected="around_points_mm, outline_points_mm, roi_mm, outline_mm or a mesh file",
                          found="roi_px" if table.outline_px is None else "outline_px",
                          remedy="write mesh = { around_points_mm = 1.0, element_mm = 4 }")
-    if config.experiment.kind == "solid":
+    is_solid = config.experiment.kind == "solid"
+    if is_solid != (table.through_mm is not None):
         raise InputError(f"a mesh made on the {'points' if fields else 'image'} is plane", file=file,
-                         key="experiment.kind", expected="plane_stress or plane_strain", found="solid",
-                         remedy="give a mesh file")
+                         key="experiment.kind", expected="plane_stress or plane_strain, or solid with through_mm in "
+                         "mesh, its thickness", found=f"{config.experiment.kind}, {'no' if is_solid else 'with'} "
+                         "through_mm", remedy="give through_mm, or a mesh file" if is_solid else
+                         'leave through_mm out, or write kind = "solid"')
+    mesh, notes = _plane_mesh(config, scale, stack, file)
+    if table.through_mm is None:
+        return mesh, notes
+    if scale.unit != "mm":
+        raise InputError("a solid without a scale", file=file, key="camera.pixel_size_mm", expected="the size of a "
+                         "pixel: its thickness is in mm", found="lengths in px", remedy="give pixel_size_mm")
+    return extruded(mesh, table.through_mm, table.layers, _towards(scale.camera)), notes
+
+
+def _towards(camera: AnyCamera) -> int:
+    """+1 where z of the mesh points to the camera; before one with a lens the mesh is seen so."""
+    if not isinstance(camera, Camera):
+        return 1
+    return -1 if np.linalg.det(camera.jacobian(np.zeros((1, 2)))[0][:, :2]) > 0.0 else 1
+
+
+def _plane_mesh(config: ExperimentFile, scale: Lengths, stack: Stack, file: Path) -> tuple[Mesh, list[str]]:
+    """The mesh in the plane, and notes."""
+    table, fields = config.experiment.mesh, isinstance(stack, FieldStack)
     if table.around_points_mm is not None and isinstance(stack, FieldStack):
         return _around_points(config, stack.points, scale.camera, file), [_margin_note(config, stack.points)]
     if table.outline_points_mm is not None and isinstance(stack, FieldStack):

@@ -18,7 +18,7 @@ from idic.identification.noise.channel_correlation import ChannelNoise, channel_
 from idic.identification.noise.input_noise import logged_noise
 from idic.identification.step.parameter_covariance import scaled_system
 from idic.identification.step.state import Evaluation
-from idic.model import Column, Experiment, Model
+from idic.model import Column, Experiment, Model, Remedies
 from idic.parameters import ParameterSet
 
 MIN_STEP_SHARE = 1e-3  # of the range of a motion: less from frame to frame is none
@@ -128,9 +128,10 @@ def repeated_readings(experiment: Experiment) -> Iterator[str]:
             yield (f"{channel.column}: in {repeated.sum()} of the {moving.sum()} steps in which {drive.column} changes "
                    f"the reading is that of the frame before, and then jumps by "
                    f"{np.median(jumps) / channel.shown_factor:.3g} {channel.shown_unit}. Of a log slower than the "
-                   "images, the repeated readings are late and bias every stress: give it with its own times (time_s, "
-                   "and image_times or frame_interval_s under [experiment]), or list the repeated frames in "
-                   "exclude_frames. Of a coarse resolution: noise_std of at least 0.3 of it")
+                   "images, the repeated readings are late and bias every stress: give it with its own times (a column "
+                   f"time_s{Remedies(experiment).times_of_images})"
+                   + Remedies(experiment).possible(", or list the repeated frames in exclude_frames")
+                   + Remedies(experiment).possible(". Of a coarse resolution: noise_std of at least 0.3 of it"))
             break
 
 

@@ -4,25 +4,31 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy
+import scipy.fft
+import scipy.ndimage
+
+from idic.images.quality.patterned_region import patterned, without_trend
 
 MAX_SHIFT_PX = 60  # of the autocorrelation: a coarser pattern is not a speckle
 SMOOTHING_PX = 1.0  # standard deviation, before the slopes of edges are taken
 MIN_PIXELS = 400  # of the region, for an autocorrelation
+MIN_DETAIL = 1e-6  # of the variance, that is no trend of the light: rounding leaves less
+WINDOWS_PX = (121, 31)  # of a local contrast: wide plain places, then narrow ones
+LARGEST_PX = 512  # side of the part that is looked at: thousands of speckles
 
 
 def speckle_size(image: np.ndarray, region: np.ndarray, noise_std: float = 0.0) -> float | None:
     """Full width at half maximum of the autocorrelation of a pattern, mean over all directions.
 
-    R(d) = <(f(x) - m) (f(x + d) - m)> over the pairs of pixels that both lie in the region; the width is twice the
-    radius at which R falls to half of R(0) less the variance of the noise, which adds to R(0) alone. Round dots of
-    diameter D give 0.81 D.
+    R(d) = <(f(x) - m(x)) (f(x + d) - m(x + d))> over the pairs of pixels that both lie in the pattern, m uneven light;
+    the width is twice the radius at which R falls to half of R(0) less the variance of the noise, which adds to R(0)
+    alone. Round dots of diameter D give 0.81 D.
 
     Parameters
     ----------
     image : (ny, nx)
     region : (ny, nx) bool
-        The pattern; pixels without a value (gaps) are left out anyway.
+        Where to look; gaps and plain places, as background and grips, are left out.
     noise_std : float
         Standard deviation of the noise of this image, in its unit.
 
@@ -35,14 +41,41 @@ def speckle_size(image: np.ndarray, region: np.ndarray, noise_std: float = 0.0) 
     pattern = np.asarray(region, dtype=bool) & np.isfinite(image)
     if np.count_nonzero(pattern) < MIN_PIXELS:
         return None
-    rows, columns = np.flatnonzero(pattern.any(axis=1)), np.flatnonzero(pattern.any(axis=0))
-    window = np.s_[rows[0]:rows[-1] + 1, columns[0]:columns[-1] + 1]
-    pattern, image = pattern[window], image[window]
-    detail = np.where(pattern, image - image[pattern].mean(), 0.0)
+    image, pattern = _middle(image, pattern)
+    width, n_seen = _width(image, pattern, noise_std), np.count_nonzero(pattern)
+    for window in WINDOWS_PX:
+        part = patterned(image, pattern, window)
+        n_part = np.count_nonzero(part)
+        if MIN_PIXELS <= n_part < n_seen and (narrower := _width(image, part, noise_std)) is not None:
+            width, n_seen = narrower, n_part
+    return width
+
+
+def _middle(image: np.ndarray, pattern: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Image and pattern in the box around the pattern, of a large one in its middle."""
+    places = []
+    for axis in (1, 0):
+        along = np.flatnonzero(pattern.any(axis=axis))
+        low, high = int(along[0]), int(along[-1]) + 1
+        if high - low > LARGEST_PX:
+            counts = np.cumsum(pattern.sum(axis=axis))
+            middle = int(np.searchsorted(counts, 0.5 * counts[-1]))
+            low = int(np.clip(middle - LARGEST_PX // 2, low, high - LARGEST_PX))
+            high = low + LARGEST_PX
+        places.append(slice(low, high))
+    return image[tuple(places)], pattern[tuple(places)]
+
+
+def _width(image: np.ndarray, pattern: np.ndarray, noise_std: float) -> float | None:
+    """Full width at half maximum of the autocorrelation in the pattern; None where it has none."""
+    if np.count_nonzero(pattern) < MIN_PIXELS:
+        return None
+    detail = without_trend(image, pattern)
+    variance = float(np.var(image[pattern]))
     correlation = _by_radius(detail, pattern)
     top = correlation[0] - noise_std**2
-    if not top > 0.0:
-        return None
+    if not top > MIN_DETAIL * variance:
+        return None  # light without a pattern
     below = np.flatnonzero(correlation[1:] < 0.5 * top) + 1
     if not len(below):
         return None
@@ -94,9 +127,9 @@ def edge_blur(image: np.ndarray, region: np.ndarray, noise_std: float = 0.0) -> 
 def _by_radius(detail: np.ndarray, pattern: np.ndarray) -> np.ndarray:
     """Autocorrelation over whole radii 0, 1, 2 … px: sums over rings, weighted by the pairs of pixels  # (n,)"""
     reach = min(MAX_SHIFT_PX, min(pattern.shape) // 2)
-    shape = [n + reach + 1 for n in pattern.shape]
-    spectra = (np.abs(np.fft.rfft2(part, shape))**2 for part in (detail, pattern.astype(float)))
-    products, pairs = (np.fft.irfft2(spectrum, shape) for spectrum in spectra)
+    shape = [scipy.fft.next_fast_len(n + reach + 1, real=True) for n in pattern.shape]
+    spectra = (np.abs(scipy.fft.rfft2(part, shape))**2 for part in (detail, pattern.astype(float)))
+    products, pairs = (scipy.fft.irfft2(spectrum, shape) for spectrum in spectra)
     dy, dx = np.meshgrid(*(np.r_[0:reach + 1, -reach:0] for _ in range(2)), indexing="ij")
     radius = np.hypot(dy, dx)
     products, pairs = products[dy, dx], pairs[dy, dx]

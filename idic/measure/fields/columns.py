@@ -25,8 +25,9 @@ def field_columns(series: FieldSeries, k: int, measure: str = "green_lagrange", 
     Returns
     -------
     {name: (n,)}
-        ``u_x_mm``, ``u_y_mm``; ``strain_xx``, ``_yy``, ``_xy``, ``_1``, ``_2``; the same with ``_measured`` and
-        ``_std``; ``stress_xx_MPa``, ``_yy_``, ``_xy_``; the states by their names.
+        ``u_x_mm``, ``u_y_mm``, of a solid ``u_z_mm`` and ``z_mm``; ``strain_xx``, ``_yy``, ``_xy``, ``_1``,
+        ``_2``; the same with ``_measured`` and ``_std``; ``stress_xx_MPa``, ``_yy_``, ``_xy_``; the states by their
+        names.
     """
     turn, frame = _axes(angle_deg), _frame(series, k)
     columns: dict[str, np.ndarray] = {}
@@ -43,6 +44,7 @@ def field_columns(series: FieldSeries, k: int, measure: str = "green_lagrange", 
     if frame.stress is not None:
         stress = rotated(frame.stress[0], angle_deg)
         columns |= {f"stress_{name}_{series.stress_unit}": component_of(stress, name) for name in ("xx", "yy", "xy")}
+    columns |= {f"{name}_{series.unit}": values[0] for name, values in frame.depth.items()}
     return columns | {name: values[0] for name, values in frame.states.items()}
 
 
@@ -52,7 +54,8 @@ def _frame(series: FieldSeries, k: int) -> FieldSeries:
                        None if series.measured is None else series.measured[k:k + 1], series.noise,
                        None if series.stress is None else series.stress[k:k + 1],
                        {name: values[k:k + 1] for name, values in series.states.items()}, series.smoothed, series.kind,
-                       series.unit, series.stress_unit)
+                       series.unit, series.stress_unit,
+                       {name: values[k:k + 1] for name, values in series.depth.items()})
 
 
 def _axes(angle_deg: float) -> np.ndarray:

@@ -38,6 +38,8 @@ class FieldSeries:
     kind : "plane_stress" | "plane_strain" | "solid"
     unit : "mm", or "px" where no scale is known
     stress_unit : "MPa", or the name of a held stress that all are given in
+    depth : {"u_z": (m, n), "z": (m, n)} mm
+        Of a solid: simulated displacement out of the plane, and where the surface then is; else empty.
     """
 
     surface: Surface
@@ -51,6 +53,7 @@ class FieldSeries:
     kind: str = "plane_stress"
     unit: str = "mm"
     stress_unit: str = "MPa"
+    depth: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @cached_property
     def F(self) -> np.ndarray:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 import numpy as np
 
-from idic.measure.sequence.lateness import course_of, frame_offset, sentence
+from idic.measure.sequence.lateness import check_pairing, course_of, frame_offset, sentence
 from idic.measure.sequence.order import OrderEvidence
 from idic.measure.sequence.repeats import Steps, lost_frames, repeated_frames
 from idic.measure.sequence.thumbnails import Thumbnail, apart, distances, thumbnail
-from idic.model import Column, Experiment
+from idic.model import Column, Experiment, Remedies
 from idic.readers import FileStack
 
 MAX_FRAMES = 300  # that are compared with each other; of a longer test some
@@ -104,14 +104,18 @@ class FrameSequence:
         """Frames that repeat the one before although the log moves on; equal : numbers of those that are equal to the
         last grey value."""
         of_equal = {self.frames.index(k) for k in equal if k in self.frames}
-        return repeated_frames(self.steps, self.labels, of_equal, len(self.courses) > 0)
+        return repeated_frames(self.steps, self.labels, of_equal, len(self.courses) > 0,
+                               lambda places: Remedies(self.experiment).exclusion([self.frames[i] for i in places]))
 
     def lost(self) -> list[str]:
         """Places where images are missing by the step of the motion."""
         recording, model = self.experiment.recording, self.experiment.model
         if not model.has_times or not (recording.is_log_interpolated or not len(self.courses)):
             return []
-        return lost_frames(self.steps, self.labels, len(self.courses) > 0)
+        remedy = Remedies(self.experiment).possible(
+            "give the time of every image with image_times",
+            otherwise="give the time of every image with image_times, in the place of the present times")
+        return lost_frames(self.steps, self.labels, len(self.courses) > 0, remedy)
 
 
     @cached_property
@@ -121,13 +125,22 @@ class FrameSequence:
         return course_of(self.thumbnails, self.frames.index(reference) if reference in self.frames else 0)
 
     def late_against(self, main: FrameSequence) -> list[str]:
-        """Whether this camera takes its images at other times than the main one, with the line that says so."""
+        """Whether this camera takes its images at other times than the main one, with the line that says so.
+
+        Raises
+        ------
+        InputError
+            So much later or earlier that images of the same number do not belong together.
+        """
         offset = frame_offset(main.course, self.course) if self.frames == main.frames else None
         if offset is None:
             return []
-        model, cameras = self.experiment.model, (main.experiment.recording, self.experiment.recording)
+        names = main.experiment.recording.camera_name, self.experiment.recording.camera_name
+        if self.experiment.time_offset not in self.experiment.model.parameters:
+            check_pairing(names, (main.labels, self.labels), *offset)
+        model = self.experiment.model
         interval_s = float(np.median(np.diff(model.times[list(self.frames)]))) if model.has_times else None
-        return [sentence((cameras[0].camera_name, cameras[1].camera_name), *offset, interval_s)]
+        return [sentence(names, *offset, interval_s)]
 
 
 def _counted(experiment: Experiment) -> tuple[int, ...]:

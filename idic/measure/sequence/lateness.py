@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from idic.errors import InputError
 from idic.measure.sequence.thumbnails import Thumbnail, motions
 
 MAX_OFFSET_SHARE, MAX_OFFSET = 0.4, 20.0  # of the frames, and frames: beyond, too few are left to compare
@@ -20,6 +21,7 @@ MIN_FRAMES = 6
 MIN_MOTION_PX = 0.5  # of a course
 MAX_MISFIT = 0.05  # of a course, by which two courses with their best offset may differ
 STEP = 0.02  # frames
+MAX_LATE = 1.5  # frames: a time offset looks one frame back or forth, along a straight line
 
 
 def frame_offset(course: np.ndarray, second: np.ndarray) -> tuple[float, float] | None:
@@ -64,12 +66,34 @@ def sentence(names: tuple[str, str], offset: float, std: float, interval_s: floa
     text = (f"{name} shows {'an earlier' if offset < 0.0 else 'a later'} moment than {main} in the image of the same "
             f"number: by {abs(offset):.2f} ± {max(std, 0.01):.2f} frames ({offset * interval:.3g}{unit}), by the "
             "motion in both. ")
-    n_images = round(offset) if abs(offset) > 1.5 else 0
-    if n_images:
-        later = name if n_images < 0 else main
-        text += (f"Pair the images by their time: leave out the first {abs(n_images)} of {later} and the last "
-                 f"{abs(n_images)} of the other camera; then ")
-    return text + f'write [[dof]] name = "{name}.time_offset", value = {(offset - n_images) * interval:.3g}'
+    return text + f'write [[dof]] name = "{name}.time_offset", value = {offset * interval:.3g}'
+
+
+def check_pairing(names: tuple[str, str], files: tuple[Sequence[str], Sequence[str]], offset: float,
+                  std: float) -> None:
+    """InputError where images of the same number were taken more than `MAX_LATE` frames apart: the motion between two
+    frames, which a time offset interpolates, is not that of such a pair.
+
+    names : of the main camera and of this one; files : their images, as many of each
+    """
+    n_images, error = round(abs(offset)), max(std, 0.01)
+    if abs(offset) <= MAX_LATE:
+        return
+    first, second = (1, 0) if offset < 0.0 else (0, 1)  # whose first images, and whose last ones, have no partner
+    early, late = files[first][:n_images], files[second][len(files[second]) - n_images:]
+    raise InputError(
+        f"images of {names[0]} and {names[1]} of the same number show different moments", key="camera.images",
+        expected=f"images of one moment, or less than {MAX_LATE:g} frames apart",
+        found=f"{names[1]} is {abs(offset):.2f} ± {error:.2f} frames {'late' if offset < 0.0 else 'early'}, by the "
+              "motion in both",
+        remedy=f"shift the images of {names[1]} by {n_images}: leave out {_listed(early)} of {names[first]} and "
+               f"{_listed(late)} of {names[second]}, with the rows of the log that belong to images of {names[0]} that "
+               f"are left out; then check again. If the cameras did see different motions, write [[dof]] name = "
+               f'"{names[1]}.time_offset"')
+
+
+def _listed(labels: Sequence[str]) -> str:
+    return labels[0] if len(labels) == 1 else f"{labels[0]} to {labels[-1]}"
 
 
 def _misfit(course: np.ndarray, second: np.ndarray, offset: float) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,13 +12,12 @@ BESIDE = 3  # pairs of images on both sides
 USUAL = 0.8  # quantile of the motion per change of the log: of copies three in a row, two thirds have none
 MIN_MOVED = 0.6  # the same of an image that is none: steps in between are those of an unsteady camera
 MAX_STEP = 0.35  # its step over that of the pair beside it
-MIN_LOG_STEP = 0.3  # change of the log over that of the pair beside it: the log moves on
+MIN_LOG_STEP = 0.3  # change of the log over that of a pair beside it that it is compared with: the log moves on
 MIN_LOST, MAX_LOST = 1.6, 6.5  # motion over a missing image per change of the log, over that of the pairs beside it
 MAX_UNLIKE = 1.25  # of the pairs on both sides
 MIN_MOVING = 0.5  # share of motion in the distance of two images: the rest is noise
 MIN_CHANGE = 1e-3  # of the range of a column: less is none
 MIN_HALF = 0.4  # share of the images: more are every second one
-MAX_NAMED = 40
 
 
 @dataclass(frozen=True)
@@ -52,9 +51,10 @@ class Steps:
         rates = self.moved_px / np.where(self.logged > 0.0, self.logged, np.inf)
         usual = float(np.quantile(rates[self.logged > 0.0], USUAL))  # images may be lost beside: a larger step
         for k in range(n):
-            neighbour = max(range(max(k - BESIDE, 0), min(k + BESIDE + 1, n)), key=lambda j: self.moved_px[j])
-            logged = self.logged[neighbour]
-            if not self.logged[k] >= MIN_LOG_STEP * logged > 0.0 or neighbour == k:
+            pairs = [j for j in range(max(k - BESIDE, 0), min(k + BESIDE + 1, n))
+                     if self.logged[k] >= MIN_LOG_STEP * self.logged[j] > 0.0]
+            neighbour = max(pairs, key=lambda j: self.moved_px[j], default=k)
+            if neighbour == k:
                 continue
             share = min(1.0, usual / max(rates[neighbour], 1e-300))
             if self.apart_px[k] < MAX_STEP * share * self.apart_px[neighbour] and (
@@ -65,29 +65,30 @@ class Steps:
         return frames if len(frames) > n_between else []
 
 
-def repeated_frames(steps: Steps, labels: Sequence[str], equal: Collection[int], has_log: bool) -> list[str]:
+def repeated_frames(steps: Steps, labels: Sequence[str], equal: Collection[int], has_log: bool,
+                    excluding: Callable[[Sequence[int]], str]) -> list[str]:
     """One sentence on the frames that repeat the one before, with the line that excludes them.
 
-    equal : frames that are equal to the last grey value; has_log : whether the steps know the change of a log
+    excluding : numbers -> the value of exclude_frames, "" where too few would remain; equal : frames that are equal to
+    the last grey value; has_log : whether the steps know the change of a log
     """
     moving = [k for k in equal if not has_log or steps.logged[k - 1] > MIN_CHANGE / len(labels)]
     numbers = sorted({*(steps.repeats() if has_log else ()), *moving})
     if not numbers:
         return []
-    named = [f'"{labels[k]}"' for k in numbers]
-    if len(named) > MAX_NAMED:
-        named = [*named[:MAX_NAMED], "…"]
     likeness = "to the last grey value" if set(numbers) <= set(equal) else "within the noise"
     subject = (f"{labels[numbers[0]]} repeats {labels[numbers[0] - 1]}" if len(numbers) == 1
                else f"{len(numbers)} of {len(labels)} images, {labels[numbers[0]]} the first, repeat the one before")
     cause = ("a film that was decoded to a multiple of its rate?" if len(numbers) >= MIN_HALF * len(labels) > 2
            else "the recording lost images, and put the ones before in their place?")
     log = " while the log moves on" if has_log else ""
-    return [f"{subject} {likeness}{log}: {cause} Their motion is that of another moment: write "
-            f"exclude_frames = [{', '.join(named)}], and check that log and images belong together after them"]
+    names = excluding(numbers)
+    remedy = f"write exclude_frames = {names}, and check" if names else "check"
+    return [f"{subject} {likeness}{log}: {cause} Their motion is that of another moment: {remedy} that log and images "
+            "belong together after them"]
 
 
-def lost_frames(steps: Steps, labels: Sequence[str], has_log: bool) -> list[str]:
+def lost_frames(steps: Steps, labels: Sequence[str], has_log: bool, remedy: str) -> list[str]:
     """Sentences on places where one step of the motion is a multiple of those beside it, and that of the log is not."""
     if len(steps.apart_px) < 4 or steps.repeats():
         return []
@@ -102,6 +103,6 @@ def lost_frames(steps: Steps, labels: Sequence[str], has_log: bool) -> list[str]
         n = round(float(ratio / usual)) - 1
         texts.append(f"from {labels[k]} to {labels[k + 1]} the images move {ratio / usual:.2g} times as far as "
                      f"{'the log says' if has_log else 'before and after'}: {'an image' if n < 2 else f'{n} images'} "
-                     "lost between them? Then the times of all later images are too early: give the time of every "
-                     "image with image_times. If the grip slipped there, do nothing")
+                     f"lost between them? Then the times of all later images are too early: {remedy}. If the grip "
+                     "slipped there, do nothing")
     return texts

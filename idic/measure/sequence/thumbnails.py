@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numba import njit
 import scipy
 
 SQUARES_ALONG = 96  # of a thumbnail, along the longer side of the region
@@ -43,8 +42,7 @@ def thumbnail(image: np.ndarray, box: tuple[int, int, int, int]) -> Thumbnail:
     first_row, first_column, end_row, end_column = box
     size = max(1, int(np.ceil(max(end_row - first_row, end_column - first_column) / SQUARES_ALONG)))
     shape = max(1, (end_row - first_row) // size), max(1, (end_column - first_column) // size)
-    means = np.empty(shape)
-    _means(np.ascontiguousarray(image), first_row, first_column, size, 0 if image.dtype.kind in "ui" else 0.0, means)
+    means = _means(image, first_row, first_column, size, shape)
     if image.dtype.kind == "f" and not np.isfinite(means).all():
         means = np.where(np.isfinite(means), means, np.nanmean(means) if np.isfinite(means).any() else 0.0)
     levels = [means]
@@ -165,20 +163,10 @@ def _shortened(distance: np.ndarray, path: list[int]) -> list[int]:
     return order.tolist()
 
 
-@njit(cache=True, nogil=True)
-def _means(image, first_row, first_column, size, zero, means):
-    """Means over two rows of each square; zero : an integer to add integers to, else a float."""
-    for i in range(means.shape[0]):
-        for j in range(means.shape[1]):
-            means[i, j] = 0.0
-        n_rows = 0
-        for row in range(first_row + i * size, first_row + (i + 1) * size, max(1, (size + 1) // 2)):
-            n_rows += 1
-            for j in range(means.shape[1]):
-                total = zero
-                first = first_column + j * size
-                for column in range(first, first + size):
-                    total += image[row, column]
-                means[i, j] += total
-        for j in range(means.shape[1]):
-            means[i, j] /= n_rows * size
+def _means(image: np.ndarray, first_row: int, first_column: int, size: int, shape: tuple[int, int]) -> np.ndarray:
+    """Means over two rows of each square  # (ny, nx)"""
+    ny, nx = shape
+    rows = first_row + size * np.arange(ny)[:, None] + np.arange(0, size, max(1, (size + 1) // 2))
+    values = image[rows.ravel(), first_column:first_column + nx * size].reshape(ny, -1, nx, size)
+    totals = values.sum(axis=3, dtype=np.int64 if image.dtype.kind in "ui" else float).sum(axis=1)
+    return totals / (rows.shape[1] * size)

@@ -20,14 +20,6 @@ from idic.model.records.recording import CAMERA_TIME, FurtherCamera, Recording
 from idic.parameters import ParameterSet
 
 
-def refuse_volumes(experiment: Experiment, work: str) -> None:
-    """InputError where an experiment on volumes is given to `work`, which knows images and measured fields."""
-    if experiment.recording.quantity == "volume":
-        raise InputError(f"{work} of volumes is not available", file="experiment.toml", key="experiment.volumes",
-                         expected="images, or measured fields", found=experiment.recording.in_words(),
-                         remedy="idic check, identify, report and systematic take volumes (docs/volumes.md)")
-
-
 @dataclass(frozen=True)
 class Experiment:
     """A recording and its model; docs/experiment-file.md has the file that they are read from."""
@@ -42,6 +34,7 @@ class Experiment:
     gauges: tuple[Gauge, ...] = ()  # where the report reads fields off
     notes: tuple[str, ...] = ()  # assumptions on reading; shown by `check` and in the report
     setup: Mapping[str, Any] = field(default_factory=dict)  # what the user wrote of camera, lens and rig
+    written: frozenset[str] = frozenset()  # keys that its file has, dotted: `Remedies.written`
 
     def with_parameters(self, parameters: ParameterSet) -> Experiment:
         """The experiment with these parameters in the place of those of its model."""
@@ -51,6 +44,13 @@ class Experiment:
         """The experiment with the mesh morphed to these parameters; see `Model.at_geometry`."""
         model = self.model.at_geometry(parameters)
         return self if model is self.model else replace(self, model=model)
+
+    def refuse_volumes(self, work: str) -> None:
+        """InputError where an experiment on volumes is given to `work`, which knows images and measured fields."""
+        if self.recording.quantity == "volume":
+            raise InputError(f"{work} of volumes is not available", file="experiment.toml", key="experiment.volumes",
+                             expected="images, or measured fields", found=self.recording.in_words(),
+                             remedy="idic check, identify, report and systematic take volumes (docs/volumes.md)")
 
     @property
     def time_offset(self) -> str:
@@ -84,7 +84,7 @@ class Experiment:
         model = replace(self.model, mesh=mesh, camera=entry.camera, surface=entry.surface,
                         axis_order=entry.axis_order, sees_back=sees_back)
         recording = replace(self.recording, stack=entry.stack, labels=entry.labels, noise=entry.noise, mask=entry.mask,
-                            camera_name=entry.name, still_stack=None)
+                            camera_name=entry.name, still_stack=None, main_labels=self.recording.labels)
         return replace(self, recording=recording, model=model, cameras=())
 
     @property

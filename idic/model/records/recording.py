@@ -163,6 +163,12 @@ class Recording:
     column_units: Mapping[str, str | None] = field(default_factory=dict)  # of the columns of the log, None: not stated
     stated_order: str = ""  # of the images, by the user; "": by their names, to be confirmed
     identity: str = ""  # hash of everything that decides the result
+    main_labels: tuple[str, ...] = ()  # of the view of a further camera: the labels of the main one
+
+    @property
+    def frame_names(self) -> tuple[str, ...]:
+        """The frames as experiment.toml names them: by the images of the main camera."""
+        return self.main_labels or self.labels
 
     @property
     def volumes(self) -> VolumeStack:

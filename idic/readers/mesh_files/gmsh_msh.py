@@ -57,7 +57,7 @@ def read_msh(path: Path) -> RawMesh:
     Raises
     ------
     InputError
-        The file is cut off or contradicts itself, is partitioned, or holds cells of an order that idic does not have.
+        The file is cut off or contradicts itself, or holds cells of an order that idic does not have.
     """
     data = path.read_bytes()
     try:
@@ -71,8 +71,6 @@ def read_msh(path: Path) -> RawMesh:
 def _content(path: Path, data: bytes) -> _Content:
     content = _Content()
     sections = _sections(data)
-    if "PartitionedEntities" in sections:
-        _refuse(path, "a mesh in partitions", "one mesh", "$PartitionedEntities", "save it without partitions")
     version, is_binary, size = sections["MeshFormat"].split(b"\n")[0].split()[:3]
     for line in sections.get("PhysicalNames", b"").decode("utf-8", errors="replace").splitlines()[1:]:
         match = _GROUP.match(line)
@@ -83,7 +81,7 @@ def _content(path: Path, data: bytes) -> _Content:
     if binary:
         order = "<" if sections["MeshFormat"].split(b"\n", 1)[1][:4] == b"\x01\x00\x00\x00" else ">"
     streams = {name: _Binary(sections[name], order) if binary else _Text(sections[name])
-               for name in ("Nodes", "Elements", "Entities") if name in sections}
+               for name in ("Nodes", "Elements", "Entities", "PartitionedEntities") if name in sections}
     if version.startswith(b"2"):
         _nodes_2(streams["Nodes"], content)
         _elements_2(path, streams["Elements"], content)
@@ -91,6 +89,8 @@ def _content(path: Path, data: bytes) -> _Content:
         if int(size) != 8:
             _refuse(path, "numbers of another size", "8 bytes", size.decode(), "save the mesh on a 64-bit system")
         groups = _entities(streams["Entities"]) if "Entities" in streams else {}
+        if "PartitionedEntities" in streams:
+            groups |= _partitioned_entities(streams["PartitionedEntities"], groups)
         _nodes_4(streams["Nodes"], content)
         _elements_4(path, streams["Elements"], content, groups)
     return content
@@ -185,6 +185,28 @@ def _entities(stream: _Stream) -> dict[tuple[int, int], list[int]]:
             tag = int(stream.integers(1)[0])
             stream.reals(3 if dimension == 0 else 6)
             groups[dimension, tag] = [abs(int(group)) for group in stream.integers(int(stream.sizes(1)[0]))]
+            if dimension:
+                stream.integers(int(stream.sizes(1)[0]))  # what bounds it
+    return groups
+
+
+def _partitioned_entities(stream: _Stream, parents: dict[tuple[int, int], list[int]]
+                          ) -> dict[tuple[int, int], list[int]]:
+    """The same of a mesh in partitions, whose entities are parts of others; together they are the mesh.
+
+    parents : groups of the entities that were parted
+    """
+    groups: dict[tuple[int, int], list[int]] = {}
+    stream.integers(2 * int(stream.sizes(2)[1]))  # ghost entities: they hold copies
+    numbers = stream.sizes(4)
+    for dimension, number in enumerate(numbers):
+        for _ in range(int(number)):
+            tag, of_dimension, of_tag = (int(value) for value in stream.integers(3))
+            stream.integers(int(stream.sizes(1)[0]))  # its partitions
+            stream.reals(3 if dimension == 0 else 6)
+            written = [abs(int(group)) for group in stream.integers(int(stream.sizes(1)[0]))]
+            inherited = parents.get((of_dimension, of_tag), []) if of_dimension == dimension else []
+            groups[dimension, tag] = list(dict.fromkeys([*written, *inherited]))
             if dimension:
                 stream.integers(int(stream.sizes(1)[0]))  # what bounds it
     return groups

@@ -10,8 +10,9 @@ from matplotlib.ticker import MaxNLocator
 
 from idic.report.diagnosis.record import KNOWN_ERROR_COUNTED, Curve, DiagnosisRecord
 from idic.report.diagnosis.words import is_sure, name_of_best, strongest
+from idic.report.figures.axes.time_axis import label_frames
 from idic.report.figures.style import (BLACK, BLUE, DIVERGING, FAINT, GREEN, GREY, ORANGE, RED, SKY, Picture,
-                                       label_frames, look, new_figure, to_picture)
+                                       look, new_figure, to_picture)
 from idic.report.result.words import short_names
 
 COLOUR_LIMIT_STD = 5.0  # standard deviations at the ends of the colour bar
@@ -75,7 +76,7 @@ def excess_course(record: DiagnosisRecord) -> Picture:
             axis.set_yscale("symlog", linthresh=linear)
             axis.set_yticks(_decades(linear, *axis.get_ylim()))
         axis.set_ylabel("excess [–]")
-        label_frames(axis, record.time_label)
+        label_frames(axis, record.time_label, at)
         figure.legend(ncols=3, loc="outside upper left")
         _mark_onset(axis, record)
         return to_picture(figure, "diagnosis_excess", "Held-out excess over time",
@@ -178,7 +179,7 @@ def channel(record: DiagnosisRecord, curve: Curve) -> Picture:
             strip.plot(record.abscissa, (curve.measured - curve.simulated_after) / curve.std, "-s", color=BLUE)
         top.set(ylabel=f"{curve.name} [{curve.unit}]")
         strip.set_ylabel("residual [σ]")
-        label_frames(strip, record.time_label)
+        label_frames(strip, record.time_label, record.abscissa)
         strip.yaxis.set_major_locator(MaxNLocator(4))
         top.legend(ncols=3, loc="best")
         return to_picture(figure, f"diagnosis_{curve.name}", f"{curve.name}: measured and simulated",
@@ -256,7 +257,7 @@ def courses(record: DiagnosisRecord) -> Picture | None:
             origin = "determined by the data" if entry["free"] else "of the candidate"
             title = record.titles.get(entry["name"], entry["name"].replace("_", " "))
             axis.set(title=f"{title}: {entry['parameter']}, course {origin}", ylabel=f"[{entry['unit'] or '–'}]")
-        label_frames(axes[-1], record.time_label)
+        label_frames(axes[-1], record.time_label, record.abscissa)
         axes[0].legend(ncols=3, loc="best")
         return to_picture(figure, "diagnosis_courses", "Time course of a cause other than the material",
                           "Amplitude of the cause in every frame. A candidate acts as a ramp, a jump or in "

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from idic.report.diagnosis.record import DiagnosisRecord, LawPair
-from idic.report.figures.style import BLUE, FAINT, GREY, ORANGE, Picture, label_frames, look, new_figure, to_picture
+from idic.report.figures.axes.time_axis import label_frames
+from idic.report.figures.style import BLUE, FAINT, GREY, ORANGE, Picture, look, new_figure, to_picture
 
 MAX_PARAMETERS_SHOWN = 4  # parameters side by side
 WIDTH_95 = 1.96
@@ -27,7 +28,7 @@ def window_courses(record: DiagnosisRecord) -> Picture | None:
             if curve.value_after is not None:
                 _course(axis, at, curve.value_after, curve.std_after, curve.final, BLUE, "after")
             axis.set(ylabel=f"{curve.name} [%]")
-        label_frames(axes[-1], f"window up to {record.time_label}")
+        label_frames(axes[-1], f"window up to {record.time_label}", at)
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
         figure.align_ylabels(list(axes))
         reference = "of the enriched model's value" if record.excess_after is not None else "of the identified value"

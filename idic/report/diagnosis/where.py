@@ -10,6 +10,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
+from idic.report.figures.axes.time_axis import label_frames
 from idic.report.figures.style import (
     BLUE,
     FAINT,
@@ -20,7 +21,6 @@ from idic.report.figures.style import (
     SEQUENTIAL,
     SKY,
     Picture,
-    label_frames,
     look,
     new_figure,
     to_picture,
@@ -190,7 +190,7 @@ def amplitude_course(record: WhereRecord) -> Picture | None:
             axis.axvspan(low - width, high + width, color=ORANGE, alpha=0.35, lw=0, label="onset (95 %)")
             axis.axvline(record.onset, color=RED, lw=1.0)
         axis.set_ylabel("motion [px rms]")
-        label_frames(axis, record.time_label)
+        label_frames(axis, record.time_label, record.times)
         lines, labels = axis.get_legend_handles_labels()
         if record.load is not None:
             load_axis = axis.twinx()

@@ -12,9 +12,9 @@ from scipy.ndimage import binary_erosion
 
 from idic.identification import planned_increments, repeated_readings
 from idic.experiment_file import corners_px, recorded, seen_nodes, seen_region, visible_cells
-from idic.images import PlacedCamera, largest_value, saturated_share
+from idic.images import largest_value, saturated_share, speckle_size
 from idic.measure import FrameSequence
-from idic.model import Experiment, Measured, Model, Noise, Options, Recording, in_words
+from idic.model import Experiment, Measured, Model, Noise, Options, Recording, Remedies, in_words
 from idic.readers import check_stages, mean_strain
 from idic.report.evidence.causes.before_run import causes_in_motion, sampled_frames
 from idic.report.evidence.causes.course import increments_by_load
@@ -70,12 +70,13 @@ class CheckReport:
     points: str = ""  # of measured fields, in words
     volume: str = ""  # size and voxels of scans, in words
     starts: tuple[str, ...] = ()  # of `free_parameters`: with their start values
+    noise_keys: str = "noise_std_gv"  # that state the noise
 
     def lines(self) -> list[str]:
         """The report as text, one fact per line."""
         noise = "not known yet: the identification takes it from the residual of a free FE-DIC"
         if self.value_unit != "grey values":
-            noise = "not known: give noise_std_gv or still_frames"
+            noise = f"not known: give {self.noise_keys}"
         if self.noise.std_gv is not None:
             noise = f"{self.noise.std_gv:.3g} ({self.noise.source})"
         excluded = f", excluded {', '.join(self.excluded)}" if self.excluded else ""
@@ -204,9 +205,10 @@ def _check_camera(experiment: Experiment, draw: bool, is_main: bool) -> tuple[Ch
     field_notes, field_warnings = _of_fields(experiment, corners, visible) if recording.points is not None else ((), ())
     labels = recording.labels
     scale = () if recording.points is not None else tuple(_scale_warnings(experiment, corners, visible))
-    plain = NO_PATTERN
+    plain, width = NO_PATTERN, None
     if recording.quantity == "grey" and not scale:
-        plain = without_pattern(reference, roi, noise.std_gv)
+        width = speckle_size(reference, roi, noise.std_gv or 0.0)
+        plain = without_pattern(reference, roi, noise.std_gv, width)
     is_placed = not scale and float(plain.mean()) <= MAX_PLAIN_SHARE
     images = _Decoded() if recording.points is not None else _decoded(experiment, reference, roi, is_main)
     if images.sequence is not None:
@@ -214,7 +216,7 @@ def _check_camera(experiment: Experiment, draw: bool, is_main: bool) -> tuple[Ch
     end, motion_warnings = causes_in_motion(experiment, reference if is_placed else None,
                                             images.picture(experiment)) if is_main else ((), ())
     warnings = field_warnings if images.sequence is None else (
-        *scale, *(() if scale else _place_warnings(experiment, reference, roi, areas, noise, plain)),
+        *scale, *(() if scale else _place_warnings(experiment, reference, roi, areas, width, plain)),
         *_reference_warnings(experiment, reference, roi), *images.sequence.order_warnings(),
         *images.sequence.repeated(images.equal), *images.sequence.lost(),
         *_other_light(experiment, [k for k in images.other_light if k not in end]))
@@ -227,7 +229,8 @@ def _check_camera(experiment: Experiment, draw: bool, is_main: bool) -> tuple[Ch
         (*experiment.notes, *field_notes, *_margin_note(experiment.options), *planned_increments(experiment)),
         (*warnings, *motion_warnings), picture,
         recording.camera_name,
-        value_unit=recording.value_unit, points=_points_line(recording), starts=start_values(model)), images.sequence
+        value_unit=recording.value_unit, points=_points_line(recording), starts=start_values(model),
+        noise_keys=Remedies(experiment).possible("noise_std_gv", "still_frames", "fields_noise_um")), images.sequence
 
 
 def _check_volume(experiment: Experiment, draw: bool) -> CheckReport:
@@ -276,18 +279,21 @@ def _sets_px(model: Model, points: np.ndarray) -> dict[str, np.ndarray]:
     return {name: model.camera.project(points[model.mesh.node_sets[name]]) for name in names}
 
 
-def _place_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, areas: np.ndarray, noise: Noise,
-                    plain: np.ndarray) -> Iterator[str]:
-    """Warnings of the pattern below a mesh of the right scale; plain : pixels of the ROI without pattern."""
+def _place_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, areas: np.ndarray,
+                    width: float | None, plain: np.ndarray) -> Iterator[str]:
+    """Warnings of the pattern below a mesh of the right scale; width : of the speckle, px; plain : pixels of the ROI
+    without pattern."""
+    noise = experiment.recording.noise
     if areas.mean() < _MIN_ELEMENT_PX and experiment.model.surface is None:
         yield (f"only {areas.mean():.0f} px per element: enough for the identification, too few for the free FE-DIC of "
                "the report; larger elements would do for both")
     if experiment.recording.quantity == "grey":
-        yield from pattern_warnings(reference, roi, noise.std_gv, float(areas.mean()), plain)
-        yield from mirrored_axes(experiment, reference, float(plain.mean()))
+        yield from pattern_warnings(experiment, reference, roi, float(areas.mean()), width, plain)
+        yield from mirrored_axes(experiment, reference, float(plain.mean()), width)
     contrast = float(np.nanstd(reference[roi]))
     if contrast == 0.0:
-        yield "the ROI has no pattern, so nothing can be correlated: check mask, mesh and reference image"
+        yield ("the ROI has no pattern, so nothing can be correlated: check the reference image and the place of the "
+               f"mesh in it ({Remedies(experiment).place})")
     elif noise.std_gv is not None and contrast < _MIN_CONTRAST * noise.std_gv:
         yield (f"the pattern ({contrast:.3g}) is less than {_MIN_CONTRAST:g} times the noise ({noise.std_gv:.3g}): "
                "expect large error bars; improve contrast or lighting")
@@ -300,14 +306,16 @@ def _reference_warnings(experiment: Experiment, reference: np.ndarray, roi: np.n
     share = saturated_share(image, roi) or 0.0
     if share > _MAX_SATURATED_SHARE:
         yield (f"{100 * share:.1f} % of the pixels in the ROI are saturated (grey value {largest_value(image)}): "
-               "the pattern is cut there. A shorter exposure next time; now a mask without them")
+               "the pattern is cut there. A shorter exposure next time"
+               + Remedies(experiment).possible("; now a mask without them"))
     if recording.quantity == "grey":
-        yield from misplaced_still_frames(recording, roi)
+        yield from misplaced_still_frames(experiment, roi)
     inner = binary_erosion(roi, iterations=2)  # outside the specimen there is no height
     gaps = float(np.isnan(reference[inner]).mean()) if reference.dtype.kind == "f" and inner.any() else 0.0
     if gaps > _MAX_GAP_SHARE:
+        remedy = Remedies(experiment).possible("fill the gaps", "leave them out with a mask")
         yield (f"{100 * gaps:.0f} % of the reference image in the ROI has no value, and interpolation also loses the "
-               "neighbours of each gap: fill the gaps, or mask them")
+               f"neighbours of each gap: {remedy}")
 
 
 @dataclass(frozen=True)
@@ -365,8 +373,7 @@ def _other_light(experiment: Experiment, frames: Sequence[int]) -> Iterator[str]
 def _scale_warnings(experiment: Experiment, corners: list[np.ndarray], visible: np.ndarray) -> Iterator[str]:
     every = np.vstack(corners)
     part = any(isinstance(condition.drive, Measured) for condition in experiment.model.prescribed)
-    return implausible_scale(np.ptp(every, axis=0), experiment.recording.image_shape, float(visible.mean()), part,
-                             isinstance(experiment.model.camera, PlacedCamera))
+    return implausible_scale(experiment, np.ptp(every, axis=0), float(visible.mean()), part)
 
 
 def _points_line(recording: Recording) -> str:

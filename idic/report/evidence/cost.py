@@ -22,7 +22,7 @@ from idic.fe import Fill, Mesh, dissected, quadrature_rule
 from idic.correlation import MAX_DENSE_UNKNOWNS
 from idic.identification import rate_dependent_laws
 from idic.laws import get_law
-from idic.model import Column, Experiment, Measured, Model, Recording
+from idic.model import Column, Experiment, Measured, Model, Recording, Remedies
 
 # memory, bytes
 _PROCESS = 0.35e9  # libraries and compiled kernels
@@ -71,6 +71,7 @@ class Cost:
     time_s: float
     equations: int
     available: float | None
+    smaller: str = "larger elements"  # what takes less memory
 
     @property
     def worth_workers(self) -> bool:
@@ -100,9 +101,8 @@ class Cost:
             warnings.append(f"the identification {verb} more memory than this machine has: about "
                             f"{_bytes(self.memory)} of "
                          f"{_bytes(self.available)}; the factorised stiffness of {self.equations} equations takes "
-                         f"{_bytes(self.factor)}. Use larger elements, element_order = \"as_given\", half of a "
-                         f"symmetric "
-                         "specimen, or a machine with more memory")
+                         f"{_bytes(self.factor)}. Use {self.smaller}, half of a symmetric specimen, or a machine with "
+                         "more memory")
         if self.time_s > _LONG_S:
             warnings.append(f"the identification takes about {_duration(self.time_s)} on one core: larger elements or "
                          f"fewer "
@@ -132,8 +132,9 @@ def expected_cost(experiment: Experiment) -> Cost:
         time_s += _FREE_DIC_PASSES * image_pass
     memory = (_PROCESS + body.factor + body.kept_bytes + _PER_PIXEL * pixels / max(len(experiment.views), 1)
               + max(nodal, 8e6) + _generalised(experiment, n_frames))
+    smaller = Remedies(experiment).possible("larger elements", 'element_order = "as_given"')
     return Cost(memory, body.factor, images + 3.0 * nodal * n_frames + _REPORT, time_s, mesh.n_nodes * mesh.n_dim,
-                memory_here())
+                memory_here(), smaller)
 
 
 @dataclass(frozen=True)

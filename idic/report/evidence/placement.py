@@ -10,7 +10,7 @@ import numpy as np
 from idic.correlation import is_section
 from idic.experiment_file import corners_px, seen_nodes, seen_region, visible_cells
 from idic.images import Camera
-from idic.model import Experiment, Recording
+from idic.model import Experiment, Recording, Remedies
 from idic.report.evidence.causes.axes import NAMES, TURNS
 from idic.report.evidence.causes.lines import other_axes
 from idic.report.evidence.plausible import MAX_PLAIN_SHARE, MIN_VISIBLE, without_pattern
@@ -20,12 +20,12 @@ MAX_STILL_FRAMES = 6  # that are compared
 MAX_SHARE_OF_MIRRORED = 0.4  # of the plain part of the ROI that a mirrored mesh would leave
 
 
-def misplaced_still_frames(recording: Recording, roi: np.ndarray) -> Iterator[str]:
+def misplaced_still_frames(experiment: Experiment, roi: np.ndarray) -> Iterator[str]:
     """Declared still frames whose pattern is elsewhere than in the first of them.
 
     `idic.images.quality.drift` reports shifts below half a pixel and removes them from the noise.
     """
-    images = list(_still_images(recording))
+    images = list(_still_images(experiment.recording))
     if len(images) < 2:
         return
     first, f = images[0]
@@ -33,7 +33,8 @@ def misplaced_still_frames(recording: Recording, roi: np.ndarray) -> Iterator[st
     for label, image in images[1:]:
         if float((image[roi] - f[roi]).std()) > MAX_CHANGE_SHARE * contrast:
             yield (f"still frame {label} shows another place than {first}: the specimen has moved by a speckle or "
-                   "more, so their difference is not noise. Leave it out of still_frames, or give noise_std_gv")
+                   "more, so their difference is not noise: "
+                   + Remedies(experiment).possible("leave it out of still_frames", "give noise_std_gv"))
 
 
 def _still_images(recording: Recording) -> Iterator[tuple[str, np.ndarray]]:
@@ -46,7 +47,8 @@ def _still_images(recording: Recording) -> Iterator[tuple[str, np.ndarray]]:
         yield recording.labels[k], np.asarray(recording.stack.frame(k), dtype=float)
 
 
-def mirrored_axes(experiment: Experiment, reference: np.ndarray, plain_share: float) -> Iterator[str]:
+def mirrored_axes(experiment: Experiment, reference: np.ndarray, plain_share: float,
+                  width: float | None) -> Iterator[str]:
     """Axes, mirrored or turned, that would put the mesh on the pattern, where this share of the ROI has none."""
     camera, noise = experiment.model.camera, experiment.recording.noise.std_gv
     if not isinstance(camera, Camera) or is_section(experiment.model) or experiment.recording.quantity != "grey":
@@ -57,13 +59,14 @@ def mirrored_axes(experiment: Experiment, reference: np.ndarray, plain_share: fl
     for name, turn in zip(NAMES, TURNS, strict=True):
         region = _region(replace(experiment, model=replace(experiment.model,
                                                            camera=replace(camera, matrix=turn @ camera.matrix))))
-        share = 1.0 if region is None else float(without_pattern(reference, region, noise).mean())
+        share = 1.0 if region is None else float(without_pattern(reference, region, noise, width).mean())
         if share < best:
             best, meaning, change = share, name, turn
     if meaning:
         written = "".join(f": {line.text()}" for line in other_axes(experiment, change))
+        cause = Remedies(experiment).possible("An entry of axes may be wrong", otherwise="The camera may be turned")
         yield (f"{meaning} of the image, {best:.0%} of the ROI would be without pattern; now it is {plain_share:.0%}. "
-               f"An entry of axes may be wrong: look at the picture{written}")
+               f"{cause}: look at the picture{written}")
 
 
 def _region(experiment: Experiment) -> np.ndarray | None:

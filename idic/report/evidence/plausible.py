@@ -9,9 +9,9 @@ import numpy as np
 from scipy.ndimage import find_objects, label, maximum_filter, uniform_filter
 
 from idic.fe import Mesh, bodies
-from idic.images import BLOCK_PX, compressed_at, edge_blur, speckle_size
+from idic.images import BLOCK_PX, compressed_at, edge_blur
 from idic.laws import law_for
-from idic.model import Experiment, Model
+from idic.model import Experiment, Model, Remedies
 
 MAX_FROM_TYPICAL = 200.0    # ratio of a stress-like value to the typical one of its law; GPa read as MPa is 1000
 MIN_VISIBLE = 0.5           # of the elements: with fewer, scale or origin is suspect
@@ -110,63 +110,65 @@ def separate_pieces(mesh: Mesh, unit: str) -> Iterator[str]:
                "mesh generator")
 
 
-def implausible_scale(extent_px: np.ndarray, shape: tuple[int, int], visible: float,
-                      part: bool = False, has_lens: bool = False) -> Iterator[str]:
+def implausible_scale(experiment: Experiment, extent_px: np.ndarray, visible: float,
+                      part: bool = False) -> Iterator[str]:
     """A mesh much larger or smaller than the image.
 
     Parameters
     ----------
+    experiment : Experiment
+        The view of the camera.
     extent_px : array (2,)
         Columns and rows that the mesh spans.
-    shape : (rows, columns) of the image
     visible : float
         Share of the elements that lie in the image.
     part : bool
         Whether the camera sees a part of the specimen on purpose: an end in view is measured.
-    has_lens : bool
-        Whether the scale is that of a calibrated lens and its distance, not of pixel_size_mm.
     """
-    image = np.array(shape[::-1], dtype=float)
+    image = np.array(experiment.recording.image_shape[::-1], dtype=float)
     size = f"the mesh spans {extent_px[0]:.0f} x {extent_px[1]:.0f} px, the image {image[0]:.0f} x {image[1]:.0f} px"
     larger = float((extent_px / image).max())
-    scale, place = ("the calibration or translation_mm", "rotation, translation_mm or the alignment") if has_lens else (
-        "pixel_size_mm", "origin_px or axes")
-    is_turned = not has_lens and bool((extent_px > image).any() and (extent_px[::-1] <= image).all())
+    remedies = Remedies(experiment)
+    scale, place, unit = remedies.scale, remedies.place, remedies.possible(", or mesh_unit is wrong")
+    mirrored = ", or an axis is mirrored" if remedies.can_have("axes") else ""
+    fits_turned = bool((extent_px > image).any() and (extent_px[::-1] <= image).all())
+    is_turned = remedies.can_have("axes") and fits_turned
     if visible < MIN_VISIBLE and is_turned:
         yield (f"{size}; {visible:.0%} of its elements are seen, turned by 90 degrees it would fit: the two entries of "
                "axes may be exchanged")
     elif visible < MIN_VISIBLE:
         yield (f"{size}; {visible:.0%} of its elements are seen: " + (
-            f"{scale} may be {larger:.1f} times too small, or mesh_unit is wrong" if larger > 1.5 else
-            f"{place} place it outside the image, or an axis is mirrored"))
+            f"{scale} may be {larger:.1f} times too small{unit}" if larger > 1.5 else
+            f"{place} may place it outside the image{mirrored}"))
     elif not part and (extent_px > MIN_LARGER * image).all():
-        yield (f"{size}; {visible:.0%} of its elements are seen: {scale} may be too small, or mesh_unit is "
-               "wrong. If the camera sees only a part on purpose, do nothing")
+        yield (f"{size}; {visible:.0%} of its elements are seen: {scale} may be too small{unit}. If the camera sees "
+               "only a part on purpose, do nothing")
     elif (extent_px < MIN_EXTENT * image).all():
-        yield f"{size}: {scale} may be too large (by ten?), or mesh_unit is wrong"
+        yield f"{size}: {scale} may be too large (by ten?){unit}"
 
 
-def pattern_warnings(image: np.ndarray, roi: np.ndarray, noise_gv: float | None, pixels_per_element: float,
-                     plain: np.ndarray | None = None) -> Iterator[str]:
+def pattern_warnings(experiment: Experiment, image: np.ndarray, roi: np.ndarray, pixels_per_element: float,
+                     width: float | None, plain: np.ndarray) -> Iterator[str]:
     """A ROI that covers background or grips, and speckle too fine or too coarse for the pixels and elements.
 
-    plain : of `without_pattern`; None: looked for here
+    experiment : the view of the camera; width : of the speckle, px; plain : of `without_pattern`
     """
-    plain = without_pattern(image, roi, noise_gv) if plain is None else plain
+    noise_gv = experiment.recording.noise.std_gv
     if plain is NO_PATTERN:
         return  # told elsewhere
     if plain.mean() > MAX_PLAIN_SHARE:
         rows, columns = (at[plain] for at in np.nonzero(roi))
         yield (f"{plain.mean():.0%} of the ROI has no pattern (around column {np.median(columns):.0f}, row "
-               f"{np.median(rows):.0f}): background or grips? Then the mesh is larger than the specimen, is "
-               "misplaced, or an axis is mirrored: look at the picture; a mask leaves out what cannot be compared")
+               f"{np.median(rows):.0f}): background or grips? Then the mesh is larger than the specimen or misplaced "
+               f"({Remedies(experiment).place}): look at the picture"
+               + Remedies(experiment).possible("; a mask leaves out what cannot be compared"))
     else:
-        yield from covered_holes(roi, plain)
+        yield from covered_holes(experiment, roi, plain)
     yield from compression_warning(image)
-    width = speckle_size(image, roi, noise_gv or 0.0)
     if width is not None and width < MIN_SPECKLE_PX:
         yield (f"the speckle is {width:.1f} px wide, too fine for the pixels: interpolation errors bias the result. "
-               "Coarser speckle or a closer camera next time; now lowpass_px = 1 under [options]")
+               "Coarser speckle or a closer camera next time"
+               + Remedies(experiment).possible("; now lowpass_px = 1 under [options]"))
         return
     blur = edge_blur(image, roi, noise_gv or 0.0)
     if blur is not None and blur > MAX_EDGE_BLUR_PX:
@@ -186,7 +188,7 @@ def compression_warning(image: np.ndarray) -> Iterator[str]:
                "PNG of the camera")
 
 
-def covered_holes(roi: np.ndarray, plain: np.ndarray) -> Iterator[str]:
+def covered_holes(experiment: Experiment, roi: np.ndarray, plain: np.ndarray) -> Iterator[str]:
     """Round or square places without pattern inside the ROI.
 
     Parameters
@@ -205,18 +207,20 @@ def covered_holes(roi: np.ndarray, plain: np.ndarray) -> Iterator[str]:
             yield (f"the mesh covers a place of {columns.stop - columns.start} x {rows.stop - rows.start} px without "
                    f"pattern (around column {(columns.start + columns.stop) // 2}, row "
                    f"{(rows.start + rows.stop) // 2}): a hole? The simulation has material there. Give the mesh the "
-                   "hole (holes_px); if there is none, a mask leaves the place out")
+                   f"hole{Remedies(experiment).possible(' (holes_px)', ' (holes_mm)')}"
+                   + Remedies(experiment).possible("; if there is none, a mask leaves the place out"))
 
 
-def without_pattern(image: np.ndarray, roi: np.ndarray, noise_gv: float | None) -> np.ndarray:
+def without_pattern(image: np.ndarray, roi: np.ndarray, noise_gv: float | None, width: float | None) -> np.ndarray:
     """Pixels of the ROI in a window in which the grey value hardly changes; `NO_PATTERN` where it nowhere does
+
+    width : of the speckle, px
 
     Returns
     -------
     (n_roi,) bool
     """
     values = np.asarray(image, dtype=float)
-    width = speckle_size(image, roi, noise_gv or 0.0)
     window = int(np.clip(2.0 * (width or 0.0), WINDOW_PX, MAX_WINDOW_PX))
     mean, square = uniform_filter(values, window), uniform_filter(values**2, window)
     local = np.sqrt(np.maximum(square - mean**2, 0.0))[roi]

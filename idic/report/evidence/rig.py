@@ -13,7 +13,7 @@ from idic.errors import InputError, NotConverged
 from idic.fe import followed, normal_axis, seen_first
 from idic.identification import design_test
 from idic.images import PLACEMENT_STEM, PlacedCamera
-from idic.model import Experiment, Measured, Model, Noise, set_nodes
+from idic.model import Experiment, Measured, Model, Noise, Remedies, set_nodes
 
 N_FRAMES = 6  # that are compared; all are simulated
 LONGEST_S = 1200.0  # of an identification, of which the simulation here is a tenth
@@ -31,8 +31,8 @@ def rig_warnings(experiment: Experiment, time_s: float) -> Iterator[str]:
     compared = [camera for camera in experiment.cameras if camera.texture is not None]
     if compared and not determined_by_texture(experiment, experiment.model.parameters.free):
         names = ", ".join(camera.name for camera in compared)
-        yield (f"texture of {names} changes nothing: no lens, pose, placement or shape is free; set "
-               "identify_calibration, or give [[dof]] such as placement.t_z")
+        yield (f"texture of {names} changes nothing: no lens, pose, placement or shape is free: "
+               + Remedies(experiment).possible("set identify_calibration", "give [[dof]] such as placement.t_z"))
     stems = {PLACEMENT_STEM, *(view.recording.camera_name for view in experiment.views
                                if isinstance(view.model.camera, PlacedCamera))}
     rig_parameters = [name for name in experiment.model.parameters.free if name.partition(".")[0] in stems]

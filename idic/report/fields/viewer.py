@@ -29,6 +29,7 @@ MAX_IMAGE_PX = 900  # longer side of the reference image behind the fields
 N_COLOURS = 33
 _LARGEST = 32_000  # of the integers; below -_LARGEST: not known
 _UNKNOWN = -32_768
+_DEPTH = {"u_z": "displacement z, out of the plane", "z": "shape: z of the surface"}
 _DIGITS = 7  # of the numbers of a gauge
 
 
@@ -51,6 +52,7 @@ def viewer_data(record: RunRecord) -> str:
         "triangles": _triangles(series, corners).ravel().tolist(),
         "arrays": {name: _packed(values) for name, values in _arrays(series, selected, corners).items()},
         "states": [[name, name.replace("_", " ")] for name in series.states],
+        "depth": [[name, _DEPTH[name]] for name in series.depth],
         "smoothed": None if series.smoothed is None else _short(series.smoothed),
         "failed": _failed(record),
         "floor": {name: _short(value) for name, value in series.floor.items()},
@@ -72,7 +74,8 @@ def _failed(record: RunRecord) -> str:
 
 def _kept_frames(series: FieldSeries) -> Sequence[int] | None:
     """Numbers of the frames that the page has room for, the first and the last among them; None: hardly any."""
-    values = 8 + 8 * (series.measured is not None) + 3 * (series.stress is not None) + len(series.states)
+    values = 8 + 8 * (series.measured is not None) + 3 * (series.stress is not None)
+    values += len(series.states) + len(series.depth)
     noise = 0 if series.noise is None else 6 * len(series.noise)
     room = int((MAX_VALUES / max(len(series.surface.corners), 1) - noise) / values)
     n = len(series.frames)
@@ -94,6 +97,7 @@ def _arrays(series: FieldSeries, selected: Sequence[int], corners: np.ndarray) -
                       "F_noise": series.F_noise[:, corners].reshape(len(series.noise), len(corners), 4)}
     if series.stress is not None:
         arrays["stress"] = at(series.stress[:, :, [0, 1, 0], [0, 1, 1]])
+    arrays |= {f"depth.{name}": at(values) for name, values in series.depth.items()}
     return arrays | {f"state.{name}": at(values) for name, values in series.states.items()}
 
 

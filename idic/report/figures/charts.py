@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
+from idic.report.figures.axes.time_axis import label_frames
 from idic.report.figures.style import (BLUE, CYCLE, FAINT, GREY, MARKERS, ORANGE, RED, Picture, look, new_figure,
                                        to_picture)
 from idic.report.result.fit_words import in_words_of
@@ -108,12 +109,8 @@ def _used(record: RunRecord) -> np.ndarray:
 
 
 def _frame_axis(axis, record: RunRecord) -> None:
-    """All frames from edge to edge; two frames have no tick between them that means something."""
-    x = record.abscissa
-    margin = 0.03 * float(np.ptp(x)) or 0.5
-    axis.set(xlabel=record.time_label, xlim=(float(np.min(x)) - margin, float(np.max(x)) + margin))
-    by_number = record.time_label_unit != "s"
-    axis.xaxis.set_major_locator(MaxNLocator(integer=by_number, steps=[1, 2, 5, 10]))
+    """All frames from edge to edge."""
+    label_frames(axis, record.time_label, record.abscissa)
 
 
 def _excluded(record: RunRecord) -> np.ndarray:

@@ -8,10 +8,8 @@ from dataclasses import dataclass
 
 import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 from PIL import Image
 
 from idic.report.figures.layout import MeasuredOnce
@@ -109,13 +107,6 @@ def new_figure(width: float, height: float, kind: type[Figure] = Figure) -> Figu
     figure = kind(figsize=(width, height), layout=MeasuredOnce(w_pad=0.06, h_pad=0.06))
     FigureCanvasAgg(figure)
     return figure
-
-
-def label_frames(axis: Axes, label: str) -> None:
-    """The label of an axis over the frames; their numbers are whole."""
-    axis.set_xlabel(label)
-    if label.endswith("frame"):
-        axis.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
 
 
 def to_picture(figure: Figure, name: str, title: str, caption: str, as_photo: bool = False) -> Picture:

@@ -21,7 +21,8 @@ IN_TIME = {0: "in the first quarter of the frames", 1: "in the second quarter of
 WORDS_OF_FIELDS = (  # what is said of images, and of measured fields in their place
     ("The image residual is", "The residual of the fields is"), ("mean image residual", "mean residual of the fields"),
     ("Image residual per frame", "Residual of the fields per stage"), ("image residual", "residual of the fields"),
-    ("stated camera noise", "stated noise of the fields"), ("than camera noise", "than their noise"),
+    ("stated camera noise", "stated noise of the fields"), ("estimated camera noise", "estimated noise of the fields"),
+    ("than camera noise", "than their noise"),
     ("to camera noise", "to their noise"), ("is camera noise", "is their noise"), ("camera noise alone", "noise alone"),
     ("camera noise", "noise of the fields"), ("per pixel", "per component"),
     ("a free FE-DIC of the images", "a free fit of the fields"), ("a free FE-DIC", "a free fit of the fields"),
@@ -124,9 +125,11 @@ def images(result: Mapping) -> tuple[str, str, str]:
     free_fit, place, numbers = against_free(result), cluster(result), _numbers(result, chi2)
     local = f" The residual is raised {place}." if place else ""
     if chi2 < noise_chi2(result)[0]:
-        return ("look", "Look closer: the stated noise is larger than the image residual",
-                f"The image residual is smaller than the stated camera noise ({numbers}). "
-                f"The noise is overstated, and so are the error bars.{local}")
+        is_stated = result.get("noise", {}).get("source", "given") == "given"
+        noise, cause = ("stated", "overstated") if is_stated else ("estimated", "overestimated")
+        return ("look", f"Look closer: the {noise} noise is larger than the image residual",
+                f"The image residual is smaller than the {noise} camera noise ({numbers}). "
+                f"The noise is {cause}, and so are the error bars.{local}")
     if free_fit is not None and not free_fit.failed and not free_fit.follows:
         return ("look",
                 f"Look closer: a free motion explains the images better (χ² = {free_fit.free_chi2:.3g}, model "

@@ -45,6 +45,8 @@ UNEXPLAINED_BY_MOTION = {  # a residual that no motion explains, by the quantity
     "displacement": "The points scatter by more than their noise, whatever the motion: glare, lost points or a crack. "
                     "Leave them out in the program that exports them, or state the noise (fields_noise_um under "
                     "[experiment]).",
+    "volume": "The scans change where no motion explains it: drift of their grey values, artefacts, or more noise than "
+              "stated. Two scans of one state show the noise (still_frames; noise_std_gv under [scanner]).",
 }
 MAX_LISTED = 4  # frames, or pairs of parameters, named in a sentence
 MIN_STRONG_CORRELATION = 0.95  # |coefficient| above which two parameters are hardly separated

@@ -143,14 +143,17 @@ def read_fields(context: RunContext, evaluation: int, model: Model) -> FieldSeri
         return None
     frames, index = read_array(folder, "frames"), read_array(folder, "nodes")
     u = FrameArrays.open(context.store.group(group_name(evaluation, BASE)), "u")
-    simulated = np.array([u.read(k, k + 1)[0][index, :2] for k in frames - model.reference])
+    simulated = np.array([u.read(k, k + 1)[0][index] for k in frames - model.reference])
+    depth = {}
+    if model.mesh.n_dim == 3:
+        depth = {"u_z": simulated[:, :, 2], "z": model.mesh.nodes[index, 2] + simulated[:, :, 2]}
 
     def stored(name: str) -> np.ndarray | None:
         return read_array(folder, name).astype(float) if (folder / name).is_dir() else None
 
     states = {path.name.removeprefix(_STATE): read_array(folder, path.name).astype(float)
               for path in sorted(folder.iterdir()) if path.name.startswith(_STATE)}
-    return FieldSeries(surface_of(model.mesh, model.surface), tuple(frames.tolist()), simulated,
+    return FieldSeries(surface_of(model.mesh, model.surface), tuple(frames.tolist()), simulated[:, :, :2],
                        stored("measured"), stored("noise"), stored("stress"), states,
                        None if (length := stored("smoothed")) is None else float(length[0]), model.kind,
-                       model.length_unit)
+                       model.length_unit, depth=depth)

@@ -12,6 +12,7 @@ from itertools import product
 import numpy as np
 
 from idic.images import Camera
+from idic.model import Remedies
 from idic.report.evidence.causes.evidence import MIN_SHARE, MIN_SHARE_WITHOUT_UNKNOWNS, Cause, Evidence
 from idic.report.evidence.causes.force_sign import slope_of
 from idic.report.evidence.causes.lines import camera_scale, logged_motions, other_axes
@@ -36,7 +37,8 @@ def other_sign(evidence: Evidence) -> Cause | None:
                          for channel in evidence.experiment.model.channels
                          if (slope := slope_of(evidence.experiment, channel)) is not None and slope.is_with_it)
     return Cause("sign", share, f"{evidence.source} show a motion against {names}: {evidence.of(share)}; the sign of "
-                                f"{names} or of an entry of axes is wrong{compressed}")
+                                f"{names}{Remedies(evidence.experiment).possible(' or of an entry of axes')} is wrong"
+                                f"{compressed}")
 
 
 def exchanged_ends(evidence: Evidence) -> Cause | None:
@@ -48,8 +50,8 @@ def exchanged_ends(evidence: Evidence) -> Cause | None:
     along = evidence.directions[driven].mean(axis=0)
     moved = np.outer(evidence.expected[:, driven].mean(axis=1), evidence.directions @ along)
     shares = {text: evidence.explained(misfit) for text, misfit in (
-        ("the ends are exchanged, or an axis is mirrored: look at the sets in the picture and at axes",
-         evidence.misfit + moved),
+        (f"the ends are exchanged, or an axis is mirrored: look at the sets in the picture"
+         f"{Remedies(evidence.experiment).possible(' and at axes')}", evidence.misfit + moved),
         ("the ends are exchanged: the grip that moved is not the one in the model",
          evidence.misfit + 2.0 * evidence.expected - moved))}
     text = max(shares, key=lambda name: shares[name])
@@ -89,9 +91,9 @@ def other_scale(evidence: Evidence) -> Cause | None:
     if share < MIN_SHARE or MIN_STRETCH < scale < MAX_STRETCH or scale <= 0.0:
         return None
     names, camera = ", ".join(dict.fromkeys(column.column for column in columns)), evidence.experiment.model.camera
-    pixel, fitting = "", ""
-    if evidence.experiment.recording.points is None and isinstance(camera, Camera):
-        pixel = "pixel_size_mm, mesh_unit or "
+    pixel = "".join(f"{key}, " for key in ("pixel_size_mm", "mesh_unit") if Remedies(evidence.experiment).possible(key))
+    pixel, fitting = pixel.removesuffix(", ") + " or " if pixel else "", ""
+    if isinstance(camera, Camera) and Remedies(evidence.experiment).possible("pixel_size_mm"):
         fitting = f" (a pixel of {1.0 / camera_scale(camera) / scale:.4g} mm would fit)"
     return Cause("scale", share, f"the measured motion is {scale:.2g} times that of {names}: {evidence.of(share)}. "
                                  f"{pixel}the unit of {names} may be wrong, or the grip slips{fitting}")

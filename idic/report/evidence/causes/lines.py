@@ -9,7 +9,7 @@ import numpy as np
 
 from idic.correlation import is_section
 from idic.images import Camera
-from idic.model import Column, Experiment, Measured
+from idic.model import Column, Experiment, Measured, Remedies
 from idic.report.evidence.causes.evidence import Line
 
 AXIS_NAMES = {(1, 0): "+col", (-1, 0): "-col", (0, 1): "+row", (0, -1): "-row"}
@@ -29,12 +29,8 @@ def free_rigid_motion(experiment: Experiment) -> tuple[Line, ...]:
 
 def excluded_frames(experiment: Experiment, frames: Sequence[int]) -> tuple[Line, ...]:
     """Frames to leave out, with those that are left out already; () where no two would remain."""
-    model, recording = experiment.model, experiment.recording
-    left_out = sorted({*recording.excluded, *frames})
-    if len(left_out) > model.n_frames - 2 or model.reference in left_out:
-        return ()
-    return (Line("experiment", "exclude_frames", json.dumps([recording.labels[k] for k in left_out],
-                                                            ensure_ascii=False)),)
+    names = Remedies(experiment).exclusion(frames)
+    return (Line("experiment", "exclude_frames", names),) if names else ()
 
 
 def other_axes(experiment: Experiment, change: np.ndarray) -> tuple[Line, ...]:
@@ -43,7 +39,7 @@ def other_axes(experiment: Experiment, change: np.ndarray) -> tuple[Line, ...]:
     change : (2, 2) of signs
     """
     camera = experiment.model.camera
-    if not isinstance(camera, Camera):
+    if not isinstance(camera, Camera) or not Remedies(experiment).can_have("axes"):
         return ()
     columns = np.rint((change @ camera.matrix / camera_scale(camera)).T).astype(int)
     names = AXIS_NAMES if experiment.recording.points is None else AXIS_NAMES_OF_FIELDS

@@ -10,7 +10,8 @@ import numpy as np
 
 from idic.fe import cell_type
 from idic.images import Scanner
-from idic.model import Experiment
+from idic.model import Experiment, Remedies
+from idic.report.evidence.causes.lines import excluded_frames
 from idic.report.evidence.volumes.shown_mesh import shown_mesh
 from idic.report.figures.mesh_overlay import mesh_overlay
 from idic.report.figures.style import Picture
@@ -90,7 +91,8 @@ def _of_mesh(sizes: np.ndarray, inside: np.ndarray) -> Iterator[str]:
 def _of_texture(experiment: Experiment, contrast: float) -> Iterator[str]:
     noise = experiment.recording.noise.std_gv
     if contrast == 0.0:
-        yield "the middle of the mesh has no texture, so nothing can be correlated: check origin_px, axes and mesh"
+        yield ("the middle of the mesh has no texture, so nothing can be correlated: check the mesh and its place "
+               f"({Remedies(experiment).place})")
     elif noise is not None and contrast < MIN_CONTRAST * noise:
         yield (f"the texture ({contrast:.3g}) is less than {MIN_CONTRAST:g} times the noise ({noise:.3g}): expect "
                "large error bars; more projections or a longer exposure would help")
@@ -106,7 +108,8 @@ def _of_scans(experiment: Experiment) -> Iterator[str]:
         reference = mean if reference is None else reference
         if checksum in numbers and k not in recording.excluded:
             yield (f"{recording.labels[k]} equals {recording.labels[numbers[checksum]]} voxel by voxel: a copy under "
-                   "another name? name it in exclude_frames")
+                   "another name?"
+                   + "".join(f" Write {line.text()}" for line in excluded_frames(experiment, [k])))
         numbers.setdefault(checksum, k)
         if abs(mean - reference) > MAX_BRIGHTNESS_CHANGE * abs(reference) and k not in recording.excluded:
             yield (f"{recording.labels[k]}: the mean grey value differs by more than {100 * MAX_BRIGHTNESS_CHANGE:g} % "
