@@ -87,7 +87,7 @@ def unexplained(rms_gv: np.ndarray, mismatched_part: np.ndarray, motion_px: np.n
         return is_unexplained
     moved = compared & (motion_px > MAX_REST_PX)
     for group in (moved, compared & ~moved):
-        others = group if group.sum() >= MIN_COMPARED else compared
-        raised = group & (rms_gv > MAX_RMS_RATIO * np.median(rms_gv[others]))
-        is_unexplained |= raised if others is group else raised & (unlike > MAX_LIKE)
+        is_large = group.sum() >= MIN_COMPARED
+        raised = group & (rms_gv > MAX_RMS_RATIO * np.median(rms_gv[group if is_large else compared]))
+        is_unexplained |= raised if is_large else raised & (unlike > MAX_LIKE)
     return is_unexplained

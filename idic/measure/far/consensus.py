@@ -74,8 +74,8 @@ def _proposed(matches: Matches, tolerance: float) -> np.ndarray | None:
 
 def _different(matches: Matches, expected: np.ndarray, tolerance: float) -> int:
     """Matches near their expected place; several features at one place count once."""
-    near = np.linalg.norm(expected - matches.targets, axis=1) < tolerance
-    return len(np.unique(np.rint(matches.places[near]), axis=0))
+    agreeing = np.linalg.norm(expected - matches.targets, axis=1) < tolerance
+    return len(np.unique(np.rint(matches.places[agreeing]), axis=0))
 
 
 def _agreeing(matches: Matches, affine: np.ndarray, tolerance: float) -> np.ndarray:
@@ -104,10 +104,10 @@ def _on_mesh(matches: Matches, affine: np.ndarray, nodes_px: np.ndarray, places:
     u = base
     for share in MESH_TOLERANCES:
         gap = measured - places @ u
-        near = on_mesh & (np.linalg.norm(gap, axis=1) < _tolerance(share, size))
-        if near.sum() < MIN_AGREEING:
+        agreeing = on_mesh & (np.linalg.norm(gap, axis=1) < _tolerance(share, size))
+        if agreeing.sum() < MIN_AGREEING:
             break
-        trial = base + _smoothed(places[near], measured[near] - places[near] @ base, penalty(int(near.sum())))
+        trial = base + _smoothed(places[agreeing], measured[agreeing] - places[agreeing] @ base, penalty(int(agreeing.sum())))
         if not np.isfinite(trial).all():
             break
         u = trial
