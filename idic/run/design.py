@@ -78,7 +78,8 @@ def write_design(paths: Sequence[Path | str], out: Path | str, overrides: Mappin
     content, pictures = evaluate_plans(paths, overrides, noise_std_gv, confusable, workers, progress)
     if separate is not None:
         stage("candidates in the plans, and the search for the best course")
-        content["separation"] = separation_content(separate, paths, plan_names(paths), overrides, noise_std_gv, progress)
+        content["separation"] = separation_content(separate, paths, plan_names(paths), overrides, noise_std_gv,
+                                                   progress)
     stage("figures and page")
     out = Path(out)
     sections = draw_design(content, pictures)

@@ -71,7 +71,7 @@ def expected_odds(plans: Mapping[str, Plan]) -> list[PairOdds]:
     NotConverged
         If a model does not get through the plan.
     """
-    members = {name: _Member.of(plan, [other for other in plans if other != name]) for name, plan in plans.items()}
+    members = {name: _Member.of(plan, [rival for rival in plans if rival != name]) for name, plan in plans.items()}
     experiment = next(iter(members.values())).context.experiment
     frames = correlated_frames(experiment, range(experiment.model.n_frames))
     stops = {frames[i] for i in np.linspace(0, len(frames) - 1, min(STOPS, len(frames))).astype(int)}
@@ -133,35 +133,35 @@ class _Member:
 
     def system(self, responses: Mapping[str, FrameResponse], members: Mapping[str, _Member]) -> CorrelationSystem:
         """The sums of one frame, with the differences as columns."""
-        present = next(responses[name] for name, member in members.items() if member is self)
-        differences = [self._difference(present, members[rival], responses[rival]) for rival in self.rivals]
-        response = replace(present, du=np.concatenate([present.du, *(u[..., None] for u, _ in differences)], axis=2),
-                           dchannels=np.column_stack([present.dchannels, *(reading for _, reading in differences)]))
-        return frame_system(self.context, response, self.local[present.frame])
+        base = next(responses[name] for name, member in members.items() if member is self)
+        differences = [self._difference(base, members[rival], responses[rival]) for rival in self.rivals]
+        response = replace(base, du=np.concatenate([base.du, *(u[..., None] for u, _ in differences)], axis=2),
+                           dchannels=np.column_stack([base.dchannels, *(reading for _, reading in differences)]))
+        return frame_system(self.context, response, self.local[base.frame])
 
-    def _difference(self, present: FrameResponse, rival: _Member,
+    def _difference(self, base: FrameResponse, rival: _Member,
                     response: FrameResponse) -> tuple[np.ndarray, np.ndarray]:
         """What a rival shows less what this model shows, as motion (n_nodes, dim) mm and as readings (n_channels,)
         before the measuring chain of this model."""
         experiment, parameters = self.context.experiment, self.context.parameters
-        shown = channel_values(experiment, parameters, present.channels, present.frame)
-        of_rival = channel_values(rival.context.experiment, rival.context.parameters, response.channels, present.frame)
-        slopes = np.array([shown_value(experiment, channel, parameters, present.frame, float(force)).slope
-                           for channel, force in zip(experiment.model.channels, present.channels, strict=True)])
-        return self._motion(present, rival, response), (of_rival - shown) / slopes.reshape(shown.shape)
+        readings = channel_values(experiment, parameters, base.channels, base.frame)
+        of_rival = channel_values(rival.context.experiment, rival.context.parameters, response.channels, base.frame)
+        slopes = np.array([shown_value(experiment, channel, parameters, base.frame, float(force)).slope
+                           for channel, force in zip(experiment.model.channels, base.channels, strict=True)])
+        return self._motion(base, rival, response), (of_rival - readings) / slopes.reshape(readings.shape)
 
-    def _motion(self, present: FrameResponse, rival: _Member, response: FrameResponse) -> np.ndarray:
+    def _motion(self, base: FrameResponse, rival: _Member, response: FrameResponse) -> np.ndarray:
         """The motion that this camera would show as the difference in the image; in space with several cameras, and of
         heights."""
-        gap = response.u - present.u
-        view = view_of(self.context.experiment, self.context.camera).at(present.frame)
+        gap = response.u - base.u
+        view = view_of(self.context.experiment, self.context.camera).at(base.frame)
         if self.context.others or view.n_components != 2:
             return gap
         nodes = self.context.experiment.model.mesh.nodes
-        rival_view = view_of(rival.context.experiment, rival.context.camera).at(present.frame)
-        image_gap = rival_view.motion(nodes, response.u) - view.motion(nodes, present.u)  # (n_nodes, 2) px
-        projected = view.columns(nodes, present.u, gap[:, :, None]).reshape(-1, 2)
-        jacobian = np.asarray(view.jacobian(nodes, present.u))[:, :, :2]
+        rival_view = view_of(rival.context.experiment, rival.context.camera).at(base.frame)
+        image_gap = rival_view.motion(nodes, response.u) - view.motion(nodes, base.u)  # (n_nodes, 2) px
+        projected = view.columns(nodes, base.u, gap[:, :, None]).reshape(-1, 2)
+        jacobian = np.asarray(view.jacobian(nodes, base.u))[:, :, :2]
         gap[:, :2] += np.linalg.solve(jacobian, (image_gap - projected)[:, :, None])[:, :, 0]
         return gap
 

@@ -89,8 +89,9 @@ def _affine(matches: Matches, agree: np.ndarray) -> np.ndarray | None:
     if len(np.unique(np.rint(chosen), axis=0)) < MIN_AGREEING:
         return None
     extent = np.linalg.svd(chosen - chosen.mean(axis=0), compute_uv=False) / np.sqrt(len(chosen))
-    whole = np.linalg.svd(matches.places - matches.places.mean(axis=0), compute_uv=False) / np.sqrt(len(matches))
-    if extent[1] < MIN_SPREAD * whole[1]:
+    places = matches.places - matches.places.mean(axis=0)
+    extent_of_all = np.linalg.svd(places, compute_uv=False) / np.sqrt(len(matches))
+    if extent[1] < MIN_SPREAD * extent_of_all[1]:
         return None
     return np.linalg.lstsq(np.column_stack([np.ones(len(chosen)), chosen]), matches.targets[agree], rcond=None)[0]
 
@@ -107,7 +108,8 @@ def _on_mesh(matches: Matches, affine: np.ndarray, nodes_px: np.ndarray, places:
         agreeing = on_mesh & (np.linalg.norm(gap, axis=1) < _tolerance(share, size))
         if agreeing.sum() < MIN_AGREEING:
             break
-        trial = base + _smoothed(places[agreeing], measured[agreeing] - places[agreeing] @ base, penalty(int(agreeing.sum())))
+        gap_of_base = measured[agreeing] - places[agreeing] @ base
+        trial = base + _smoothed(places[agreeing], gap_of_base, penalty(int(agreeing.sum())))
         if not np.isfinite(trial).all():
             break
         u = trial
@@ -116,7 +118,7 @@ def _on_mesh(matches: Matches, affine: np.ndarray, nodes_px: np.ndarray, places:
 
 def _smoothed(places: sparse.csr_array, gap: np.ndarray, penalty: sparse.csc_array) -> np.ndarray:
     """min |P v - gap|² + v^T R v  # (n, 2) px at the matches -> (n_nodes, 2) px"""
-    both = sparse.kron(places, sparse.eye_array(2), format="csr")
+    components = sparse.kron(places, sparse.eye_array(2), format="csr")
     ridge = 1e-6 * places.shape[0] / places.shape[1]  # nodes without a match stay with the affine motion
-    matrix = sparse.csc_matrix(both.T @ both + penalty + ridge * sparse.eye_array(both.shape[1]))
-    return splu(matrix).solve(both.T @ gap.ravel()).reshape(-1, 2)
+    matrix = sparse.csc_matrix(components.T @ components + penalty + ridge * sparse.eye_array(components.shape[1]))
+    return splu(matrix).solve(components.T @ gap.ravel()).reshape(-1, 2)

@@ -52,7 +52,7 @@ def match_features(image_from: np.ndarray, image_to: np.ndarray, points_px: np.n
 
 def _matched(image_from: np.ndarray, image_to: np.ndarray, points_px: np.ndarray) -> Matches:
     factor = int(np.ceil(max(*image_from.shape, *image_to.shape) / MAX_SIDE_PX))
-    detector = cv2.SIFT_create(MAX_FEATURES, contrastThreshold=MIN_CONTRAST)
+    detector = cv2.SIFT.create(MAX_FEATURES, contrastThreshold=MIN_CONTRAST)
     first, second = (_eight_bit(image, factor) for image in (image_from, image_to))
     region = _region(points_px / factor, first.shape)
     keys_from, words_from = detector.detectAndCompute(first, region)

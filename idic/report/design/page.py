@@ -36,7 +36,8 @@ def render_design(content: Mapping, sections: tuple[Section, ...]) -> str:
     return filled_in(
         "design.html.j2", title=" – ".join(dict.fromkeys(plan["title"] for plan in plans)), first=first,
         several=several, words=partial(say.in_words, plans[0]) if all(plan["points"] for plan in plans) else str,
-        overview=sections[0], separation=_separation_rows(content.get("separation")), comparison=comparison and _comparison_rows(comparison),
+        overview=sections[0],
+        separation=_separation_rows(content.get("separation")), comparison=comparison and _comparison_rows(comparison),
         notes=[] if content["joint"] is None else content["joint"]["notes"],
         plans=[_plan(plan, section) for plan, section in zip(plans, sections[1:], strict=True)])
 

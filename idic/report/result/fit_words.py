@@ -169,17 +169,17 @@ def missing_load(result: Mapping) -> str:
     sentences = []
     for experiment, basis in _lacking_bases(result).items():
         dropped, loaded, compared = basis["dropped"], basis["loaded"], basis["compared"]
-        which = f" of {experiment}" if experiment else ""
-        which = (f"The only loaded image{which} is left out" if loaded == 1
-                 else f"{dropped} of {loaded} loaded images{which} are left out" if dropped > 1
-                 else f"One of {loaded} loaded images{which} is left out")
+        name = f" of {experiment}" if experiment else ""
+        dropped_text = (f"The only loaded image{name} is left out" if loaded == 1
+                        else f"{dropped} of {loaded} loaded images{name} are left out" if dropped > 1
+                        else f"One of {loaded} loaded images{name} is left out")
         basis_text = f"{compared} loaded image{'' if compared == 1 else 's'}"
         if not compared:
             basis_text = "the readings and images at rest alone"
         elif basis["load_compared"] is not None:
             basis_text += f", up to {100 * basis['load_compared']:.0f} % of the largest load"
-        sentences.append(f"{which}: the values rest on {basis_text}. Look at the images that do not match and at the "
-                         "place of the mesh: idic check.")
+        sentences.append(f"{dropped_text}: the values rest on {basis_text}. Look at the images that do not match and "
+                         "at the place of the mesh: idic check.")
     return " ".join(sentences)
 
 

@@ -278,8 +278,8 @@ def result_headline(result: Mapping) -> list[str]:
     first = f"{values}." if values else "No parameter could be determined from this test."
     if values and result["status"] != "converged":
         first = f"Not converged: {first}"
-    sentences = (first, missing_load(result), scale_sentence, convergence(result), explained(result), undetermined(result),
-                 not_explained(result), left_out(result))
+    sentences = (first, missing_load(result), scale_sentence, convergence(result), explained(result),
+                 undetermined(result), not_explained(result), left_out(result))
     return [s for s in sentences if s]
 
 

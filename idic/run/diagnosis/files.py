@@ -79,8 +79,8 @@ def diagnosis_content(diagnosis: Diagnosis, parameters_before: Mapping[str, Mapp
         "spots": [],
         "register": None if diagnosis.register is None else diagnosis.register.content(),
         "rounds": [_round(selection_round) for selection_round in diagnosis.rounds], "margin": margin.content(),
-        "refits": [{"name": model.fit.name, "edits": to_toml(dict(model.source.edits)), "values": dict(model.fit.values)}
-                   for model in diagnosis.refitted],
+        "refits": [{"name": model.fit.name, "edits": to_toml(dict(model.source.edits)),
+                    "values": dict(model.fit.values)} for model in diagnosis.refitted],
         "cost": dict(diagnosis.state.setting.clock.seconds) | {"wall_s": wall_s},
     }
     content = finite(content)

@@ -66,8 +66,9 @@ def neighbours(course: Course) -> Iterator[Course]:
 
 def in_words(shape: Shape) -> str:
     """A course by its levels."""
-    known = next((words for words, levels in MENU.items() if levels == shape), None)
-    return known or "load by way of " + ", ".join(f"{100 * share:.0f}" for share in shape) + " % of the largest load"
+    menu_words = next((words for words, levels in MENU.items() if levels == shape), None)
+    levels_text = ", ".join(f"{100 * share:.0f}" for share in shape)
+    return menu_words or f"load by way of {levels_text} % of the largest load"
 
 
 def best_course(plan: Program, merit_of: Callable[[Course], float],

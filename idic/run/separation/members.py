@@ -58,12 +58,12 @@ def diagnosed(run: Path | str) -> Diagnosed:
     """
     run = Path(run)
     if not (run / DIAGNOSIS_FILE).exists():
-        raise InputError("the run is not diagnosed", file=run, key="--separate", expected=f"a RUN with {DIAGNOSIS_FILE}",
-                         found="none", remedy=f"run  idic diagnose {run.name}  first")
+        raise InputError("the run is not diagnosed", file=run, key="--separate",
+                         expected=f"a RUN with {DIAGNOSIS_FILE}", found="none",
+                         remedy=f"run  idic diagnose {run.name}  first")
     try:
         content = json.loads(read_inside(run, DIAGNOSIS_FILE))
-        refits = {entry["name"]: RefittedModel(entry["name"], tomllib.loads(entry["edits"]),
-                                                dict(entry["values"]))
+        refits = {entry["name"]: RefittedModel(entry["name"], tomllib.loads(entry["edits"]), dict(entry["values"]))
                   for entry in content.get("refits", ())}
     except (ValueError, KeyError, TypeError, AttributeError) as problem:
         raise InputError("a damaged diagnosis", file=run / DIAGNOSIS_FILE, expected="what idic diagnose writes",
@@ -72,7 +72,7 @@ def diagnosed(run: Path | str) -> Diagnosed:
     if len(chosen) < 2:
         raise InputError("nothing is left to decide", file=run / DIAGNOSIS_FILE, key="--separate",
                          expected="two refitted candidates or more", found=", ".join(chosen or refits) or "none",
-                         remedy="diagnose a run that leaves a set of candidates; an older diagnosis.json holds no refits")
+                         remedy="diagnose a run that leaves a set of candidates; an older diagnosis.json has none")
     context = open_run(str(run))
     return Diagnosed(tuple(refits[name] for name in chosen), context.tables.raw,
                      {channel.column: channel.largest for channel in context.experiment.model.channels})
@@ -150,7 +150,7 @@ def _label(table: Mapping) -> tuple[str, Any]:
     return next(((key, table[key]) for key in KEYS if key in table), ("", ""))
 
 
-def _changed(present: Any, original: Any, edited: Any) -> Any:
+def _changed(planned_value: Any, original: Any, edited: Any) -> Any:
     """What an edit changed in a table, changed in another one; a number that became a table keeps its place there."""
     if not isinstance(edited, Mapping):
         return edited
@@ -158,14 +158,15 @@ def _changed(present: Any, original: Any, edited: Any) -> Any:
         original_keys = original
     else:  # ux = 0.0 became { value = 0.0, corrections = ... }
         original_keys = {} if original is None else {"value": original}
-    result = dict(present) if isinstance(present, Mapping) else {} if present is None else {"value": present}
+    result = dict(planned_value) if isinstance(planned_value, Mapping) else {} if planned_value is None else {
+        "value": planned_value}
     for key, value in edited.items():
         if original_keys.get(key) != value:
             result[key] = _changed(result.get(key), original_keys.get(key), value)
     return result
 
 
-def _missing(member: str, key: str, path: Path | str, there: str) -> InputError:
+def _missing(member: str, key: str, path: Path | str, names: str) -> InputError:
     return InputError("the plan has not what a candidate changes", file=path, key=key,
-                      expected=f"a test with it, for {member.replace('_', ' ')}", found=there or "none",
+                      expected=f"a test with it, for {member.replace('_', ' ')}", found=names or "none",
                       remedy="copy the experiment.toml of the run, and change what the plan changes")

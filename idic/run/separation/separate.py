@@ -32,7 +32,8 @@ def separation_content(run: Path | str, paths: Sequence[Path | str], names: Sequ
 
     Parameters
     ----------
-    run : a diagnosed RUN; paths, names : of the plans; progress : called with the number of simulated courses and of all
+    run : a diagnosed RUN; paths, names : of the plans
+    progress : called with the number of simulated courses and of all
 
     Raises
     ------
@@ -71,10 +72,10 @@ def _of_plan(origin: Diagnosed, path: Path | str, overrides: Mapping[str, Any] |
         return {"log_odds": None, "frames": None, "load": None, "more_frames": None, "separated": 0,
                 "pairs": [], "problem": str(problem)}
     worst = min(pairs, key=lambda pair: pair["log_odds"])
-    whole = all(pair["frames"] is not None for pair in pairs)
+    is_whole = all(pair["frames"] is not None for pair in pairs)
     last_pair = max(pairs, key=lambda pair: pair["frames"] or 0)
-    return {"log_odds": worst["log_odds"], "frames": last_pair["frames"] if whole else None,
-            "load": last_pair["load"] if whole else None, "more_frames": worst["more_frames"],
+    return {"log_odds": worst["log_odds"], "frames": last_pair["frames"] if is_whole else None,
+            "load": last_pair["load"] if is_whole else None, "more_frames": worst["more_frames"],
             "separated": sum(pair["frames"] is not None for pair in pairs), "pairs": pairs, "problem": ""}
 
 
