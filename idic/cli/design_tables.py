@@ -42,6 +42,36 @@ def comparison_table(comparison: Mapping) -> Table:
     return table
 
 
+def separation_table(separation: Mapping) -> Table:
+    """The plans by how well they tell the candidates of a diagnosed run apart, the best first."""
+    table = Table(box=None, header_style="bold")
+    for title in ("plan", "log-odds", "99:1 after frames", "at load", "hardest pair"):
+        table.add_column(title, justify="left" if title in ("plan", "hardest pair") else "right")
+    for plan in separation["plans"]:
+        if plan["log_odds"] is None:
+            table.add_row(plan["name"], "–", "–", "–", plan["problem"])
+            continue
+        pair = min(plan["pairs"], key=lambda entry: entry["log_odds"])
+        table.add_row(plan["name"], f"{plan['log_odds']:.3g}", "–" if plan["frames"] is None else str(plan["frames"]),
+                      "–" if plan["load"] is None else f"{100 * plan['load']:.0f} %",
+                      " / ".join(name.replace("_", " ") for name in pair["members"]))
+    return table
+
+
+def show_separation(console, separation: Mapping) -> None:
+    """Print the ranking of the plans, and the programme of the best course."""
+    console.print("candidates of " + separation["run"] + ": "
+                  + ", ".join(name.replace("_", " ") for name in separation["members"]), style="bold", highlight=False)
+    console.print(separation_table(separation))
+    for text in separation["sentences"]:
+        console.print(text, highlight=False)
+    if separation["course"]:
+        console.print("[design.program]", highlight=False, markup=False)
+        for column, points in separation["course"]["program"].items():
+            listed = ", ".join(f"[{time:g}, {value:g}]" for time, value in points)
+            console.print(f'"{column}" = [{listed}]', highlight=False, markup=False)
+
+
 def show_design(console, content: Mapping) -> None:
     """Print tables and sentences of all plans."""
     from idic.report import assumed, best_plan, largest_motion, said, seen_area
@@ -61,3 +91,5 @@ def show_design(console, content: Mapping) -> None:
         console.print(best_plan(content["comparison"]), highlight=False)
         for text in content["joint"]["notes"]:
             console.print(f"note: {text}", highlight=False)
+    if "separation" in content:
+        show_separation(console, content["separation"])

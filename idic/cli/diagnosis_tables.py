@@ -35,6 +35,8 @@ def told(content: Mapping) -> list[str]:
         lines += ["Not excluded:", *(f"· {entry['title']}: {entry['why']}" for entry in content["not_excluded"])]
     if content["next_experiment"]:
         lines.append(f"Next: {content['next_experiment']}.")
+    if content.get("separate"):
+        lines.append(f"To tell them apart: {content['separate']}.")
     return lines + list(content["cautions"])
 
 

@@ -86,6 +86,8 @@ def design(
         min=0, metavar="GV", help="Image noise in grey values [default: that of the experiment]")] = None,
     confusable: Annotated[float, typer.Option(
         help="Correlation coefficient above which two parameters count as hard to separate.")] = 0.95,
+    separate: Annotated[Path | None, typer.Option(
+        metavar="RUN", help="A diagnosed run: rank the plans by how well they tell its candidates apart.")] = None,
     workers: Workers = None,
     overrides: Overrides = None,
     allow_external: AllowExternal = None,
@@ -96,11 +98,13 @@ def design(
         from idic.cli.progress import progress_view
         from idic.run import PAGE_FILE, write_design
 
-        stages = ("simulations and sensitivities", "figures and page")
+        stages = ("simulations and sensitivities",
+                  *(["candidates in the plans, and the search for the best course"] if separate else []),
+                  "figures and page")
         with progress_view(terminal(stderr=True), out, stages) as view:
             content = write_design(experiments, out, read_overrides(overrides), noise_gv, confusable, workers,
                                    view.stage,
-                                   lambda count, total: view.tasks("plans", count, total))
+                                   lambda count, total: view.tasks("plans", count, total), separate)
         show_design(wide_console(), content)
         typer.echo(f"page     {user_path(out / PAGE_FILE)}")
 

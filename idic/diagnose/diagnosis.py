@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from idic.diagnose.discretisation.neglected import Neglected
 from idic.diagnose.free_form import FreeForm
@@ -17,6 +17,7 @@ from idic.diagnose.residual.spots import LeftOut
 from idic.diagnose.screen.courses import Course, courses_of
 from idic.diagnose.selection.moves.shortlist import has_state
 from idic.diagnose.selection.rival import Round, causes_of, with_winners
+from idic.diagnose.selection.rivals import edits_of
 from idic.diagnose.selection.state import State
 from idic.diagnose.selection.verdict import Verdict
 from idic.identification import Identification
@@ -94,6 +95,16 @@ class Diagnosis:
         are no cause where there is another."""
         won = [entry for entry, _ in with_winners(self.rounds)]
         return next(iter(causes_of(won) or won), None)
+
+    @property
+    def refitted(self) -> list[FittedModel]:
+        """The candidates that were refitted beside the first cause, it first, then by held-out drop."""
+        entry = self.first_cause or self.rounds[-1]
+        rivals = sorted((rival for rival in entry.rivals if rival.refitted.usable),
+                        key=lambda rival: (rival is not entry.winner, rival.name not in entry.equals,
+                                           -(rival.heldout or 0.0)))
+        return [FittedModel(entry.source.with_edits(edits_of(rival, entry.screening)),
+                            replace(rival.refitted, name=rival.name)) for rival in rivals]
 
     @property
     def selected_effect(self) -> SelectedEffect | None:

@@ -22,6 +22,7 @@ from .noise.input_noise import logged_noise, measured_noise, with_measured_noise
 from .plan.planned_test import (
     DOT_SIGMA_PER_SPECKLE, VIRTUAL_SPECKLE, Plan, image_unit, load_plan, planned_speckle, recorded_or_planned,
 )
+from .plan.separation import expected_odds
 from .point import chunk_frames, chunk_system, closed_evaluation, point_context
 from .result import STRESS_UNITS, Analysis, build_result
 from .sensitivity import checked_sensitivity, choose_sensitivity, perturbations
@@ -50,8 +51,9 @@ __all__ = [
     "PointFit", "Remedy", "SchedulePosition", "StageHook", "StartTrial", "Treatment", "Trial", "TrustRegion",
     "build_result", "check_method", "checked_sensitivity", "choose_knots", "choose_sensitivity", "chooses_increments",
     "chunk_frames", "chunk_system", "closed_evaluation", "coarse_fit", "covariance", "describe_evaluation",
-    "design_test", "determined_values", "discretisation_bias", "element_sums", "evaluate_at", "experiment_of",
-    "experiment_result", "first_free", "identify", "image_unit", "is_two_step", "join", "join_designs", "joined",
+    "design_test", "determined_values", "discretisation_bias", "element_sums", "evaluate_at", "expected_odds",
+    "experiment_of", "experiment_result", "first_free", "identify", "image_unit", "is_two_step", "join",
+    "join_designs", "joined",
     "joint_names", "load_plan", "local_residual", "log_progress", "logged_noise", "may_begin_generalised",
     "mean_chi2", "measured_nodes", "measured_noise", "measured_reference", "measured_start", "misfit",
     "motion_in_space", "needs_free_dic", "needs_motion_in_space", "next_local", "noise_weights", "p_text",

@@ -9,6 +9,7 @@ import numpy as np
 
 from idic.correlation import ResidualMap, TexturePair, Weights, correlated_frames
 from idic.identification.discrepancy.normal_equations import DiscrepancySystem
+from idic.identification.judgement.basis import basis_content, load_of_frames
 from idic.identification.noise.input_noise import noise_content
 from idic.identification.result import build_result
 from idic.identification.step.state import Evaluation, LoopState
@@ -73,9 +74,9 @@ def experiment_result(experiment: Experiment, state: LoopState, point: Evaluatio
     compared = None if point is None or point.system is None else point
     residual = residual_summary(experiment, fit.frames, fit.channels, weights.channel_noise,
                                 None if compared is None else compared.system.n_lost, fit.free_dics[0])
-    result = build_result(experiment, state, compared, weights.image_noise, residual,
-                          frame_entries(experiment, fit.frames[0], excluded_by_user, fit.free_chi2[0]), cost,
-                          discrepancy)
+    entries = frame_entries(experiment, fit.frames[0], excluded_by_user, fit.free_chi2[0])
+    result = build_result(experiment, state, compared, weights.image_noise, residual, entries, cost, discrepancy)
+    result["basis"] = basis_content(entries, load_of_frames(experiment))
     result["notes"] += fit.notes
     if experiment.cameras:
         result["cameras"] = camera_entries(experiment, compared, fit, excluded_by_user)

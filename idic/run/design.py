@@ -21,6 +21,8 @@ together; ``comparison``, the standard deviation of every parameter in every pla
     standard deviations after the first frames: ``frames``, ``std``.
 ``pattern``, ``noise``, ``channels``, ``assumptions``
     what was taken for granted.
+``separation``
+    of the candidates of a diagnosed RUN (`idic.run.separation.separate`), with ``--separate``.
 ``points``
     of a plan with measured fields, else null: ``number`` on the specimen; ``pitch``, their distance, in ``unit`` (mm;
     px without a scale): it is one px of ``motion_px``.
@@ -42,6 +44,8 @@ from idic.report import (
     MIN_CONFUSABLE_CORRELATION, PlanPictures, compare, design_table, draw_design, joint_summary, render_design,
     summary,
 )
+from idic.run.separation.members import diagnosed
+from idic.run.separation.separate import separation_content
 from idic.run.store.result_file import write_json
 from idic.run.workers.dask_executor import default_workers, open_cluster
 from idic.run.workers.runner import Progress
@@ -61,14 +65,21 @@ class DesignJob:
 def write_design(paths: Sequence[Path | str], out: Path | str, overrides: Mapping[str, Any] | None = None,
                  noise_std_gv: float | None = None, confusable: float = MIN_CONFUSABLE_CORRELATION,
                  workers: int | None = None, stage: Callable[[str], None] = lambda text: None,
-                 progress: Progress | None = None) -> dict:
+                 progress: Progress | None = None, separate: Path | str | None = None) -> dict:
     """Evaluate planned tests and write ``design.json``, ``design.html``, ``design.csv`` and ``figures`` into `out`.
 
     Arguments, errors and what is returned as `evaluate_plans`; nothing is written where one of the plans is not
-    as expected. stage : called with the name of every step that begins.
+    as expected. stage : called with the name of every step that begins; separate : a diagnosed RUN whose candidates the
+    plans shall tell apart.
     """
+    if separate is not None:
+        diagnosed(separate)  # refuses before anything is simulated
     stage("simulations and sensitivities")
     content, pictures = evaluate_plans(paths, overrides, noise_std_gv, confusable, workers, progress)
+    if separate is not None:
+        stage("candidates in the plans, and the search for the best course")
+        content["separation"] = separation_content(separate, paths, plan_names(paths), overrides, noise_std_gv,
+                                                   progress)
     stage("figures and page")
     out = Path(out)
     sections = draw_design(content, pictures)

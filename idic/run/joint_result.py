@@ -45,6 +45,7 @@ def write_joint_result(folders: RunFolders, joint: Joint, state: LoopState, poin
                            discrepancy, joint)
     content["experiments"] = {
         name: {"title": result["title"], "noise": result["noise"], "residual": result["residual"],
+               "basis": result["basis"],
                "folder": joint.experiments[name].folder, "report": f"experiments/{name}/report.html"}
         for name, result in results.items()}
     if point is not None and discrepancies is not None and not state.failed:

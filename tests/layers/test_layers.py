@@ -52,6 +52,7 @@ THIRD_PARTIES = {
                      "surfalize", "SurfaceTopography", "pyMRAW", "cinereader", "nptdms", "zs2decode", "openpyxl"},
     "idic.experiment_file": {"pydantic", "pydantic_core", "tomli_w"},
     "idic.report": {"matplotlib", "PIL", "plotly", "jinja2"},
+    "idic.measure": {"cv2"},  # features of a frame that has turned; nothing that is measured comes from it
     "idic.run": {"dask", "distributed", "fsspec", "meshio", "numcodecs", "psutil", "pydantic", "threadpoolctl",
                  "zarr"},
     "idic.virtual_tests": {"tifffile", "PIL", "meshio", "cv2"},

@@ -13,10 +13,10 @@ from idic.measure.dic.field import field_motion
 from idic.measure.dic.frame import DicFrame, Factorisation, dic_frame
 from idic.measure.dic.noise import fitted_dof, noise_of_frames, residual_noise
 from idic.measure.dic.regularisation import Regularisation, Smoother, build_smoother
-from idic.measure.dic.start import Level, build_pyramid, coarse_motion, descend
+from idic.measure.dic.start import Level, build_pyramid, coarse_motion, descend, feature_motion
 from idic.measure.dic.status import (
-    is_recognised, mismatched_elements, nodes_of, pixels_of, unexplained, unlikeness, unlikeness_of,
-    with_neighbours,
+    MAX_MISMATCHED_PART, is_recognised, mismatched_elements, nodes_of, pixels_of, unexplained, unlikeness,
+    unlikeness_of, with_neighbours,
 )
 from idic.fe import Block, surface_cells
 from idic.images import Spline
@@ -28,6 +28,8 @@ _MAX_START_UNLIKENESS = 3.0  # correlation 0.3; Gauss-Newton does not converge f
 _MAX_REPAIR_RMS_RATIO = 2.0  # residual to that of the frame before; more is a new feature (crack), no wrong minimum
 _MAX_REPAIRED_PART = 0.3  # of the elements
 _MAX_REMAINING_PART = 0.95  # of a mismatched region after each pass of its repair; a crack stays
+_MAX_LAST_STEP_PX = 0.01  # of an iteration that may count as ended
+_FEATURES = 6  # the number of the last start
 _MAX_RMS_RATIO = 1.5  # residual to that of the frame before; with more, other starts are tried
 
 
@@ -41,7 +43,7 @@ class DicStack:
         NaN in excluded and lost frames and at nodes that are not seen; 0 in the reference frame.
     status : list of "ok" | "lost" | "unexplained" | "excluded"
         "lost": nothing was recognised, or hardly anything is left in view. "unexplained": a displacement was found but
-        the residual is more than twice that of the other frames, or more than 5 % of the elements match nothing
+        the residual is more than twice that of the other moved frames, or more than 5 % of the elements match nothing
         (crack, failed paint, lamp): do not trust it.
     rms_gv : array (n_frames,)
         Root mean square residual, brightness removed; NaN where nothing was compared (also the reference frame).
@@ -58,7 +60,7 @@ class DicStack:
     iterations : array (n_frames,), converged : array (n_frames,) bool
     attempts : array (n_frames,)
         The start that led to the result: 1 the frame before, 2 blur pyramid, 3 and 4 subsets of the frame before and
-        of the reference found again by correlation, then the pyramid.
+        of the reference found again by correlation, then the pyramid, 6 features of the reference, then the pyramid.
     length_px : float
         Regularisation length in effect.
     """
@@ -142,18 +144,21 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
     rms, variance, local = (np.full(n, np.nan) for _ in range(3))
     pixels, lost, iterations, attempts = (np.zeros(n, dtype=int) for _ in range(4))
     converged = np.zeros(n, dtype=bool)
-    recognised, mismatched = np.zeros(n, dtype=bool), np.zeros(n)
+    recognised, mismatched, moved_px, unlike = np.zeros(n, dtype=bool), np.zeros(n), np.zeros(n), np.zeros(n)
     for n_done, (k, frame, tried, noise) in enumerate(_frames(setting), 1):
         recognised[k] = is_recognised(setting.reference, frame)
         rms[k], pixels[k], lost[k] = frame.rms_gv, frame.n_pixels, frame.n_lost
         iterations[k], converged[k], attempts[k] = frame.iterations, frame.converged, tried
         if recognised[k]:
             wrong = mismatched_elements(setting.reference, frame)
+            moved_px[k] = np.sqrt(np.nanmean(frame.u_px**2))
+            unlike[k] = unlikeness_of(setting.reference, frame)
             mismatched[k], variance[k], local[k] = wrong.mean(), noise.variance, noise.local_variance
             u_px[k] = np.where(nodes_of(setting.reference, wrong)[:, None], np.nan, frame.u_px)
         if progress is not None:
             progress(n_done, n)
-    status = _status(experiment, recognised, unexplained(np.where(recognised, rms, np.nan), mismatched))
+    status = _status(experiment, recognised, unexplained(np.where(recognised, rms, np.nan), mismatched,
+                                                         moved_px, unlike))
     good = np.array([s == "ok" and k not in recording.averaged for k, s in enumerate(status)])  # part of the reference
     noise_gv = noise_of_frames(np.where(good, local, np.nan))
     if keep is not None:
@@ -211,12 +216,16 @@ def _follow(start: _LastFrame, k: int, time: float, frame: DicFrame) -> _LastFra
 
 
 def _measure(setting: _Setting, k: int, image, spline: Spline, start: _LastFrame) -> tuple[DicFrame, int]:
-    """The best of up to five starts; the next one is tried only while the result looks wrong."""
-    best, lowest = None, np.inf
+    """The best of up to six starts; the next one is tried only while the result looks wrong."""
+    best: tuple[DicFrame, int] | None = None
+    lowest = np.inf
     for tried, trial_start in enumerate(_starts(setting, k, image, spline, start), 1):
-        if trial_start is None:
+        if tried == _FEATURES and best is not None and not _unmatched(setting, best[0]):
+            break  # a crack: features find the same motion
+        trial_px = trial_start()
+        if trial_px is None:
             continue
-        frame = dic_frame(setting.reference, spline, trial_start, setting.smoother, setting.brightness,
+        frame = dic_frame(setting.reference, spline, trial_px, setting.smoother, setting.brightness,
                           factorisation=start.factorisation)
         value = unlikeness_of(setting.reference, frame)
         if best is None or value < _MAX_UNLIKENESS_RATIO * lowest:
@@ -248,25 +257,33 @@ def _repaired(setting: _Setting, spline: Spline, frame: DicFrame) -> DicFrame:
     return frame
 
 
-def _starts(setting: _Setting, k: int, image, spline: Spline, last_frame: _LastFrame) -> Iterator[np.ndarray | None]:
-    """Starting displacements from cheap to thorough  # (n_nodes, 2) px, None: no match"""
+def _starts(setting: _Setting, k: int, image, spline: Spline,
+            last_frame: _LastFrame) -> Iterator[Callable[[], np.ndarray | None]]:
+    """Makers of starting displacements from cheap to thorough, each (n_nodes, 2) px, None: no match"""
     first, value = _from_frame_before(setting, k, spline, last_frame)
-    yield first if value < _MAX_START_UNLIKENESS else None
+    is_near = value < _MAX_START_UNLIKENESS
+    yield lambda: first if is_near else None
     experiment = setting.experiment
-    reference_image = experiment.recording.stack.frame(experiment.model.reference)
+    reference = experiment.model.reference
+    reference_image = experiment.recording.stack.frame(reference)
     if not setting.pyramid:
         setting.pyramid.extend(build_pyramid(setting.reference.pixel_map, reference_image, setting.cells,
                                              setting.smoother.length_px, setting.reference.degree))
-    yield descend(setting.pyramid, image, first, setting.brightness) if value < _MAX_START_UNLIKENESS else None
-    nodes = setting.reference.pixel_map.nodes_px
-    visible = setting.reference.pixel_map.visible_nodes
-    for frame, u in ((last_frame.frame, last_frame.u), (experiment.model.reference, np.zeros_like(last_frame.u))):
-        moved = coarse_motion(experiment.recording.stack.frame(frame), image, (nodes + u)[visible], nodes + u)
-        yield None if moved is None else descend(setting.pyramid, image, u + moved, setting.brightness)
-        if last_frame.frame == experiment.model.reference:
-            break
-    if value >= _MAX_START_UNLIKENESS:
-        yield descend(setting.pyramid, image, first, setting.brightness)
+
+    def sharpened(u: np.ndarray | None) -> np.ndarray | None:
+        return None if u is None else descend(setting.pyramid, image, u, setting.brightness)
+
+    def by_subsets(frame: int, u: np.ndarray) -> np.ndarray | None:
+        nodes = setting.reference.pixel_map.nodes_px + u
+        moved = coarse_motion(experiment.recording.stack.frame(frame), image,
+                              nodes[setting.reference.pixel_map.visible_nodes], nodes)
+        return sharpened(None if moved is None else u + moved)
+
+    yield lambda: sharpened(first) if is_near else None
+    yield lambda: by_subsets(last_frame.frame, last_frame.u)
+    yield lambda: None if last_frame.frame == reference else by_subsets(reference, np.zeros_like(last_frame.u))
+    yield lambda: None if is_near else sharpened(first)
+    yield lambda: sharpened(feature_motion(setting.reference, setting.pyramid[0].smoother, reference_image, image))
 
 
 def _from_frame_before(setting: _Setting, k: int, spline: Spline, last_frame: _LastFrame) -> tuple[np.ndarray, float]:
@@ -282,11 +299,17 @@ def _from_frame_before(setting: _Setting, k: int, spline: Spline, last_frame: _L
     return candidates[best], likeness[best]
 
 
+def _unmatched(setting: _Setting, frame: DicFrame) -> bool:
+    """Whether the frame would be said not to match the reference."""
+    return not (is_recognised(setting.reference, frame) and (frame.converged or frame.last_step_px <= _MAX_LAST_STEP_PX)
+                and mismatched_elements(setting.reference, frame).mean() <= MAX_MISMATCHED_PART)
+
+
 def _suspicious(setting: _Setting, frame: DicFrame, largest_rms: float) -> bool:
     """Whether another start may do better: not converged, not recognised, grown residual, or islands of mismatch."""
     if not (is_recognised(setting.reference, frame) and frame.rms_gv <= largest_rms):
         return True
-    if not frame.converged and frame.last_step_px > 0.01:
+    if not frame.converged and frame.last_step_px > _MAX_LAST_STEP_PX:
         return True
     return bool(mismatched_elements(setting.reference, frame).mean() > _MAX_MISMATCHED_PART)
 

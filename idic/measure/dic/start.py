@@ -1,4 +1,5 @@
-"""Start of a frame that has moved by more than a speckle: correlation of subsets by FFT, then a blur pyramid.
+"""Start of a frame that has moved by more than a speckle: correlation of subsets by FFT, or features where the surface
+has turned too; then a blur pyramid.
 
 The start must be right within a fraction of a speckle; the full images give the result.
 """
@@ -11,10 +12,13 @@ from itertools import combinations
 
 import numpy as np
 import scipy
+from scipy import sparse
 
 from idic.correlation import PixelMap, ReferenceImage, build_reference
 from idic.measure.dic.frame import dic_frame
 from idic.measure.dic.regularisation import Regularisation, Smoother, build_smoother
+from idic.measure.far.consensus import agreed_motion
+from idic.measure.far.features import match_features
 from idic.fe import Block
 from idic.images import prefilter
 
@@ -66,6 +70,35 @@ def descend(pyramid: Sequence[Level], image: np.ndarray, start_px: np.ndarray, b
         if frame.n_pixels and moved < 20 * level.blur_px:  # not nan either
             u = frame.u_full_px
     return u
+
+
+def feature_motion(reference: ReferenceImage, smoother: Smoother, image_from: np.ndarray,
+                   image_to: np.ndarray) -> np.ndarray | None:
+    """Motion of the mesh from the reference image, however far and turned: by features
+    that agree on a smooth one.
+
+    Parameters
+    ----------
+    smoother : mechanical, of the mesh
+    image_from, image_to : arrays (ny, nx), the reference image and the frame
+
+    Returns
+    -------
+    array (n_nodes, 2) px, or None where too few features agree
+    """
+    pixel_map = reference.pixel_map
+    matches = match_features(image_from, image_to, pixel_map.nodes_px[pixel_map.visible_nodes])
+    number = pixel_map.to_image(np.arange(pixel_map.n_pixels, dtype=float), -1.0)
+    at = np.clip(np.rint(matches.places).astype(int), 0, np.array(pixel_map.shape[::-1]) - 1)
+    pixels = number[at[:, 1], at[:, 0]].astype(int)
+    places = pixel_map.shape_matrix()[np.maximum(pixels, 0)]
+    places = sparse.csr_array(sparse.diags_array((pixels >= 0).astype(float)) @ places)
+
+    def penalty(length_px: float, n_matches: int) -> sparse.csc_array:
+        density = n_matches / max(pixel_map.n_pixels, 1)  # unit weights per px, in the place of squared gradients
+        return replace(smoother, length_px=length_px).matrix(density, np.zeros(pixel_map.n_nodes, dtype=bool))
+
+    return agreed_motion(matches, pixel_map.nodes_px, places, penalty)
 
 
 def coarse_motion(image_from: np.ndarray, image_to: np.ndarray, points_px: np.ndarray,

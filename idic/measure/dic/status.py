@@ -9,6 +9,9 @@ from idic.measure.dic.frame import DicFrame
 
 MAX_RMS_RATIO = 2.0  # residual to the median of the frames; with more, brightness constancy fails
 MAX_MISMATCHED_PART = 0.05  # of the elements; with more, the frame is unexplained
+MIN_COMPARED = 3  # frames whose median is typical
+MAX_REST_PX = 0.3  # motion of a frame at rest; above, interpolation, light and focus differ from those of the reference
+MAX_LIKE = 0.3  # unlikeness of a frame that matches, whatever the residual of others: a correlation of 0.96
 MAX_UNLIKENESS = 0.9  # of a recognised frame; a correlation of 0.74
 MIN_VISIBLE_PART = 0.3  # of the pixels; with less, the frame is lost
 _MAX_RESIDUAL_RATIO = 9.0  # squared residual of an element to the median of the elements
@@ -68,13 +71,23 @@ def with_neighbours(reference: ReferenceImage, elements: np.ndarray) -> np.ndarr
     return (touched & (np.arange(touched.shape[1]) < N_NODES[pixel_map.kind][:, None])).any(axis=1)
 
 
-def unexplained(rms_gv: np.ndarray, mismatched_part: np.ndarray) -> np.ndarray:
-    """Frames whose residual is far above that of the others, or with a large mismatched region.
+def unexplained(rms_gv: np.ndarray, mismatched_part: np.ndarray, motion_px: np.ndarray,
+                unlike: np.ndarray) -> np.ndarray:
+    """Frames that do not match the reference: a large mismatched region, or a residual far above that of the others.
 
-    rms_gv : (n_frames,) GV, nan where not compared; mismatched_part : (n_frames,). Returns (n_frames,) bool.
+    A frame at rest shows the same pixels under the same light: its residual says nothing of what a moved frame may
+    leave. So a moved frame is compared with moved ones; where these are few, its likeness to the reference decides.
+
+    rms_gv : (n_frames,) GV, nan where not compared; mismatched_part : (n_frames,); motion_px : (n_frames,) rms over the
+    nodes; unlike : (n_frames,) `unlikeness`. Returns (n_frames,) bool.
     """
     compared = np.isfinite(rms_gv)
     is_unexplained = compared & (mismatched_part > MAX_MISMATCHED_PART)
-    if compared.sum() >= 3:
-        is_unexplained |= compared & (rms_gv > MAX_RMS_RATIO * np.median(rms_gv[compared]))
+    if compared.sum() < MIN_COMPARED:
+        return is_unexplained
+    moved = compared & (motion_px > MAX_REST_PX)
+    for group in (moved, compared & ~moved):
+        is_large = group.sum() >= MIN_COMPARED
+        raised = group & (rms_gv > MAX_RMS_RATIO * np.median(rms_gv[group if is_large else compared]))
+        is_unexplained |= raised if is_large else raised & (unlike > MAX_LIKE)
     return is_unexplained

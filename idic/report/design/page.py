@@ -36,9 +36,30 @@ def render_design(content: Mapping, sections: tuple[Section, ...]) -> str:
     return filled_in(
         "design.html.j2", title=" – ".join(dict.fromkeys(plan["title"] for plan in plans)), first=first,
         several=several, words=partial(say.in_words, plans[0]) if all(plan["points"] for plan in plans) else str,
-        overview=sections[0], comparison=comparison and _comparison_rows(comparison),
+        overview=sections[0],
+        separation=_separation_rows(content.get("separation")), comparison=comparison and _comparison_rows(comparison),
         notes=[] if content["joint"] is None else content["joint"]["notes"],
         plans=[_plan(plan, section) for plan, section in zip(plans, sections[1:], strict=True)])
+
+
+def _separation_rows(separation: Mapping | None) -> dict | None:
+    """What the page says of candidates that the plans shall tell apart; None without them."""
+    if separation is None:
+        return None
+    rows = []
+    for plan in separation["plans"]:
+        pair = min(plan["pairs"], key=lambda entry: entry["log_odds"], default=None)
+        rows.append({"name": plan["name"], "problem": plan["problem"],
+                     "log_odds": "–" if plan["log_odds"] is None else f"{plan['log_odds']:.3g}",
+                     "frames": "–" if plan["frames"] is None else str(plan["frames"]),
+                     "load": "–" if plan["load"] is None else f"{100 * plan['load']:.0f} %",
+                     "pair": "" if pair is None else " / ".join(name.replace("_", " ") for name in pair["members"])})
+    course = separation["course"]
+    program = [] if course is None else [
+        f'"{column}" = [' + ", ".join(f"[{time:g}, {value:g}]" for time, value in points) + "]"
+        for column, points in course["program"].items()]
+    return {"members": ", ".join(name.replace("_", " ") for name in separation["members"]), "rows": rows,
+            "sentences": separation["sentences"], "program": program}
 
 
 def _plan(plan: Mapping, section: Section) -> dict:

@@ -345,8 +345,8 @@ def _bounds(content: Mapping) -> str:
 
 
 def _next(content: Mapping) -> str:
-    text = content.get("next_experiment")
-    return f" Next: {text}." if text else ""
+    texts = [text for text in (content.get("next_experiment"), content.get("separate")) if text]
+    return f" Next: {'; '.join(texts)}." if texts else ""
 
 
 def _capital(text: str) -> str:

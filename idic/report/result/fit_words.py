@@ -153,6 +153,39 @@ def images(result: Mapping) -> tuple[str, str, str]:
     return "good", "Good fit: the residual is noise", f"The image residual is camera noise ({numbers})."
 
 
+def _lacking_bases(result: Mapping) -> dict[str, Mapping]:
+    """What is left to identify from, where loaded frames are dropped that the others do not stand for; by experiment,
+    "" of a single one."""
+    bases = {name: part.get("basis") for name, part in (("", result), *result.get("experiments", {}).items())}
+    return {name: basis for name, basis in bases.items() if basis and not basis["sufficient"]}
+
+
+def basis_verdict(result: Mapping) -> tuple[str, str]:
+    """The verdict of a run whose loaded frames are dropped: level "bad" | "look", and a few words."""
+    if any(not basis["compared"] for basis in _lacking_bases(result).values()):
+        return "bad", "No loaded image is compared: do not use the values"
+    return "look", "Look closer: most of the load is left out"
+
+
+def missing_load(result: Mapping) -> str:
+    """Which loaded frames are left out and what the values rest on, in sentences; empty where frames are enough."""
+    sentences = []
+    for experiment, basis in _lacking_bases(result).items():
+        dropped, loaded, compared = basis["dropped"], basis["loaded"], basis["compared"]
+        name = f" of {experiment}" if experiment else ""
+        dropped_text = (f"The only loaded image{name} is left out" if loaded == 1
+                        else f"{dropped} of {loaded} loaded images{name} are left out" if dropped > 1
+                        else f"One of {loaded} loaded images{name} is left out")
+        basis_text = f"{compared} loaded image{'' if compared == 1 else 's'}"
+        if not compared:
+            basis_text = "the readings and images at rest alone"
+        elif basis["load_compared"] is not None:
+            basis_text += f", up to {100 * basis['load_compared']:.0f} % of the largest load"
+        sentences.append(f"{dropped_text}: the values rest on {basis_text}. Look at the images that do not match and "
+                         "at the place of the mesh: idic check.")
+    return " ".join(sentences)
+
+
 def in_error_bars(result: Mapping) -> str:
     """Whether the error bars count the error of the model, in a sentence."""
     if (result.get("discrepancy") or {}).get("significant"):

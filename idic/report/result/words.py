@@ -11,7 +11,8 @@ from idic.fe import OUTLINE
 from idic.identification import STRESS_UNITS
 from idic.model import in_words, is_mode, motions
 from idic.report.result.fit_words import (
-    MAX_P_OF_EQUAL_SPECIMENS, NOISE_CHI2, against_free, cluster, images, in_error_bars, noise_chi2, remedies,
+    MAX_P_OF_EQUAL_SPECIMENS, NOISE_CHI2, against_free, basis_verdict, cluster, images, in_error_bars, missing_load,
+    noise_chi2, remedies,
 )
 from idic.report.result.stress_scale import held_stresses, in_ratios
 
@@ -279,8 +280,8 @@ def result_headline(result: Mapping) -> list[str]:
     first = f"{values}." if values else "No parameter could be determined from this test."
     if values and result["status"] != "converged":
         first = f"Not converged: {first}"
-    sentences = (first, scale_sentence, convergence(result), explained(result), undetermined(result),
-                 not_explained(result), left_out(result))
+    sentences = (first, missing_load(result), scale_sentence, convergence(result), explained(result),
+                 undetermined(result), not_explained(result), left_out(result))
     return [s for s in sentences if s]
 
 
@@ -290,6 +291,8 @@ def result_verdict(result: Mapping) -> tuple[str, str]:
         return "bad", "Not converged: do not use the values"
     if not values_text(result) and not ratios(result):
         return "bad", "Converged, but no parameter is determined"
+    if missing_load(result):
+        return basis_verdict(result)
     level, text, _ = images(result)
     if missed := channels_missed(result):
         return "look", f"Look closer: {' and '.join(missed)} not matched within the noise"
@@ -301,6 +304,8 @@ def advice(result: Mapping) -> list[str]:
     level, text = result_verdict(result)
     chi2 = result.get("residual", {}).get("image_chi2_dof")
     sentences = [] if level == "good" else [f"{text}."]
+    if sentence := missing_load(result):
+        sentences.append(sentence)
     if result["status"] != "converged" or ending(result):
         sentences.append(convergence(result))
     if cause := cause_text(result):

@@ -13,6 +13,7 @@ from idic.diagnose import (
     Diagnosis, Fit, Misfit, Ranked, Rival, Round, better_blocks, cautions, content as courses_content, in_words,
     left_place, mismatch_content, ratio, refitted_form, unexplained,
 )
+from idic.experiment_file import to_toml
 from idic.inside import is_inside, read_inside
 from idic.parameters import ParameterSet
 from idic.report import diagnosis_headline, left_over, not_excluded, sentence, with_spots
@@ -20,6 +21,7 @@ from idic.run.store.result_file import RESULT_FILE, finite, read_result, write_j
 
 DIAGNOSIS_FILE = "diagnosis.json"
 SCHEMA = "idic.diagnosis/1"
+SEPARATE = "idic design --separate RUN PLAN... ranks planned tests by how well they tell these candidates apart"
 MAX_NEAREST = 2  # further candidates that are told beside a remaining residual
 
 
@@ -62,6 +64,7 @@ def diagnosis_content(diagnosis: Diagnosis, parameters_before: Mapping[str, Mapp
         "named": list(verdict.selected),
         "indistinguishable": [list(group) for group in verdict.indistinguishable],
         "next_experiment": verdict.next_experiment,
+        "separate": SEPARATE if any(len(group) > 1 for group in verdict.indistinguishable) else None,
         "model": {"parameters_before": parameters_before, "parameters_after": parameters_after,
                   "parameters_of_real_body": real_body, "experiment": None},
         "fit": _fit(diagnosis),
@@ -76,6 +79,8 @@ def diagnosis_content(diagnosis: Diagnosis, parameters_before: Mapping[str, Mapp
         "spots": [],
         "register": None if diagnosis.register is None else diagnosis.register.content(),
         "rounds": [_round(selection_round) for selection_round in diagnosis.rounds], "margin": margin.content(),
+        "refits": [{"name": model.fit.name, "edits": to_toml(dict(model.source.edits)),
+                    "values": dict(model.fit.values)} for model in diagnosis.refitted],
         "cost": dict(diagnosis.state.setting.clock.seconds) | {"wall_s": wall_s},
     }
     content = finite(content)

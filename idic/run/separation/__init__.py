@@ -1,0 +1,1 @@
+"""Planned tests ranked by how well they tell the candidates of a diagnosed RUN apart."""
