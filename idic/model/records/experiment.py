@@ -16,7 +16,7 @@ from idic.images import PlacedCamera, normal_sign
 from idic.model.records.gauges import Gauge
 from idic.model.records.model import Model
 from idic.model.records.options import Options, Stage
-from idic.model.records.recording import CAMERA_TIME, FurtherCamera, Recording
+from idic.model.records.recording import CAMERA_TIME, FurtherCamera, ReadMask, Recording
 from idic.parameters import ParameterSet
 
 
@@ -51,6 +51,14 @@ class Experiment:
         """The experiment with the mesh morphed to these parameters; see `Model.at_geometry`."""
         model = self.model.at_geometry(parameters)
         return self if model is self.model else replace(self, model=model)
+
+    @property
+    def voxel_mask(self) -> ReadMask | None:
+        """Reads blocks of the mask of volumes, True: compared; None: all voxels of the mesh are."""
+        recording = self.recording
+        if recording.voxel_mask is None:
+            return None
+        return recording.voxel_mask(recording.volumes, recording.averaged or (self.model.reference,))
 
     @property
     def time_offset(self) -> str:
