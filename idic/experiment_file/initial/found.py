@@ -107,13 +107,18 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
     if area is not None and not are_heights:
         contents.outline, holes = area(np.asarray(stack.frame(0)))
         contents.holes = [hole for hole in holes if is_circle(hole)]
-    formats = set(mesh_suffixes()) - set(_NO_MESHES)
-    _find_mesh([path for path in files if path.suffix.lower() in formats], contents)
+    _find_mesh(files, contents)
     if contents.mesh is None and (n_irregular := len(holes) - len(contents.holes)):
         contents.notes.append(f"{n_irregular} {'hole is' if n_irregular == 1 else 'holes are'} not round and left out: "
                               "the mesh covers them, although they have no pattern; idic draw draws holes of any shape")
-    _find_log([path for path in files if path.suffix.lower() in _LOG_SUFFIXES], contents)
+    _find_log(files, contents)
     return contents
+
+
+def find_model(files: list[Path], contents: Found) -> None:
+    """The mesh and the log among the files."""
+    _find_mesh(files, contents)
+    _find_log(files, contents)
 
 
 def _find_mask(paths: list[Path], contents: Found) -> None:
@@ -130,7 +135,9 @@ def _find_mask(paths: list[Path], contents: Found) -> None:
         contents.notes.append(f"{path.name} is no mask: it is {shape[1]} x {shape[0]} px")
 
 
-def _find_mesh(paths: list[Path], contents: Found) -> None:
+def _find_mesh(files: list[Path], contents: Found) -> None:
+    formats = set(mesh_suffixes()) - set(_NO_MESHES)
+    paths = [path for path in files if path.suffix.lower() in formats]
     for path in paths:
         try:
             raw = read_mesh_file(path)
@@ -146,8 +153,8 @@ def _find_mesh(paths: list[Path], contents: Found) -> None:
         return
 
 
-def _find_log(paths: list[Path], contents: Found) -> None:
-    for path in paths:
+def _find_log(files: list[Path], contents: Found) -> None:
+    for path in (path for path in files if path.suffix.lower() in _LOG_SUFFIXES):
         try:
             log = read_log(path)
         except InputError as error:
