@@ -3,7 +3,7 @@ from .drives import (
     COMPONENTS, DriveTable, boundary_parameters, build_drives, is_stereo, mode_names, mode_shapes, pixel_size,
     rates_since_reference, set_nodes,
 )
-from .records.experiment import Experiment, refuse_volumes
+from .records.experiment import Experiment
 from .records.model import Model
 from .records.options import Options, Stage
 from .records.parts import (
@@ -36,6 +36,6 @@ __all__ = [
     "build_drives", "build_forward", "channel_term", "corrections_of", "hats", "in_words", "is_camera_time",
     "is_mode", "is_stereo", "jump_frame", "jump_name", "knot_frames", "knot_name", "leading_frames",
     "load_parameters", "mode_names", "mode_shapes", "motions", "nodal_temperature", "nodes_of", "pixel_size",
-    "rates_since_reference", "refuse_volumes", "selected_frames", "set_nodes", "shown_value", "solve", "strayed",
+    "rates_since_reference", "selected_frames", "set_nodes", "shown_value", "solve", "strayed",
     "term_of_motion", "tried_increments", "without_knot",
 ]

@@ -26,7 +26,8 @@ TRUTH = {"E": 70000.0, "nu": 0.33}
 @dataclass(frozen=True)
 class Tomograms:
     """side : voxels of a cube; n_scans : with the two at rest; drift : (n_scans, 3) voxels, motion of each scan; seed :
-    of texture and noise; mesh : elements across and along of the user's mesh"""
+    of texture and noise; mesh : elements across and along of the user's mesh; hidden : tables of the truth alone;
+    strain : at the end"""
 
     side: int = 44
     n_scans: int = 4
@@ -34,6 +35,8 @@ class Tomograms:
     extra: str = field(default="")
     seed: int = 3
     mesh: tuple[int, int] = COARSE
+    hidden: str = ""
+    strain: float = 0.012
 
     @property
     def size_mm(self) -> np.ndarray:
@@ -45,14 +48,14 @@ class Tomograms:
         (folder / "scans").mkdir(parents=True)
         self._mesh(self.mesh, folder / "mesh.inp")
         self._mesh(FINE, folder / "fine.inp")
-        stroke = np.concatenate([[0.0], np.linspace(0.0, 0.012 * self.size_mm[2], self.n_scans - 1)])
+        stroke = np.concatenate([[0.0], np.linspace(0.0, self.strain * self.size_mm[2], self.n_scans - 1)])
         log = np.column_stack([60.0 * np.arange(self.n_scans), stroke, 0.0 * stroke])
         _write_log(folder, log)
         np.save(folder / "scans" / "scan_00.npy", np.zeros((self.side,) * 3, np.uint16))
         for k in range(1, self.n_scans):
             np.save(folder / "scans" / f"scan_{k:02d}.npy", np.zeros((self.side,) * 3, np.uint16))
         truth = self.tables("fine.inp", TRUTH).replace("still_frames = [0, 1]\n", "").replace(
-            "[scanner]\n", "[scanner]\nnoise_std_gv = 1.0\n")
+            "[scanner]\n", "[scanner]\nnoise_std_gv = 1.0\n") + self.hidden
         (folder / "truth.toml").write_text(truth)
         experiment = load_experiment(folder / "truth.toml")
         states = list(build_forward(experiment).march(experiment.model.parameters))

@@ -58,7 +58,8 @@ def _experiment(scans: ScanFiles, contents: Found, unit: str) -> str:
     nz, ny, nx = scans.shape
     lines = [f"# An idic experiment, written by idic init for {scans.n_frames} scans of {nx} x {ny} x {nz} voxels.",
              "# Fill in the values marked FILL IN, then run  idic check .", "",
-             *(f"# {note}" for note in contents.notes), "[experiment]", f"title = {json.dumps(contents.folder.resolve().name)}",
+             *(f"# {note}" for note in contents.notes), "[experiment]",
+             f"title = {json.dumps(contents.folder.resolve().name)}",
              line(f"volumes = {json.dumps(contents.images)}", "in natural order; the reference comes first"),
              *(text.replace("image", "scan") if "image_times" not in text else text for text in log_lines(contents))]
     mesh = contents.mesh
@@ -89,9 +90,9 @@ def _still_scans(contents: Found) -> str:
 
 
 def _scanner(scans: ScanFiles, contents: Found, place: PlaceInScan | None) -> str:
-    stated = scans.voxel_mm
-    if stated is not None:
-        voxel = "# voxel_mm: " + " x ".join(f"{side:.6g}" for side in stated) + " mm, as the files state"
+    sides = scans.voxel_mm
+    if sides is not None:
+        voxel = "# voxel_mm: " + " x ".join(f"{side:.6g}" for side in sides) + " mm, as the files state"
     elif place is not None:
         voxel = line(f"# voxel_mm = {place.side_mm[0]:.4g}", "FILL IN: this value lays the mesh on the specimen")
     else:
@@ -143,10 +144,10 @@ def _boundary(contents: Found) -> Iterator[str]:
 
 def _facts(scans: ScanFiles, contents: Found, place: PlaceInScan | None) -> Iterator[str]:
     nz, ny, nx = scans.shape
-    stated = "no size of a voxel in the files" if scans.voxel_mm is None else " x ".join(
+    voxel = "no size of a voxel in the files" if scans.voxel_mm is None else " x ".join(
         f"{side:.6g}" for side in scans.voxel_mm) + " mm each"
     pattern = contents.images if isinstance(contents.images, str) else ", ".join(contents.images)
-    yield (f"volumes      {pattern}: {scans.n_frames} of {nx} x {ny} x {nz} voxels (columns, rows, slices), {stated}; "
+    yield (f"volumes      {pattern}: {scans.n_frames} of {nx} x {ny} x {nz} voxels (columns, rows, slices), {voxel}; "
            f"the reference is the first, {scans.labels[0]}")
     if contents.mesh is None:
         yield "mesh         no mesh file: mesh what the scans show of the specimen, in mm"

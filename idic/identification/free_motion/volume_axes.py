@@ -54,17 +54,17 @@ def check_volume_axes(experiment: Experiment) -> None:
         return
     slopes = np.linalg.lstsq(np.column_stack([np.ones(len(nodes)), nodes]), u, rcond=None)[0][1:]
     strain = np.diag(slopes)
-    other = _other_axis(experiment, pull, strain, frame)
-    if other is None:
+    stretched = _other_axis(experiment, pull, strain, frame)
+    if stretched is None:
         return
     axes = axis_names(experiment.model.camera.matrix)
-    axes[pull.axis], axes[other] = axes[other], axes[pull.axis]
-    along, across = "xyz"[pull.axis], "xyz"[other]
+    axes[pull.axis], axes[stretched] = axes[stretched], axes[pull.axis]
+    along, across = "xyz"[pull.axis], "xyz"[stretched]
     logged = "" if pull.elongation_mm is None else f" by {100 * _expected(pull, frame):.3g} % (log)"
     raise InputError("axes of the volume are swapped", file="experiment.toml", key="scanner.axes",
                      expected=f"a motion that stretches the specimen between {' and '.join(pull.names)} along mesh "
                               f"{along}{logged}",
-                     found=f"{experiment.recording.labels[frame]} is stretched by {100 * strain[other]:.3g} % along "
+                     found=f"{experiment.recording.labels[frame]} is stretched by {100 * strain[stretched]:.3g} % along "
                            f"mesh {across}, and by {100 * strain[pull.axis]:.3g} % along mesh {along}",
                      remedy="look at the picture of `idic init`; axes = [" + ", ".join(f'"{name}"' for name in axes)
                             + "] under [scanner] would fit the motion, with an origin_px for it")
@@ -79,14 +79,14 @@ def pull_of(experiment: Experiment) -> Pull | None:
         length = float(np.linalg.norm(line))
         if axis != other_axis or first == second or not abs(line[axis]) > MIN_ALIGNMENT * length:
             continue
-        both = [drives[first, axis], drives[second, axis]]
+        pair = [drives[first, axis], drives[second, axis]]
         sign = float(np.sign(line[axis]))
-        if all(isinstance(drive, Column | Constant) for drive in both):
+        if all(isinstance(drive, Column | Constant) for drive in pair):
             ends = [np.broadcast_to(np.asarray(drive.values if isinstance(drive, Column) else drive.value, float),
-                                    model.n_frames) for drive in both]
+                                    model.n_frames) for drive in pair]
             elongation = sign * (ends[1] - ends[0])
             pulls.append(Pull(axis, (first, second), length, elongation - elongation[model.reference]))
-        elif all(isinstance(drive, Measured) for drive in both) and _is_pulled(experiment, (first, second), axis):
+        elif all(isinstance(drive, Measured) for drive in pair) and _is_pulled(experiment, (first, second), axis):
             pulls.append(Pull(axis, (first, second), length, None))
     return max(pulls, key=lambda pull: pull.length_mm, default=None)
 
@@ -129,7 +129,7 @@ def _around_the_middle(experiment: Experiment) -> Experiment:
     for block in mesh.blocks:
         part = keep[block.first:block.first + block.n_elements]
         if part.any():
-            blocks.append(Block(block.cell, block.connectivity[part], sum(kept.n_elements for kept in blocks)))
+            blocks.append(Block(block.cell, block.connectivity[part], sum(other_block.n_elements for other_block in blocks)))
     return replace(experiment, model=replace(experiment.model, mesh=Mesh(mesh.nodes, tuple(blocks))))
 
 
@@ -140,15 +140,15 @@ def _expected(pull: Pull, frame: int) -> float:
 
 def _other_axis(experiment: Experiment, pull: Pull, strain: np.ndarray, frame: int) -> int | None:
     """The mesh axis along which the specimen is stretched in place of that of its ends; None: it is not."""
-    others = [k for k in range(3) if k != pull.axis]
+    across = [k for k in range(3) if k != pull.axis]
     if pull.elongation_mm is not None:
         expected = _expected(pull, frame)
         if abs(pull.elongation_mm[frame]) < MIN_ELONGATION_PX * experiment.model.camera.pixel_size:
             return None
         ratio = strain / expected
-        best = max(others, key=lambda k: ratio[k])
+        best = max(across, key=lambda k: ratio[k])
         return best if ratio[pull.axis] < MAX_OWN_RATIO and OTHER_RATIO[0] < ratio[best] < OTHER_RATIO[1] else None
-    best = max(others, key=lambda k: abs(strain[k]))
+    best = max(across, key=lambda k: abs(strain[k]))
     size_px = abs(strain[best]) * np.ptp(experiment.model.mesh.nodes[:, best]) / experiment.model.camera.pixel_size
     clear = abs(strain[best]) > MIN_AXES_RATIO * abs(strain[pull.axis]) and size_px > MIN_ELONGATION_PX
     return best if clear else None

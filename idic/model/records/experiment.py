@@ -11,21 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from idic.errors import InputError
 from idic.images import PlacedCamera, normal_sign
 from idic.model.records.gauges import Gauge
 from idic.model.records.model import Model
 from idic.model.records.options import Options, Stage
 from idic.model.records.recording import CAMERA_TIME, FurtherCamera, ReadMask, Recording
 from idic.parameters import ParameterSet
-
-
-def refuse_volumes(experiment: Experiment, work: str) -> None:
-    """InputError where an experiment on volumes is given to `work`, which knows images and measured fields."""
-    if experiment.recording.quantity == "volume":
-        raise InputError(f"{work} of volumes is not available", file="experiment.toml", key="experiment.volumes",
-                         expected="images, or measured fields", found=experiment.recording.in_words(),
-                         remedy="idic check, identify, report and systematic take volumes (docs/volumes.md)")
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from idic.diagnose import Candidate, Diagnosis, Margin, Notes, SEED, Stage, diagnose as diagnose_identification, silent
-from idic.model import refuse_volumes
 from idic.run.diagnosis.far import judged_by_images, on_measured_motion
 from idic.run.diagnosis.enriched import write_enriched
 from idic.run.diagnosis.files import diagnosis_content, identified_parameters, titles_of, write_diagnosis
@@ -49,7 +48,6 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: i
         If the identified model finds no equilibrium on a copy of the recording.
     """
     source, identification = open_source(run)
-    refuse_volumes(identification.experiment, "a diagnosis")
     accepted = identification.state.accepted
     stage("floor of the camera, register and spots of the images")
     floor = measured_floor(PointJob(str(run), accepted.number, accepted.values), runner)
