@@ -18,7 +18,7 @@ from idic.inside import folder_inside, write_inside
 @app.command()
 def init(
     folder: Annotated[Path,
-                      typer.Argument(metavar="FOLDER", help="Folder with images and, if available, mesh and log.")],
+                      typer.Argument(metavar="FOLDER", help="Folder with images or scans; mesh and log if there are.")],
 ) -> None:
     """Write a commented experiment.toml for a folder of images."""
     with outcome():
@@ -26,19 +26,27 @@ def init(
         from idic.experiment_file import initial_experiment
 
         written, lines = initial_experiment(folder, lambda image: speckled_area(image, texture_of(image)))
-        for line in (*lines, *_first_warnings(written)):
+        for line in (*lines, *_first_look(written)):
             typer.echo(line)
         typer.echo(f"{user_path(written)} written; complete the lines marked FILL IN, then run: idic check "
                    f"{user_path(folder)}")
 
 
-def _first_warnings(written: Path) -> list[str]:
-    """The warnings of `idic check`, where the file can be loaded before anything is filled in."""
+def _first_look(written: Path) -> list[str]:
+    """The warnings of `idic check`, and of volumes its picture, where the file can be loaded before anything is filled
+    in."""
     from idic.experiment_file import load_experiment
     from idic.report import check as check_experiment
 
     try:
-        return [f"warning      {text}" for text in check_experiment(load_experiment(written), draw=False).warnings]
+        loaded = load_experiment(written)
+        has_picture = loaded.recording.quantity == "volume"
+        inspection = check_experiment(loaded, draw=has_picture)
+        lines = [f"warning      {text}" for text in inspection.warnings]
+        if has_picture:
+            folder = folder_inside(loaded.folder, "check")
+            lines.append(f"picture      {user_path(write_inside(folder, 'mesh.png', inspection.overlay.png))}")
+        return lines
     except InputError:
         return []  # its lines marked FILL IN are needed
 

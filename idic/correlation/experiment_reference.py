@@ -88,7 +88,8 @@ def _volume_reference(experiment: Experiment, scanner: Scanner) -> VolumeReferen
     """The reference of volumes: the voxels in the solid."""
     model, options = experiment.model, experiment.options
     voxel_map = build_voxel_map(scanner.project(model.mesh.nodes), model.mesh.blocks,
-                                experiment.recording.volumes.shape, options.edge_margin_px, options.border_px)
+                                experiment.recording.volumes.shape, options.edge_margin_px, options.border_px,
+                                experiment.voxel_mask)
     return volume_reference(voxel_map, experiment)
 
 

@@ -222,7 +222,8 @@ class ExperimentTables:
         table = self.config.experiment
         stack = frames.stack if points is None else frames.stack.with_components(points.n_components)
         return Recording(
-            stack=stack, labels=frames.labels, excluded=frames.excluded, mask=frames.mask, quantity=table.quantity,
+            stack=stack, labels=frames.labels, excluded=frames.excluded, mask=frames.mask,
+            voxel_mask=frames.voxel_mask, quantity=table.quantity,
             height_unit=_HEIGHT_MM[table.height_unit] if table.height_unit else 1.0, noise=noise,
             camera_name=SCANNER if table.volumes else self.config.camera.name if self.config.camera else "camera",
             averaged=frames.averaged,

@@ -23,6 +23,7 @@ from idic.experiment_file.checks.images_at_rest import check_depth
 from idic.experiment_file.tables.solver import external_solver, solver_files
 from idic.experiment_file.tables.temperatures import infrared_stacks, temperature_images
 from idic.experiment_file.volumes.scans import ScanFiles, open_scans
+from idic.experiment_file.volumes.voxel_mask import VoxelMask, mask_files, open_mask
 from idic.fe import ExternalSetup
 from idic.laws import all_laws, code_of, outside_values, source_of
 from idic.model import FieldPoints, KINDS
@@ -65,6 +66,7 @@ class Frames:
     averaged: tuple[int, ...] = ()  # several reference frames
     points: FieldPoints | None = None  # of measured fields
     stated_order: str = ""  # of the images, by the user; "": by their names, to be confirmed
+    voxel_mask: VoxelMask | None = None  # of volumes
     recorded: Recorded | None = None  # where some stages of measured fields are chosen
 
     @property
@@ -259,8 +261,10 @@ class RecordedFolder:
             raise InputError("no scan follows the reference", file=file, key=key,
                              expected="two scans or more, the reference before the others", found=f"{len(labels)}",
                              remedy="check the pattern, reference and exclude_frames")
+        air_below_gv = None if self.config.scanner is None else self.config.scanner.air_below_gv
         return Frames(stack, labels, frame_numbers(labels), reference, excluded, still, None, None, tuple(notes),
-                      averaged if len(averaged) > 1 else ())
+                      averaged if len(averaged) > 1 else (),
+                      voxel_mask=open_mask(self.folder, table.mask, air_below_gv, stack, file))
 
     def _still_frames(self, stack: FileStack, indices) -> tuple[tuple[int, ...], FileStack | None]:
         """The frames taken at rest: frame numbers of the test, or a separate stack."""
@@ -404,8 +408,11 @@ class RecordedFolder:
     def small_files(self) -> list[Path]:
         """All input files except the images."""
         table = self.config.experiment
-        files = [self.folder / name for name in (table.loads, table.mesh.file, table.mask, table.image_times)
+        mask = None if table.volumes else table.mask
+        files = [self.folder / name for name in (table.loads, table.mesh.file, mask, table.image_times)
                  if name is not None]
+        if table.volumes and table.mask is not None:
+            files += mask_files(self.folder, table.mask, self.file)
         return [*files, *camera_files(self.config, self.folder), *solver_files(self.config.solver, self.folder),
                 *laws_of_user(self.config.material)]
 

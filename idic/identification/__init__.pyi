@@ -10,6 +10,7 @@ from .free_motion.free_motion_start import (
     without_edges,
 )
 from .free_motion.two_step import check_method, is_two_step, measured_reference, regularisation_of
+from .free_motion.volume_axes import check_volume_axes
 from .in_memory import Identification, evaluate_at, identify, point_discrepancy
 from .joint import Joint, join, joint_names
 from .judgement.local_residual import ElementSums, LocalResidual, element_sums, local_residual
@@ -49,7 +50,8 @@ __all__ = [
     "FoundStart", "FrameFit", "FreeCurve", "FreeForm", "FreeSpectrum", "FreeSurface", "Identification",
     "IncrementChoice", "Joint", "JointDesign", "LocalResidual", "LoopState", "ParallelTrial", "Path", "Plan",
     "PointFit", "Remedy", "SchedulePosition", "StageHook", "StartTrial", "Treatment", "Trial", "TrustRegion",
-    "build_result", "check_method", "checked_sensitivity", "choose_knots", "choose_sensitivity", "chooses_increments",
+    "build_result", "check_method", "check_volume_axes",
+    "checked_sensitivity", "choose_knots", "choose_sensitivity", "chooses_increments",
     "chunk_frames", "chunk_system", "closed_evaluation", "coarse_fit", "covariance", "describe_evaluation",
     "design_test", "determined_values", "discretisation_bias", "element_sums", "evaluate_at", "expected_odds",
     "experiment_of", "experiment_result", "first_free", "identify", "image_unit", "is_two_step", "join",

@@ -25,12 +25,18 @@ TRUTH = {"E": 70000.0, "nu": 0.33}
 
 @dataclass(frozen=True)
 class Tomograms:
-    """side : voxels of a cube; n_scans : with the two at rest; drift : (n_scans, 3) voxels, motion of each scan"""
+    """side : voxels of a cube; n_scans : with the two at rest; drift : (n_scans, 3) voxels, motion of each scan; seed :
+    of texture and noise; mesh : elements across and along of the user's mesh; hidden : tables of the truth alone;
+    strain : at the end"""
 
     side: int = 44
     n_scans: int = 4
     drift: np.ndarray | None = None
     extra: str = field(default="")
+    seed: int = 3
+    mesh: tuple[int, int] = COARSE
+    hidden: str = ""
+    strain: float = 0.012
 
     @property
     def size_mm(self) -> np.ndarray:
@@ -40,20 +46,20 @@ class Tomograms:
     def write(self, folder: Path) -> Path:
         """Mesh, log, scans and experiment.toml."""
         (folder / "scans").mkdir(parents=True)
-        self._mesh(COARSE, folder / "mesh.inp")
+        self._mesh(self.mesh, folder / "mesh.inp")
         self._mesh(FINE, folder / "fine.inp")
-        stroke = np.concatenate([[0.0], np.linspace(0.0, 0.012 * self.size_mm[2], self.n_scans - 1)])
+        stroke = np.concatenate([[0.0], np.linspace(0.0, self.strain * self.size_mm[2], self.n_scans - 1)])
         log = np.column_stack([60.0 * np.arange(self.n_scans), stroke, 0.0 * stroke])
         _write_log(folder, log)
         np.save(folder / "scans" / "scan_00.npy", np.zeros((self.side,) * 3, np.uint16))
         for k in range(1, self.n_scans):
             np.save(folder / "scans" / f"scan_{k:02d}.npy", np.zeros((self.side,) * 3, np.uint16))
         truth = self.tables("fine.inp", TRUTH).replace("still_frames = [0, 1]\n", "").replace(
-            "[scanner]\n", "[scanner]\nnoise_std_gv = 1.0\n")
+            "[scanner]\n", "[scanner]\nnoise_std_gv = 1.0\n") + self.hidden
         (folder / "truth.toml").write_text(truth)
         experiment = load_experiment(folder / "truth.toml")
         states = list(build_forward(experiment).march(experiment.model.parameters))
-        rng = np.random.default_rng(3)
+        rng = np.random.default_rng(self.seed)
         at_rest = self.n_scans - len(states)
         log[at_rest:, 2] = [state.channels[0] for state in states]
         log[:, 2] += FORCE_NOISE * rng.normal(size=self.n_scans)

@@ -36,6 +36,10 @@ class VolumeView:
         """The scanner of the deformed scan."""
         return self.camera if self.later is None else self.later
 
+    def points(self, nodes: np.ndarray) -> np.ndarray:
+        """Places of the nodes that the camera sees: all of a solid  # (n_nodes, 3) mm"""
+        return nodes
+
     def motion(self, nodes: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Motion in the volume  # (n_nodes, 3) mm -> (n_nodes, 3) voxels"""
         return self.moved_camera.project(nodes + u) - self.camera.project(nodes)

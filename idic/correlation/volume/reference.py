@@ -26,11 +26,12 @@ from idic.correlation.image_equations.residual import ResidualMap
 from idic.correlation.pixels.blocks import Pattern, block_pattern
 from idic.correlation.volume.element_sums import element_sums, scatter
 from idic.correlation.volume.solid_cells import N_SOLID_NODES, TRANSFORMS, coefficients_of
-from idic.correlation.volume.volume_kernel import volume_pass
+from idic.correlation.volume.volume_kernel import sums_of_values, volume_pass
 from idic.correlation.volume.voxel_map import VoxelMap
 from idic.errors import InputError
 from idic.images import DEGREES, VolumeStack, lowpass_weights, noise_gain_1d
-from idic.correlation.volume.block_filter import filtered, mirrored_block, slope_taps, spline_taps
+from idic.correlation.volume.block_filter import REACH, filtered, mirrored_block, slope_taps
+from idic.correlation.volume.spline_block import coefficients_in
 from idic.model import Experiment
 
 KEPT_BYTES = 400_000_000  # of one process
@@ -140,6 +141,20 @@ class VolumeReference(NodalBasis):
                 lost_pixels.append(pm.start[span.start] + np.flatnonzero(valid == 0))
         return self._nodal(layout, motion, sums, lost, lost_pixels, hessian, coupling, grey)
 
+    def equations_of_values(self, values: np.ndarray, brightness: str) -> NodalEquations:
+        """Nodal equations of the reference at rest with given residuals of its voxels (n_voxels,), GV."""
+        pm, layout = self.pixel_map, self.layout(brightness)
+        motion = self.motion(np.zeros((pm.n_nodes, 3)))
+        sums, lost = np.empty((pm.n_elements, 3 * pm.conn.shape[1] + 3)), np.zeros(pm.n_elements, dtype=np.int64)
+        mean = (layout.mean[layout.patch] - np.float32(self.level)).astype(np.float32)
+        for number in range(len(pm.blocks) - 1):
+            elements, voxels = np.arange(*pm.blocks[number:number + 2]), self.voxels(number)
+            span = slice(*pm.start[pm.blocks[number:number + 2]])
+            sums_of_values(elements, pm.kind, N_SOLID_NODES, pm.run_start, pm.run, pm.start, pm.affine, pm.middle,
+                           pm.places, pm.table_start, pm.table, values[span].astype(np.float32), voxels.f, voxels.gx,
+                           voxels.gy, voxels.gz, mean, sums)
+        return self._nodal(layout, motion, sums, lost, [], self.hessian, self.coupling, self.grey.copy())
+
     def motion(self, u_px: np.ndarray) -> VolumeMotion:
         """The motion of one scan; u_px : (n_nodes, 3) voxels"""
         pm = self.pixel_map
@@ -226,6 +241,14 @@ class VolumeReference(NodalBasis):
     def residual(self, stack: VolumeStack, frame: int, u_px: np.ndarray, brightness: str = "none",
                  coefficients: np.ndarray | None = None) -> ResidualMap:
         """Residual of every voxel of the map, brightness removed."""
+        r, valid, fractions = self.voxel_residuals(stack, frame, u_px, brightness, coefficients)
+        gain = np.prod([noise_gain_1d(fraction, self.degree, self.lowpass_px) for fraction in fractions], axis=0)
+        return ResidualMap(r, valid, gain, volume_still_gain(self.lowpass_px), self.n_images)
+
+    def voxel_residuals(self, stack: VolumeStack, frame: int, u_px: np.ndarray, brightness: str = "none",
+                        coefficients: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Residual of every voxel of the map, brightness removed, its validity, and the fractions of its place in the
+        scan  # (n,) float32 GV, (n,) bool, (3, n) float32"""
         pm, layout, motion = self.pixel_map, self.layout(brightness), self.motion(u_px)
         r, valid = np.empty(pm.n_pixels, np.float32), np.ones(pm.n_pixels, np.uint8)
         fractions = np.empty((3, pm.n_pixels), np.float32)
@@ -241,8 +264,7 @@ class VolumeReference(NodalBasis):
                 gain, offset = np.asarray(coefficients, dtype=np.float32).reshape(-1, 2).T
                 centred = voxels.f - (layout.mean[patch] - np.float32(self.level))
                 r[span] += np.where(valid[span] > 0, gain[patch] * centred + offset[patch], np.float32(0))
-        gain = np.prod([noise_gain_1d(fraction, self.degree, self.lowpass_px) for fraction in fractions], axis=0)
-        return ResidualMap(r, valid.astype(bool), gain, volume_still_gain(self.lowpass_px), self.n_images)
+        return r, valid.astype(bool), fractions
 
     def shows_nothing(self, equations: NodalEquations) -> bool:
         """Whether the scan has hardly any contrast in the specimen."""
@@ -374,16 +396,16 @@ def _coefficients(voxel_map: VoxelMap, number: int, stack: VolumeStack, frame: i
     low_u, high_u = (u[:, :, 0] - spread).min(axis=0), (u[:, :, 0] + spread).max(axis=0)
     first = np.clip(np.floor(voxel_map.boxes[number, 0] + low_u) - 1, 0, farthest).astype(np.int64)
     end = np.clip(np.ceil(voxel_map.boxes[number, 1] + high_u) + 1, first, farthest).astype(np.int64)
-    taps = spline_taps(degree, lowpass_px)
+    blur = np.array(lowpass_weights(lowpass_px), dtype=np.float32)
     taps_below, taps_above = (degree - 1) // 2, (degree + 1) // 2
-    reach = len(taps) // 2
+    reach = REACH[degree] + len(blur) // 2
     low, high = (first - taps_below - reach)[::-1], (end + taps_above + reach + 1)[::-1]
-    block = mirrored_block(lambda *at: stack.block(frame, *at), stack.shape, low, high) - np.float32(level)
+    block = mirrored_block(lambda *at: stack.block(frame, *at), stack.shape, low, high)
+    block -= np.float32(level)
     for axis in range(3):
-        block = filtered(block, taps, axis)
-    nz, ny, nx = block.shape
-    flat = np.zeros(block.size + _TAPS_BEYOND + (degree + 1) * nx, dtype=np.float32)
-    flat[:block.size] = block.ravel()
+        block = filtered(block, blur, axis)
+    nx, ny = (end - first + degree + 1)[:2].tolist()  # with taps below and above
+    flat = coefficients_in(block, degree, REACH[degree], _TAPS_BEYOND + (degree + 1) * nx)
     box = np.array([*first, *(end - first + 1), nx, nx * ny], dtype=np.int32)
     low_inside, high_inside = np.full(3, border, np.int32), (farthest - border).astype(np.int32)
     return flat, box, low_inside, high_inside

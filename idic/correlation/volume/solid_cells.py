@@ -64,7 +64,7 @@ def coefficients_of(conn: np.ndarray, kind: np.ndarray, nodal: np.ndarray) -> np
     return out
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
+@njit(cache=True, nogil=True)
 def fill_monomials(kind, place, n, powers):
     """The monomials of the places of a buffer  # place (3, >= n) float32 -> powers (n_terms, >= n)"""
     for k in range(n):
@@ -93,7 +93,7 @@ def fill_monomials(kind, place, n, powers):
         powers[17, k], powers[18, k], powers[19, k] = aa * b * c, bb * a * c, cc * a * b
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
+@njit(cache=True, nogil=True)
 def local_places(affine, middle, inverse, table, first, n, x, y, z, place):
     """Places of the voxels of a buffer in their cell, by its affine map or from the table.
 

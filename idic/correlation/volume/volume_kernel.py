@@ -25,7 +25,7 @@ _INT = np.int32
 _ZERO = np.float32(0.0)
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@njit(cache=True, nogil=True)
 def _positions(x, y, z, u, steps, box, low, high, fraction, base, lost):
     """First tap and fractions of every voxel of a buffer; clamped and marked lost beyond the borders.
 
@@ -70,7 +70,7 @@ def spline_buffer(c, base, n, row, plane, degree, fraction, out):
         k += m
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@njit(cache=True, nogil=True)
 def _motion(coefficients, powers, n_terms, n, u):
     """Motion of the voxels of a buffer  # coefficients (3, n_terms) float32, powers (n_terms, BUFFER) -> u (3, n)"""
     for d in range(3):
@@ -94,13 +94,13 @@ def _dots3(p, x, y, z):
     return a, b, c
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@njit(cache=True, nogil=True)
 def _weighted(r, gx, gy, gz, out):
     for k in range(r.size):
         out[0, k], out[1, k], out[2, k] = r[k] * gx[k], r[k] * gy[k], r[k] * gz[k]
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@njit(cache=True, nogil=True)
 def _residuals(f, value, n, r):
     for k in range(n):
         r[k] = f[k] - value[k]
@@ -173,6 +173,42 @@ def volume_pass(elements, kind, n_terms, run_start, run, voxel_start, affine, mi
                     residual[first + k] = r[k]
                     for d in range(3):
                         fractions[d, first + k] = fraction[d, k]
+            s = t
+
+
+@njit(cache=True, nogil=True)
+def sums_of_values(elements, kind, n_terms, run_start, run, voxel_start, affine, middle, places, table_start, table,
+                   values, f, gx, gy, gz, mean, sums):
+    """Sums of the elements of a block as those of `volume_pass`, of given values in the place of a residual.
+
+    values, f, gx, gy, gz: of the voxels of the block, which begin at voxel_start[elements[0]]
+    """
+    begin, n_max = voxel_start[elements[0]], (sums.shape[1] - 3) // 3
+    powers = np.zeros((N_TERMS, BUFFER), np.float32)
+    x, y, z = np.empty(BUFFER, np.int32), np.empty(BUFFER, np.int32), np.empty(BUFFER, np.int32)
+    weighted, place = np.empty((3, BUFFER), np.float32), np.empty((3, BUFFER), np.float32)
+    for e in elements:
+        n = n_terms[kind[e]]
+        sums[e] = 0.0
+        j, passed, s = run_start[e], 0, voxel_start[e]
+        while s < voxel_start[e + 1]:
+            t = min(s + BUFFER, voxel_start[e + 1])
+            size, first, end = t - s, s - begin, t - begin
+            j, passed = fill_places(run, j, passed, size, x, y, z)
+            local_places(affine[e], middle[e], places[e], table, table_start[e] + s - voxel_start[e], size, x, y, z,
+                         place)
+            fill_monomials(kind[e], place, size, powers)
+            r = values[first:end]
+            _weighted(r, gx[first:end], gy[first:end], gz[first:end], weighted)
+            for m in range(n):
+                a, b, d = _dots3(powers[m, :size], weighted[0, :size], weighted[1, :size], weighted[2, :size])
+                sums[e, m] += a
+                sums[e, n_max + m] += b
+                sums[e, 2 * n_max + m] += d
+            rr, r1, rf = _grey_sums(r, f[first:end], mean[e])
+            sums[e, 3 * n_max] += rr
+            sums[e, 3 * n_max + 1] += r1
+            sums[e, 3 * n_max + 2] += rf
             s = t
 
 

@@ -187,7 +187,13 @@ def build_voxel_map(nodes_px: np.ndarray, cells: Sequence[Block], shape: tuple[i
     element, conn, kind, group = element[order[0]], conn[order[0]], kind[order[0]], order[1]
     geometry = coefficients_of(conn, kind, nodes_px)  # (n_elements, 3, n_max)
     runs, owner = _runs(geometry, kind, nodes_px[conn], shape, border)
+    n_covered = len(runs)
     runs, owner = _kept(runs, owner, shape, margin, mask)
+    if n_covered and not len(runs):
+        raise InputError("mask and margin leave no voxel of the mesh", key="experiment.mask",
+                         expected=f"places of the specimen wider than {2 * margin + 1} voxels", found="none",
+                         remedy="check the mask, [scanner] air_below_gv, and edge_margin_px under [options]; `idic "
+                                "check` draws mask and mesh in the volume")
     if not len(runs):
         low, high = nodes_px.min(axis=0), nodes_px.max(axis=0)
         raise InputError("no voxel lies in the mesh", key="scanner",

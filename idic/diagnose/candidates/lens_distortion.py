@@ -6,13 +6,15 @@ import numpy as np
 
 from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.physics.edits import further_dofs
-from idic.images import PlacedCamera
+from idic.images import PlacedCamera, Scanner
 
 PROBE_PX = 3.0  # in the corner of the image
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     camera, half = situation.experiment.model.camera, 0.5 * float(np.hypot(*situation.experiment.recording.image_shape))
+    if isinstance(camera, Scanner):
+        return ()
     if isinstance(camera, PlacedCamera):  # a coefficient of a lens counts in tangents of the angle of view
         coefficient, value = camera.lens.leading, camera.lens.values()[camera.lens.leading]
         probe = PROBE_PX * camera.lens.fx**2 / half**3

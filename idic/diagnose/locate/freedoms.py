@@ -15,7 +15,7 @@ from scipy.linalg import block_diag
 from idic.correlation import GREY, View, nodal_gradient
 from idic.diagnose.locate.tangents import Tangent
 from idic.diagnose.residual.residual_evidence import CameraResidual, ResidualEvidence
-from idic.images import CAMERA_PARAMETERS, PLACEMENT_STEM, PlacedCamera, RIGID
+from idic.images import CAMERA_PARAMETERS, PLACEMENT_STEM, PlacedCamera, RIGID, Scanner
 from idic.model import COMPONENTS, Model, set_nodes
 
 EDGE_MODE_DEGREE = 3  # of the modes along an edge
@@ -87,7 +87,8 @@ def camera_fields(residual: ResidualEvidence, index: int) -> np.ndarray:
 
     Grey images: every camera parameter of this frame alone (it moved, turned, its focus breathed), and distortion and
     tilt that were always there; of a lens, its place, focal length, centre and distortion. Heights: the specimen
-    shifted, turned, magnified in the image; levels of the instrument and its scale of heights.
+    shifted, turned, magnified in the image; levels of the instrument and its scale of heights. Volumes: a rigid motion
+    and another magnification of the scan.
     """
     frame = int(residual.evidence.frames[index])
     fields = [_of_camera(camera, frame, camera.turned(residual.u[index])) for camera in residual.cameras]
@@ -99,6 +100,8 @@ def _of_camera(camera: CameraResidual, frame: int, u: np.ndarray) -> np.ndarray:
     """What one camera may do in one frame  # (n_components n_nodes, q)"""
     experiment, view = camera.context.experiment, camera.view
     nodes = experiment.model.mesh.nodes
+    if isinstance(view.camera, Scanner):
+        return _of_scanner(view.camera, nodes + u)
     if view.kind != GREY:
         return _of_instrument(experiment.model, view, u)
     frame_view = view.at(frame)
@@ -112,6 +115,19 @@ def _of_camera(camera: CameraResidual, frame: int, u: np.ndarray) -> np.ndarray:
     gradient = nodal_gradient(experiment.model, u)
     still = [frame_view.camera_column(nodes, u, gradient, name) for name in constant]
     return np.column_stack(moved + still)
+
+
+def _of_scanner(scanner: Scanner, points: np.ndarray) -> np.ndarray:
+    """What a scanner may do in one scan: a rigid motion and another magnification; points : (n_nodes, 3) mm, deformed
+
+    Returns
+    -------
+    (3 n_nodes, 7) column, row, slice
+    """
+    arms = points - points.mean(axis=0)
+    moved = [np.broadcast_to(axis, arms.shape) for axis in np.eye(3)]
+    moved += [np.cross(axis, arms) for axis in np.eye(3)]
+    return np.stack([field @ scanner.matrix.T for field in (*moved, arms)], axis=-1).reshape(3 * len(arms), -1)
 
 
 def _unit(fields: np.ndarray) -> np.ndarray:

@@ -31,7 +31,8 @@ def left_place(residual: ResidualEvidence, grid: Grid) -> np.ndarray | None:
     camera = basis.first_node(evidence) // n_nodes
     strong = (excess > MIN_PEAK_SHARE * excess.max()) & (camera == camera[np.argmax(excess)])
     places, weights = basis.places[strong], excess[strong]
-    visible = grid.extent / [len(residual.cameras), 1]  # cameras stand side by side
+    visible = grid.extent.copy()
+    visible[0] /= len(residual.cameras)  # they stand side by side
     if np.ptp(places, axis=0).max() > MAX_EXTENT_SHARE * visible.max():
         return None
     middle = (weights[:, None] * places).sum(axis=0) / weights.sum()

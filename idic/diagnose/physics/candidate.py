@@ -124,7 +124,7 @@ class Variant:
     probe: Mapping[str, float] = field(default_factory=dict)
     sign: int = 0
     form: str | None = None
-    place: tuple[float, float] | None = None
+    place: tuple[float, ...] | None = None
     direct: bool = False
     exact: bool = False
     pixels: tuple[str, np.ndarray] | None = None

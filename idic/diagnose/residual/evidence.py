@@ -112,7 +112,7 @@ class Evidence:
     kappa : (T,); back : (T, n_nodes, c, c) takes a frame's nodal field to the reference image; channel_weight :
     (n_channels,) 1/variance; chi2 : r^T V^-1 r of the images before anything is eliminated; n_pixels : pixels in it,
     all frames; pixel_names : kind and number of the pixel columns; n_images : averaged to the reference; parameters :
-    at the values of the residual: their priors count like data.
+    at the values of the residual: their priors count like data; n_axes : of an image, 3 of a volume.
     """
 
     frames: np.ndarray
@@ -126,6 +126,7 @@ class Evidence:
     pixel_names: tuple[tuple[str, int], ...] = ()
     n_images: int = 1
     parameters: ParameterSet | None = None
+    n_axes: int = 2
 
     @property
     def share(self) -> float:

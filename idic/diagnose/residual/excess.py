@@ -71,22 +71,27 @@ def power(evidence: Evidence, size_px: np.ndarray | None = None) -> np.ndarray:
 
 
 def seen_planes(evidence: Evidence) -> tuple[int, ...]:
-    """Directions in the image along which motion is seen: columns and rows, of a cross-section columns alone."""
-    return tuple(k for k in (0, 1) if k in evidence.seen % evidence.n_components)
+    """Directions in the image along which motion is seen: columns and rows, of a cross-section columns alone, of a
+    volume slices, too."""
+    return tuple(k for k in range(evidence.n_axes) if k in evidence.seen % evidence.n_components)
 
 
 def pixel_tests(residual: ResidualEvidence) -> tuple[ExcessTest, ...]:
     """Omnibus and whiteness from one more look at some frames' pixels, runs from the channels.
 
-    Grey images only have the whiteness test; heights and sections the omnibus.
+    Grey images only have the whiteness test; heights and sections the omnibus; volumes, whose voxels are many and
+    whose correlation is measured otherwise (`idic.images.quality.volume_noise`), runs alone.
     """
+    runs = [_runs(residual.evidence, k) for k in range(len(residual.evidence.channel_weight))]
+    if residual.evidence.n_axes == 3:
+        return tuple(runs)
     sums = _Sums()
     chosen = np.unique(np.linspace(0, len(residual.evidence.parts) - 1, MAX_TESTED_FRAMES).astype(int))
     for index in chosen:
         for camera in residual.cameras:
             sums.add(*_white_pixels(residual, camera, int(index)), camera)
     tests = [sums.omnibus(), *sums.whiteness()]
-    return tuple(tests + [_runs(residual.evidence, k) for k in range(len(residual.evidence.channel_weight))])
+    return tuple(tests + runs)
 
 
 def _white_pixels(residual: ResidualEvidence, camera: CameraResidual, index: int) -> tuple[np.ndarray, np.ndarray]:

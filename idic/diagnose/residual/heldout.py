@@ -117,7 +117,7 @@ def readings(evidence: Evidence) -> np.ndarray:
 
 
 def positions(residual: ResidualEvidence) -> np.ndarray:
-    """Nodes in the reference image; of further cameras beside it, to the right  # (n_cameras n_nodes, 2) px"""
+    """Nodes in the reference image; of further cameras beside it, to the right  # (n_cameras n_nodes, d) px"""
     places, end = [], 0.0
     for number, camera in enumerate(residual.cameras):
         at = camera.context.camera.project(camera.view.points(camera.context.experiment.model.mesh.nodes))
@@ -130,9 +130,10 @@ def positions(residual: ResidualEvidence) -> np.ndarray:
 
 def grid_of(residual: ResidualEvidence, elements: float = FREE_MOTION_SPACING) -> Grid:
     """A grid over the visible region; elements : its spacing in element sizes of the visible mesh."""
-    at, experiment = positions(residual), residual.context.experiment
-    edges = [np.linalg.norm(at[block.connectivity[:, 0]] - at[block.connectivity[:, 1]], axis=1)
-             for block in surface_cells(experiment.model.mesh, experiment.model.surface)]
+    at, mesh = positions(residual), residual.context.experiment.model.mesh
+    cells = mesh.blocks if residual.evidence.n_axes == 3 else surface_cells(
+        mesh, residual.context.experiment.model.surface)
+    edges = [np.linalg.norm(at[block.connectivity[:, 0]] - at[block.connectivity[:, 1]], axis=1) for block in cells]
     return grid_over(residual.evidence, at, elements * float(np.median(np.concatenate(edges))))
 
 

@@ -18,7 +18,7 @@ from scipy import sparse
 from idic.correlation import (
     CorrelationContext, FrameResponse, GREY, GreyReference, NodalEquations, View, blur_bias,
     build_experiment_reference, camera_at, channel_equations, correlated_frames, global_columns, turned_response,
-    view_of, with_all_cameras,
+    VolumeReference, view_of, with_all_cameras,
 )
 from idic.diagnose.residual.evidence import Columns, Evidence, FrameEvidence, noise_share
 from idic.diagnose.residual.grey_value_effects import (
@@ -233,9 +233,11 @@ class _CameraPasses:
     @property
     def _n_brightness(self) -> int:
         """Columns of gain and offset of a frame; a blur has one more."""
+        brightness = self.context.experiment.options.brightness
+        if isinstance(self.context.reference, VolumeReference):
+            return self.context.reference.layout(brightness).n_columns
         if not _is_grey(self.context):
             return 0
-        brightness = self.context.experiment.options.brightness
         return grey_image(self.context).layout(brightness).n_columns
 
     def white(self, t: int, root: float, c: float) -> tuple[np.ndarray, np.ndarray]:
@@ -278,7 +280,7 @@ def _assemble(contexts: Sequence[CorrelationContext], responses: Sequence[FrameR
                         context.weights.channel_noise**-2.0,
                         sum(camera.chi2 * camera.inverse_variance for camera in passes),
                         sum(share.n_valid for camera in passes for share in camera.sums), tuple(parts), names, n_images,
-                        context.parameters)
+                        context.parameters, 3 if isinstance(context.reference, VolumeReference) else 2)
     return ResidualEvidence(evidence, Columns(context.names, np.array(fields), np.array(channels)),
                     np.array([r.u for r in responses]), np.array([r.channels for r in responses]),
                     tuple(CameraResidual(camera.context, camera.view, camera.shared,
@@ -375,10 +377,16 @@ class _ResidualMaps:
         """r (n_pixels,) GV and valid (n_pixels,) of the t-th frame."""
         if t in self.kept:
             return self.kept[t]
-        pixels = self.context.reference.compare_pixels(self.context.experiment, self.frames[t], self.motions[t],
-                                                       np.zeros(0))
-        if pixels.r.nbytes * len(self) < MAX_KEPT_BYTES:
-            self.kept[t] = pixels.r, pixels.valid
+        r, valid = self._looked_at(t)
+        if r.nbytes * len(self) < MAX_KEPT_BYTES:
+            self.kept[t] = r, valid
+        return r, valid
+
+    def _looked_at(self, t: int) -> tuple[np.ndarray, np.ndarray]:
+        reference, experiment = self.context.reference, self.context.experiment
+        if isinstance(reference, VolumeReference):  # all voxels, of which reports look at three sections
+            return reference.voxel_residuals(experiment.recording.volumes, self.frames[t], self.motions[t])[:2]
+        pixels = reference.compare_pixels(experiment, self.frames[t], self.motions[t], np.zeros(0))
         return pixels.r, pixels.valid
 
 

@@ -8,6 +8,7 @@ expectation under noise is known without a simulation.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from scipy import sparse
@@ -25,8 +26,8 @@ class Grid:
     Models of one recording that are compared share it: a lens that a model adds moves the nodes, and a row of cells
     more or less would be taken for a better or worse model.
 
-    at : (n_nodes, 2) px, column and row of the nodes, camera by camera; low, extent : (2,) px, its corner and size;
-    cells : (2,) numbers
+    at : (n_nodes, d) px, column and row of the nodes, camera by camera, of a volume with the slice; low, extent : (d,)
+    px, its corner and size; cells : (d,) numbers
     """
 
     at: np.ndarray
@@ -40,7 +41,7 @@ def grid_over(evidence: Evidence, at: np.ndarray, spacing_px: float) -> Grid:
 
     Parameters
     ----------
-    at : (n_nodes, 2) px, the nodes in the reference image
+    at : (n_nodes, d) px, the nodes in the reference image
     """
     points = at[np.unique(evidence.seen // evidence.n_components)]
     low, extent = points.min(axis=0), np.maximum(np.ptp(points, axis=0), 1e-9)
@@ -52,7 +53,7 @@ class Basis:
     """Motions that are free in every frame.
 
     fields : (n_seen, p) image motion at the seen dofs, px (height images: their unit for the third component); places :
-    (p, 2) column, row of the hat in the reference image; component : (p,) 0 column, 1 row, 2 height.
+    (p, d) place of the hat in the reference image; component : (p,) 0 column, 1 row, 2 height or slice.
     """
 
     fields: sparse.csr_array
@@ -70,27 +71,25 @@ class Basis:
 
 
 def hats(evidence: Evidence, grid: Grid) -> Basis:
-    """Bilinear hats of a grid."""
+    """Hats of a grid, linear along each axis."""
     c, cells = evidence.n_components, grid.cells
     node, component = np.divmod(evidence.seen, c)
     at = np.clip((grid.at[node] - grid.low) / grid.extent, 0.0, 1.0) * cells  # in cells
     first = np.minimum(at.astype(int), cells - 1)
     offset = at - first
     rows, columns, values = [], [], []
-    n_grid = (cells[0] + 1) * (cells[1] + 1)
-    for i in (0, 1):
-        for j in (0, 1):
-            weight = np.abs(1 - i - offset[:, 0]) * np.abs(1 - j - offset[:, 1])
-            corner = (first[:, 0] + i) * (cells[1] + 1) + first[:, 1] + j
-            rows.append(np.arange(len(node)))
-            columns.append(component * n_grid + corner)
-            values.append(weight)
+    n_grid = int(np.prod(cells + 1))
+    for side in product((0, 1), repeat=len(cells)):
+        weight = np.prod(np.abs(1 - np.array(side) - offset), axis=1)
+        rows.append(np.arange(len(node)))
+        columns.append(component * n_grid + np.ravel_multi_index((first + side).T, cells + 1))
+        values.append(weight)
     fields = sparse.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
                               shape=(len(node), c * n_grid))
     weight = fields.sum(axis=0)
     keep = np.flatnonzero(weight > 0.0)
     corner, kind = keep % n_grid, keep // n_grid
-    places = grid.low + np.column_stack([corner // (cells[1] + 1), corner % (cells[1] + 1)]) / cells * grid.extent
+    places = grid.low + np.column_stack(np.unravel_index(corner, cells + 1)) / cells * grid.extent
     return Basis(sparse.csr_array(fields[:, keep]), places, kind)
 
 
@@ -99,11 +98,12 @@ def affine(evidence: Evidence, positions: np.ndarray) -> Basis:
     c = evidence.n_components
     node, component = np.divmod(evidence.seen, c)
     middle, size = positions[node].mean(axis=0), np.maximum(np.ptp(positions[node], axis=0), 1e-9)
-    monomials = np.column_stack([np.ones(len(node)), (positions[node] - middle) / size])  # (n_seen, 3)
-    fields = np.zeros((len(node), 3 * c))
+    monomials = np.column_stack([np.ones(len(node)), (positions[node] - middle) / size])  # (n_seen, 1 + d)
+    n = monomials.shape[1]
+    fields = np.zeros((len(node), n * c))
     for k in range(c):
-        fields[component == k, 3 * k:3 * k + 3] = monomials[component == k]
-    return Basis(sparse.csr_array(fields), np.tile(middle, (3 * c, 1)), np.repeat(np.arange(c), 3))
+        fields[component == k, n * k:n * (k + 1)] = monomials[component == k]
+    return Basis(sparse.csr_array(fields), np.tile(middle, (n * c, 1)), np.repeat(np.arange(c), n))
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,5 +195,6 @@ def effect_px(evidence: Evidence, basis: Basis) -> np.ndarray:
     sum |grad f|^2), 0 where the gain is below its expectation.
     """
     explanation = explained(evidence, basis)
-    power = np.array([part.A.diagonal().sum() / 2.0 for part in evidence.parts])  # sum |grad f|^2 N^2 / sigma^2
+    # sum |grad f|^2 N^2 / sigma^2
+    power = np.array([part.A.diagonal().sum() / evidence.n_axes for part in evidence.parts])
     return np.sqrt(np.maximum(explanation.gain - explanation.rank, 0.0) / np.maximum(power, 1e-300))

@@ -17,9 +17,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numba import njit
 
 from idic.identification import logged_noise
-from idic.images import StackView, coloured
+from idic.images import StackView, VolumeStack, coloured
 from idic.model import Channel, Experiment, FieldPoints, FurtherCamera, Noise
 
 CHOICE, JUDGEMENT = 1, -1  # signs of e
@@ -68,6 +69,40 @@ class ThinnedStack(StackView):
         return noise if correlated is None else coloured(noise, np.array(correlated.correlation))
 
 
+@dataclass(frozen=True, eq=False)
+class ThinnedVolumes:
+    """Volumes with noise added on reading; the same numbers in every process.
+
+    A number of every voxel decides its noise, so that a block is the same wherever it is cut. It is independent from
+    voxel to voxel and as large as scatters sums against the gradient like that of the scans, which may be correlated
+    (`idic.images.quality.volume_noise`): fits are made of those sums.
+
+    std_gv : of the added noise; sign : +1 or -1; seed : what the noise is drawn from, together with scan and voxel
+    """
+
+    volumes: VolumeStack
+    std_gv: float
+    sign: int
+    seed: int
+
+    @property
+    def n_frames(self) -> int:
+        return self.volumes.n_frames
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        return self.volumes.shape
+
+    def block(self, k: int, z: slice, y: slice, x: slice) -> np.ndarray:
+        """A block of scan `k` with its share of noise  # (slices, rows, columns) float32"""
+        block = np.array(self.volumes.block(k, z, y, x), dtype=np.float32)
+        first = [part.indices(n)[0] for part, n in zip((z, y, x), self.shape, strict=True)]
+        _, ny, nx = self.shape
+        key = np.random.SeedSequence([self.seed, k]).generate_state(1, np.uint64)[0]
+        _add_noise(block, np.array(first, dtype=np.int64), ny, nx, key, np.float32(self.sign * self.std_gv))
+        return block
+
+
 def thinned(experiment: Experiment, sign: int, seed: int) -> Experiment:
     """One of the two copies of a recording, its noise figures raised by sqrt(2).
 
@@ -80,9 +115,11 @@ def thinned(experiment: Experiment, sign: int, seed: int) -> Experiment:
                     for number, camera in enumerate(experiment.cameras, start=1))
     channels = tuple(_thinned_channel(channel, logged_noise(experiment.model, channel), sign, seed, number)
                      for number, channel in enumerate(experiment.model.channels))
-    return replace(experiment, recording=replace(recording, stack=ThinnedStack(recording.stack, recording.noise, sign,
-                                                                               seed, points=recording.points),
-                                                 noise=_noisier(recording.noise)),
+    if recording.quantity == "volume":
+        stack = ThinnedVolumes(recording.volumes, recording.noise.in_sums_gv, sign, seed)
+    else:
+        stack = ThinnedStack(recording.stack, recording.noise, sign, seed, points=recording.points)
+    return replace(experiment, recording=replace(recording, stack=stack, noise=_noisier(recording.noise)),
                    model=replace(experiment.model, channels=channels), cameras=cameras)
 
 
@@ -102,3 +139,24 @@ def _thinned_camera(camera: FurtherCamera, sign: int, seed: int, number: int) ->
 def _thinned_channel(channel: Channel, std: float, sign: int, seed: int, number: int) -> Channel:
     noise = np.random.default_rng([seed, 1_000_000 + number]).standard_normal(len(channel.values))
     return replace(channel, values=channel.values + sign * std * noise, noise_std=float(np.sqrt(2.0) * std))
+
+
+@njit(cache=True, nogil=True)
+def _add_noise(block, first, ny, nx, key, std):
+    """Normal noise by Box and Muller from the mixed number of a voxel  # block (nz, ny, nx) float32, in place"""
+    for i in range(block.shape[0]):
+        for j in range(block.shape[1]):
+            start = ((first[0] + i) * ny + first[1] + j) * nx + first[2]
+            for m in range(block.shape[2]):
+                bits = _mixed(key + np.uint64(start + m) * np.uint64(0x9E3779B97F4A7C15))
+                radius = np.sqrt(-2.0 * np.log((float(bits >> np.uint64(32)) + 1.0) * 2.0**-32))
+                angle = 2.0 * np.pi * float(bits & np.uint64(0xFFFFFFFF)) * 2.0**-32
+                block[i, j, m] += std * np.float32(radius * np.cos(angle))
+
+
+@njit(cache=True, nogil=True)
+def _mixed(number):
+    """All bits of a number depend on all of it (SplitMix64; Steele, Lea & Flood 2014, doi:10.1145/2714064.2660195)."""
+    number = (number ^ (number >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    number = (number ^ (number >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return number ^ (number >> np.uint64(31))

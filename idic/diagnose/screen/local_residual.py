@@ -60,7 +60,7 @@ def _new_inclusions(base: Experiment, enriched: Experiment,
 
 def _in_images(residual: ResidualEvidence, centre: np.ndarray, radius: float) -> list[tuple[np.ndarray, float]]:
     """A circle on the body as every camera sees it: centre (2,) px where `positions` has the camera, radius px."""
-    rim = radius * np.eye(len(centre))[:2]
+    rim = radius * np.eye(len(centre))[:residual.evidence.n_axes]
     points, places, circles = np.vstack([centre, centre + rim, centre - rim]), positions(residual), []
     for camera, nodes in zip(residual.cameras, np.split(places, len(residual.cameras)), strict=True):
         def seen(of_mesh: np.ndarray, camera: CameraResidual = camera) -> np.ndarray:

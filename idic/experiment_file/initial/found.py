@@ -111,12 +111,11 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
         contents.outline, holes = area(first)
         contents.holes = [hole for hole in holes if is_circle(hole)]
         contents.speckle_px = speckle_size(first, _box(contents.outline, first.shape))
-    formats = set(mesh_suffixes()) - set(_NO_MESHES)
-    _find_mesh([path for path in files if path.suffix.lower() in formats], contents)
+    _find_mesh(files, contents)
     if contents.mesh is None and (n_irregular := len(holes) - len(contents.holes)):
         contents.notes.append(f"{n_irregular} {'hole is' if n_irregular == 1 else 'holes are'} not round and left out: "
                               "the mesh covers them, although they have no pattern; idic draw draws holes of any shape")
-    _find_log([path for path in files if path.suffix.lower() in _LOG_SUFFIXES], contents)
+    _find_log(files, contents)
     return contents
 
 
@@ -126,6 +125,12 @@ def _box(outline: list, shape: tuple[int, int]) -> np.ndarray:
     low, high = segments_of(outline).box() if outline else ((0, 0), (shape[1], shape[0]))
     region[max(int(low[1]), 0):int(high[1]) + 1, max(int(low[0]), 0):int(high[0]) + 1] = True
     return region
+
+
+def find_model(files: list[Path], contents: Found) -> None:
+    """The mesh and the log among the files."""
+    _find_mesh(files, contents)
+    _find_log(files, contents)
 
 
 def _find_mask(paths: list[Path], contents: Found) -> None:
@@ -142,7 +147,9 @@ def _find_mask(paths: list[Path], contents: Found) -> None:
         contents.notes.append(f"{path.name} is no mask: it is {shape[1]} x {shape[0]} px")
 
 
-def _find_mesh(paths: list[Path], contents: Found) -> None:
+def _find_mesh(files: list[Path], contents: Found) -> None:
+    formats = set(mesh_suffixes()) - set(_NO_MESHES)
+    paths = [path for path in files if path.suffix.lower() in formats]
     for path in paths:
         try:
             raw = read_mesh_file(path)
@@ -158,8 +165,8 @@ def _find_mesh(paths: list[Path], contents: Found) -> None:
         return
 
 
-def _find_log(paths: list[Path], contents: Found) -> None:
-    for path in paths:
+def _find_log(files: list[Path], contents: Found) -> None:
+    for path in (path for path in files if path.suffix.lower() in _LOG_SUFFIXES):
         try:
             log = read_log(path)
         except InputError as error:

@@ -27,7 +27,7 @@ def lines_of(contents: Found, text: str) -> list[str]:
              "to identify  E from 70 000 MPa and nu from 0.3 of the law elastic, typical of aluminium: replace them by "
              "the law of your material (idic laws) and starting values",
              *(f"note         {note}" for note in contents.notes)]
-    open_ = [_key(line) for line in text.splitlines() if FILL_IN in line]
+    open_ = [key_of(line) for line in text.splitlines() if FILL_IN in line]
     return [*lines, f"fill in      {', '.join(dict.fromkeys(key for key in open_ if key))}"]
 
 
@@ -104,7 +104,7 @@ def _columns_without_unit(contents: Found) -> Iterator[str]:
                f"{', '.join(without)}. Write it in the name (force_N, grip_mm) or next to the column (unit = \"N\")")
 
 
-def _key(line: str) -> str:
+def key_of(line: str) -> str:
     """The key of a line that is marked, "" in a comment without one."""
     name = line.lstrip("# ").partition("=")[0].strip()
     return name if name.replace("_", "").isalnum() else ""

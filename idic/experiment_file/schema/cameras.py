@@ -208,7 +208,7 @@ class ScannerTable(Strict):
 
     voxel_mm : side of a voxel, or its sides along column, row and slice; None: as the files state. origin_px : column,
     row and slice of the mesh origin. axes : of the volume along mesh x, y and z. motion = "free": rigid motion of every
-    scan.
+    scan. air_below_gv : a grey value of the reference below it is air, which is not compared.
     """
 
     voxel_mm: Positive | Voxel | None = None
@@ -217,6 +217,7 @@ class ScannerTable(Strict):
                     Field(min_length=3, max_length=3)] | None = None
     noise_std_gv: Positive | None = None
     motion: Literal["free"] | None = None
+    air_below_gv: float | None = None
 
     @property
     def sides(self) -> list[float] | None:

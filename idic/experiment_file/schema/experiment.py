@@ -230,10 +230,10 @@ class ExperimentTable(Strict):
             if self.quantity == "volume":
                 raise refuse("volumes without scans", 'volumes = "scans/*.tif"', "name the scans", "no volumes")
             return self
-        extra = [name for name in ("images", "fields", "mask", "symmetry", "surface") if getattr(self, name)]
+        extra = [name for name in ("images", "fields", "symmetry", "surface") if getattr(self, name)]
         if extra or self.quantity != "volume":
-            raise refuse("a key of images next to volumes", "volumes without images, fields, surface, mask, symmetry "
-                         "and quantity", f"leave out {', '.join(extra) or 'quantity'}",
+            raise refuse("a key of images next to volumes", "volumes without images, fields, surface, symmetry and "
+                         "quantity", f"leave out {', '.join(extra) or 'quantity'}",
                          ", ".join(extra) or self.quantity)
         if self.kind != "solid":
             raise refuse("volumes of a plane model", 'kind = "solid"', "mesh the specimen with hex8, hex20, tet4 or "

@@ -59,10 +59,13 @@ class SolidSmoother:
 
 
 def volume_motion(experiment: Experiment, length_px: float | None = None,
-                  progress: Callable[[int, int], None] | None = None) -> VolumeMotionMeasured:
-    """Measure the motion of all nodes in all scans; no law and no force is used.
+                  progress: Callable[[int, int], None] | None = None,
+                  frames: Sequence[int] | None = None) -> VolumeMotionMeasured:
+    """Measure the motion of all nodes in the scans; no law and no force is used.
 
-    length_px : of the regularisation; None: twice the distance of the nodes, at least `MIN_LENGTH_PX`
+    length_px : of the regularisation; None: twice the distance of the nodes, at least `MIN_LENGTH_PX`; infinite: the
+    motion is affine
+    frames : scans, each of which begins at the motion of the one before; None: all after the reference
 
     Raises
     ------
@@ -71,17 +74,21 @@ def volume_motion(experiment: Experiment, length_px: float | None = None,
     """
     model, options = experiment.model, experiment.options
     blurred = replace(experiment, options=replace(options, lowpass_px=max(options.lowpass_px, BLUR_PX)))
-    references = [(view, build_experiment_reference(view, model.camera)) for view in (blurred, experiment)]
+    is_affine = length_px is not None and np.isinf(length_px)
+    references = [(view, build_experiment_reference(view, model.camera))
+                  for view in ((blurred,) if is_affine else (blurred, experiment))]
     nodes_px = model.camera.project(model.mesh.nodes)
-    smoother = solid_smoother(nodes_px, model.mesh.blocks, length_px)
+    smoother = None if is_affine else solid_smoother(nodes_px, model.mesh.blocks, length_px)
     n_frames, shape = model.n_frames, nodes_px.shape
     u_mm, rms, count = np.full((n_frames, *shape), np.nan), np.full(n_frames, np.nan), np.zeros(n_frames, dtype=int)
     u_mm[model.reference], start = 0.0, np.zeros(shape)
-    frames = [k for k in range(model.reference + 1, n_frames) if k not in experiment.recording.excluded]
+    if frames is None:
+        frames = [k for k in range(model.reference + 1, n_frames) if k not in experiment.recording.excluded]
     back = np.linalg.inv(model.camera.matrix)
     for n_done, frame in enumerate(frames, 1):
-        u = _affine(*references[0], frame, start, nodes_px)
-        u, rms[frame], count[frame], converged = _nodal(*references[1], frame, u, smoother)
+        u, count[frame], converged = _affine(*references[0], frame, start, nodes_px)
+        if smoother is not None:
+            u, rms[frame], count[frame], converged = _nodal(*references[1], frame, u if converged else start, smoother)
         if converged:
             start, u_mm[frame] = u, u @ back.T
         if progress is not None:
@@ -100,24 +107,25 @@ def solid_smoother(nodes_px: np.ndarray, blocks: Sequence[Block], length_px: flo
 
 
 def _affine(experiment: Experiment, reference: VolumeReference, frame: int, start: np.ndarray,
-            nodes_px: np.ndarray) -> np.ndarray:
-    """The motion after an affine one is added that makes the residual of blurred volumes small  # (n_nodes, 3) px"""
+            nodes_px: np.ndarray) -> tuple[np.ndarray, int, bool]:
+    """The motion (n_nodes, 3) px after an affine one is added that makes the residual of blurred volumes small,
+    iterations, whether it stayed within reach."""
     centred = (nodes_px - nodes_px.mean(axis=0)) / np.ptp(nodes_px, axis=0).max()
     fields = np.column_stack([np.ones(len(centred)), centred])  # (n_nodes, 4)
     modes = np.einsum("nk,cd->nckd", fields, np.eye(3)).reshape(3 * len(fields), -1)
     u = start.copy()
-    for _ in range(MAX_ITERATIONS):
+    for count in range(1, MAX_ITERATIONS + 1):
         nodal = reference.compare(experiment, frame, u)
         gram = nodal.gram(modes)
         step = np.linalg.lstsq(gram.matrix, gram.rhs, rcond=1e-10)[0][:modes.shape[1]]
         change = (modes @ step).reshape(u.shape)
         size = float(np.sqrt(np.mean(change**2)))
         if not size < MAX_STEP_PX:
-            return start
+            return u, count, False
         u += change
         if size < AFFINE_TOLERANCE_PX:
             break
-    return u
+    return u, count, True
 
 
 def _nodal(experiment: Experiment, reference: VolumeReference, frame: int, start: np.ndarray,

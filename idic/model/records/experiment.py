@@ -11,12 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from idic.errors import InputError
 from idic.images import PlacedCamera, normal_sign
 from idic.model.records.gauges import Gauge
 from idic.model.records.model import Model
 from idic.model.records.options import Options, Stage
-from idic.model.records.recording import CAMERA_TIME, FurtherCamera, Recording
+from idic.model.records.recording import CAMERA_TIME, FurtherCamera, ReadMask, Recording
 from idic.parameters import ParameterSet
 
 
@@ -45,12 +44,13 @@ class Experiment:
         model = self.model.at_geometry(parameters)
         return self if model is self.model else replace(self, model=model)
 
-    def refuse_volumes(self, work: str) -> None:
-        """InputError where an experiment on volumes is given to `work`, which knows images and measured fields."""
-        if self.recording.quantity == "volume":
-            raise InputError(f"{work} of volumes is not available", file="experiment.toml", key="experiment.volumes",
-                             expected="images, or measured fields", found=self.recording.in_words(),
-                             remedy="idic check, identify, report and systematic take volumes (docs/volumes.md)")
+    @property
+    def voxel_mask(self) -> ReadMask | None:
+        """Reads blocks of the mask of volumes, True: compared; None: all voxels of the mesh are."""
+        recording = self.recording
+        if recording.voxel_mask is None:
+            return None
+        return recording.voxel_mask(recording.volumes, recording.averaged or (self.model.reference,))
 
     @property
     def time_offset(self) -> str:

@@ -5,7 +5,7 @@ Grey values and pixels; mm, s, MPa and N elsewhere.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import cast
 
@@ -14,6 +14,8 @@ import numpy as np
 from idic.images import AnyCamera, Stabiliser, Stack, VolumeStack, picture, picture_shape
 
 
+ReadMask = Callable[[slice, slice, slice], np.ndarray]  # a block of a mask: slices, rows, columns
+VoxelMasks = Callable[[VolumeStack, Sequence[int]], ReadMask]
 CAMERA_TIME = "time_offset"  # last word of the degree of freedom of a camera
 
 
@@ -148,6 +150,7 @@ class Recording:
     labels: tuple[str, ...]  # one per frame: file names
     excluded: tuple[int, ...] = ()
     mask: np.ndarray | None = None  # (ny, nx) bool: True = correlate
+    voxel_mask: VoxelMasks | None = None  # of volumes, by their stack and the scans of the reference
     # grey | height (topography: pixel values are heights) | displacement (measured fields) | volume (scans of a solid)
     quantity: str = "grey"
     height_unit: float = 1.0  # mm per unit of pixel value of a height image

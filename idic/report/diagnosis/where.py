@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,8 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from idic.report.figures.axes.time_axis import label_frames
+from idic.fe import Mesh
+from idic.report.evidence.volumes.shown_mesh import element_sections
 from idic.report.figures.style import (
     BLUE,
     FAINT,
@@ -42,7 +45,8 @@ class WhereRecord:
     Attributes
     ----------
     reference : (ny, nx) image, or None
-    outlines : (n_elements) list of (k, 2) corners in px; of a cross-section in its own plane, mm
+    outlines : (n_elements) list of polygons (k, 2) in px, one per element; of a cross-section in its own plane, mm; of
+        a volume those that three sections cut out, none of an element beside them
     section : bool, whether the outlines are those of a cross-section
     since_active : (n_elements,) first frame in which the selected law acts in the enriched model, -1 never; None
     statistic : (n_elements,) of the source map, p : (n_elements,) family-wise, 1 where an element has the other sign
@@ -58,7 +62,7 @@ class WhereRecord:
     """
 
     reference: np.ndarray | None
-    outlines: list[np.ndarray]
+    outlines: list[list[np.ndarray]]
     statistic: np.ndarray
     p: np.ndarray
     source_elements: np.ndarray
@@ -78,6 +82,20 @@ class WhereRecord:
     words: dict[str, str]
     section: bool = False
     since_active: np.ndarray | None = None
+
+    @staticmethod
+    def sections(mesh: Mesh, nodes_px: np.ndarray, shape: tuple[int, int, int],
+                 at: tuple[int, int, int]) -> list[list[np.ndarray]]:
+        """Outlines of the elements of a volume (nz, ny, nx) in sections at (column, row, slice)."""
+        return element_sections(mesh, nodes_px, shape, at)
+
+    def cells(self, elements: Iterable[int]) -> list[np.ndarray]:
+        """Outlines of these elements."""
+        return [polygon for e in elements for polygon in self.outlines[e]]
+
+    def values(self, elements: np.ndarray, of_elements: np.ndarray) -> np.ndarray:
+        """A value per element for each of its outlines  # (n,), (n_elements,) -> (n_outlines,)"""
+        return np.repeat(of_elements[elements], [len(self.outlines[e]) for e in elements])
 
 
 def pictures(record: WhereRecord) -> tuple[Picture, ...]:
@@ -99,17 +117,17 @@ def source_map(record: WhereRecord) -> Picture | None:
             axis.imshow(record.reference, cmap="gray", alpha=0.75)
         strong = np.flatnonzero((record.p < 0.01) & (record.statistic > 0.1 * record.statistic.max()))
         norm = LogNorm(max(0.1 * record.statistic.max(), 1.0), max(record.statistic.max(), MIN_COLOUR_LIMIT))
-        cloud = PolyCollection([record.outlines[e] for e in strong], array=record.statistic[strong], cmap=SEQUENTIAL,
+        cloud = PolyCollection(record.cells(strong), array=record.values(strong, record.statistic), cmap=SEQUENTIAL,
                                norm=norm, alpha=0.75, linewidths=0)
         axis.add_collection(cloud)
         since = record.since[record.source_elements]
         for frame, colour in zip(np.unique(since[np.isfinite(since)]), (RED, ORANGE, GREEN, SKY, BLUE, GREY),
                                  strict=False):
-            axis.add_collection(PolyCollection([record.outlines[e] for e in record.source_elements[since == frame]],
+            axis.add_collection(PolyCollection(record.cells(record.source_elements[since == frame]),
                                                facecolors="none", edgecolors=colour, linewidths=1.6,
                                                label=f"source element, from frame {int(frame)}"))
         if record.blind.any():
-            axis.add_collection(PolyCollection([record.outlines[e] for e in np.flatnonzero(record.blind)],
+            axis.add_collection(PolyCollection(record.cells(np.flatnonzero(record.blind)),
                                                facecolors="none", edgecolors=GREY, hatch="////", linewidths=0.0,
                                                label="blind: no pixels"))
         _frame_axis(axis, record, low, high)
@@ -124,7 +142,7 @@ def _extent(record: WhereRecord, required: np.ndarray) -> tuple[np.ndarray, np.n
     elements = range(record.blind.size)
     if record.section and not record.blind.all():
         elements = np.union1d(np.flatnonzero(~record.blind), required)
-    corners = np.concatenate([record.outlines[e] for e in elements])
+    corners = np.concatenate(record.cells(elements))
     low, high = corners.min(axis=0), corners.max(axis=0)
     if record.section:
         return low, high, (10.0, 3.4)
@@ -135,7 +153,7 @@ def _extent(record: WhereRecord, required: np.ndarray) -> tuple[np.ndarray, np.n
 
 def _frame_axis(axis, record: WhereRecord, low: np.ndarray, high: np.ndarray) -> None:
     if record.section:
-        axis.add_collection(PolyCollection(record.outlines, facecolors="none", edgecolors=FAINT, linewidths=0.4,
+        axis.add_collection(PolyCollection(record.cells(range(len(record.outlines))), facecolors="none", edgecolors=FAINT, linewidths=0.4,
                                            zorder=0))
         margin = 0.03 * (high - low)
         axis.set(xlim=(low[0] - margin[0], high[0] + margin[0]), ylim=(low[1] - margin[1], high[1] + margin[1]),
@@ -158,7 +176,7 @@ def active_map(record: WhereRecord) -> Picture | None:
         axis = figure.subplots()
         if record.reference is not None:
             axis.imshow(record.reference, cmap="gray", alpha=0.75)
-        cloud = PolyCollection([record.outlines[e] for e in acting], array=record.since_active[acting].astype(float),
+        cloud = PolyCollection(record.cells(acting), array=record.values(acting, record.since_active).astype(float),
                                cmap=SEQUENTIAL, edgecolors="white", linewidths=0.3)
         earliest, latest = record.since_active[acting].min(), record.since_active[acting].max()
         cloud.set_clim(earliest, max(latest, earliest + 1))

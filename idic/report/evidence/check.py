@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import binary_erosion
 
-from idic.identification import planned_increments, repeated_readings
+from idic.identification import check_volume_axes, planned_increments, repeated_readings
 from idic.experiment_file import corners_px, recorded, seen_nodes, seen_region, visible_cells
 from idic.images import largest_value, saturated_share, speckle_size
 from idic.measure import FrameSequence
@@ -237,6 +237,7 @@ def _check_volume(experiment: Experiment, draw: bool) -> CheckReport:
     """The facts on volumes."""
     model, recording = experiment.model, experiment.recording
     facts, labels = volume_facts(experiment), recording.labels
+    check_volume_axes(experiment)
     nz, ny, nx = recording.volumes.shape
     voxel = " x ".join(f"{side:.6g}" for side in dict.fromkeys(model.camera.voxel_mm.tolist()))
     return CheckReport(

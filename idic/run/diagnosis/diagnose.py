@@ -48,7 +48,6 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: i
         If the identified model finds no equilibrium on a copy of the recording.
     """
     source, identification = open_source(run)
-    identification.experiment.refuse_volumes("a diagnosis")
     accepted = identification.state.accepted
     stage("floor of the camera, register and spots of the images")
     floor = measured_floor(PointJob(str(run), accepted.number, accepted.values), runner)

@@ -11,6 +11,7 @@ from idic.diagnose import (
     Diagnosis, Mismatch, ResidualEvidence, SelectedEffect, element_centres, holds_motion, place_words,
 )
 from idic.fe import cell_type
+from idic.images import picture
 from idic.model import Experiment, Model
 from idic.report import Picture, WhereRecord, pictures, spot_picture, time_label
 
@@ -45,10 +46,9 @@ def where_record(residual: ResidualEvidence, mismatch: Mismatch, selected: Selec
              "where": place_words(mismatch, experiment.model.length_unit) or "",
              "when": _when(begin, interval, mismatch.visible_frame), "course": mismatch.course.words}
     shares = {name: nested_tests.share(name) for name in nested_tests.levels if name not in ("force", "brightness")}
+    reference, outlines = _picture_and_outlines(residual, mismatch)
     return WhereRecord(
-        reference=experiment.recording.picture(experiment.model.reference) if evidence.n_components == 2
-        or experiment.recording.points else None,
-        outlines=_outlines(experiment.model, residual), statistic=source_map.statistic,
+        reference=reference, outlines=outlines, statistic=source_map.statistic,
         p=np.where(source_map.same_sign, source_map.p, 1.0), source_elements=source_elements,
         since=source_map.first_frames(evidence.frames, begin), blind=_blind(experiment, residual),
         times=abscissa[evidence.frames], time_label=time_label(abscissa),
@@ -68,6 +68,24 @@ def _when(begin: int | None, interval: tuple[int, int] | None, visible: int | No
         return "The mismatch is present from the start" + ("." if visible is None else
                                                            f" and more than noise from frame {visible} on.")
     return f"The mismatch begins at frame {begin}" + (f" (95 %: {interval[0]} to {interval[1]})." if interval else ".")
+
+
+def _picture_and_outlines(residual: ResidualEvidence,
+                          mismatch: Mismatch) -> tuple[np.ndarray | None, list[list[np.ndarray]]]:
+    """The reference image, and the elements on it; of a volume in three sections through the place."""
+    experiment, evidence = residual.context.experiment, residual.evidence
+    model, recording = experiment.model, experiment.recording
+    if recording.quantity == "volume":
+        nodes_px, scans = residual.context.camera.project(model.mesh.nodes), recording.volumes
+        middle = nodes_px.mean(axis=0) if mismatch.place is None else residual.context.camera.project(
+            mismatch.place.centroid[None])[0]
+        column, row, plane = np.clip(np.rint(middle), 0, np.array(scans.shape)[::-1] - 1).astype(int).tolist()
+        at = column, row, plane
+        return (picture(lambda *block: scans.block(model.reference, *block), scans.shape, at),
+                WhereRecord.sections(model.mesh, nodes_px, scans.shape, at))
+    is_shown = evidence.n_components == 2 or recording.points
+    return (recording.picture(model.reference) if is_shown else None,
+            [[outline] for outline in _outlines(model, residual)])
 
 
 def _outlines(model: Model, residual: ResidualEvidence) -> list[np.ndarray]:
@@ -92,7 +110,7 @@ def _blind(experiment: Experiment, residual: ResidualEvidence) -> np.ndarray:
     blind = np.ones(model.mesh.n_elements, dtype=bool)
     for camera in residual.cameras:
         owners = np.asarray(camera.context.reference.pixel_map.element)
-        if model.n_dim == 3:  # faces, of one kind
+        if model.n_dim == 3 and residual.evidence.n_axes == 2:  # faces, of one kind
             owners = np.asarray(model.mesh.edge_sets[camera.context.experiment.model.surface])[owners, 0]
         blind[owners] = False
     return blind

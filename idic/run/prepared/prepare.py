@@ -16,8 +16,8 @@ from idic.correlation import build_experiment_reference, camera_at
 from idic.errors import InputError
 from idic.experiment_file import corners_px, load_experiment, recorded, seen_nodes, seen_region, visible_cells
 from idic.identification import (
-    check_method, measured_nodes, motion_in_space, needs_free_dic, needs_motion_in_space, noise_weights,
-    regularisation_of, resolve_stages,
+    check_method, check_volume_axes, measured_nodes, motion_in_space, needs_free_dic, needs_motion_in_space,
+    noise_weights, regularisation_of, resolve_stages,
 )
 from idic.images import Stack
 from idic.measure import FrameSequence, virtual_boundaries
@@ -65,6 +65,7 @@ def check_before_writing(experiment: Experiment) -> None:
     model.parameters)) for view in experiment.views]
     if recording.quantity != "volume":  # they show every node in space
         _check_measurable(experiment, reference.pixel_map.visible_nodes)
+    check_volume_axes(experiment)
     for view in experiment.views:
         _check_order(view)
 

@@ -9,7 +9,7 @@ from zlib import crc32
 import numpy as np
 
 from idic.fe import cell_type
-from idic.images import Scanner
+from idic.images import Scanner, picture
 from idic.model import Experiment, Remedies
 from idic.report.evidence.causes.lines import excluded_frames
 from idic.report.evidence.volumes.shown_mesh import shown_mesh
@@ -64,7 +64,9 @@ def volume_overlay(experiment: Experiment) -> Picture:
     model = experiment.model
     sections = shown_mesh(experiment, model.camera)
     corners = [sections.points_px[ring] for _, cells in sections.cells for ring in cells]
-    return mesh_overlay(experiment.recording.picture(model.reference), corners, np.ones(len(corners), bool), {})
+    read, shape = experiment.voxel_mask, experiment.recording.volumes.shape
+    mask = None if read is None else picture(read, shape, tuple(n // 2 for n in shape[::-1]), fill=1.0) > 0
+    return mesh_overlay(experiment.recording.picture(model.reference), corners, np.ones(len(corners), bool), {}, mask)
 
 
 def _sizes(corners: np.ndarray, cell: str) -> np.ndarray:

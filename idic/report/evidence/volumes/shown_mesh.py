@@ -105,6 +105,28 @@ def _cut(mesh: Mesh, nodes_px: np.ndarray, shape: tuple[int, int, int]) -> Shown
     return ShownMesh(np.array(points), tables, weights, np.array(pane))
 
 
+def element_sections(mesh: Mesh, nodes_px: np.ndarray, shape: tuple[int, int, int],
+                     at: tuple[int, int, int]) -> list[list[np.ndarray]]:
+    """What three sections at (column, row, slice) cut out of every element: polygons (k, 2) in the picture."""
+    size, polygons = np.array(shape)[::-1], [[] for _ in range(mesh.n_elements)]
+    origin = ((0.0, 0.0), (size[0] + GAP_PX, 0.0), (0.0, size[1] + GAP_PX))
+    for start, (across_columns, across_rows, normal) in zip(origin, PANES, strict=True):
+        distance = nodes_px[:, normal] - at[normal] - BESIDE_PX
+        plane = nodes_px[:, [across_columns, across_rows]]
+        for block in mesh.blocks:
+            corners = block.connectivity[:, :cell_type(block.cell).n_corners]
+            crossed = (distance[corners].min(axis=1) < 0) & (distance[corners].max(axis=1) > 0)
+            first, second = np.array(cell_edges(block.cell)).T
+            for number in np.flatnonzero(crossed):
+                a, b = corners[number][first], corners[number][second]
+                cut = distance[a] * distance[b] < 0
+                share = (distance[a] / (distance[a] - distance[b]))[cut, None]
+                points = (1 - share) * plane[a[cut]] + share * plane[b[cut]]
+                angle = np.arctan2(*(points - points.mean(axis=0)).T)
+                polygons[block.first + number].append(np.array(start) + points[np.argsort(angle)])
+    return polygons
+
+
 def _add(cells: dict[str, list], polygon: list[int], points: list[np.ndarray]) -> None:
     """A cut of one element as cells: a triangle, a quadrilateral, or triangles around its first corner."""
     at = np.array([points[k] for k in polygon])

@@ -1,0 +1,73 @@
+"""Diagnosis of volumes: a concealed inclusion is found at its place in space, a clean test stays without an alarm."""
+
+import numpy as np
+import pytest
+from volumes.test_volume_equations import scans, solid
+from volumes.tomograms import FINE, Tomograms
+
+from idic.correlation import build_volume_reference, build_voxel_map
+from idic.diagnose import JUDGEMENT, thinned
+from idic.experiment_file import load_experiment
+from idic.fe import Block
+from idic.images import ArrayVolumes
+from idic.run import diagnose_run, identify_run
+
+CENTRE_MM, RADIUS_MM = np.array([0.25, 0.46, 0.50]), 0.18
+INCLUSION = (f'\n[[heterogeneity]]\nset = "BODY"\nform = "inclusion"\ncentre_mm = {CENTRE_MM.tolist()}\n'
+             f"radius_mm = {RADIUS_MM}\nstiffness = 2.5\n")
+
+
+def test_sums_of_a_residual_are_those_of_its_scan():
+    """Under a translation F is the identity, and gradients are those of the reference."""
+    f, g = scans()
+    nodes, conn = solid("hex8", 0.5)
+    volumes = ArrayVolumes([f, g])
+    reference = build_volume_reference(build_voxel_map(nodes, [Block("hex8", conn)], f.shape), volumes, (0,))
+    u = np.tile([0.4, -0.3, 0.7], (len(nodes), 1))
+    expected = reference.equations(volumes, 1, u, "frame")
+    r, valid, _ = reference.voxel_residuals(volumes, 1, u)
+    assert valid.all() and expected.n_lost == 0
+    sums = reference.equations_of_values(r, "frame")
+    np.testing.assert_allclose(sums.q, expected.q, rtol=0, atol=1e-5 * np.abs(expected.q).max())
+    np.testing.assert_allclose(sums.rb, expected.rb, rtol=1e-5)
+    assert sums.rr == pytest.approx(expected.rr, rel=1e-6)
+
+
+def test_two_copies_of_volumes_have_the_recording_as_their_mean(bar):
+    experiment = load_experiment(bar)
+    everything, std = (slice(None),) * 3, experiment.recording.noise.in_sums_gv
+    copies = [thinned(experiment, sign, seed=5).recording for sign in (-JUDGEMENT, JUDGEMENT)]
+    blocks = [copy.volumes.block(1, *everything) for copy in copies]
+    recorded = experiment.recording.volumes.block(1, *everything)
+    np.testing.assert_allclose(0.5 * (blocks[0] + blocks[1]), recorded, atol=2e-3)  # of 13000, in single precision
+    noise = 0.5 * (blocks[0] - blocks[1])
+    n = noise.size
+    assert abs(noise.mean()) < 4 * std / np.sqrt(n)
+    assert noise.std() == pytest.approx(std, rel=4 / np.sqrt(2 * n))
+    for axis in range(3):  # independent from voxel to voxel
+        assert abs(np.mean(noise * np.roll(noise, 1, axis))) < 4 * std**2 / np.sqrt(n)
+    part = (slice(3, 20), slice(7, 44), slice(0, 31))
+    np.testing.assert_array_equal(copies[0].volumes.block(1, *part), blocks[0][part])  # however it is cut
+    assert copies[0].noise.std_gv == pytest.approx(np.sqrt(2.0) * experiment.recording.noise.std_gv)
+
+
+def diagnosed(folder, hidden):
+    experiment = Tomograms(side=56, n_scans=6, strain=0.04, mesh=FINE, hidden=hidden).write(folder / "experiment")
+    identify_run(experiment, folder / "run")
+    return diagnose_run(folder / "run"), folder / "run"
+
+
+@pytest.mark.slow
+def test_a_clean_test_has_no_alarm(tmp_path):
+    found, _ = diagnosed(tmp_path, "")
+    assert found["verdict"] == "none" and not found["named"] and not found["notes"]
+
+
+@pytest.mark.slow
+def test_an_inclusion_is_located_in_space(tmp_path):
+    found, run = diagnosed(tmp_path, INCLUSION)
+    assert found["mismatch"]["side"] == "bulk" and found["named"] == ["heterogeneity"] and not found["notes"]
+    model = found["model"]["parameters"]
+    centre = [model[f"BODY.inclusion.{axis}"]["value"] for axis in "xyz"]
+    np.testing.assert_allclose(centre, CENTRE_MM, atol=0.3 * RADIUS_MM)
+    assert (run / "figures" / "diagnosis_where.png").exists() and (run / "diagnosis.html").exists()
