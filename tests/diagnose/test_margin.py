@@ -17,6 +17,7 @@ from idic.diagnose.residual.channel_left import ChannelLeft
 from idic.diagnose.residual.excess import margin_chi2, power
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.residual.margin import ASSUMED, FLOOR_FACTOR, PRACTICAL_MARGIN_PX
+from idic.diagnose.screen.practical import MIN_CHANNEL_EFFECT_STD, PracticalSize
 from idic.diagnose.screen.score_columns import score_columns
 from idic.diagnose.screen.situation import situation
 from idic.diagnose.selection.verdict import conclude
@@ -39,7 +40,7 @@ def test_without_still_frames_the_margin_is_an_assumption_and_says_so():
 
 def test_a_camera_that_shows_more_than_the_assumption_sets_the_margin():
     noisy = Margin(floor(0.02))
-    assert noisy.px == noisy.inclusion_px == noisy.smallest_effect_px == pytest.approx(FLOOR_FACTOR * 0.02)
+    assert noisy.px == noisy.inclusion_px == pytest.approx(FLOOR_FACTOR * 0.02)
     assert "0.02 px" in noisy.words and "not attributed to a law" in noisy.words
 
 
@@ -91,14 +92,14 @@ def screened(distorted, margin):
     """By the images alone: a force that the lens falsifies would matter for itself."""
     _, residual, (labels, columns) = distorted
     return screen_candidates(without_channels(residual.evidence), residual.null, labels, columns,
-    margin=margin).ranked[0]
+                             practical=PracticalSize(margin.px, MIN_CHANNEL_EFFECT_STD)).ranked[0]
 
 
 def test_a_significant_candidate_with_an_effect_below_the_floor_is_small(distorted):
     plain = screened(distorted, ASSUMED)
     assert plain.standing == "significant"
-    assert screened(distorted, Margin(floor(0.5 * plain.effect_px))).standing == "significant"
-    assert screened(distorted, Margin(floor(plain.effect_px))).standing == "small"
+    assert screened(distorted, Margin(floor(0.5 * plain.local_px))).standing == "significant"
+    assert screened(distorted, Margin(floor(plain.local_px))).standing == "small"
 
 
 @pytest.mark.parametrize(("share", "standing"), [(0.5, "significant"), (1.5, "small")])

@@ -12,7 +12,7 @@ U is projected explicitly: the identification need not have minimised this norm 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -130,8 +130,21 @@ class Scores:
 
     def split(self) -> tuple[Scores, np.ndarray]:
         """The scores of all columns but the last, and what each shares with that one: its information  # (K - 1,)"""
-        return (Scores(self.names[:-1], self.parameters, self.U[:-1], self.gross[:-1, :-1], self.information[:-1, :-1],
-                       self.moves[:, :-1]), self.information[:-1, -1])
+        return self.first(-1), self.information[:-1, -1]
+
+    def first(self, n: int) -> Scores:
+        """Those of the first n columns, or of all but the last -n."""
+        return Scores(self.names[:n], self.parameters, self.U[:n], self.gross[:n, :n], self.information[:n, :n],
+                      self.moves[:, :n])
+
+    def beside_errors(self, n: int) -> Scores:
+        """The scores of all columns but the last n under a null that holds these with amplitudes of 0 +- 1: what the
+        recording tells of them, within that, is told of no other column."""
+        error, shared = self.information[-n:, -n:], self.information[-n:, :-n]
+        response = -np.linalg.solve(error + np.eye(n), shared)  # (n, K - n)
+        others = self.first(-n)
+        return replace(others, U=others.U + response.T @ self.U[-n:],
+                       information=others.information + shared.T @ response)
 
     def beside(self, n: int, std: float, members: np.ndarray) -> Scores:
         """The scores of all columns but the last n, which are in every model with amplitudes of 1 +- std.

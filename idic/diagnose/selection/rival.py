@@ -10,6 +10,7 @@ import numpy as np
 from idic.diagnose.refits.refit import Fit
 from idic.diagnose.refits.refit_job import ExperimentSource
 from idic.diagnose.residual.heldout import Misfit, pooled
+from idic.diagnose.screen.practical import ANY_SIZE, EffectSize, PracticalSize
 from idic.diagnose.screen.select import MIN_SEPARATION_CHI2, Ranked, Screening
 from idic.diagnose.selection.block_step import BlockJudgement
 
@@ -30,7 +31,8 @@ class Rival:
     predicted, achieved : drop of chi-square on the copy for choosing; heldout : drop on the other one
     crossed : where both copies had to judge, its fit on the copy for choosing after a refit on the other one; heldout
     is the sum of both drops then, achieved_on_other what that refit achieved
-    silent : both copies had to judge, and there is no answer on one: it decides nothing
+    failed_on_one_copy : both copies had to judge, and there is no answer on one: it decides nothing
+    null : the fit without it; practical : the size below which it is not named
     """
 
     ranked: Ranked
@@ -41,6 +43,8 @@ class Rival:
     crossed_judgement: Misfit | None = None
     achieved_on_other: float = 0.0
     failed_on_one_copy: bool = False
+    null: Fit | None = None
+    practical: PracticalSize = ANY_SIZE
 
     @property
     def name(self) -> str:
@@ -49,8 +53,36 @@ class Rival:
     @property
     def passes(self) -> bool:
         """Whether the improvement survives on data that had no part in the fit, and says something of its cause."""
+        return self.improves and self.is_practical
+
+    @property
+    def improves(self) -> bool:
+        """The same, whatever its size."""
         return (self.refitted.usable and not self.failed_on_one_copy and self.determined
                 and self.heldout > self.min_heldout_drop)
+
+    @property
+    def is_practical(self) -> bool:
+        """Whether its effect has a practical size. Of grey values the screening decides: no refit has their size."""
+        if self.effect is None or self.null is None or self.ranked.variant.pixels is not None:
+            return True
+        return self.practical.is_reached(self.effect) and self.practical.is_shown(self.shifts_std)
+
+    @property
+    def effect(self) -> EffectSize | None:
+        """Its size by what the refit explains; None without a refit."""
+        if self.null is None or self.null.choice is None or self.refitted.choice is None:
+            return None
+        ranked = self.ranked
+        locality = ranked.local_px / ranked.effect_px if ranked.effect_px > 0.0 else 1.0
+        return self.practical.of_refit(self.null.choice, self.refitted.choice, len(self.own_unknowns), locality)
+
+    @property
+    def shifts_std(self) -> dict[str, float]:
+        """By how much it moves the parameters of the model without it, in their standard deviations there."""
+        null, values = self.null, self.refitted.values
+        return {} if null is None else {name: (values[name] - null.values[name]) / std
+                                        for name, std in null.stds.items() if std and name in values}
 
     @property
     def min_heldout_drop(self) -> float:

@@ -124,7 +124,8 @@ def _better(state: State, rounds: list[Round]) -> list[Round] | None:
             exchanged = _rebuilt(state, rounds, number, rival)
             fewer = len(winner.ranked.variant.new) - len(rival.ranked.variant.new)
             least = -(MIN_HELDOUT_DROP + fewer) if rival is entry.plain else gap
-            if exchanged is not None and last_fit.judgement.chi2 - _judged(exchanged).chi2 > least:
+            if (exchanged is not None and last_fit.judgement.chi2 - _judged(exchanged).chi2 > least
+                    and all(member.is_practical for member in winners(exchanged))):
                 return exchanged
     return None
 
