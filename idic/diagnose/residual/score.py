@@ -137,14 +137,13 @@ class Scores:
         return Scores(self.names[:n], self.parameters, self.U[:n], self.gross[:n, :n], self.information[:n, :n],
                       self.moves[:, :n])
 
-    def beside_errors(self, n: int) -> Scores:
-        """The scores of all columns but the last n under a null that holds these with amplitudes of 0 +- 1: what the
-        recording tells of them, within that, is told of no other column."""
-        error, shared = self.information[-n:, -n:], self.information[-n:, :-n]
-        response = -np.linalg.solve(error + np.eye(n), shared)  # (n, K - n)
-        others = self.first(-n)
-        return replace(others, U=others.U + response.T @ self.U[-n:],
-                       information=others.information + shared.T @ response)
+    def beyond_errors(self, shared: np.ndarray) -> Scores:
+        """The scores less what errors of the simulation with amplitudes between 0 and 1 may leave along every column.
+
+        shared : (K, n) information that the columns share with the errors
+        """
+        low, high = np.minimum(shared, 0.0).sum(axis=1), np.maximum(shared, 0.0).sum(axis=1)
+        return replace(self, U=self.U - np.clip(self.U, low, high))
 
     def beside(self, n: int, std: float, members: np.ndarray) -> Scores:
         """The scores of all columns but the last n, which are in every model with amplitudes of 1 +- std.

@@ -33,14 +33,18 @@ class EffectSize:
     local_px: float
     channel_std: float
 
+    def or_larger(self, other: EffectSize) -> EffectSize:
+        """The larger of each."""
+        return EffectSize(max(self.px, other.px), max(self.local_px, other.local_px),
+                          max(self.channel_std, other.channel_std))
+
 
 @dataclass(frozen=True)
 class PracticalSize:
     """The size below which no candidate is named.
 
     px : motion where and when it acts; channel_std : of the readings, rms in standard deviations; power : chi-square of
-    a motion of one px in all frames of a copy; is_located : whether free motions or channels show a mismatch beyond
-    noise and the practical margin
+    a motion of one px in all frames of a copy; is_located : whether anything but the pattern of a candidate shows a mismatch
     """
 
     px: float

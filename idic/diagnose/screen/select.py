@@ -2,7 +2,7 @@
 
 A candidate passes with a family-wise p below 1 % *and* an effect of practical size (`screen.practical`): interpolation
 and discretisation leave patterns below it of which every candidate explains a little. The null of the p-value is noise
-and the errors of the simulation that the model does not count (`Scores.beside_errors`). What does not pass is excluded
+and the errors of the simulation that the model does not count (`Scores.beyond_errors`). What does not pass is excluded
 with a bound where the test would have seen it, and left open where it would not.
 """
 
@@ -43,10 +43,10 @@ class Ranked:
     best : column number; variant, name : what it is; amplitude, std : expected change in amplitudes of the column (1 =
     the probe) or, for direct variants, in units of the degree of freedom; gain : predicted drop of chi-square of the
     variant on a copy, where it is refitted; effect_px, effect_channel : rms of what the model in hand leaves of it,
-    px and standard deviations of a reading; local_px : the same where and when it acts; verdict : "significant" | "small" | "inadmissible" | "excluded" |
-    "cannot_tell"; largest_probe_z : standard deviations by which a plausible effect would stand out, of the variant
-    that shows most; moves : change of the identified parameters per unit of the amplitude; start : values of the
-    knots of a free course, by the score
+    px and standard deviations of a reading; local_px : the same where and when it acts; standing : "significant" |
+    "small" | "inadmissible" | "excluded" | "cannot_tell"; largest_probe_z : standard deviations by which a plausible
+    effect would stand out, of the variant that shows most; moves : change of the identified parameters per unit of the
+    amplitude; start : values of the knots of a free course, by the score
     """
 
     candidate: Candidate
@@ -162,7 +162,7 @@ def screen_candidates(evidence: Evidence, parameters: Columns, trials: Sequence[
     practical : size of the effects below which no candidate is named
     mesh : what a finer mesh has changed in the residual, one column: a candidate must explain more than that did along
         its own pattern, as the finer mesh has an error, too
-    errors : of the simulation that the model does not count: a part of the null, each with an amplitude of 0 +- 1
+    errors : of the simulation that the model does not count: a part of the null, each with an amplitude from 0 to 1
     """
     together, null = columns_together(trials), null_model(evidence, parameters)
     scores = score(evidence, null, columns, *([] if mesh is None else [mesh]),
@@ -172,13 +172,16 @@ def screen_candidates(evidence: Evidence, parameters: Columns, trials: Sequence[
         scores = scores.beside(known_columns[0].n, known_columns[1],
                                np.append(blurs, np.zeros(len(scores.U) - known_columns[0].n - len(blurs),
                                                                                dtype=bool)))
-    tested, scores = (scores, scores) if errors is None else (scores.beside_errors(errors.n), scores.first(-errors.n))
-    tested = tested if mesh is None else tested.split()[0]
+    n_errors = 0 if errors is None else errors.n
+    by_errors = scores.information[:columns.n, len(scores.U) - n_errors:]  # (K, n)
+    scores = scores.first(len(scores.U) - n_errors)
     scores, shared = (scores, np.zeros(columns.n)) if mesh is None else scores.split()
     joint = [fewest_knots(scores, members) if trials[members[0]].variant.new else members for members in together]
     shared = np.concatenate([shared, [scores.together(members) @ shared[list(members)] for members in joint]])
-    tested, scores = (each.with_sums([trials[members[0]].variant.label for members in joint], joint)
-                      for each in (tested, scores))
+    by_errors = np.concatenate([by_errors, *([scores.together(members)] @ by_errors[list(members)]
+                                             for members in joint)])
+    scores = scores.with_sums([trials[members[0]].variant.label for members in joint], joint)
+    tested = scores.beyond_errors(by_errors)
     by_mesh = np.divide(shared**2, scores.own, out=np.zeros_like(scores.U), where=scores.own > 0)
     sums = {len(trials) + k: members for k, members in enumerate(together)}
     trials = (*trials, *(sum_of([trials[i] for i in members]) for members in joint))

@@ -18,6 +18,10 @@ MIN_HELDOUT_DROP = 9.0  # chi-square per model and copy that judges
 MIN_DROP_DIFFERENCE = 2e-3  # of a drop of chi-square: two simulations are not better than that
 MIN_ACHIEVED_SHARE = 0.25  # of the promised drop of chi-square: a refit that ends with less has failed
 COPIES = 2  # of the recording, whose drops of chi-square make the evidence for a rival
+MIN_KEPT_SHARE = 0.5  # of the promised drop: a refit that keeps less was far from linear
+MIN_TOLD_Z = 2.326  # of a unit normal: a difference of two rivals has the same sign in 99 % of repeated noise
+MIN_TOLD_CHI2 = (2.0 * MIN_TOLD_Z) ** 2  # `noise_of_evidence`
+MIN_PRIOR_ODDS = 19.0  # of plausible sizes, 95:5: of two that the recording does not tell apart the likelier leads
 # of the drop of chi-square of all causes: less is a flaw of the description, not a further cause
 MIN_FURTHER_SHARE = 0.03
 MIN_LEFT_Z = 3.0  # standard deviations of what a refit leaves in motions or channels
@@ -70,12 +74,33 @@ class Rival:
 
     @property
     def effect(self) -> EffectSize | None:
-        """Its size by what the refit explains; None without a refit."""
+        """Its size by what the refit explains, and by its score where the refit keeps what that promised: the score also
+        knows what unknowns of single frames take up. None without a refit."""
         if self.null is None or self.null.choice is None or self.refitted.choice is None:
             return None
         ranked = self.ranked
         locality = ranked.local_px / ranked.effect_px if ranked.effect_px > 0.0 else 1.0
-        return self.practical.of_refit(self.null.choice, self.refitted.choice, len(self.own_unknowns), locality)
+        size = self.practical.of_refit(self.null.choice, self.refitted.choice, len(self.own_unknowns), locality)
+        if self.achieved < MIN_KEPT_SHARE * self.predicted:
+            return size
+        return size.or_larger(EffectSize(ranked.effect_px, ranked.local_px, ranked.effect_channel))
+
+    @property
+    def size(self) -> float | None:
+        """In the unit of its plausible size; None where it states none, or its parameters have no such size."""
+        stated, variant = self.ranked.candidate.size, self.ranked.variant
+        sizes = []
+        for name in variant.new if stated is not None and self.refitted.usable else ():
+            change = abs(self.refitted.values[name] - variant.null.get(name, 0.0))
+            probe = abs(variant.probe.get(name, np.inf) - variant.null.get(name, 0.0)) if stated.in_probes else 1.0
+            sizes.append(change / probe if probe > 0.0 else np.inf)
+        return max((size for size in sizes if np.isfinite(size)), default=None)
+
+    @property
+    def share_beyond(self) -> float:
+        """Share of such causes that are as large and larger; 1 where no size is stated."""
+        stated, size = self.ranked.candidate.size, self.size
+        return 1.0 if stated is None or size is None else stated.share_beyond(size)
 
     @property
     def shifts_std(self) -> dict[str, float]:
@@ -193,10 +218,11 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
     """Of the rivals that pass on held-out data the one with the most evidence, and the rivals that are
     indistinguishable.
 
-    The difference in chi-square of two models on one recording has the standard deviation 2 sqrt(D), with D the
-    chi-square that separates them: D < 9 per copy leaves both. A rival whose refit failed stays with the winner where
-    their patterns are indistinguishable. A rival with the winner as its limit is no alternative to it; the next round
-    tests whether it adds anything.
+    Rivals whose difference is within `noise_of_evidence` are one set, whatever side each is on. Of a set the member
+    with the most evidence leads, unless the size of another one is far more plausible (`share_beyond`): that is a
+    stated prior, and takes nobody out of the set. A rival whose refit failed stays with the winner where their patterns
+    are indistinguishable. A rival with the winner as its limit is no alternative to it; the next round tests whether it
+    adds anything.
     """
     passing = sorted((r for r in rivals if r.passes), key=lambda r: -r.evidence)
     if not passing:
@@ -206,6 +232,17 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
     least = max(COPIES * MIN_SEPARATION_CHI2, winner.ranked.candidate.share_over_limit * winner.evidence)
     if limits and winner.evidence - limits[0].evidence < least:
         winner = limits[0]  # the same with fewer unknowns
+    equals = indistinguishable(rivals, winner, screening)
+    likelier = [r for r in passing if r.name in equals
+                and r.share_beyond > MIN_PRIOR_ODDS * winner.share_beyond]
+    if likelier:
+        winner = max(likelier, key=lambda r: r.share_beyond)
+        equals = indistinguishable(rivals, winner, screening)
+    return winner, tuple(equals)
+
+
+def indistinguishable(rivals: Sequence[Rival], winner: Rival, screening: Screening) -> list[str]:
+    """Names of the rivals that this recording cannot tell from the winner, the ones with the most evidence first."""
     equals = []
     candidates = [r for r in rivals if r.refitted.usable and not r.failed_on_one_copy and r.determined
                   and r.heldout > 0.0]
@@ -216,7 +253,7 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
         alike = rival.refit_failed and screening.separation_chi2(winner.ranked, rival.ranked) < MIN_SEPARATION_CHI2
         if alike or (rival in candidates and within_noise(rival, winner)):
             equals.append(rival.name)
-    return winner, tuple(equals)
+    return equals
 
 
 def leaves_something(misfit: Misfit) -> bool:
@@ -226,12 +263,26 @@ def leaves_something(misfit: Misfit) -> bool:
 
 
 def within_noise(rival: Rival, winner: Rival) -> bool:
-    """Whether the difference of two refits is within noise, or within the error of time integration and convergence
-    for a large drop (creep and an equivalent Maxwell body: 15 108 and 15 120).
-    """
+    """Whether the difference of two refits is not told (`noise_of_evidence`)."""
     return abs(winner.evidence - rival.evidence) < noise_of_evidence(winner)
 
 
 def noise_of_evidence(winner: Rival) -> float:
-    """The difference to a winner's evidence that is not told (`within_noise`)."""
-    return COPIES * max(MIN_SEPARATION_CHI2, MIN_DROP_DIFFERENCE * winner.achieved)
+    """The difference to a winner's evidence that is not told.
+
+    The difference D of the chi-square of two models on one recording has the standard deviation 2 sqrt(D) where the
+    better one is right: it keeps its sign in 99 % of repeated noise from D = (2 * 2.326)^2 on. Two simulations differ
+    by a share of a large drop: time integration, convergence (creep and an equivalent Maxwell body: 15 108 and 15 120).
+    And where the winner itself leaves something, its form is not quite that of the cause: another form that is behind
+    by less than that is not refuted by it.
+    """
+    return max(MIN_TOLD_CHI2, COPIES * MIN_DROP_DIFFERENCE * winner.achieved, COPIES * remainder(winner.refitted))
+
+
+def remainder(fit: Fit) -> float:
+    """Chi-square that a fit leaves in motions and channels beyond two standard deviations of noise."""
+    if fit.choice is None:
+        return 0.0
+    size = fit.choice.channels.size
+    channels = float((fit.choice.channels**2).sum()) - size - 2.0 * float(np.sqrt(2.0 * size))
+    return fit.choice.room + max(channels, 0.0)

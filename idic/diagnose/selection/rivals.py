@@ -15,7 +15,7 @@ from idic.diagnose.refits.refit import (MAX_BODY_EVALUATIONS, MAX_STARTS, MIN_BO
 from idic.diagnose.refits.refit_job import ExperimentSource, RefitJob, Refits
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.select import MAX_SHORTLIST, Ranked, Screening
-from idic.diagnose.selection.rival import Rival
+from idic.diagnose.selection.rival import MIN_KEPT_SHARE, Rival
 
 MAX_PARALLEL_REFITS = 2  # refits side by side after the first: the fewer, the better the bar is known
 MIN_GAIN_OVER_LIMIT = 1.1  # times the promise of its limit: a larger model is refitted as well
@@ -24,8 +24,6 @@ LUCK_STD = 2.0  # standard deviations of a drop on one copy that may be luck
 MAX_ROOM_SHARE = 0.05  # of the drop of a refit: with less excess left it explains all
 FIRST_ORDER_ERROR_SHARE = 0.2  # of a promise: error of first order
 MAX_CLOSE_CHI2 = 25.0  # chi-square between two candidates that are hardly distinguishable, noise included
-# of the promised drop; a refit that keeps less began in the wrong place, or the promise was far from linear
-MIN_KEPT_SHARE = 0.5
 
 
 def refitted(source: ExperimentSource, null: Fit, screening: Screening, refits: Refits, grid: Grid, seed: int,

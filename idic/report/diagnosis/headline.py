@@ -14,7 +14,7 @@ from idic.report.result.words import short_names, two_digits, with_std
 MIN_MOVE_STD = 2.0  # standard deviations after: a parameter that moved less is not worth a word
 MOSTLY = 0.5  # explained share from which a nearest candidate explains most of it
 MIN_LEFT_PX = 5e-4  # motion that is worth a word
-MAX_SMALL = 3  # candidates below the margin that are told by name
+MAX_SMALL = 3  # candidates that are not selected, told by name
 CAME_OUT = "came out"
 MAX_SHAPES = 2  # of a free end, that are told
 MIN_TEXT_Z = 5.0  # standard deviations: a smaller residual excess is not reported
@@ -31,10 +31,8 @@ def diagnosis_headline(content: Mapping, titles: Mapping[str, str]) -> str:
         body = f"; as the model simplifies the body, {_in_one(moved)}" if moved else ""
         small, open_ = ([_titled(name, titles) for name in names]
                         for names in (below_margin(content), unconfirmed(content)))
-        listed = (f"{_joined(small)} {_is(small)} seen" if len(small) <= MAX_SMALL else
-                  f"{len(small)} candidates are seen, {small[0]} most")
-        small_clause = f"; {listed}, but below the practical margin" if small else ""
-        doubt = f"; {_joined(open_)} {_is(open_)} suspected by the score, and not confirmed by a refit" if open_ else ""
+        small_clause = f"; {_few(small, 'seen')}, but below the practical margin" if small else ""
+        doubt = f"; {_few(open_, 'suspected')} by the score, and not confirmed by a refit" if open_ else ""
         statement = "No missing physics matters" if small else "No missing physics is significant"
         return f"{statement}: the residual of images and channels is {_nothing(content)}{body}{small_clause}{doubt}."
     if word == "blind":
@@ -142,6 +140,12 @@ def _of_before(share: float | None) -> str:
 
 def _titled(name: str, titles: Mapping[str, str]) -> str:
     return titles.get(name, name.replace("_", " "))
+
+
+def _few(names: Sequence[str], verb: str) -> str:
+    """Names with a verb in the passive; of many their number and the first."""
+    return (f"{_joined(names)} {_is(names)} {verb}" if len(names) <= MAX_SMALL else
+            f"{len(names)} candidates are {verb}, {names[0]} most")
 
 
 def _is(names: Sequence[str]) -> str:

@@ -11,7 +11,7 @@ from idic.diagnose.physics.candidate import Candidate, Situation, Variant
 from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.refits.refit import Fit
 from idic.diagnose.refits.refit_job import AnnouncedRefits
-from idic.diagnose.residual.channel_left import smallest_reading
+from idic.diagnose.residual.channel_left import channels_left, smallest_reading
 from idic.diagnose.residual.excess import power
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
@@ -37,12 +37,18 @@ def opened(state: State) -> State:
     setting, model = state.setting, state.model
     responses = model.residual.responses if model.is_simulated_there else None
     screening = screened(model, setting.library, setting.watch, setting.margin, responses, state.small_errors,
-                         state.mismatch is None or state.mismatch.is_significant)
+                         shows_mismatch(state))
     if not screening.shortlist:
         setting.stage("no candidate is significant: no refit")
     announced = AnnouncedRefits(setting.refits, setting.stage, 1 if setting.quick else len(screening.shortlist))
     return replace(state, number=state.number + 1, joined=None, announced=announced,
                    round=Round(screening, model.fit, (), None, source=model.source))
+
+
+def shows_mismatch(state: State) -> bool:
+    """Whether free motions show a mismatch beyond noise and the practical margin, or channels one beyond noise."""
+    return (state.mismatch is None or state.mismatch.is_significant
+            or any(channel.is_significant for channel in channels_left(state.first.residual, None)))
 
 
 def screened(model: FittedModel, library: Sequence[Candidate], watch: Watch = unwatched, margin: Margin = ASSUMED,
