@@ -201,6 +201,11 @@ class Candidate:
         return self.side == "bulk" and not self.kind.placed and self.kind.under_load
 
     @property
+    def is_nonlinear(self) -> bool:
+        """Whether its effect is far from a straight line in its amplitude: yield, flow, damage, slip, a void."""
+        return self.kind.active or self.has_onset or self.refitted_form is not None
+
+    @property
     def side(self) -> str:
         """Side on which it acts."""
         return self.kind.side

@@ -44,7 +44,8 @@ class PracticalSize:
     """The size below which no candidate is named.
 
     px : motion where and when it acts; channel_std : of the readings, rms in standard deviations; power : chi-square of
-    a motion of one px in all frames of a copy; is_located : whether anything but the pattern of a candidate shows a mismatch
+    a motion of one px in all frames of a copy; is_located : whether anything but the pattern of a candidate shows a
+    mismatch
     """
 
     px: float

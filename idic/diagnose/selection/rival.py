@@ -67,15 +67,20 @@ class Rival:
 
     @property
     def is_practical(self) -> bool:
-        """Whether its effect has a practical size. Of grey values the screening decides: no refit has their size."""
-        if self.effect is None or self.null is None or self.ranked.variant.pixels is not None:
-            return True
-        return self.practical.is_reached(self.effect) and self.practical.is_shown(self.shifts_std)
+        """Whether its effect has a practical size, and more than its pattern shows it. Of grey values the screening
+        decides: no refit has their size."""
+        return self.is_large and self.practical.is_shown(self.shifts_std)
+
+    @property
+    def is_large(self) -> bool:
+        """Whether its motion or its readings are."""
+        return (self.effect is None or self.ranked.variant.pixels is not None
+                or self.practical.is_reached(self.effect))
 
     @property
     def effect(self) -> EffectSize | None:
-        """Its size by what the refit explains, and by its score where the refit keeps what that promised: the score also
-        knows what unknowns of single frames take up. None without a refit."""
+        """Its size by what the refit explains, and by its score where the refit keeps the promise: the score also knows
+        what unknowns of single frames take up. None without a refit."""
         if self.null is None or self.null.choice is None or self.refitted.choice is None:
             return None
         ranked = self.ranked
@@ -88,19 +93,20 @@ class Rival:
     @property
     def size(self) -> float | None:
         """In the unit of its plausible size; None where it states none, or its parameters have no such size."""
-        stated, variant = self.ranked.candidate.size, self.ranked.variant
-        sizes = []
-        for name in variant.new if stated is not None and self.refitted.usable else ():
-            change = abs(self.refitted.values[name] - variant.null.get(name, 0.0))
-            probe = abs(variant.probe.get(name, np.inf) - variant.null.get(name, 0.0)) if stated.in_probes else 1.0
-            sizes.append(change / probe if probe > 0.0 else np.inf)
-        return max((size for size in sizes if np.isfinite(size)), default=None)
+        prior, variant, values = self.ranked.candidate.size, self.ranked.variant, self.refitted.values
+        if prior is None:
+            return None
+        names = [name for name in variant.new if name in values and (not prior.in_probes or name in variant.probe)]
+        changes = {name: abs(values[name] - variant.null.get(name, 0.0)) for name in names}
+        probes = {name: abs(variant.probe[name] - variant.null.get(name, 0.0)) if prior.in_probes else 1.0
+                  for name in names}
+        return max((changes[name] / probes[name] for name in names if 0.0 < probes[name] < np.inf), default=None)
 
     @property
     def share_beyond(self) -> float:
         """Share of such causes that are as large and larger; 1 where no size is stated."""
-        stated, size = self.ranked.candidate.size, self.size
-        return 1.0 if stated is None or size is None else stated.share_beyond(size)
+        prior, size = self.ranked.candidate.size, self.size
+        return 1.0 if prior is None or size is None else prior.share_beyond(size)
 
     @property
     def shifts_std(self) -> dict[str, float]:
