@@ -6,7 +6,7 @@ One row per step, in the order of the decision; the verdict follows from the las
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 from idic.diagnose.locate.mismatch import MAX_MISMATCH_P, Mismatch
 from idic.diagnose.remainder import Remainder
@@ -21,9 +21,9 @@ ABOVE, BELOW = ">", "<"  # the side of the threshold on which a step holds
 
 @dataclass(frozen=True)
 class Link:
-    """One step. what : in words; sense : `ABOVE` or `BELOW`, where it holds; unit : of both numbers, "" of none"""
+    """One step. claim : in words; sense : `ABOVE` or `BELOW`, where it holds; unit : of both numbers, "" of none"""
 
-    what: str
+    claim: str
     number: float
     threshold: float
     unit: str = ""
@@ -34,6 +34,12 @@ class Link:
         """Whether the number is on the side of the threshold that the step asks for."""
         return self.number > self.threshold if self.sense == ABOVE else self.number < self.threshold
 
+    @property
+    def content(self) -> dict:
+        """The entry of diagnosis.json."""
+        return {"what": self.claim, "number": self.number, "threshold": self.threshold, "unit": self.unit,
+                "sense": self.sense, "holds": self.holds}
+
 
 def chain_of(mismatch: Mismatch | None, rounds: Sequence[Round], verdict: Verdict, remainder: Remainder) -> list[dict]:
     """Every step with its number, its threshold, and whether it holds."""
@@ -41,7 +47,7 @@ def chain_of(mismatch: Mismatch | None, rounds: Sequence[Round], verdict: Verdic
     for entry, winner in with_winners(rounds):
         links += [*_candidate(winner, entry), *_against_rivals(winner, entry)]
     links += _remainder(verdict, remainder)
-    return [asdict(link) | {"holds": link.holds} for link in links]
+    return [link.content for link in links]
 
 
 def _mismatch(mismatch: Mismatch | None, remainder: Remainder) -> Iterator[Link]:

@@ -33,10 +33,10 @@ class EffectSize:
     local_px: float
     channel_std: float
 
-    def or_larger(self, other: EffectSize) -> EffectSize:
+    def or_larger(self, size: EffectSize) -> EffectSize:
         """The larger of each."""
-        return EffectSize(max(self.px, other.px), max(self.local_px, other.local_px),
-                          max(self.channel_std, other.channel_std))
+        return EffectSize(max(self.px, size.px), max(self.local_px, size.local_px),
+                          max(self.channel_std, size.channel_std))
 
 
 @dataclass(frozen=True)
