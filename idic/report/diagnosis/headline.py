@@ -207,8 +207,8 @@ def _odds(content: Mapping, winner: str) -> str:
     group = next((members for members in content.get("odds", ()) if members[0]["name"] == winner), ())
     if not group or max(member["share_with"] for member in group) < MIN_TOLD_ODDS * group[0]["share_without"]:
         return ""
-    shares = " to ".join(two_digits(100.0 * member["share_with"]) for member in group)
-    return f" (by plausible size {shares}, by the recording even)"
+    shares = " to ".join(f"{two_digits(100.0 * member['share_with'])} %" for member in group)
+    return f" ({shares} by plausible size, even by the recording alone)"
 
 
 def _with_rounds(content: Mapping, titles: Mapping[str, str]) -> list[tuple[str, Mapping]]:
