@@ -157,7 +157,7 @@ def test_a_set_is_told_whole_with_the_odds_of_its_members_with_and_without_their
     said = content("set") | {"named": ["nonlinear_elasticity"], "probability": 0.95, "odds": ODDS, "rounds": [
         {"winner": "nonlinear_elasticity", "form": None, "new": [], "equals": ["load_cell_curvature"]}]}
     headline = diagnosis_headline(said, {})
-    assert "onlinear elasticity or load cell curvature (99 % to 1 % by plausible size, even by the recording" in headline
+    assert "onlinear elasticity or load cell curvature (99 % to 1 % by plausible size, even by the rec" in headline
     even = [[member | {"share_with": 0.5} for member in ODDS[0]]]
     assert "plausible size" not in diagnosis_headline(said | {"odds": even}, {})
 
