@@ -281,3 +281,23 @@ def drawn_start(parameter: Parameter, spread: float, place: float) -> float:
     margin = _START_MARGIN * (high - low)
     value = parameter.from_scaled(low + margin + place * (high - low - 2.0 * margin)) / parameter.factor
     return float(f"{value:.{_START_DIGITS}g}")
+
+
+@dataclass(frozen=True)
+class PlausibleSize:
+    """A prior of the size of an effect, which its declaration states: half of those that occur are smaller.
+
+    Attributes
+    ----------
+    size : in the internal unit of the degree of freedom, or in probes, the effect that the diagnosis looks for
+    words : the size in the units of a reader; source : where it comes from
+    """
+
+    size: float
+    words: str
+    source: str
+    in_probes: bool = True
+
+    def share_beyond(self, size: float) -> float:
+        """Share of such effects that are as large and larger: with heavy tails, as broken sensors are rare, and are."""
+        return 1.0 / (1.0 + (size / self.size) ** 2)

@@ -77,7 +77,7 @@ def diagnose(source: ExperimentSource, identification: Identification, refits: R
     """
     clock = Clock()
     identified = as_identified(source, identification, margin, quick, stage, clock)
-    setting = Setting(refits, partial(screened, margin=margin, is_further=True), identified.grid, seed,
+    setting = Setting(refits, partial(screened, margin=margin), identified.grid, seed,
                       candidate_library() if library is None else library, stage, clock, watch, margin, quick)
     state = fitted_to_recording(selected(compared_with(identified, setting)))
     active = _active(state)
@@ -107,7 +107,8 @@ def compared_with(identified: Identified, setting: Setting) -> State:
                            "recording; no candidate can be compared with it. Identify with smaller increments, or from "
                            f"the values of result.json, and diagnose again ({null.problem})")
     first = FittedModel(source, null, identified.residual)
-    return State(setting, identification, first, first, identified.mismatch)
+    return State(setting, identification, first, first, identified.mismatch,
+                 small_errors=tuple((identified.neglected or {}).values()))
 
 
 def _active(state: State) -> Activity | None:

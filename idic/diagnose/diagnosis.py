@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from idic.diagnose.discretisation.neglected import Neglected
+from idic.diagnose.evidence_chain import chain_of
 from idic.diagnose.free_form import FreeForm
 from idic.diagnose.identified import Identified
 from idic.diagnose.locate.active_elements import ACTIVE_STATES, Activity
 from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect
+from idic.diagnose.odds import odds_of
 from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.refits.refit_job import ExperimentSource
 from idic.diagnose.remainder import Remainder
@@ -59,6 +61,16 @@ class Diagnosis:
     notes: tuple[str, ...] = ()
     register: OutOfRegister | None = None
     spots: LeftOut | None = None
+
+    @property
+    def chain(self) -> list[dict]:
+        """The chain of evidence: what, number, threshold (`idic.diagnose.evidence_chain`)."""
+        return chain_of(self.mismatch, self.rounds, self.verdict, self.remainder)
+
+    @property
+    def odds(self) -> list[list[dict]]:
+        """Of the members of every indistinguishable set, with and without their plausible sizes."""
+        return odds_of(self.rounds)
 
     @property
     def mismatch(self) -> Mismatch | None:

@@ -3,6 +3,7 @@
 import pytest
 from confusion_scenes import CONFUSIONS, write_confusion
 from course_scenes import SCENES, write_scene
+from uniform_strip import write_strip
 
 from idic_studies.trial.tool_run import run_tool
 
@@ -69,3 +70,19 @@ def test_a_cause_that_goes_to_and_fro_is_named_alone_with_a_course_of_its_own(na
     assert content["named"] == [SCENES[name].name] and content["verdict"] == "single"
     assert [one["free"] for one in content["courses"]] == [True]
     assert abs(content["model"]["parameters_after"]["BODY.E"]["value"] / scene.values["E"] - 1.0) < 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", SEEDS)
+def test_of_a_uniform_strip_the_law_and_the_load_cell_are_one_set_and_the_headline_has_both(seed, tmp_path):
+    """In tension alone nothing separates them; a cell that is 5.8 % off is told as the less plausible of the two."""
+    content = run_tool(write_strip(tmp_path, seed)).content
+    assert content["verdict"] == "set" and content["named"] == ["nonlinear_elasticity"]
+    (group,) = content["indistinguishable"]
+    assert {"nonlinear_elasticity", "load_cell_curvature"} <= set(group)
+    assert "onlinear elasticity" in content["headline"] and "nonlinear load cell" in content["headline"]
+    (members,) = content["odds"]
+    shares = {member["name"]: (member["share_without"], member["share_with"]) for member in members}
+    assert shares["load_cell_curvature"][1] < 0.05 < shares["load_cell_curvature"][0]
+    assert any(link["what"].endswith("nonlinear load cell, drop of chi-square") and not link["holds"]
+               for link in content["chain"])

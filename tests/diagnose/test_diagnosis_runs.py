@@ -182,7 +182,13 @@ def test_the_inner_keys_of_the_json_are_those_of_the_contract(yielding):
     assert set(model["parameters_before"]) < set(model["parameters_after"])
     for entry in (*model["parameters_before"].values(), *model["parameters_after"].values()):
         assert set(entry) >= {"value", "std", "unit"}
-    assert all(set(entry) == {"name", "bound"} and "95 %" in entry["bound"] for entry in content["excluded"])
+    assert all(set(entry) == {"name", "bound", "by"} and "95 %" in entry["bound"] and entry["by"] in ("refit", "bound")
+               for entry in content["excluded"])
+    steps = [link["what"] for link in content["chain"]]
+    assert any(step.startswith("plasticity: motion where it acts") for step in steps)
+    assert all(set(link) == {"what", "number", "threshold", "unit", "sense", "holds"} for link in content["chain"])
+    page = (run / "diagnosis.html").read_text(encoding="utf-8")
+    assert all(step.split("'")[0] in page for step in steps)
     excluded = {entry["name"] for entry in content["excluded"]}
     assert not excluded & {entry["name"] for entry in content["not_excluded"]}
 

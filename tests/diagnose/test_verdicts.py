@@ -13,6 +13,7 @@ from idic.diagnose import (
 from idic.diagnose.caution_texts import (formal_fit, refits_cut_short, refits_given_up, rivals_not_ruled_out,
                                     search_cautions, softening_caution, too_coarse)
 from idic.diagnose.findings import acts_everywhere
+from idic.diagnose.odds import odds_of
 from idic.diagnose.locate.nested_tests import KINEMATIC_LEVELS, Level, decide
 from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.refits.refit import GIVEN_UP
@@ -20,7 +21,7 @@ from idic.diagnose.residual.channel_left import ChannelLeft
 from idic.diagnose.residual.excess_left import MAX_LOCAL_EXCESS_LEFT, ExcessLeft
 from idic.diagnose.residual.score import Scores
 from idic.diagnose.screen.select import MIN_SEPARATION_CHI2, Screening
-from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, judge
+from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, MIN_TOLD_CHI2, judge
 from idic.diagnose.selection.rivals import same_family_rivals
 from idic.diagnose.selection.verdict import bound_text, conclude
 from idic.parameters import Parameter
@@ -195,6 +196,53 @@ def test_many_unknowns_win_by_what_they_predict_and_not_by_what_they_fit():
     assert winner.name == "pixel_size" and equals == ()
 
 
+def sized(name, heldout, probes):
+    """A rival of one unknown that is so many probes away from its null."""
+    made = rival(name, heldout)
+    variant = replace(made.ranked.variant, probe={"amplitude": 0.02})
+    refitted = replace(made.refitted, values={"amplitude": 0.02 * probes})
+    return replace(made, ranked=replace(made.ranked, variant=variant), refitted=refitted)
+
+
+@pytest.mark.parametrize(("curvature", "leading"), [(0.058, "nonlinear_elasticity"), (0.006, "load_cell_curvature")])
+def test_a_plausible_size_says_who_leads_a_set_and_takes_nobody_out(curvature, leading):
+    """A load cell that bends by 5.8 % was told alone, of a laminate whose fibres stiffen; class 0.5 allows 0.5 %."""
+    rivals = [sized("load_cell_curvature", 36205.0, curvature / 0.02), sized("nonlinear_elasticity", 36200.0, 3.0)]
+    winner, equals = judge(rivals, screening())
+    assert winner.name == leading and {winner.name, *equals} == {"load_cell_curvature", "nonlinear_elasticity"}
+    (members,) = odds_of([round_of(screening(), rivals)])
+    assert [member["share_without"] for member in members] == [0.5, 0.5]
+    with_size = {member["name"]: member["share_with"] for member in members}
+    assert sum(with_size.values()) == pytest.approx(1.0) and with_size["nonlinear_elasticity"] > 0.5
+    assert next(m for m in members if m["name"] == "load_cell_curvature")["source"].endswith("ISO 7500-1")
+
+
+def test_no_prior_leads_where_the_recording_tells_two_apart():
+    rivals = [sized("load_cell_curvature", 36500.0, 2.9), sized("nonlinear_elasticity", 36200.0, 3.0)]
+    assert judge(rivals, screening()) == (rivals[0], ())
+
+
+def test_a_set_does_not_depend_on_the_side_and_holds_what_the_winner_itself_leaves():
+    """The winner leaves 400 of chi-square: its form is not quite right, and one that is behind by less may be."""
+    def behind(difference, remainder):
+        winner = rival("force_drift", 5000.0)
+        fit = replace(winner.refitted, choice=left(remainder / T))
+        return judge([replace(winner, refitted=fit), rival("creep", 5000.0 - difference)], screening())[1]
+
+    assert behind(200.0, 0.0) == () and behind(200.0, 400.0) == ("creep",) and behind(600.0, 400.0) == ()
+
+
+@pytest.mark.parametrize(("difference", "share_kept"), [(MIN_TOLD_CHI2, 0.99), (9.0, 0.933)])
+def test_a_told_difference_keeps_its_sign_in_repeated_noise(difference, share_kept):
+    """Two models at a distance D of each other, the better one right: |r - m|^2 of both, over and over."""
+    rng = np.random.default_rng(3)
+    distance = np.zeros(400)
+    distance[:40] = np.sqrt(difference / 40.0)
+    noise = rng.standard_normal((20000, 400))
+    drops = ((noise + distance) ** 2).sum(axis=1) - (noise**2).sum(axis=1)
+    assert np.mean(drops > 0.0) == pytest.approx(share_kept, abs=0.003)
+
+
 # the word -----------------------------------------------------------------------------------------
 def test_nothing_located_and_nothing_significant_is_none():
     entries = screening(ranked("plasticity", "excluded"), ranked("creep", "cannot_tell"))
@@ -281,6 +329,26 @@ def test_one_winner_is_single_with_equals_a_set_and_two_rounds_are_multiple():
     assert found.next_experiment == KNOWN["plasticity"].separating_tests[0]
     found = conclude([alone, light], before, after, True, [ExcessLeft(before, after, POWER)])
     assert found.word == "multiple" and found.selected == ("plasticity", "illumination")
+
+
+@pytest.mark.parametrize(("name", "real", "refitted", "by"), [
+    ("plasticity", False, False, "bound"), ("plasticity", True, False, None), ("plasticity", True, True, "refit"),
+    ("orthotropy", True, False, "bound")])
+def test_yield_is_not_excluded_by_its_score_alone_where_something_is_left(name, real, refitted, by):
+    """Of a bar that necks plasticity was "excluded with a bound" before any refit, and a void was told."""
+    rivals = [rival(name, 0.0)] if refitted else []
+    verdict = conclude([round_of(screening(ranked(name, "excluded")), rivals)], left(0.0), left(0.0), real, LEFT)
+    assert [entry["by"] for entry in verdict.excluded] == ([] if by is None else [by])
+    assert verdict.unsettled == ((name,) if by is None else ())
+
+
+def test_a_size_that_no_such_cause_has_is_a_formal_fit():
+    """A quarter of a probe is what class 0.5 allows: a cell that bends by 12 % is no load cell."""
+    excess = [ExcessLeft(left(300.0), left(0.0), POWER)]
+    for probes, word in ((1.0, "single"), (6.0, "outside_library")):
+        rounds = [round_of(screening(ranked("load_cell_curvature")), [sized("load_cell_curvature", 3000.0, probes)])]
+        verdict = conclude(rounds, left(300.0), left(0.0), True, excess)
+        assert verdict.word == word and verdict.beyond_plausible == (("load_cell_curvature",) if probes > 5.0 else ())
 
 
 def test_an_effect_in_the_model_is_neither_excluded_nor_open():

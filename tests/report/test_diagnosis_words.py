@@ -1,8 +1,11 @@
 """What a reader is told first of a diagnosis, from the content of diagnosis.json."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from idic.report.diagnosis.headline import moves
+from idic.report.diagnosis.page import chain_rows, odds_words
 from idic.report import diagnosis_headline, sentence, standing_of, strongest
 
 TITLES = {"heterogeneity": "heterogeneous stiffness"}
@@ -142,3 +145,29 @@ def test_many_indistinguishable_causes_are_a_list_with_one_or():
         "named": ["friction"], "probability": 0.75, "candidates": [{"name": "friction", "form": None}],
         "rounds": [{"winner": "friction", "form": None, "new": [], "equals": ["force_offset", "creep", "creep"]}]}
     assert diagnosis_headline(said, {}).startswith("Probably (75 %) friction, force offset or creep")
+
+
+ODDS = [[{"name": "nonlinear_elasticity", "share_without": 0.5, "share_with": 0.99, "times_plausible": None,
+          "plausible": None, "source": None},
+         {"name": "load_cell_curvature", "share_without": 0.5, "share_with": 0.01, "times_plausible": 12.0,
+          "plausible": "0.5 % of the force", "source": "class 0.5"}]]
+
+
+def test_a_set_is_told_whole_with_the_odds_of_its_members_with_and_without_their_sizes():
+    said = content("set") | {"named": ["nonlinear_elasticity"], "probability": 0.95, "odds": ODDS, "rounds": [
+        {"winner": "nonlinear_elasticity", "form": None, "new": [], "equals": ["load_cell_curvature"]}]}
+    headline = diagnosis_headline(said, {})
+    assert "onlinear elasticity or load cell curvature (99 % to 1 % by plausible size, even by the rec" in headline
+    even = [[member | {"share_with": 0.5} for member in ODDS[0]]]
+    assert "plausible size" not in diagnosis_headline(said | {"odds": even}, {})
+
+
+def test_the_page_shows_every_step_of_the_evidence_with_its_threshold():
+    link = {"what": "creep: motion where it acts", "number": 0.0006, "threshold": 0.004, "unit": "px", "sense": ">",
+            "holds": False}
+    assert chain_rows({"chain": [link, link | {"number": None}]}) == [
+        {"what": link["what"], "number": "0.0006 px", "threshold": "> 0.004 px", "holds": "no"},
+        {"what": link["what"], "number": "nan px", "threshold": "> 0.004 px", "holds": "no"}]
+    (line,) = odds_words(SimpleNamespace(content={"odds": ODDS}, titles={}))
+    assert "(50 % each)" in line and "nonlinear elasticity 99 % (any size)" in line
+    assert "load cell curvature 1 % (12 times 0.5 % of the force: class 0.5)" in line

@@ -8,6 +8,7 @@ import numpy as np
 
 from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.physics.edits import further_dofs
+from idic.parameters import PlausibleSize
 
 PROBE_INTERVAL_SHARE = 0.05  # of the time between two frames
 
@@ -32,4 +33,5 @@ register(Candidate(
     separating_tests=("a sync mark: a lamp that the log switches", "start and stop the motion abruptly",
                "repeat the test at another speed"),
     variants=variants,
-    paraphrase="image and log entry are not of the same moment"))
+    paraphrase="image and log entry are not of the same moment",
+    size=PlausibleSize(20.0, "the time between two frames", "an estimate: image and log started by hand")))

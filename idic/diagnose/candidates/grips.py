@@ -50,4 +50,4 @@ for _cause in dict.fromkeys(term.cause.name for term in CORRECTION_TERMS.values(
     _words, _scaled = _terms[0].cause, next((term for term in _terms if term.scale), None)
     register(Candidate(_words.name, "boundary", _words.title, _words.null, _words.rivals, _words.separating_tests,
                        partial(variants, _terms), has_onset=_words.has_onset, paraphrase=_words.paraphrase,
-                       rescaled=_scaled and partial(rescaled, _scaled)))
+                       rescaled=_scaled and partial(rescaled, _scaled), size=_words.size))

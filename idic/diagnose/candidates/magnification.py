@@ -7,6 +7,7 @@ import numpy as np
 from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.physics.edits import camera_key, further_dofs
 from idic.images import Camera
+from idic.parameters import PlausibleSize
 
 PROBE_MAGNIFICATION = 1e-3  # relative magnification at the end, or at the largest load
 
@@ -46,4 +47,5 @@ register(Candidate(
     separating_tests=("record still frames of the unloaded specimen over the same time", "use a telecentric lens",
                "a second camera from another side"),
     variants=variants,
-    paraphrase="motion out of the plane, or a lens that warms"))
+    paraphrase="motion out of the plane, or a lens that warms",
+    size=PlausibleSize(1.0, "0.1 % over the test", "an estimate: 0.5 mm towards a camera at half a metre")))

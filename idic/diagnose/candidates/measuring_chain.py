@@ -40,4 +40,4 @@ def _with_keys(situation: Situation, number: int, keys: Mapping[str, Any]) -> li
 
 for _term in CHANNEL_TERMS:
     register(Candidate(_term.name, "force", _term.title, _term.null, _term.rivals, _term.separating_tests,
-                       partial(variants, _term), paraphrase=_term.paraphrase))
+                       partial(variants, _term), paraphrase=_term.paraphrase, size=_term.size))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.physics.edits import further_dofs
 from idic.images import Camera
+from idic.parameters import PlausibleSize
 
 PROBE_SHARE = 0.02  # of the pixel size of the file
 
@@ -30,4 +31,5 @@ register(Candidate(
     separating_tests=("photograph a scale or a calibration grid in the plane of the specimen",
                       "measure the width of the specimen in the image"),
     variants=variants,
-    paraphrase="millimetres per pixel differ from the file"))
+    paraphrase="millimetres per pixel differ from the file",
+    size=PlausibleSize(0.5, "1 %", "an estimate: a scale that is read from one photograph")))

@@ -13,6 +13,7 @@ import numpy as np
 
 from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
 from idic.laws import EXPANSION
+from idic.parameters import PlausibleSize
 
 PROBE_EXPANSION_PER_K = 1e-5  # 1/K where the temperature is known
 PROBE_STRAIN = 1e-4  # over the test where it is not
@@ -75,4 +76,5 @@ register(Candidate(
     separating_tests=("log the temperature of the specimen",
                       "record still frames at zero load for as long as the test"),
     variants=variants,
-    paraphrase="strain that follows the temperature"))
+    paraphrase="strain that follows the temperature",
+    size=PlausibleSize(1e-4, "a strain of 1e-4", "an estimate: 2 K in a laboratory at 5e-5 per K", in_probes=False)))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from idic.diagnose.locate.freedoms import in_images
-from idic.diagnose.residual.evidence import Columns
+from idic.diagnose.residual.evidence import Columns, joined
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.score import null_model, score
 from idic.model import MotionError
@@ -64,6 +64,11 @@ def weighed(residual: ResidualEvidence, error: MotionError) -> ErrorWeight:
 def error_column(residual: ResidualEvidence, error: MotionError) -> Columns:
     """An error as images and channels record it."""
     return as_recorded(residual, ErrorChanges(("mesh",), error.u[..., None], error.channels[..., None]))
+
+
+def error_columns(residual: ResidualEvidence, errors: Sequence[MotionError]) -> Columns | None:
+    """Several errors as images and channels record them; None without any."""
+    return joined(*(error_column(residual, error) for error in errors)) if errors else None
 
 
 def as_recorded(residual: ResidualEvidence, changes: ErrorChanges) -> Columns:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from idic.model import Experiment
+from idic.parameters import PlausibleSize
 
 
 
@@ -166,6 +167,7 @@ class Candidate:
     everywhere : it acts all over the body, although other causes of its family have a place
     refitted_form : form of a variant after its refit, from the values of the parameters; None: the variant's own
     rescaled : a variant with the scale that it holds times a factor; None: it holds none
+    size : how large it plausibly is, in probes; None: any size is (laws of materials)
     """
 
     name: str
@@ -186,6 +188,7 @@ class Candidate:
     refitted_form: Callable[[Variant, Mapping[str, float]], str | None] | None = None
     untestable: Callable[[Situation], str] | None = None
     rescaled: Callable[[Variant, float], Variant] | None = None
+    size: PlausibleSize | None = None
 
     @property
     def kind(self) -> Family:
@@ -196,6 +199,11 @@ class Candidate:
     def changes_law(self) -> bool:
         """Whether it is another law of a material, not a place with another stiffness or a constant that was locked."""
         return self.side == "bulk" and not self.kind.placed and self.kind.under_load
+
+    @property
+    def is_nonlinear(self) -> bool:
+        """Whether its effect is far from a straight line in its amplitude: yield, flow, damage, slip, a void."""
+        return self.kind.active or self.has_onset or self.refitted_form is not None
 
     @property
     def side(self) -> str:

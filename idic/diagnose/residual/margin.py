@@ -15,7 +15,6 @@ from idic.measure import CameraFloor
 
 PRACTICAL_MARGIN_PX = 0.004  # rms: half as much again as interpolation and discretisation left in a sound recording
 INCLUSION_MARGIN_PX = 0.003  # the same with an inclusion in the model: error of interpolation and discretisation alone
-MIN_EFFECT_PX = 5e-4  # rms; below, interpolation and discretisation make patterns of their own
 FLOOR_FACTOR = 1.5  # over the camera's floor: still frames are a sample of it
 
 
@@ -42,11 +41,6 @@ class Margin:
     def inclusion_px(self) -> float:
         """Of motions with the time course of an inclusion."""
         return max(INCLUSION_MARGIN_PX, self.camera_px)
-
-    @property
-    def smallest_effect_px(self) -> float:
-        """Below, a candidate has no effect even if it explains most of what there is."""
-        return max(MIN_EFFECT_PX, self.camera_px)
 
     @property
     def words(self) -> str:

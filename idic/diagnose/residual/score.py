@@ -12,7 +12,7 @@ U is projected explicitly: the identification need not have minimised this norm 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -130,8 +130,20 @@ class Scores:
 
     def split(self) -> tuple[Scores, np.ndarray]:
         """The scores of all columns but the last, and what each shares with that one: its information  # (K - 1,)"""
-        return (Scores(self.names[:-1], self.parameters, self.U[:-1], self.gross[:-1, :-1], self.information[:-1, :-1],
-                       self.moves[:, :-1]), self.information[:-1, -1])
+        return self.first(-1), self.information[:-1, -1]
+
+    def first(self, n: int) -> Scores:
+        """Those of the first n columns, or of all but the last -n."""
+        return Scores(self.names[:n], self.parameters, self.U[:n], self.gross[:n, :n], self.information[:n, :n],
+                      self.moves[:, :n])
+
+    def beyond_errors(self, shared: np.ndarray) -> Scores:
+        """The scores less what errors of the simulation with amplitudes between 0 and 1 may leave along every column.
+
+        shared : (K, n) information that the columns share with the errors
+        """
+        low, high = np.minimum(shared, 0.0).sum(axis=1), np.maximum(shared, 0.0).sum(axis=1)
+        return replace(self, U=self.U - np.clip(self.U, low, high))
 
     def beside(self, n: int, std: float, members: np.ndarray) -> Scores:
         """The scores of all columns but the last n, which are in every model with amplitudes of 1 +- std.

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.diagnose.residual.evidence import Columns, Evidence
-from idic.diagnose.residual.excess import power
+from idic.diagnose.residual.evidence import Columns, Evidence, FrameEvidence
+from idic.diagnose.residual.excess import power, seen_planes
 from idic.diagnose.residual.score import Scores
 from idic.diagnose.screen.free_courses import with_knots
+from idic.diagnose.screen.practical import EffectSize
 from idic.diagnose.screen.score_columns import ScoreColumn
 
 
@@ -31,10 +32,29 @@ def sum_of(members: Sequence[ScoreColumn]) -> ScoreColumn:
     return replace(members[0], variant=variant, name=variant.label)
 
 
+@dataclass(frozen=True, eq=False)
+class EffectSizes:
+    """Sizes of effects, one per column and per best sum of a group, of what the identified parameters cannot imitate.
+
+    px : rms over pixels and frames; local_px : the same weighed by the effect itself, its size where and when it acts;
+    channel : standard deviations of one reading, rms; each (K + n_groups,)
+    """
+
+    px: np.ndarray
+    local_px: np.ndarray
+    channel: np.ndarray
+
+    def of(self, column: int, amplitude: float) -> EffectSize:
+        """Of one column with this amplitude."""
+        px, local_px, channel = (float(abs(amplitude) * sizes[column]) for sizes in (self.px, self.local_px,
+                                                                                     self.channel))
+        return EffectSize(px, local_px, channel)
+
+
 def effects(evidence: Evidence, parameters: Columns, columns: Columns, scores: Scores,
-            groups: Sequence[Sequence[int]] = ()) -> tuple[np.ndarray, np.ndarray]:
+            groups: Sequence[Sequence[int]] = ()) -> EffectSizes:
     """Size per unit amplitude of each column and of the best sum of every group, the identified parameters projected
-    out, rms over pixels and frames.
+    out.
 
     Motion is weighed by the contrast of the texture: rms^2 = 2 sum (grad f . s)^2 / sum |grad f|^2 in a plane. Columns
     of grey values and heights count as the motion that would change as much.
@@ -42,10 +62,6 @@ def effects(evidence: Evidence, parameters: Columns, columns: Columns, scores: S
     Parameters
     ----------
     scores : of the columns and the sums (`Scores.with_sums`)
-
-    Returns
-    -------
-    px, channel : (K + len(groups),) each, px (images), standard deviations of one reading (channels)
     """
     parts, n = columns.apart(), columns.n
     ways = np.zeros((n, len(groups)))
@@ -53,22 +69,36 @@ def effects(evidence: Evidence, parameters: Columns, columns: Columns, scores: S
         ways[list(members), k] = scores.together(members)
     weight, moves = evidence.channel_weight[:, None], scores.moves
     n_moving = parts[0].n if parts[0].moves else 0
-    moving = np.concatenate([np.arange(n_moving), n + np.flatnonzero(ways[:n_moving].any(axis=0))]).astype(int)
+    summed = np.flatnonzero(ways[:n_moving].any(axis=0))
+    moving = np.concatenate([np.arange(n_moving), n + summed]).astype(int)
     still = np.setdiff1d(np.arange(n + len(groups)), moving)
-    images, channels = np.zeros(n + len(groups)), np.zeros(n + len(groups))
+    images, fourth, channels = (np.zeros(n + len(groups)) for _ in range(3))
     for t, part in enumerate(evidence.parts):
-        moving_fields = columns.fields[t][:, :n_moving]
-        summed = moving[n_moving:]
-        fields = np.hstack([moving_fields, moving_fields @ ways[:n_moving, summed - n]])
-        fields = fields + parameters.fields[t] @ moves[:, moving]
+        fields = columns.fields[t][:, :n_moving]
+        fields = np.hstack([fields, fields @ ways[:n_moving, summed]]) + parameters.fields[t] @ moves[:, moving]
         images[moving] += np.einsum("ik,ik->k", fields, part.A @ fields)
         # of columns that move nothing the parameters alone move
         gram = parameters.fields[t].T @ (part.A @ parameters.fields[t])
         images[still] += np.einsum("ik,ij,jk->k", moves[:, still], gram, moves[:, still])
+        fourth[moving] += _fourth_powers(evidence, part, fields)
         if columns.pixels is not None:
             grey = np.hstack([columns.pixels[t], columns.pixels[t] @ ways])
             images += np.einsum("ik,ik->k", grey, part.pixel.gram @ grey)
         rows = np.hstack([columns.channels[t], columns.channels[t] @ ways]) + parameters.channels[t] @ moves
         channels += (weight * rows**2).sum(axis=0)
     n_rows = max(len(evidence.parts) * len(evidence.channel_weight), 1)
-    return np.sqrt(images / max(power(evidence).sum(), 1e-300)), np.sqrt(channels / n_rows)
+    px = np.sqrt(images / max(power(evidence).sum(), 1e-300))
+    local_px = np.sqrt(np.divide(fourth, images, out=np.zeros_like(images), where=images > 0.0))
+    return EffectSizes(px, np.maximum(local_px, px), np.sqrt(channels / n_rows))
+
+
+def _fourth_powers(evidence: Evidence, part: FrameEvidence, fields: np.ndarray) -> np.ndarray:
+    """Sum over the nodes of one frame of |u|^4, weighed by how well pixels see a motion there  # (K,)"""
+    node, component = np.divmod(evidence.seen, evidence.n_components)
+    planes = seen_planes(evidence)
+    weights, squares = np.zeros(node.max() + 1), np.zeros((node.max() + 1, fields.shape[1]))
+    for k in planes:
+        members = component == k
+        weights[node[members]] += (part.A @ members.astype(float))[members] / len(planes)
+        squares[node[members]] += fields[members] ** 2
+    return np.maximum(weights, 0.0) @ squares**2

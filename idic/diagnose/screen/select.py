@@ -1,9 +1,9 @@
 """From score tests to a shortlist: significance, practical size, indistinguishable candidates.
 
-A candidate passes with a family-wise p below 1 % *and* an effect that matters: above the practical margin, or above the
-floor and a good part of all that any motion could explain. Interpolation and discretisation leave patterns between the
-two of which every candidate explains a little. What does not pass is excluded with a bound where the test would have
-seen it, and left open where it would not.
+A candidate passes with a family-wise p below 1 % *and* an effect of practical size (`screen.practical`): interpolation
+and discretisation leave patterns below it of which every candidate explains a little. The null of the p-value is noise
+and the errors of the simulation that the model does not count (`Scores.beyond_errors`). What does not pass is excluded
+with a bound where the test would have seen it, and left open where it would not.
 """
 
 from __future__ import annotations
@@ -16,17 +16,15 @@ import numpy as np
 from idic.diagnose.physics.candidate import Candidate, Variant
 from idic.diagnose.residual.evidence import Columns, Evidence
 from idic.diagnose.residual.grey_value_effects import BLUR
-from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.score import Scores, Significance, null_model, score, significances
 from idic.diagnose.residual.thinning import COPY_VARIANCE_FACTOR, drop_on_copy
-from idic.diagnose.screen.effect_sizes import columns_together, effects, sum_of
+from idic.diagnose.screen.effect_sizes import EffectSizes, columns_together, effects, sum_of
 from idic.diagnose.screen.free_courses import course_stem, fewest_knots
+from idic.diagnose.screen.practical import ANY_SIZE, ASSUMED_SIZE, PracticalSize
 from idic.diagnose.screen.score_columns import ScoreColumn
 from idic.model import TEMPERATURE
 
 MAX_FAMILYWISE_P = 0.01  # family-wise
-MIN_ROOM_SHARE = 0.5  # of the explainable room, for an effect between floor and margin
-MIN_CHANNEL_EFFECT_STD = 0.3  # rms in standard deviations of one reading
 MIN_PROBE_Z = 5.0  # a probe of so many standard deviations would have been seen
 MIN_SEPARATION_CHI2 = 9.0  # D = S (1 - rho^2), three standard deviations
 MAX_SHORTLIST = 5
@@ -45,10 +43,10 @@ class Ranked:
     best : column number; variant, name : what it is; amplitude, std : expected change in amplitudes of the column (1 =
     the probe) or, for direct variants, in units of the degree of freedom; gain : predicted drop of chi-square of the
     variant on a copy, where it is refitted; effect_px, effect_channel : rms of what the model in hand leaves of it,
-    px and standard deviations of a reading; verdict : "significant" | "small" | "inadmissible" | "excluded" |
-    "cannot_tell"; largest_probe_z : standard deviations by which a plausible effect would stand out, of the variant
-    that shows most; moves : change of the identified parameters per unit of the amplitude; start : values of the
-    knots of a free course, by the score
+    px and standard deviations of a reading; local_px : the same where and when it acts; standing : "significant" |
+    "small" | "inadmissible" | "excluded" | "cannot_tell"; largest_probe_z : standard deviations by which a plausible
+    effect would stand out, of the variant that shows most; moves : change of the identified parameters per unit of the
+    amplitude; start : values of the knots of a free course, by the score
     """
 
     candidate: Candidate
@@ -69,6 +67,7 @@ class Ranked:
     largest_probe_z: float = np.inf
     moves: Mapping[str, float] = field(default_factory=dict)
     start: Mapping[str, float] = field(default_factory=dict)
+    local_px: float = 0.0
 
     @property
     def key(self) -> tuple[str, str]:
@@ -95,12 +94,14 @@ class Screening:
     """All candidates, best first, and the joint table they come from.
 
     untestable : (candidate, why this record cannot tell it from its rivals), which are not among them
+    practical : the size below which none is named
     """
 
     ranked: tuple[Ranked, ...]
     trials: tuple[ScoreColumn, ...]
     scores: Scores
     untestable: tuple[tuple[Candidate, str], ...] = ()
+    practical: PracticalSize = ANY_SIZE
 
     def of(self, name: str) -> Ranked:
         return next(r for r in self.ranked if r.candidate.name == name)
@@ -149,37 +150,38 @@ class Screening:
 
 
 def screen_candidates(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn], columns: Columns,
-           seed: int = 0, room: float = 0.0, materials: Sequence[str] = (), margin: Margin = ASSUMED,
-           is_further: bool = False, min_channel: float = MIN_CHANNEL_EFFECT_STD,
-           mesh: Columns | None = None, known_columns: tuple[Columns, float] | None = None) -> Screening:
+           seed: int = 0, materials: Sequence[str] = (), practical: PracticalSize = ASSUMED_SIZE,
+           mesh: Columns | None = None, known_columns: tuple[Columns, float] | None = None,
+           errors: Columns | None = None) -> Screening:
     """Score all columns and rank the candidates.
 
     Parameters
     ----------
     materials : element sets; of several, each is a subject of its own
     parameters : columns of the identified parameters, as gathered
-    room : chi-square that free motions explain beyond noise: what is between the smallest effect and the practical
-    margin
-        must explain a good part of it
-    margin : motion that no candidate may be blamed for
-    is_further : a cause is in the model already: what discretisation leaves of it is no room for another one
-    min_channel : effect on the readings, standard deviations, that no candidate may be blamed for
+    practical : size of the effects below which no candidate is named
     mesh : what a finer mesh has changed in the residual, one column: a candidate must explain more than that did along
         its own pattern, as the finer mesh has an error, too
+    errors : of the simulation that the model does not count: a part of the null, each with an amplitude from 0 to 1
     """
-    smallest_px = margin.px if is_further else margin.smallest_effect_px
     together, null = columns_together(trials), null_model(evidence, parameters)
     scores = score(evidence, null, columns, *([] if mesh is None else [mesh]),
-                   *([] if known_columns is None else [known_columns[0]]))
+                   *([] if errors is None else [errors]), *([] if known_columns is None else [known_columns[0]]))
     if known_columns is not None:
         blurs = np.array([trial.variant.pixels is not None and trial.variant.pixels[0] == BLUR for trial in trials])
         scores = scores.beside(known_columns[0].n, known_columns[1],
                                np.append(blurs, np.zeros(len(scores.U) - known_columns[0].n - len(blurs),
                                                                                dtype=bool)))
+    n_errors = 0 if errors is None else errors.n
+    by_errors = scores.information[:columns.n, len(scores.U) - n_errors:]  # (K, n)
+    scores = scores.first(len(scores.U) - n_errors)
     scores, shared = (scores, np.zeros(columns.n)) if mesh is None else scores.split()
     joint = [fewest_knots(scores, members) if trials[members[0]].variant.new else members for members in together]
     shared = np.concatenate([shared, [scores.together(members) @ shared[list(members)] for members in joint]])
+    by_errors = np.concatenate([by_errors, *([scores.together(members)] @ by_errors[list(members)]
+                                             for members in joint)])
     scores = scores.with_sums([trials[members[0]].variant.label for members in joint], joint)
+    tested = scores.beyond_errors(by_errors)
     by_mesh = np.divide(shared**2, scores.own, out=np.zeros_like(scores.U), where=scores.own > 0)
     sums = {len(trials) + k: members for k, members in enumerate(together)}
     trials = (*trials, *(sum_of([trials[i] for i in members]) for members in joint))
@@ -190,20 +192,18 @@ def screen_candidates(evidence: Evidence, parameters: Columns, trials: Sequence[
             groups.setdefault((trial.candidate.name, material_of_variant(trial.variant, materials), is_free),
                               []).append(i)
     signs = np.array([trial.variant.sign for trial in trials])
-    standings = significances(scores, groups, signs, np.random.default_rng(seed), sums) if groups else {}
+    standings = significances(tested, groups, signs, np.random.default_rng(seed), sums) if groups else {}
     standings = {key: replace(standing,
                               p_familywise=min(1.0, trials[standing.best].variant.searched * standing.p_familywise))
                  for key, standing in standings.items()}
-    sizes_px, sizes_channel = effects(evidence, parameters, columns, scores, joint)
-    bounds = smallest_px, margin.px, min_channel
-    ranked = [replace(_ranked(trials, scores, standings[key], members, sizes_px, sizes_channel, room, bounds, columns.n,
-                              by_mesh),
+    sizes = effects(evidence, parameters, columns, scores, joint)
+    ranked = [replace(_ranked(trials, scores, standings[key], members, sizes, practical, columns.n, by_mesh),
                       material=key[1])
               for key, members in groups.items()]
     ranked = [admissible(replace(r, start=dict(zip(r.variant.new,
                                                    scores.together(joint[r.best - columns.n]).tolist(), strict=True))))
               if r.variant.free_course and r.variant.new else r for r in ranked]
-    return Screening(tuple(sorted(proposed(ranked), key=_place)), tuple(trials), scores)
+    return Screening(tuple(sorted(proposed(ranked), key=_place)), tuple(trials), scores, practical=practical)
 
 
 def _place(ranked: Ranked) -> tuple[float, bool]:
@@ -242,26 +242,24 @@ def material_of_variant(variant: Variant, materials: Sequence[str]) -> str:
 
 
 def _ranked(trials: Sequence[ScoreColumn], scores: Scores, standing: Significance, members: Sequence[int],
-            sizes_px: np.ndarray, sizes_channel: np.ndarray, room: float, bounds: tuple[float, float, float],
-            n_columns: int, by_mesh: np.ndarray) -> Ranked:
-    """n_columns : without the sums behind them; by_mesh : chi-square that a finer mesh changed along every column;
-    bounds : smallest effect (px) of a candidate that explains most of the
-    room, of any other, on readings (std)"""
+            sizes: EffectSizes, practical: PracticalSize, n_columns: int, by_mesh: np.ndarray) -> Ranked:
+    """sizes : per unit amplitude; n_columns : without the sums behind them; by_mesh : chi-square that a finer mesh
+    changed along every column"""
     best = standing.best
     trial = trials[best]
     members_of_refit = [i for i in members if of_one_refit(trials[i].variant, trial.variant)
                         and i < n_columns] or [best]
     amplitude, std = float(scores.expected_change[best]), float(scores.std[best])
-    effect_px, effect_channel = abs(amplitude) * sizes_px[best], abs(amplitude) * sizes_channel[best]
+    size = sizes.of(best, amplitude)
     gain = drop_on_copy(scores.gain(members_of_refit), len(members_of_refit))
-    min_effect_px = bounds[0] if gain > MIN_ROOM_SHARE * room else bounds[1]
-    is_large = effect_channel > bounds[2] or effect_px > min_effect_px or trial.variant.least > 0.0
+    is_large = practical.is_reached(size) or trial.variant.least > 0.0
     matters = (is_large and scores.z[best] ** 2 > by_mesh[best] and abs(amplitude) > trial.variant.least)
     return Ranked(trial.candidate, best, trial.variant, trial.name, standing.statistic, standing.p_familywise,
-                  amplitude, std, float(scores.visibility[best]), gain, float(effect_px), float(effect_channel),
+                  amplitude, std, float(scores.visibility[best]), gain, size.px, size.channel_std,
                   scores.bias_uncovered(best), _cell(standing, trial.variant, amplitude, std, matters),
                   largest_probe_z=max(_stands_out(trials[i].variant, float(scores.std[i])) for i in members),
-                  moves=dict(zip(scores.parameters, scores.moves[:, best].tolist(), strict=True)))
+                  moves=dict(zip(scores.parameters, scores.moves[:, best].tolist(), strict=True)),
+                  local_px=size.local_px)
 
 
 def of_one_refit(first: Variant, second: Variant) -> bool:

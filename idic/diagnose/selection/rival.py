@@ -10,6 +10,7 @@ import numpy as np
 from idic.diagnose.refits.refit import Fit
 from idic.diagnose.refits.refit_job import ExperimentSource
 from idic.diagnose.residual.heldout import Misfit, pooled
+from idic.diagnose.screen.practical import ANY_SIZE, EffectSize, PracticalSize
 from idic.diagnose.screen.select import MIN_SEPARATION_CHI2, Ranked, Screening
 from idic.diagnose.selection.block_step import BlockJudgement
 
@@ -17,6 +18,10 @@ MIN_HELDOUT_DROP = 9.0  # chi-square per model and copy that judges
 MIN_DROP_DIFFERENCE = 2e-3  # of a drop of chi-square: two simulations are not better than that
 MIN_ACHIEVED_SHARE = 0.25  # of the promised drop of chi-square: a refit that ends with less has failed
 COPIES = 2  # of the recording, whose drops of chi-square make the evidence for a rival
+MIN_KEPT_SHARE = 0.5  # of the promised drop: a refit that keeps less was far from linear
+MIN_TOLD_Z = 2.326  # of a unit normal: a difference of two rivals has the same sign in 99 % of repeated noise
+MIN_TOLD_CHI2 = (2.0 * MIN_TOLD_Z) ** 2  # `noise_of_evidence`
+MIN_PRIOR_ODDS = 19.0  # of plausible sizes, 95:5: of two that the recording does not tell apart the likelier leads
 # of the drop of chi-square of all causes: less is a flaw of the description, not a further cause
 MIN_FURTHER_SHARE = 0.03
 MIN_LEFT_Z = 3.0  # standard deviations of what a refit leaves in motions or channels
@@ -30,7 +35,8 @@ class Rival:
     predicted, achieved : drop of chi-square on the copy for choosing; heldout : drop on the other one
     crossed : where both copies had to judge, its fit on the copy for choosing after a refit on the other one; heldout
     is the sum of both drops then, achieved_on_other what that refit achieved
-    silent : both copies had to judge, and there is no answer on one: it decides nothing
+    failed_on_one_copy : both copies had to judge, and there is no answer on one: it decides nothing
+    null : the fit without it; practical : the size below which it is not named
     """
 
     ranked: Ranked
@@ -41,6 +47,8 @@ class Rival:
     crossed_judgement: Misfit | None = None
     achieved_on_other: float = 0.0
     failed_on_one_copy: bool = False
+    null: Fit | None = None
+    practical: PracticalSize = ANY_SIZE
 
     @property
     def name(self) -> str:
@@ -49,8 +57,63 @@ class Rival:
     @property
     def passes(self) -> bool:
         """Whether the improvement survives on data that had no part in the fit, and says something of its cause."""
+        return self.improves and self.is_practical
+
+    @property
+    def improves(self) -> bool:
+        """The same, whatever its size."""
         return (self.refitted.usable and not self.failed_on_one_copy and self.determined
                 and self.heldout > self.min_heldout_drop)
+
+    @property
+    def is_practical(self) -> bool:
+        """Whether its effect has a practical size, and more than its pattern shows it. Of grey values the screening
+        decides: no refit has their size."""
+        return self.is_large and self.practical.is_shown(self.shifts_std)
+
+    @property
+    def is_large(self) -> bool:
+        """Whether its motion or its readings are."""
+        return (self.effect is None or self.ranked.variant.pixels is not None
+                or self.practical.is_reached(self.effect))
+
+    @property
+    def effect(self) -> EffectSize | None:
+        """Its size by what the refit explains, and by its score where the refit keeps the promise: the score also knows
+        what unknowns of single frames take up. None without a refit."""
+        if self.null is None or self.null.choice is None or self.refitted.choice is None:
+            return None
+        ranked = self.ranked
+        locality = ranked.local_px / ranked.effect_px if ranked.effect_px > 0.0 else 1.0
+        size = self.practical.of_refit(self.null.choice, self.refitted.choice, len(self.own_unknowns), locality)
+        if self.achieved < MIN_KEPT_SHARE * self.predicted:
+            return size
+        return size.or_larger(EffectSize(ranked.effect_px, ranked.local_px, ranked.effect_channel))
+
+    @property
+    def size(self) -> float | None:
+        """In the unit of its plausible size; None where it states none, or its parameters have no such size."""
+        prior, variant, values = self.ranked.candidate.size, self.ranked.variant, self.refitted.values
+        if prior is None:
+            return None
+        names = [name for name in variant.new if name in values and (not prior.in_probes or name in variant.probe)]
+        changes = {name: abs(values[name] - variant.null.get(name, 0.0)) for name in names}
+        probes = {name: abs(variant.probe[name] - variant.null.get(name, 0.0)) if prior.in_probes else 1.0
+                  for name in names}
+        return max((changes[name] / probes[name] for name in names if 0.0 < probes[name] < np.inf), default=None)
+
+    @property
+    def share_beyond(self) -> float:
+        """Share of such causes that are as large and larger; 1 where no size is stated."""
+        prior, size = self.ranked.candidate.size, self.size
+        return 1.0 if prior is None or size is None else prior.share_beyond(size)
+
+    @property
+    def shifts_std(self) -> dict[str, float]:
+        """By how much it moves the parameters of the model without it, in their standard deviations there."""
+        null, values = self.null, self.refitted.values
+        return {} if null is None else {name: (values[name] - null.values[name]) / std
+                                        for name, std in null.stds.items() if std and name in values}
 
     @property
     def min_heldout_drop(self) -> float:
@@ -161,10 +224,11 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
     """Of the rivals that pass on held-out data the one with the most evidence, and the rivals that are
     indistinguishable.
 
-    The difference in chi-square of two models on one recording has the standard deviation 2 sqrt(D), with D the
-    chi-square that separates them: D < 9 per copy leaves both. A rival whose refit failed stays with the winner where
-    their patterns are indistinguishable. A rival with the winner as its limit is no alternative to it; the next round
-    tests whether it adds anything.
+    Rivals whose difference is within `noise_of_evidence` are one set, whatever side each is on. Of a set the member
+    with the most evidence leads, unless the size of another one is far more plausible (`share_beyond`): that is a
+    stated prior, and takes nobody out of the set. A rival whose refit failed stays with the winner where their patterns
+    are indistinguishable. A rival with the winner as its limit is no alternative to it; the next round tests whether it
+    adds anything.
     """
     passing = sorted((r for r in rivals if r.passes), key=lambda r: -r.evidence)
     if not passing:
@@ -174,6 +238,17 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
     least = max(COPIES * MIN_SEPARATION_CHI2, winner.ranked.candidate.share_over_limit * winner.evidence)
     if limits and winner.evidence - limits[0].evidence < least:
         winner = limits[0]  # the same with fewer unknowns
+    equals = indistinguishable(rivals, winner, screening)
+    likelier = [r for r in passing if r.name in equals
+                and r.share_beyond > MIN_PRIOR_ODDS * winner.share_beyond]
+    if likelier:
+        winner = max(likelier, key=lambda r: r.share_beyond)
+        equals = indistinguishable(rivals, winner, screening)
+    return winner, tuple(equals)
+
+
+def indistinguishable(rivals: Sequence[Rival], winner: Rival, screening: Screening) -> list[str]:
+    """Names of the rivals that this recording cannot tell from the winner, the ones with the most evidence first."""
     equals = []
     candidates = [r for r in rivals if r.refitted.usable and not r.failed_on_one_copy and r.determined
                   and r.heldout > 0.0]
@@ -184,7 +259,7 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
         alike = rival.refit_failed and screening.separation_chi2(winner.ranked, rival.ranked) < MIN_SEPARATION_CHI2
         if alike or (rival in candidates and within_noise(rival, winner)):
             equals.append(rival.name)
-    return winner, tuple(equals)
+    return equals
 
 
 def leaves_something(misfit: Misfit) -> bool:
@@ -194,12 +269,26 @@ def leaves_something(misfit: Misfit) -> bool:
 
 
 def within_noise(rival: Rival, winner: Rival) -> bool:
-    """Whether the difference of two refits is within noise, or within the error of time integration and convergence
-    for a large drop (creep and an equivalent Maxwell body: 15 108 and 15 120).
-    """
+    """Whether the difference of two refits is not told (`noise_of_evidence`)."""
     return abs(winner.evidence - rival.evidence) < noise_of_evidence(winner)
 
 
 def noise_of_evidence(winner: Rival) -> float:
-    """The difference to a winner's evidence that is not told (`within_noise`)."""
-    return COPIES * max(MIN_SEPARATION_CHI2, MIN_DROP_DIFFERENCE * winner.achieved)
+    """The difference to a winner's evidence that is not told.
+
+    The difference D of the chi-square of two models on one recording has the standard deviation 2 sqrt(D) where the
+    better one is right: it keeps its sign in 99 % of repeated noise from D = (2 * 2.326)^2 on. Two simulations differ
+    by a share of a large drop: time integration, convergence (creep and an equivalent Maxwell body: 15 108 and 15 120).
+    And where the winner itself leaves something, its form is not quite that of the cause: another form that is behind
+    by less than that is not refuted by it.
+    """
+    return max(MIN_TOLD_CHI2, COPIES * MIN_DROP_DIFFERENCE * winner.achieved, COPIES * remainder(winner.refitted))
+
+
+def remainder(fit: Fit) -> float:
+    """Chi-square that a fit leaves in motions and channels beyond two standard deviations of noise."""
+    if fit.choice is None:
+        return 0.0
+    size = fit.choice.channels.size
+    channels = float((fit.choice.channels**2).sum()) - size - 2.0 * float(np.sqrt(2.0 * size))
+    return fit.choice.room + max(channels, 0.0)

@@ -15,7 +15,7 @@ from idic.diagnose.refits.refit import (MAX_BODY_EVALUATIONS, MAX_STARTS, MIN_BO
 from idic.diagnose.refits.refit_job import ExperimentSource, RefitJob, Refits
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.select import MAX_SHORTLIST, Ranked, Screening
-from idic.diagnose.selection.rival import Rival
+from idic.diagnose.selection.rival import MIN_KEPT_SHARE, Rival
 
 MAX_PARALLEL_REFITS = 2  # refits side by side after the first: the fewer, the better the bar is known
 MIN_GAIN_OVER_LIMIT = 1.1  # times the promise of its limit: a larger model is refitted as well
@@ -24,8 +24,6 @@ LUCK_STD = 2.0  # standard deviations of a drop on one copy that may be luck
 MAX_ROOM_SHARE = 0.05  # of the drop of a refit: with less excess left it explains all
 FIRST_ORDER_ERROR_SHARE = 0.2  # of a promise: error of first order
 MAX_CLOSE_CHI2 = 25.0  # chi-square between two candidates that are hardly distinguishable, noise included
-# of the promised drop; a refit that keeps less began in the wrong place, or the promise was far from linear
-MIN_KEPT_SHARE = 0.5
 
 
 def refitted(source: ExperimentSource, null: Fit, screening: Screening, refits: Refits, grid: Grid, seed: int,
@@ -52,7 +50,7 @@ def refitted(source: ExperimentSource, null: Fit, screening: Screening, refits: 
         jobs = [_job(source, null, r, starts[r.key][first:end], first == 0 and min_drop is None,
                      MIN_KEPT_SHARE * r.gain if min_drop is None else min_drop, grid, seed, early_stop) for r in chosen]
         answers = refits([replace(job, whole_std=is_alone) for job in jobs])
-        return [_rival(ranked, answer, null) for ranked, answer in zip(chosen, answers, strict=True)]
+        return [_rival(ranked, answer, null, screening) for ranked, answer in zip(chosen, answers, strict=True)]
 
     if is_alone:
         return tuple(run(next_wave(waiting, True), 0, MAX_STARTS)) if waiting else ()
@@ -205,7 +203,7 @@ def refit_of_candidate(source: ExperimentSource, null: Fit, ranked: Ranked, scre
     job = replace(job, labels=(job.labels[0], *job.labels), edits=(job.edits[0], *job.edits),
                   values=({**job.values[0], **values}, *job.values))
     (answer,) = refits([job])
-    return _rival(ranked, answer, null)
+    return _rival(ranked, answer, null, screening)
 
 
 def refitted_from_other_starts(source: ExperimentSource, null: Fit, winner: Rival, screening: Screening,
@@ -221,7 +219,7 @@ def refitted_from_other_starts(source: ExperimentSource, null: Fit, winner: Riva
     if not variants:
         return None
     (refit,) = refits([_job(source, null, ranked, variants, False, np.inf, grid, seed, None)])
-    return _rival(ranked, refit, null) if refit.usable else None
+    return _rival(ranked, refit, null, screening) if refit.usable else None
 
 
 def edits_of(winner: Rival, screening: Screening) -> dict[str, Any]:
@@ -279,8 +277,7 @@ def most_body_evaluations(null: Fit) -> int:
     return round(max(MAX_BODY_EVALUATIONS * per_frame, MIN_BODY_EVALUATIONS / intervals))
 
 
-def _rival(ranked: Ranked, answer: Fit, null: Fit) -> Rival:
-    if not answer.usable:
-        return Rival(ranked, answer, ranked.gain, float("nan"), float("nan"))
-    return Rival(ranked, answer, ranked.gain, null.choice.chi2 - answer.choice.chi2,
-                 null.judgement.chi2 - answer.judgement.chi2)
+def _rival(ranked: Ranked, answer: Fit, null: Fit, screening: Screening) -> Rival:
+    achieved, heldout = ((null.choice.chi2 - answer.choice.chi2, null.judgement.chi2 - answer.judgement.chi2)
+                         if answer.usable else (float("nan"), float("nan")))
+    return Rival(ranked, answer, ranked.gain, achieved, heldout, null=null, practical=screening.practical)

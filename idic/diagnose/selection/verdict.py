@@ -25,6 +25,9 @@ from idic.diagnose.selection.rival import Rival, Round, with_winners
 from idic.parameters import Parameter
 
 MIN_RECOVERED_SHARE = 0.7  # of the explainable share; below, the library does not hold the missing effect
+# of causes of a kind that are as large (`PlausibleSize`): twenty times the size that half of them stay under
+MIN_SHARE_BEYOND = 1.0 / 400.0
+REFIT, BOUND = "refit", "bound"  # what excludes a candidate
 MAX_AVERAGED_IMAGES = 400  # to be averaged: more is impractical
 UNLOADING = "unload to zero"  # beginning of a test that a recording may hold already
 
@@ -34,9 +37,11 @@ class Verdict:
     """The outcome.
 
     word : see the module; selected : candidates in the model, in the order of the rounds; indistinguishable : groups of
-    candidates; excluded : insignificant candidates with a 95 % bound; cannot_tell : candidates that this test cannot
-    see; next_experiment : the test that separates a group; share : explained share of the explainable residual;
-    in_motions : whether motion is unexplained; in_channels : columns whose readings are
+    candidates; excluded : insignificant candidates with a 95 % bound, and by what (`REFIT`, `BOUND`); cannot_tell :
+    candidates that this test cannot see; next_experiment : the test that separates a group; share : explained share of
+    the explainable residual; in_motions : whether motion is unexplained; in_channels : columns whose readings are;
+    unsettled : candidates whose score would exclude them, which says too little of an effect that is far from linear;
+    beyond_plausible : selected candidates of a size that no such cause has
     """
 
     word: str
@@ -50,6 +55,8 @@ class Verdict:
     after: Misfit
     in_motions: bool = False
     in_channels: tuple[str, ...] = ()
+    unsettled: tuple[str, ...] = ()
+    beyond_plausible: tuple[str, ...] = ()
 
 
 def conclude(rounds: Sequence[Round], base: Misfit, enriched: Misfit, real: bool, excess: Sequence[ExcessLeft],
@@ -78,18 +85,44 @@ def conclude(rounds: Sequence[Round], base: Misfit, enriched: Misfit, real: bool
                         if entry.matters or (share < MIN_RECOVERED_SHARE and entry.is_left))
     in_motions = (real and not won) or (bool(won) and any(
         _is_unexplained(entry, share, readings) for entry in excess))
-    word = _word(won, first, bool(in_channels) or in_motions)
+    beyond = tuple(winner.name for _, winner in won if winner.share_beyond < MIN_SHARE_BEYOND)
+    word = _word(won, first, bool(in_channels) or in_motions or bool(beyond))
     selected = tuple(winner.name for _, winner in won)
     sets = tuple((winner.name, *entry.equals) for entry, winner in won if entry.equals)
     in_model = set(selected).union(*(entry.equals for entry, _ in won))
     shown_names = in_model | {r.candidate.name for r in final.ranked
                               if r.standing in ("significant", "small", "inadmissible")}
-    excluded = tuple({"name": r.candidate.name, "bound": bound_text(r, freedom(r))} for r in final.ranked
-                     if r.standing == "excluded" and r.candidate.name not in shown_names)
+    is_quiet = not _leaves(won, real, excess, channels)
+    by = {r.candidate.name: excluded_by(r.candidate, rounds, is_quiet) for r in final.ranked
+          if r.standing == "excluded" and r.candidate.name not in shown_names}
+    excluded = tuple({"name": r.candidate.name, "bound": bound_text(r, freedom(r)), "by": by[r.candidate.name]}
+                     for r in final.ranked if r.standing == "excluded" and by.get(r.candidate.name))
     cannot = tuple(dict.fromkeys(r.candidate.name for r in final.ranked
                                  if r.standing == "cannot_tell" and r.candidate.name not in in_model))
     advice = _next(word, won, first, unloads, in_motions, [entry for entry in channels if entry.is_left])
-    return Verdict(word, selected, sets, excluded, cannot, advice, share, base, enriched, in_motions, in_channels)
+    return Verdict(word, selected, sets, excluded, cannot, advice, share, base, enriched, in_motions, in_channels,
+                   tuple(name for name, reason in by.items() if not reason), beyond)
+
+
+def _leaves(won: Sequence[tuple[Round, Rival]], real: bool, excess: Sequence[ExcessLeft],
+            channels: Sequence[ChannelLeft]) -> bool:
+    """Whether the last model leaves more than noise."""
+    in_motions = any(entry.after.excess_z > MIN_EXCESS_Z for entry in excess[:1]) if won else real
+    return in_motions or any(channel.is_significant for channel in channels)
+
+
+def excluded_by(candidate: Candidate, rounds: Sequence[Round], is_quiet: bool) -> str:
+    """What excludes a candidate whose score is insignificant: a refit that explains nothing, or the bound of the score;
+    "" where neither does.
+
+    A bound is one of first order. It holds for every effect where the model leaves noise alone: an amplitude within it
+    is small. Where something is left, an effect that is far from linear may be large and have no score: a bar that
+    necks has left the straight line of a small plastic strain.
+    """
+    refits = [rival for entry in rounds for rival in entry.rivals if rival.name == candidate.name]
+    if any(rival.refitted.usable and rival.refitted.status == "converged" and not rival.improves for rival in refits):
+        return REFIT
+    return BOUND if is_quiet or not candidate.is_nonlinear else ""
 
 
 def _word(won: Sequence[tuple[Round, Rival]], first: Screening, unexplained: bool) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from idic.diagnose import NO_CAUSE
+from idic.diagnose import MOTION, NO_CAUSE
 from idic.report.diagnosis.words import (
     MIN_GOOD_PROBABILITY, NOISE_AT_REST, SAYS_NOTHING, below_margin, new_values, selected_titles, side_in_words,
     size_of_grey, unconfirmed, when_and_where, with_size,
@@ -12,11 +12,12 @@ from idic.report.diagnosis.words import (
 from idic.report.result.words import short_names, two_digits, with_std
 
 MIN_MOVE_STD = 2.0  # standard deviations after: a parameter that moved less is not worth a word
-MOSTLY = 0.5  # explained share from which a nearest candidate explains most of it
+MOSTLY = 0.5  # explained share from which a free curve explains most of the residual
 MIN_LEFT_PX = 5e-4  # motion that is worth a word
-MAX_SMALL = 3  # candidates below the margin that are told by name
+MAX_SMALL = 3  # candidates that are not selected, told by name
 CAME_OUT = "came out"
 MAX_SHAPES = 2  # of a free end, that are told
+MIN_TOLD_ODDS = 1.2  # of the largest share over an even one: less is no news
 MIN_TEXT_Z = 5.0  # standard deviations: a smaller residual excess is not reported
 
 
@@ -31,33 +32,52 @@ def diagnosis_headline(content: Mapping, titles: Mapping[str, str]) -> str:
         body = f"; as the model simplifies the body, {_in_one(moved)}" if moved else ""
         small, open_ = ([_titled(name, titles) for name in names]
                         for names in (below_margin(content), unconfirmed(content)))
-        listed = (f"{_joined(small)} {_is(small)} seen" if len(small) <= MAX_SMALL else
-                  f"{len(small)} candidates are seen, {small[0]} most")
-        small_clause = f"; {listed}, but below the practical margin" if small else ""
-        doubt = f"; {_joined(open_)} {_is(open_)} suspected by the score, and not confirmed by a refit" if open_ else ""
+        small_clause = f"; {_few(small, 'seen')}, but below the practical margin" if small else ""
+        doubt = f"; {_few(open_, 'suspected')} by the score, and not confirmed by a refit" if open_ else ""
         statement = "No missing physics matters" if small else "No missing physics is significant"
         return f"{statement}: the residual of images and channels is {_nothing(content)}{body}{small_clause}{doubt}."
     if word == "blind":
         return f"{SAYS_NOTHING}."
     if content.get("free_end"):
         return free_end_words(content["free_end"])
-    if word == "outside_library" and not (content["named"] and (share or 0.0) > MOSTLY):
-        occasion = when_and_where(content)
-        return (f"No candidate explains the residual{_of_what(content)}, probably from {side_in_words(content)}"
-                f"{f' ({occasion})' if occasion else ''}: do not trust the parameters.{free_form_words(content)}")
-    causes = _joined(_causes(content, titles, sizes=word != "outside_library"))
-    formal = [title for title, entry in _with_rounds(content, titles) if _is_formulation(content, entry)]
-    occasion = when_and_where(content, sizes=word != "outside_library", visible=False)
-    statement = _begun(content, f"{causes}{f', {occasion},' if occasion else ''} ")
     if word == "outside_library":
-        return (f"{statement}explain{_s(content)} most of it ({per_cent(share)}), but not all{_of_what(content)}: do "
-                f"not trust the parameters yet.{free_form_words(content)}")
+        return unexplained_words(content)
+    causes = _joined(_causes(content, titles))
+    formal = [title for title, entry in _with_rounds(content, titles) if _is_formulation(content, entry)]
+    occasion = when_and_where(content, sizes=True, visible=False)
+    statement = _begun(content, f"{causes}{f', {occasion},' if occasion else ''} ")
     moved, pronoun = moves(content), "it" if len(content["named"]) - len(formal) == 1 else "them"
     effect = f"; without {pronoun} {_in_one(moved)}" if moved else ""
     verb = "belongs" if len(formal) == 1 else "belong"
     formal_clause = f"; {_joined(formal)} {verb} to the description" if formal else ""
     amount = "nearly all" if share is not None and per_cent(share) == "all" and left_over(content) else per_cent(share)
     return f"{statement}explain{_s(content)} {amount} of the residual{_faint(content)}{effect}{formal_clause}."
+
+
+def unexplained_words(content: Mapping) -> str:
+    """Since when and where, on which side, how much is unexplained; a formal fit is no cause, and not told here."""
+    occasion = when_and_where(content)
+    source = f"{f'{occasion}, ' if occasion else ''}probably from {side_in_words(content)}"
+    fits = (": what fits needs a size that no such cause has" if content.get("beyond_plausible")
+            and not content.get("unexplained") else "")
+    return (f"{source[:1].upper()}{source[1:]}: no candidate explains {_how_much(content)}{fits}; do not trust the "
+            f"parameters.{free_form_words(content)}")
+
+
+def _how_much(content: Mapping) -> str:
+    """What is unexplained, with its size where that is known: after a formal fit what that leaves."""
+    unexplained = content.get("unexplained", ())
+    remainder, mismatch = content.get("left") or {}, content["mismatch"]
+    motion_px = remainder.get("motion_px") if content["named"] else mismatch.get("effect_px_rms")
+    shares = {channel["column"]: channel["reading_share"] for channel in remainder.get("channels", ())}
+    parts = []
+    for quantity in unexplained:
+        if quantity == MOTION:
+            parts.append(f"{motion_px:.2g} px of motion (rms)" if motion_px else MOTION)
+        else:
+            parts.append(f"{two_digits(100.0 * shares[quantity])} % of {quantity}" if quantity in shares else
+                         f"a reading of {quantity}")
+    return _joined(parts) if parts else "the residual"
 
 
 def free_end_words(end: Mapping) -> str:
@@ -92,12 +112,6 @@ def _begun(content: Mapping, statement: str) -> str:
     return statement[:1].upper() + statement[1:]
 
 
-def _of_what(content: Mapping) -> str:
-    """What is not explained."""
-    unexplained = content.get("unexplained", ())
-    return f" of {_joined(unexplained)}" if unexplained else ""
-
-
 def _faint(content: Mapping) -> str:
     """What shows a cause where free motions show no mismatch, "" where they do."""
     shown_by = content["mismatch"].get("shown_by")
@@ -123,8 +137,19 @@ def left_over(content: Mapping, titles: Mapping[str, str] | None = None) -> str 
               for channel in remainder.get("channels", ()) if channel["significant"]]
     if not parts:
         return None
-    cause = _further(content, titles or {}, small) if content["verdict"] in ("single", "set", "multiple") else ""
+    cause = _formal(content, titles or {})
+    if content["verdict"] in ("single", "set", "multiple"):
+        cause = _further(content, titles or {}, small)
     return f"Remaining residual: {_joined(parts)}{cause}."
+
+
+def _formal(content: Mapping, titles: Mapping[str, str]) -> str:
+    """The formal fit of an unexplained residual, "" where there is none."""
+    if content["verdict"] != "outside_library" or not content["named"]:
+        return ""
+    share = content["fit"]["explainable_share_recovered"]
+    return (f"; a formal fit, not the cause: {_joined([_titled(name, titles) for name in content['named']])}"
+            f"{f' ({per_cent(share)})' if share is not None else ''}")
 
 
 def _further(content: Mapping, titles: Mapping[str, str], small: bool) -> str:
@@ -144,6 +169,12 @@ def _titled(name: str, titles: Mapping[str, str]) -> str:
     return titles.get(name, name.replace("_", " "))
 
 
+def _few(names: Sequence[str], verb: str) -> str:
+    """Names with a verb in the passive; of many their number and the first."""
+    return (f"{_joined(names)} {_is(names)} {verb}" if len(names) <= MAX_SMALL else
+            f"{len(names)} candidates are {verb}, {names[0]} most")
+
+
 def _is(names: Sequence[str]) -> str:
     return "is" if len(names) == 1 else "are"
 
@@ -159,16 +190,25 @@ def _in_one(moved: Sequence[str]) -> str:
     return _joined([moved[0], *(clause.replace(f" {CAME_OUT} ", " ", 1) for clause in moved[1:])])
 
 
-def _causes(content: Mapping, titles: Mapping[str, str], sizes: bool) -> list[str]:
+def _causes(content: Mapping, titles: Mapping[str, str]) -> list[str]:
     """Selected candidates with their sizes; indistinguishable ones joined by "or"."""
     causes = []
     for place, (title, entry) in enumerate(_with_rounds(content, titles)):
         if _is_formulation(content, entry):
             continue
-        size = (new_values(content, entry["new"], place) or size_of_grey(content, entry["winner"])) if sizes else ""
+        size = new_values(content, entry["new"], place) or size_of_grey(content, entry["winner"])
         equals = [_titled(name, titles) for name in dict.fromkeys(entry["equals"])]
-        causes.append(_either([with_size(title, size), *equals]))
+        causes.append(_either([with_size(title, size), *equals]) + _odds(content, entry["winner"]))
     return causes
+
+
+def _odds(content: Mapping, winner: str) -> str:
+    """The odds of a set, where plausible sizes tell its members apart; the recording alone does not."""
+    group = next((members for members in content.get("odds", ()) if members[0]["name"] == winner), ())
+    if not group or max(member["share_with"] for member in group) < MIN_TOLD_ODDS * group[0]["share_without"]:
+        return ""
+    shares = " to ".join(f"{two_digits(100.0 * member['share_with'])} %" for member in group)
+    return f" ({shares} by plausible size, even by the recording alone)"
 
 
 def _with_rounds(content: Mapping, titles: Mapping[str, str]) -> list[tuple[str, Mapping]]:

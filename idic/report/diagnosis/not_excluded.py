@@ -16,6 +16,7 @@ from idic.diagnose import (
 )
 from idic.report.result.words import short_names, two_digits
 
+FAR_FROM_LINEAR = "not refitted; its score says little of an effect that is far from linear, and a part remains"
 MIN_HIDDEN_SHIFT_STD = 2.0  # standard deviations of a parameter that an invisible effect would move it by
 MIN_NEAR_SHARE = 0.3  # of the winner's drop of chi-square: a rival that comes near
 MIN_OTHER_SHARE = 0.5  # the same of one that is no known rival
@@ -30,7 +31,8 @@ def not_excluded(diagnosis: Diagnosis, identified: Mapping[str, Mapping]) -> lis
     """
     won = [entry for entry in diagnosis.rounds if entry.winner is not None]
     entries = [*_indistinguishable(won), *_untestable(won), *_near(won, diagnosis),
-               *larger_models(won, diagnosis.verdict), *_passed_over(diagnosis), *_waiting(diagnosis.rounds[-1])]
+               *larger_models(won, diagnosis.verdict), *_passed_over(diagnosis), *_waiting(diagnosis.rounds[-1]),
+               *({"name": name, "why": FAR_FROM_LINEAR} for name in diagnosis.verdict.unsettled)]
     entries = list({(entry["name"], entry["why"]): entry for entry in entries}.values())
     names = {entry["name"] for entry in entries} | set(diagnosis.verdict.selected)
     return entries + [entry for entry in _hidden(diagnosis, identified) if entry["name"] not in names]

@@ -20,6 +20,7 @@ from idic.report.result.words import number_text, short_names, two_digits
 STANDINGS = {"significant": "significant", "small": "significant, below the practical margin",
              "inadmissible": "significant with an inadmissible sign", "excluded": "excluded with a bound",
              "cannot_tell": "not visible in this test"}
+EXCLUDED_BY = {"refit": "its refit", "bound": "the bound of its score"}
 MIN_WHOLE_SCORE = 8.0  # from here on a score is shown without decimals
 VERDICTS = {"none": "no candidate is significant and large enough", "single": "one candidate selected",
             "set": "one of several indistinguishable candidates", "multiple": "several candidates selected",
@@ -58,14 +59,45 @@ def render_diagnosis_page(record: DiagnosisRecord, sections: tuple[Section, ...]
     return filled_in(
         "diagnosis.html.j2", title=record.title, first=content["headline"],
         rest=[next_test.removesuffix(".")] if next_test else [], left_over=content.get("left_over"),
-        not_excluded=content.get("not_excluded", ()),
+        not_excluded=content.get("not_excluded", ()), chain=chain_rows(content), odds=odds_words(record),
         facts=_facts(content), sure=is_sure(content),
         cautions=content.get("cautions", ()),
         sections=draw_diagnosis_sections(record, Notes()) if sections is None else sections,
         parameters=_parameters(content), candidates=[_candidate(record, entry) for entry in content["candidates"]],
-        excluded=[f"{_title(record, entry['name'])}: {entry['bound']}" for entry in content["excluded"]],
+        excluded=[f"{_title(record, entry['name'])}: {entry['bound']}, by {EXCLUDED_BY[entry['by']]}"
+                  for entry in content["excluded"]],
         cannot_tell=[_title(record, name) + (" (other forms)" if name in bounded else "")
                      for name in content["cannot_tell"]], costs=_costs(content["cost"]))
+
+
+def chain_rows(content: Mapping) -> list[dict[str, str]]:
+    """The rows of the chain of evidence: what, number, threshold with the side on which it holds, whether it does."""
+    rows = []
+    for link in content.get("chain", ()):
+        number, threshold = (float("nan") if link[key] is None else link[key] for key in ("number", "threshold"))
+        unit = f" {link['unit']}" if link["unit"] else ""
+        rows.append({"what": link["what"], "number": f"{number:.3g}{unit}",
+                     "threshold": f"{link['sense']} {threshold:.3g}{unit}", "holds": "yes" if link["holds"] else "no"})
+    return rows
+
+
+def odds_words(record: DiagnosisRecord) -> list[str]:
+    """What plausible sizes say of the members of every indistinguishable set, and what the recording alone does."""
+    lines = []
+    for group in record.content.get("odds", ()):
+        members = [f"{_title(record, member['name'])} {two_digits(100.0 * member['share_with'])} %{_times(member)}"
+                   for member in group]
+        lines.append(f"The recording alone does not tell these {len(group)} apart "
+                     f"({two_digits(100.0 * group[0]['share_without'])} % each). By the plausible size of each: "
+                     f"{'; '.join(members)}.")
+    return lines
+
+
+def _times(member: Mapping) -> str:
+    """How large a member is beside its plausible size."""
+    if member["times_plausible"] is None:
+        return " (any size)"
+    return f" ({two_digits(member['times_plausible'])} times {member['plausible']}: {member['source']})"
 
 
 def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:

@@ -124,7 +124,8 @@ def _better(state: State, rounds: list[Round]) -> list[Round] | None:
             exchanged = _rebuilt(state, rounds, number, rival)
             fewer = len(winner.ranked.variant.new) - len(rival.ranked.variant.new)
             least = -(MIN_HELDOUT_DROP + fewer) if rival is entry.plain else gap
-            if exchanged is not None and last_fit.judgement.chi2 - _judged(exchanged).chi2 > least:
+            if (exchanged is not None and last_fit.judgement.chi2 - _judged(exchanged).chi2 > least
+                    and all(member.is_practical for member in winners(exchanged))):
                 return exchanged
     return None
 
@@ -164,9 +165,10 @@ def _rebuilt(state: State, rounds: Sequence[Round], number: int, instead: Rival 
     values: Mapping[str, float] = winners(rounds)[-1].refitted.values
     names: tuple[str, ...] = ()
     if instead is not None:
-        revised_rounds.append(replace(entry, winner=instead, equals=(), crossed_judgement=None, plain=None))
+        equals = entry.equals if instead is entry.plain else ()  # the same cause with its former course
+        revised_rounds.append(replace(entry, winner=instead, equals=equals, crossed_judgement=None, plain=None))
         model, names = model_of(revised_rounds[-1], instead), instead.ranked.variant.new
-    for later in winners(rounds[number + 1:]):
+    for later_round, later in with_winners(rounds[number + 1:]):
         is_first = instead is None and model.fit is entry.null
         screening = entry.screening if is_first else state.setting.screen(model, [later.ranked.candidate])
         starts = _starts({**later.refitted.values, **values}, names)
@@ -176,7 +178,7 @@ def _rebuilt(state: State, rounds: Sequence[Round], number: int, instead: Rival 
         members = entry.rivals if is_first else ()
         revised_rounds.append(Round(screening, model.fit,
                                     (rival, *(member for member in members if member.ranked.key != rival.ranked.key)),
-                                    rival, source=model.source))
+                                    rival, later_round.equals, source=model.source))
         model = model_of(revised_rounds[-1], rival)
     return revised_rounds
 

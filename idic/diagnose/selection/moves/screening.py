@@ -6,24 +6,28 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from idic.correlation import FrameResponse
-from idic.diagnose.discretisation.weight import error_column
+from idic.diagnose.discretisation.weight import error_column, error_columns
 from idic.diagnose.physics.candidate import Candidate, Situation, Variant
 from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.refits.refit import Fit
 from idic.diagnose.refits.refit_job import AnnouncedRefits
-from idic.diagnose.residual.channel_left import smallest_reading
+from idic.diagnose.residual.channel_left import channels_left, smallest_reading
+from idic.diagnose.residual.excess import power
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.subpixel_columns import RELATIVE_STD, subpixel_columns
+from idic.diagnose.residual.thinning import COPY_VARIANCE_FACTOR
 from idic.diagnose.screen.free_courses import with_free_courses
 from idic.diagnose.screen.misregistration import reason_to_wait
 from idic.diagnose.screen.score_columns import score_columns
-from idic.diagnose.screen.select import MIN_CHANNEL_EFFECT_STD, Screening, screen_candidates
+from idic.diagnose.screen.practical import MIN_CHANNEL_EFFECT_STD, PracticalSize
+from idic.diagnose.screen.select import Screening, screen_candidates
 from idic.diagnose.screen.situation import situation
 from idic.diagnose.selection import stages
 from idic.diagnose.selection.move import Move, itself
-from idic.diagnose.selection.rival import Round, causes_of
+from idic.diagnose.selection.rival import Round
 from idic.diagnose.selection.state import State, Watch, unwatched
+from idic.model import MotionError
 
 CAMERA = "camera"  # the family that is left out where another system has measured the fields
 
@@ -32,8 +36,8 @@ def opened(state: State) -> State:
     """A round begins with the scores of the library against the present model."""
     setting, model = state.setting, state.model
     responses = model.residual.responses if model.is_simulated_there else None
-    is_further = bool(causes_of(state.rounds))
-    screening = screened(model, setting.library, setting.watch, setting.margin, is_further, responses)
+    screening = screened(model, setting.library, setting.watch, setting.margin, responses, state.small_errors,
+                         shows_mismatch(state))
     if not screening.shortlist:
         setting.stage("no candidate is significant: no refit")
     announced = AnnouncedRefits(setting.refits, setting.stage, 1 if setting.quick else len(screening.shortlist))
@@ -41,12 +45,20 @@ def opened(state: State) -> State:
                    round=Round(screening, model.fit, (), None, source=model.source))
 
 
+def shows_mismatch(state: State) -> bool:
+    """Whether free motions show a mismatch beyond noise and the practical margin, or channels one beyond noise."""
+    return (state.mismatch is None or state.mismatch.is_significant
+            or any(channel.is_significant for channel in channels_left(state.first.residual, None)))
+
+
 def screened(model: FittedModel, library: Sequence[Candidate], watch: Watch = unwatched, margin: Margin = ASSUMED,
-             is_further: bool = False, responses: Sequence[FrameResponse] | None = None) -> Screening:
+             responses: Sequence[FrameResponse] | None = None, small_errors: Sequence[MotionError] = (),
+             is_located: bool = True) -> Screening:
     """Score every candidate against the null model on the whole recording: a score fits nothing, and one copy shows
     a faint effect by seven tenths of the standard deviations only. Refits see one copy, and promises are of that.
 
-    is_further : the null holds a selected cause; responses : of the null, where it has been simulated
+    responses : of the null, where it has been simulated; small_errors : of the simulation, that no model counts;
+    is_located : whether free motions or channels show a mismatch
     """
     source, null, identification = model.source, model.fit, model.identification()
     residual = residual_evidence(identification, responses=responses)
@@ -59,16 +71,22 @@ def screened(model: FittedModel, library: Sequence[Candidate], watch: Watch = un
     error = source.motion_error
     blurs = subpixel_columns(residual) if any(variant.pixels is not None for _, variant in trials) else None
     scored = screen_candidates(
-        residual.evidence, residual.null, labels, columns, room=null.choice.room,
+        residual.evidence, residual.null, labels, columns,
+        practical=practical_size(residual, margin, is_located), errors=error_columns(residual, small_errors),
         mesh=None if error is None else error_column(residual, error.of_mesh),
         known_columns=None if blurs is None else (blurs, RELATIVE_STD),
-        materials=[material.element_set for material in identification.experiment.model.materials], margin=margin,
-        is_further=is_further,
-        min_channel=max(MIN_CHANNEL_EFFECT_STD, smallest_reading(residual)) if is_further else MIN_CHANNEL_EFFECT_STD)
+        materials=[material.element_set for material in identification.experiment.model.materials])
     unresolved = [ranked for ranked in scored.significant if ranked.variant.unresolved]
     untestable += [(ranked.candidate, ranked.variant.unresolved) for ranked in unresolved]
     return replace(scored, ranked=tuple(ranked for ranked in scored.ranked if ranked not in unresolved),
                    untestable=tuple(untestable))
+
+
+def practical_size(residual: ResidualEvidence, margin: Margin, is_located: bool) -> PracticalSize:
+    """The size below which no candidate is named in this recording: motion at the practical margin, readings that two
+    meshes of one law may differ by."""
+    return PracticalSize(margin.px, max(MIN_CHANNEL_EFFECT_STD, smallest_reading(residual)),
+                         float(power(residual.evidence).sum()) / COPY_VARIANCE_FACTOR, is_located)
 
 
 def _trials(library: Sequence[Candidate], is_measured: bool, place: Situation, residual: ResidualEvidence,

@@ -15,7 +15,7 @@ import numpy as np
 from idic.model.records.experiment import Experiment
 from idic.model.records.parts import Channel, Load, Prescribed
 from idic.model.load_train import way_of
-from idic.parameters import Parameter, ParameterSet
+from idic.parameters import Parameter, ParameterSet, PlausibleSize
 
 
 @dataclass(frozen=True)
@@ -104,6 +104,7 @@ class ChannelTerm:
     probes : (experiment, channel) -> ways in which it may be missing
     load_probe : (load) -> null and value of the same degree of freedom of a load that is applied; None without one
     course : of a term whose amplitude changes with time
+    size : how large it plausibly is
     rivals, separating_tests : as those of a candidate
     """
 
@@ -119,6 +120,7 @@ class ChannelTerm:
     separating_tests: tuple[str, ...]
     load_probe: Callable[[Load], tuple[float, float] | None] = lambda load: None
     course: Course | None = None
+    size: PlausibleSize | None = None
 
 
 def logged_size(channel: Channel) -> float:

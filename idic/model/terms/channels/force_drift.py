@@ -10,7 +10,7 @@ from idic.model.records.experiment import Experiment
 from idic.model.records.model import Model
 from idic.model.records.parts import Channel, Prescribed
 from idic.model.terms.channels.channel_term import ChannelTerm, Course, Probe, Reading, Step, logged_size
-from idic.parameters import Parameter
+from idic.parameters import Parameter, PlausibleSize
 
 PROBE_FORCE_SHARE = 0.05  # of the largest force, over the test
 ONSETS = (0.2, 0.35, 0.5, 0.65, 0.8)  # of the test, of a drift that begins late
@@ -66,5 +66,7 @@ FORCE_DRIFT = ChannelTerm(
             "viscoelasticity": "both let the force go down while the motion is held",
             "creep": "both let the force go down while the motion is held",
             "thermal_expansion": "a temperature that rises with time strains a held specimen"},
+    size=PlausibleSize(0.1, "0.5 % of the largest force over the test",
+                       "an estimate: warming of a load cell and its amplifier"),
     separating_tests=("record the force at zero load, before and after", "repeat the test at another speed"),
     course=Course(amplitude, "drift", "drift_knots", start="drift_from_s"))

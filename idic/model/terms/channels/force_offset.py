@@ -9,7 +9,7 @@ import numpy as np
 from idic.model.records.experiment import Experiment
 from idic.model.records.parts import Channel, Column, Load, Prescribed
 from idic.model.terms.channels.channel_term import ChannelTerm, Probe, Reading, Step, logged_size
-from idic.parameters import Parameter
+from idic.parameters import Parameter, PlausibleSize
 
 PROBE_FORCE_SHARE = 0.02  # of the largest force
 
@@ -37,5 +37,7 @@ FORCE_OFFSET = ChannelTerm(
     ("offset",), parameters, step, probes,
     rivals={"force_drift": "both are present at zero load: one is constant, one grows",
             "plasticity": "a force that is missing after unloading"},
+    size=PlausibleSize(0.5, "1 % of the largest force",
+                       "an estimate: the weight of a grip that was not zeroed"),
     separating_tests=("record the force at zero load, before and after", "unload to zero once"),
     load_probe=load_probe)

@@ -13,7 +13,7 @@ import numpy as np
 from idic.model.records.experiment import Experiment
 from idic.model.records.parts import Channel, Load, Prescribed
 from idic.model.terms.channels.channel_term import ChannelTerm, Probe, Reading, Step
-from idic.parameters import Parameter
+from idic.parameters import Parameter, PlausibleSize
 
 PROBE_FORCE_FACTOR = 1.02
 
@@ -41,6 +41,8 @@ FORCE_SCALE = ChannelTerm(
     ("scale",), parameters, step, probes,
     rivals={"heterogeneity": "a modulus that is off everywhere: with prescribed motions exactly indistinguishable",
             "machine_compliance": "both change the slope of force against motion"},
+    size=PlausibleSize(0.5, "1 % of the force",
+                       "error of indication of class 1, ISO 7500-1"),
     separating_tests=("hang a dead weight on the load cell", "measure the thickness again",
                       "test a reference specimen of known modulus"),
     load_probe=load_probe)

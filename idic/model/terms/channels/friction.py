@@ -10,7 +10,7 @@ from idic.model.records.experiment import Experiment
 from idic.model.records.parts import Channel, Prescribed
 from idic.model.load_train import way_of
 from idic.model.terms.channels.channel_term import ChannelTerm, Course, Probe, Reading, Step, logged_size
-from idic.parameters import Parameter
+from idic.parameters import Parameter, PlausibleSize
 
 CONSTANT, SHARE = "friction", "friction_share"  # of any force, and in proportion to it
 PROBE_SHARE = 0.02  # of the largest force, or of the force
@@ -59,6 +59,8 @@ FRICTION = ChannelTerm(
             "plasticity": "hysteresis of force over motion: friction leaves no strain",
             "frame_time_offset": "a force that lags behind the motion",
             "force_offset": "both are present at zero load; friction changes sign with the direction of motion"},
+    size=PlausibleSize(0.375, "0.75 % of the force",
+                       "half of the reversibility error of class 1, ISO 7500-1"),
     separating_tests=("stop and reverse slightly: friction reverses the force at once", "repeat at another speed",
                       "mount the load cell next to the specimen, before guides and seals"),
     course=Course(amplitude, CONSTANT, "friction_knots", is_directed=True))

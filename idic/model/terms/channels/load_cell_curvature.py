@@ -9,7 +9,7 @@ import numpy as np
 from idic.model.records.experiment import Experiment
 from idic.model.records.parts import Channel, Prescribed
 from idic.model.terms.channels.channel_term import ChannelTerm, Probe, Reading, Step
-from idic.parameters import Parameter
+from idic.parameters import Parameter, PlausibleSize
 
 PROBE_CURVATURE = 0.02  # of the force, at its largest
 
@@ -38,4 +38,6 @@ LOAD_CELL_CURVATURE = ChannelTerm(
     rivals={"nonlinear_elasticity": "a nonlinear force over motion: by the load cell, or by the material",
             "force_scale": "a factor: the same at one load",
             "geometric_nonlinearity": "a stiffness that changes with the load"},
+    size=PlausibleSize(0.25, "0.5 % of the force",
+                       "error of indication of class 0.5, ISO 7500-1"),
     separating_tests=("calibrate the load cell at several loads", "hang dead weights on the load cell"))

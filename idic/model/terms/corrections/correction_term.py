@@ -19,6 +19,7 @@ from idic.fe import Mesh
 from idic.model.records.experiment import Experiment
 from idic.model.records.model import Model
 from idic.model.records.parts import Column, Constant, Pattern, Prescribed, uniform
+from idic.parameters import PlausibleSize
 
 ONSETS = (0.0, 0.2, 0.4, 0.6, 0.8)  # of the test, where a probe begins
 PROBE_PX = 0.2
@@ -91,7 +92,7 @@ class Scale:
 class Cause:
     """A candidate of the diagnosis, in words; several corrections may be forms of one.
 
-    name, title, paraphrase, null, rivals, separating_tests, has_onset : as those of a candidate
+    name, title, paraphrase, null, rivals, separating_tests, has_onset, size : as those of a candidate
     """
 
     name: str
@@ -101,6 +102,7 @@ class Cause:
     rivals: Mapping[str, str]
     separating_tests: tuple[str, ...]
     has_onset: bool = False
+    size: PlausibleSize | None = None
 
 
 @dataclass(frozen=True)

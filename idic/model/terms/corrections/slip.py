@@ -13,6 +13,7 @@ from idic.model.records.parts import Column, Prescribed
 from idic.model.terms.corrections.correction_term import (
     Cause, CorrectedMotion, CorrectionTerm, Probe, against_motion, in_length, probe_length, probe_starts, timed_course,
 )
+from idic.parameters import PlausibleSize
 
 
 def course(motion: CorrectedMotion) -> np.ndarray:
@@ -38,5 +39,6 @@ SLIP = CorrectionTerm(
                   "creep": "a motion that grows while the force is held"},
           separating_tests=("film the grips: pixels on both sides of the edge", "unload to zero once",
                             "tighten the grip"),
-          has_onset=True),
+          has_onset=True, size=PlausibleSize(
+              0.1, "0.1 mm", "an estimate: the teeth of a jaw bite into the specimen", in_probes=False)),
     probes, is_timed=True, free_sign=against_motion, stays=True, jumps="slips")
