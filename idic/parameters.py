@@ -11,6 +11,7 @@ USUAL_MAX_STEP = 0.35  # largest scaled step of one iteration: about a third of 
 PRIOR_STDS_PER_STEP = 2.0  # least scaled unit of a linear parameter: its prior alone determines it (std 0.5 of a unit)
 MIN_VARIANCE = 1e-9  # of a direction of a joint prior, over those of its values: below, the prior holds it for exact
 TIED_VARIANCE = 1e-6  # that such a direction gets: a thousandth of a standard deviation
+STRESS_UNITS = ("Pa", "kPa", "MPa", "GPa", "N/mm2", "MPa·s", "MPa s")  # of stresses, and of stresses times a time
 _START_MARGIN = 0.02  # share of the interval of starts that is left out at each end: nothing starts at a bound
 _START_DIGITS = 8  # of a drawn start value
 

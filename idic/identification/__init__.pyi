@@ -25,7 +25,7 @@ from .plan.planned_test import (
 )
 from .plan.separation import expected_odds
 from .point import chunk_frames, chunk_system, closed_evaluation, point_context
-from .result import STRESS_UNITS, Analysis, build_result
+from .result import Analysis, build_result
 from .sensitivity import checked_sensitivity, choose_sensitivity, perturbations
 from .specimens.own_values import specimens_content
 from .start_search import FoundStart, StartTrial, search
@@ -44,7 +44,7 @@ from .systematic.treatments import Treatment, treatments
 from .weights import noise_weights, paper_weights
 
 __all__ = [
-    "DOT_SIGMA_PER_SPECKLE", "GENERALISED", "HALF_RATE", "MAX_SECOND_ORDER_STD", "ORDINARY", "STRESS_UNITS",
+    "DOT_SIGMA_PER_SPECKLE", "GENERALISED", "HALF_RATE", "MAX_SECOND_ORDER_STD", "ORDINARY",
     "VIRTUAL_SPECKLE", "AcceptedPoint", "Activation", "Analysis", "Assessment", "ChosenKnots", "CoarseFit",
     "Component", "Design", "DiscrepancySystem", "ElementSums", "Ending", "EstimatorChoice", "Evaluation",
     "FoundStart", "FrameFit", "FreeCurve", "FreeForm", "FreeSpectrum", "FreeSurface", "Identification",

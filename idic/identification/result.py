@@ -44,7 +44,7 @@ from idic.identification.step.state import Evaluation, LoopState
 from idic.images import CAMERA_PARAMETERS, LENS_PARAMETERS, PLACED_TURNS
 from idic.laws import get_law
 from idic.model import Experiment, Remedies, in_words, strayed
-from idic.parameters import ParameterSet
+from idic.parameters import STRESS_UNITS, ParameterSet
 
 Names = Mapping[str, Mapping[str, str]]  # {experiment: {its parameter: parameter of the whole}}
 SCHEMA = "idic.result/1"
@@ -59,7 +59,6 @@ SMALL_STRAINS = ('small strains are an assumption: the same law with finite stra
                  "move {}; std does not count it")
 MAX_STRAIGHT_SHARE = 0.1  # of the time between two frames: a longer shift of the log is told
 MIN_SHIFT_STD = 3.0  # standard deviations of that shift; below, it is noise
-STRESS_UNITS = ("Pa", "kPa", "MPa", "GPa", "N/mm2", "MPa·s", "MPa s")
 
 
 def at_bound(parameters: ParameterSet) -> dict[str, float]:

@@ -8,8 +8,8 @@ from math import floor, isfinite, log10
 import numpy as np
 
 from idic.fe import OUTLINE
-from idic.identification import STRESS_UNITS
 from idic.model import in_words, is_mode, motions
+from idic.parameters import STRESS_UNITS
 from idic.report.result.fit_words import (
     MAX_P_OF_EQUAL_SPECIMENS, NOISE_CHI2, against_free, basis_verdict, cluster, images, in_error_bars, missing_load,
     noise_chi2, remedies,
