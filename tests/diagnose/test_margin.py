@@ -186,11 +186,10 @@ def test_a_score_that_an_uncounted_error_of_the_simulation_may_have_is_not_signi
     assert tested.statistic < max(1.0 - 0.9 * share, 0.05) * plain.statistic
 
 
-@pytest.mark.slow  # two diagnoses, 20 s of CPU time each
+@pytest.mark.slow  # a diagnosis, 20 s of CPU time
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed")
-@pytest.mark.parametrize("specimen", ["hole", "two_holes"])
-def test_a_clean_sheet_of_a_foreign_solid_gets_no_name(specimen, tmp_path):
+def test_a_clean_sheet_of_a_foreign_solid_gets_no_name(tmp_path):
     """Scores of 5 standard deviations by 0.0007 px of motion: finite strains of bricks, elements of another order."""
-    write_sheet(tmp_path, specimen, 300, "flicker")
+    write_sheet(tmp_path, "hole", 300, "flicker")
     content = run_tool(tmp_path).content
     assert content["verdict"] == "none" and content["named"] == []
