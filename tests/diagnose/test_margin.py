@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from foreign_sheet import write_sheet
 from matrix_of_sides import SIDES
 from side_twins import write_folder
 from test_verdicts import POWER, left, rival, ranked, round_of, screening
@@ -25,6 +27,7 @@ from idic.diagnose.selection.verdict import conclude
 from idic.experiment_file import load_experiment, read_toml
 from idic.identification import identify
 from idic.measure import CameraFloor
+from idic_studies.trial.tool_run import run_tool
 
 
 MANY = 1e9  # chi-square of one px of motion in many pixels
@@ -181,3 +184,12 @@ def test_a_score_that_an_uncounted_error_of_the_simulation_may_have_is_not_signi
     tested = screen_candidates(residual.evidence, residual.null, labels, columns, errors=error).ranked[0]
     assert tested.standing == standing and tested.amplitude == pytest.approx(plain.amplitude, rel=1e-9)
     assert tested.statistic < max(1.0 - 0.9 * share, 0.05) * plain.statistic
+
+
+@pytest.mark.slow  # a diagnosis, 20 s of CPU time
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed")
+def test_a_clean_sheet_of_a_foreign_solid_gets_no_name(tmp_path):
+    """Scores of 5 standard deviations by 0.0007 px of motion: finite strains of bricks, elements of another order."""
+    write_sheet(tmp_path, "hole", 300, "flicker")
+    content = run_tool(tmp_path).content
+    assert content["verdict"] == "none" and content["named"] == []
