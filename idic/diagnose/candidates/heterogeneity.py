@@ -18,7 +18,7 @@ from idic.model import nodes_of
 
 MAX_PLACES = 30  # inclusions of the grid, per element set
 MAX_PLACES_IN_SPACE = 125  # of the grid in a volume; so many simulations of a solid take hours:
-MAX_TRIED_IN_SPACE = 12  # are tried, where the derivative by the stiffness of the elements is largest
+MAX_TRIED_IN_SPACE = 40  # are tried, where the derivative by the stiffness of the elements is largest
 RADII_OVER_SPACING = (0.45, 0.9)  # radii, of the distance between two places
 PROBE_INCLUSION, PROBE_GRADIENT = 0.8, 0.1
 MAX_VOID_STIFFNESS = 0.15  # of the stiffness around
