@@ -15,7 +15,6 @@ from typer.testing import CliRunner
 from experiment_file.small_experiment import change, write_experiment
 from idic.cli.app import app
 from idic.errors import InputError
-from idic.experiment_file.init import write_initial_experiment
 from idic.experiment_file import initial_experiment, load_experiment
 from idic.report import check
 
@@ -27,7 +26,7 @@ def folder(tmp_path):
 
 def test_init_writes_a_file_that_loads_once_the_scale_is_filled_in(folder):
     (folder / "experiment.toml").unlink()
-    path = write_initial_experiment(folder)
+    path = initial_experiment(folder)[0]
     text = path.read_text()
     assert 'nodes = "BOTTOM"' in text and 'uy = { column = "grip_um" }' in text and 'column = "force_kN"' in text
     with pytest.raises(InputError, match="scale"):
@@ -43,7 +42,7 @@ def test_init_writes_a_file_that_loads_once_the_scale_is_filled_in(folder):
 def test_init_makes_a_mesh_on_the_image_where_there_is_no_mesh_file(tmp_path):
     for k in range(3):
         tifffile.imwrite(tmp_path / f"shot{k}.tif", np.full((80, 120), 10 * k, np.uint8))
-    write_initial_experiment(tmp_path)
+    initial_experiment(tmp_path)[0]
     e = load_experiment(tmp_path)
     assert e.model.length_unit == "px" and e.model.mesh.n_elements > 100 and e.model.prescribed[0].nodes == "OUTER"
 
@@ -64,7 +63,7 @@ def shots(folder, *names, size=(80, 120)):
 ])
 def test_init_takes_no_mask_for_an_image_and_offers_it_as_the_mask(tmp_path, mask, others, patterns):
     shots(tmp_path, *others, mask)
-    text = write_initial_experiment(tmp_path).read_text()
+    text = initial_experiment(tmp_path)[0].read_text()
     assert f"images = {json.dumps(patterns)}" in text
     assert (f'mask = "{mask}"' in text and "# mask" not in text) or mask.startswith(".")
     assert load_experiment(tmp_path).recording.labels == others
@@ -73,7 +72,7 @@ def test_init_takes_no_mask_for_an_image_and_offers_it_as_the_mask(tmp_path, mas
 @pytest.mark.parametrize("name", ["microimage", "unmasked"])
 def test_init_takes_images_for_images_whose_names_hold_the_word_of_a_mask(tmp_path, name):
     shots(tmp_path, *(f"{name}_{k}.png" for k in range(3)))
-    write_initial_experiment(tmp_path)
+    initial_experiment(tmp_path)[0]
     assert len(load_experiment(tmp_path).recording.labels) == 3
 
 
@@ -81,7 +80,7 @@ def test_the_force_that_init_writes_behind_a_hash_is_that_of_one_end(tmp_path):
     """The force of a whole outline is zero; of a mesh file without a log init names the end that it drives."""
     shots(tmp_path, *(f"shot_{k}.png" for k in range(3)))
     (tmp_path / "loads.csv").write_text("force_N\n0\n1\n2\n")
-    text = write_initial_experiment(tmp_path).read_text()
+    text = initial_experiment(tmp_path)[0].read_text()
     for key, value in (("pixel_size_mm", "0.1"), ("thickness_mm", "2.0")):
         text = "\n".join(f"{key} = {value}" if line.startswith(f"# {key} =") else line for line in text.split("\n"))
     for start in ("[[channel]]", "column =", "simulated ="):
@@ -94,7 +93,7 @@ def test_the_force_that_init_writes_behind_a_hash_is_that_of_one_end(tmp_path):
 def test_init_names_the_end_that_it_drives_where_there_is_no_log(folder):
     for name in ("experiment.toml", "loads.csv"):
         (folder / name).unlink()
-    assert '# simulated = { reaction = "TOP", component = "y" }' in write_initial_experiment(folder).read_text()
+    assert '# simulated = { reaction = "TOP", component = "y" }' in initial_experiment(folder)[0].read_text()
 
 
 def test_init_names_the_columns_whose_unit_it_does_not_know(folder):
@@ -108,13 +107,13 @@ def test_init_names_the_columns_whose_unit_it_does_not_know(folder):
 def test_init_offers_no_mask_of_another_size(tmp_path):
     shots(tmp_path, "shot_00.png", "shot_01.png", "shot_02.png")
     shots(tmp_path, "overview_roi.png", size=(60, 70))
-    text = write_initial_experiment(tmp_path).read_text()
+    text = initial_experiment(tmp_path)[0].read_text()
     assert '# mask = "mask.png"' in text and "overview_roi.png is no mask: it is 70 x 60 px" in text
 
 
 def test_init_writes_a_pattern_for_a_folder_with_brackets_in_its_name(tmp_path):
     shots(tmp_path, "images [1]/shot_00.png", "images [1]/shot_01.png", "images [1]/shot_02.png", "images 1/wrong.png")
-    write_initial_experiment(tmp_path)
+    initial_experiment(tmp_path)[0]
     assert load_experiment(tmp_path).recording.labels == ("shot_00.png", "shot_01.png", "shot_02.png")
     change(tmp_path, "experiment.toml", "images [[]1]", "images [1]")  # as people type it
     assert load_experiment(tmp_path).recording.labels[0] == "shot_00.png"
@@ -123,7 +122,7 @@ def test_init_writes_a_pattern_for_a_folder_with_brackets_in_its_name(tmp_path):
 def test_init_gives_sets_by_position_where_the_mesh_has_none(folder):
     (folder / "experiment.toml").unlink()
     change(folder, "mesh.inp", "NSET=BOTTOM", "NSET=A1")
-    assert '[sets]' in write_initial_experiment(folder).read_text()
+    assert '[sets]' in initial_experiment(folder)[0].read_text()
 
 
 def test_init_tells_what_it_found_and_proposes_the_scale(folder):
@@ -143,7 +142,7 @@ def test_init_takes_a_mesh_of_any_format_that_is_read(folder):
     (folder / "mesh.inp").unlink()
     points, quad = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2, 3]])
     meshio.write(folder / "mesh.su2", meshio.Mesh(points[:, :2], [("quad", quad)]))
-    assert 'mesh = "mesh.su2"' in write_initial_experiment(folder).read_text()
+    assert 'mesh = "mesh.su2"' in initial_experiment(folder)[0].read_text()
 
 
 def test_init_puts_the_roi_on_the_speckled_area_with_its_holes(tmp_path):
@@ -160,11 +159,11 @@ def test_init_puts_the_roi_on_the_speckled_area_with_its_holes(tmp_path):
 def test_init_overwrites_nothing_and_needs_images(folder, tmp_path):
     before = (folder / "experiment.toml").read_bytes()
     with pytest.raises(InputError, match="already"):
-        write_initial_experiment(folder)
+        initial_experiment(folder)[0]
     assert (folder / "experiment.toml").read_bytes() == before
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match="no images"):
-        write_initial_experiment(tmp_path / "empty")
+        initial_experiment(tmp_path / "empty")[0]
     assert list((tmp_path / "empty").iterdir()) == []
 
 

@@ -52,7 +52,7 @@ def masked(porous, request, tmp_path_factory):
 def test_no_voxel_of_the_hole_and_of_its_margin_is_compared(masked):
     compared = build_experiment_reference(masked, masked.model.camera).pixel_map.points()
     places = [compared[:, 2 - axis] for axis in range(3)]
-    beside = 3 if masked.recording.voxel_mask.painted else 1  # margin; a blurred grey value rounds corners by two voxels
+    beside = 3 if masked.recording.voxel_mask.painted else 1  # the margin; a blurred grey value rounds corners by two
     in_hole = np.all([(at >= part.start - beside) & (at < part.stop + beside)
                       for at, part in zip(places, HOLE, strict=True)], axis=0)
     assert len(compared) > 2000 and not in_hole.any()

@@ -2,8 +2,8 @@
 
     c+_i = lambda s_i + z c+_{i-1},     c_i = z (c_{i+1} - c+_i)          Unser 1999, doi:10.1109/79.799930
 
-Of a pole z the filter forgets what is k voxels away by z^k: a block that is wider than wanted by `REACH` voxels on every
-side has the coefficients of the whole volume in its middle, to single precision.
+Of a pole z the filter forgets what is k voxels away by z^k: a block that is wider than wanted by `REACH` voxels on
+every side has the coefficients of the whole volume in its middle, to single precision.
 """
 
 from __future__ import annotations

@@ -12,13 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from idic.diagnose.locate.place import element_centres, in_words
+from idic.diagnose.locate.place import in_words
 from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
 from idic.model import nodes_of
 
 MAX_PLACES = 30  # inclusions of the grid, per element set
-MAX_PLACES_IN_SPACE = 125  # of the grid in a volume; so many simulations of a solid take hours:
-MAX_TRIED_IN_SPACE = 12  # are tried, where the derivative by the stiffness of the elements is largest
 RADII_OVER_SPACING = (0.45, 0.9)  # radii, of the distance between two places
 PROBE_INCLUSION, PROBE_GRADIENT = 0.8, 0.1
 MAX_VOID_STIFFNESS = 0.15  # of the stiffness around
@@ -42,10 +40,6 @@ def _inclusions(situation: Situation, element_set: str) -> Iterator[Variant]:
     n_axes = 3 if situation.experiment.recording.quantity == "volume" else 2  # images show no depth
     places, spacing = grid(situation.experiment.model.mesh.nodes[nodes_of(situation.experiment.model.mesh,
                                                                           element_set)][:, :n_axes])
-    searched = 1
-    if n_axes == 3 and len(places) > MAX_TRIED_IN_SPACE:
-        searched = -(-len(places) // MAX_TRIED_IN_SPACE)
-        places = _promising(situation, element_set, places, spacing)
     dof, body = f"{element_set}{STIFFNESS_SUFFIX}", situation.experiment.model.mesh.size
     for place in places:
         centre = tuple(float(x) for x in place)
@@ -58,21 +52,7 @@ def _inclusions(situation: Situation, element_set: str) -> Iterator[Variant]:
             yield Variant(f"{element_set} is softer or stiffer within {size * spacing:.3g} "
                           f"{situation.experiment.model.length_unit} of {in_words(centre, size=body)}",
                           _added(situation, table), (dof,), {dof: 1.0}, {dof: PROBE_INCLUSION}, form="inclusion",
-                          place=centre, exact=True, refit=_added(situation, refit), searched=searched)
-
-
-def _promising(situation: Situation, element_set: str, places: np.ndarray, spacing: float) -> np.ndarray:
-    """The places around which the misfit asks most for another stiffness  # (n, 3) mm"""
-    score, mesh = situation.stiffness_score(), situation.experiment.model.mesh
-    if score is None:
-        return places[np.unique(np.linspace(0, len(places) - 1, MAX_TRIED_IN_SPACE).astype(int))]
-    elements = np.asarray(mesh.element_sets[element_set])
-    centres, sums = element_centres(mesh)[elements], []
-    for place in places:
-        distance = np.linalg.norm(centres - place, axis=1)
-        around = distance <= max(RADII_OVER_SPACING[1] * spacing, float(distance.min()))
-        sums.append(score[elements[around]].sum() ** 2 / around.sum())  # as a sum of noise would be alike everywhere
-    return places[np.argsort(sums)[::-1][:MAX_TRIED_IN_SPACE]]
+                          place=centre, exact=True, refit=_added(situation, refit))
 
 
 def _gradients(situation: Situation, element_set: str) -> Iterator[Variant]:
@@ -88,15 +68,14 @@ def _added(situation: Situation, table: dict) -> dict[str, Any]:
 
 
 def grid(nodes: np.ndarray) -> tuple[np.ndarray, float]:
-    """Places within the body on a regular grid, about `MAX_PLACES` or in space `MAX_PLACES_IN_SPACE`, and their
-    distance  # (n, d) mm, mm
+    """Places within the body on a regular grid of about `MAX_PLACES`, and their distance  # (n, d) mm, mm
 
     A place counts where a node is nearer than half the distance.
     """
     low, extent = nodes.min(axis=0), np.ptp(nodes, axis=0)
     d = len(extent)
-    root, n = (np.sqrt, MAX_PLACES) if d == 2 else (np.cbrt, MAX_PLACES_IN_SPACE)
-    spacing = max(float(root(max(np.prod(extent), 1e-300) / n)), float(extent.max()) / n)
+    root = np.sqrt if d == 2 else np.cbrt
+    spacing = max(float(root(max(np.prod(extent), 1e-300) / MAX_PLACES)), float(extent.max()) / MAX_PLACES)
     cells = np.maximum(1, np.rint(extent / spacing)).astype(int)
     axes = [low[i] + (np.arange(cells[i]) + 0.5) * extent[i] / cells[i] for i in range(d)]
     places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, d)

@@ -64,8 +64,8 @@ def check_volume_axes(experiment: Experiment) -> None:
     raise InputError("axes of the volume are swapped", file="experiment.toml", key="scanner.axes",
                      expected=f"a motion that stretches the specimen between {' and '.join(pull.names)} along mesh "
                               f"{along}{logged}",
-                     found=f"{experiment.recording.labels[frame]} is stretched by {100 * strain[stretched]:.3g} % along "
-                           f"mesh {across}, and by {100 * strain[pull.axis]:.3g} % along mesh {along}",
+                     found=f"{experiment.recording.labels[frame]} is stretched by {100 * strain[stretched]:.3g} % "
+                           f"along mesh {across}, and by {100 * strain[pull.axis]:.3g} % along mesh {along}",
                      remedy="look at the picture of `idic init`; axes = [" + ", ".join(f'"{name}"' for name in axes)
                             + "] under [scanner] would fit the motion, with an origin_px for it")
 
@@ -129,7 +129,7 @@ def _around_the_middle(experiment: Experiment) -> Experiment:
     for block in mesh.blocks:
         part = keep[block.first:block.first + block.n_elements]
         if part.any():
-            blocks.append(Block(block.cell, block.connectivity[part], sum(other_block.n_elements for other_block in blocks)))
+            blocks.append(Block(block.cell, block.connectivity[part], sum(entry.n_elements for entry in blocks)))
     return replace(experiment, model=replace(experiment.model, mesh=Mesh(mesh.nodes, tuple(blocks))))
 
 

@@ -153,8 +153,8 @@ def _extent(record: WhereRecord, required: np.ndarray) -> tuple[np.ndarray, np.n
 
 def _frame_axis(axis, record: WhereRecord, low: np.ndarray, high: np.ndarray) -> None:
     if record.section:
-        axis.add_collection(PolyCollection(record.cells(range(len(record.outlines))), facecolors="none", edgecolors=FAINT, linewidths=0.4,
-                                           zorder=0))
+        axis.add_collection(PolyCollection(record.cells(range(len(record.outlines))), facecolors="none",
+                                           edgecolors=FAINT, linewidths=0.4, zorder=0))
         margin = 0.03 * (high - low)
         axis.set(xlim=(low[0] - margin[0], high[0] + margin[0]), ylim=(low[1] - margin[1], high[1] + margin[1]),
                  xlabel="along the section [mm]", ylabel="across it [mm]")

@@ -118,10 +118,10 @@ def element_sections(mesh: Mesh, nodes_px: np.ndarray, shape: tuple[int, int, in
             crossed = (distance[corners].min(axis=1) < 0) & (distance[corners].max(axis=1) > 0)
             first, second = np.array(cell_edges(block.cell)).T
             for number in np.flatnonzero(crossed):
-                a, b = corners[number][first], corners[number][second]
-                cut = distance[a] * distance[b] < 0
-                share = (distance[a] / (distance[a] - distance[b]))[cut, None]
-                points = (1 - share) * plane[a[cut]] + share * plane[b[cut]]
+                edges = np.stack([corners[number][first], corners[number][second]])
+                a, b = edges[:, distance[edges[0]] * distance[edges[1]] < 0]
+                share = (distance[a] / (distance[a] - distance[b]))[:, None]
+                points = (1 - share) * plane[a] + share * plane[b]
                 angle = np.arctan2(*(points - points.mean(axis=0)).T)
                 polygons[block.first + number].append(np.array(start) + points[np.argsort(angle)])
     return polygons
