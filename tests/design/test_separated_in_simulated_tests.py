@@ -10,12 +10,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from planned_tests import FORCE, GRIPS, PLAN, plan_folder
-from test_separation import CURVED, ELASTIC, NONLINEAR, PLASTIC, law
+from test_design_command import (
+    CURVED, Diagnosed, LINEAR_BODY, NONLINEAR, PLASTIC, RefittedModel, _merit, _of_plan, law,
+)
 
 import idic
 from idic.experiment_file import read_toml
-from idic.run.separation.members import Diagnosed, RefittedModel
-from idic.run.separation.separate import _merit, _of_plan
 from idic.virtual_tests import simulate
 
 LINEAR = law("elastic", E=2000.0, nu=0.35)
@@ -40,7 +40,7 @@ TESTS, WANTED = 10, 9
 
 
 def plan(folder, program):
-    return plan_folder(folder, ELASTIC + GRIPS + FORCE + PLAN.replace("n_frames = 6", "n_frames = 12")
+    return plan_folder(folder, LINEAR_BODY + GRIPS + FORCE + PLAN.replace("n_frames = 6", "n_frames = 12")
                        + f"\n[design.program]\ngrip_mm = {program}\n")
 
 
