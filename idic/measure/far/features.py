@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 MAX_SIDE_PX = 1600  # of the images that are searched; larger ones are binned, the detector doubles its image first
@@ -42,6 +41,8 @@ def match_features(image_from: np.ndarray, image_to: np.ndarray, points_px: np.n
     image_from, image_to : (ny, nx), of any range of grey values
     points_px : (n, 2) column and row of points of the surface in `image_from`
     """
+    import cv2  # loaded where a frame is sought
+
     n_threads = cv2.getNumThreads()
     cv2.setNumThreads(1)  # workers share the cores
     try:
@@ -51,6 +52,8 @@ def match_features(image_from: np.ndarray, image_to: np.ndarray, points_px: np.n
 
 
 def _matched(image_from: np.ndarray, image_to: np.ndarray, points_px: np.ndarray) -> Matches:
+    import cv2
+
     factor = int(np.ceil(max(*image_from.shape, *image_to.shape) / MAX_SIDE_PX))
     detector = cv2.SIFT.create(MAX_FEATURES, contrastThreshold=MIN_CONTRAST)
     first, second = (_eight_bit(image, factor) for image in (image_from, image_to))
