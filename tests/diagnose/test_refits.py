@@ -21,6 +21,7 @@ from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.residual.heldout import grid_of, pooled
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE
+from idic.diagnose.screen.practical import ANY_SIZE
 from idic.diagnose.selection.moves.both_copies import judged_on_both, undecided
 from idic.diagnose.selection.rival import judge
 from idic.diagnose.selection.rivals import (MAX_PARALLEL_REFITS, alternatives, most_body_evaluations, next_wave,
@@ -207,7 +208,7 @@ def test_the_number_of_workers_does_not_change_the_refits():
         worst = Misfit(np.arange(1, 4), np.full(3, 100.0), np.array([7, 8, 9]), np.zeros((3, 1)), 0.4)
         null = made(name="null", choice=worst, judgement=worst, phi=300.0)
         screening = SimpleNamespace(ranked=(), shortlist=tuple(variants), reserve=(), trials=(),
-                                    scores=SimpleNamespace(z=np.zeros(0)))
+                                    scores=SimpleNamespace(z=np.zeros(0)), practical=ANY_SIZE)
         refitted(source, null, screening, partial(run_refits, runner, None), GRID, 3)
         asked.append(runner.asked)
     assert asked[0] == asked[1] == asked[2] and len(asked[0]) >= 3
@@ -230,7 +231,7 @@ def asked_for(shortlist, reserve, achieved, left):
 
     null = made(name="null", choice=leaving(left + achieved), judgement=leaving(left + achieved), phi=2.0)
     screening = SimpleNamespace(ranked=(), shortlist=tuple(shortlist), reserve=tuple(reserve), trials=(),
-                                scores=SimpleNamespace(z=np.zeros(0)))
+                                scores=SimpleNamespace(z=np.zeros(0)), practical=ANY_SIZE)
     refitted(Source("nowhere", {}), null, screening, partial(run_refits, Even(1), None), GRID, 3)
     return found
 
