@@ -73,9 +73,8 @@ def _without_winner(entry: Round) -> Iterator[Link]:
 
 def _size(title: str, local_px: float, channel_std: float, entry: Round) -> Iterator[Link]:
     practical = entry.screening.practical
-    if practical.px >= 0.0:
-        yield Link(f"{title}: motion where it acts", local_px, practical.px, "px")
-        yield Link(f"{title}: readings, in standard deviations of one", channel_std, practical.channel_std)
+    yield Link(f"{title}: motion where it acts", local_px, practical.px, "px")
+    yield Link(f"{title}: readings, in standard deviations of one", channel_std, practical.channel_std)
 
 
 def _heldout(rival: Rival) -> Iterator[Link]:

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from made_up_sizes import ANY_SIZE
 
 from idic.diagnose import (
     Diagnosis, Fit, MAX_HIDDEN_VISIBILITY, MESH_TOO_COARSE, Misfit, Mismatch, Ranked, Rival, Round, SelectedEffect,
@@ -44,11 +45,12 @@ def ranked(name, verdict="significant", visibility=1.0, direct=False):
 def rival(name, heldout, achieved=None, usable=True):
     fit = left(0.0) if usable else None
     refitted = Fit(name, name, "converged" if usable else "forward_failed", {}, {}, np.zeros((T, 0)), None, fit, fit)
-    return Rival(ranked(name), refitted, heldout, heldout if achieved is None else achieved, heldout)
+    return Rival(ranked(name), refitted, heldout, heldout if achieved is None else achieved, heldout,
+                 practical=ANY_SIZE)
 
 
 def screening(*entries):
-    return Screening(tuple(entries), (), None)
+    return Screening(tuple(entries), (), None, practical=ANY_SIZE)
 
 
 def round_of(entries, rivals=(), null=None):
@@ -147,10 +149,10 @@ def test_a_rival_whose_refit_failed_stays_with_a_winner_of_the_same_pattern(rho,
                     np.zeros((0, 2)))
     lost = rival("creep", 400.0, usable=False)
     lost = replace(lost, ranked=replace(lost.ranked, best=1))
-    assert judge([rival("plasticity", 900.0), lost], Screening((), (), scores))[1] == equals
+    assert judge([rival("plasticity", 900.0), lost], Screening((), (), scores, practical=ANY_SIZE))[1] == equals
     astray = replace(rival("creep", 900.0), ranked=lost.ranked, achieved=0.4, heldout=0.7)  # of 900 that were promised
     assert astray.refit_failed
-    assert judge([rival("plasticity", 900.0), astray], Screening((), (), scores))[1] == equals
+    assert judge([rival("plasticity", 900.0), astray], Screening((), (), scores, practical=ANY_SIZE))[1] == equals
 
 
 def test_rivals_of_the_best_candidates_family_are_refitted_whatever_first_order_promises():

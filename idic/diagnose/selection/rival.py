@@ -10,7 +10,7 @@ import numpy as np
 from idic.diagnose.refits.refit import Fit
 from idic.diagnose.refits.refit_job import ExperimentSource
 from idic.diagnose.residual.heldout import Misfit, pooled
-from idic.diagnose.screen.practical import ANY_SIZE, EffectSize, PracticalSize
+from idic.diagnose.screen.practical import EffectSize, PracticalSize
 from idic.diagnose.screen.select import MIN_SEPARATION_CHI2, Ranked, Screening
 from idic.diagnose.selection.block_step import BlockJudgement
 
@@ -48,7 +48,7 @@ class Rival:
     achieved_on_other: float = 0.0
     failed_on_one_copy: bool = False
     null: Fit | None = None
-    practical: PracticalSize = ANY_SIZE
+    practical: PracticalSize = field(kw_only=True)
 
     @property
     def name(self) -> str:
