@@ -212,9 +212,10 @@ def test_a_plausible_size_says_who_leads_a_set_and_takes_nobody_out(curvature, l
     rivals = [sized("load_cell_curvature", 36205.0, curvature / 0.02), sized("nonlinear_elasticity", 36200.0, 3.0)]
     winner, equals = judge(rivals, screening())
     assert winner.name == leading and {winner.name, *equals} == {"load_cell_curvature", "nonlinear_elasticity"}
-    (members,) = odds_of([round_of(screening(), rivals)])
+    (members,) = odds_of([round_of(screening(), rivals)], 0.8)
     assert [member["share_without"] for member in members] == [0.5, 0.5]
     with_size = {member["name"]: member["share_with"] for member in members}
+    assert sum(member["probability"] for member in members) == pytest.approx(0.8)  # of the set, which they share
     assert sum(with_size.values()) == pytest.approx(1.0) and with_size["nonlinear_elasticity"] > 0.5
     assert next(m for m in members if m["name"] == "load_cell_curvature")["source"].endswith("ISO 7500-1")
 

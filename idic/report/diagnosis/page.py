@@ -109,7 +109,7 @@ def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:
              ("residual motion before", f"{mismatch['effect_px_rms']:.2g} px rms{_within_margin(mismatch)}", None),
              ("held-out excess before", number_text(fit["heldout_excess_before"], std), None)]
     if content.get("probability") is not None:
-        facts.insert(1, ("probability that this is the cause" if content["named"] else "probability of no cause",
+        facts.insert(1, (_of_what(content),
                          f"{two_digits(100.0 * content['probability'])} %", _good_or_bad(content["probability"])))
     margin = content["margin"]
     source = ("assumed: no frame is at rest" if margin["camera_floor_px"] is None else "from images at rest"
@@ -124,6 +124,14 @@ def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:
             faint = share > 0.7 and (mismatch.get("located") is False or bool(content.get("left_over")))  # no good news
             facts.append(("explained share of the residual", f"{100.0 * share:.3g} %", None if faint else share > 0.7))
     return facts
+
+
+def _of_what(content: Mapping) -> str:
+    """What the probability is that of."""
+    if not content["named"]:
+        return "probability that nothing of practical size is missing"
+    is_set = any(len(group) > 1 for group in content["indistinguishable"])
+    return f"probability that {'the set holds' if is_set else 'this is'} the cause"
 
 
 def _news(content: Mapping) -> bool | None:
