@@ -243,8 +243,10 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
     likelier = [r for r in passing if r.name in equals
                 and r.share_beyond > MIN_PRIOR_ODDS * winner.share_beyond]
     if likelier:
+        members = [winner, *(r for r in rivals if r.name in equals)]
         winner = max(likelier, key=lambda r: r.share_beyond)
-        equals = indistinguishable(rivals, winner, screening)
+        kept = [r.name for r in members if r.name != winner.name and winner.name not in r.ranked.candidate.limits]
+        equals = list(dict.fromkeys([*kept, *indistinguishable(rivals, winner, screening)]))
     return winner, tuple(equals)
 
 
