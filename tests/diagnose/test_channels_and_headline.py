@@ -8,7 +8,7 @@ import pytest
 from test_verdicts import LEFT, POWER, left, ranked, rival, round_of, screening
 
 from idic.diagnose import Variant
-from idic.diagnose.caution_texts import channel_cautions, outline_caution
+from idic.diagnose.caution_texts import outline_caution
 from idic.diagnose.probability import (P_NONE, P_NONE_UNCONFIRMED, P_OF_STRENGTH, P_UNEXPLAINED, P_WITH_LEFTOVER,
                                        probability)
 from idic.diagnose.residual.channel_left import ChannelLeft
@@ -65,18 +65,11 @@ def test_a_share_below_seventy_per_cent_forbids_where_anything_significant_is_le
         found = conclude([alone], before, after, True, [ExcessLeft(before, left(0.0), POWER)], channels=[one])
         assert found.word == word and (found.share < 0.7) == (after.gain.sum() > left(0.0).gain.sum())
         assert found.in_channels == (("force_N",) if word == "outside_library" else ())
-    assert channel_cautions([channel(20.0, 3.5)], ["force_N"]) and not channel_cautions([channel(20.0, 3.5)])
 
 
 def test_of_an_excess_within_noise_no_share_is_told():
     assert ExcessLeft(left(0.05), left(0.9), POWER).share is None
     assert ExcessLeft(left(300.0), left(30.0), POWER).share == pytest.approx(0.1, rel=0.02)
-
-
-def test_a_channel_that_is_left_is_told_with_its_size():
-    (said,) = channel_cautions([channel(10.0, 3.5), channel(20.0, 3.5)])
-    assert said.startswith("force_N is not explained: 0.67 % of its largest reading")
-    assert "11 % of the excess before" in said
 
 
 def test_a_channel_that_no_candidate_explains_is_no_none():

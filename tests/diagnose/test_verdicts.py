@@ -13,11 +13,13 @@ from idic.diagnose import (
 )
 from idic.diagnose.caution_texts import (formal_fit, refits_cut_short, refits_given_up, rivals_not_ruled_out,
                                     search_cautions, softening_caution, too_coarse)
+from idic.diagnose.evidence_chain import chain_of
 from idic.diagnose.findings import acts_everywhere
 from idic.diagnose.odds import odds_of
 from idic.diagnose.locate.nested_tests import KINEMATIC_LEVELS, Level, decide
 from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.refits.refit import GIVEN_UP
+from idic.diagnose.remainder import Remainder
 from idic.diagnose.residual.channel_left import ChannelLeft
 from idic.diagnose.residual.excess_left import MAX_LOCAL_EXCESS_LEFT, ExcessLeft
 from idic.diagnose.residual.score import Scores
@@ -528,3 +530,17 @@ def test_a_fit_that_finds_no_equilibrium_from_rest_is_no_enriched_model():
 
 def diagnosis_of(final):
     return SimpleNamespace(state=SimpleNamespace(final=final))
+
+
+# the chain of evidence ----------------------------------------------------------------------------
+def test_the_chain_says_by_how_much_a_rival_is_behind_and_what_is_left_in_a_channel():
+    entry = round_of(screening(), [rival("creep", 5000.0), rival("plasticity", 4000.0)])
+    before, after = left(300.0), left(0.0)
+    reading = ChannelLeft("force_N", np.full(T, 10.0), np.full(T, 3.0), 2e-3)
+    remainder = Remainder((reading,), ExcessLeft(before, after, POWER), (), ExcessLeft(before, after, POWER), ())
+    told = conclude([entry], before, after, True, remainder.excesses, channels=remainder.channels)
+    links = {link["what"]: link for link in chain_of(None, [entry], told, remainder)}
+    behind = links["creep: evidence over plasticity, drop of chi-square"]
+    assert behind["number"] == pytest.approx(2000.0) and behind["holds"]
+    assert links["part of force_N that the last model leaves, of its largest value"]["number"] == reading.reading_share
+    assert links["explained share of the residual"]["number"] == told.share

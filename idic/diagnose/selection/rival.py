@@ -245,8 +245,8 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
     if likelier:
         members = [winner, *(r for r in rivals if r.name in equals)]
         winner = max(likelier, key=lambda r: r.share_beyond)
-        kept = [r.name for r in members if r.name != winner.name and winner.name not in r.ranked.candidate.limits]
-        equals = list(dict.fromkeys([*kept, *indistinguishable(rivals, winner, screening)]))
+        former = [r.name for r in members if r.name != winner.name and winner.name not in r.ranked.candidate.limits]
+        equals = list(dict.fromkeys([*former, *indistinguishable(rivals, winner, screening)]))
     return winner, tuple(equals)
 
 
