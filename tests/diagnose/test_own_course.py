@@ -102,9 +102,10 @@ def test_where_the_load_only_grows_a_free_drift_is_not_told_from_a_rival_that_ex
     one = Round(screening(), refit((), 1e4), (drift, rival), drift, source=Folder())
     found = with_imitated(one, u)
     assert found.winner is drift and found.equals == told
-    for factor, equals in ((0.98, told), (1.02, ())):  # less and more than the rival before the course was freed
-        before = replace(drift, ranked=ranked("force_drift"), refitted=rival.refitted, heldout=factor * drop,
-                         achieved=factor * drop)
+    # before the course was freed: less than the rival, and more by more than it left
+    for factor, equals in ((0.98, told), (1.2, ())):
+        before = replace(drift, ranked=ranked("force_drift"), refitted=refit(("force_drift",), 1e4 - factor * drop),
+                         heldout=factor * drop, achieved=factor * drop)
         assert with_imitated(replace(one, plain=before), u).equals == equals
 
 
