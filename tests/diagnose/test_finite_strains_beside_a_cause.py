@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from made_up_sizes import ANY_SIZE
+from side_twins import ANY_SIZE
 from test_revision import chosen, ranked, refit, screening, sets
 
 from idic.diagnose import Rival, Variant

@@ -40,9 +40,10 @@ def test_the_sum_of_knots_promises_what_they_promise_together_at_amplitude_one()
     summed = Columns(("course",), columns.fields[..., 1:] @ together[:, None],
                      columns.channels[..., 1:] @ together[:, None])
     evidence, nothing = made(np.random.default_rng(3)), columns.pick([])
-    px, channel = effects(evidence, nothing, columns, scores, [KNOTS])
+    sizes = effects(evidence, nothing, columns, scores, [KNOTS])
     alone = effects(evidence, nothing, summed, score(evidence, null_model(evidence, nothing), summed))
-    assert px[4] == pytest.approx(alone[0][0]) and channel[4] == pytest.approx(alone[1][0])
+    for name in ("px", "local_px", "channel_std"):
+        assert getattr(sizes.of(4, 1.0), name) == pytest.approx(getattr(alone.of(0, 1.0), name))
 
 
 def test_under_noise_a_course_is_as_significant_as_chance_makes_it():

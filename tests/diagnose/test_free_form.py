@@ -69,7 +69,7 @@ def test_the_headline_says_whether_a_curve_describes_what_no_name_does():
     entry = {"title": "free hardening curve", "material": "BODY", "share": 0.93, "describes": True}
     said = diagnosis_headline(outside | {"free_form": entry}, TITLES)
     assert "a free hardening curve of BODY describes 93 % of the residual on held-out data" in said
-    assert "No named physics fits;" in said and "do not trust the parameters yet." in said
+    assert "No named physics fits;" in said and "do not trust the parameters." in said
     assert said.startswith(diagnosis_headline(outside, TITLES))
     most = diagnosis_headline(outside | {"free_form": entry | {"describes": False}}, TITLES)
     assert most.endswith("on held-out data, but not all.")

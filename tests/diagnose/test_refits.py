@@ -6,8 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from made_up_sizes import ANY_SIZE
-from side_twins import TOML, Side, write_folder
+from side_twins import ANY_SIZE, TOML, Side, write_folder
 
 from idic.diagnose import (
     Candidate, Fit, JUDGEMENT, Misfit, Ranked, RefitJob, Rival, Round, Variant, residual_evidence, run_refit,

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from made_up_sizes import ANY_SIZE
+from side_twins import ANY_SIZE
 
 from idic.diagnose import Diagnosis, Fit, Misfit, Ranked, Rival, Round, ScoreColumn, Variant, candidate_library
 from idic.diagnose.refits.refit_job import AnnouncedRefits

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from made_up_sizes import ANY_SIZE
+from side_twins import ANY_SIZE
 
 from idic.diagnose import (
     Diagnosis, Fit, MAX_HIDDEN_VISIBILITY, MESH_TOO_COARSE, Misfit, Mismatch, Ranked, Rival, Round, SelectedEffect,

@@ -51,8 +51,9 @@ def test_two_copies_of_volumes_have_the_recording_as_their_mean(bar):
     assert copies[0].noise.std_gv == pytest.approx(np.sqrt(2.0) * experiment.recording.noise.std_gv)
 
 
-def diagnosed(folder, hidden):
-    experiment = Tomograms(side=56, n_scans=6, strain=0.04, mesh=FINE, hidden=hidden).write(folder / "experiment")
+def diagnosed(folder, hidden, **scanner):
+    test = Tomograms(side=56, n_scans=6, strain=0.04, mesh=FINE, hidden=hidden, **scanner)
+    experiment = test.write(folder / "experiment")
     identify_run(experiment, folder / "run")
     return diagnose_run(folder / "run", quick=True), folder / "run"
 
@@ -71,3 +72,14 @@ def test_a_concealed_inclusion_is_told_as_heterogeneous_stiffness(tmp_path):
     assert verdict["mismatch"]["side"] == "bulk" and verdict["mismatch"]["p_value"] < 1e-6
     assert len(verdict["mismatch"]["centroid_mm"]) == 3
     assert (run / "figures" / "diagnosis_where.png").exists() and (run / "diagnosis.html").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name, scanner", [
+    ("scanner_motion", {"drift": np.array([[0, 0, 0], [0, 0, 0], [3, -2, 1], [-2, 3, 2], [4, 1, -3], [1, -4, 2]]) / 20}),
+    ("scanner_magnification", {"growth": 1e-3 * np.array([0.0, 0.0, 1.0, 2.5, 3.0, 4.5])}),
+])
+def test_a_concealed_fault_of_the_scanner_is_named(tmp_path, name, scanner):
+    verdict, _ = diagnosed(tmp_path, "", **scanner)
+    assert name in (*verdict["named"], *verdict["indistinguishable"]), verdict["headline"]
+    assert verdict["mismatch"]["p_value"] < 1e-6

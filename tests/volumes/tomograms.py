@@ -25,13 +25,14 @@ TRUTH = {"E": 70000.0, "nu": 0.33}
 
 @dataclass(frozen=True)
 class Tomograms:
-    """side : voxels of a cube; n_scans : with the two at rest; drift : (n_scans, 3) voxels, motion of each scan; seed :
-    of texture and noise; mesh : elements across and along of the user's mesh; hidden : tables of the truth alone;
+    """side : voxels of a cube; n_scans : with the two at rest; drift : (n_scans, 3) voxels, motion of each scan; growth :
+    (n_scans,) of all lengths in each scan; seed : of texture and noise; mesh : elements across and along of the user's mesh; hidden : tables of the truth alone;
     strain : at the end"""
 
     side: int = 44
     n_scans: int = 4
     drift: np.ndarray | None = None
+    growth: np.ndarray | None = None
     extra: str = field(default="")
     seed: int = 3
     mesh: tuple[int, int] = COARSE
@@ -123,7 +124,9 @@ class Tomograms:
         heights, scale = rng.normal(size=n_blobs), None
         for k, motion in enumerate(motions):
             places = self._carried(points, cells, motion) / VOXEL_MM + ORIGIN_PX
-            texture = rendered(places if self.drift is None else places + self.drift[k], heights, self.side)
+            places = places if self.drift is None else places + self.drift[k]
+            places = places if self.growth is None else places * (1.0 + self.growth[k])
+            texture = rendered(places, heights, self.side)
             scale = CONTRAST_GV / texture.std() if scale is None else scale
             image = 128.0 + scale * texture + NOISE_GV * rng.normal(size=texture.shape)
             np.save(folder / "scans" / f"scan_{k:02d}.npy", np.clip(np.rint(100.0 * image), 0, 65535).astype(np.uint16))
