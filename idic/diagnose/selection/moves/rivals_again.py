@@ -60,7 +60,8 @@ def with_rivals_again(cause: JoinedCause) -> State | None:
     if winner is None:
         return None
     models, refitted_rivals, is_any_behind, remaining = {}, [], False, chi2_of_following(state)
-    rivals_by_key = {rival.ranked.key: rival for rival in entry.rivals}  # refitted with finite strains where they have joined
+    # refitted with finite strains where these have joined
+    rivals_by_key = {rival.ranked.key: rival for rival in entry.rivals}
     for rival in (rivals_by_key.get(former.ranked.key, former) for former in cause.joined.close_rivals):
         formed = finite(rival, entry.screening) if cause.joined.is_finite else rival
         model = FittedModel(entry.source.with_edits(edits_of(formed, entry.screening)), rival.refitted)
