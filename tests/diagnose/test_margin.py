@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from solid_sheet import write_sheet
+from calculix_bricks import write_sheet
 from matrix_of_sides import SIDES
 from side_twins import write_folder
 from test_verdicts import POWER, left, rival, ranked, round_of, screening

@@ -16,7 +16,7 @@ from idic.report import RED, WhereRecord
 def record(columns, rows, side="bulk"):
     """Square elements of 40 px, the last two of them the source."""
     corners = 40.0 * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-    outlines = [corners + 40.0 * np.array([k % columns, k // columns]) for k in range(columns * rows)]
+    outlines = [[corners + 40.0 * np.array([k % columns, k // columns])] for k in range(columns * rows)]
     n = len(outlines)
     last, none = np.arange(n) >= n - 2, np.zeros(n, dtype=bool)
     shares = {"camera": 0.9, "boundary": 0.1, "camera+boundary": 0.9, "bulk": 1.0}

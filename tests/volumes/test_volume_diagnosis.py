@@ -74,9 +74,12 @@ def test_a_concealed_inclusion_is_told_as_heterogeneous_stiffness(tmp_path):
     assert (run / "figures" / "diagnosis_where.png").exists() and (run / "diagnosis.html").exists()
 
 
+DRIFT_PX = np.array([[0, 0, 0], [0, 0, 0], [3, -2, 1], [-2, 3, 2], [4, 1, -3], [1, -4, 2]]) / 20
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name, scanner", [
-    ("scanner_motion", {"drift": np.array([[0, 0, 0], [0, 0, 0], [3, -2, 1], [-2, 3, 2], [4, 1, -3], [1, -4, 2]]) / 20}),
+    ("scanner_motion", {"drift": DRIFT_PX}),
     ("scanner_magnification", {"growth": 1e-3 * np.array([0.0, 0.0, 1.0, 2.5, 3.0, 4.5])}),
 ])
 def test_a_concealed_fault_of_the_scanner_is_named(tmp_path, name, scanner):

@@ -25,9 +25,9 @@ TRUTH = {"E": 70000.0, "nu": 0.33}
 
 @dataclass(frozen=True)
 class Tomograms:
-    """side : voxels of a cube; n_scans : with the two at rest; drift : (n_scans, 3) voxels, motion of each scan; growth :
-    (n_scans,) of all lengths in each scan; seed : of texture and noise; mesh : elements across and along of the user's mesh; hidden : tables of the truth alone;
-    strain : at the end"""
+    """side : voxels of a cube; n_scans : with the two at rest; drift : (n_scans, 3) voxels, motion of each scan;
+    growth : (n_scans,) of all lengths in each scan, about the middle of the volume; seed : of texture and noise; mesh :
+    elements across and along of the user's mesh; hidden : tables of the truth alone; strain : at the end"""
 
     side: int = 44
     n_scans: int = 4
@@ -125,7 +125,8 @@ class Tomograms:
         for k, motion in enumerate(motions):
             places = self._carried(points, cells, motion) / VOXEL_MM + ORIGIN_PX
             places = places if self.drift is None else places + self.drift[k]
-            places = places if self.growth is None else places * (1.0 + self.growth[k])
+            if self.growth is not None:
+                places = places + self.growth[k] * (places - 0.5 * (self.side - 1))
             texture = rendered(places, heights, self.side)
             scale = CONTRAST_GV / texture.std() if scale is None else scale
             image = 128.0 + scale * texture + NOISE_GV * rng.normal(size=texture.shape)

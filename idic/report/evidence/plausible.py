@@ -238,6 +238,6 @@ def implausible_thickness(model: Model) -> Iterator[str]:
         return
     length = float(np.ptp(model.mesh.nodes, axis=0).max())
     if not MIN_SLENDERNESS * length <= model.thickness <= length:
-        yield (f"thickness_mm is {model.thickness:g}, and the mesh is {length:.3g} mm long: a sheet in plane stress is "
-               "thinner than long, and a film of 1 um over 0.1 m is thicker. Forces, and so moduli, are off by the "
-               "factor of a wrong unit")
+        yield (f"the thickness is {model.thickness:g} mm, and the mesh is {length:.3g} mm long: a sheet in plane "
+               "stress is thinner than long, and a film of 1 um over 0.1 m is thicker. Forces, and so moduli, are off "
+               "by the factor of a wrong unit")
