@@ -16,7 +16,6 @@ from idic.diagnose.next_test import reason_against_continuation
 from idic.diagnose.physics.candidate import MESH_TOO_COARSE
 from idic.diagnose.physics.edits import open_share
 from idic.diagnose.refits.refit import MAX_EVALUATIONS, MAX_FAILED_SIMULATIONS
-from idic.diagnose.residual.channel_left import ChannelLeft
 from idic.diagnose.residual.excess_left import MAX_EXCESS_LEFT, MAX_LOCAL_EXCESS_LEFT, MIN_EXCESS_Z, ExcessLeft
 from idic.diagnose.residual.heldout import Misfit
 from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
@@ -209,14 +208,6 @@ def other_axis_caution(diagnosis: Diagnosis) -> list[str]:
             "error bar counts that. Turn a second specimen by 45 degrees, or lock what is known."]
 
 
-def channel_cautions(channels: Sequence[ChannelLeft], unexplained: Sequence[str] = ()) -> list[str]:
-    """Channels of which too much is left for the verdict of one or several causes; unexplained : columns that the
-    verdict names."""
-    return [f"{channel.column} is not explained: {100.0 * channel.reading_share:.2g} % of its largest reading is left "
-            f"({z_text(channel.z)} standard deviations, {100.0 * min(channel.share, 1.0):.0f} % of the excess before)."
-            for channel in channels if channel.matters or channel.column in unexplained]
-
-
 def formal_fit(excesses: Sequence[ExcessLeft]) -> list[str]:
     """The clearest excess that the selected candidate leaves, where it is too large for the cause.
 
@@ -362,7 +353,6 @@ CAUTIONS: tuple[Callable[[Diagnosis], list[str]], ...] = (  # in the order in wh
     _convergence,
     _margin,
     lambda diagnosis: formal_fit(diagnosis.remainder.local),
-    lambda diagnosis: channel_cautions(diagnosis.remainder.channels, diagnosis.verdict.in_channels),
     _few_elements,
     lambda diagnosis: softening_caution(diagnosis.rounds),
     _not_simulated,

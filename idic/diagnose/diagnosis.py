@@ -70,7 +70,7 @@ class Diagnosis:
     @property
     def odds(self) -> list[list[dict]]:
         """Of the members of every indistinguishable set, with and without their plausible sizes."""
-        return odds_of(self.rounds)
+        return odds_of(self.rounds, self.probability)
 
     @property
     def mismatch(self) -> Mismatch | None:

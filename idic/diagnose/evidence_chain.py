@@ -1,6 +1,7 @@
 """The chain of evidence of a verdict: what was found, its number, the threshold that it was held against.
 
-One row per step, in the order of the decision; the verdict follows from the last column. The page shows it as a table.
+One row per step, in the order of the decision; the verdict follows from the last column. The page shows it as a table,
+and says none of it again in other words: every step has its message here.
 """
 
 from __future__ import annotations
@@ -20,14 +21,42 @@ ABOVE, BELOW = ">", "<"  # the side of the threshold on which a step holds
 
 
 @dataclass(frozen=True)
+class Message:
+    """What a step says. claim : in words, with what it is about in braces; sense : `ABOVE` or `BELOW`, where it holds;
+    unit : of both numbers, "" of none"""
+
+    claim: str
+    sense: str = ABOVE
+    unit: str = ""
+
+    def link(self, number: float, threshold: float, **words: str) -> Link:
+        """The step with its numbers."""
+        return Link(self.claim.format(**words), number, threshold, self.unit, self.sense)
+
+
+MISMATCH_P = Message("mismatch: probability under noise and a motion at the practical margin", BELOW)
+MISMATCH_SIZE = Message("motion that the identified model leaves, rms", unit="px")
+SCORE_P = Message("{title}: family-wise p of its score", BELOW)
+MOTION_SIZE = Message("{title}: motion where it acts", unit="px")
+READING_SIZE = Message("{title}: readings, in standard deviations of one")
+HELDOUT_DROP = Message("{title}: drop of chi-square on held-out data")
+SHIFT = Message("{title}: shift of {parameter}, in its standard deviations, while nothing else shows a mismatch", BELOW)
+SHARE_BEYOND = Message("{title}: share of such causes that are as large ({usual} is usual)")
+DIFFERENCE = Message("{title}: evidence over {rival}, drop of chi-square")
+EXPLAINED = Message("explained share of the residual")
+MOTION_LEFT = Message("motion that the last model leaves, rms", BELOW, "px")
+READING_LEFT = Message("part of {column} that the last model leaves, of its largest value", BELOW)
+
+
+@dataclass(frozen=True)
 class Link:
-    """One step. claim : in words; sense : `ABOVE` or `BELOW`, where it holds; unit : of both numbers, "" of none"""
+    """One step: a message with its numbers."""
 
     claim: str
     number: float
     threshold: float
-    unit: str = ""
-    sense: str = ABOVE
+    unit: str
+    sense: str
 
     @property
     def holds(self) -> bool:
@@ -52,10 +81,8 @@ def chain_of(mismatch: Mismatch | None, rounds: Sequence[Round], verdict: Verdic
 
 def _mismatch(mismatch: Mismatch | None, remainder: Remainder) -> Iterator[Link]:
     if mismatch is not None:
-        yield Link("mismatch: probability under noise and a motion at the practical margin", mismatch.p_value,
-                   MAX_MISMATCH_P, sense=BELOW)
-        yield Link("motion that the identified model leaves, rms", mismatch.effect_px_rms,
-                   remainder.excesses[0].margin_px, "px")
+        yield MISMATCH_P.link(mismatch.p_value, MAX_MISMATCH_P)
+        yield MISMATCH_SIZE.link(mismatch.effect_px_rms, remainder.excesses[0].margin_px)
 
 
 def _without_winner(entry: Round) -> Iterator[Link]:
@@ -63,8 +90,7 @@ def _without_winner(entry: Round) -> Iterator[Link]:
     if entry.winner is None and entry.screening.ranked:
         ranked = entry.screening.ranked[0]
         rival = next((rival for rival in entry.rivals if rival.ranked.key == ranked.key), None)
-        yield Link(f"{ranked.candidate.title}: family-wise p of its score", ranked.p_familywise, MAX_FAMILYWISE_P,
-                   sense=BELOW)
+        yield SCORE_P.link(ranked.p_familywise, MAX_FAMILYWISE_P, title=ranked.candidate.title)
         yield from _size(ranked.candidate.title, ranked.local_px, ranked.effect_channel, entry)
         if rival is not None and rival.refitted.usable:
             yield from _heldout(rival)
@@ -73,14 +99,12 @@ def _without_winner(entry: Round) -> Iterator[Link]:
 
 def _size(title: str, local_px: float, channel_std: float, entry: Round) -> Iterator[Link]:
     practical = entry.screening.practical
-    if practical.px >= 0.0:
-        yield Link(f"{title}: motion where it acts", local_px, practical.px, "px")
-        yield Link(f"{title}: readings, in standard deviations of one", channel_std, practical.channel_std)
+    yield MOTION_SIZE.link(local_px, practical.px, title=title)
+    yield READING_SIZE.link(channel_std, practical.channel_std, title=title)
 
 
 def _heldout(rival: Rival) -> Iterator[Link]:
-    yield Link(f"{rival.ranked.candidate.title}: drop of chi-square on held-out data", rival.heldout,
-               rival.min_heldout_drop)
+    yield HELDOUT_DROP.link(rival.heldout, rival.min_heldout_drop, title=rival.ranked.candidate.title)
 
 
 def _shift(rival: Rival) -> Iterator[Link]:
@@ -88,20 +112,19 @@ def _shift(rival: Rival) -> Iterator[Link]:
     shifts = rival.shifts_std
     if not rival.practical.is_located and shifts:
         name = max(shifts, key=lambda entry: abs(shifts[entry]))
-        yield Link(f"{rival.ranked.candidate.title}: shift of {name}, in its standard deviations, while nothing else "
-                   "shows a mismatch", abs(shifts[name]), MAX_UNSEEN_SHIFT_STD, sense=BELOW)
+        yield SHIFT.link(abs(shifts[name]), MAX_UNSEEN_SHIFT_STD, title=rival.ranked.candidate.title, parameter=name)
 
 
 def _candidate(winner: Rival, entry: Round) -> Iterator[Link]:
-    title, size = winner.ranked.candidate.title, winner.effect
-    yield Link(f"{title}: family-wise p of its score", winner.ranked.p_familywise, MAX_FAMILYWISE_P, sense=BELOW)
-    if size is not None:
-        yield from _size(title, size.local_px, size.channel_std, entry)
+    candidate, effect = winner.ranked.candidate, winner.effect
+    yield SCORE_P.link(winner.ranked.p_familywise, MAX_FAMILYWISE_P, title=candidate.title)
+    if effect is not None:
+        yield from _size(candidate.title, effect.local_px, effect.channel_std, entry)
     yield from _heldout(winner)
     yield from _shift(winner)
-    if winner.ranked.candidate.size is not None and winner.size is not None:
-        yield Link(f"{title}: share of such causes that are as large ({winner.ranked.candidate.size.words} is usual)",
-                   winner.share_beyond, MIN_SHARE_BEYOND)
+    if candidate.size is not None and winner.size is not None:
+        yield SHARE_BEYOND.link(winner.share_beyond, MIN_SHARE_BEYOND, title=candidate.title,
+                                usual=candidate.size.words)
 
 
 def _against_rivals(winner: Rival, entry: Round) -> Iterator[Link]:
@@ -109,15 +132,14 @@ def _against_rivals(winner: Rival, entry: Round) -> Iterator[Link]:
     rivals = [rival for rival in entry.rivals if rival is not winner and rival.improves]
     if rivals:
         rival = max(rivals, key=lambda member: member.evidence)
-        yield Link(f"{winner.ranked.candidate.title}: evidence over {rival.ranked.candidate.title}, drop of chi-square",
-                   winner.evidence - rival.evidence, noise_of_evidence(winner))
+        yield DIFFERENCE.link(winner.evidence - rival.evidence, noise_of_evidence(winner),
+                              title=winner.ranked.candidate.title, rival=rival.ranked.candidate.title)
 
 
 def _remainder(verdict: Verdict, remainder: Remainder) -> Iterator[Link]:
     excess = remainder.excesses[0]
     if verdict.selected:
-        yield Link("explained share of the residual", verdict.share, MIN_RECOVERED_SHARE)
-    yield Link("motion that the last model leaves, rms", excess.motion_px, excess.margin_px, "px", BELOW)
+        yield EXPLAINED.link(verdict.share, MIN_RECOVERED_SHARE)
+    yield MOTION_LEFT.link(excess.motion_px, excess.margin_px)
     for channel in remainder.channels:
-        yield Link(f"part of {channel.column} that the last model leaves, of its largest value",
-                   channel.reading_share, MIN_READING_SHARE, sense=BELOW)
+        yield READING_LEFT.link(channel.reading_share, MIN_READING_SHARE, column=channel.column)

@@ -14,23 +14,28 @@ def members_of(entry: Round) -> list[Rival]:
     return [] if entry.winner is None else [entry.winner, *equals]
 
 
-def odds_of(rounds: Sequence[Round]) -> list[list[dict]]:
+def odds_of(rounds: Sequence[Round], probability: float | None) -> list[list[dict]]:
     """Every set of several members: ``name``, ``share_without`` (of the recording alone, which does not tell them
-    apart: even), ``share_with`` (by the stated sizes, too), ``size`` in the unit of ``plausible`` (null where any size
-    is), ``source``."""
+    apart: even), ``share_with`` (by the stated sizes, too), ``probability`` (its part of that of the set, null where
+    the test says nothing), ``times_plausible`` in the unit of ``plausible`` (null where any size is), ``source``.
+
+    probability : that the sets hold the truth
+    """
     sets = []
     for entry in rounds:
         members = members_of(entry)
         if len(members) < 2:
             continue
         total = sum(member.share_beyond for member in members)
-        sets.append([_member(member, len(members), total) for member in members])
+        sets.append([_member(member, len(members), total, probability) for member in members])
     return sets
 
 
-def _member(member: Rival, number: int, total: float) -> dict:
+def _member(member: Rival, number: int, total: float, probability: float | None) -> dict:
     prior, size = member.ranked.candidate.size, member.size
     times = None if prior is None or size is None else size / prior.size
-    return {"name": member.name, "share_without": 1.0 / number, "share_with": member.share_beyond / total,
+    share = member.share_beyond / total
+    return {"name": member.name, "share_without": 1.0 / number, "share_with": share,
+            "probability": None if probability is None else share * probability,
             "times_plausible": times, "plausible": None if prior is None else prior.words,
             "source": None if prior is None else prior.source}

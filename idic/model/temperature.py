@@ -33,6 +33,12 @@ class NodalTemperature:
     start: np.ndarray
     knots: Mapping[str, np.ndarray] = field(default_factory=dict)
 
+    def unchanged(self, n_frames: int) -> NodalTemperature:
+        """The temperature of the reference frame, kept for so many frames."""
+        nothing = np.zeros((n_frames, len(self.start)))
+        return NodalTemperature(nothing, None if self.rates is None else nothing, self.start,
+                                dict.fromkeys(self.knots, nothing[:, 0]))
+
     def at(self, time_offset: float, parameters: ParameterSet) -> np.ndarray:
         """Change of temperature with the log shifted by so many seconds, and the knots  # (n_frames, n_nodes)"""
         values = self.values if self.rates is None else self.values + time_offset * self.rates

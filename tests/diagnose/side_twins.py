@@ -16,6 +16,7 @@ from numpy.polynomial.legendre import legvander
 from scipy.linalg import block_diag
 
 from idic.diagnose import candidate_library, residual_evidence, screen_candidates
+from idic.diagnose.screen.practical import PracticalSize
 from idic.diagnose.screen.situation import situation
 from idic.diagnose.screen.free_courses import with_free_courses
 from idic.diagnose.screen.score_columns import score_columns
@@ -35,6 +36,7 @@ TRUTH = {"E": 2000.0, "nu": 0.35}
 NOISE, FORCE_NOISE, GRIP_NOISE = 2.0, 0.5, 2e-4  # GV, N, mm
 TIMES = np.arange(12.0)
 GRIP = 0.12 * np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0, 1.0, 1.0, 0.7, 0.4, 0.1])  # up, hold, down
+ANY_SIZE = PracticalSize(px=-1.0, channel_std=-1.0)  # of made-up rivals and screenings whose size is not in question
 
 TOML = f"""
 [experiment]

@@ -8,11 +8,12 @@ import pytest
 from test_verdicts import LEFT, POWER, left, ranked, rival, round_of, screening
 
 from idic.diagnose import Variant
-from idic.diagnose.caution_texts import channel_cautions, outline_caution
-from idic.diagnose.probability import (P_NONE, P_NONE_BESIDE_A_SCORE, P_OF_STRENGTH, P_UNEXPLAINED, P_WITH_LEFTOVER,
+from idic.diagnose.caution_texts import outline_caution
+from idic.diagnose.probability import (P_NONE, P_NONE_UNCONFIRMED, P_OF_STRENGTH, P_UNEXPLAINED, P_WITH_LEFTOVER,
                                        probability)
 from idic.diagnose.residual.channel_left import ChannelLeft
 from idic.diagnose.residual.excess_left import ExcessLeft
+from idic.diagnose.screen.practical import PracticalSize
 from idic.diagnose.selection.verdict import conclude
 from idic.report import diagnosis_headline, left_over
 from idic.report.diagnosis.not_excluded import hidden_shift, larger_models, probe_words
@@ -64,18 +65,11 @@ def test_a_share_below_seventy_per_cent_forbids_where_anything_significant_is_le
         found = conclude([alone], before, after, True, [ExcessLeft(before, left(0.0), POWER)], channels=[one])
         assert found.word == word and (found.share < 0.7) == (after.gain.sum() > left(0.0).gain.sum())
         assert found.in_channels == (("force_N",) if word == "outside_library" else ())
-    assert channel_cautions([channel(20.0, 3.5)], ["force_N"]) and not channel_cautions([channel(20.0, 3.5)])
 
 
 def test_of_an_excess_within_noise_no_share_is_told():
     assert ExcessLeft(left(0.05), left(0.9), POWER).share is None
     assert ExcessLeft(left(300.0), left(30.0), POWER).share == pytest.approx(0.1, rel=0.02)
-
-
-def test_a_channel_that_is_left_is_told_with_its_size():
-    (said,) = channel_cautions([channel(10.0, 3.5), channel(20.0, 3.5)])
-    assert said.startswith("force_N is not explained: 0.67 % of its largest reading")
-    assert "11 % of the excess before" in said
 
 
 def test_a_channel_that_no_candidate_explains_is_no_none():
@@ -105,12 +99,28 @@ def test_the_words_without_a_name_have_probabilities_of_their_own():
     assert told == {"blind": None, "outside_library": P_UNEXPLAINED}
 
 
-def test_nothing_is_less_sure_where_the_score_of_a_candidate_is_significant():
+def of_none(entry):
+    """The probability of `none` where the screening ends with one candidate."""
     verdict, _, excess = verdict_of(5000.0)
-    for standing, expected in (("excluded", P_NONE), ("small", P_NONE_BESIDE_A_SCORE),
-                               ("significant", P_NONE_BESIDE_A_SCORE)):
-        rounds = [round_of(screening(ranked("creep", standing)))]
-        assert probability(replace(verdict, word="none"), rounds, excess, []) == expected
+    practical = PracticalSize(px=0.004, channel_std=0.3)
+    rounds = [round_of(replace(screening(entry), practical=practical))]
+    return probability(replace(verdict, word="none"), rounds, excess, [])
+
+
+def test_nothing_is_as_sure_beside_a_small_effect_as_that_is_small():
+    """At 10 standard deviations 0.0006 px are below 0.004 px; 0.0037 px, with their error, in four of five."""
+    small = replace(ranked("creep", "small"), statistic=10.0, effect_channel=0.01)
+    assert of_none(ranked("creep", "excluded")) == P_NONE
+    assert of_none(replace(small, local_px=0.0006)) == pytest.approx(P_NONE)
+    assert of_none(replace(small, local_px=0.0037)) == pytest.approx(P_NONE * 0.79, rel=0.01)
+    assert of_none(replace(small, local_px=0.0006, effect_channel=0.3)) == pytest.approx(0.5 * P_NONE)  # of a reading
+    # the size of a score at 3 standard deviations is hardly known
+    assert of_none(replace(small, local_px=0.0037, statistic=3.0)) < of_none(replace(small, local_px=0.0037))
+
+
+def test_beside_a_score_that_no_refit_confirms_nothing_is_as_sure_as_noise_makes_such_a_score():
+    clear, near, nearer = (of_none(replace(ranked("creep"), p_familywise=p)) for p in (1e-6, 2e-3, 9e-3))
+    assert clear == P_NONE_UNCONFIRMED < near < nearer < P_NONE
 
 
 # headline -----------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+from side_twins import ANY_SIZE
 from test_revision import chosen, ranked, refit, screening, sets
 
 from idic.diagnose import Rival, Variant
@@ -24,7 +25,7 @@ def rival(left, knots):
     """A winner with so many unknowns that leaves so much chi-square."""
     answer = refit(("friction",), left)
     stds = {f"knot[{k}]": 0.1 for k in range(knots)}
-    return Rival(ranked("friction"), replace(answer, stds=stds), 100.0, 100.0, 100.0)
+    return Rival(ranked("friction"), replace(answer, stds=stds), 100.0, 100.0, 100.0, practical=ANY_SIZE)
 
 
 @pytest.mark.parametrize("gain, goes_back", [(0.0, True), (MIN_HELDOUT_DROP + 3.5, True),

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from experiment_file.small_experiment import load_experiment, write_experiment
+from side_twins import ANY_SIZE
 from test_revision import Folder, fit, ranked, refit, screening
 
 from idic.diagnose import Rival, Round, SUPPOSED_EXPANSION_PER_K, ScoreColumn, Variant, candidate_library
@@ -61,7 +62,7 @@ def test_a_fit_that_leaves_only_noise_keeps_its_course():
     loud = replace(quiet, channels=np.full((10, 1), 3.0))
     assert not leaves_something(quiet) and leaves_something(fit(200.0)) and leaves_something(loud)
     one = ranked("magnification")
-    winner = Rival(one, refit(("magnification",), 0.0), 100.0, 300.0, 300.0)
+    winner = Rival(one, refit(("magnification",), 0.0), 100.0, 300.0, 300.0, practical=ANY_SIZE)
 
     def no_refits(jobs):
         raise AssertionError("nothing is to be refitted")
@@ -95,9 +96,11 @@ def test_where_the_load_only_grows_a_free_drift_is_not_told_from_a_rival_that_ex
     knots = tuple(f"channel.F.drift_knot[{k}]" for k in (2, 4, 6))
     one = ranked("force_drift")
     free = replace(one, variant=replace(one.variant, new=knots))
-    drift = Rival(free, replace(refit(("force_drift",), 10.0), stds=dict.fromkeys(knots, 0.1)), 1e4, 1e4, 1e4)
+    drift = Rival(free, replace(refit(("force_drift",), 10.0), stds=dict.fromkeys(knots, 0.1)), 1e4, 1e4, 1e4,
+                  practical=ANY_SIZE)
     drop = share * MIN_IMITATED_SHARE * 1e4
-    rival = Rival(ranked("nonlinear_elasticity"), refit(("nonlinear_elasticity",), 1e4 - drop), drop, drop, drop)
+    rival = Rival(ranked("nonlinear_elasticity"), refit(("nonlinear_elasticity",), 1e4 - drop), drop, drop, drop,
+                  practical=ANY_SIZE)
     u = np.array(way)[:, None, None] * np.ones((3, 4, 2))
     one = Round(screening(), refit((), 1e4), (drift, rival), drift, source=Folder())
     found = with_imitated(one, u)
@@ -139,7 +142,7 @@ def test_a_warmth_that_gets_its_own_course_begins_with_the_strain_it_had(tmp_pat
     free = Variant("temperature", edits, knots, dict.fromkeys(knots, 0.0), dict.fromkeys(knots, 0.0), free_course=True)
     one = replace(ranked("thermal_expansion"), variant=plain)
     values = source.load(plain.edits).model.parameters.as_values() | {ALPHA: 2e-4}
-    winner = Rival(one, replace(refit((), 200.0), label=plain.label, values=values), 9.0, 9.0, 9.0)
+    winner = Rival(one, replace(refit((), 200.0), label=plain.label, values=values), 9.0, 9.0, 9.0, practical=ANY_SIZE)
     seen = replace(screening(("thermal_expansion",)), trials=(ScoreColumn(one.candidate, free, free.label),))
     asked = []
 

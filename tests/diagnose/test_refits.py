@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from side_twins import TOML, Side, write_folder
+from side_twins import ANY_SIZE, TOML, Side, write_folder
 
 from idic.diagnose import (
     Candidate, Fit, JUDGEMENT, Misfit, Ranked, RefitJob, Rival, Round, Variant, residual_evidence, run_refit,
@@ -21,7 +21,6 @@ from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.residual.heldout import grid_of, pooled
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE
-from idic.diagnose.screen.practical import ANY_SIZE
 from idic.diagnose.selection.moves.both_copies import judged_on_both, undecided
 from idic.diagnose.selection.rival import judge
 from idic.diagnose.selection.rivals import (MAX_PARALLEL_REFITS, alternatives, most_body_evaluations, next_wave,
@@ -262,7 +261,7 @@ def test_a_lucky_refit_of_a_faint_cause_keeps_no_rival_from_its_own():
 def rival(name, achieved, heldout, usable=True):
     fit = leaving(50.0 - heldout) if usable else None
     return Rival(ranked(YIELD, name=name), made(name=name, label=YIELD.label, choice=fit, judgement=fit), achieved,
-                 achieved, heldout)
+                 achieved, heldout, practical=ANY_SIZE)
 
 
 @pytest.mark.parametrize(("rivals", "names"), [

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from side_twins import ANY_SIZE
 
 from idic.diagnose import Diagnosis, Fit, Misfit, Ranked, Rival, Round, ScoreColumn, Variant, candidate_library
 from idic.diagnose.refits.refit_job import AnnouncedRefits
@@ -52,7 +53,7 @@ def ranked(name):
 def screening(names=NAMES):
     entries = tuple(ranked(name) for name in names)
     trials = tuple(ScoreColumn(r.candidate, r.variant, r.label) for r in entries)
-    return Screening(entries, trials, SimpleNamespace(z=np.ones(len(trials))))
+    return Screening(entries, trials, SimpleNamespace(z=np.ones(len(trials))), practical=ANY_SIZE)
 
 
 def world(left):
@@ -85,7 +86,7 @@ def chosen(order, left, rivals=()):
             names = frozenset({*source.edits, other})
             answer = replace(refit(names, left[names]), label=other)
             drop = null.choice.chi2 - answer.choice.chi2
-            found.append(Rival(ranked(other), answer, drop, drop, drop))
+            found.append(Rival(ranked(other), answer, drop, drop, drop, practical=ANY_SIZE))
         rounds.append(Round(screening(), null, tuple(found), found[0], source=source))
         source, null = source.with_edits({name: True}), found[0].refitted
     return rounds

@@ -46,6 +46,11 @@ name = "{OUTLINE}"
 prior = {{ mean = 0.0, std = 1.0 }}
 """
 
+WARMING = f"""alpha = {{ value = 0.0, identify = true }}
+[[boundary]]
+temperature = {{ course = [[0.0, 0.0], [{STAGES - 1}.0, 1.0]] }}
+[[boundary]]"""
+
 
 def strip(folder: Path, seed: int | None) -> tuple[Experiment, np.ndarray]:
     """The experiment with the start of its ends; seed : of the noise, None: exact stages."""
@@ -92,6 +97,20 @@ def test_noise_of_the_ends_adds_what_drawn_noise_predicts_to_the_information(tmp
     assert given_the_others(exact, i) < 0.1 * predicted  # the fields hardly tell where the edges are
     # a draw scatters by a third (a dozen shapes of the ends, which the reference stage shares), N by a tenth
     assert told == pytest.approx(predicted, rel=0.3)
+
+
+def test_a_temperature_that_rises_takes_no_part_in_the_noise_of_the_ends(tmp_path):
+    """The ends alone move then, and the specimen stays as warm as at the reference."""
+    experiment, local = strip(tmp_path / "cold", 0)
+    truth = experiment.model.parameters.as_values() | {OUTLINE: MARGIN}
+    cold = evaluate_at(experiment, truth, local)[0].system
+    file = tmp_path / "cold" / "experiment.toml"
+    file.write_text(EXPERIMENT.replace("[[boundary]]", WARMING, 1))
+    warm_experiment = load_experiment(file.parent)
+    warm = evaluate_at(warm_experiment, truth | {"ALL.alpha": 0.0}, local)[0].system
+    shared = [warm.names.index(name) for name in cold.names]
+    np.testing.assert_allclose(warm.end_noise[np.ix_(shared, shared)], cold.end_noise, rtol=1e-6)
+    assert not warm.end_noise[warm.names.index("ALL.alpha")].any() and warm.M[warm.names.index("ALL.alpha")].any()
 
 
 def test_where_noise_of_the_ends_rules_the_prior_decides(tmp_path):

@@ -77,4 +77,3 @@ class PracticalSize:
 
 
 ASSUMED_SIZE = PracticalSize(PRACTICAL_MARGIN_PX, MIN_CHANNEL_EFFECT_STD)
-ANY_SIZE = PracticalSize(-1.0, -1.0)  # of made-up fits whose size is not in question

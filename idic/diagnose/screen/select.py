@@ -20,7 +20,7 @@ from idic.diagnose.residual.score import Scores, Significance, null_model, score
 from idic.diagnose.residual.thinning import COPY_VARIANCE_FACTOR, drop_on_copy
 from idic.diagnose.screen.effect_sizes import EffectSizes, columns_together, effects, sum_of
 from idic.diagnose.screen.free_courses import course_stem, fewest_knots
-from idic.diagnose.screen.practical import ANY_SIZE, ASSUMED_SIZE, PracticalSize
+from idic.diagnose.screen.practical import ASSUMED_SIZE, PracticalSize
 from idic.diagnose.screen.score_columns import ScoreColumn
 from idic.model import TEMPERATURE
 
@@ -101,7 +101,7 @@ class Screening:
     trials: tuple[ScoreColumn, ...]
     scores: Scores
     untestable: tuple[tuple[Candidate, str], ...] = ()
-    practical: PracticalSize = ANY_SIZE
+    practical: PracticalSize = field(kw_only=True)
 
     def of(self, name: str) -> Ranked:
         return next(r for r in self.ranked if r.candidate.name == name)

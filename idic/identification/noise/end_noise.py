@@ -76,7 +76,8 @@ def _responses(forward: ForwardModel, context: CorrelationContext, ends: np.ndar
     still = replace(drives, columns=nothing, derivatives=dict.fromkeys(drives.derivatives, nothing),
                     loads=replace(drives.loads, columns=nothing[:, :0], rates=nothing[:, :0]))
     model = replace(forward.model, times=np.arange(n, dtype=float), reference=0, motion_error=None)
-    ends_only = replace(forward, model=model, drives=still)
+    temperature = None if forward.temperature is None else forward.temperature.unchanged(n)
+    ends_only = replace(forward, model=model, drives=still, temperature=temperature)
     names = () if around is None else context.moving
     states = ends_only.march(context.parameters, names, np.vstack([0.0 * ends[:1], ends]), None, around is None)
     next(states)

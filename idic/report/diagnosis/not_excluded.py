@@ -30,9 +30,11 @@ def not_excluded(diagnosis: Diagnosis, identified: Mapping[str, Mapping]) -> lis
     result.json
     """
     won = [entry for entry in diagnosis.rounds if entry.winner is not None]
-    entries = [*_indistinguishable(won), *_untestable(won), *_near(won, diagnosis),
+    entries = [*_untestable(won), *_near(won, diagnosis),
                *larger_models(won, diagnosis.verdict), *_passed_over(diagnosis), *_waiting(diagnosis.rounds[-1]),
                *({"name": name, "why": FAR_FROM_LINEAR} for name in diagnosis.verdict.unsettled)]
+    members = {name for entry in won for name in entry.equals}  # of a set: nothing that is told beside says more
+    entries = [*_indistinguishable(won), *(entry for entry in entries if entry["name"] not in members)]
     entries = list({(entry["name"], entry["why"]): entry for entry in entries}.values())
     names = {entry["name"] for entry in entries} | set(diagnosis.verdict.selected)
     return entries + [entry for entry in _hidden(diagnosis, identified) if entry["name"] not in names]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from idic.diagnose import Notes
-from idic.identification import p_text, z_text
+from idic.identification import z_text
 from idic.report.diagnosis import figures
 from idic.report.diagnosis.free_form import free_curve
 from idic.report.diagnosis.law import law_curves, window_courses
@@ -101,15 +101,13 @@ def _times(member: Mapping) -> str:
 
 
 def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:
-    """Label, value, and whether it is good news, bad news or neither."""
-    fit, mismatch = content["fit"], content["mismatch"]
+    """Label, value, and whether it is good news, bad news or neither: what is no step of the chain of evidence."""
+    fit = content["fit"]
     excess_after, std = fit["heldout_excess_after"], fit["heldout_excess_std"]
     facts: list[tuple[str, str, bool | None]] = [("verdict", VERDICTS[content["verdict"]], _news(content)),
-             ("probability under noise alone", p_text(mismatch["p_value"]), None),
-             ("residual motion before", f"{mismatch['effect_px_rms']:.2g} px rms{_within_margin(mismatch)}", None),
              ("held-out excess before", number_text(fit["heldout_excess_before"], std), None)]
     if content.get("probability") is not None:
-        facts.insert(1, ("probability that this is the cause" if content["named"] else "probability of no cause",
+        facts.insert(1, (_of_what(content),
                          f"{two_digits(100.0 * content['probability'])} %", _good_or_bad(content["probability"])))
     margin = content["margin"]
     source = ("assumed: no frame is at rest" if margin["camera_floor_px"] is None else "from images at rest"
@@ -119,11 +117,15 @@ def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:
         beyond_noise = fit["heldout_excess_before"] > 5.0 * std  # of noise nothing is gained
         facts.append(("held-out excess after", number_text(excess_after, std),
                       excess_after < 0.1 * fit["heldout_excess_before"] + 5.0 * std if beyond_noise else None))
-        if fit["explainable_share_recovered"] is not None:
-            share = fit["explainable_share_recovered"]
-            faint = share > 0.7 and (mismatch.get("located") is False or bool(content.get("left_over")))  # no good news
-            facts.append(("explained share of the residual", f"{100.0 * share:.3g} %", None if faint else share > 0.7))
     return facts
+
+
+def _of_what(content: Mapping) -> str:
+    """What the probability is that of."""
+    if not content["named"]:
+        return "probability that nothing of practical size is missing"
+    is_set = any(len(group) > 1 for group in content["indistinguishable"])
+    return f"probability that {'the set holds' if is_set else 'this is'} the cause"
 
 
 def _news(content: Mapping) -> bool | None:
@@ -138,10 +140,6 @@ def _news(content: Mapping) -> bool | None:
 
 def _good_or_bad(probability: float) -> bool | None:
     return True if probability > MIN_GOOD_PROBABILITY else False if probability < MIN_EVEN_PROBABILITY else None
-
-
-def _within_margin(mismatch: Mapping) -> str:
-    return ", within noise and the practical margin" if mismatch.get("located") is False else ""
 
 
 def _parameters(content: Mapping) -> list[dict]:

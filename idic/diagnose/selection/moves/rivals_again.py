@@ -24,7 +24,7 @@ from idic.diagnose.refits.refit import Fit
 from idic.diagnose.refits.refit_job import ExperimentSource, refit_of_one
 from idic.diagnose.residual.heldout import misfit_of
 from idic.diagnose.selection.move import Move
-from idic.diagnose.selection.rival import Rival, Round, judge, noise_of_evidence
+from idic.diagnose.selection.rival import COPIES, Rival, Round, judge, noise_of_evidence
 from idic.diagnose.selection.rivals import FIRST_ORDER_ERROR_SHARE, edits_of, finite
 from idic.diagnose.selection.state import JoinedCause, State, changed_cause
 from idic.identification import ORDINARY
@@ -60,10 +60,14 @@ def with_rivals_again(cause: JoinedCause) -> State | None:
     if winner is None:
         return None
     models, refitted_rivals, is_any_behind, remaining = {}, [], False, chi2_of_following(state)
-    for rival in cause.joined.close_rivals:
+    # refitted with finite strains where these have joined
+    rivals_by_key = {rival.ranked.key: rival for rival in entry.rivals}
+    for rival in (rivals_by_key.get(former.ranked.key, former) for former in cause.joined.close_rivals):
         formed = finite(rival, entry.screening) if cause.joined.is_finite else rival
         model = FittedModel(entry.source.with_edits(edits_of(formed, entry.screening)), rival.refitted)
         estimate = foreseen(cause, model, formed)
+        if estimate is not None and is_far_from_linear(estimate, winner, remaining):
+            estimate = None
         if estimate is not None and is_behind(estimate, rival, winner, remaining):
             is_any_behind = True
             continue
@@ -100,6 +104,15 @@ def chi2_of_following(state: State) -> float:
     """Chi-square of the recording beside the winner, after its parameters have followed."""
     residual = state.model.residual
     return misfit_of(residual, state.setting.grid).chi2 - following(residual)[1]
+
+
+def is_far_from_linear(estimate: Foreseen, winner: Rival, remaining: float) -> bool:
+    """Whether first order leaves more beside a rival than there is without any cause: the step that it takes is wrong,
+    as from a stiffness of small strains to one of finite strains.
+
+    remaining : chi-square of the recording beside the winner, after its parameters have followed
+    """
+    return estimate.chi2 > remaining + COPIES * winner.achieved
 
 
 def is_behind(estimate: Foreseen, rival: Rival, winner: Rival, remaining: float) -> bool:
