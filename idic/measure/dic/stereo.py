@@ -158,7 +158,8 @@ def information_of(eyes: Sequence[Eye], frame: int, u: np.ndarray,
     The gain and offset of a frame are taken out of q; their part of H, two directions of all nodes together, only
     lengthens the way.
     """
-    nodes, total, gap, rms = eyes[0].experiment.model.mesh.nodes, None, 0.0, []
+    nodes, total, rms = eyes[0].experiment.model.mesh.nodes, None, []
+    gap = np.zeros(3 * len(smoother.nodes))
     for eye in eyes:
         view = eye.view.at(frame)
         nodal = eye.reference.compare(eye.experiment, frame, view.motion(nodes, u))
