@@ -61,6 +61,9 @@ def _second_camera(contents: Found) -> Iterator[str]:
 
 
 def _mesh(contents: Found) -> Iterator[str]:
+    if contents.mesh is None and contents.second is not None:
+        yield "mesh         no mesh file: give one in mm, or the outline of the seen face in mm and the thickness"
+        return
     if contents.mesh is None:
         if contents.outline:
             yield "mesh         no mesh file: a mesh on the speckled area that was found, with its holes"
@@ -106,5 +109,5 @@ def _columns_without_unit(contents: Found) -> Iterator[str]:
 
 def key_of(line: str) -> str:
     """The key of a line that is marked, "" in a comment without one."""
-    name = line.lstrip("# ").partition("=")[0].strip()
+    name = line.lstrip("# ").removeprefix(f"{FILL_IN}: ").partition("=")[0].strip()
     return name if name.replace("_", "").isalnum() else ""
