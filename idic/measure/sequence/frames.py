@@ -132,12 +132,12 @@ class FrameSequence:
         InputError
             So much later or earlier that images of the same number do not belong together.
         """
-        offset = frame_offset(main.course, self.course) if self.frames == main.frames else None
+        counted = _counted(self.experiment)
+        places = np.searchsorted(counted, self.frames)  # of a long test some frames are read
+        offset = frame_offset(main.course, self.course, places) if self.frames == main.frames else None
         if offset is None:
             return []
-        recordings, counted = (main.experiment.recording, self.experiment.recording), _counted(self.experiment)
-        spacing = (len(counted) - 1) / (len(self.frames) - 1)  # of a long test some frames are read
-        offset = spacing * offset[0], spacing * offset[1]
+        recordings = main.experiment.recording, self.experiment.recording
         names = recordings[0].camera_name, recordings[1].camera_name
         if self.experiment.time_offset not in self.experiment.model.parameters:
             first, second = ([recording.labels[k] for k in counted] for recording in recordings)
