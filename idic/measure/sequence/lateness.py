@@ -39,7 +39,8 @@ def frame_offset(course: np.ndarray, second: np.ndarray,
     misfits = np.array([_misfit(course, second, places, offset) for offset in offsets])
     best = int(np.argmin(misfits))
     least = max(float(misfits[best]), 1e-12)
-    if not MIN_TOLD_OFFSET < abs(offsets[best]) < largest - STEP or least > MIN_FALL * _misfit(course, second, places, 0.0):
+    together = _misfit(course, second, places, 0.0)
+    if not MIN_TOLD_OFFSET < abs(offsets[best]) < largest - STEP or least > MIN_FALL * together:
         return None
     if np.sqrt(least) > MAX_MISFIT * np.ptp(second):
         return None
