@@ -66,7 +66,9 @@ def _mesh(contents: Found) -> Iterator[str]:
         return
     if contents.mesh is None:
         if contents.outline:
-            yield "mesh         no mesh file: a mesh on the speckled area that was found, with its holes"
+            holes = f" and its {len(contents.holes)} holes" if len(contents.holes) > 1 else " and its hole"
+            yield ("mesh         no mesh file: a mesh on the speckled area that was found"
+                   f"{holes if contents.holes else ''}")
         else:
             yield "mesh         no mesh file, and no speckled area found: a mesh in the middle of the image, as a guess"
         yield "             idic draw lets you draw it on the image"
