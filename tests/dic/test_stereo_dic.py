@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idic.correlation import CorrelationContext, Weights, build_experiment_reference, in_space
-from idic.measure import seen_in_space, surface_motion
+from idic.measure import SeenInSpace, surface_motion
 from idic.measure.dic.surface_smoothing import surface_smoother
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
@@ -65,7 +65,7 @@ def contexts(experiment):
 
 def test_the_fields_of_a_report_are_this_measurement_with_draws_of_its_noise(experiment):
     cameras = contexts(experiment)
-    seen, whole = seen_in_space(cameras), surface_motion(experiment)
+    seen, whole = SeenInSpace.of(cameras), surface_motion(experiment)
     true = motion(experiment.model.mesh.nodes, 1.0)
     measured = seen.motion((0, 2), lambda frame: true)
     assert (measured[0, whole.nodes] == 0.0).all()
@@ -80,7 +80,7 @@ def test_the_fields_of_a_report_are_this_measurement_with_draws_of_its_noise(exp
     assert abs(neighbours) > 0.2  # smoothing ties what is side by side
     offset = Parameter(cameras[1].experiment.time_offset, 0.1, "s")
     late = replace(cameras[1], parameters=ParameterSet([*cameras[1].parameters.values(), offset]))
-    assert seen_in_space(cameras[:1]) is None and seen_in_space([cameras[0], late]) is None
+    assert SeenInSpace.of(cameras[:1]) is None and SeenInSpace.of([cameras[0], late]) is None
 
 
 def test_one_camera_is_not_enough(experiment):

@@ -13,7 +13,6 @@ from small_experiment import change
 
 import idic
 from idic.errors import InputError
-from idic.measure.sequence import frames as sequence_frames
 
 CAMERAS = """[[camera]]
 name = "left"
@@ -126,7 +125,7 @@ def test_images_of_different_moments_are_refused_with_the_shift_until_the_user_s
 
 def test_of_a_long_test_some_frames_tell_how_many_images_two_cameras_are_apart(tmp_path, monkeypatch):
     folder = two_cameras(tmp_path / "a", -2.0)
-    monkeypatch.setattr(sequence_frames, "MAX_FRAMES", 8)
+    monkeypatch.setattr("idic.measure.sequence.frames.MAX_FRAMES", 8)
     with pytest.raises(InputError, match="right is 2.* late") as refused:
         idic.identify(folder)
     assert "n00.tif to n01.tif of right and n14.tif to n15.tif of left" in str(refused.value)

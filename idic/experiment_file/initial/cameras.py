@@ -99,8 +99,9 @@ def _names(first: list[Path], second: list[Path]) -> tuple[str, str]:
     names = [[group[0].parent.name] for group in (first, second)]
     if first[0].parent == second[0].parent:
         names = [_PARTS.findall(group[0].stem) for group in (first, second)]
-    apart = [(a, b) for a, b in zip(*names, strict=True) if a != b]
-    first_name, second_name = (re.sub(r"[^A-Za-z0-9_-]", "_", name) for name in (apart[0] if apart else ("", "")))
+    differing = [(a, b) for a, b in zip(*names, strict=True) if a != b]
+    words = differing[0] if differing else ("", "")
+    first_name, second_name = (re.sub(r"[^A-Za-z0-9_-]", "_", name) for name in words)
     if not (first_name[:1].isalpha() and second_name[:1].isalpha()):
         return "first", "second"
     return first_name, second_name

@@ -31,6 +31,17 @@ class SeenInSpace:
     eyes: tuple[Eye, ...]
     smoother: SurfaceSmoother
 
+    @classmethod
+    def of(cls, cameras: Sequence[CorrelationContext]) -> SeenInSpace | None:
+        """The cameras with a lens of a point that see one side of the surface at the times of the main camera; None
+        where there are fewer than two of them, or the surface is too large for a report."""
+        eyes = tuple(eye_of(context.experiment, context.camera, context.reference) for context in cameras
+                     if isinstance(context.camera, PlacedCamera) and _sees_as_main(context))
+        if len(eyes) < 2:
+            return None
+        smoother = smoother_of_eyes(eyes)
+        return cls(eyes, smoother) if len(smoother.nodes) <= MAX_SURFACE_NODES else None
+
     @property
     def n_nodes(self) -> int:
         """Nodes of the mesh."""
@@ -41,14 +52,14 @@ class SeenInSpace:
 
         simulated : frame -> (n_nodes, 3) mm, to start from
         """
-        motion, seen = np.full((len(frames), self.n_nodes, 3), np.nan), self.smoother.nodes
+        motion, nodes = np.full((len(frames), self.n_nodes, 3), np.nan), self.smoother.nodes
         for k, frame in enumerate(frames):
             if frame == self.eyes[0].experiment.model.reference:
-                motion[k, seen] = 0.0
+                motion[k, nodes] = 0.0
                 continue
             u, _, _, has_converged = measured_frame(self.eyes, frame, simulated(frame), self.smoother)
             if has_converged:
-                motion[k, seen] = u[seen]
+                motion[k, nodes] = u[nodes]
         return motion
 
     def noise_samples(self, n: int = N_NOISE_SAMPLES) -> np.ndarray:
@@ -60,17 +71,6 @@ class SeenInSpace:
         samples = np.full((n, self.n_nodes, 3), np.nan)
         samples[:, self.smoother.nodes] = solver.solve(scores).T.reshape(n, -1, 3)
         return samples
-
-
-def seen_in_space(cameras: Sequence[CorrelationContext]) -> SeenInSpace | None:
-    """The cameras with a lens of a point that see one side of the surface at the times of the main camera; None where
-    there are fewer than two of them, or the surface is too large for a report."""
-    contexts = [context for context in cameras if isinstance(context.camera, PlacedCamera) and _sees_as_main(context)]
-    if len(contexts) < 2:
-        return None
-    eyes = tuple(eye_of(context.experiment, context.camera, context.reference) for context in contexts)
-    smoother = smoother_of_eyes(eyes)
-    return SeenInSpace(eyes, smoother) if len(smoother.nodes) <= MAX_SURFACE_NODES else None
 
 
 def _sees_as_main(context: CorrelationContext) -> bool:

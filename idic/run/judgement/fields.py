@@ -18,8 +18,7 @@ from idic.errors import NotConverged
 from idic.identification import is_two_step
 from idic.images import Camera
 from idic.measure import (
-    FieldSeries, SeenInSpace, free_motion, in_mm, noise_samples, seen_by, seen_in_space, simulated_states,
-    smoothed_length, surface_of,
+    FieldSeries, SeenInSpace, free_motion, in_mm, noise_samples, seen_by, simulated_states, surface_of,
 )
 from idic.model import Experiment, ForwardModel, Model
 from idic.run.judgement.floor import PointJob, simulated_motion
@@ -95,12 +94,12 @@ def _measurement(shared: CorrelationContext) -> tuple[float | None, int]:
     if not isinstance(shared.camera, Camera):  # a lens does not see a plane
         return None, 0
     dic_setup = seen_by(shared.experiment, shared.reference.image)
-    return (None if dic_setup is None else smoothed_length(dic_setup, shared.camera)), 2
+    return (None if dic_setup is None else dic_setup.length_mm(shared.camera)), 2
 
 
 def _in_space(shared: CorrelationContext) -> SeenInSpace | None:
     """The cameras that measure in space; none of two steps, whose first one has measured each camera by itself."""
-    return None if is_two_step(shared.experiment.options) else seen_in_space(shared.cameras)
+    return None if is_two_step(shared.experiment.options) else SeenInSpace.of(shared.cameras)
 
 
 def write_part(job: FieldJob) -> None:
@@ -135,16 +134,16 @@ def write_measured(job: FieldJob) -> None:
         target.write(job.first + k, rounded(field_mm[None].astype(np.float32), MEASURED_DIGITS))
 
 
-def _write_in_space(job: FieldJob, context: RunContext, seen: SeenInSpace) -> None:
+def _write_in_space(job: FieldJob, context: RunContext, stereo: SeenInSpace) -> None:
     """The free stereo FE-DIC of some frames, or its noise."""
     index, evaluation = read_array(job.target, "nodes"), job.point.evaluation
     if not job.frames:
-        noise = seen.noise_samples()[:, index]
+        noise = stereo.noise_samples()[:, index]
         write_array(job.target, "noise", rounded(noise.astype(np.float32), NOISE_DIGITS))
         return
     u = FrameArrays.open(context.store.group(group_name(evaluation, BASE)), "u")
     first = context.experiment.model.reference
-    motion = seen.motion(job.frames, lambda frame: in_space(u.read(frame - first, frame - first + 1)[0]))[:, index]
+    motion = stereo.motion(job.frames, lambda frame: in_space(u.read(frame - first, frame - first + 1)[0]))[:, index]
     target = FrameArrays.open(Path(job.target), "measured", "r+")
     target.write(job.first, rounded(motion.astype(np.float32), MEASURED_DIGITS))
 
