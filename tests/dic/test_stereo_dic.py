@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.correlation import in_space
-from idic.measure import surface_motion
+from idic.correlation import CorrelationContext, Weights, build_experiment_reference, in_space
+from idic.measure import SeenInSpace, surface_motion
 from idic.measure.dic.surface_smoothing import surface_smoother
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
 from idic.fe import face_cells
+from idic.parameters import Parameter, ParameterSet
 from idic.virtual_tests.stereo_plate import PlateTest, Size, plate, write_plate
 from idic.virtual_tests.ray_tracing import Scene
 from idic.virtual_tests.stereo_rig import rig
@@ -52,6 +53,34 @@ def test_a_motion_in_space_comes_back_within_its_noise(experiment):
     ratio = np.median(found.noise_mm[:, 2]) / np.median(found.noise_mm[:, 1])
     assert 1.5 < ratio < 1.0 / np.tan(np.radians(15.0)) * 1.3
     assert np.abs(found.rms_gv[2] / found.rms_gv[1] - 1.0).max() < 0.2
+
+
+def contexts(experiment):
+    """The cameras of a point, as a report has them."""
+    weights = Weights(1.0, 1.0, np.zeros(0), np.zeros(0))
+    return [CorrelationContext(view, view.model.parameters, (), (), view.model.camera,
+                               build_experiment_reference(view, view.model.camera), weights, np.zeros((0, 0)))
+            for view in experiment.views]
+
+
+def test_the_fields_of_a_report_are_this_measurement_with_draws_of_its_noise(experiment):
+    cameras = contexts(experiment)
+    seen, whole = SeenInSpace.of(cameras), surface_motion(experiment)
+    true = motion(experiment.model.mesh.nodes, 1.0)
+    measured = seen.motion((0, 2), lambda frame: true)
+    assert (measured[0, whole.nodes] == 0.0).all()
+    # another start of the same equations: within the last step
+    assert np.nanmax(np.abs(measured[1, whole.nodes] - whole.u_mm[2])) < 0.2 * np.nanmedian(whole.noise_mm)
+    unseen = np.setdiff1d(np.arange(len(true)), whole.nodes)
+    assert len(unseen) and np.isnan(measured[1, unseen]).all()
+    draws = seen.noise_samples(400)[:, whole.nodes]
+    ratio = np.std(draws, axis=0) / whole.noise_mm  # of 400 draws: 3.5 %; frame 2 is strained by 1 %, the draws are not
+    assert abs(np.median(ratio) - 1.0) < 0.02 and np.abs(ratio - 1.0).max() < 0.25
+    neighbours = np.corrcoef(draws[:, 0, 2], draws[:, 1, 2])[0, 1]
+    assert abs(neighbours) > 0.2  # smoothing ties what is side by side
+    offset = Parameter(cameras[1].experiment.time_offset, 0.1, "s")
+    late = replace(cameras[1], parameters=ParameterSet([*cameras[1].parameters.values(), offset]))
+    assert SeenInSpace.of(cameras[:1]) is None and SeenInSpace.of([cameras[0], late]) is None
 
 
 def test_one_camera_is_not_enough(experiment):

@@ -12,6 +12,7 @@ from moving_speckle import N, STEP_PX, check, image_of, images_of, write_strip
 from small_experiment import change
 
 import idic
+from idic.errors import InputError
 
 CAMERAS = """[[camera]]
 name = "left"
@@ -114,9 +115,20 @@ def test_images_of_different_moments_are_refused_with_the_shift_until_the_user_s
     folder = two_cameras(tmp_path / "a", frames)
     code, output = check(folder)
     assert code == 2 and all(word in " ".join(output.split()) for word in words), output
+    with pytest.raises(InputError) as refused:  # before anything is computed or written
+        idic.identify(folder, tmp_path / "run")
+    assert all(word in " ".join(str(refused.value).split()) for word in words) and not (tmp_path / "run").exists()
     with (folder / "experiment.toml").open("a") as stream:
         stream.write('\n[[dof]]\nname = "right.time_offset"\n')
     assert "frames" in accepted(folder)
+
+
+def test_of_a_long_test_some_frames_tell_how_many_images_two_cameras_are_apart(tmp_path, monkeypatch):
+    folder = two_cameras(tmp_path / "a", -2.0)
+    monkeypatch.setattr("idic.measure.sequence.frames.MAX_FRAMES", 8)
+    with pytest.raises(InputError, match="right is 2.* late") as refused:
+        idic.identify(folder)
+    assert "n00.tif to n01.tif of right and n14.tif to n15.tif of left" in str(refused.value)
 
 
 def test_images_that_are_paired_as_told_are_accepted(tmp_path):

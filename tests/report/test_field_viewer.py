@@ -43,7 +43,8 @@ def record():
     stress = stress * np.array([[100.0, 20.0], [20.0, -30.0]]) * share[..., None, None]
     depth = {"u_z": -0.01 * share * np.abs(x), "z": 2.0 + 0.1 * x - 0.01 * share * np.abs(x)}
     series = FieldSeries(surface, tuple(range(20)), u, measured, noise, stress, {"plastic_strain": share * np.abs(x)},
-                         depth=depth)
+                         depth=depth, measured_depth={name: z + 2e-3 * np.cos(x) for name, z in depth.items()},
+                         depth_noise=3e-3 * rng.standard_normal((8, len(nodes))))
     return make_record(series=series, gauges=GAUGES)
 
 
@@ -79,10 +80,11 @@ def test_a_free_measurement_that_failed_is_told_beside_its_field(record):
 @needs_browser
 def test_the_browser_computes_strain_stress_and_noise_as_python_does(page, record):
     calls = [f'idicFields.field("{q}", "{s}", 19, "{m}", {a})' for q, m, a in ASKED for s in ("simulated", "measured")]
-    calls.append('idicFields.noise("strain.xx", 19, "hencky", 0)')
+    calls += ['idicFields.noise("strain.xx", 19, "hencky", 0)', 'idicFields.noise("depth.z", 19, "small", 0)',
+              'idicFields.field("depth.z", "measured", 19, "small", 0)']
     seen = look_at(page, 1280, whole=False, script=f"JSON.stringify([{', '.join(calls)}])")
     assert not seen.errors and not seen.requests and seen.overflow <= 0
-    *found, noise = ([np.nan if v is None else v for v in one] for one in json.loads(seen.value))
+    *found, noise, depth_noise, z = ([np.nan if v is None else v for v in one] for one in json.loads(seen.value))
     series = record.series
     for number, values in enumerate(found):
         (quantity, measure, angle), source = ASKED[number // 2], ("simulated", "measured")[number % 2]
@@ -97,6 +99,8 @@ def test_the_browser_computes_strain_stress_and_noise_as_python_does(page, recor
         # 16 bits over the range of each component of all frames: a step of 1/64000 of it, and four of them add up
         assert np.allclose(values, exact, atol=4e-5 * max(reach, 0.05), equal_nan=True), quantity
     assert np.allclose(noise, series.strain_std("xx", "hencky")[19], rtol=2e-3)
+    assert np.allclose(depth_noise, np.sqrt(np.mean(series.depth_noise**2, axis=0)), rtol=2e-3)
+    assert np.allclose(z, series.measured_depth["z"][19], atol=1e-4)  # 64 000th of a range of 3 mm
 
 
 @needs_browser

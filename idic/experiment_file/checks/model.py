@@ -21,7 +21,9 @@ def check_materials(mesh: Mesh, element_sets: list[str], file) -> None:
     count = np.zeros(mesh.n_elements, dtype=int)
     for name in element_sets:
         count[mesh.element_sets[name]] += 1
-    for bad, fault, remedy in ((count == 0, "elements without a material", "add a [material.SET] table for their set"),
+    several = "let one material fill several: sets = [...], or [material.ALL]"
+    for bad, fault, remedy in ((count == 0, "elements without a material",
+                                f"add a [material.SET] table for their set, or {several}"),
                                (count > 1, "elements with two materials", "give each element set one material")):
         if bad.any():
             labels = mesh.element_labels[bad]

@@ -1,4 +1,5 @@
-"""Two cameras among the files of a folder: equally many images in two folders, and a calibration of both."""
+"""Two cameras among the files of a folder, by a calibration of both: equally many images in two folders, or names in
+one folder that differ by a word or number for each camera: ``img_0001_0.tif`` and ``img_0001_1.tif``."""
 
 from __future__ import annotations
 
@@ -15,6 +16,8 @@ from idic.fe import Mesh
 from idic.readers import image_entries, natural_key, patterns_of, read_calibration
 
 CALIBRATION_SUFFIXES = (".json", ".xml", ".yml", ".yaml", ".caldat", ".cal")
+MIN_IMAGES = 2  # of a camera: one alone is no test
+_PARTS = re.compile(r"\d+|[A-Za-z]+|[^A-Za-z\d]+")  # of a file name
 FILL_IN_PLACE = "FILL IN: (column, row) of these points of the mesh in the reference image"
 
 
@@ -46,7 +49,9 @@ def camera_pair(folder: Path, groups: Iterable[Sequence[Path]],
     The first camera is the one whose folder sorts first: left before right, cam0 before cam1.
     """
     by_folder = sorted((list(group) for group in groups), key=lambda group: natural_key(group[0].as_posix()))
-    pairs = [(first, second) for i, first in enumerate(by_folder) for second in by_folder[i + 1:]
+    pairs = [halves for group in by_folder if (halves := _halves(group)) is not None
+             and image_entries(halves[0][0])[0].shape == image_entries(halves[1][0])[0].shape]
+    pairs += [(first, second) for i, first in enumerate(by_folder) for second in by_folder[i + 1:]
              if len(first) == len(second) > 1 and first[0].parent != second[0].parent
              and image_entries(first[0])[0].shape == image_entries(second[0])[0].shape]
     calibration = next((path for path in files if path.suffix.lower() in CALIBRATION_SUFFIXES and _has_two(path)), None)
@@ -59,6 +64,29 @@ def camera_pair(folder: Path, groups: Iterable[Sequence[Path]],
     return first, CameraPair(pattern, calibration.relative_to(folder).as_posix(), _names(first, second))
 
 
+def _halves(group: Sequence[Path]) -> tuple[list[Path], list[Path]] | None:
+    """The images of two cameras in one folder; None where no word or number of the names tells them apart.
+
+    That part has two values, and with either of them the other parts are the same. A number counts where it is the last
+    one: the first may be that of the frame.
+    """
+    if len(group) < 2 * MIN_IMAGES or len(group) % 2:
+        return None
+    parts = [_PARTS.findall(path.stem) for path in group]
+    if len({len(names) for names in parts}) != 1:
+        return None
+    numbers = [k for k, part in enumerate(parts[0]) if part.isdecimal()]
+    places = [k for k, part in enumerate(parts[0]) if part.isalpha()] + (numbers[-1:] if len(numbers) > 1 else [])
+    for k in places:
+        halves: dict[str, dict[tuple[str, ...], Path]] = {}
+        for names, path in zip(parts, group, strict=True):
+            halves.setdefault(names[k], {})[*names[:k], *names[k + 1:]] = path
+        if len(halves) == 2 and len({frozenset(half) for half in halves.values()}) == 1:
+            first, second = (halves[value] for value in sorted(halves, key=natural_key))
+            return list(first.values()), [second[name] for name in first]
+    return None
+
+
 def _has_two(path: Path) -> bool:
     try:
         return len(read_calibration(path).cameras) >= 2
@@ -67,8 +95,14 @@ def _has_two(path: Path) -> bool:
 
 
 def _names(first: list[Path], second: list[Path]) -> tuple[str, str]:
-    first_name, second_name = (re.sub(r"[^A-Za-z0-9_-]", "_", group[0].parent.name) for group in (first, second))
-    if first_name == second_name or not (first_name[:1].isalpha() and second_name[:1].isalpha()):
+    """By the folders of the cameras, or by the words in one folder that tell them apart."""
+    names = [[group[0].parent.name] for group in (first, second)]
+    if first[0].parent == second[0].parent:
+        names = [_PARTS.findall(group[0].stem) for group in (first, second)]
+    differing = [(a, b) for a, b in zip(*names, strict=True) if a != b]
+    words = differing[0] if differing else ("", "")
+    first_name, second_name = (re.sub(r"[^A-Za-z0-9_-]", "_", name) for name in words)
+    if not (first_name[:1].isalpha() and second_name[:1].isalpha()):
         return "first", "second"
     return first_name, second_name
 

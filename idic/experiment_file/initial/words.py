@@ -61,9 +61,14 @@ def _second_camera(contents: Found) -> Iterator[str]:
 
 
 def _mesh(contents: Found) -> Iterator[str]:
+    if contents.mesh is None and contents.second is not None:
+        yield "mesh         no mesh file: give one in mm, or the outline of the seen face in mm and the thickness"
+        return
     if contents.mesh is None:
         if contents.outline:
-            yield "mesh         no mesh file: a mesh on the speckled area that was found, with its holes"
+            holes = f" and its {len(contents.holes)} holes" if len(contents.holes) > 1 else " and its hole"
+            yield ("mesh         no mesh file: a mesh on the speckled area that was found"
+                   f"{holes if contents.holes else ''}")
         else:
             yield "mesh         no mesh file, and no speckled area found: a mesh in the middle of the image, as a guess"
         yield "             idic draw lets you draw it on the image"
@@ -106,5 +111,5 @@ def _columns_without_unit(contents: Found) -> Iterator[str]:
 
 def key_of(line: str) -> str:
     """The key of a line that is marked, "" in a comment without one."""
-    name = line.lstrip("# ").partition("=")[0].strip()
+    name = line.lstrip("# ").removeprefix(f"{FILL_IN}: ").partition("=")[0].strip()
     return name if name.replace("_", "").isalnum() else ""

@@ -158,22 +158,26 @@ def with_element_set(mesh: Mesh, name: str, only: bool, file, key,
         element_sets[name] = np.arange(mesh.n_elements)
         note = f"the mesh names no element sets: material {name} applies to all elements"
     else:
-        raise _no_set("no such set of elements", name, mesh.element_sets, file, key)
+        raise _no_set("no such set of elements", name, mesh.element_sets, file, key,
+                      f"name the sets that it fills:  sets = [\"...\"]  under [material.{name}]; [material.{ALL}] "
+                      "fills the whole mesh; ")
     return replace(mesh, element_sets=element_sets), note
 
 
 def with_joined_sets(mesh: Mesh, name: str, sets: Sequence[str], file, key: str) -> Mesh:
-    """The mesh with an element set `name` of all elements of `sets`.
+    """The mesh with an element set `name` of all elements of `sets`; ALL are those of the mesh, unless it names a set
+    so.
 
     Raises
     ------
     InputError
         A set that the mesh does not have, or `name` is another set of it.
     """
-    spellings = [known_name(entry, mesh.element_sets) for entry in sets]
+    known_sets = {ALL: np.arange(mesh.n_elements)} | mesh.element_sets
+    spellings = [known_name(entry, known_sets) for entry in sets]
     if None in spellings:
         raise _no_set("no such set of elements", sets[spellings.index(None)], mesh.element_sets, file, key)
-    elements = np.unique(np.concatenate([mesh.element_sets[spelling] for spelling in spellings]))
+    elements = np.unique(np.concatenate([known_sets[spelling] for spelling in spellings]))
     if name in mesh.element_sets and not np.array_equal(np.sort(mesh.element_sets[name]), elements):
         raise InputError("the material has the name of another set", file=file, key=key,
                          expected=f"a new name for {', '.join(sets)}", found=f"{name}, a set of the mesh",
@@ -189,13 +193,14 @@ def _nodes_of_elements(mesh: Mesh, elements: np.ndarray) -> np.ndarray:
     return np.unique(np.concatenate(parts))
 
 
-def _no_set(fault: str, name: str, names: Iterable[str], file, key) -> InputError:
+def _no_set(fault: str, name: str, names: Iterable[str], file, key, other_ways: str = "") -> InputError:
     names = sorted(names)
     matches = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
     several = [candidate for candidate in names if candidate.upper().endswith(f"_{name.upper()}")]
     hint = f"did you mean {matches[0]}? " if matches else ""
     if len(several) > 1:  # see `idic.readers.mesh_files.abaqus_sets`
         hint = f"{name} is another set in each of several parts of the mesh file: write {' or '.join(several)}, "
+    by_position = f'define it by position:  [sets]  {name} = {{ where = "y < 0" }}'
     return InputError(fault, file=file, key=key, expected=f"one of {', '.join(names)}" if names
                       else "a set of the mesh (it names none)", found=repr(name),
-                      remedy=hint + 'or define it by position:  [sets]  ' + f'{name} = {{ where = "y < 0" }}')
+                      remedy=f"{hint}{other_ways}or {by_position}")

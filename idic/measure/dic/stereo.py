@@ -59,7 +59,9 @@ class SurfaceMotion:
 
 
 @dataclass(frozen=True, eq=False)
-class _Eye:
+class Eye:
+    """A camera of the measurement: its view of the experiment; weight : inverse variance of a grey value."""
+
     experiment: Experiment
     view: PinholeView
     reference: Reference
@@ -85,14 +87,14 @@ def surface_motion(experiment: Experiment, length_mm: float | None = None,
         If fewer than two cameras have a lens.
     """
     model = experiment.model
-    eyes = [_eye(view) for view in experiment.views if isinstance(view.model.camera, PlacedCamera)]
+    eyes = [eye_of(view, camera, build_experiment_reference(view, camera))
+            for view in experiment.views if isinstance(camera := view.model.camera, PlacedCamera)]
     if len(eyes) < 2:
         raise InputError("motion in space needs two cameras with a lens", key="camera",
                          expected="two [[camera]] tables "
                          'with model = "pinhole"', found=str(len(eyes)),
     remedy="use idic.measure.dic.dic_stack for one camera")
-    cells = [(np.asarray(pm.conn), np.asarray(pm.kind)) for pm in (eye.reference.pixel_map for eye in eyes)]
-    smoother = surface_smoother(in_space(model.mesh.nodes), cells, length_mm)
+    smoother = smoother_of_eyes(eyes, length_mm)
     n_frames = model.n_frames
     u_mm = np.full((n_frames, len(smoother.nodes), 3), np.nan)
     u_mm[model.reference] = 0.0
@@ -100,7 +102,7 @@ def surface_motion(experiment: Experiment, length_mm: float | None = None,
     start, noise = np.zeros((model.mesh.n_nodes, 3)), None
     frames = [k for k in range(model.reference + 1, n_frames) if k not in experiment.recording.excluded]
     for n_done, frame in enumerate(frames, 1):
-        u, frame_rms, count, converged = _measure(eyes, frame, start, smoother)
+        u, frame_rms, count, converged = measured_frame(eyes, frame, start, smoother)
         iterations[frame], rms[frame] = count, frame_rms
         if converged:
             u_mm[frame], start = u[smoother.nodes], u
@@ -111,15 +113,21 @@ def surface_motion(experiment: Experiment, length_mm: float | None = None,
     return SurfaceMotion(smoother.nodes, u_mm, rms, unknown if noise is None else noise, iterations, smoother.length_mm)
 
 
-def _eye(view: Experiment) -> _Eye:
-    noise, reference = view.recording.noise.in_sums_gv or DEFAULT_NOISE_GV, build_experiment_reference(view,
-                                                                                                       view.model.camera)
+def eye_of(view: Experiment, camera: PlacedCamera, reference: Reference) -> Eye:
+    """A camera of the measurement; view : what it sees, reference : its image at the pixels of the mesh"""
+    noise = view.recording.noise.in_sums_gv or DEFAULT_NOISE_GV
     variance = (1.0 + 1.0 / reference.n_images) * noise**2 * gradient_share(reference)
-    return _Eye(view, view_of(view, view.model.camera), reference, 1.0 / variance)
+    return Eye(view, view_of(view, camera), reference, 1.0 / variance)
 
 
-def _measure(eyes: Sequence[_Eye], frame: int, start: np.ndarray,
-             smoother: SurfaceSmoother) -> tuple[np.ndarray, np.ndarray, int, bool]:
+def smoother_of_eyes(eyes: Sequence[Eye], length_mm: float | None = None) -> SurfaceSmoother:
+    """The smoother on the faces that any camera sees; length_mm : see `surface_motion`"""
+    cells = [(np.asarray(pm.conn), np.asarray(pm.kind)) for pm in (eye.reference.pixel_map for eye in eyes)]
+    return surface_smoother(in_space(eyes[0].experiment.model.mesh.nodes), cells, length_mm)
+
+
+def measured_frame(eyes: Sequence[Eye], frame: int, start: np.ndarray,
+                   smoother: SurfaceSmoother) -> tuple[np.ndarray, np.ndarray, int, bool]:
     """Motion of all nodes (n_nodes, 3) mm, rms per camera, iterations, whether it converged."""
     u, step, rms = start.copy(), np.inf, np.full(len(eyes), np.nan)
     for count in range(1, MAX_ITERATIONS + 1):
@@ -134,22 +142,24 @@ def _measure(eyes: Sequence[_Eye], frame: int, start: np.ndarray,
     return u, rms, MAX_ITERATIONS, False
 
 
-def _normal_equations(eyes: Sequence[_Eye], frame: int, u: np.ndarray, smoother: SurfaceSmoother):
+def _normal_equations(eyes: Sequence[Eye], frame: int, u: np.ndarray, smoother: SurfaceSmoother):
     """Matrix and right-hand side of a step at the surface nodes, rms per camera, mm per px."""
-    information, gap, rms = _information(eyes, frame, u, smoother)
+    information, gap, rms = information_of(eyes, frame, u, smoother)
     penalty = smoother.penalty(information)
     rhs = gap - penalty @ u[smoother.nodes].ravel()
     size = float(np.mean([eye.view.camera.pixel_size for eye in eyes]))
     return sparse.csc_matrix(information + penalty), rhs, rms, size
 
 
-def _information(eyes: Sequence[_Eye], frame: int, u: np.ndarray, smoother: SurfaceSmoother):
+def information_of(eyes: Sequence[Eye], frame: int, u: np.ndarray,
+                   smoother: SurfaceSmoother) -> tuple[sparse.csc_array, np.ndarray, np.ndarray]:
     """sum_c w J^T H J and sum_c w J^T q with gain and offset eliminated, and rms per camera.
 
     The gain and offset of a frame are taken out of q; their part of H, two directions of all nodes together, only
     lengthens the way.
     """
-    nodes, total, gap, rms = eyes[0].experiment.model.mesh.nodes, None, 0.0, []
+    nodes, total, rms = eyes[0].experiment.model.mesh.nodes, None, []
+    gap = np.zeros(3 * len(smoother.nodes))
     for eye in eyes:
         view = eye.view.at(frame)
         nodal = eye.reference.compare(eye.experiment, frame, view.motion(nodes, u))
@@ -165,12 +175,12 @@ def _information(eyes: Sequence[_Eye], frame: int, u: np.ndarray, smoother: Surf
     return total.tocsc(), gap, np.array(rms)
 
 
-def _noise(eyes: Sequence[_Eye], frame: int, u: np.ndarray, smoother: SurfaceSmoother) -> np.ndarray:
+def _noise(eyes: Sequence[Eye], frame: int, u: np.ndarray, smoother: SurfaceSmoother) -> np.ndarray:
     """Standard deviation of the displacement of every node  # (n, 3) mm
 
     Cov = S A S with A the information, whose weights are the inverse variance of a residual, and S = (A + P)^-1.
     """
-    information, _, _ = _information(eyes, frame, u, smoother)
+    information, _, _ = information_of(eyes, frame, u, smoother)
     solver = splu(sparse.csc_matrix(information + smoother.penalty(information)))
     size = information.shape[0]
     variance = np.empty(size)

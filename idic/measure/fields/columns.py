@@ -25,9 +25,9 @@ def field_columns(series: FieldSeries, k: int, measure: str = "green_lagrange", 
     Returns
     -------
     {name: (n,)}
-        ``u_x_mm``, ``u_y_mm``, of a solid ``u_z_mm`` and ``z_mm``; ``strain_xx``, ``_yy``, ``_xy``, ``_1``,
-        ``_2``; the same with ``_measured`` and ``_std``; ``stress_xx_MPa``, ``_yy_``, ``_xy_``; the states by their
-        names.
+        ``u_x_mm``, ``u_y_mm``, of a solid and of two cameras ``u_z_mm`` and ``z_mm``; ``strain_xx``, ``_yy``,
+        ``_xy``, ``_1``, ``_2``; the same with ``_measured`` and ``_std``; ``stress_xx_MPa``, ``_yy_``, ``_xy_``; the
+        states by their names.
     """
     turn, frame = _axes(angle_deg), _frame(series, k)
     columns: dict[str, np.ndarray] = {}
@@ -45,6 +45,10 @@ def field_columns(series: FieldSeries, k: int, measure: str = "green_lagrange", 
         stress = rotated(frame.stress[0], angle_deg)
         columns |= {f"stress_{name}_{series.stress_unit}": component_of(stress, name) for name in ("xx", "yy", "xy")}
     columns |= {f"{name}_{series.unit}": values[0] for name, values in frame.depth.items()}
+    columns |= {f"{name}_{series.unit}_measured": values[0] for name, values in frame.measured_depth.items()}
+    if noise and series.depth_noise is not None:
+        spread = np.sqrt(np.mean(series.depth_noise**2, axis=0))
+        columns |= {f"{name}_{series.unit}_std": spread for name in frame.measured_depth}
     return columns | {name: values[0] for name, values in frame.states.items()}
 
 
@@ -55,7 +59,8 @@ def _frame(series: FieldSeries, k: int) -> FieldSeries:
                        None if series.stress is None else series.stress[k:k + 1],
                        {name: values[k:k + 1] for name, values in series.states.items()}, series.smoothed, series.kind,
                        series.unit, series.stress_unit,
-                       {name: values[k:k + 1] for name, values in series.depth.items()})
+                       {name: values[k:k + 1] for name, values in series.depth.items()},
+                       {name: values[k:k + 1] for name, values in series.measured_depth.items()})
 
 
 def _axes(angle_deg: float) -> np.ndarray:

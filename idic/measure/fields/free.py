@@ -32,6 +32,11 @@ class Seen:
     reference: ReferenceImage
     smoother: Smoother
 
+    def length_mm(self, camera: Camera) -> float:
+        """Length of the wave that the regularisation halves, mm."""
+        middle = self.experiment.model.mesh.nodes.mean(axis=0, keepdims=True)
+        return float(self.smoother.length_px / np.sqrt(abs(np.linalg.det(camera.jacobian(middle)[0]))))
+
 
 def seen_by(experiment: Experiment, reference) -> Seen | None:
     """None where there is none of this kind: height images (sections have their own), meshes too large for a report."""
@@ -127,9 +132,3 @@ def in_mm(motion: np.ndarray, nodes: np.ndarray, camera: Camera, later: Camera |
     displacement = np.full(motion.shape, np.nan)
     displacement[measured] = (later or camera).inverse(place[measured]) - nodes[measured, :2]
     return displacement
-
-
-def smoothed_length(view: Seen, camera: Camera) -> float:
-    """Length of the wave that the regularisation halves, mm."""
-    middle = view.experiment.model.mesh.nodes.mean(axis=0, keepdims=True)
-    return float(view.smoother.length_px / np.sqrt(abs(np.linalg.det(camera.jacobian(middle)[0]))))

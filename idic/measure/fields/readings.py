@@ -93,6 +93,12 @@ def _fields(series: FieldSeries, gauge: Gauge, at: _Weights) -> Iterator[Reading
     for axis, name in enumerate("xy"):
         std = None if noise is None else np.broadcast_to(_std(noise[..., axis], 0.0), u[..., axis].shape)
         yield Reading(gauge, f"u_{name}", series.unit, u[..., axis], None if v is None else v[..., axis], std)
+    for name, values in series.depth.items():
+        depth = series.measured_depth.get(name)
+        depth_std = None if depth is None or series.depth_noise is None else _std(at(series.depth_noise), 0.0)
+        reading = at(values)
+        yield Reading(gauge, name, series.unit, reading, None if depth is None else at(depth),
+                      None if depth_std is None else np.broadcast_to(depth_std, reading.shape))
     E, E_measured = at(series.strain()), None if v is None else at(series.strain(source="measured"))
     for name in STRAINS:
         yield Reading(gauge, f"strain_{name}", "-", component_of(E, name),

@@ -39,7 +39,11 @@ class FieldSeries:
     unit : "mm", or "px" where no scale is known
     stress_unit : "MPa", or the name of a held stress that all are given in
     depth : {"u_z": (m, n), "z": (m, n)} mm
-        Of a solid: simulated displacement out of the plane, and where the surface then is; else empty.
+        Simulated displacement out of the plane, and where the surface then is: of a solid, and of a sheet that two
+        cameras measure in space; else empty.
+    measured_depth : the same, measured by two cameras with a lens; else empty
+    depth_noise : (k, n) mm or None
+        What image noise alone adds to both.
     """
 
     surface: Surface
@@ -54,6 +58,8 @@ class FieldSeries:
     unit: str = "mm"
     stress_unit: str = "MPa"
     depth: Mapping[str, np.ndarray] = field(default_factory=dict)
+    measured_depth: Mapping[str, np.ndarray] = field(default_factory=dict)
+    depth_noise: np.ndarray | None = None
 
     @cached_property
     def F(self) -> np.ndarray:

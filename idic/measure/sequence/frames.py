@@ -132,14 +132,18 @@ class FrameSequence:
         InputError
             So much later or earlier that images of the same number do not belong together.
         """
-        offset = frame_offset(main.course, self.course) if self.frames == main.frames else None
+        counted = _counted(self.experiment)
+        places = np.searchsorted(counted, self.frames)  # of a long test some frames are read
+        offset = frame_offset(main.course, self.course, places) if self.frames == main.frames else None
         if offset is None:
             return []
-        names = main.experiment.recording.camera_name, self.experiment.recording.camera_name
+        recordings = main.experiment.recording, self.experiment.recording
+        names = recordings[0].camera_name, recordings[1].camera_name
         if self.experiment.time_offset not in self.experiment.model.parameters:
-            check_pairing(names, (main.labels, self.labels), *offset)
+            first, second = ([recording.labels[k] for k in counted] for recording in recordings)
+            check_pairing(names, (first, second), *offset)
         model = self.experiment.model
-        interval_s = float(np.median(np.diff(model.times[list(self.frames)]))) if model.has_times else None
+        interval_s = float(np.median(np.diff(model.times[list(counted)]))) if model.has_times else None
         return [sentence(names, *offset, interval_s)]
 
 

@@ -24,21 +24,23 @@ STEP = 0.02  # frames
 MAX_LATE = 1.5  # frames: a time offset looks one frame back or forth, along a straight line
 
 
-def frame_offset(course: np.ndarray, second: np.ndarray) -> tuple[float, float] | None:
+def frame_offset(course: np.ndarray, second: np.ndarray,
+                 places: np.ndarray | None = None) -> tuple[float, float] | None:
     """How many frames later than the first course the second has its images, and the standard deviation; None where
     both fit without an offset, or with none.
 
-    course, second : (n,) px
+    course, second : (n,) px; places : (n,) numbers of their frames in the whole sequence, None: all of it
     """
-    n = len(course)
+    n, places = len(course), np.arange(float(len(course))) if places is None else np.asarray(places, float)
     if n < MIN_FRAMES or not np.isfinite([course, second]).all() or min(np.ptp(course), np.ptp(second)) < MIN_MOTION_PX:
         return None
-    largest = min(MAX_OFFSET, MAX_OFFSET_SHARE * n)
+    largest = min(MAX_OFFSET, MAX_OFFSET_SHARE * (places[-1] - places[0] + 1.0))
     offsets = np.arange(-largest, largest + STEP, STEP)
-    misfits = np.array([_misfit(course, second, offset) for offset in offsets])
+    misfits = np.array([_misfit(course, second, places, offset) for offset in offsets])
     best = int(np.argmin(misfits))
     least = max(float(misfits[best]), 1e-12)
-    if not MIN_TOLD_OFFSET < abs(offsets[best]) < largest - STEP or least > MIN_FALL * _misfit(course, second, 0.0):
+    together = _misfit(course, second, places, 0.0)
+    if not MIN_TOLD_OFFSET < abs(offsets[best]) < largest - STEP or least > MIN_FALL * together:
         return None
     if np.sqrt(least) > MAX_MISFIT * np.ptp(second):
         return None
@@ -96,11 +98,11 @@ def _listed(labels: Sequence[str]) -> str:
     return labels[0] if len(labels) == 1 else f"{labels[0]} to {labels[-1]}"
 
 
-def _misfit(course: np.ndarray, second: np.ndarray, offset: float) -> float:
+def _misfit(course: np.ndarray, second: np.ndarray, places: np.ndarray, offset: float) -> float:
     """Mean square of what the course at other times, times a factor, leaves of the second (px²)."""
-    at = np.arange(len(course)) + offset
-    inside = (at >= 0.0) & (at <= len(course) - 1.0)
-    moved, target = np.interp(at[inside], np.arange(len(course)), course), second[inside]
+    at = places + offset
+    inside = (at >= places[0]) & (at <= places[-1])
+    moved, target = np.interp(at[inside], places, course), second[inside]
     norm = float(moved @ moved)
     factor = float(moved @ target) / norm if norm > 0.0 else 0.0
     return float(np.mean((target - factor * moved) ** 2))

@@ -48,9 +48,9 @@ class Format:
         except InputError:
             raise
         except ImportError as problem:
-            raise InputError(f"{self.name} ({path.suffix}) is read by {self.library}, which is not installed: "
-                             f"{INSTALL}", file=path, key=key, expected=self.library, found=str(problem),
-                             remedy=f"install it: {INSTALL}") from None
+            raise InputError(f"{self.name} ({path.suffix}) is read by {self.library}; "
+                             f"{problem.name or self.library} is not installed: {INSTALL}", file=path, key=key,
+                             expected=self.library, found=str(problem), remedy=f"install it: {INSTALL}") from None
         except (Exception, SystemExit) as problem:
             raise InputError(f"{self.name} ({path.suffix}): the file cannot be read", file=path, key=key,
                              expected=f"a file that {self.library} reads",

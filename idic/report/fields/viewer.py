@@ -75,8 +75,9 @@ def _failed(record: RunRecord) -> str:
 def _kept_frames(series: FieldSeries) -> Sequence[int] | None:
     """Numbers of the frames that the page has room for, the first and the last among them; None: hardly any."""
     values = 8 + 8 * (series.measured is not None) + 3 * (series.stress is not None)
-    values += len(series.states) + len(series.depth)
+    values += len(series.states) + len(series.depth) + len(series.measured_depth)
     noise = 0 if series.noise is None else 6 * len(series.noise)
+    noise += 0 if series.depth_noise is None else len(series.depth_noise)
     room = int((MAX_VALUES / max(len(series.surface.corners), 1) - noise) / values)
     n = len(series.frames)
     if room < min(MIN_FRAMES, n):
@@ -98,6 +99,9 @@ def _arrays(series: FieldSeries, selected: Sequence[int], corners: np.ndarray) -
     if series.stress is not None:
         arrays["stress"] = at(series.stress[:, :, [0, 1, 0], [0, 1, 1]])
     arrays |= {f"depth.{name}": at(values) for name, values in series.depth.items()}
+    arrays |= {f"depth.{name}_measured": at(values) for name, values in series.measured_depth.items()}
+    if series.depth_noise is not None:
+        arrays["depth_noise"] = series.depth_noise[:, corners, None]
     return arrays | {f"state.{name}": at(values) for name, values in series.states.items()}
 
 

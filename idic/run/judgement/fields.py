@@ -2,7 +2,8 @@
 ``run.zarr/fields``.
 
 Arrays of the group (docs/fields.md): ``frames``, ``nodes`` (numbers from 0 in the mesh), ``measured`` and ``noise``
-(mm), ``smoothed`` (mm), ``stress`` (MPa), ``state.NAME``. The simulated motion is that of the evaluation.
+(mm; in space by two cameras with a lens), ``smoothed`` (mm), ``stress`` (MPa), ``state.NAME``. The simulated motion is
+that of the evaluation.
 """
 
 from __future__ import annotations
@@ -12,11 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation import correlated_frames, is_section
+from idic.correlation import CorrelationContext, correlated_frames, in_space, is_section
 from idic.errors import NotConverged
+from idic.identification import is_two_step
 from idic.images import Camera
 from idic.measure import (
-    FieldSeries, free_motion, in_mm, noise_samples, seen_by, simulated_states, smoothed_length, surface_of,
+    FieldSeries, SeenInSpace, free_motion, in_mm, noise_samples, seen_by, simulated_states, surface_of,
 )
 from idic.model import Experiment, ForwardModel, Model
 from idic.run.judgement.floor import PointJob, simulated_motion
@@ -71,17 +73,33 @@ def write_fields(job: PointJob, runner: TaskRunner) -> None:
         write_array(folder, "nodes", np.asarray(index, dtype=np.int64))
         shared = correlation_context(context, context.experiment.model.parameters.with_values(job.values))
         jobs, names = [FieldJob(job, str(folder), frames, simulated=True)], ["stress-and-state"]
-        plain = shared.experiment.recording.noise.std_gv and isinstance(shared.camera,
-                                                                        Camera)  # a lens does not see a plane
-        dic_setup = seen_by(shared.experiment, shared.reference.image) if plain else None
-        if dic_setup is not None:
-            write_array(folder, "smoothed", np.array([smoothed_length(dic_setup, shared.camera)]))
-            FrameArrays.create(folder, "measured", len(frames), (len(index), 2), 1, "f4", compressed=True)
+        length, n_components = _measurement(shared)
+        if length is not None:
+            write_array(folder, "smoothed", np.array([length]))
+            FrameArrays.create(folder, "measured", len(frames), (len(index), n_components), 1, "f4", compressed=True)
             parts = [FieldJob(job, str(folder), frames[i:i + FRAMES_PER_TASK], i)
                      for i in range(0, len(frames), FRAMES_PER_TASK)]
             jobs += [*parts, FieldJob(job, str(folder))]
             names += [*(f"fields-frames{part.frames[0]}-{part.frames[-1]}" for part in parts), "fields-noise"]
         runner.map(write_part, jobs, names, retries=1)
+
+
+def _measurement(shared: CorrelationContext) -> tuple[float | None, int]:
+    """Length of the waves that the measurement of a point halves (mm), None: there is none; and its components."""
+    if not shared.experiment.recording.noise.std_gv:
+        return None, 0
+    stereo = _in_space(shared)
+    if stereo is not None:
+        return stereo.smoother.length_mm, 3
+    if not isinstance(shared.camera, Camera):  # a lens does not see a plane
+        return None, 0
+    dic_setup = seen_by(shared.experiment, shared.reference.image)
+    return (None if dic_setup is None else dic_setup.length_mm(shared.camera)), 2
+
+
+def _in_space(shared: CorrelationContext) -> SeenInSpace | None:
+    """The cameras that measure in space; none of two steps, whose first one has measured each camera by itself."""
+    return None if is_two_step(shared.experiment.options) else SeenInSpace.of(shared.cameras)
 
 
 def write_part(job: FieldJob) -> None:
@@ -97,6 +115,10 @@ def write_measured(job: FieldJob) -> None:
     context = open_run(job.point.run)
     parameters = context.experiment.model.parameters.with_values(job.point.values)
     shared = correlation_context(context, parameters)
+    stereo = _in_space(shared)
+    if stereo is not None:
+        _write_in_space(job, context, stereo)
+        return
     dic_setup = seen_by(shared.experiment, shared.reference.image)
     nodes, index = shared.experiment.model.mesh.nodes, read_array(job.target, "nodes")
     if not job.frames:
@@ -110,6 +132,20 @@ def write_measured(job: FieldJob) -> None:
     for k, (frame, frame_motion) in enumerate(zip(job.frames, motion, strict=True)):
         field_mm = in_mm(frame_motion, nodes, shared.camera, shared.camera.at(frame))[index]
         target.write(job.first + k, rounded(field_mm[None].astype(np.float32), MEASURED_DIGITS))
+
+
+def _write_in_space(job: FieldJob, context: RunContext, stereo: SeenInSpace) -> None:
+    """The free stereo FE-DIC of some frames, or its noise."""
+    index, evaluation = read_array(job.target, "nodes"), job.point.evaluation
+    if not job.frames:
+        noise = stereo.noise_samples()[:, index]
+        write_array(job.target, "noise", rounded(noise.astype(np.float32), NOISE_DIGITS))
+        return
+    u = FrameArrays.open(context.store.group(group_name(evaluation, BASE)), "u")
+    first = context.experiment.model.reference
+    motion = stereo.motion(job.frames, lambda frame: in_space(u.read(frame - first, frame - first + 1)[0]))[:, index]
+    target = FrameArrays.open(Path(job.target), "measured", "r+")
+    target.write(job.first, rounded(motion.astype(np.float32), MEASURED_DIGITS))
 
 
 def write_states(job: FieldJob) -> None:
@@ -144,16 +180,31 @@ def read_fields(context: RunContext, evaluation: int, model: Model) -> FieldSeri
     frames, index = read_array(folder, "frames"), read_array(folder, "nodes")
     u = FrameArrays.open(context.store.group(group_name(evaluation, BASE)), "u")
     simulated = np.array([u.read(k, k + 1)[0][index] for k in frames - model.reference])
-    depth = {}
-    if model.mesh.n_dim == 3:
-        depth = {"u_z": simulated[:, :, 2], "z": model.mesh.nodes[index, 2] + simulated[:, :, 2]}
-
     def stored(name: str) -> np.ndarray | None:
         return read_array(folder, name).astype(float) if (folder / name).is_dir() else None
 
     states = {path.name.removeprefix(_STATE): read_array(folder, path.name).astype(float)
               for path in sorted(folder.iterdir()) if path.name.startswith(_STATE)}
+    measured, noise = stored("measured"), stored("noise")
+    depth, measured_depth, depth_noise = _depths(model, index, simulated, measured, noise)
     return FieldSeries(surface_of(model.mesh, model.surface), tuple(frames.tolist()), simulated[:, :, :2],
-                       stored("measured"), stored("noise"), stored("stress"), states,
-                       None if (length := stored("smoothed")) is None else float(length[0]), model.kind,
-                       model.length_unit, depth=depth)
+                       None if measured is None else measured[:, :, :2], None if noise is None else noise[:, :, :2],
+                       stored("stress"), states, None if (length := stored("smoothed")) is None else float(length[0]),
+                       model.kind, model.length_unit, depth=depth, measured_depth=measured_depth,
+                       depth_noise=depth_noise)
+
+
+def _depths(model: Model, index: np.ndarray, simulated: np.ndarray, measured: np.ndarray | None,
+            noise: np.ndarray | None) -> tuple[dict, dict, np.ndarray | None]:
+    """Motion out of the plane and shape, simulated and measured, and the noise of both; of a sheet, whose seen surface
+    is the plane z = 0, where two cameras measure them."""
+    is_measured = measured is not None and measured.shape[2] == 3
+    if model.mesh.n_dim == 2 and not is_measured:
+        return {}, {}, None
+    z = in_space(model.mesh.nodes[index])[:, 2]
+    rise = simulated[:, :, 2] if simulated.shape[2] == 3 else np.zeros(simulated.shape[:2])
+    depth = {"u_z": rise, "z": z + rise}
+    if not is_measured:
+        return depth, {}, None
+    return (depth, {"u_z": measured[:, :, 2], "z": z + measured[:, :, 2]},
+            None if noise is None else noise[:, :, 2])

@@ -66,19 +66,30 @@ def check_before_writing(experiment: Experiment) -> None:
     if recording.quantity != "volume":  # they show every node in space
         _check_measurable(experiment, reference.pixel_map.visible_nodes)
     check_volume_axes(experiment)
-    for view in experiment.views:
-        _check_order(view)
+    _check_sequences(experiment)
 
 
-def _check_order(view: Experiment) -> None:
-    """Refuse images of one camera whose motion contradicts the order of their names."""
-    if not FrameSequence.has_order_to_confirm(view):
-        return
+def _check_sequences(experiment: Experiment) -> None:
+    """Refuse images whose motion contradicts the order of their names, and cameras whose images of one number show
+    different moments; a single camera without an order to confirm is not read."""
+    sequences = [_sequence(view) if len(experiment.cameras) or FrameSequence.has_order_to_confirm(view) else None
+                 for view in experiment.views if view.recording.quantity != "volume"]
+    main, *further_cameras = sequences or [None]
+    for sequence in sequences:
+        if sequence is not None:
+            sequence.check_order()
+    for sequence in further_cameras:
+        if main is not None and sequence is not None:
+            sequence.late_against(main)
+
+
+def _sequence(view: Experiment) -> FrameSequence:
+    """The images of one camera, on the specimen."""
     model, recording = view.model, view.recording
     points, cells = seen_nodes(model.mesh, model.kind, model.surface)
     visible = visible_cells(model.mesh, model.kind, model.surface, model.camera, recording.image_shape)
     corners = corners_px(points, cells, model.kind, model.surface, model.camera)
-    FrameSequence.of(view, seen_region(corners, visible, recording.image_shape, recording.mask)).check_order()
+    return FrameSequence.of(view, seen_region(corners, visible, recording.image_shape, recording.mask))
 
 
 def _check_heights(experiment: Experiment) -> None:

@@ -134,10 +134,9 @@ def _zarr(content: Exported, folder: Path) -> Path:
 def _vectors(content: Exported, columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Displacements as vectors too, by which ParaView warps."""
     unit = content.series.unit
-    pairs = {"displacement": (f"u_x_{unit}", f"u_y_{unit}"),
-             "displacement_measured": (f"u_x_{unit}_measured", f"u_y_{unit}_measured")}
-    return {f"{name}_{unit}": three_columns(np.column_stack([columns[x], columns[y]]))
-            for name, (x, y) in pairs.items() if x in columns}
+    vectors = {f"displacement{tail}_{unit}": [f"u_{axis}_{unit}{tail}" for axis in "xyz"] for tail in ("", "_measured")}
+    return {name: three_columns(np.column_stack([columns[axis] for axis in axes if axis in columns]))
+            for name, axes in vectors.items() if axes[0] in columns}
 
 
 WRITERS: Mapping[str, Callable[[Exported, Path], Path]] = {"csv": _csv, "vtu": _vtu, "xdmf": _xdmf, "zarr": _zarr}

@@ -106,7 +106,9 @@ def _measured_and_derived(record: RunRecord, frame: int, n_nodes: int) -> dict[s
         arrays[name] = np.full(n_nodes, np.nan, dtype=np.float32)
         arrays[name][series.surface.index] = _shortened(values)
     if series.measured is not None:
-        motion = np.full((n_nodes, 2), np.nan, dtype=np.float32)
-        motion[series.surface.index] = _shortened(series.measured[series.frames.index(frame)])
+        k, depth = series.frames.index(frame), series.measured_depth.get("u_z")
+        measured = series.measured[k] if depth is None else np.column_stack([series.measured[k], depth[k]])
+        motion = np.full((n_nodes, measured.shape[1]), np.nan, dtype=np.float32)
+        motion[series.surface.index] = _shortened(measured)
         arrays[f"displacement_measured_{series.unit}"] = motion
     return arrays
