@@ -33,7 +33,7 @@ MAX_LOST_SHARE = 0.5  # of the pixels: where frames lose more, each counts what 
 
 @dataclass(frozen=True, eq=False)
 class CameraResidual:
-    """One camera: camera, reference image and parameters; shared_gv : R per pixel of the map; seen_u : (T, n_nodes,
+    """One camera: camera, reference image and parameters; shared_gv : R per pixel of the map, none of volumes; seen_u : (T, n_nodes,
     dim) mm, the motion when it takes its images, in its axes."""
 
     context: CorrelationContext
@@ -216,7 +216,14 @@ class _CameraPasses:
 
     def share(self, kappa: np.ndarray) -> None:
         """The residual that all frames have in common."""
-        self.shared, self.chi2 = _shared_residual(self.maps, kappa, self.context.reference.n_images)
+        reference, experiment = self.context.reference, self.context.experiment
+        if isinstance(reference, VolumeReference):
+            self.shared = np.zeros(0)
+            self.chi2, self.still_q, self.still_rb = reference.lasting_residual(
+                experiment.recording.volumes, self.maps.frames, [sums.motion for sums in self.sums], kappa,
+                experiment.options.brightness)
+            return
+        self.shared, self.chi2 = _shared_residual(self.maps, kappa, reference.n_images)
         self.still_q, self.still_rb = sums_against(self.context, self.shared)
         if len(self.still_rb) > self._n_brightness:  # the last one is the blur's
             self.still_rb[-1] -= float(np.sum(1.0 / kappa)) * self._blur_of_noise
@@ -383,10 +390,8 @@ class _ResidualMaps:
         return r, valid
 
     def _looked_at(self, t: int) -> tuple[np.ndarray, np.ndarray]:
-        reference, experiment = self.context.reference, self.context.experiment
-        if isinstance(reference, VolumeReference):  # all voxels, of which reports look at three sections
-            return reference.voxel_residuals(experiment.recording.volumes, self.frames[t], self.motions[t])[:2]
-        pixels = reference.compare_pixels(experiment, self.frames[t], self.motions[t], np.zeros(0))
+        pixels = self.context.reference.compare_pixels(self.context.experiment, self.frames[t], self.motions[t],
+                                                       np.zeros(0))
         return pixels.r, pixels.valid
 
 
