@@ -33,8 +33,8 @@ MAX_LOST_SHARE = 0.5  # of the pixels: where frames lose more, each counts what 
 
 @dataclass(frozen=True, eq=False)
 class CameraResidual:
-    """One camera: camera, reference image and parameters; shared_gv : R per pixel of the map, none of volumes; seen_u : (T, n_nodes,
-    dim) mm, the motion when it takes its images, in its axes."""
+    """One camera: camera, reference image and parameters; shared_gv : R per pixel of the map, none of volumes; seen_u :
+    (T, n_nodes, dim) mm, the motion when it takes its images, in its axes."""
 
     context: CorrelationContext
     view: View
