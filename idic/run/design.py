@@ -162,10 +162,10 @@ def plan_names(paths: Sequence[Path | str]) -> list[str]:
 def pictures_of(design: Design, pattern: str) -> PlanPictures:
     """Data of the figures of a plan that are not in its summary."""
     experiment = design.experiment
-    shown = shown_mesh(experiment, experiment.model.camera)
+    picture_mesh = shown_mesh(experiment, experiment.model.camera)
     is_volume = experiment.recording.quantity == "volume"
     has_maps = is_volume or view_of(experiment, experiment.model.camera).n_components == 2
     reference = None if pattern == VIRTUAL_SPECKLE else experiment.recording.picture(experiment.model.reference)
-    return PlanPictures(reference, shown.points_px, shown.cells if has_maps else (),
-                        tuple((f.name, f.frame, shown.of(f.phi), f.step / abs(design.parameters[f.name].factor))
+    return PlanPictures(reference, picture_mesh.points_px, picture_mesh.cells if has_maps else (),
+                        tuple((f.name, f.frame, picture_mesh.of(f.phi), f.step / abs(design.parameters[f.name].factor))
                               for f in design.fields) if has_maps else ())

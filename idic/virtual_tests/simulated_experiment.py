@@ -20,16 +20,16 @@ from idic.model import (
     solve,
 )
 from idic.readers import parse_unit, unit_in_name
-from idic.identification import chooses_increments, planned_speckle, recorded_or_planned
+from idic.identification import DOT_SIGMA_PER_SPECKLE, chooses_increments, planned_speckle, recorded_or_planned
 from idic.virtual_tests.experiment_files import (
-    IMAGES, LOADS, SCANS, empty_folder, write_images, write_loads, write_truth,
+    IMAGES, LOADS, SCANS, empty_folder, write_images, write_loads, write_scan, write_truth,
 )
 from idic.virtual_tests.render import Sensor, noisy_channel, record, render
 from idic.virtual_tests.stereo_images import common_speckle, traced_images
-from idic.virtual_tests.solid_speckle import SolidSpeckle
+from idic.virtual_tests.solid_speckle import PERIOD_CELLS, SolidSpeckle, solid_speckle
 from idic.virtual_tests.section_images import height_image, roughness, seen_section
-from idic.virtual_tests.tomograms.simulated_scans import MASK, scan_grey, write_simulated_scans
-from idic.virtual_tests.virtual_test import medium_speckle, rough_surface, stated_speckle
+from idic.virtual_tests.tomograms.simulated_scans import ScanGrey, scan_grey, simulated_scans
+from idic.virtual_tests.virtual_test import medium_speckle, rough_surface, stated_speckle, with_contrast
 
 INCREMENTS = 8  # per frame, extrapolated from these and half as many, where the experiment leaves the choice
 DEFAULT_NOISE_GV = 2.0  # of 8 bit, where the experiment does not state its noise
@@ -37,6 +37,8 @@ SECTION_LENGTH_PX = 6.0  # correlation length of the roughness on a cross-sectio
 HEIGHT_NOISE_SHARE = 0.01  # of the roughness
 MIN_NOISE = 1e-4  # of the roughness: error of float32 and a spline on noise-free heights
 SOLVER = "solver"  # folder of the template and files of an external solver
+SCAN_SPECKLE_PX = 4.0  # of scans without a plan: as the default of [design]
+MASK = "mask.npy"  # of scans
 BACKGROUND_SHARE = 0.1  # of the grey levels
 TIME_OFFSET = "time.offset"  # the new log is on time
 RECORDING_KEYS = ("still_frames", "frame_interval_s", "first_frame_s", "image_times", "decimal")  # of the real files
@@ -93,7 +95,7 @@ def simulate(
     if experiment.recording.quantity == "volume":
         grey = scan_grey(experiment, bits, noise_std_gv, planned)
         folder = empty_folder(out, SCANS)
-        write_simulated_scans(folder, experiment, motion, grey, planned, speckle_rng, camera_rng)
+        _write_scans(folder, experiment, motion, grey, planned, speckle_rng, camera_rng)
         added_gv, total_gv = grey.noise_gv, grey.total_noise_gv
     else:
         sensors = [_sensor(view, bits, noise_std_gv, planned is not None) for view in experiment.views]
@@ -110,6 +112,21 @@ def simulate(
     truth = {p.name: 0.0 if p.name == TIME_OFFSET else p.shown for p in experiment.model.parameters.values() if p.free}
     write_truth(folder, truth, total_gv, added_noise_std_gv=added_gv, seed=seed, bits=bits)
     return folder / "experiment.toml"
+
+
+def _write_scans(folder: Path, experiment: Experiment, motion: Sequence[np.ndarray], grey: ScanGrey,
+                 planned: DesignTable | None, texture_rng: np.random.Generator,
+                 noise_rng: np.random.Generator) -> None:
+    """Write a scan for each of the nodal displacements `motion` (n_nodes, 3) mm, and the mask where there is one."""
+    size_px = SCAN_SPECKLE_PX if planned is None else planned.speckle_px
+    speckle = solid_speckle(texture_rng, DOT_SIGMA_PER_SPECKLE * size_px)
+    texture = with_contrast(speckle, grey.contrast_gv, 0.5 * 2.0**grey.bits, 1.0,
+                            np.full(3, PERIOD_CELLS * speckle.cell_mm))
+    for k, (tomograph, planes) in enumerate(simulated_scans(experiment, motion, grey, texture.value, noise_rng)):
+        write_scan(folder / SCANS / f"scan_{k:03d}.tif", planes, tomograph.shape, tomograph.dtype, tomograph.voxel_mm)
+    if experiment.voxel_mask is not None:
+        everywhere = [slice(0, n) for n in experiment.recording.volumes.shape]
+        np.save(folder / MASK, experiment.voxel_mask(*everywhere).astype(np.uint8))
 
 
 def _write_views(folder: Path, experiment: Experiment, motion: Sequence[np.ndarray], sensors: Sequence[Sensor],

@@ -180,6 +180,11 @@ def _at_camera_time(context: CorrelationContext, responses: Sequence[FrameRespon
 class _CameraPasses:
     """Both passes of one camera over its images: its sums in every frame, and what all frames share."""
 
+    shared: np.ndarray  # set by `share`, as the three that follow
+    chi2: float
+    still_q: np.ndarray
+    still_rb: np.ndarray
+
     def __init__(self, context: CorrelationContext, responses: Sequence[FrameResponse]):
         experiment, nodes = context.experiment, context.experiment.model.mesh.nodes
         self.context, self.view, self.unturned = context, view_of(experiment, context.camera), responses
@@ -218,10 +223,10 @@ class _CameraPasses:
         """The residual that all frames have in common."""
         reference, experiment = self.context.reference, self.context.experiment
         if isinstance(reference, VolumeReference):
-            self.shared = np.zeros(0)
-            self.chi2, self.still_q, self.still_rb = reference.lasting_residual(
+            chi2, still_q, still_rb = reference.lasting_residual(
                 experiment.recording.volumes, self.maps.frames, [sums.motion for sums in self.sums], kappa,
                 experiment.options.brightness)
+            self.shared, self.chi2, self.still_q, self.still_rb = np.zeros(0), chi2, still_q, still_rb
             return
         self.shared, self.chi2 = _shared_residual(self.maps, kappa, reference.n_images)
         self.still_q, self.still_rb = sums_against(self.context, self.shared)

@@ -116,9 +116,9 @@ def _folder(path: str | Path, overrides: Mapping[str, Any] | None, noise_std_gv:
     file = locate(path)
     raw = with_overrides(read_toml(file), overrides)
     config = validated(raw, file)
-    stated = noise_std_gv or (config.design.noise_std_gv if config.design is not None else None)
-    if config.experiment.volumes and stated is not None:
-        raw = with_overrides(raw, {"scanner.noise_std_gv": stated})
+    noise_gv = noise_std_gv or (config.design.noise_std_gv if config.design is not None else None)
+    if config.experiment.volumes and noise_gv is not None:
+        raw = with_overrides(raw, {"scanner.noise_std_gv": noise_gv})
         config = validated(raw, file)
     return PlannedFolder(file, file.parent.resolve(), config, raw)
 
@@ -256,18 +256,19 @@ class PlannedFolder(ExperimentFolder):
         """The one scan that is there, or a virtual texture, for every scan."""
         plan, scans = self.plan, self.existing_scans
         self._need("n_frames", plan.n_frames)
-        further = tuple(f"planned {k}" for k in range(1, plan.n_frames))
+        later_labels = tuple(f"planned {k}" for k in range(1, plan.n_frames))
         if scans is not None:
             size = list(scans.shape[::-1])
             if plan.image_px is not None and list(plan.image_px) != size:
                 raise InputError("not the size of the scan", file=self.file, key="design.image_px",
                                  expected=str(size), found=str(plan.image_px), remedy="leave image_px out")
-            return self.frames_to_come(scans.repeated(plan.n_frames), (scans.labels[0], *further))
+            return self.frames_to_come(scans.repeated(plan.n_frames), (scans.labels[0], *later_labels))
         self._need("image_px", plan.image_px)
         self._check_axes(3, "scans: columns, rows and slices")
         tile = texture_tile(DOT_SIGMA_PER_SPECKLE * plan.speckle_px, plan.contrast_gv, MEAN_GREY_VALUE, SEED)
         columns, rows, slices = plan.image_px
-        return self.frames_to_come(PlannedScans((slices, rows, columns), tile, plan.n_frames), ("texture", *further))
+        stack = PlannedScans((slices, rows, columns), tile, plan.n_frames)
+        return self.frames_to_come(stack, ("texture", *later_labels))
 
     def _check_axes(self, n_axes: int, words: str) -> None:
         sides = self.plan.image_px
