@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ from idic.experiment_file.tables.temperatures import infrared_stacks, temperatur
 from idic.experiment_file.volumes.scans import ScanFiles, open_scans
 from idic.experiment_file.volumes.voxel_mask import VoxelMask, mask_files, open_mask
 from idic.fe import ExternalSetup
+from idic.images import VolumeStack
 from idic.laws import all_laws, code_of, outside_values, source_of
 from idic.model import FieldPoints, KINDS
 from idic.readers import (
@@ -32,6 +34,7 @@ from idic.readers import (
     frame_indices, frame_numbers, match, matching_files, open_stack, read_image, read_log,
     read_mesh_file,
 )
+from idic.path_names import path_inside
 from idic.remote_files import image_facts
 
 MAX_TIME_DIFFERENCE = 0.01  # of the duration, between log and image files: more is no rounding of a rate
@@ -54,7 +57,7 @@ class Recorded:
 class Frames:
     """The images of the main camera: stack, reference, excluded and still frames, mask."""
 
-    stack: FileStack | ArrayFrames | FieldStack | ScanFiles
+    stack: FileStack | ArrayFrames | FieldStack | ScanFiles | VolumeStack
     labels: tuple[str, ...]
     numbers: tuple[int, ...] | None
     reference: int
@@ -236,6 +239,21 @@ class RecordedFolder:
     def opened_scans(self) -> ScanFiles:
         """The volumes; only their headers are read."""
         return open_scans(self.folder, self.config.experiment.volumes, file=self.file, key="experiment.volumes")
+
+    @cached_property
+    def existing_scans(self) -> ScanFiles | None:
+        """The same; None where no pattern has a match: they are to come."""
+        names = [pattern.partition("::")[0] for pattern in self.config.experiment.volumes]
+        paths = [path_inside(self.folder, name, file=self.file, key="experiment.volumes") for name in names]
+        has_match = any(path.exists() or any(self.folder.glob(name)) for path, name in zip(paths, names, strict=True))
+        return self.opened_scans() if has_match else None
+
+    def frames_to_come(self, stack: VolumeStack, labels: tuple[str, ...]) -> Frames:
+        """Scans of a test that is still to be made; a grey value of air is known where there is a scan."""
+        air_below_gv = None if self.config.scanner is None or self.existing_scans is None else (
+            self.config.scanner.air_below_gv)
+        mask = open_mask(self.folder, self.config.experiment.mask, air_below_gv, stack, self.file)
+        return Frames(stack, labels, None, 0, (), (), None, None, (), voxel_mask=mask)
 
     def _volume_frames(self) -> Frames:
         """Open the scans."""

@@ -37,12 +37,11 @@ from typing import Any
 
 from idic.correlation import view_of
 from idic.errors import InputError
-from idic.fe import surface_cells
 from idic.identification import Design, Plan, VIRTUAL_SPECKLE, design_test, join_designs, joint_names, load_plan
 from idic.inside import folder_inside, write_inside
 from idic.report import (
     MIN_CONFUSABLE_CORRELATION, PlanPictures, compare, design_table, draw_design, joint_summary, render_design,
-    summary,
+    shown_mesh, summary,
 )
 from idic.run.separation.members import diagnosed
 from idic.run.separation.separate import separation_content
@@ -163,11 +162,10 @@ def plan_names(paths: Sequence[Path | str]) -> list[str]:
 def pictures_of(design: Design, pattern: str) -> PlanPictures:
     """Data of the figures of a plan that are not in its summary."""
     experiment = design.experiment
-    grey = view_of(experiment, experiment.model.camera).n_components == 2
-    cells = tuple((block.cell, block.connectivity)
-                  for block in surface_cells(experiment.model.mesh, experiment.model.surface)) \
-        if grey else ()
+    picture_mesh = shown_mesh(experiment, experiment.model.camera)
+    is_volume = experiment.recording.quantity == "volume"
+    has_maps = is_volume or view_of(experiment, experiment.model.camera).n_components == 2
     reference = None if pattern == VIRTUAL_SPECKLE else experiment.recording.picture(experiment.model.reference)
-    return PlanPictures(reference, experiment.model.camera.project(experiment.model.mesh.nodes),
-                        cells, tuple((f.name, f.frame, f.phi, f.step / abs(design.parameters[f.name].factor))
-                                     for f in design.fields) if grey else ())
+    return PlanPictures(reference, picture_mesh.points_px, picture_mesh.cells if has_maps else (),
+                        tuple((f.name, f.frame, picture_mesh.of(f.phi), f.step / abs(design.parameters[f.name].factor))
+                              for f in design.fields) if has_maps else ())

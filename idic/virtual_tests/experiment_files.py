@@ -14,6 +14,7 @@ from idic.errors import InputError
 
 IMAGES = "images"
 LOADS = "loads.csv"
+SCANS = "scans"
 
 
 def empty_folder(out: Path | str, place: str = IMAGES) -> Path:

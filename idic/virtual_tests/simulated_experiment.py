@@ -1,4 +1,5 @@
-"""`idic simulate`: an experiment as the model predicts it - images, log, experiment file, truth - in a new folder."""
+"""`idic simulate`: an experiment as the model predicts it - images or scans, log, experiment file, truth - in a new
+folder."""
 
 from __future__ import annotations
 
@@ -19,13 +20,16 @@ from idic.model import (
     solve,
 )
 from idic.readers import parse_unit, unit_in_name
-from idic.identification import chooses_increments, planned_speckle, recorded_or_planned
-from idic.virtual_tests.experiment_files import IMAGES, LOADS, empty_folder, write_images, write_loads, write_truth
+from idic.identification import DOT_SIGMA_PER_SPECKLE, chooses_increments, planned_speckle, recorded_or_planned
+from idic.virtual_tests.experiment_files import (
+    IMAGES, LOADS, SCANS, empty_folder, write_images, write_loads, write_scan, write_truth,
+)
 from idic.virtual_tests.render import Sensor, noisy_channel, record, render
 from idic.virtual_tests.stereo_images import common_speckle, traced_images
-from idic.virtual_tests.solid_speckle import SolidSpeckle
+from idic.virtual_tests.solid_speckle import PERIOD_CELLS, SolidSpeckle, solid_speckle
 from idic.virtual_tests.section_images import height_image, roughness, seen_section
-from idic.virtual_tests.virtual_test import medium_speckle, rough_surface, stated_speckle
+from idic.virtual_tests.tomograms.simulated_scans import ScanGrey, scan_grey, simulated_scans
+from idic.virtual_tests.virtual_test import medium_speckle, rough_surface, stated_speckle, with_contrast
 
 INCREMENTS = 8  # per frame, extrapolated from these and half as many, where the experiment leaves the choice
 DEFAULT_NOISE_GV = 2.0  # of 8 bit, where the experiment does not state its noise
@@ -33,6 +37,8 @@ SECTION_LENGTH_PX = 6.0  # correlation length of the roughness on a cross-sectio
 HEIGHT_NOISE_SHARE = 0.01  # of the roughness
 MIN_NOISE = 1e-4  # of the roughness: error of float32 and a spline on noise-free heights
 SOLVER = "solver"  # folder of the template and files of an external solver
+SCAN_SPECKLE_PX = 4.0  # of scans without a plan: as the default of [design]
+MASK = "mask.npy"  # of scans
 BACKGROUND_SHARE = 0.1  # of the grey levels
 TIME_OFFSET = "time.offset"  # the new log is on time
 RECORDING_KEYS = ("still_frames", "frame_interval_s", "first_frame_s", "image_times", "decimal")  # of the real files
@@ -60,8 +66,8 @@ def simulate(
     bits : int
         8, 12 or 16; height images are always 32-bit float.
     noise_std_gv : float, optional
-        Camera noise; default: the experiment's, as the same share of the sensor's range, else 2 grey values of 8 bit
-        (1 % of the roughness for heights).
+        Noise of a pixel or voxel; default: the experiment's, as the same share of the range of grey values, else 2
+        grey values of 8 bit (1 % of the roughness for heights).
 
     Returns
     -------
@@ -83,30 +89,59 @@ def simulate(
                      increments=INCREMENTS if chooses_increments(experiment) else None)
     bits = 0 if experiment.recording.quantity == "height" else bits
     planned = planned_speckle(path, overrides)
-    sensors = [_sensor(view, bits, noise_std_gv, planned is not None) for view in experiment.views]
-    sensor = sensors[0]
-    folder = empty_folder(out)
     speckle_rng, camera_rng, channel_rng = np.random.default_rng(seed).spawn(3)
-    camera = camera_at(experiment, experiment.model.parameters)
-    still = [np.zeros_like(solution.u[0])] * experiment.model.reference
-    speckle = common_speckle([view.model.camera for view in experiment.views], speckle_rng, 2.0**bits, planned)
-    write_images(folder, _images(experiment, camera, [*still, *solution.u], sensor, bits, speckle_rng, camera_rng,
-                                 speckle, planned))
-    for view, sensor_of_view in zip(experiment.views[1:], sensors[1:], strict=True):
-        (folder / view.recording.camera_name).mkdir()
-        motion = [view.model.turned(u) for u in (*still, *solution.u)]
-        write_images(folder, _images(view, camera_at(view, experiment.model.parameters), motion, sensor_of_view, bits,
-                                     speckle_rng, camera_rng, speckle, planned), view.recording.camera_name)
+    motion = [*[np.zeros_like(solution.u[0])] * experiment.model.reference, *solution.u]
+    sensors: list[Sensor] = []
+    if experiment.recording.quantity == "volume":
+        grey = scan_grey(experiment, bits, noise_std_gv, planned)
+        folder = empty_folder(out, SCANS)
+        _write_scans(folder, experiment, motion, grey, planned, speckle_rng, camera_rng)
+        added_gv, total_gv = grey.noise_gv, grey.total_noise_gv
+    else:
+        sensors = [_sensor(view, bits, noise_std_gv, planned is not None) for view in experiment.views]
+        folder = empty_folder(out)
+        _write_views(folder, experiment, motion, sensors, bits, speckle_rng, camera_rng, planned)
+        added_gv, total_gv = sensors[0].noise_std, sensors[0].total_noise_std
     columns = _columns(experiment, forward, solution.channels, channel_rng)
     in_log = {name: unit for name, unit in experiment.recording.column_units.items() if unit}
     column_units = in_log | _stated_units(with_overrides(read_toml(locate(path)), overrides))
     write_loads(folder, experiment.model.times,
                 {name: values / _factor(name, column_units) for name, values in columns.items()},
                 {name: column_units[name] for name in columns if name in in_log and unit_in_name(name) is None})
-    _write_toml(locate(path), overrides, experiment, sensors, folder)
+    _write_toml(locate(path), overrides, experiment, sensors, total_gv, folder)
     truth = {p.name: 0.0 if p.name == TIME_OFFSET else p.shown for p in experiment.model.parameters.values() if p.free}
-    write_truth(folder, truth, sensor.total_noise_std, added_noise_std_gv=sensor.noise_std, seed=seed, bits=bits)
+    write_truth(folder, truth, total_gv, added_noise_std_gv=added_gv, seed=seed, bits=bits)
     return folder / "experiment.toml"
+
+
+def _write_scans(folder: Path, experiment: Experiment, motion: Sequence[np.ndarray], grey: ScanGrey,
+                 planned: DesignTable | None, texture_rng: np.random.Generator,
+                 noise_rng: np.random.Generator) -> None:
+    """Write a scan for each of the nodal displacements `motion` (n_nodes, 3) mm, and the mask where there is one."""
+    size_px = SCAN_SPECKLE_PX if planned is None else planned.speckle_px
+    speckle = solid_speckle(texture_rng, DOT_SIGMA_PER_SPECKLE * size_px)
+    texture = with_contrast(speckle, grey.contrast_gv, 0.5 * 2.0**grey.bits, 1.0,
+                            np.full(3, PERIOD_CELLS * speckle.cell_mm))
+    for k, (tomograph, planes) in enumerate(simulated_scans(experiment, motion, grey, texture.value, noise_rng)):
+        write_scan(folder / SCANS / f"scan_{k:03d}.tif", planes, tomograph.shape, tomograph.dtype, tomograph.voxel_mm)
+    if experiment.voxel_mask is not None:
+        everywhere = [slice(0, n) for n in experiment.recording.volumes.shape]
+        np.save(folder / MASK, experiment.voxel_mask(*everywhere).astype(np.uint8))
+
+
+def _write_views(folder: Path, experiment: Experiment, motion: Sequence[np.ndarray], sensors: Sequence[Sensor],
+                 bits: int, speckle_rng: np.random.Generator, camera_rng: np.random.Generator,
+                 planned: DesignTable | None) -> None:
+    """Write the images of all cameras; motion : of the nodes (n_nodes, dim) mm, frame by frame"""
+    camera = camera_at(experiment, experiment.model.parameters)
+    speckle = common_speckle([view.model.camera for view in experiment.views], speckle_rng, 2.0**bits, planned)
+    write_images(folder, _images(experiment, camera, motion, sensors[0], bits, speckle_rng, camera_rng, speckle,
+                                 planned))
+    for view, sensor in zip(experiment.views[1:], sensors[1:], strict=True):
+        (folder / view.recording.camera_name).mkdir()
+        write_images(folder, _images(view, camera_at(view, experiment.model.parameters),
+                                     [view.model.turned(u) for u in motion], sensor, bits, speckle_rng, camera_rng,
+                                     speckle, planned), view.recording.camera_name)
 
 
 def _images(experiment: Experiment, camera: AnyCamera, motion: Sequence[np.ndarray], sensor: Sensor, bits: int,
@@ -251,17 +286,22 @@ def _factor(column: str, column_units: Mapping[str, str]) -> float:
     return 1.0 if unit is None else unit.factor
 
 
-def _write_toml(source: Path, overrides, experiment: Experiment, sensors: Sequence[Sensor], folder: Path) -> None:
-    """The experiment file of the new folder, and the files that it names."""
+def _write_toml(source: Path, overrides, experiment: Experiment, sensors: Sequence[Sensor], noise_gv: float,
+                folder: Path) -> None:
+    """The experiment file of the new folder, and the files that it names; noise_gv : of the images, in all"""
     raw = with_overrides(read_toml(source), overrides)
+    is_volume = experiment.recording.quantity == "volume"
     table = {key: value for key, value in raw["experiment"].items() if key not in RECORDING_KEYS}
+    if is_volume:
+        table.pop("mask", None)
+        table |= {"mask": MASK} if experiment.voxel_mask is not None else {}
     table |= {
-        "images": f"{IMAGES}/*.tif",
+        **({"volumes": f"{SCANS}/*.tif"} if is_volume else {"images": f"{IMAGES}/*.tif"}),
         "loads": LOADS,
         "reference": experiment.model.reference,
         "exclude_frames": list(experiment.recording.excluded),
     }
-    for key in ("mesh", "mask"):
+    for key in ("mesh",) if is_volume else ("mesh", "mask"):
         name = table.get(key, {}).get("file") if isinstance(table.get(key), dict) else table.get(key)
         if name:
             target = folder / Path(name).name
@@ -269,7 +309,11 @@ def _write_toml(source: Path, overrides, experiment: Experiment, sensors: Sequen
             table[key] = (table[key] | {"file": target.name}) if isinstance(table[key], dict) else target.name
     raw["experiment"] = table
     raw["boundary"] = with_copied_images(raw.get("boundary", []), source.parent, folder, source)
-    raw["camera"] = _camera_tables(raw, experiment, sensors, source, folder)
+    if is_volume:
+        scanner = {key: value for key, value in raw.get("scanner", {}).items() if key != "air_below_gv"}
+        raw["scanner"] = scanner | {"noise_std_gv": float(f"{noise_gv:.4g}")}
+    else:
+        raw["camera"] = _camera_tables(raw, experiment, sensors, source, folder)
     if "dof" in raw:
         raw["dof"] = [entry | {"value": 0.0} if entry["name"] == TIME_OFFSET else entry for entry in raw["dof"]]
     if "solver" in raw:

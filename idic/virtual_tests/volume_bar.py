@@ -11,7 +11,7 @@ import numpy as np
 
 from idic.fe import Body, Constraints, Mesh, Reaction, Section, march
 from idic.laws import compile as compile_law
-from idic.virtual_tests.experiment_files import empty_folder, write_loads, write_scan, write_truth
+from idic.virtual_tests.experiment_files import SCANS, empty_folder, write_loads, write_scan, write_truth
 from idic.virtual_tests.meshes import layered, strip_with_hole, write_inp
 from idic.virtual_tests.render import noisy_channel
 from idic.virtual_tests.solid_speckle import solid_speckle
@@ -28,7 +28,6 @@ TEXTURE_PX = 1.6  # sigma of its balls
 DARK, BRIGHT, AIR = 0.25, 0.85, 0.1  # grey values as a part of the levels
 DEFAULT_NOISE_SHARE = 0.15  # of the standard deviation of the texture: a scan has less contrast than an image
 RING_SHARE = 0.1  # height of the rings, likewise
-SCANS = "scans"
 POSES = (Pose(), Pose(), Pose((0.02, -0.01, 0.03), (0.004, -0.003, 0.002)),
          Pose((-0.03, 0.02, 0.05), (0.007, 0.002, -0.004)), Pose((0.01, 0.04, -0.04), (-0.006, 0.005, 0.006)),
          Pose((0.04, -0.03, 0.02), (0.003, -0.008, -0.005)))

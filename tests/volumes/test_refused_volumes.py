@@ -75,13 +75,6 @@ def test_a_scan_that_is_a_copy_is_no_noise(folder, run_cli):
     assert "two scans at rest show no noise" in refusal(folder, run_cli)
 
 
-def test_a_design_or_a_rehearsal_is_refused(folder, run_cli):
-    for command, options in (("design", []), ("simulate", ["--out", str(folder.parent / "new")])):
-        result = run_cli(command, str(folder), *options)
-        assert result.exit_code == 2
-        assert "of volumes is not available" in result.output
-
-
 def test_check_tells_scans_and_mesh(folder, run_cli):
     result = run_cli("check", str(folder))
     assert result.exit_code == 0, result.output

@@ -27,10 +27,36 @@ def test_sums_of_a_residual_are_those_of_its_scan():
     expected = reference.equations(volumes, 1, u, "frame")
     r, valid, _ = reference.voxel_residuals(volumes, 1, u)
     assert valid.all() and expected.n_lost == 0
-    sums = reference.equations_of_values(r, "frame")
+    pm = reference.pixel_map
+    sums = reference.equations_of_values(lambda k: r[slice(*pm.start[pm.blocks[k:k + 2]])], "frame")
     np.testing.assert_allclose(sums.q, expected.q, rtol=0, atol=1e-5 * np.abs(expected.q).max())
     np.testing.assert_allclose(sums.rb, expected.rb, rtol=1e-5)
     assert sums.rr == pytest.approx(expected.rr, rel=1e-6)
+
+
+def test_what_scans_have_in_common_is_that_of_their_voxels(monkeypatch):
+    """Block by block as from all voxels at once, which only a test can hold."""
+    monkeypatch.setattr("idic.correlation.volume.voxel_map.VOXELS_PER_BLOCK", 8_000)
+    monkeypatch.setattr("idic.correlation.volume.voxel_map.LEAST_BLOCK_PX", 8)
+    f, g = scans()
+    nodes, conn = solid("hex8", 0.5)
+    volumes, kappa, motions = ArrayVolumes([f, g, f + 0.3 * (g - f)]), np.array([1.2, 1.5]), []
+    reference = build_volume_reference(build_voxel_map(nodes, [Block("hex8", conn)], f.shape), volumes, (0,))
+    total, squares, is_shown = 0.0, 0.0, True
+    for frame, k in zip((1, 2), kappa, strict=True):
+        u = np.tile([0.4, -0.3, 16.0 * frame], (len(nodes), 1))  # voxels leave the scan
+        motions.append(reference.motion(u))
+        r, valid, _ = reference.voxel_residuals(volumes, frame, u)
+        total, squares, is_shown = total + r / k, squares + np.sum(r.astype(float)**2) / k, is_shown & valid
+    assert 0.1 < is_shown.mean() < 0.9
+    total = np.where(is_shown, total, 0.0)
+    chi2, q, rb = reference.lasting_residual(volumes, (1, 2), motions, kappa, "frame")
+    assert chi2 == pytest.approx(squares - np.sum(total**2) / (1.0 + np.sum(1.0 / kappa)), rel=1e-6)
+    pm = reference.pixel_map
+    assert len(pm.blocks) > 2
+    expected = reference.equations_of_values(lambda k: total[slice(*pm.start[pm.blocks[k:k + 2]])], "frame")
+    np.testing.assert_allclose(q, expected.q, rtol=0, atol=1e-6 * np.abs(expected.q).max())
+    np.testing.assert_allclose(rb, expected.rb, rtol=1e-6)
 
 
 def test_two_copies_of_volumes_have_the_recording_as_their_mean(bar):

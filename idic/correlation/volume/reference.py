@@ -10,7 +10,7 @@ the sums are the same.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -141,19 +141,57 @@ class VolumeReference(NodalBasis):
                 lost_pixels.append(pm.start[span.start] + np.flatnonzero(valid == 0))
         return self._nodal(layout, motion, sums, lost, lost_pixels, hessian, coupling, grey)
 
-    def equations_of_values(self, values: np.ndarray, brightness: str) -> NodalEquations:
-        """Nodal equations of the reference at rest with given residuals of its voxels (n_voxels,), GV."""
+    def equations_of_values(self, values: Callable[[int], np.ndarray], brightness: str) -> NodalEquations:
+        """Nodal equations of the reference at rest with given residuals of its voxels.
+
+        values : those of a block by its number, called once for each in their order  # -> (n,) GV
+        """
         pm, layout = self.pixel_map, self.layout(brightness)
         motion = self.motion(np.zeros((pm.n_nodes, 3)))
         sums, lost = np.empty((pm.n_elements, 3 * pm.conn.shape[1] + 3)), np.zeros(pm.n_elements, dtype=np.int64)
         mean = (layout.mean[layout.patch] - np.float32(self.level)).astype(np.float32)
         for number in range(len(pm.blocks) - 1):
             elements, voxels = np.arange(*pm.blocks[number:number + 2]), self.voxels(number)
-            span = slice(*pm.start[pm.blocks[number:number + 2]])
             sums_of_values(elements, pm.kind, N_SOLID_NODES, pm.run_start, pm.run, pm.start, pm.affine, pm.middle,
-                           pm.places, pm.table_start, pm.table, values[span].astype(np.float32), voxels.f, voxels.gx,
+                           pm.places, pm.table_start, pm.table, values(number).astype(np.float32), voxels.f, voxels.gx,
                            voxels.gy, voxels.gz, mean, sums)
         return self._nodal(layout, motion, sums, lost, [], self.hessian, self.coupling, self.grey.copy())
+
+    def lasting_residual(self, stack: VolumeStack, frames: Sequence[int], motions: Sequence[VolumeMotion],
+                         kappa: np.ndarray, brightness: str) -> tuple[float, np.ndarray, np.ndarray]:
+        """What the residuals of all scans have in common, block by block: no voxel of it is kept.
+
+        R = sum_t r_t / kappa_t, zero where a scan does not show a voxel. Returns sum_t r_t^2 / kappa_t less what the
+        noise of the reference adds, R^2 / (N + sum_t 1 / kappa_t), and the sums of R at the nodes and against gain and
+        offset  # kappa (T,) -> GV^2, (3 n_nodes,), (n_brightness,)
+        """
+        weight, chi2 = self.n_images + float(np.sum(1.0 / kappa)), []
+
+        def common(number: int) -> np.ndarray:
+            n = len(self.voxels(number).f)
+            total, squares, is_shown = np.zeros(n), 0.0, np.ones(n, dtype=bool)
+            for frame, motion, k in zip(frames, motions, kappa, strict=True):
+                r, valid = self.block_residual(stack, frame, motion, number, brightness)
+                squares += float((r.astype(float) ** 2).sum()) / k
+                total += r / float(k)
+                is_shown &= valid
+            total[~is_shown] = 0.0
+            chi2.append(squares - float((total**2).sum()) / weight)
+            return total
+
+        sums = self.equations_of_values(common, brightness)
+        return float(np.sum(chi2)), sums.q, sums.rb
+
+    def block_residual(self, stack: VolumeStack, frame: int, motion: VolumeMotion, number: int, brightness: str
+                       ) -> tuple[np.ndarray, np.ndarray]:
+        """Residual of the voxels of a block, brightness not removed, and their validity  # (n,) float32 GV, (n,)
+        bool"""
+        pm, voxels = self.pixel_map, self.voxels(number)
+        n = len(voxels.f)
+        r, valid, fractions = np.empty(n, np.float32), np.ones(n, np.uint8), np.empty((3, n), np.float32)
+        sums, lost = np.empty((pm.n_elements, 3 * pm.conn.shape[1] + 3)), np.zeros(pm.n_elements, np.int64)
+        self._pass(stack, frame, motion, self.layout(brightness), number, voxels, valid, sums, lost, r, fractions)
+        return r, valid.astype(bool)
 
     def motion(self, u_px: np.ndarray) -> VolumeMotion:
         """The motion of one scan; u_px : (n_nodes, 3) voxels"""

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from idic.correlation import CorrelationContext, GreyReference, VolumeReference, blur_bias
+from idic.correlation import CorrelationContext, GreyReference, blur_bias
 from idic.images import ArrayStack, lowpass, sum_gain
 
 GAIN, OFFSET, BLUR = "gain", "offset", "blur"
@@ -160,9 +160,6 @@ def sums_against(context: CorrelationContext, image: np.ndarray) -> tuple[np.nda
     Of the image as it is: no product of noise is taken off its sum against a blur, as from that of a recorded frame.
     """
     experiment = context.experiment
-    if isinstance(context.reference, VolumeReference):
-        equations = context.reference.equations_of_values(image, experiment.options.brightness)
-        return equations.q, equations.rb
     picture, reference = context.reference.synthetic_image(image)
     bare_experiment = replace(experiment, recording=replace(experiment.recording, stack=ArrayStack(picture[None]),
                                                             noise=replace(experiment.recording.noise, std_gv=None)),

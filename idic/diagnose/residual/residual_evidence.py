@@ -33,8 +33,8 @@ MAX_LOST_SHARE = 0.5  # of the pixels: where frames lose more, each counts what 
 
 @dataclass(frozen=True, eq=False)
 class CameraResidual:
-    """One camera: camera, reference image and parameters; shared_gv : R per pixel of the map; seen_u : (T, n_nodes,
-    dim) mm, the motion when it takes its images, in its axes."""
+    """One camera: camera, reference image and parameters; shared_gv : R per pixel of the map, none of volumes; seen_u :
+    (T, n_nodes, dim) mm, the motion when it takes its images, in its axes."""
 
     context: CorrelationContext
     view: View
@@ -180,6 +180,11 @@ def _at_camera_time(context: CorrelationContext, responses: Sequence[FrameRespon
 class _CameraPasses:
     """Both passes of one camera over its images: its sums in every frame, and what all frames share."""
 
+    shared: np.ndarray  # set by `share`, as the three that follow
+    chi2: float
+    still_q: np.ndarray
+    still_rb: np.ndarray
+
     def __init__(self, context: CorrelationContext, responses: Sequence[FrameResponse]):
         experiment, nodes = context.experiment, context.experiment.model.mesh.nodes
         self.context, self.view, self.unturned = context, view_of(experiment, context.camera), responses
@@ -216,7 +221,14 @@ class _CameraPasses:
 
     def share(self, kappa: np.ndarray) -> None:
         """The residual that all frames have in common."""
-        self.shared, self.chi2 = _shared_residual(self.maps, kappa, self.context.reference.n_images)
+        reference, experiment = self.context.reference, self.context.experiment
+        if isinstance(reference, VolumeReference):
+            chi2, still_q, still_rb = reference.lasting_residual(
+                experiment.recording.volumes, self.maps.frames, [sums.motion for sums in self.sums], kappa,
+                experiment.options.brightness)
+            self.shared, self.chi2, self.still_q, self.still_rb = np.zeros(0), chi2, still_q, still_rb
+            return
+        self.shared, self.chi2 = _shared_residual(self.maps, kappa, reference.n_images)
         self.still_q, self.still_rb = sums_against(self.context, self.shared)
         if len(self.still_rb) > self._n_brightness:  # the last one is the blur's
             self.still_rb[-1] -= float(np.sum(1.0 / kappa)) * self._blur_of_noise
@@ -383,10 +395,8 @@ class _ResidualMaps:
         return r, valid
 
     def _looked_at(self, t: int) -> tuple[np.ndarray, np.ndarray]:
-        reference, experiment = self.context.reference, self.context.experiment
-        if isinstance(reference, VolumeReference):  # all voxels, of which reports look at three sections
-            return reference.voxel_residuals(experiment.recording.volumes, self.frames[t], self.motions[t])[:2]
-        pixels = reference.compare_pixels(experiment, self.frames[t], self.motions[t], np.zeros(0))
+        pixels = self.context.reference.compare_pixels(self.context.experiment, self.frames[t], self.motions[t],
+                                                       np.zeros(0))
         return pixels.r, pixels.valid
 
 

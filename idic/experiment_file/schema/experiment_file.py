@@ -78,10 +78,10 @@ class ExperimentFile(Strict):
     @model_validator(mode="after")
     def _scanner_of_volumes(self):
         if self.experiment.volumes:
-            extra = [name for name in ("camera", "further_cameras", "design", "solver", "probe", "extensometer", "line",
+            extra = [name for name in ("camera", "further_cameras", "solver", "probe", "extensometer", "line",
                                        "circle") if getattr(self, name)]
             if extra:
-                raise refuse("tables that volumes do not have", "[scanner] in the place of [camera]; no gauges, design "
+                raise refuse("tables that volumes do not have", "[scanner] in the place of [camera]; no gauges "
                              "or external solver", f"leave out {', '.join(extra)}", ", ".join(extra))
             if self.options.method != "integrated":
                 raise refuse("two steps on volumes", 'method = "integrated"', "leave method out", self.options.method)

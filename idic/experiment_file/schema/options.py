@@ -5,9 +5,9 @@
     of convergence grows; ``until_s`` ends its frames. The next stage starts from the result. A last stage without
     either key is appended automatically.
 ``[design]``
-    Inputs of `idic design` before there are images or a log: ``image_px`` = [columns, rows], ``n_frames``,
-    ``duration_s``, ``noise_std_gv``, ``speckle_px``, ``contrast_gv`` (standard deviation of the pattern), and
-    ``[design.program]`` with one course per column of the log, [[time_s, value], ...], in the column's unit.
+    Inputs of `idic design` before there are images or a log: ``image_px`` = [columns, rows], of scans also slices,
+    ``n_frames``, ``duration_s``, ``noise_std_gv``, ``speckle_px``, ``contrast_gv`` (standard deviation of the pattern),
+    and ``[design.program]`` with one course per column of the log, [[time_s, value], ...], in the column's unit.
 ``[solver]``
     An external program simulates: see docs/external-solver.md. Materials may then have
     ``law = "external"`` with parameters of any name, as used in the template of the deck.
@@ -92,7 +92,7 @@ class SolverTable(Strict):
 class DesignTable(Strict):
     """The recordings of a planned test; read by `idic design` and `idic simulate` only."""
 
-    image_px: Annotated[list[Annotated[int, Field(ge=16, le=50000)]], Field(min_length=2, max_length=2)] | None = None
+    image_px: Annotated[list[Annotated[int, Field(ge=16, le=50000)]], Field(min_length=2, max_length=3)] | None = None
     n_frames: Annotated[int, Field(ge=2, le=100000)] | None = None
     duration_s: Positive | None = None
     noise_std_gv: Positive | None = None

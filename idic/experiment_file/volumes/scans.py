@@ -21,6 +21,10 @@ class ScanFiles:
     def n_frames(self) -> int:
         return len(self.entries)
 
+    def repeated(self, n_frames: int) -> ScanFiles:
+        """The first scan in the place of every scan of a test to come."""
+        return ScanFiles([self.entries[0]] * n_frames)
+
     @property
     def shape(self) -> tuple[int, int, int]:
         """(nz, ny, nx)"""

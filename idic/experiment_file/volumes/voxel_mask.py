@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 
 from idic.errors import InputError
-from idic.experiment_file.volumes.scans import ScanFiles, size_in_words
+from idic.experiment_file.volumes.scans import size_in_words
 from idic.images import VolumeStack
 from idic.readers import VolumeEntry, volume_entries
 
@@ -50,7 +50,7 @@ def _blurred(volumes: VolumeStack, frames: Sequence[int], at: tuple[slice, slice
     return scipy.ndimage.gaussian_filter(mean, BLUR_PX, mode="mirror", radius=REACH_PX)[inner]
 
 
-def open_mask(folder: Path, name: str | None, air_below_gv: float | None, stack: ScanFiles, file: Path
+def open_mask(folder: Path, name: str | None, air_below_gv: float | None, stack: VolumeStack, file: Path
               ) -> VoxelMask | None:
     """The mask of volumes; None where neither a file nor a grey value names one.
 

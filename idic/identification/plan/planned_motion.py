@@ -12,7 +12,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file import ExperimentFile
-from idic.identification.free_motion.free_motion_start import measured_start
+from idic.identification.free_motion.free_motion_start import measured_start, motion_in_space
 from idic.measure import boundary_start, dic_stack, with_boundary_start
 from idic.model import COMPONENTS, Experiment, Measured, Model, Parametrised, Prescribed, build_drives, set_nodes
 
@@ -41,31 +41,40 @@ def edge_motion(experiment: Experiment, courses: Courses, recorded: bool,
         If the motion of a measured edge is not known before the test, or the modes of a boundary are to be those of
         images to come.
     """
+    is_volume = experiment.recording.quantity == "volume"
     unknown = [p for p in experiment.model.prescribed if isinstance(p.drive, (Measured, Parametrised))]
     driven_edges = [p for p in unknown if _key(p) in courses]
     if driven_edges:
         motion, notes = _prescribed_motion(experiment.model, driven_edges, courses), ()
+        motion = motion if is_volume else _in_images(experiment.model, motion)
     elif unknown and recorded:
-        motion = dic_stack(experiment).u_px
-        notes = ("edges of unknown motion move as a free FE-DIC of the images measures",)
+        motion = motion_in_space(experiment) if is_volume else dic_stack(experiment).u_px
+        notes = ("ends of unknown motion move as a free FE-DVC of the scans measures" if is_volume else
+                 "edges of unknown motion move as a free FE-DIC of the images measures",)
     else:
         motion, notes = None, ()
     _check_known(experiment.model, unknown, driven_edges, motion is not None, recorded, file)
     if motion is None:
         return experiment, np.zeros((experiment.model.n_frames, build_drives(experiment).n_local)), ()
     excluded = experiment.recording.excluded
-    experiment = with_boundary_start(experiment, boundary_start(experiment, motion, excluded))
-    return experiment, measured_start(experiment, motion, excluded), notes
+    in_space = motion if is_volume else None
+    experiment = with_boundary_start(experiment, boundary_start(experiment, motion, excluded, in_space))
+    return experiment, measured_start(experiment, motion, excluded, in_space), notes
 
 
 def _prescribed_motion(model: Model, driven_edges: Sequence[Prescribed], courses: Courses) -> np.ndarray:
-    """What a camera would measure of the edges that move along their courses  # (n_frames, n_nodes, 2) px"""
+    """Motion of the edges that move along their courses  # (n_frames, n_nodes, dim) mm"""
     u = np.zeros((model.n_frames, *model.mesh.nodes.shape))
     for entry in driven_edges:
         times, course = np.array(courses[_key(entry)]).T
         history = np.interp(model.times, times, course)
         history = history - history[model.reference]
         u[:, set_nodes(model, entry.nodes), COMPONENTS.index(entry.component)] = history[:, None]
+    return u
+
+
+def _in_images(model: Model, u: np.ndarray) -> np.ndarray:
+    """What a camera would measure of a motion (n_frames, n_nodes, dim) mm  # (n_frames, n_nodes, 2) px"""
     reference_px = model.camera.project(model.mesh.nodes)
     return np.array([model.camera.project(model.mesh.nodes + frame) - reference_px for frame in u])
 

@@ -27,6 +27,7 @@ from idic.model import Experiment, Noise, Recording
 from idic.path_names import path_inside
 from idic.readers import MatchedLog, check_increasing, matching_files, open_stack, unit_in_name
 from idic.identification.plan.planned_motion import edge_keys, edge_motion
+from idic.identification.plan.planned_scans import PlannedScans, texture_tile
 
 DOT_SIGMA_PER_SPECKLE = 0.4  # sigma of the dots per px of speckle size
 MEAN_GREY_VALUE = 128.0  # middle of 8 bit
@@ -35,6 +36,7 @@ NOISE_SHARE = 0.04  # of the pattern's standard deviation, where nothing is said
 SEED = 0
 VIRTUAL_SPECKLE = "virtual speckle"
 TEMPLATE = "[design] with image_px = [1200, 800], n_frames = 50, duration_s = 100, and [design.program]"
+TEMPLATE_OF_SCANS = "[design] with image_px = [600, 600, 900], n_frames = 8, duration_s = 8000, and [design.program]"
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ def load_plan(path: str | Path, overrides: Mapping[str, Any] | None = None,
         As `load_experiment`; or neither images nor a plan, a course for nothing, a course that ends too early, a
         channel to come without its noise.
     """
-    folder = _folder(path, overrides)
+    folder = _folder(path, overrides, noise_std_gv)
     file, experiment = folder.file, folder.experiment()
     folder.check_program()
     folder.check_channel_noise()
@@ -109,14 +111,15 @@ def planned_speckle(path: str | Path, overrides: Mapping[str, Any] | None = None
     return folder.config.design if folder.pattern == VIRTUAL_SPECKLE else None
 
 
-def _folder(path: str | Path, overrides: Mapping[str, Any] | None) -> PlannedFolder:
+def _folder(path: str | Path, overrides: Mapping[str, Any] | None, noise_std_gv: float | None = None) -> PlannedFolder:
+    """noise_std_gv : of scans, over what the folder says: nothing is assumed of theirs"""
     file = locate(path)
     raw = with_overrides(read_toml(file), overrides)
     config = validated(raw, file)
-    if config.experiment.volumes:
-        raise InputError("a test design or a rehearsal of volumes is not available", file=file,
-                         key="experiment.volumes", expected="images, or measured fields", found="volumes",
-                         remedy="idic check, identify, report and systematic take volumes (docs/volumes.md)")
+    noise_gv = noise_std_gv or (config.design.noise_std_gv if config.design is not None else None)
+    if config.experiment.volumes and noise_gv is not None:
+        raw = with_overrides(raw, {"scanner.noise_std_gv": noise_gv})
+        config = validated(raw, file)
     return PlannedFolder(file, file.parent.resolve(), config, raw)
 
 
@@ -199,10 +202,12 @@ class PlannedFolder(ExperimentFolder):
 
     @cached_property
     def recorded(self) -> bool:
-        """Whether the test was made: two images or more, or measured fields."""
+        """Whether the test was made: two images or scans or more, or measured fields."""
         key = "experiment.images"
         if self.config.experiment.fields:
             return True
+        if self.config.experiment.volumes:
+            return self.existing_scans is not None and self.existing_scans.n_frames > 1
         return bool(self.images) and open_stack(self.images, file=self.file, key=key).n_frames > 1
 
     @property
@@ -216,12 +221,16 @@ class PlannedFolder(ExperimentFolder):
     def pattern(self) -> str:
         if self.config.experiment.fields:
             return "measured fields"
+        if self.config.experiment.volumes:
+            return "scans" if self.recorded else VIRTUAL_SPECKLE if self.existing_scans is None else "scan"
         return "images" if self.recorded else "photograph" if self.images else VIRTUAL_SPECKLE
 
     # replacements of missing data ---------------------------------------------------------
     def frames(self) -> Frames:
         if self.recorded:
             return super().frames()
+        if self.config.experiment.volumes:
+            return self._scans_to_come()
         plan = self.plan
         self._need("n_frames", plan.n_frames)
         if self.images:
@@ -233,6 +242,7 @@ class PlannedFolder(ExperimentFolder):
                                  found=f"{plan.image_px[0]} x {plan.image_px[1]} px", remedy="leave image_px out")
         else:
             self._need("image_px", plan.image_px)
+            self._check_axes(2, "images: columns and rows")
             if self.config.experiment.quantity != "grey":
                 raise InputError("a virtual surface for height images", file=self.file, key="experiment.images",
                                  expected="one measured height map of the specimen", found="none",
@@ -241,6 +251,30 @@ class PlannedFolder(ExperimentFolder):
         stack = PlannedStack(image, plan.n_frames)
         labels = (first, *(f"planned {k}" for k in range(1, plan.n_frames)))
         return Frames(stack, labels, None, 0, (), (), None, self.mask(stack), ())
+
+    def _scans_to_come(self) -> Frames:
+        """The one scan that is there, or a virtual texture, for every scan."""
+        plan, scans = self.plan, self.existing_scans
+        self._need("n_frames", plan.n_frames)
+        later_labels = tuple(f"planned {k}" for k in range(1, plan.n_frames))
+        if scans is not None:
+            size = list(scans.shape[::-1])
+            if plan.image_px is not None and list(plan.image_px) != size:
+                raise InputError("not the size of the scan", file=self.file, key="design.image_px",
+                                 expected=str(size), found=str(plan.image_px), remedy="leave image_px out")
+            return self.frames_to_come(scans.repeated(plan.n_frames), (scans.labels[0], *later_labels))
+        self._need("image_px", plan.image_px)
+        self._check_axes(3, "scans: columns, rows and slices")
+        tile = texture_tile(DOT_SIGMA_PER_SPECKLE * plan.speckle_px, plan.contrast_gv, MEAN_GREY_VALUE, SEED)
+        columns, rows, slices = plan.image_px
+        stack = PlannedScans((slices, rows, columns), tile, plan.n_frames)
+        return self.frames_to_come(stack, ("texture", *later_labels))
+
+    def _check_axes(self, n_axes: int, words: str) -> None:
+        sides = self.plan.image_px
+        if len(sides) != n_axes:
+            raise InputError("the size of the images to come", file=self.file, key="design.image_px",
+                             expected=f"{n_axes} numbers for {words}", found=str(sides), remedy="correct it")
 
     def log(self, frames: Frames) -> MatchedLog | _Course | None:  # type: ignore[override]
         log = super().log(frames) if self.has_log else None
@@ -271,7 +305,9 @@ class PlannedFolder(ExperimentFolder):
     def _need(self, key: str, value: object) -> None:
         if value is None:
             raise InputError("there are no images yet" if key == "image_px" else "there are no images of a test yet",
-                             file=self.file, key=f"design.{key}", expected=f"images, or a plan: {TEMPLATE}",
+                             file=self.file, key=f"design.{key}",
+                             expected=f"scans, or a plan: {TEMPLATE_OF_SCANS}" if self.config.experiment.volumes
+                             else f"images, or a plan: {TEMPLATE}",
                              found="neither" if self.config.design is None else f"[design] without {key}",
                              remedy=f"add {key} under [design]")
 
@@ -308,8 +344,11 @@ class PlannedFolder(ExperimentFolder):
         """What was made up, in sentences."""
         plan, lines = self.plan, []
         if self.pattern == VIRTUAL_SPECKLE:
-            lines.append(f"no photograph: a virtual speckle of {plan.speckle_px:g} px and {plan.contrast_gv:g} grey "
+            thing = "scan" if self.config.experiment.volumes else "photograph"
+            lines.append(f"no {thing}: a virtual speckle of {plan.speckle_px:g} px and {plan.contrast_gv:g} grey "
                          "values of contrast (standard deviation) stands for the pattern")
+        if self.pattern == "scan":
+            lines.append(f"the texture is that of {self.existing_scans.labels[0]}; its own noise counts as texture")
         if self.pattern == "photograph":
             lines.append(f"the pattern is that of {self.images[0].name}; its own noise counts as pattern")
         if not self.recorded:

@@ -163,6 +163,8 @@ def _record(plan: Mapping) -> RunRecord:
     result = {"parameters": plan["parameters"], "correlation": plan["correlation"],
               "not_identifiable": plan["not_identifiable"]}
     pitch = None
+    if len(plan["image_px"]) == 3:
+        result["quantity"] = "volume"
     if plan["points"] is not None and plan["points"]["unit"] == "mm":
         result["quantity"], pitch = "displacement", plan["points"]["pitch"]
     return RunRecord(plan["title"], result, pixel_size_mm=pitch, names=tuple(plan["M"]["names"]),

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from idic.identification import Analysis, Design, JointDesign, image_unit
+from idic.model import Experiment
 from idic.readers import factor_to
 from idic.report.design.words import direction, fixed_product, grade
 
@@ -21,7 +22,7 @@ def summary(design: Design, pattern: str, path: Path | str, confusable: float) -
     content: dict[str, Any] = {
         "name": design.name, "title": experiment.title, "experiment": str(Path(path).resolve()),
         "frames": experiment.model.n_frames, "duration_s": float(np.ptp(experiment.model.times)),
-        "image_px": list(experiment.recording.image_shape[::-1]), "pixels": design.n_pixels,
+        "image_px": size_of(experiment), "pixels": design.n_pixels,
         "points": points_of(design), "motion_px": float(design.motion_px.max()), "pattern": pattern,
         "noise": {"std_gv": experiment.recording.noise.std_gv, "unit": image_unit(experiment.recording),
                   "source": experiment.recording.noise.source},
@@ -48,6 +49,13 @@ def summary(design: Design, pattern: str, path: Path | str, confusable: float) -
     content["assumptions"] = list(design.notes)
     content["notes"] = list(experiment.notes)
     return content
+
+
+def size_of(experiment: Experiment) -> list[int]:
+    """Columns and rows of the images, of scans also slices."""
+    recording = experiment.recording
+    shape = recording.volumes.shape if recording.quantity == "volume" else recording.image_shape
+    return [int(n) for n in shape[::-1]]
 
 
 def points_of(design: Design) -> dict | None:

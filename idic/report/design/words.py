@@ -110,7 +110,7 @@ def largest_motion(plan: Mapping) -> str:
 def seen_area(plan: Mapping) -> str:
     """The size of the images, or the points of the measured fields."""
     if plan["points"] is None:
-        return f"{plan['image_px'][0]} × {plan['image_px'][1]} px"
+        return " × ".join(map(str, plan["image_px"])) + (" voxels" if len(plan["image_px"]) == 3 else " px")
     return "{number} points, {pitch:.3g} {unit} apart".format(**plan["points"])
 
 

@@ -47,6 +47,18 @@ class ReconstructionNoise:
         return np.sqrt(k) * np.exp(-0.5 * (k / self.cutoff) ** 2)
 
 
+@dataclass(frozen=True)
+class IndependentNoise:
+    """Normal noise of independent voxels; std_gv : of a voxel"""
+
+    std_gv: float
+
+    def planes(self, rng: np.random.Generator, shape: tuple[int, int, int]) -> Iterator[np.ndarray]:
+        """The noise of a scan, plane by plane  # shape (nz, ny, nx) -> (ny, nx)"""
+        for _ in range(shape[0]):
+            yield self.std_gv * rng.standard_normal(shape[1:])
+
+
 def _filtered(rng: np.random.Generator, spectrum: np.ndarray, ny: int, nx: int) -> np.ndarray:
     return np.fft.irfft2(spectrum * np.fft.rfft2(rng.standard_normal((ny, nx))), s=(ny, nx))
 

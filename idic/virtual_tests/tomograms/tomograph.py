@@ -13,7 +13,7 @@ import numpy as np
 
 from idic.fe import Mesh
 from idic.virtual_tests.tomograms.material_points import Lattice, material_points
-from idic.virtual_tests.tomograms.reconstruction import GreyDrift, ReconstructionNoise, Rings
+from idic.virtual_tests.tomograms.reconstruction import GreyDrift, IndependentNoise, ReconstructionNoise, Rings
 
 MAX_SLAB_BYTES = 64 * 2**20  # of the material points that are held at a time
 DEPTHS = {8: np.uint8, 12: np.uint16, 16: np.uint16}
@@ -56,7 +56,7 @@ class Tomograph:
     supersampling: int = 2
     bits: int = 8
     air_gv: float = 25.0
-    noise: ReconstructionNoise = field(default_factory=lambda: ReconstructionNoise(0.0))
+    noise: ReconstructionNoise | IndependentNoise = field(default_factory=lambda: ReconstructionNoise(0.0))
     rings: Rings | None = None
 
     @property
