@@ -195,7 +195,7 @@ class Over:
     def add_done_callback(self, tell):
         self.tell = tell
 
-    def result(self):
+    def result(self, timeout=None):
         from distributed import KilledWorker
 
         if self.kills:
@@ -385,6 +385,24 @@ def test_a_worker_that_is_lost_again_while_it_starts_is_replaced(tmp_path, monke
                     worker.kill()
             assert runner.map(square, [3, 4], names(2, "again")) == [9, 16]
         assert killer.killed
+
+
+@posix
+def test_a_result_that_is_lost_with_its_worker_is_made_again(monkeypatch):
+    """The job was done, and nobody had fetched what it gave; the worker is lost again while it starts."""
+    monkeypatch.setattr("idic.run.workers.dask_settings.LOST_AFTER", "1s")
+    monkeypatch.setattr(submission, "_FETCH_SECONDS", 0.5)
+    with open_cluster(1) as runner:
+        lost = submission.LostWorkers(runner._client, runner._client.cluster, "wait", lambda line: None)
+        jobs = Submission(runner._client, square, [5], names(1), TaskLimits(), copies=False, lost=lost)
+        jobs._submit(0)
+        future, index = jobs._next()
+        with Killer(1):
+            for worker in psutil.Process().children(recursive=True):
+                if "spawn_main" in " ".join(worker.cmdline()):
+                    worker.kill()
+            _wait_for(lambda: future.status != "finished", 20)
+            assert jobs._result(future, index) == 25
 
 
 @posix

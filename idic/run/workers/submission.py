@@ -15,6 +15,7 @@ from idic.run.workers.runner import JobKillsWorkers, Watch, problem_of, told
 from idic.run.workers.task_limits import HERE, MAX_WITHOUT_S, NO_WORKERS, WAIT, TaskLimits
 
 ALLOWED_FAILURES = 8  # deaths of workers before a job fails; deaths caused by other jobs count too
+_FETCH_SECONDS = 5.0  # of a result, before the first look whether its worker is still there
 _LOOK_SECONDS = 1.0  # between looks for tasks that straggle, and for workers
 _REMARK_AFTER_S = 60.0  # without one of the workers
 
@@ -264,7 +265,7 @@ class Submission:
         from distributed.client import FutureCancelledError
 
         try:
-            return future.result()
+            return self._fetched(future, index)
         except KilledWorker as problem:
             killer = JobKillsWorkers(
                 f"the worker processes keep dying on {self._names[index]}",
@@ -280,6 +281,24 @@ class Submission:
                 found=str(problem),
                 remedy="check that the scheduler still runs, then run the command again with --resume",
             ) from problem
+
+    def _fetched(self, future, index: int):
+        """The result of a job that is done; where its worker was lost with it, of the same job done again.
+
+        Dask computes it again by itself as long as there are workers. Each pause between two looks is twice as long, so
+        that a large result arrives at last.
+        """
+        pause_s = _FETCH_SECONDS
+        while True:
+            try:
+                return future.result(timeout=pause_s)
+            except TimeoutError:
+                if future.status == "error":  # of the job itself
+                    raise
+            if self._lost is not None and self._lost.look():
+                self._client.cancel([future], force=True)
+                return self._function(self._jobs[index])
+            pause_s *= 2.0
 
     def cancel(self) -> None:
         if self._waiting:
