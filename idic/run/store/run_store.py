@@ -360,7 +360,7 @@ def _require_parents(root: Path, folder: Path) -> None:
 def _is_described(folder: Path) -> bool:
     try:
         return json.loads((folder / "zarr.json").read_text(encoding="utf-8"))["node_type"] == "group"
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return False
 
 
@@ -377,7 +377,7 @@ def _describe(folder: Path) -> None:
 def _attributes(folder: Path) -> dict:
     try:
         attributes = json.loads((folder / "zarr.json").read_text(encoding="utf-8")).get("attributes", {})
-    except (OSError, ValueError, AttributeError):
+    except (OSError, ValueError, AttributeError, RecursionError):
         return {}
     return attributes if isinstance(attributes, dict) else {}
 
@@ -420,7 +420,7 @@ def _arrays_in(folder: Path) -> list[str]:
     for file in sorted(folder.glob("*/zarr.json")):
         try:
             kind = json.loads(file.read_text(encoding="utf-8"))["node_type"]
-        except (ValueError, KeyError, TypeError) as problem:
+        except (ValueError, KeyError, TypeError, RecursionError) as problem:
             raise Damaged("the description of a stored array cannot be read", file=file, expected="JSON of Zarr",
                           found=f"{type(problem).__name__}: {problem}",
                           remedy="run the command again with --resume: this part is computed anew") from problem
