@@ -196,7 +196,7 @@ def _own_folders() -> list[Path]:
     root = Path(idic.__file__).parents[1]
     libraries = Path(np.__file__).parents[1]
     reports = Path(tempfile.gettempdir())
-    return [root / "idic", root / "flows", libraries, reports / "matplotlib",
+    return [root / "idic", root / "flows", libraries, reports / "matplotlib", Path.home() / ".config" / "matplotlib",
             Path(os.environ.get("NUMBA_CACHE_DIR", root / "idic"))]
 
 
