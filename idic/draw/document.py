@@ -144,7 +144,7 @@ def _patterns(name: str) -> str:
     """The patterns of a group of images, by its name in the listing of the folder."""
     try:
         several = json.loads(name) if name.startswith('["') else name
-    except ValueError:
+    except (ValueError, RecursionError):
         several = name
     return json.dumps(several, ensure_ascii=False)
 

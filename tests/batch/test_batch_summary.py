@@ -76,6 +76,22 @@ def test_a_batch_interrupted_while_it_is_resumed_keeps_the_rows_of_finished_runs
     assert rows["b0"]["status"] == "interrupted", "its RUN is gone"
 
 
+@pytest.mark.parametrize("change", [
+    {"parameters": 3}, {"parameters": {"A.E": 1.0}}, {"wall_s": float("inf")}, {"status": ["converged"]}, {"more": 1},
+    {"iterations": "4"}, {"parameters": {"A.E": {"value": "69", "std": None, "unit": "", "start": None}}}])
+def test_rows_of_other_types_are_not_taken_over(batch, change):
+    with batch.claim(resume=False):
+        content = batch.write("finished")
+    (batch.folder / "a0").mkdir()
+    (batch.folder / "a0" / "result.json").touch()
+    file = batch.folder / "batch.json"
+    for text in (json.dumps({"runs": [content["runs"][0] | change]}), "[" * 200_000):
+        file.write_text(text)
+        again = Batch(batch.folder, batch.runs)
+        with again.claim(resume=True):
+            assert again.write("interrupted", page=True)["runs"][0]["status"] == "interrupted"
+
+
 def test_scatter_is_of_converged_runs_over_all_and_per_experiment(batch):
     with batch.claim(resume=False):
         rows = batch.write("finished")["runs"]

@@ -1,5 +1,6 @@
 """Around a refit: where it begins, when a rival is given up, who is left out, and what a resumed diagnosis knows."""
 
+import json
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
@@ -140,6 +141,21 @@ def test_a_refit_whose_file_cannot_be_read_is_made_again(damage, tmp_path):
     assert store.get(job()) is None
     store.put(job(), made())
     assert store.get(job()) is not None
+
+
+@pytest.mark.parametrize("change", [{"values": ["E"]}, {"values": {"E": "1"}}, {"problem": None}, {"more": 1},
+                                    {"choice": "much"}, {"local": np.array(["a"])}, {"choice.gain": np.ones(7)}])
+def test_a_refit_of_other_types_is_made_again(change, tmp_path):
+    store = RefitStore(tmp_path, resume=False)
+    store.put(job(), made())
+    (file,) = store.run.rglob("*.npz")
+    with np.load(file) as stored:
+        arrays = dict(stored)
+    arrays |= {name: value for name, value in change.items() if isinstance(value, np.ndarray)}
+    plain = json.loads(str(arrays["plain"]))
+    plain |= {name: value for name, value in change.items() if not isinstance(value, np.ndarray)}
+    np.savez(file, **arrays | {"plain": np.array(json.dumps(plain))})
+    assert store.get(job()) is None
 
 
 def test_a_new_diagnosis_forgets_the_refits_of_the_last_one(tmp_path):

@@ -119,3 +119,17 @@ def test_a_beam_in_bending_is_no_compression(tmp_path, upright):
     line = next(line for line in text.splitlines() if line.startswith("simulated = "))
     assert "bending, by the strain across the specimen" in line and "compression" not in text, line
     assert f'component = "{"x" if upright else "y"}"' in line and "factor" not in line
+
+
+@pytest.mark.parametrize("measured", [0, 1, 3])
+def test_a_stage_with_hardly_a_point_ends_in_a_file_or_in_one_message(tmp_path, measured):
+    """The stage of the largest force has lost the pattern."""
+    write_folder(tmp_path, 6)
+    file = tmp_path / "test-05_0.csv"
+    header, *rows = file.read_text().splitlines()
+    lost = [",".join([*row.split(",")[:2], "nan", "nan"]) for row in rows[measured:]]
+    file.write_text("\n".join([header, *rows[:measured], *lost]))
+    try:
+        assert "[experiment]" in write_initial_experiment(tmp_path).read_text()
+    except InputError as problem:
+        assert problem.remedy and not (tmp_path / "experiment.toml").exists()

@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 import shutil
+import socket
 
 import h5py
 import numpy as np
@@ -134,6 +135,29 @@ def test_a_run_names_no_other_file_as_its_experiment(copied, tmp_path):
     file.write_text(json.dumps(document | {"sha256": digest}))
     said = _refused("report", finished, tmp_path / "out")
     assert "not an experiment file" in said and SECRET not in said
+
+
+@pytest.mark.parametrize("content", ["[" * 200_000, "[]", '{"pid": [1]}', json.dumps({
+    "host": socket.gethostname(), "pid": os.getpid(), "process_started": "now"})])
+def test_a_lock_that_says_nothing_stops_no_command(copied, content):
+    finished, _ = copied
+    (finished.run / "run.lock").write_text(content)
+    answer = CliRunner().invoke(app, ["clean", str(finished.run)])
+    assert answer.exit_code == 0, (answer.output, answer.exception)
+
+
+@pytest.mark.parametrize("content", [
+    "[" * 200_000, "[]", '{"refits": 1}', '{"refits": [{"name": [], "edits": "", "values": {}}]}', '{"set": 3}',
+    '{"refits": [{"name": "a", "edits": "", "values": {"E": "x"}}]}', '{"indistinguishable": [4]}',
+    '{"refits": [{"name": "a", "edits": "", "values": {"E": 1e400}}]}', '{"named": null}',
+    '{"refits": [{"name": "a", "edits": "=", "values": {}}]}'])
+def test_a_diagnosis_of_other_types_is_refused(copied, tmp_path, content):
+    finished, _ = copied
+    (finished.run / "diagnosis.json").write_text(content)
+    answer = CliRunner().invoke(app, ["design", str(finished.experiment), "--separate", str(finished.run), "--out",
+                                      str(tmp_path / "out")])
+    assert answer.exit_code == 2, (answer.output, answer.exception)
+    assert "diagnosis.json" in answer.output and not (tmp_path / "out").exists()
 
 
 # files of data ----------------------------------------------------------------------------------------

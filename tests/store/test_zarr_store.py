@@ -184,6 +184,24 @@ def test_a_group_with_a_deleted_chunk_is_not_finished(store):
         store.group("a")
 
 
+@pytest.mark.parametrize("place", ["zarr.json", "u/zarr.json", "u/c", "u/c/0", "u/c/0/0"])
+@pytest.mark.parametrize("kind", ["folder", "file", "brackets"])
+def test_a_group_with_something_else_in_the_place_of_a_file_is_not_finished(store, place, kind):
+    with store.building("a") as group:
+        FrameArrays.create(group, "u", 4, (2,), 2).write(0, np.ones((4, 2)))
+    path = store.path / "a" / place
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink()
+    path.mkdir() if kind == "folder" else path.write_text("x" if kind == "file" else "[" * 200_000)
+    try:
+        array = FrameArrays.open(store.group("a"), "u").read()
+    except Damaged:
+        return
+    assert np.array_equal(array, np.ones((4, 2)))
+
+
 def test_a_group_may_be_replaced(store):
     for value in (1.0, 2.0):
         with store.building("a") as group:

@@ -9,6 +9,7 @@ import numpy as np
 from idic.readers import FieldSeries, Log, MeasuredPoints, mean_strain
 
 MIN_BENDING = 2.0  # strain of bending at the edges over the mean strain: a tension test with askew grips has less
+TERMS_OF_BENDING = 5  # 1, x, y, xy, y²
 BENDS = ("bending, by the strain across the specimen: check the ends, and the direction and the sign of the force")
 
 
@@ -35,8 +36,10 @@ def largest_load(series: FieldSeries, points: MeasuredPoints, log: Log | None,
 
 def _bending(positions: np.ndarray, moved: np.ndarray, axis: int) -> float:
     """Strain of bending in the plane at the edges of a beam along x (0) or y (1): the change of the strain along it
-    across it, times half of its width."""
+    across it, times half of its width; 0 where fewer points than terms are measured, which tell no bending."""
     measured = np.isfinite(moved).all(axis=1)
+    if np.count_nonzero(measured) < TERMS_OF_BENDING:
+        return 0.0
     at = positions[measured] - positions[measured].mean(axis=0)
     along, across = at[:, axis], at[:, 1 - axis]
     terms = np.column_stack([np.ones(len(at)), along, across, along * across, across**2])

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -120,11 +121,16 @@ class Columns:
 
     def place(self, name: str) -> int | None:
         """The column of this name, without its unit, else as it stands; None if there is none."""
-        keys = [key_of(column, self.dialect.exact_case) for column in self.names]
         if self.dialect.named is not None:
-            return place_as_written(self.names, name, keys)
-        columns = keys if name in keys else [column.lower() for column in self.names]
+            return place_as_written(self.names, name, self.keys)
+        columns = self.keys if name in self.keys else [column.lower() for column in self.names]
         return columns.index(name) if name in columns else None
+
+    @cached_property
+    def keys(self) -> list[str]:
+        """`key_of` of every name; each different name once, since a line may have a hundred thousand empty ones."""
+        keys = {name: key_of(name, self.dialect.exact_case) for name in set(self.names)}
+        return [keys[name] for name in self.names]
 
     @property
     def n_components(self) -> int:
@@ -162,7 +168,7 @@ def find_columns(lines: Sequence[str], dialect_name: str | Dialect | None = None
         names = tuple(text.split() if separator == " " else cells_of(text, separator))
         for dialect in dialects:
             if dialect.exact_case and dialect_name != dialect.name and any(key_of(name) in STAGE_COLUMNS
-                                                                           for name in names):
+                                                                           for name in set(names)):
                 continue  # VIC writes a file per stage: X, Y, U, V of all stages are a plain table
             columns = Columns(dialect, names, separator, number + 2, dialect.unit)
             needed = (*dialect.points[:2], *dialect.displacement[:2], *dialect.needs)

@@ -15,12 +15,13 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from idic.errors import InputError
-from idic.inside import is_inside, read_inside, way_inside, write_inside
+from idic.inside import is_inside, way_inside, write_inside
 from idic.report import batch_table, draw_batch, render_batch, scatter
 from idic.run.batch.entries import BatchRun
 from idic.run.batch.runs import BatchJob, BatchOutcome
-from idic.run.store.result_file import RESULT_FILE
+from idic.run.store.result_file import RESULT_FILE, read_json
 from idic.run.store.run_lock import run_lock
+from idic.run.store.schemas import BatchRow, refuse_other_types
 
 SCHEMA = "idic.batch/1"
 JSON_FILE, CSV_FILE, PAGE_FILE = "batch.json", "batch.csv", "batch.html"
@@ -101,9 +102,12 @@ class Batch:
     def _rows_of_earlier_batch(self) -> dict[str, dict]:
         """Rows of the same runs whose RUN is still there: they are true until --resume has come to them."""
         try:
-            rows = {row["run"]: row for row in json.loads(read_inside(self.folder, JSON_FILE))["runs"]}
-        except (OSError, ValueError, KeyError, TypeError):
+            content = read_json(self.folder / JSON_FILE)
+            for row in content["runs"]:
+                refuse_other_types(row, BatchRow, self.folder / JSON_FILE)
+        except (OSError, ValueError, KeyError, TypeError, InputError):
             return {}
+        rows = {row["run"]: row for row in content["runs"]}
         earlier_rows = {}
         for run in self.runs:
             row = rows.get(run.name, {})

@@ -18,6 +18,7 @@ import numpy as np
 import idic
 from idic.diagnose import Fit, Misfit, RefitJob, run_refit
 from idic.inside import folder_inside, is_inside, read_inside, remove_inside, write_inside
+from idic.run.store.schemas import StoredRefit, refuse_other_types
 from idic.run.workers.runner import TaskRunner
 
 FOLDER = "diagnosis"
@@ -62,7 +63,7 @@ class RefitStore:
         if not is_inside(self.run, name := self._name(job)):
             return None
         try:
-            return _read(read_inside(self.run, name))
+            return _read(read_inside(self.run, name), self.run / name)
         except Exception:  # noqa: BLE001 - a damaged archive raises whatever comes; the refit is made again
             return None
 
@@ -88,16 +89,23 @@ class RefitStore:
 _ARRAYS = [field.name for field in fields(Misfit) if field.name != "pixels"]
 
 
-def _read(content: bytes) -> Fit:
+def _read(content: bytes, file: Path) -> Fit:
+    """A refit; whatever error where the archive does not hold what `RefitStore.put` writes."""
     with np.load(io.BytesIO(content), allow_pickle=False) as stored:
         arrays = {name: stored[name] for name in stored.files}
     plain = json.loads(str(arrays.pop("plain")))
+    refuse_other_types(plain, StoredRefit, file)
+    if any(array.dtype.kind not in "fiub" for array in arrays.values()):
+        raise ValueError("arrays that hold no numbers")
     fits = {name: None if plain[name] is None else _fit(name, plain[name], arrays) for name in FITS}
     return Fit(**(plain | fits), local=arrays["local"], steps=arrays.get("steps"))
 
 
 def _fit(name: str, pixels: float, arrays: Mapping[str, np.ndarray]) -> Misfit:
-    return Misfit(**{part: arrays[f"{name}.{part}"] for part in _ARRAYS}, pixels=pixels)
+    misfit = Misfit(**{part: arrays[f"{name}.{part}"] for part in _ARRAYS}, pixels=pixels)
+    if not misfit.frames.shape == misfit.gain.shape == misfit.rank.shape == misfit.channels.shape[:1]:
+        raise ValueError("arrays of other numbers of frames")
+    return misfit
 
 
 def job_hash(job: RefitJob) -> str:

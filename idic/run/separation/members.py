@@ -6,7 +6,6 @@ it changes what it changed there: tables of lists are found by their set, column
 
 from __future__ import annotations
 
-import json
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,9 +15,10 @@ from typing import Any
 from idic.errors import InputError
 from idic.experiment_file import locate, read_toml, with_overrides
 from idic.identification import Plan, load_plan
-from idic.inside import read_inside
 from idic.run.diagnosis.files import DIAGNOSIS_FILE
 from idic.run.prepared.context import open_run
+from idic.run.store.result_file import read_json
+from idic.run.store.schemas import Undecided, refuse_other_types
 
 KEYS = ("nodes", "column", "name", "set", "kind")  # by which tables of a list are told from each other
 MAX_MEMBERS = 4  # each pair is simulated both ways round
@@ -62,10 +62,11 @@ def diagnosed(run: Path | str) -> Diagnosed:
                          expected=f"a RUN with {DIAGNOSIS_FILE}", found="none",
                          remedy=f"run  idic diagnose {run.name}  first")
     try:
-        content = json.loads(read_inside(run, DIAGNOSIS_FILE))
+        content = read_json(run / DIAGNOSIS_FILE)
+        refuse_other_types(content, Undecided, run / DIAGNOSIS_FILE)
         refits = {entry["name"]: RefittedModel(entry["name"], tomllib.loads(entry["edits"]), dict(entry["values"]))
                   for entry in content.get("refits", ())}
-    except (ValueError, KeyError, TypeError, AttributeError) as problem:
+    except ValueError as problem:
         raise InputError("a damaged diagnosis", file=run / DIAGNOSIS_FILE, expected="what idic diagnose writes",
                          found=str(problem), remedy=f"run  idic diagnose {run.name}  again") from problem
     chosen = [name for name in undecided(content) if name in refits][:MAX_MEMBERS]

@@ -10,6 +10,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.inside import read_inside, remove_inside, write_inside
+from idic.run.store.result_file import read_json
 from idic.run.store.schemas import BY_SCHEMA, refuse_other_types
 
 
@@ -63,10 +64,10 @@ def load_checkpoint(path: Path | str, schema: str) -> dict | None:
     """
     path = Path(path)
     try:
-        document = json.loads(_content(path), parse_constant=_no_number)
+        document = read_json(path)
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, RecursionError) as problem:
+    except (OSError, ValueError) as problem:
         raise _damaged(path, "a JSON document", str(problem)) from problem
     if not isinstance(document, dict) or "state" not in document:
         raise _damaged(path, "an object with the keys schema, sha256, state", type(document).__name__)
@@ -93,14 +94,10 @@ def from_hex(text) -> np.ndarray | float:
 
 def _is_whole(path: Path | str) -> bool:
     try:
-        document = json.loads(_content(path), parse_constant=_no_number)
+        document = read_json(Path(path))
         return document["sha256"] == _digest(document["state"])
-    except (OSError, ValueError, TypeError, KeyError, RecursionError):
+    except (OSError, ValueError, TypeError, KeyError):
         return False
-
-
-def _no_number(text: str) -> float:
-    raise ValueError(f"{text} is no number of JSON")
 
 
 def _digest(state: dict) -> str:

@@ -10,6 +10,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -38,11 +39,11 @@ def read_result(run: Path | str) -> dict:
     """
     file = Path(run) / RESULT_FILE
     try:
-        content = json.loads(read_inside(run, RESULT_FILE))
+        content = read_json(file)
     except (FileNotFoundError, NotADirectoryError):
         raise InputError("there is no result", file=run, expected=f"a RUN folder with {RESULT_FILE}", found="none",
                          remedy="run idic identify first, or finish the run with --resume") from None
-    except (ValueError, RecursionError) as problem:
+    except ValueError as problem:
         raise _altered(file, f"{type(problem).__name__}: {problem}") from problem
     if not isinstance(content, dict) or _SEAL not in content:
         raise _altered(file, "no checksum")
@@ -50,6 +51,26 @@ def read_result(run: Path | str) -> dict:
         raise _altered(file, "contents with another checksum")
     refuse_other_types(content, Result, file)
     return content
+
+
+def read_json(path: Path) -> Any:
+    """The value of a JSON file that may come from somebody else.
+
+    Raises
+    ------
+    ValueError
+        The content is no JSON, holds NaN, or is nested deeper than Python reads.
+    FileNotFoundError, InputError
+        As of `open_inside`.
+    """
+    try:
+        return json.loads(read_inside(path.parent, path.name), parse_constant=_no_number)
+    except RecursionError:
+        raise ValueError("lists nested too deeply") from None
+
+
+def _no_number(text: str) -> float:
+    raise ValueError(f"{text} is no number of JSON")
 
 
 def write_json(path: Path, content: dict) -> None:

@@ -13,7 +13,8 @@ from pathlib import Path
 import psutil
 
 from idic.errors import InputError
-from idic.inside import folder_inside, open_inside, read_inside
+from idic.inside import folder_inside, open_inside
+from idic.run.store.result_file import read_json
 
 try:
     import fcntl
@@ -102,7 +103,7 @@ def _write_holder(descriptor: int) -> None:
 
 def _read_holder(path: Path) -> dict:
     try:
-        holder = json.loads(read_inside(path.parent, path.name))
+        holder = read_json(path)
     except (OSError, ValueError):
         return {}
     return holder if isinstance(holder, dict) else {}
@@ -116,9 +117,9 @@ def process_lives(holder: Mapping) -> bool:
         return True
     try:
         started = _started(psutil.Process(int(holder["pid"])))
+        return abs(started - holder.get("process_started", started)) < 1.0  # s; a later process may reuse the number
     except (psutil.Error, KeyError, ValueError, TypeError, OverflowError):
         return False
-    return abs(started - holder.get("process_started", started)) < 1.0  # s; a later process may reuse the number
 
 
 def _started(process: psutil.Process) -> float:

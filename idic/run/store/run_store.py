@@ -24,7 +24,7 @@ import zarr
 
 from idic.errors import InputError
 from idic.images import Stack
-from idic.inside import refuse_special_files, remove_inside, replace_file
+from idic.inside import is_regular, refuse_special_files, remove_inside, replace_file
 from idic.run.store.arrays import Damaged, FrameArrays, gets_smaller, write_compressed
 from idic.run.store.layout import FROM_PYTHON, OF_LINKS
 from idic.run.store.run_lock import LOCK_NAME, run_lock
@@ -360,7 +360,7 @@ def _require_parents(root: Path, folder: Path) -> None:
 def _is_described(folder: Path) -> bool:
     try:
         return json.loads((folder / "zarr.json").read_text(encoding="utf-8"))["node_type"] == "group"
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return False
 
 
@@ -377,7 +377,7 @@ def _describe(folder: Path) -> None:
 def _attributes(folder: Path) -> dict:
     try:
         attributes = json.loads((folder / "zarr.json").read_text(encoding="utf-8")).get("attributes", {})
-    except (OSError, ValueError, AttributeError):
+    except (OSError, ValueError, AttributeError, RecursionError):
         return {}
     return attributes if isinstance(attributes, dict) else {}
 
@@ -393,7 +393,8 @@ def _seal(folder: Path) -> None:
 
 def _descriptions(folder: Path) -> dict[str, str]:
     files = sorted(folder.glob("*/zarr.json"))
-    return {file.parent.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
+    return {file.parent.name: hashlib.sha256(file.read_bytes()).hexdigest() if is_regular(os.fspath(file)) else ""
+            for file in files}
 
 
 def _compressed(source: Path, folder: Path, array: str, digits: int | None) -> bool:
@@ -420,7 +421,7 @@ def _arrays_in(folder: Path) -> list[str]:
     for file in sorted(folder.glob("*/zarr.json")):
         try:
             kind = json.loads(file.read_text(encoding="utf-8"))["node_type"]
-        except (ValueError, KeyError, TypeError) as problem:
+        except (ValueError, KeyError, TypeError, RecursionError, IsADirectoryError) as problem:
             raise Damaged("the description of a stored array cannot be read", file=file, expected="JSON of Zarr",
                           found=f"{type(problem).__name__}: {problem}",
                           remedy="run the command again with --resume: this part is computed anew") from problem

@@ -341,6 +341,63 @@ class Result(_Part):
         return self
 
 
+# files of a diagnosis and of a batch that are read again --------------------------------------------------------------
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _RefittedCandidate(_Part):
+    name: str
+    edits: str
+    values: dict[str, Finite | None]
+
+
+class Undecided(_Part):
+    """``diagnosis.json``: the candidates that were refitted, and those among which it does not decide."""
+
+    refits: list[_RefittedCandidate] = []
+    set_: Annotated[list[str] | None, Field(alias="set")] = None
+    indistinguishable: list[list[str]] = []
+    named: list[str] = []
+
+
+class StoredRefit(_Exact):
+    """``diagnosis/*.npz``: a refit without its arrays."""
+
+    name: str
+    label: str
+    status: str
+    values: dict[str, float]
+    stds: Values
+    choice: float | None
+    judgement: float | None
+    evaluations: Count
+    problem: str
+    phi: float
+    estimator: str
+
+
+class _BatchParameter(_Exact):
+    value: Finite | None
+    std: Finite | None
+    unit: str | None
+    start: Finite | None
+
+
+class BatchRow(_Exact):
+    """``batch.json``: a run of a batch."""
+
+    name: str
+    experiment: str
+    set_: Annotated[dict[str, Any], Field(alias="set")]
+    run: str
+    status: str
+    reason: str
+    iterations: Count | None
+    image_chi2_dof: Finite | None
+    wall_s: Finite | None
+    parameters: dict[str, _BatchParameter]
+
+
 # run.zarr ---------------------------------------------------------------------------------------------
 class _ImageFile(_Part):
     name: str

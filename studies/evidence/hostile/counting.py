@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import shutil
@@ -27,6 +28,7 @@ LIMIT_S = 300.0  # wall time of a case, after which it hangs: other programs sha
 LONG_S = 10.0  # processor time of a case: more is a hang, too; a case with nothing spoilt takes 3 s at most
 GOOD = ("done", "refused")
 SHOWN = 12  # failures that are kept in full
+TOLD_EVERY = 100  # cases
 
 
 @dataclass
@@ -66,10 +68,13 @@ class Tally:
 Case = Callable[[Scene], str]  # does something and says what; raises as idic does
 
 
-def run_campaign(name: str, case: Case, number: int, seed: int = 0, say: Callable[[str], None] = print) -> Tally:
-    """`number` cases, of the seeds `seed`, `seed` + 1 …; each in a folder of its own."""
+def run_campaign(name: str, case: Case, number: int, seed: int = 0, say: Callable[[str], None] = print,
+                 seconds: float = math.inf) -> Tally:
+    """`number` cases, or as many as `seconds` allow, of the seeds `seed`, `seed` + 1 …; each in a folder of its own."""
     tally, began = Tally(name), time.monotonic()
     for k in range(seed, seed + number):
+        if time.monotonic() - began > seconds:
+            break
         outcome, words, trace, spent = _one(case, k)
         tally.outcomes[outcome] += 1
         tally.longest_s = max(tally.longest_s, spent)
@@ -77,6 +82,8 @@ def run_campaign(name: str, case: Case, number: int, seed: int = 0, say: Callabl
             tally.failures.append((k, outcome, words, trace))
             if len(tally.failures) <= SHOWN:
                 say(f"seed {k}: {outcome}: {words}\n{trace}")
+        if tally.cases % TOLD_EVERY == 0:
+            say(f"{name}: {tally.cases} cases, {tally.bad} failed")
     tally.seconds = time.monotonic() - began
     say(tally.line())
     return tally
@@ -189,7 +196,7 @@ def _own_folders() -> list[Path]:
     root = Path(idic.__file__).parents[1]
     libraries = Path(np.__file__).parents[1]
     reports = Path(tempfile.gettempdir())
-    return [root / "idic", root / "flows", libraries, reports / "matplotlib",
+    return [root / "idic", root / "flows", libraries, reports / "matplotlib", Path.home() / ".config" / "matplotlib",
             Path(os.environ.get("NUMBA_CACHE_DIR", root / "idic"))]
 
 

@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import shutil
+import socket
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,7 +14,10 @@ import idic
 from idic.cli.app import exit_code
 from idic.report import render_page
 from idic.run import open_source
+from idic.run.batch.entries import BatchRun
+from idic.run.batch.store import Batch
 from idic.run.reporting.write import load_record, write_numbers
+from idic.run.separation.members import diagnosed
 from idic_studies.evidence.hostile.bases import Base
 from idic_studies.evidence.hostile.counting import Case, Scene, command, copied
 
@@ -52,7 +56,48 @@ def _clean(scene: Scene, base: Base, run: Path) -> str:
     return command("clean", run)
 
 
-READERS: tuple[Callable[[Scene, Base, Path], str], ...] = (_resume, _numbers, _diagnose, _compare, _fields, _clean)
+def _separate(scene: Scene, base: Base, run: Path) -> str:
+    """What `idic design --separate` reads: a diagnosis between two candidates, spoilt."""
+    candidates = [{"name": name, "edits": f"[boundary_{name}]\nvalue = 0.5\n", "values": {"E": 7e4, "nu": None}}
+                  for name in ("slip", "seating")]
+    content: object = {"refits": candidates, "indistinguishable": [["slip", "seating"]], "named": ["slip"]}
+    for _ in range(int(scene.rng.integers(0, 3))):
+        content = _changed(scene, content)
+    (run / "diagnosis.json").write_text(json.dumps(content))
+    if scene.rng.integers(8) == 0:
+        _deep(scene, run / "diagnosis.json")
+    diagnosed(run)
+    return "diagnosed"
+
+
+def _lock(scene: Scene, base: Base, run: Path) -> str:
+    """The lock of a process that ended, spoilt; then a command that takes it."""
+    holder = {"host": socket.gethostname(), "pid": os.getpid(), "process_started": 0.0, "locked": "now"}
+    (run / "run.lock").write_text(json.dumps(_changed(scene, holder)))
+    if scene.rng.integers(8) == 0:
+        _deep(scene, run / "run.lock")
+    return command("clean", run)
+
+
+def _batch(scene: Scene, base: Base, run: Path) -> str:
+    """A batch whose summary is spoilt, taken up again; its RUN is whole, so that nothing is computed."""
+    folder = scene.work / "batch"
+    folder.mkdir()
+    run.rename(folder / "a")
+    row = {"name": "a", "experiment": str(base.experiment.resolve()), "set": {}, "run": "a", "status": "converged",
+           "reason": "", "iterations": 2, "image_chi2_dof": 1.0, "wall_s": 1.0,
+           "parameters": {"E": {"value": 1.0, "std": 0.1, "unit": "MPa", "start": 1.0}}}
+    (folder / "batch.json").write_text(json.dumps(_changed(scene, {"schema": "idic.batch/1", "runs": [row]})))
+    if scene.rng.integers(8) == 0:
+        _deep(scene, folder / "batch.json")
+    batch = Batch(folder, [BatchRun("a", str(base.experiment.resolve()), {})])
+    with batch.claim(True):
+        batch.write("finished", page=True)
+    return "batch"
+
+
+READERS: tuple[Callable[[Scene, Base, Path], str], ...] = (_resume, _numbers, _diagnose, _compare, _fields, _clean,
+                                                                _separate, _lock, _batch)
 
 
 def _read(scene: Scene, base: Base, run: Path) -> str:
@@ -268,4 +313,11 @@ def _without(scene: Scene, file: Path) -> None:
     file.unlink()
 
 
-DAMAGES = (_bits, _bits, _cut, _longer, _noise, _block, _text, _without, _link, _pipe, _folder, _folder_link, _exchange)
+def _deep(scene: Scene, file: Path) -> None:
+    """Brackets that no reader follows to the end."""
+    mark = (b"[", b'{"a":', b"(")[int(scene.rng.integers(3))]
+    file.write_bytes(mark * int(scene.rng.choice((900, 5_000, 200_000))))
+
+
+DAMAGES = (_bits, _bits, _cut, _longer, _noise, _block, _text, _without, _link, _pipe, _folder, _folder_link, _exchange,
+           _deep)
