@@ -138,7 +138,8 @@ def test_a_run_names_no_other_file_as_its_experiment(copied, tmp_path):
 
 
 @pytest.mark.parametrize("content", ["[" * 200_000, "[]", '{"pid": [1]}', json.dumps({
-    "host": socket.gethostname(), "pid": os.getpid(), "process_started": "now"})])
+    "host": socket.gethostname(), "pid": os.getpid(), "process_started": "now"})],
+    ids=["nested", "list", "pids", "a time in words"])
 def test_a_lock_that_says_nothing_stops_no_command(copied, content):
     finished, _ = copied
     (finished.run / "run.lock").write_text(content)
