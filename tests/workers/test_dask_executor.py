@@ -234,11 +234,12 @@ class Killer(threading.Thread):
     def __init__(self, number):
         super().__init__(daemon=True)
         self.left, self.killed, self.over = number, [], False
+        # before the thread runs: it may begin when the next process is there
+        self.known = set(psutil.Process().children(recursive=True))
 
     def run(self):
-        known = set(psutil.Process().children(recursive=True))
         while self.left and not self.over:
-            for child in set(psutil.Process().children(recursive=True)) - known:
+            for child in set(psutil.Process().children(recursive=True)) - self.known:
                 with suppress(psutil.Error):
                     if "spawn_main" in " ".join(child.cmdline()):
                         child.kill()
