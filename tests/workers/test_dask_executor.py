@@ -243,6 +243,7 @@ class Killer(threading.Thread):
                 with suppress(psutil.Error):
                     if "spawn_main" in " ".join(child.cmdline()):
                         child.kill()
+                        self.known.add(child)  # it stays a child until somebody waits for it
                         self.killed.append(child)
                         self.left -= 1
                         break
@@ -413,7 +414,7 @@ def test_without_any_worker_the_run_ends_or_goes_on_in_this_process_and_says_so(
     monkeypatch.setattr(submission, "MAX_WITHOUT_S", 2.0)
     monkeypatch.setattr(submission, "_REMARK_AFTER_S", 1.0)
     lines = []
-    with open_cluster(1, say=lines.append) as runner, Killer(100):
+    with open_cluster(1, say=lines.append) as runner, Killer(10**9):  # a quiet machine starts a hundred in a second
         for worker in psutil.Process().children(recursive=True):
             if "spawn_main" in " ".join(worker.cmdline()):
                 worker.kill()
