@@ -19,7 +19,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -257,17 +257,17 @@ FAULTS: dict[str, Callable[[Bench, int], None]] = {
     "worker": worker_losses, "server": server_losses, "disk": disks, "memory": memories}
 
 
-def main() -> int:
+def main(faults: Mapping[str, Callable[[Bench, int], object]] = FAULTS, description: str | None = __doc__) -> int:
     """Exit code 1 where an end was wrong."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("words", nargs="+", metavar="FAULT NUMBER", help=", ".join(FAULTS))
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("words", nargs="+", metavar="FAULT NUMBER", help=", ".join(faults))
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     base = demonstration()
     with tempfile.TemporaryDirectory(prefix="idic-faults-") as folder:
         bench = Bench(Path(folder), base.experiment, base.run, np.random.default_rng(options.seed))
         for name, number in zip(options.words[::2], options.words[1::2], strict=True):
-            FAULTS[name](bench, int(number))
+            faults[name](bench, int(number))
         for what, number in sorted(bench.counts.items()):
             say(f"{number:4d}  {what}")
         return int(any("WRONG" in what for what in bench.counts))

@@ -7,24 +7,20 @@ pulled; nothing is closed. Afterwards the run has the bits of the undisturbed on
 
 from __future__ import annotations
 
-import argparse
 import os
 import select
 import signal
 import socket
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-import numpy as np
 
-from idic_studies.evidence.faults import Bench, end_of_identify, finished, say
-from idic_studies.evidence.hostile.bases import demonstration
+from idic_studies.evidence.faults import Bench, end_of_identify, finished, main, say
 
 HOST = "127.0.0.1"
 SILENCES_S = (5.0, 30.0, 120.0)
@@ -150,21 +146,5 @@ def cuts(bench: Bench, number: int) -> None:
 FAULTS = {"scheduler": scheduler_losses, "cut": cuts}
 
 
-def main() -> int:
-    """Exit code 1 where an end was wrong."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("words", nargs="+", metavar="FAULT NUMBER", help=", ".join(FAULTS))
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
-    base = demonstration()
-    with tempfile.TemporaryDirectory(prefix="idic-faults-") as folder:
-        bench = Bench(Path(folder), base.experiment, base.run, np.random.default_rng(options.seed))
-        for name, number in zip(options.words[::2], options.words[1::2], strict=True):
-            FAULTS[name](bench, int(number))
-        for what, number in sorted(bench.counts.items()):
-            say(f"{number:4d}  {what}")
-        return int(any("WRONG" in what for what in bench.counts))
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(FAULTS, __doc__))

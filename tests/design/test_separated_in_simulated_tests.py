@@ -2,7 +2,7 @@
 
 Both models are fitted to a recording of the first one; the plans are ranked with these fits. Then each of the two plans
 is simulated with the first model and fresh noise, and both models are identified from it: the log-odds are half the
-difference of what they leave of images and channels.
+difference of their residual chi-squares of images and channels.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ def judged(chi2=1.004, free=None, shown=None, local=None):
 
 def test_chi2_of_fields_is_some_percent_below_one_where_their_noise_is_correlated():
     result = judged(0.87, free=0.3)
-    assert "estimated noise is larger" in result_verdict(result)[1]  # from still frames: nobody stated it
+    assert "estimated noise is larger" in result_verdict(result)[1]  # by still frames
     stated = result | {"noise": result["noise"] | {"source": "given"}}
     assert "stated noise is larger" in result_verdict(stated)[1]
     of_fields = result | {"quantity": "displacement", "noise": result["noise"] | {"source": "stage_differences"}}

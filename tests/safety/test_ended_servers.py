@@ -1,4 +1,4 @@
-"""SIGTERM ends the server of `idic draw`, also while an answer is computed that nobody can stop."""
+"""SIGTERM ends the server of `idic draw`, also while it computes a mesh, which cannot be interrupted."""
 
 from __future__ import annotations
 

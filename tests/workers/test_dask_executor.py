@@ -391,7 +391,7 @@ def test_a_worker_that_is_lost_again_while_it_starts_is_replaced(tmp_path, monke
 
 @posix
 def test_a_result_that_is_lost_with_its_worker_is_made_again(monkeypatch):
-    """The job was done, and nobody had fetched what it gave; the worker is lost again while it starts."""
+    """The worker dies after the job is done and before the driver fetches the result."""
     monkeypatch.setattr("idic.run.workers.dask_settings.LOST_AFTER", "1s")
     monkeypatch.setattr(submission, "_FETCH_SECONDS", 0.5)
     with open_cluster(1) as runner:

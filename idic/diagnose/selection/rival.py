@@ -227,9 +227,9 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
 
     Rivals whose difference is within `noise_of_evidence` are one set, whatever side each is on. Of a set the member
     with the most evidence leads, unless the size of another one is far more plausible (`share_beyond`): that is a
-    stated prior, and takes nobody out of the set. A rival whose refit failed stays with the winner where their patterns
-    are indistinguishable. A rival with the winner as its limit is no alternative to it; the next round tests whether it
-    adds anything.
+    stated prior, and no member leaves the set by it. A rival whose refit failed stays with the winner where their
+    patterns are indistinguishable. A rival with the winner as its limit is no alternative to it; the next round tests
+    whether it adds anything.
     """
     passing = sorted((r for r in rivals if r.passes), key=lambda r: -r.evidence)
     if not passing:

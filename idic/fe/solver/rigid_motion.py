@@ -85,7 +85,7 @@ def _free_part(x: np.ndarray, nodes: list[np.ndarray], held_dofs: np.ndarray) ->
     # a joint's components are prescribed for its first part, and are the others' by it
     for k, part_nodes in enumerate(nodes):
         of_part = np.isin(remaining_dofs // d, part_nodes)
-        rows = _rigid_modes(x, part_nodes, remaining_dofs[of_part] // d)[np.arange(of_part.sum()),
+        rows = rigid_modes(x, part_nodes, remaining_dofs[of_part] // d)[np.arange(of_part.sum()),
                                                                          remaining_dofs[of_part] % d]
         if len(rows) > n_modes:  # as many rows with the same singular values
             rows = np.linalg.qr(rows, mode="r")
@@ -93,8 +93,8 @@ def _free_part(x: np.ndarray, nodes: list[np.ndarray], held_dofs: np.ndarray) ->
         remaining_dofs = remaining_dofs[~of_part]
     for node in node_numbers[counts > 1]:
         first, *other_parts = (k for k, part_nodes in enumerate(nodes) if node in part_nodes)
-        first_motion = _columns(_rigid_modes(x, nodes[first], np.array([node]))[0], first, len(nodes))
-        blocks += [first_motion - _columns(_rigid_modes(x, nodes[k], np.array([node]))[0], k, len(nodes))
+        first_motion = _columns(rigid_modes(x, nodes[first], np.array([node]))[0], first, len(nodes))
+        blocks += [first_motion - _columns(rigid_modes(x, nodes[k], np.array([node]))[0], k, len(nodes))
                    for k in other_parts]
     n_unknowns = n_modes * len(nodes)
     _, sizes, directions = np.linalg.svd(np.concatenate([*blocks, np.zeros((n_unknowns, n_unknowns))]),
@@ -106,7 +106,7 @@ def _free_part(x: np.ndarray, nodes: list[np.ndarray], held_dofs: np.ndarray) ->
     return FreePart(nodes[k], free_modes[k], len(nodes) > 1)
 
 
-def _rigid_modes(x: np.ndarray, part: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+def rigid_modes(x: np.ndarray, part: np.ndarray, nodes: np.ndarray) -> np.ndarray:
     """Motion of nodes (n,) by each rigid motion of a part, turns in units of half its size  # (n, d, n_modes)"""
     d, centre = x.shape[1], x[part].mean(axis=0)
     away = (x[nodes] - centre) / max(float(np.abs(x[part] - centre).max()), 1e-300)

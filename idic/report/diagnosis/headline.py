@@ -65,7 +65,7 @@ def unexplained_words(content: Mapping) -> str:
 
 
 def _how_much(content: Mapping) -> str:
-    """What is unexplained, with its size where that is known: after a formal fit what that leaves."""
+    """The unexplained motion and readings with their sizes, where known; after a formal fit the remainder."""
     unexplained = content.get("unexplained", ())
     remainder, mismatch = content.get("left") or {}, content["mismatch"]
     motion_px = remainder.get("motion_px") if content["named"] else mismatch.get("effect_px_rms")

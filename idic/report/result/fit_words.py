@@ -154,8 +154,8 @@ def images(result: Mapping) -> tuple[str, str, str]:
 
 
 def _lacking_bases(result: Mapping) -> dict[str, Mapping]:
-    """What is left to identify from, where loaded frames are dropped that the others do not stand for; by experiment,
-    "" of a single one."""
+    """``basis`` of each experiment whose compared frames do not stand for its dropped ones; "" is the name of a single
+    experiment."""
     bases = {name: part.get("basis") for name, part in (("", result), *result.get("experiments", {}).items())}
     return {name: basis for name, basis in bases.items() if basis and not basis["sufficient"]}
 

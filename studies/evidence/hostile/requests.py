@@ -75,7 +75,7 @@ def requests(base: Base) -> Case:
 def _request(scene: Scene) -> tuple[str, str, dict]:
     if scene.rng.integers(2):
         return _get(scene)
-    name = POST[int(scene.rng.integers(len(POST) - 1))]  # a run is started by nobody
+    name = POST[int(scene.rng.integers(len(POST) - 1))]  # without the last, which starts a run
     content: object = {"sketch": _plan()["sketch"], "images": "images/*.tif"} if name == "mesh" else {
         "plan": _plan(), "replace": bool(scene.rng.integers(2))}
     for _ in range(int(scene.rng.integers(0, 3))):

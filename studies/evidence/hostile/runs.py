@@ -199,7 +199,7 @@ def _places(value: object, above: tuple = ()):
 
 
 def strange(scene: Scene) -> object:
-    """A value that nobody expects: numbers at the ends, other types, names that lead out."""
+    """A value against the schema: extreme numbers, other types, names of files outside."""
     values = [None, True, 0, -1, 10**30, 2**63, 1e308, -1e-320, float("nan"), float("inf"), "", "x" * 5000, "NaN", "\0",
               "\x1b[31m", "\ud800", [], {}, [[]], [[[[1]]]], {"": None}, "0x1p+3", "../../secret/secret.txt",
               str(scene.secret / "secret.txt"), str(scene.secret), "..", "/", "file:///etc/passwd", "frame_000.tif",
