@@ -28,6 +28,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 
 from idic.correlation.image_equations.context import CorrelationContext
 from idic.correlation.image_equations.equations import Weights, dense
@@ -91,19 +92,19 @@ def close(system: CorrelationSystem, weights: Weights, n_images: int, gram: Call
         ratio = ordinary_variance(n_images)  # of the two weights of an image
         predicted = system.M + (ratio - 1.0) * sums.image - 0.5 * ratio**2 * (cross + cross.T)
         return replace(bare, predicted=predicted), gram(shared + texture) / n_images
-    return _without_pattern(system, sums, c, variance, n_images, gram, texture)
+    return _without_pattern(system, sums, c, weights, n_images, gram, texture)
 
 
-def _without_pattern(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, variance: float, n_images: int,
+def _without_pattern(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, weights: Weights, n_images: int,
                      gram: Callable[[np.ndarray], np.ndarray],
                      texture: np.ndarray | float) -> tuple[CorrelationSystem, np.ndarray]:
     """Generalised least squares closed: pattern and frame-local unknowns of all frames eliminated.
 
     c : (n_shared,)
     """
-    n, frames = len(system.names), sums.frames
+    n, frames, variance = len(system.names), sums.frames, weights.image_noise**2
     if sum(len(f.rhs) for f in frames) > MAX_DENSE_UNKNOWNS:
-        return _frame_by_frame(system, sums, c, variance, n_images, gram, texture)
+        return _frame_by_frame(system, sums, c, weights, n_images, gram, texture)
     columns = np.hstack([sums.columns, *(f.columns for f in frames)])  # w S, frame-local unknowns after the shared ones
     product = np.hstack([sums.product, *(f.product for f in frames)])
     noisy = np.hstack([sums.noisy, *(f.kappa[:, None] * f.product for f in frames)])
@@ -113,6 +114,8 @@ def _without_pattern(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, v
     b = np.concatenate([sums.rhs, *(f.rhs for f in frames)]) - variance * pattern.T @ sums.residual
     solved = solve_positive(A[n:, n:], np.column_stack([A[n:, :n], b[n:]])) if len(b) > n else np.zeros((0, n + 1))
     slope, step = solved[:, :n], solved[:, n]
+    readings = scipy.linalg.block_diag(*(f.readings for f in frames))  # frame after frame, channel by channel
+    taken = readings @ solve_positive(A[n:, n:], readings.T) if readings.size else np.zeros((len(readings),) * 2)
     project = np.vstack([np.eye(n), -slope])  # column i of the projected problem
 
     noise = _arrow(sums.noise, [f.noise_cross for f in frames], [f.noise for f in frames])
@@ -122,11 +125,28 @@ def _without_pattern(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, v
     plain = system.phi_image / ordinary_variance(n_images)  # phi stays the sum that ordinary least squares make small
     closed = replace(system, phi=system.phi - system.phi_image + plain, phi_image=plain, generalised=True, sums=None,
                      shared=dense(system.shared)[:0], M=A[:n, :n] - A[:n, n:] @ slope, b=b[:n] - slope.T @ b[n:],
-                     spread=spread, frames=_with_steps(system.frames, step, slope))
+                     spread=spread, frames=_with_steps(system.frames, frames, step, slope),
+                     kept=_kept(taken, weights))
     return closed, gram(columns - sums.visible[:, None] * pattern + texture) / n_images
 
 
-def _frame_by_frame(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, variance: float, n_images: int,
+def _kept(taken: np.ndarray, weights: Weights) -> np.ndarray | None:
+    """What the residuals of every channel keep of errors of its readings (docs/method.md, equation 11.9).
+
+    taken : (T n_channels,) squared, the covariance of simulated readings by the frame-local unknowns, frame after frame
+
+    Returns
+    -------
+    (n_channels, T, T), None without channels
+    """
+    count = len(weights.channels)
+    if not count:
+        return None
+    return np.array([np.eye(len(taken) // count) - weight * taken[k::count, k::count]
+                     for k, weight in enumerate(weights.channels)])
+
+
+def _frame_by_frame(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, weights: Weights, n_images: int,
                     gram: Callable[[np.ndarray], np.ndarray],
                     texture: np.ndarray | float) -> tuple[CorrelationSystem, np.ndarray]:
     """The same for many frame-local unknowns, without a matrix of all of them.
@@ -135,9 +155,10 @@ def _frame_by_frame(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, va
     the two halves: its inverse follows from a matrix of 2 n_shared rows (Sherman, Morrison and Woodbury). Memory does
     not grow with the frames beyond `sums`, which may lie on disk.
     """
-    n, r, half = len(system.names), len(c), 0.5 * variance
+    n, r, variance = len(system.names), len(c), weights.image_noise**2
+    half = 0.5 * variance
     pattern = c[:, None] * sums.columns
-    inner, outer = np.zeros((2 * r, 2 * r)), np.zeros((2 * r, n + 1))
+    inner, outer, seen, own = np.zeros((2 * r, 2 * r)), np.zeros((2 * r, n + 1)), [], []
     inner[:r, r:] = inner[r:, :r] = np.eye(r) / half
 
     def sides(f: LocalEquations) -> tuple[np.ndarray, np.ndarray]:
@@ -150,7 +171,12 @@ def _frame_by_frame(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, va
         solved = solve_positive(f.matrix, np.hstack([U, Y]))
         inner -= U.T @ solved[:, :2 * r]
         outer += U.T @ solved[:, 2 * r:]
-    outer = np.linalg.solve(inner, outer)
+        of_readings = solve_positive(f.matrix, f.readings.T)
+        seen.append(U.T @ of_readings)
+        own.append(f.readings @ of_readings)
+    factor, between = scipy.linalg.lu_factor(inner), np.hstack(seen)
+    outer = scipy.linalg.lu_solve(factor, outer)
+    taken = scipy.linalg.block_diag(*own) + between.T @ scipy.linalg.lu_solve(factor, between)
     cross = variance * pattern.T @ sums.product
     M, b = sums.matrix - 0.5 * (cross + cross.T), sums.rhs - variance * pattern.T @ sums.residual
     noise, columns, noisy, steps, slopes = sums.noise.copy(), sums.columns.copy(), sums.noisy.copy(), [], []
@@ -172,7 +198,8 @@ def _frame_by_frame(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, va
     plain = system.phi_image / ordinary_variance(n_images)
     closed = replace(system, phi=system.phi - system.phi_image + plain, phi_image=plain, generalised=True, sums=None,
                      shared=dense(system.shared)[:0], M=M, b=b, spread=spread,
-                     frames=_with_steps(system.frames, np.concatenate(steps), np.vstack(slopes)))
+                     frames=_with_steps(system.frames, sums.frames, np.concatenate(steps), np.vstack(slopes)),
+                     kept=_kept(taken, weights))
     return closed, gram(columns - sums.visible[:, None] * pattern + texture) / n_images
 
 
@@ -191,14 +218,18 @@ def _arrow(shared: np.ndarray, crosses: Sequence[np.ndarray], blocks: Sequence[n
     return matrix
 
 
-def _with_steps(frames: Sequence[FrameRecord], step: np.ndarray, slope: np.ndarray) -> tuple[FrameRecord, ...]:
-    """The records of the frames, their local unknowns corrected by the common solution."""
+def _with_steps(frames: Sequence[FrameRecord], equations: Sequence[LocalEquations], step: np.ndarray,
+                slope: np.ndarray) -> tuple[FrameRecord, ...]:
+    """The records of the frames, their local unknowns and channels corrected by the common solution."""
     records, first = [], 0
-    for record in frames:
+    for record, f in zip(frames, equations, strict=True):
         m, nb = len(record.local_step), len(record.brightness)
+        whole = slice(first, first + m + nb)
         local = record.local_step + step[first:first + m]
         brightness = record.brightness + step[first + m:first + m + nb]
-        records.append(replace(record, local_step=local, local_slope=-slope[first:first + m], brightness=brightness))
+        records.append(replace(record, local_step=local, local_slope=-slope[first:first + m], brightness=brightness,
+                               channel_residual=record.channel_residual - f.readings @ step[whole],
+                               channel_columns=f.shared_readings - f.readings @ slope[whole]))
         first += m + nb
     return tuple(records)
 

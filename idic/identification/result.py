@@ -24,6 +24,8 @@ from idic.identification.noise.channel_noise import (
     channel_noise_notes,
     compared_readings,
     estimated_channel_noise,
+    smooth_share,
+    smooth_spread,
     repeated_readings,
     with_channel_noise,
 )
@@ -222,10 +224,13 @@ class Analysis:
         self.of_model: np.ndarray | None = None
         if not isinstance(discrepancy, str):
             if self.channels and discrepancy.channel_rows is not None:
-                discrepancy = replace(discrepancy, noise=discrepancy.noise + added_spread(
-                    discrepancy.channel_rows, compared_readings(point.system), experiment.model, self.channels))
+                of_channels = discrepancy.channel_rows, compared_readings(point.system), experiment.model, self.channels
+                smooth = smooth_spread(*of_channels)
+                discrepancy = replace(discrepancy, noise=discrepancy.noise + added_spread(*of_channels)
+                                      + (0.0 if smooth is None else smooth))
             self.variances = estimate(discrepancy, self.spectrum.inverse, self.scaled.slopes, self.scaled.b, weight)
             self.of_model = answer @ self.variances.covariance @ answer.T
+        self._count_smooth_errors(point, answer)
         error = None if isinstance(discrepancy, str) else discrepancy.mesh_error
         self.mesh_contradicted = error is not None and not self.variances.mesh
         scaled_error = None if error is None or self.mesh_contradicted else self.scaled.slopes * error[:len(self.names)]
@@ -234,6 +239,15 @@ class Analysis:
         self.strain_bias = None if strains is None else answer @ (self.scaled.slopes * strains[:len(self.names)])
         self.covariance = self.of_noise if self.of_model is None else self.of_noise + self.of_model
         self.share = undetermined_share(self.spectrum)
+
+    def _count_smooth_errors(self, point: Evaluation, answer: np.ndarray) -> None:
+        """Of the channels, by what they leave: a part of the model's error (docs/method.md, equation 14.9)."""
+        rows = np.array([record.channel_columns for record in point.system.frames]) if self.channels else np.zeros(0)
+        smooth = smooth_spread(rows, compared_readings(point.system), self.experiment.model, self.channels)
+        if smooth is not None:
+            slopes = self.scaled.slopes
+            added = answer @ (slopes[:, None] * smooth * slopes) @ answer.T
+            self.of_model = added if self.of_model is None else self.of_model + added
 
     def direction(self, name: str) -> np.ndarray:
         """Derivative of a parameter, in internal units, by the scaled ones  # (n,)"""
@@ -275,8 +289,11 @@ class Analysis:
         """What the model leaves unexplained (docs/quantities.md)."""
         if isinstance(self.discrepancy, str):
             return {"not_estimated": self.discrepancy}
-        size = self.variances.std
-        return {"significant": self.variances.significant, "likelihood_ratio": self.variances.likelihood_ratio,
+        size, share = self.variances.std, smooth_share(self.experiment.model, self.channels)
+        if share:
+            size = size | {"channel": share}
+        ratios = [self.variances.likelihood_ratio, *(noise.likelihood_ratio for noise in self.channels.values())]
+        return {"significant": self.variances.significant or share > 0.0, "likelihood_ratio": max(ratios),
                 "std": size, "motion_px": {key: size[key] * px for key, px in self.discrepancy.motion_px.items()}}
 
     def _not_identifiable(self) -> list[dict]:

@@ -93,11 +93,45 @@ def test_a_residual_that_a_frame_has_taken_is_given_back():
     rng, rows, kept, found = np.random.default_rng(8), 60.0 * np.arange(1.0, 9.0)[:, None], 0.25, []
     for _ in range(60):
         std = 0.5  # that the readings are weighted by; their noise is 1
-        beside = np.full(8, std**2 * (1.0 / kept - 1.0))
-        innovation = rng.standard_normal(8) + np.sqrt(beside) * rng.standard_normal(8)
+        beside = std**2 * (1.0 / kept - 1.0) * np.eye(8)
+        innovation = rng.standard_normal(8) + np.sqrt(beside[0, 0]) * rng.standard_normal(8)
         found.append(channel_correlation(innovation, rows, range(8), np.zeros((1, 1)), np.zeros(1), std, False,
                                          beside).covariance[0, 0])
     assert 0.7 < np.sqrt(np.median(found)) < 1.4  # closed residuals, a quarter of these, show 0.33
+
+
+def smooth_course(rng, n, length):
+    """A smooth course over a recording of n frames, of unit standard deviation  # (n,)"""
+    s = np.linspace(0.0, 1.0, n)
+    correlation = np.exp(-0.5 * ((s[:, None] - s) / length)**2) + 1e-9 * np.eye(n)
+    return np.linalg.cholesky(correlation) @ rng.standard_normal(n)
+
+
+@pytest.mark.parametrize("is_share", [False, True], ids=["as large in all readings", "a share of each"])
+def test_a_smooth_error_of_a_channel_is_measured_by_what_it_leaves(is_share):
+    """Twenty times the stated noise; the forces alone determine both parameters."""
+    rng, n, rows, held, by_noise, sizes = np.random.default_rng(9), 20, force_rows(20), [], [], []
+    inverse, simulated = np.linalg.inv(rows.T @ rows), 1000.0 * rows.sum(axis=1)
+    shape = simulated / np.sqrt(np.mean(simulated**2)) if is_share else np.ones(n)
+    for _ in range(DRAWS):
+        noise = 20.0 * shape * smooth_course(rng, n, rng.uniform(0.2, 0.5)) + rng.standard_normal(n)
+        error = inverse @ rows.T @ noise
+        found = channel_correlation(noise - rows @ error, rows, range(n), np.zeros((2, 2)), np.zeros(2), 1.0, True,
+                                    simulated=simulated)
+        smooth = np.zeros((n, n)) if found.smooth is None else found.smooth
+        whole = found.covariance + smooth
+        held.append(np.abs(error) < 1.96 * np.sqrt(np.diag(inverse @ rows.T @ whole @ rows @ inverse)))
+        by_noise.append(np.abs(error) < 1.96 * np.sqrt(np.diag(inverse)))
+        sizes.append(np.sqrt(np.diagonal(smooth).mean()))
+    assert np.mean(np.array(sizes) > 0.0) > 0.95  # a course may be one of the parameters'
+    assert 0.86 < np.mean(held) and np.mean(by_noise) < 0.5
+    assert 0.5 < np.median(sizes) / 20.0 < 3.0  # what the parameters can take of it is not seen, and is counted
+
+
+def test_independent_noise_is_no_smooth_error():
+    rng = np.random.default_rng(10)
+    seen = [fitted(rng, n, 0.0)[2].smooth is not None for n in (10, 30) for _ in range(DRAWS)]
+    assert np.mean(seen) < 0.05
 
 
 def test_frames_that_are_left_out_count_as_time_that_passes():

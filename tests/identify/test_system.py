@@ -224,6 +224,16 @@ def test_generalised_least_squares_with_unknowns_of_every_frame_solve_for_the_pa
         first = N + k * local_size
         assert np.allclose(record.local_step + record.local_slope @ step, everything[first:first + M], rtol=1e-6)
         assert len(record.brightness) == NB
+    # channels: what is left of their readings, and what is known without them
+    at = [PIXELS + k * (PIXELS + CHANNELS + M) + PIXELS for k in range(frames)]
+    left = [SIGMA_F * (values - dense @ everything)[row] for row in at]
+    columns = np.array([record.channel_columns[0] for record in system.frames])
+    residual = np.array([record.channel_residual[0] for record in system.frames])
+    assert np.allclose(residual - columns @ step, left, rtol=1e-6, atol=1e-8)
+    others = np.delete(dense, at, axis=0)
+    without = np.linalg.inv(np.linalg.inv(others.T @ others)[:N, :N])
+    given_back = np.linalg.solve(system.kept_by(0), columns)
+    assert np.allclose(system.M - columns.T @ given_back / SIGMA_F**2, without, rtol=1e-6, atol=1e-8 * without.max())
 
 
 def test_a_direction_that_the_data_leave_open_is_not_determined_and_not_stepped_along():

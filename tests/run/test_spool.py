@@ -21,7 +21,7 @@ def part(rng, first, frames=2):
     def local():
         L, seen = rng.normal(size=(SHARED, K)), rng.normal(size=(K, K))
         return LocalEquations(L.T @ L + seen @ seen.T, rng.normal(size=(K, N)), rng.normal(size=K), L.T @ L,
-                              rng.normal(size=(K, N)), L, -L, np.ones(SHARED))
+                              rng.normal(size=(K, N)), L, -L, np.ones(SHARED), np.zeros((0, K)), np.zeros((0, N)))
 
     S = rng.normal(size=(SHARED, N))
     sums = OpenSums(rng.normal(size=SHARED), S, -S, -S, np.full(SHARED, float(frames)), np.full(SHARED, float(frames)),

@@ -70,6 +70,7 @@ class LocalEquations:
     """The k frame-local unknowns of one frame (motion, then brightness) before they are eliminated; weighted.
 
     matrix : (k, k), cross : (k, n) with the shared degrees of freedom, rhs : (k,), channels and priors included;
+    readings : (n_channels, k), shared_readings : (n_channels, n) derivatives of the simulated channels;
     noise, noise_cross : (k, k), (k, n) covariance of right-hand sides by the noise of the frame itself;
     columns, product : (n_shared, k) as in `OpenSums`; kappa : (n_shared,) of the frame.
     """
@@ -82,6 +83,8 @@ class LocalEquations:
     columns: np.ndarray
     product: np.ndarray
     kappa: np.ndarray
+    readings: np.ndarray
+    shared_readings: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -99,7 +102,8 @@ class FrameRecord:
     cameras: np.ndarray  # (n_cameras, 4) of each: pixels, lost ones, squared residuals in its own GV², len(brightness)
     channel_columns: np.ndarray  # (n_channels, n) derivative of the simulated values, local unknowns eliminated
     n_fitted: float = 0.0  # rows that the unknowns of the frame fit, of measured fields: they leave no residual
-    # (n_channels,) share of an error of a reading that its residual keeps, the local unknowns take the rest; (0,): all
+    # (n_channels,) share of an error of a reading that its residual keeps, the local unknowns of the frame alone take
+    # the rest; (0,): all
     channel_kept: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def brightness_of(self, number: int) -> np.ndarray:
@@ -118,7 +122,9 @@ class CorrelationSystem:
     what generalised least squares need of all frames before the system is closed
     (`idic.correlation.shared_noise.closed_system`); generalised : whether this is their system; predicted : (n, n)
     otherwise the M that they would have, None where it is not known; end_noise : (n, n) the part of M that noise of
-    measured ends makes (`idic.identification.noise.end_noise`), None where it is not known.
+    measured ends makes (`idic.identification.noise.end_noise`), None where it is not known; kept : (n_channels, T, T)
+    what the residuals of a channel keep of errors of its readings, where the reference couples the frames
+    (docs/method.md, equation 11.9), None: every frame the share of its record.
     """
 
     names: tuple[str, ...]
@@ -133,6 +139,7 @@ class CorrelationSystem:
     generalised: bool = False
     predicted: np.ndarray | None = None
     end_noise: np.ndarray | None = None
+    kept: np.ndarray | None = None
 
     def restrict(self, names: Sequence[str]) -> CorrelationSystem:
         """The same system with only these degrees of freedom (the others locked)."""
@@ -142,6 +149,12 @@ class CorrelationSystem:
                        shared=dense(self.shared)[:, pick], sums=None,
                        predicted=None if self.predicted is None else self.predicted[grid],
                        end_noise=None if self.end_noise is None else self.end_noise[grid])
+
+    def kept_by(self, channel: int) -> np.ndarray:
+        """What the residuals of a channel keep of errors of its readings, frame by frame  # (T, T)"""
+        if self.kept is not None:
+            return self.kept[channel]
+        return np.diag([frame.channel_kept[channel] if len(frame.channel_kept) else 1.0 for frame in self.frames])
 
     @property
     def n_pixels(self) -> int:
@@ -222,7 +235,7 @@ def eliminate(frame: int, names: Sequence[str], equations: FrameEquations, weigh
                          else 0.0, redundancy)
     sums = None
     if equations.basis is not None and weights.generalised:
-        sums = _open_sums(equations, weights.image, matrix, rhs, noise, full_step, n)
+        sums = _open_sums(equations, weights.image, matrix, rhs, noise, columns, full_step)
     elif equations.basis is not None:
         sums = _shared_sums(equations, weights, image, project, full_step)
     return CorrelationSystem(
@@ -279,15 +292,15 @@ def _shared_sums(equations: FrameEquations, weights: Weights, image: np.ndarray,
 
 
 def _open_sums(equations: FrameEquations, weight: float, matrix: np.ndarray, rhs: np.ndarray, noise: np.ndarray,
-               step: np.ndarray, n: int) -> OpenSums:
-    """matrix, rhs, noise : of all unknowns of the frame, the n shared ones first; weighted. step : their step in this
-    frame alone, which is taken first: an offset of many standard deviations then leaves noise only, and the basis, an
-    approximation where the strain is large, does not carry it."""
-    basis, rhs = equations.basis, rhs - matrix @ step
+               readings: np.ndarray, step: np.ndarray) -> OpenSums:
+    """matrix, rhs, noise : of all unknowns of the frame, the n shared ones first; weighted. readings : derivatives of
+    its channels. step : the unknowns' step in this frame alone, which is taken first: an offset of many standard
+    deviations then leaves noise only, and the basis, an approximation where the strain is large, does not carry it."""
+    basis, rhs, n = equations.basis, rhs - matrix @ step, equations.channels.d_global.shape[1]
     assert isinstance(equations.shared, np.ndarray)  # as wherever there is a basis
     columns, product = weight * equations.shared, weight * basis.product
     local = LocalEquations(matrix[n:, n:], matrix[n:, :n], rhs[n:], noise[n:, n:], noise[n:, :n], columns[:, n:],
-                      product[:, n:], basis.kappa)
+                           product[:, n:], basis.kappa, readings[:, n:], readings[:, :n])
     return OpenSums(weight * basis.rhs - product @ step, columns[:, :n], product[:, :n],
                     basis.kappa[:, None] * product[:, :n], basis.visible, basis.kappa * basis.visible, matrix[:n, :n],
                     rhs[:n], noise[:n, :n], (local,))

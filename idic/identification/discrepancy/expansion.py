@@ -34,8 +34,8 @@ def expanded(system: CorrelationSystem, names: Sequence[str], into: sparse.csc_a
         sums = replace(
             sums, columns=columns(sums.columns), product=columns(sums.product), noisy=columns(sums.noisy),
             matrix=both(sums.matrix), rhs=back @ sums.rhs, noise=both(sums.noise),
-            frames=tuple(replace(record, cross=columns(record.cross), noise_cross=columns(record.noise_cross))
-                         for record in sums.frames))
+            frames=tuple(replace(record, cross=columns(record.cross), noise_cross=columns(record.noise_cross),
+                                 shared_readings=columns(record.shared_readings)) for record in sums.frames))
     else:
         sums = None  # only the prediction of generalised least squares needs them
     frames = tuple(replace(record, channel_columns=columns(record.channel_columns),

@@ -21,6 +21,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
+from scipy.special import logsumexp
 
 MIN_FRAMES = 8  # that a channel is compared in; fewer do not tell a correlation
 MIN_LEFT = 4.0  # readings that the parameters leave free; fewer do not tell the size of independent noise
@@ -29,6 +31,12 @@ SECOND_ORDER = (0.3, 0.6, 0.8, 0.9), (-0.6, -0.3, 0.3, 0.6)  # the same, and par
 MIN_FRAMES_OF_SECOND_ORDER = 30
 PRIOR = {0: 0.5, 1: 0.35, 2: 0.15}  # of the orders; of those that are tried
 MAX_PROBABILITY_OF_INDEPENDENCE = 0.5
+SMOOTH_PRIOR = 0.1  # of a smooth error; it is counted from even odds on
+SMOOTH_LENGTHS = (0.15, 0.3, 0.6, 1.0)  # over the recording, of squared exponentials
+ROUGH_LENGTHS = (0.3, 1.0)  # the same, of exponentials
+SMOOTH_RATIOS = np.geomspace(0.5, 200.0, 20)  # of the smooth error over the standard deviation of a reading
+WHITE_RATIOS = np.geomspace(0.25, 4.0, 10)  # of independent noise beside it, where none is stated
+MAX_KNOTS, JITTER = 24, 1e-9
 STD_RATIOS = np.geomspace(0.5, 8.0, 25)  # of the standard deviation that differences show, where none is stated
 INDEPENDENT_RATIOS = np.geomspace(0.25, 32.0, 169)  # the same, of independent noise
 MIN_LOCAL_VARIANCE_SHARE = 1e-6  # of the variance of a reading: of a channel that no frame is fitted to
@@ -41,6 +49,8 @@ class ChannelNoise:
 
     std : of a reading; covariance : (T, T) of all readings; order : of the likeliest autoregression
     correlation : of two consecutive frames; independent : probability that the readings are independent
+    smooth : (T, T) covariance of a smooth error of the simulated readings beside the noise, None where none shows;
+    likelihood_ratio : twice its gain in log-likelihood over noise alone
     """
 
     std: float
@@ -48,6 +58,8 @@ class ChannelNoise:
     order: int
     correlation: float
     independent: float
+    smooth: np.ndarray | None = None
+    likelihood_ratio: float = 0.0
 
     @property
     def is_correlated(self) -> bool:
@@ -55,8 +67,8 @@ class ChannelNoise:
 
 
 def channel_correlation(residual: np.ndarray, rows: np.ndarray, frames: Sequence[int], M_other: np.ndarray,
-                        rhs: np.ndarray, std: float, is_stated: bool,
-                        local_variance: np.ndarray | None = None) -> ChannelNoise | None:
+                        rhs: np.ndarray, std: float, is_stated: bool, local: np.ndarray | None = None,
+                        simulated: np.ndarray | None = None) -> ChannelNoise | None:
     """Covariance of the noise of a channel; None where too few frames tell it.
 
     Parameters
@@ -66,13 +78,13 @@ def channel_correlation(residual: np.ndarray, rows: np.ndarray, frames: Sequence
     frames : numbers of the T frames; those that are left out count as time that passes
     M_other, rhs : (n, n), (n,) normal equations of everything but this channel
     std : of a reading; is_stated : whether it is given, else it is that of differences, and is estimated anew
-    local_variance : (T,) of the simulated values by what each frame alone is fitted with (measured edges); None: none
+    local : (T, T) covariance of the simulated values by what frames alone are fitted with (measured ends); None: none
+    simulated : (T,) values that a smooth error may be a share of; None: it is no share
     """
-    local_variance = np.maximum(np.zeros(len(residual)) if local_variance is None else local_variance,
-                                MIN_LOCAL_VARIANCE_SHARE * std**2)
-    equations = _Equations(residual, rows, M_other, rhs, local_variance)
-    noise = _over_autoregressions(equations, frames, std * (np.ones(1) if is_stated else STD_RATIOS))
-    if is_stated or (noise is not None and noise.is_correlated):
+    local = np.zeros((len(residual),) * 2) if local is None else local
+    equations = _Equations(residual, rows, M_other, rhs, local + MIN_LOCAL_VARIANCE_SHARE * std**2 * np.eye(len(local)))
+    noise = _over_grid(equations, np.asarray(frames), std, is_stated, simulated)
+    if is_stated or (noise is not None and (noise.is_correlated or noise.smooth is not None)):
         return noise
     return _independent(equations, std, 1.0 if noise is None else noise.independent)
 
@@ -85,60 +97,142 @@ class _Equations:
     rows: np.ndarray
     M_other: np.ndarray
     rhs: np.ndarray
-    local_variance: np.ndarray
+    local: np.ndarray
 
     def log_likelihoods(self, correlation: np.ndarray, stds: np.ndarray) -> np.ndarray:
         """Restricted log-likelihood of every standard deviation, up to a constant  # (len(stds),)
 
-        Of B^(1/2) V (s^2 Lambda + 1) V^T B^(1/2), the covariance s^2 C + B of a block, the eigenvectors V serve all s.
+        With B = L L^T, of L (s^2 V Lambda V^T + 1) L^T, the covariance s^2 C + B of a block, V serves all s.
         """
-        n, columns, spread, log_det = len(self.rhs), [], [], 0.0
+        columns, spread, log_det = [], [], 0.0
         for first in range(0, len(self.residual), BLOCK):
             block = slice(first, first + BLOCK)
-            scale = 1.0 / np.sqrt(self.local_variance[block])
-            values, vectors = np.linalg.eigh(correlation[block, block] * np.outer(scale, scale))
-            columns.append(vectors.T @ (np.column_stack([self.rows[block], self.residual[block]]) * scale[:, None]))
+            root = np.linalg.cholesky(self.local[block, block])
+            half = scipy.linalg.solve_triangular(root, correlation[block, block], lower=True)
+            values, vectors = np.linalg.eigh(scipy.linalg.solve_triangular(root, half.T, lower=True))
+            data = np.column_stack([self.rows[block], self.residual[block]])
+            columns.append(vectors.T @ scipy.linalg.solve_triangular(root, data, lower=True))
             spread.append(values)
-            log_det -= 2.0 * float(np.log(scale).sum())
+            log_det += 2.0 * float(np.log(np.diagonal(root)).sum())
         white, values = np.vstack(columns), np.concatenate(spread)
-        logs = []
-        for std in stds:
-            variance = np.maximum(std**2 * values, 0.0) + 1.0
-            weighed = white.T / variance
-            M, b = self.M_other + weighed[:n] @ white[:, :n], self.rhs + weighed[:n] @ white[:, n]
-            eigenvalues, vectors = np.linalg.eigh(0.5 * (M + M.T))
-            # a direction that nothing determines is the same for all
-            keep = eigenvalues > 1e-12 * eigenvalues.max(initial=1e-300)
-            along = vectors[:, keep].T @ b
-            logs.append(-0.5 * (log_det + np.log(variance).sum() + np.log(eigenvalues[keep]).sum()
-                                + float(weighed[n] @ white[:, n]) - float(along**2 @ (1.0 / eigenvalues[keep]))))
-        return np.array(logs)
+        variances = np.maximum(stds[:, None] ** 2 * values, 0.0) + 1.0  # (len(stds), T)
+        weighed = white.T / variances[:, None, :]
+        return self._restricted(weighed @ white, log_det + np.log(variances).sum(axis=1))
+
+    def log_likelihoods_of_smooth(self, root: np.ndarray, white: float, stds: np.ndarray) -> np.ndarray:
+        """The same of readings with independent noise and a smooth error  # (len(stds),)
+
+        root : (T, m) with root root^T the correlation of the error; white : standard deviation of the noise. By the
+        identity of Woodbury only matrices of m rows depend on the standard deviation of the error.
+        """
+        factor = np.linalg.cholesky(self.local + white**2 * np.eye(len(self.local)))
+        half = scipy.linalg.solve_triangular(factor, np.column_stack([self.rows, self.residual, root]), lower=True)
+        n = self.rows.shape[1] + 1
+        data, half_root = half[:, :n], half[:, n:]
+        values, vectors = np.linalg.eigh(half_root.T @ half_root)
+        across, products = vectors.T @ (half_root.T @ data), data.T @ data
+        variances = 1.0 + stds[:, None] ** 2 * np.maximum(values, 0.0)  # (len(stds), m)
+        shares = across.T * (stds[:, None] ** 2 / variances)[:, None, :]
+        log_det = 2.0 * float(np.log(np.diagonal(factor)).sum())
+        return self._restricted(products - shares @ across, log_det + np.log(variances).sum(axis=1))
+
+    def _restricted(self, products: np.ndarray, log_det: np.ndarray) -> np.ndarray:
+        """Of S covariances. products : (S, n + 1, n + 1) of rows and residual, weighed by their inverse; log_det :
+        (S,)"""
+        n = len(self.rhs)
+        M, b = self.M_other + products[:, :n, :n], self.rhs + products[:, :n, n]
+        eigenvalues, vectors = np.linalg.eigh(0.5 * (M + M.swapaxes(1, 2)))
+        # a direction that nothing determines is the same for all
+        keep = eigenvalues > 1e-12 * eigenvalues.max(axis=1, keepdims=True, initial=1e-300)
+        along = (vectors.swapaxes(1, 2) @ b[:, :, None])[..., 0]
+        inverse, kept = 1.0 / np.where(keep, eigenvalues, np.inf), np.where(keep, eigenvalues, 1.0)
+        return -0.5 * (log_det + np.log(kept).sum(axis=1) + products[:, n, n] - (along**2 * inverse).sum(axis=1))
 
 
-def _over_autoregressions(equations: _Equations, frames: Sequence[int], stds: np.ndarray) -> ChannelNoise | None:
-    """The mean over all autoregressions of the grid; None with too few frames."""
-    n_frames = len(equations.residual)
-    if n_frames < MIN_FRAMES:
+@dataclass(frozen=True, eq=False)
+class _Entry:
+    """A row of the grid: covariances scale^2 C + white^2, and their log-likelihoods with the prior.
+
+    order : of an autoregression; next_to : its correlation of consecutive frames
+    """
+
+    correlation: np.ndarray
+    scales: np.ndarray
+    logs: np.ndarray
+    white: float = 0.0
+    order: int = 0
+    next_to: float = 0.0
+
+
+def _over_grid(equations: _Equations, frames: np.ndarray, std: float, is_stated: bool,
+               simulated: np.ndarray | None) -> ChannelNoise | None:
+    """The mean over the autoregressions, or over the smooth errors where these are likelier; None with too few
+    frames."""
+    if len(frames) < MIN_FRAMES:
         return None
-    lags = np.abs(np.subtract.outer(np.asarray(frames), np.asarray(frames)))
-    entries, logs = [], []
-    for order, course, prior in _autoregressions(n_frames, int(lags.max())):
-        entries.append((order, course))
-        logs.append(np.log(prior) + equations.log_likelihoods(course[lags], stds))
-    weights = _probabilities(np.array(logs))
-    covariance = sum(float(row @ stds**2) * course[lags] for row, (_, course) in zip(weights, entries, strict=True))
-    orders = np.array([order for order, _ in entries])
-    per_order = [float(weights[orders == order].sum()) for order in sorted(set(orders.tolist()))]
-    variance = float(covariance[0, 0])
-    next_to = sum(float(row @ stds**2) * course[1] for row, (_, course) in zip(weights, entries, strict=True))
-    return ChannelNoise(float(np.sqrt(variance)), covariance, int(np.argmax(per_order)), float(next_to / variance),
-                        per_order[0])
+    of_noise = [*_autoregressive_entries(equations, frames, std * (np.ones(1) if is_stated else STD_RATIOS))]
+    smooth = [*_smooth_entries(equations, frames, std * (np.ones(1) if is_stated else WHITE_RATIOS), std, simulated)]
+    gain = _evidence(smooth) - _evidence(of_noise)
+    entries = smooth if gain > np.log((1.0 - SMOOTH_PRIOR) / SMOOTH_PRIOR) else of_noise
+    weights = _probabilities(np.concatenate([entry.logs for entry in entries]))
+    rows = np.split(weights, np.cumsum([len(entry.logs) for entry in entries])[:-1])
+    sums = [float(row @ entry.scales**2) for entry, row in zip(entries, rows, strict=True)]
+    parts = sum(size * entry.correlation for size, entry in zip(sums, entries, strict=True))
+    white = sum(float(row.sum()) * entry.white**2 for entry, row in zip(entries, rows, strict=True))
+    if entries is smooth:
+        return ChannelNoise(float(np.sqrt(white)), white * np.eye(len(frames)), 0, 0.0, 1.0, parts, 2.0 * gain)
+    per_order = {order: sum(float(row.sum()) for entry, row in zip(entries, rows, strict=True) if entry.order == order)
+                 for order in {entry.order for entry in entries}}
+    variance = float(parts[0, 0])
+    next_to = sum(size * entry.next_to for size, entry in zip(sums, entries, strict=True))
+    return ChannelNoise(float(np.sqrt(variance)), parts, max(per_order, key=lambda order: per_order[order]),
+                        float(next_to / variance), per_order[0])
+
+
+def _evidence(entries: Sequence[_Entry]) -> float:
+    """Logarithm of the probability of the data, mean over the entries by their priors."""
+    return float(logsumexp(np.concatenate([entry.logs for entry in entries])))
+
+
+def _autoregressive_entries(equations: _Equations, frames: np.ndarray, stds: np.ndarray) -> Iterator[_Entry]:
+    lags = np.abs(np.subtract.outer(frames, frames))
+    for order, course, prior in _autoregressions(len(frames), int(lags.max())):
+        logs = np.log(prior / len(stds)) + equations.log_likelihoods(course[lags], stds)
+        yield _Entry(course[lags], stds, logs, order=order, next_to=float(course[1]))
+
+
+def _smooth_entries(equations: _Equations, frames: np.ndarray, whites: np.ndarray, std: float,
+                    simulated: np.ndarray | None) -> Iterator[_Entry]:
+    """Independent noise beside a smooth error, which is as large in every reading, or a share of it."""
+    s = (frames - frames[0]) / max(frames[-1] - frames[0], 1)
+    shapes = [np.ones(len(s))]
+    if simulated is not None and (rms := np.sqrt(np.mean(simulated**2))) > 0.0:
+        shapes.append(np.abs(simulated) / rms)
+    roots = [shape[:, None] * root for shape in shapes for root in _smooth_roots(s)]
+    stds = std * SMOOTH_RATIOS
+    prior = -np.log(len(roots) * len(whites) * len(stds))
+    for root in roots:
+        for white in whites:
+            yield _Entry(root @ root.T, stds, prior + equations.log_likelihoods_of_smooth(root, float(white), stds),
+                         float(white))
+
+
+def _smooth_roots(s: np.ndarray) -> Iterator[np.ndarray]:
+    """Roots (T, m) of correlations over the recording, s from 0 to 1: of knots, straight in between."""
+    knots = np.linspace(0.0, 1.0, min(MAX_KNOTS, len(s)))
+    width = knots[1] - knots[0]
+    hats = np.maximum(0.0, 1.0 - np.abs(s[:, None] - knots) / width)
+    distance = np.abs(knots[:, None] - knots)
+    for length in SMOOTH_LENGTHS:
+        yield hats @ np.linalg.cholesky(np.exp(-0.5 * (distance / length) ** 2) + JITTER * np.eye(len(knots)))
+    for length in ROUGH_LENGTHS:
+        yield hats @ np.linalg.cholesky(np.exp(-distance / length) + JITTER * np.eye(len(knots)))
 
 
 def _independent(equations: _Equations, std: float, probability: float) -> ChannelNoise | None:
     """Independent readings of a size that is not known; None where the parameters leave too few of them free."""
     rows, n = equations.rows, len(equations.residual)
-    information = (rows.T / (std**2 + equations.local_variance)) @ rows
+    information = rows.T @ np.linalg.solve(equations.local + std**2 * np.eye(n), rows)
     if n - float(np.trace(np.linalg.pinv(equations.M_other + information, hermitian=True) @ information)) < MIN_LEFT:
         return None
     stds = std * INDEPENDENT_RATIOS

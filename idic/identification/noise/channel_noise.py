@@ -16,9 +16,9 @@ import numpy as np
 from idic.correlation import CorrelationSystem
 from idic.identification.noise.channel_correlation import ChannelNoise, channel_correlation
 from idic.identification.noise.input_noise import logged_noise
-from idic.identification.step.parameter_covariance import scaled_system
+from idic.identification.step.parameter_covariance import Scaled, scaled_system
 from idic.identification.step.state import Evaluation
-from idic.model import Column, Experiment, Model, Remedies
+from idic.model import Channel, Column, Experiment, Model, Remedies
 from idic.parameters import ParameterSet
 
 MIN_STEP_SHARE = 1e-3  # of the range of a motion: less from frame to frame is none
@@ -48,21 +48,30 @@ def estimated_channel_noise(experiment: Experiment, parameters: ParameterSet,
     noises = {}
     for number, channel in enumerate(experiment.model.channels):
         std = weighted_std(experiment.model, number)
-        compared = [record for record in system.frames if np.isfinite(record.channel_residual[number])]
-        residual = np.array([record.channel_residual[number] for record in compared])
-        rows = np.array([record.channel_columns[number] for record in compared])
-        if not rows.any():
-            continue
-        # what the unknowns of a frame have taken of a reading is given back: its residual by all others, less certain
-        share = np.array([record.channel_kept[number] if len(record.channel_kept) else 1.0 for record in compared])
-        share = np.maximum(share, MIN_KEPT)
-        rows, residual, variance = (rows * scaled.slopes) / share[:, None], residual / share, std**2 / share
-        weighed = (rows / variance[:, None]).T
-        noise = channel_correlation(residual, rows, [record.frame for record in compared], scaled.M - weighed @ rows,
-                                    scaled.b - weighed @ residual, std, bool(channel.noise_std), variance - std**2)
-        if noise is not None and (noise.is_correlated or not channel.noise_std):
+        noise = _noise_of(scaled, system, channel, number, std)
+        if noise is not None and (noise.is_correlated or noise.smooth is not None or not channel.noise_std):
             noises[number] = noise
     return noises
+
+
+def _noise_of(scaled: Scaled, system: CorrelationSystem, channel: Channel, number: int,
+              std: float) -> ChannelNoise | None:
+    """What the unknowns of the frames have taken of a reading is given back: its residual by all other unknowns, less
+    certain and not independent from frame to frame."""
+    compared = np.flatnonzero(np.isfinite([record.channel_residual[number] for record in system.frames]))
+    records = [system.frames[k] for k in compared]
+    columns = np.array([record.channel_columns[number] for record in records]).reshape(len(records), -1)
+    if not columns.any():
+        return None
+    shares, directions = np.linalg.eigh(system.kept_by(number)[np.ix_(compared, compared)])
+    given_back = (directions / np.maximum(shares, MIN_KEPT)) @ directions.T
+    rows = given_back @ (columns * scaled.slopes)
+    residual = given_back @ np.array([record.channel_residual[number] for record in records])
+    weighed = (columns * scaled.slopes).T / std**2
+    local = std**2 * (given_back - np.eye(len(records)))
+    simulated = np.array([channel.values[record.frame] for record in records]) - residual
+    return channel_correlation(residual, rows, [record.frame for record in records], scaled.M - weighed @ rows,
+                               scaled.b - weighed @ residual, std, bool(channel.noise_std), local, simulated)
 
 
 def with_channel_noise(system: CorrelationSystem, model: Model,
@@ -92,6 +101,25 @@ def added_spread(rows: np.ndarray, compared: np.ndarray, model: Model,
         change = noise.covariance - std**2 * np.eye(len(channel_rows))
         added += channel_rows.T @ change @ channel_rows / std**4
     return added
+
+
+def smooth_spread(rows: np.ndarray, compared: np.ndarray, model: Model,
+                  noises: Mapping[int, ChannelNoise]) -> np.ndarray | None:
+    """What smooth errors of the channels add to the covariance of b  # (n, n), None where there are none
+
+    rows, compared : as of `added_spread`
+    """
+    parts = [channel_rows.T @ noise.smooth @ channel_rows / weighted_std(model, number)**4
+             for number, noise in noises.items() if noise.smooth is not None
+             for channel_rows in [rows[compared[:, number], number]]]
+    return sum(parts) if parts else None
+
+
+def smooth_share(model: Model, noises: Mapping[int, ChannelNoise]) -> float:
+    """Smooth error of the channels, rms over the rms reading, of the largest; 0 where there is none."""
+    return max((float(np.sqrt(np.diagonal(noise.smooth).mean()) / max(np.sqrt(np.mean(readings**2)), 1e-300))
+                for number, noise in noises.items() if noise.smooth is not None
+                for readings in [model.channels[number].values[np.isfinite(model.channels[number].values)]]), default=0.0)
 
 
 def channel_noise_content(model: Model, noises: Mapping[int, ChannelNoise]) -> dict[str, dict]:

@@ -14,7 +14,7 @@ from idic.run.store.run_store import RunStore
 LABEL = "system"
 _PER_FRAME = ("frame", "n_pixels", "n_lost", "rr", "channel_residual", "local_step", "local_slope", "brightness",
               "cameras", "channel_columns", "n_fitted", "channel_kept")
-_END_NOISE = "end_noise"
+_OPTIONAL = ("end_noise", "kept")
 
 
 def save_evaluation(store: RunStore, evaluation: Evaluation) -> None:
@@ -32,8 +32,9 @@ def save_evaluation(store: RunStore, evaluation: Evaluation) -> None:
                              ("reference_gram", evaluation.reference_gram),
                              ("phi", np.array([system.phi, system.phi_image]))):
             write_array(folder, name, values)
-        if system.end_noise is not None:
-            write_array(folder, _END_NOISE, system.end_noise)
+        for name in _OPTIONAL:
+            if (values := getattr(system, name)) is not None:
+                write_array(folder, name, values)
         for name in _PER_FRAME:
             write_array(folder, f"frame_{name}", np.array([getattr(record, name) for record in system.frames]))
 
@@ -52,5 +53,5 @@ def load_evaluation(store: RunStore, number: int, names: tuple[str, ...]) -> Eva
                                read_array(folder, "spread"), np.zeros((0, len(names))), records,
                                generalised=bool(kind["generalised"]),
                                predicted=read_array(folder, "predicted") if kind["predicts"] else None,
-                               end_noise=read_array(folder, _END_NOISE) if (folder / _END_NOISE).exists() else None)
+                               **{name: read_array(folder, name) for name in _OPTIONAL if (folder / name).exists()})
     return Evaluation(number, system, read_array(folder, "reference_gram"), increments=int(kind["increments"]))
