@@ -12,6 +12,7 @@ target in common, which the scatter between views does not show.
 from __future__ import annotations
 
 import sys
+import time
 
 import numpy as np
 
@@ -56,7 +57,7 @@ def views(world: str, generator: np.random.Generator):
 
 
 def errors(result) -> np.ndarray:
-    """Identified minus true values over their standard deviations."""
+    """Identified minus true values."""
     differences = []
     for name in result.rig.names:
         number, key = int(name[0]), name[2:]
@@ -69,21 +70,30 @@ def errors(result) -> np.ndarray:
             differences.append((estimate.translation_mm - truth.translation_mm)["xyz".index(key[-1])])
         else:
             differences.append(getattr(estimate, key) - getattr(truth, key))
-    return np.array(differences) / np.sqrt(np.diag(result.rig.covariance))
+    return np.array(differences)
+
+
+def draw(world: str, seed: int):
+    return calibrate(views(world, np.random.default_rng(1000 + seed)), (SIZE_PX, SIZE_PX), SPACING_MM)
 
 
 def main() -> None:
     draws = int(sys.argv[1]) if len(sys.argv) > 1 else 200
     for world in sys.argv[2:] or WORLDS:
-        scores, said = [], 0
+        start_s, misses, stds, n_scattered, n_shapes = time.process_time(), [], [], 0, 0
         for seed in range(draws):
-            result = calibrate(views(world, np.random.default_rng(1000 + seed)), (SIZE_PX, SIZE_PX), SPACING_MM)
-            scores.append(errors(result))
-            said += result.between.all_views.is_significant
-        inside = np.abs(np.array(scores)) < 1.96
+            result = draw(world, seed)
+            misses.append(errors(result))
+            stds.append(np.sqrt(np.diag(result.rig.covariance)))
+            n_scattered += result.between.all_views.is_significant
+            n_shapes += result.shape.is_bent or result.shape.is_distorted
+        inside = np.abs(np.array(misses)) < 1.96 * np.array(stds)
         by_value, by_draw = inside.mean(axis=0), inside.mean(axis=1)
+        width = np.mean(stds, axis=0) / np.sqrt(np.mean(np.square(misses), axis=0))
         print(f"{world:14s} {inside.mean():6.1%} +- {by_draw.std(ddof=1) / np.sqrt(draws):.1%}  values "
-              f"{by_value.min():.0%} to {by_value.max():.0%}  scatter between views in {said} of {draws}", flush=True)
+              f"{by_value.min():.0%} to {by_value.max():.0%}  width {width.mean():.2f} ({width.min():.2f} to "
+              f"{width.max():.2f})  scatter in {n_scattered}, shape in {n_shapes} of {draws}  "
+              f"{(time.process_time() - start_s) / draws:.2f} s each", flush=True)
 
 
 if __name__ == "__main__":
