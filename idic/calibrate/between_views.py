@@ -53,12 +53,9 @@ def between_views(images: Mapping[Image, Linear], noise: Mapping[Image, float], 
     prior : array (m,)
         Weight (one over the variance) of the prior of each shared unknown.
     """
-    views = sorted({view for view, _ in images})
-    cameras_of = {view: [camera for camera in range(n_cameras) if (view, camera) in images] for view in views}
-    scale = 1.0 / np.sqrt(sum((image.shared**2).sum(axis=0) / noise[key]**2 for key, image in images.items()) + prior)
+    scale, joint = _views(images, noise, prior)
     single = {key: _reduced(image.shared * scale, image.pose, image.errors_px).over(noise[key])
               for key, image in images.items()}
-    joint = {view: _joint([(images[view, c], noise[view, c]) for c in cameras_of[view]], scale) for view in views}
     lens_alone = {key: _Reduced(part.score[lens_columns(key[1], lens)],
                                 part.matrix[lens_columns(key[1], lens)][:, lens_columns(key[1], lens)],
                                 part.squares, part.number) for key, part in single.items()}
@@ -66,10 +63,36 @@ def between_views(images: Mapping[Image, Linear], noise: Mapping[Image, float], 
     covariance = _covariance(list(joint.values()), np.diag(prior * scale**2), all_views)
     by_camera = tuple(_scatter([lens_alone[key] for key in lens_alone if key[1] == c], len(lens.identified))
                       for c in range(n_cameras))
-    paired = [view for view in views if len(cameras_of[view]) == n_cameras == 2]
+    paired = [view for view in joint if n_cameras == 2 and (view, 0) in images and (view, 1) in images]
     pairs = _pair_scatter(paired, joint, single) if len(paired) > 1 else None
     within = float(np.sqrt(np.mean([value**2 for value in noise.values()])))
     return Between(covariance * scale[:, None] * scale, within, all_views, by_camera, pairs)
+
+
+def by_points(images: Mapping[Image, Linear], noise: Mapping[Image, float], prior: np.ndarray
+              ) -> tuple[np.ndarray, np.ndarray]:
+    """The change of the shared unknowns that the linearised equations ask for, and its covariance by the points of the
+    views alone  # (m,), (m, m)
+    """
+    scale, joint = _views(images, noise, prior)
+    every = _sum(list(joint.values()))
+    inverse = np.linalg.inv(every.matrix + np.diag(prior * scale**2))
+    return scale * (inverse @ every.score), inverse * scale[:, None] * scale
+
+
+def _views(images: Mapping[Image, Linear], noise: Mapping[Image, float], prior: np.ndarray
+           ) -> tuple[np.ndarray, dict[int, _Reduced]]:
+    """A unit of every shared unknown, and the equations of every view in these: its images with their common pose, each
+    in units of its noise.
+    """
+    scale = 1.0 / np.sqrt(sum((image.shared**2).sum(axis=0) / noise[key]**2 for key, image in images.items()) + prior)
+    views: dict[int, list[Image]] = {}
+    for view, camera in sorted(images):
+        views.setdefault(view, []).append((view, camera))
+    return scale, {view: _reduced(np.vstack([images[key].shared / noise[key] for key in keys]) * scale,
+                                  np.vstack([images[key].pose / noise[key] for key in keys]),
+                                  np.concatenate([images[key].errors_px / noise[key] for key in keys]))
+                   for view, keys in views.items()}
 
 
 def _reduced(shared: np.ndarray, pose: np.ndarray, errors: np.ndarray) -> _Reduced:
@@ -77,13 +100,6 @@ def _reduced(shared: np.ndarray, pose: np.ndarray, errors: np.ndarray) -> _Reduc
     basis, _ = np.linalg.qr(pose)
     shared, rest_px = shared - basis @ (basis.T @ shared), errors - basis @ (basis.T @ errors)
     return _Reduced(shared.T @ rest_px, shared.T @ shared, float(rest_px @ rest_px), len(errors) - pose.shape[1])
-
-
-def _joint(images: list[tuple[Linear, float]], scale: np.ndarray) -> _Reduced:
-    """The images of a view with their common pose, each in units of its noise."""
-    return _reduced(np.vstack([image.shared / noise for image, noise in images]) * scale,
-                    np.vstack([image.pose / noise for image, noise in images]),
-                    np.concatenate([image.errors_px / noise for image, noise in images]))
 
 
 def _scatter(views: list[_Reduced], n_common: int) -> Scatter:
@@ -132,7 +148,7 @@ def _with_scatter(covariance: np.ndarray, views: list[_Reduced], total: np.ndarr
     """
     n, m = len(views), len(total)
     root = np.linalg.cholesky(covariance)
-    changes = np.array([np.linalg.lstsq(total - view.matrix, view.score, rcond=1e-12)[0] for view in views])
+    changes = np.array([_without_view(view, total) for view in views])
     changes = np.sqrt((n - 1) / n) * np.linalg.solve(root, (changes - changes.mean(axis=0)).T)  # (m, n)
     vectors, sizes, _ = np.linalg.svd(changes, full_matrices=False)
     squares, ratio = sizes**2, m / (n - 1)
@@ -147,6 +163,13 @@ def _with_scatter(covariance: np.ndarray, views: list[_Reduced], total: np.ndarr
     freedom = (n - 1) * variances**2 / np.maximum((parts**2).sum(axis=1), 1e-300)
     widening = t_distribution.ppf(0.975, np.minimum(freedom, 1e6)) / NORMAL_95
     return (noise * covariance + directions @ directions.T) * widening[:, None] * widening
+
+
+def _without_view(view: _Reduced, total: np.ndarray) -> np.ndarray:
+    """Change of the unknowns where the view is left out; none in what the view alone determines."""
+    values, vectors = np.linalg.eigh(total - view.matrix)
+    good = values > _RANK * float(values[-1])
+    return vectors[:, good] @ (vectors[:, good].T @ view.score / values[good])
 
 
 def _without_noise(square: float, ratio: float) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 
 from idic.calibrate.levenberg import minimum
 from idic.calibrate.projection import (
-    Derivatives, derivatives, dot_shift, in_camera_0, magnification, moved, n_unknowns,
+    Derivatives, N_POSE, derivatives, dot_shift, in_camera_0, magnification, moved, n_unknowns,
 )
 from idic.calibrate.records import Lens, State, Views
 from idic.calibrate.shape import Target, exact
@@ -84,91 +84,161 @@ def adjust(state: State, views: Views, lens: Lens, target: Target | None = None,
     known = np.zeros(n_shape)
     known[: len(state.shape_mm)] = state.shape_mm
     state = replace(state, shape_mm=known)
-    places = tuple((v, c) for v, row in enumerate(views) for c, view in enumerate(row) if view is not None)
-    radius = dot_radius(state, views, places)
-    weights = {place: 1.0 / noise_px[place] if noise_px else 1.0 for place in places}
+    seen = seen_points(views)
+    radius = dot_radius(state, views)
+    weights = [np.repeat([1.0 / noise_px[v, c] if noise_px else 1.0 for v in points.views], points.sizes)
+               for c, points in enumerate(seen)]
     for _ in range(SHIFT_PASSES if radius and not rough else 1):
-        equations = _Equations(state, views, lens, places, radius, target, weights)
+        equations = _Equations(state, seen, lens, radius, target, weights)
         step = minimum(equations.distances, equations.normal_equations, n_unknowns(state, lens, target),
                        START_TOLERANCE if rough else TOLERANCE)
         state = moved(state, lens, step, target)
-    equations_at_end = _Equations(state, views, lens, places, radius, target, weights)
+    equations_at_end = _Equations(state, seen, lens, radius, target, weights)
     zero_step = np.zeros(len(step))
     errors = equations_at_end.distances(zero_step)
     normal, _ = equations_at_end.normal_equations(zero_step, errors)
     residuals: list[list[np.ndarray | None]] = [[None] * len(row) for row in views]
-    for (v, c), part in zip(places, equations_at_end.parts(errors), strict=True):
-        residuals[v][c] = -part.reshape(-1, 2) / weights[v, c]
+    for c, (points, part) in enumerate(zip(seen, equations_at_end.parts(errors), strict=True)):
+        for v, error in zip(points.views, points.split(-part / weights[c][:, None]), strict=True):
+            residuals[v][c] = error
     scale = 1.0 / np.sqrt(np.diag(normal))
     cofactor = np.linalg.inv(normal * scale[:, None] * scale) * scale[:, None] * scale
     carried = float((np.diag(cofactor)[len(step) - n_shape :] / target.prior_std_mm**2).sum())
     return Adjusted(state, tuple(tuple(row) for row in residuals), cofactor, carried)
 
 
+@dataclass(frozen=True, eq=False)
+class SeenPoints:
+    """The points that one camera sees, one view after the other.
+
+    Attributes
+    ----------
+    views : tuple of int
+        Numbers of the views in which it sees the target.
+    sizes : tuple of int
+        Points of each.
+    numbers : int array (n,)
+        Of the target points.
+    points_px : array (n, 2)
+    """
+
+    views: tuple[int, ...]
+    sizes: tuple[int, ...]
+    numbers: np.ndarray
+    points_px: np.ndarray
+
+    @property
+    def view_of(self) -> np.ndarray:
+        """The view of every point  # int (n,)"""
+        return np.repeat(self.views, self.sizes)
+
+    def split(self, array: np.ndarray) -> list[np.ndarray]:
+        """An array over the points, one part per view."""
+        return np.split(array, np.cumsum(self.sizes)[:-1])
+
+
+def seen_points(views: Views) -> list[SeenPoints]:
+    """Per camera."""
+    cameras = []
+    for c in range(len(views[0])):
+        chosen = {v: view for v, row in enumerate(views) if (view := row[c]) is not None}
+        cameras.append(SeenPoints(tuple(chosen), tuple(view.n for view in chosen.values()),
+                                  np.concatenate([view.index[:, 0] for view in chosen.values()]),
+                                  np.vstack([view.points_px for view in chosen.values()])))
+    return cameras
+
+
 class _Equations:
     """Distances and their normal equations as functions of a step from a state; the shifts of the dots are those of
     the state."""
 
-    def __init__(self, base, views, lens, places, radius_mm, target, weights):
-        self.base, self.lens, self.places, self.target, self.weights = base, lens, places, target, weights
+    def __init__(self, base, seen, lens, radius_mm, target, weights):
+        self.base, self.seen, self.lens, self.target, self.weights = base, seen, lens, target, weights
         self.prior = 1.0 / target.prior_std_mm
-        self.numbers = {(v, c): views[v][c].index[:, 0] for v, c in places}
-        self.pixels = {(v, c): views[v][c].points_px for v, c in places}
+        self.view_of = [points.view_of for points in seen]
+        self.pixels = [points.points_px for points in seen]
         if radius_mm:  # what is seen is the centroid
-            for v, c in places:
-                points = base.points_mm[self.numbers[v, c]]
-                self.pixels[v, c] = self.pixels[v, c] - dot_shift(base.cameras[c], base.poses[v], points, radius_mm)
+            self.pixels = [points.points_px - np.vstack([
+                dot_shift(base.cameras[c], base.poses[v], base.points_mm[numbers], radius_mm)
+                for v, numbers in zip(points.views, points.split(points.numbers), strict=True)])
+                for c, points in enumerate(seen)]
 
     def distances(self, step):
         """Projected minus seen in units of the noise, then the unknowns of the target in those of their prior."""
         try:
-            moved_state = moved(self.base, self.lens, step, self.target)
-            parts = [(moved_state.cameras[c].project(in_camera_0(moved_state.poses[v],
-                                                                 moved_state.points_mm[self.numbers[v, c]]))
-                      - self.pixels[v, c]).ravel() * self.weights[v, c] for v, c in self.places]
+            state, parts = moved(self.base, self.lens, step, self.target), []
+            for c, points in enumerate(self.seen):
+                space = np.vstack([in_camera_0(state.poses[v], state.points_mm[numbers]) for v, numbers
+                                   in zip(points.views, points.split(points.numbers), strict=True)])
+                parts.append((state.cameras[c].project(space) - self.pixels[c]) * self.weights[c][:, None])
         except InputError:  # a trial step with a point behind a camera: it is cut
             return np.full(1, np.inf)
-        return np.concatenate([*parts, moved_state.shape_mm * self.prior])
+        return np.concatenate([*(part.ravel() for part in parts), state.shape_mm * self.prior])
 
     def parts(self, distances):
-        """The distances of each place."""
-        ends = np.cumsum([2 * len(self.numbers[place]) for place in self.places])
-        return np.split(distances[: ends[-1]], ends[:-1])
+        """The distances of the points of each camera  # (n, 2)"""
+        ends = np.cumsum([2 * len(points.numbers) for points in self.seen])
+        return [part.reshape(-1, 2) for part in np.split(distances[: ends[-1]], ends[:-1])]
 
     def normal_equations(self, step, distances):
-        """J^T J and J^T distances, one view of a camera after the other."""
-        moved_state = moved(self.base, self.lens, step, self.target)
-        n, n_shape = len(step), len(self.prior)
+        """J^T J and J^T distances."""
+        state = moved(self.base, self.lens, step, self.target)
+        n, n_shape, n_poses = len(step), len(self.prior), N_POSE * len(state.poses)
         normal, gradient = np.zeros((n, n)), np.zeros(n)
-        for (v, c), part in zip(self.places, self.parts(distances), strict=True):
-            slopes = derivatives(moved_state, self.lens, step, self.target, v, c, self.numbers[v, c])
-            _add(normal, gradient, slopes, part, self.weights[v, c])
+        for c, (points, part) in enumerate(zip(self.seen, self.parts(distances), strict=True)):
+            slopes = derivatives(state, self.lens, step, self.target, c, self.view_of[c], points.numbers)
+            _add(normal, gradient, slopes, points, part, self.weights[c], n - n_shape - n_poses,
+                 n - n_shape + self.target.n_modes if self.target.n_free_points else None)
         prior = np.arange(n - n_shape, n)
         normal[prior, prior] += self.prior**2
         gradient[prior] += self.prior * distances[len(distances) - n_shape :]
         return normal, gradient
 
 
-def _add(normal: np.ndarray, gradient: np.ndarray, slopes: Derivatives, distances: np.ndarray, weight: float) -> None:
-    """Add the equations of an image to both  # (n, n), (n,), distances (2 n_points,) in the same weight"""
-    columns, rows, points = slopes.columns, slopes.rows * weight, slopes.point_columns
-    normal[np.ix_(columns, columns)] += rows.T @ rows
-    gradient[columns] += rows.T @ distances
-    if len(points):  # every point is its own in a view: blocks of 3 x 3
-        by_point = slopes.by_point * weight
-        normal[points[:, :, None], points[:, None, :]] += by_point.transpose(0, 2, 1) @ by_point
-        gradient[points] += (by_point.transpose(0, 2, 1) @ distances.reshape(-1, 2, 1))[..., 0]
-        cross = by_point.transpose(0, 2, 1) @ rows.reshape(len(points), 2, -1)  # (n_points, 3, k)
-        normal[points[:, :, None], columns] += cross
-        normal[columns[:, None, None], points] += cross.transpose(2, 0, 1)
+def _add(normal: np.ndarray, gradient: np.ndarray, slopes: Derivatives, points: SeenPoints, distances: np.ndarray,
+         weights: np.ndarray, first_pose: int, first_point: int | None) -> None:
+    """Add the equations of a camera to both  # (n, n), (n,), distances (n_points, 2) in the same weights (n_points,)
+
+    The unknowns of a pose move the points of its view alone, those of a free point this point alone.
+    """
+    columns = slopes.columns
+    common = slopes.common * weights[:, None, None]
+    flat = common.reshape(-1, len(columns))
+    normal[np.ix_(columns, columns)] += flat.T @ flat
+    gradient[columns] += flat.T @ distances.ravel()
+    for v, numbers, rows, pose, by_point, part in zip(
+            points.views, *map(points.split, (points.numbers, common, slopes.pose * weights[:, None, None],
+                                              slopes.by_point * weights[:, None, None], distances)), strict=True):
+        at = slice(first_pose + N_POSE * v, first_pose + N_POSE * (v + 1))
+        pose = pose.reshape(-1, N_POSE)
+        normal[at, at] += pose.T @ pose
+        gradient[at] += pose.T @ part.ravel()
+        cross = rows.reshape(-1, len(columns)).T @ pose
+        normal[columns, at] += cross
+        normal[at, columns] += cross.T
+        if first_point is not None:
+            places = first_point + 3 * numbers[:, None] + np.arange(3)
+            moves = np.r_[columns, np.arange(at.start, at.stop)]
+            _add_points(normal, gradient, by_point, part, places, moves,
+                        np.concatenate([rows, pose.reshape(-1, 2, N_POSE)], axis=2))
 
 
-def dot_radius(state: State, views: Views, places) -> float:
+def _add_points(normal, gradient, by_point, distances, places, moves, by_moves):
+    """Add the equations of free points, blocks of 3 x 3, and those with the unknowns ``moves`` that move them all."""
+    transposed = by_point.transpose(0, 2, 1)
+    normal[places[:, :, None], places[:, None, :]] += transposed @ by_point
+    gradient[places] += (transposed @ distances[:, :, None])[..., 0]
+    cross = transposed @ by_moves  # (n_points, 3, k)
+    normal[places[:, :, None], moves] += cross
+    normal[moves[:, None, None], places] += cross.transpose(2, 0, 1)
+
+
+def dot_radius(state: State, views: Views) -> float:
     """Radius of the dots in mm, the median of all; 0 for a chessboard."""
     radii = []
-    for v, c in places:
-        view = views[v][c]
-        if view.areas_px is not None:
-            space = in_camera_0(state.poses[v], state.points_mm[view.index[:, 0]])
-            radii.append(np.sqrt(view.areas_px / magnification(state.cameras[c], state.poses[v], space) / np.pi))
+    for v, row in enumerate(views):
+        for c, view in enumerate(row):
+            if view is not None and view.areas_px is not None:
+                space = in_camera_0(state.poses[v], state.points_mm[view.index[:, 0]])
+                radii.append(np.sqrt(view.areas_px / magnification(state.cameras[c], state.poses[v], space) / np.pi))
     return float(np.nanmedian(np.concatenate(radii))) if radii else 0.0

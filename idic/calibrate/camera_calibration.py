@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from idic.calibrate.between_views import between_views
-from idic.calibrate.bundle import Adjusted, adjust
+from idic.calibrate.between_views import between_views, by_points
+from idic.calibrate.bundle import Adjusted, adjust, seen_points
 from idic.calibrate.image_noise import Image, Linear, image_noise, inlying
 from idic.calibrate.judge import notes_on
 from idic.calibrate.projection import N_POSE, derivatives, n_cameras_unknowns, n_unknowns
 from idic.calibrate.records import Between, Calibration, Lens, Pose, SIGNIFICANCE, Shape, State, Views
 from idic.calibrate.shape import Target, exact, out_of_plane, with_print
 from idic.calibrate.start import numbered, one_camera, second_camera
-from idic.errors import InputError, NotConverged
+from idic.errors import InputError
 from idic.images import POSE_PARAMETERS
 from idic.readers import CameraRig
 
@@ -118,35 +118,42 @@ def _target(points: np.ndarray, std_mm: float | None) -> Target:
 def _with_print_if_seen(adjusted: Adjusted, views: Views, lens: Lens, target: Target, wider: Target,
                         noise: dict[Image, float]) -> tuple[Target, Adjusted]:
     """The wider target where the images show what it adds, else the present one, and the adjustment to it."""
-    try:
-        best = adjust(adjusted.state, views, lens, wider, noise)
-    except NotConverged:  # the views do not determine it
-        return target, adjusted
-    seen = _probability(best, _between(best, views, lens, wider, noise), wider, ~wider.is_normal)
-    return (wider, best) if seen < SIGNIFICANCE else (target, adjusted)
+    step, covariance = by_points(_linear(adjusted, views, lens, wider), noise, _prior(adjusted, lens, wider))
+    step_mm, freedom = step[len(step) - wider.n_unknowns :], adjusted.all_px.size - len(adjusted.cofactor)
+    probability = _probability(step_mm, covariance, wider, ~wider.is_normal, freedom)
+    if probability < SIGNIFICANCE:  # by the points; the scatter between views is dearer
+        between = _between(adjusted, views, lens, wider, noise)
+        probability = _probability(step_mm, between.covariance, wider, ~wider.is_normal,
+                                   _freedom(adjusted, between))
+    if probability < SIGNIFICANCE:
+        return wider, adjust(adjusted.state, views, lens, wider, noise)
+    return target, adjusted
 
 
-def _probability(adjusted: Adjusted, between: Between, target: Target, chosen: np.ndarray) -> float:
-    """Of coefficients of some modes as large by chance, by their covariance  # chosen: bool (n_modes,)"""
+def _freedom(adjusted: Adjusted, between: Between) -> int:
+    """Degrees of freedom of the covariance."""
+    if between.all_views.is_significant:
+        return len(adjusted.state.poses) - 1
+    return adjusted.all_px.size - len(adjusted.cofactor)
+
+
+def _probability(shape_mm: np.ndarray, covariance: np.ndarray, target: Target, chosen: np.ndarray, freedom: int
+                 ) -> float:
+    """Of coefficients of some modes as large by chance  # (m,), covariance of all shared unknowns, bool (n_modes,)"""
     modes = np.flatnonzero(chosen)
     if not len(modes):
         return 1.0
-    first = len(between.covariance) - target.n_unknowns
-    covariance = between.covariance[first:, first:][np.ix_(modes, modes)]
-    values = adjusted.state.shape_mm[modes]
-    freedom = adjusted.all_px.size - len(adjusted.cofactor)
-    if between.all_views.is_significant:
-        freedom = len(adjusted.state.poses) - 1
-    return float(f_distribution.sf(values @ np.linalg.solve(covariance, values) / len(modes), len(modes),
-                                   max(freedom, 1)))
+    first = len(covariance) - target.n_unknowns
+    square = shape_mm[modes] @ np.linalg.solve(covariance[first:, first:][np.ix_(modes, modes)], shape_mm[modes])
+    return float(f_distribution.sf(square / len(modes), len(modes), max(freedom, 1)))
 
 
 def _shape(adjusted: Adjusted, between: Between, target: Target, index: np.ndarray) -> Shape:
     """The shape of the target with its standard deviations."""
-    first = len(between.covariance) - target.n_unknowns
-    return Shape(index, *target.shape_mm(adjusted.state.shape_mm, between.covariance[first:, first:]),
-                 _probability(adjusted, between, target, target.is_normal),
-                 _probability(adjusted, between, target, ~target.is_normal))
+    first, shape_mm = len(between.covariance) - target.n_unknowns, adjusted.state.shape_mm
+    out_of_plane, in_plane = (_probability(shape_mm, between.covariance, target, chosen, _freedom(adjusted, between))
+                              for chosen in (target.is_normal, ~target.is_normal))
+    return Shape(index, *target.shape_mm(shape_mm, between.covariance[first:, first:]), out_of_plane, in_plane)
 
 
 def _chosen(views: Views, good: dict[Image, np.ndarray]) -> Views:
@@ -159,24 +166,33 @@ def _chosen(views: Views, good: dict[Image, np.ndarray]) -> Views:
 
 def _linear(adjusted: Adjusted, views: Views, lens: Lens, target: Target) -> dict[Image, Linear]:
     """The equations of every image about an adjusted state."""
-    state = adjusted.state
-    n = n_unknowns(state, lens, target)
-    n_first, step, images = n_cameras_unknowns(len(state.cameras), lens), np.zeros(n), {}
-    shared = np.r_[:n_first, n_first + N_POSE * len(state.poses) : n]
-    for v, row in enumerate(views):
-        for c, view in enumerate(row):
-            if view is not None:
-                slopes = derivatives(state, lens, step, target, v, c, view.index[:, 0]).full(n)
-                pose = slice(n_first + N_POSE * v, n_first + N_POSE * (v + 1))
-                images[v, c] = Linear(slopes[:, shared], slopes[:, pose], adjusted.residuals_px[v][c].ravel())
+    state, images = adjusted.state, {}
+    n, n_first = n_unknowns(state, lens, target), n_cameras_unknowns(len(state.cameras), lens)
+    n_poses = N_POSE * len(state.poses)
+    for c, points in enumerate(seen_points(views)):
+        slopes = derivatives(state, lens, np.zeros(n), target, c, points.view_of, points.numbers)
+        columns = np.where(slopes.columns < n_first, slopes.columns, slopes.columns - n_poses)
+        for v, numbers, common, pose, by_point in zip(points.views, *map(points.split, (
+                points.numbers, slopes.common, slopes.pose, slopes.by_point)), strict=True):
+            shared = np.zeros((len(common), 2, n - n_poses))
+            shared[:, :, columns] = common
+            for k, number in enumerate(numbers if target.n_free_points else ()):
+                at = n_first + target.n_modes + 3 * number
+                shared[k, :, at : at + 3] = by_point[k]
+            images[v, c] = Linear(shared.reshape(-1, n - n_poses), pose.reshape(-1, N_POSE),
+                                  adjusted.residuals_px[v][c].ravel())
     return images
 
 
 def _between(adjusted: Adjusted, views: Views, lens: Lens, target: Target, noise: dict[Image, float]) -> Between:
     """The scatter between the views of an adjustment."""
-    n_cameras = len(adjusted.state.cameras)
-    prior = np.concatenate([np.zeros(n_cameras_unknowns(n_cameras, lens)), target.prior_std_mm**-2.0])
-    return between_views(_linear(adjusted, views, lens, target), noise, n_cameras, lens, prior)
+    return between_views(_linear(adjusted, views, lens, target), noise, len(adjusted.state.cameras), lens,
+                         _prior(adjusted, lens, target))
+
+
+def _prior(adjusted: Adjusted, lens: Lens, target: Target) -> np.ndarray:
+    """Weights of the prior of the unknowns of cameras and target."""
+    return np.concatenate([np.zeros(n_cameras_unknowns(len(adjusted.state.cameras), lens)), target.prior_std_mm**-2.0])
 
 
 def _rig(cameras, lens: Lens, covariance: np.ndarray, sizes) -> CameraRig:

@@ -89,84 +89,72 @@ def n_unknowns(state: State, lens: Lens, target: Target) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Derivatives:
-    """d (column, row) of the n points of one camera in one view.
+    """d (column, row) of n points that one camera sees in all its views.
 
     Attributes
     ----------
     columns : int array (k,)
-        The unknowns that move these points: the camera's, the pose of the view, the modes of the target.
-    rows : array (2 n, k)
+        The unknowns that move all these points: the camera's, and the modes of the target.
+    common : array (n, 2, k)
         By these unknowns.
-    point_columns : int array (n, 3)
-        Unknowns of each point; (0, 3) where the points are not free.
+    pose : array (n, 2, 6)
+        By the pose of the view of each point.
     by_point : array (n, 2, 3)
         By the place of the point in the target's frame.
     """
 
     columns: np.ndarray
-    rows: np.ndarray
-    point_columns: np.ndarray
+    common: np.ndarray
+    pose: np.ndarray
     by_point: np.ndarray
 
-    def full(self, n: int) -> np.ndarray:
-        """By all n unknowns  # (2 n_points, n)"""
-        rows = np.zeros((len(self.rows), n))
-        rows[:, self.columns] = self.rows
-        for point, columns in enumerate(self.point_columns):
-            rows[2 * point : 2 * point + 2, columns] = self.by_point[point]
-        return rows
 
-
-def derivatives(state: State, lens: Lens, step: np.ndarray, target: Target, view: int, number: int,
+def derivatives(state: State, lens: Lens, step: np.ndarray, target: Target, number: int, views: np.ndarray,
                 chosen: np.ndarray) -> Derivatives:
-    """Derivatives of points seen by one camera in one view by the step.
+    """Derivatives of points seen by one camera by the step.
 
-    ``state`` is the one after the step; ``chosen`` (n,) are the numbers of the target points.
+    ``state`` is the one after the step; ``views`` (n,) are the views of the points, ``chosen`` (n,) the numbers of
+    the target points.
     """
-    camera, pose, first = state.cameras[number], state.poses[view], len(lens.identified)
-    space = in_camera_0(pose, state.points_mm[chosen])
-    by_space = camera.jacobian(space)
-    by_point = by_space @ pose.rotation
-    at = number * first + N_POSE * max(number - 1, 0)
-    columns, blocks = [np.arange(at, at + first)], [_by_lens(camera, lens, space)]
+    camera, first, n_cameras = state.cameras[number], len(lens.identified), len(state.cameras)
+    rotations = np.array([pose.rotation for pose in state.poses])[views]
+    arm = (rotations @ state.points_mm[chosen][:, :, None])[:, :, 0]
+    space = arm + np.array([pose.translation_mm for pose in state.poses])[views]
+    every = camera.parameter_jacobian(space)
+    by_shift = every[:, :, -3:]  # of the camera
+    by_space = by_shift @ camera.rotation
+    by_point = by_space @ rotations
+    at = n_cameras_unknowns(number, lens) + (0 if number else N_POSE)
+    columns, blocks = [np.arange(at, at + first)], [_by_lens(every, camera, lens)]
     if number:
-        by_shift = by_space @ camera.rotation.T
+        turn = left_jacobian(np.degrees(step[at + first : at + first + 3]))
         columns.append(np.arange(at + first, at + first + N_POSE))
-        # about the camera's own centre
-        blocks += [_by_turn(by_shift, space @ camera.rotation.T, step[at + first : at + first + 3]), by_shift]
-    at = n_cameras_unknowns(len(state.cameras), lens) + N_POSE * view
-    columns.append(np.arange(at, at + N_POSE))
-    blocks += [_by_turn(by_space, space - pose.translation_mm, step[at : at + 3]), by_space]
-    at = n_cameras_unknowns(len(state.cameras), lens) + N_POSE * len(state.poses)
+        blocks += [_rotated(by_shift, space @ camera.rotation.T) @ turn, by_shift]  # about the camera's own centre
     if target.n_modes:
+        at = n_cameras_unknowns(n_cameras, lens) + N_POSE * len(state.poses)
         columns.append(np.arange(at, at + target.n_modes))
         blocks.append(by_point @ target.modes[chosen])
-    free = chosen[: len(chosen) if target.n_free_points else 0]
-    rows = np.concatenate(blocks, axis=2)
-    return Derivatives(np.concatenate(columns), rows.reshape(-1, rows.shape[2]),
-                       at + target.n_modes + 3 * free[:, None] + np.arange(3), by_point)
+    at = n_cameras_unknowns(n_cameras, lens)
+    turns = np.array([left_jacobian(np.degrees(step[at + N_POSE * v : at + N_POSE * v + 3]))
+                      for v in range(len(state.poses))])
+    pose = np.concatenate([_rotated(by_space, arm) @ turns[views], by_space], axis=2)
+    return Derivatives(np.concatenate(columns), np.concatenate(blocks, axis=2), pose, by_point)
 
 
 def pose_slopes(camera: PinholeCamera, pose: Pose, step: np.ndarray, points_mm: np.ndarray) -> np.ndarray:
     """d (column, row) by the step of `turned` that led to this pose  # (6,), (n, 3) mm -> (2 n, 6)"""
     space = in_camera_0(pose, points_mm)
     by_space = camera.jacobian(space)
-    by_turn = _by_turn(by_space, space - pose.translation_mm, step[:3])
+    by_turn = _rotated(by_space, space - pose.translation_mm) @ left_jacobian(np.degrees(step[:3]))
     return np.concatenate([by_turn, by_space], axis=2).reshape(-1, N_POSE)
 
 
-def _by_lens(camera: PinholeCamera, lens: Lens, space: np.ndarray) -> np.ndarray:
-    """d pixel / d identified intrinsic values  # (n, 2, n_identified)"""
-    every = camera.parameter_jacobian(space)
+def _by_lens(every: np.ndarray, camera: PinholeCamera, lens: Lens) -> np.ndarray:
+    """Derivatives by the identified intrinsic values, of those by all parameters  # (n, 2, n_identified)"""
     by_lens = every[:, :, [camera.parameters.index(name) for name in lens.identified]]
     if lens.square:
         by_lens[:, :, lens.identified.index("fx")] += every[:, :, camera.parameters.index("fy")]
     return by_lens
-
-
-def _by_turn(by_space: np.ndarray, arm: np.ndarray, vector_rad: np.ndarray) -> np.ndarray:
-    """d pixel / d rotation vector  # (n, 2, 3), (n, 3), (3,) -> (n, 2, 3)"""
-    return _rotated(by_space, arm) @ left_jacobian(np.degrees(vector_rad))
 
 
 def _rotated(by_point: np.ndarray, arm: np.ndarray) -> np.ndarray:

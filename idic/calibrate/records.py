@@ -90,7 +90,7 @@ class Between:
     Attributes
     ----------
     covariance : array (m, m)
-        Of the shared unknowns (cameras, then free target points), with the scatter between views where it is
+        Of the shared unknowns (cameras, then target), with the scatter between views where it is
         significant, else with that of the points of each view.
     within_px : float
         Standard deviation of a coordinate of a point about the best cameras for its view alone.
