@@ -81,24 +81,24 @@ def adjust(state: State, views: Views, lens: Lens, target: Target | None = None,
     """
     target = target or exact(state.points_mm)
     n_shape = target.n_unknowns
-    known = np.zeros(n_shape)
-    known[: len(state.shape_mm)] = state.shape_mm
-    state = replace(state, shape_mm=known)
-    seen = seen_points(views)
+    shape_mm = np.zeros(n_shape)
+    shape_mm[: len(state.shape_mm)] = state.shape_mm
+    state = replace(state, shape_mm=shape_mm)
+    cameras_points = seen_points(views)
     radius = dot_radius(state, views)
     weights = [np.repeat([1.0 / noise_px[v, c] if noise_px else 1.0 for v in points.views], points.sizes)
-               for c, points in enumerate(seen)]
+               for c, points in enumerate(cameras_points)]
     for _ in range(SHIFT_PASSES if radius and not rough else 1):
-        equations = _Equations(state, seen, lens, radius, target, weights)
+        equations = _Equations(state, cameras_points, lens, radius, target, weights)
         step = minimum(equations.distances, equations.normal_equations, n_unknowns(state, lens, target),
                        START_TOLERANCE if rough else TOLERANCE)
         state = moved(state, lens, step, target)
-    equations_at_end = _Equations(state, seen, lens, radius, target, weights)
+    equations_at_end = _Equations(state, cameras_points, lens, radius, target, weights)
     zero_step = np.zeros(len(step))
     errors = equations_at_end.distances(zero_step)
     normal, _ = equations_at_end.normal_equations(zero_step, errors)
     residuals: list[list[np.ndarray | None]] = [[None] * len(row) for row in views]
-    for c, (points, part) in enumerate(zip(seen, equations_at_end.parts(errors), strict=True)):
+    for c, (points, part) in enumerate(zip(cameras_points, equations_at_end.parts(errors), strict=True)):
         for v, error in zip(points.views, points.split(-part / weights[c][:, None]), strict=True):
             residuals[v][c] = error
     scale = 1.0 / np.sqrt(np.diag(normal))
@@ -152,22 +152,22 @@ class _Equations:
     """Distances and their normal equations as functions of a step from a state; the shifts of the dots are those of
     the state."""
 
-    def __init__(self, base, seen, lens, radius_mm, target, weights):
-        self.base, self.seen, self.lens, self.target, self.weights = base, seen, lens, target, weights
+    def __init__(self, base, cameras_points, lens, radius_mm, target, weights):
+        self.base, self.points, self.lens, self.target, self.weights = base, cameras_points, lens, target, weights
         self.prior = 1.0 / target.prior_std_mm
-        self.view_of = [points.view_of for points in seen]
-        self.pixels = [points.points_px for points in seen]
+        self.view_of = [points.view_of for points in cameras_points]
+        self.pixels = [points.points_px for points in cameras_points]
         if radius_mm:  # what is seen is the centroid
             self.pixels = [points.points_px - np.vstack([
                 dot_shift(base.cameras[c], base.poses[v], base.points_mm[numbers], radius_mm)
                 for v, numbers in zip(points.views, points.split(points.numbers), strict=True)])
-                for c, points in enumerate(seen)]
+                for c, points in enumerate(cameras_points)]
 
     def distances(self, step):
         """Projected minus seen in units of the noise, then the unknowns of the target in those of their prior."""
         try:
             state, parts = moved(self.base, self.lens, step, self.target), []
-            for c, points in enumerate(self.seen):
+            for c, points in enumerate(self.points):
                 space = np.vstack([in_camera_0(state.poses[v], state.points_mm[numbers]) for v, numbers
                                    in zip(points.views, points.split(points.numbers), strict=True)])
                 parts.append((state.cameras[c].project(space) - self.pixels[c]) * self.weights[c][:, None])
@@ -177,7 +177,7 @@ class _Equations:
 
     def parts(self, distances):
         """The distances of the points of each camera  # (n, 2)"""
-        ends = np.cumsum([2 * len(points.numbers) for points in self.seen])
+        ends = np.cumsum([2 * len(points.numbers) for points in self.points])
         return [part.reshape(-1, 2) for part in np.split(distances[: ends[-1]], ends[:-1])]
 
     def normal_equations(self, step, distances):
@@ -185,7 +185,7 @@ class _Equations:
         state = moved(self.base, self.lens, step, self.target)
         n, n_shape, n_poses = len(step), len(self.prior), N_POSE * len(state.poses)
         normal, gradient = np.zeros((n, n)), np.zeros(n)
-        for c, (points, part) in enumerate(zip(self.seen, self.parts(distances), strict=True)):
+        for c, (points, part) in enumerate(zip(self.points, self.parts(distances), strict=True)):
             slopes = derivatives(state, self.lens, step, self.target, c, self.view_of[c], points.numbers)
             _add(normal, gradient, slopes, points, part, self.weights[c], n - n_shape - n_poses,
                  n - n_shape + self.target.n_modes if self.target.n_free_points else None)

@@ -54,10 +54,10 @@ def lens_columns(camera: int, lens: Lens) -> slice:
 
 def inlying(images: Mapping[Image, Linear], lens: Lens) -> dict[Image, np.ndarray]:
     """Points of every image that lie as close as those of all images, or as those of their own, do  # bool (n,)"""
-    rest = {key: _alone(image, key[1], lens)[0] for key, image in images.items()}
-    usual = _deviation(np.concatenate(list(rest.values())))
+    residuals = {key: _alone(image, key[1], lens)[0] for key, image in images.items()}
+    usual = _deviation(np.concatenate(list(residuals.values())))
     return {key: np.abs(errors).reshape(-1, 2).max(axis=1) <= OUTLIER * max(usual, _deviation(errors))
-            for key, errors in rest.items()}
+            for key, errors in residuals.items()}
 
 
 def image_noise(images: Mapping[Image, Linear], lens: Lens) -> dict[Image, float]:
@@ -67,8 +67,8 @@ def image_noise(images: Mapping[Image, Linear], lens: Lens) -> dict[Image, float
         errors, rank = _alone(image, key[1], lens)
         squares[key], freedom[key] = max(float(errors @ errors), 1e-30), len(errors) - rank
     usual = float(np.sqrt(sum(squares.values()) / max(sum(freedom.values()), 1)))
-    known = [key for key in images if freedom[key] > 0]
-    if not _differ(np.array([squares[key] for key in known]), np.array([freedom[key] for key in known])):
+    measured = [key for key in images if freedom[key] > 0]
+    if not _differ(np.array([squares[key] for key in measured]), np.array([freedom[key] for key in measured])):
         return dict.fromkeys(images, usual)
     return dict(zip(images, _moderated(np.array(list(squares.values())), np.array(list(freedom.values()))).tolist(),
                     strict=True))

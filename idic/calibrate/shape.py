@@ -107,11 +107,11 @@ def _target(points_mm: np.ndarray, terms: list[tuple[int, int, int]]) -> Target:
     n, zero, unit = len(x), np.zeros_like(x), np.ones_like(x)
     gauge = [(unit, zero, zero), (zero, unit, zero), (zero, zero, unit), (zero, zero, x), (zero, zero, y),
              (-y, x, zero), (x, y, zero)]  # the last one is the scale
-    held = np.linalg.qr(np.array([np.column_stack(columns).ravel() for columns in gauge]).T)[0]
-    free = np.zeros((n, 3, len(terms)))
+    basis = np.linalg.qr(np.array([np.column_stack(columns).ravel() for columns in gauge]).T)[0]
+    columns_mm = np.zeros((n, 3, len(terms)))
     for k, (axis, power_x, power_y) in enumerate(terms):
-        free[:, axis, k] = x**power_x * y**power_y
-    free = free.reshape(3 * n, len(terms))
-    vectors, values, _ = np.linalg.svd(free - held @ (held.T @ free), full_matrices=False)
+        columns_mm[:, axis, k] = x**power_x * y**power_y
+    columns_mm = columns_mm.reshape(3 * n, len(terms))
+    vectors, values, _ = np.linalg.svd(columns_mm - basis @ (basis.T @ columns_mm), full_matrices=False)
     modes = vectors[:, values > _RANK] * np.sqrt(n)
-    return Target(modes.reshape(n, 3, -1), np.full(modes.shape[1], VISIBLE_SHARE * size), held[:, :6])
+    return Target(modes.reshape(n, 3, -1), np.full(modes.shape[1], VISIBLE_SHARE * size), basis[:, :6])
