@@ -14,7 +14,7 @@ def test_intervals_hold_without_being_wide(world):
     by_draw = draws.inside.mean(axis=1)
     error = max(float(by_draw.std(ddof=1)) / np.sqrt(N_DRAWS), 0.005)
     assert 0.93 - 3.0 * error < by_draw.mean() < 0.97 + 3.0 * error
-    # of Student's interval by four views, 1.6 of the normal one; by ten, 1.15
-    assert 0.85 < draws.width.mean() < (1.8 if world == "few views" else 1.4)
+    # of Student's interval by four views, 1.6 of the normal one; by ten, 1.15; thirty draws know the error to 13 %
+    assert 0.85 < draws.width.mean() < (1.8 if world == "few views" else 1.5)
     assert (draws.n_scattered > N_DRAWS // 2) == (world in ("focus", "late trigger", "few views"))
     assert draws.n_shaped == N_DRAWS if world == "bent" else draws.n_shaped <= 1
