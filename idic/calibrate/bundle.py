@@ -1,19 +1,22 @@
-"""Bundle adjustment: lenses, poses and, on demand, target points that minimise the reprojection error."""
+"""Bundle adjustment: lenses, poses and what is free of the target, with the smallest reprojection error."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from idic.calibrate.levenberg import minimum
-from idic.calibrate.projection import derivatives, dot_shift, in_camera_0, magnification, moved, n_unknowns
+from idic.calibrate.projection import (
+    Derivatives, N_POSE, derivatives, dot_shift, in_camera_0, magnification, moved, n_unknowns,
+)
 from idic.calibrate.records import Lens, State, Views
+from idic.calibrate.shape import Target, exact
 from idic.errors import InputError
 
 SHIFT_PASSES = 3            # the shift of a dot's centroid depends on its pose: settled after the second
 START_TOLERANCE = 1e-5
-OUTLIER = 6.0               # robust standard deviations: no Gaussian error of a point in any calibration
 TOLERANCE = 1e-10           # of cost and step: far below the standard deviations
 
 
@@ -26,9 +29,9 @@ class Adjusted:
     state : State
     residuals_px : per view, per camera: array (n, 2) or None
     cofactor : array (m, m)
-        (J^T J)^-1 of all unknowns, of pixels and, with free points, their prior.
+        (J^T J)^-1 of all unknowns, of pixels and of the prior of the target.
     n_carried : float
-        Number of unknowns that the prior of the points carries instead of the pixels.
+        Number of unknowns that the prior of the target carries instead of the pixels.
     """
 
     state: State
@@ -53,8 +56,8 @@ class Adjusted:
         return float(np.sqrt((self.all_px**2).sum(axis=1).mean()))
 
 
-def adjust(state: State, views: Views, lens: Lens, prior_mm: float = 0.0, noise_px: float = 1.0,
-           rough: bool = False) -> Adjusted:
+def adjust(state: State, views: Views, lens: Lens, target: Target | None = None,
+           noise_px: Mapping[tuple[int, int], float] | None = None, rough: bool = False) -> Adjusted:
     """The state with the smallest sum of squared distances between seen and projected points.
 
     Parameters
@@ -64,10 +67,10 @@ def adjust(state: State, views: Views, lens: Lens, prior_mm: float = 0.0, noise_
     views : Views
         With ``index`` (n, 1): numbers of target points.
     lens : Lens
-    prior_mm : float
-        Standard deviation of a target point from its place in ``state``; 0: the points are exact.
-    noise_px : float
-        Standard deviation of a seen coordinate, the weight of the prior.
+    target : Target, optional
+        What is free of the places of the points; by default nothing.
+    noise_px : {(view, camera): float}, optional
+        Standard deviation of a seen coordinate in every image: the weight of its points; by default 1.
     rough : bool
         To some thousandths of a pixel only: a start.
 
@@ -76,98 +79,166 @@ def adjust(state: State, views: Views, lens: Lens, prior_mm: float = 0.0, noise_
     NotConverged
         The adjustment does not settle.
     """
-    weight = noise_px / prior_mm if prior_mm > 0.0 else 0.0
-    places = tuple((v, c) for v, row in enumerate(views) for c, view in enumerate(row) if view is not None)
-    radius = dot_radius(state, views, places)
-    nominal = state.points_mm
+    target = target or exact(state.points_mm)
+    n_shape = target.n_unknowns
+    shape_mm = np.zeros(n_shape)
+    shape_mm[: len(state.shape_mm)] = state.shape_mm
+    state = replace(state, shape_mm=shape_mm)
+    cameras_points = seen_points(views)
+    radius = dot_radius(state, views)
+    weights = [np.repeat([1.0 / noise_px[v, c] if noise_px else 1.0 for v in points.views], points.sizes)
+               for c, points in enumerate(cameras_points)]
     for _ in range(SHIFT_PASSES if radius and not rough else 1):
-        equations = _Equations(state, views, lens, places, radius, weight, nominal)
-        step = minimum(equations.distances, equations.slopes, n_unknowns(state, lens, weight > 0.0),
+        equations = _Equations(state, cameras_points, lens, radius, target, weights)
+        step = minimum(equations.distances, equations.normal_equations, n_unknowns(state, lens, target),
                        START_TOLERANCE if rough else TOLERANCE)
-        state = moved(state, lens, step, weight > 0.0)
-    equations_at_end = _Equations(state, views, lens, places, radius, weight, nominal)
+        state = moved(state, lens, step, target)
+    equations_at_end = _Equations(state, cameras_points, lens, radius, target, weights)
     zero_step = np.zeros(len(step))
-    errors, jacobian = equations_at_end.distances(zero_step), equations_at_end.slopes(zero_step)
+    errors = equations_at_end.distances(zero_step)
+    normal, _ = equations_at_end.normal_equations(zero_step, errors)
     residuals: list[list[np.ndarray | None]] = [[None] * len(row) for row in views]
-    at = 0
-    for v, c in places:
-        n = views[v][c].n
-        residuals[v][c] = -errors[at : at + 2 * n].reshape(n, 2)
-        at += 2 * n
-    normal = jacobian.T @ jacobian
+    for c, (points, part) in enumerate(zip(cameras_points, equations_at_end.parts(errors), strict=True)):
+        for v, error in zip(points.views, points.split(-part / weights[c][:, None]), strict=True):
+            residuals[v][c] = error
     scale = 1.0 / np.sqrt(np.diag(normal))
     cofactor = np.linalg.inv(normal * scale[:, None] * scale) * scale[:, None] * scale
-    carried = float(np.diag(cofactor)[-state.points_mm.size :].sum()) * weight**2
+    carried = float((np.diag(cofactor)[len(step) - n_shape :] / target.prior_std_mm**2).sum())
     return Adjusted(state, tuple(tuple(row) for row in residuals), cofactor, carried)
 
 
-class _Equations:
-    """Distances and their Jacobian as functions of a step from a state; the shifts of the dots are those of the
-    state."""
+@dataclass(frozen=True, eq=False)
+class SeenPoints:
+    """The points that one camera sees, one view after the other.
 
-    def __init__(self, base, views, lens, places, radius_mm, weight, nominal):
-        self.base, self.lens, self.places, self.weight, self.nominal = base, lens, places, weight, nominal
-        self.numbers = {(v, c): views[v][c].index[:, 0] for v, c in places}
-        self.pixels = {(v, c): views[v][c].points_px for v, c in places}
+    Attributes
+    ----------
+    views : tuple of int
+        Numbers of the views in which it sees the target.
+    sizes : tuple of int
+        Points of each.
+    numbers : int array (n,)
+        Of the target points.
+    points_px : array (n, 2)
+    """
+
+    views: tuple[int, ...]
+    sizes: tuple[int, ...]
+    numbers: np.ndarray
+    points_px: np.ndarray
+
+    @property
+    def view_of(self) -> np.ndarray:
+        """The view of every point  # int (n,)"""
+        return np.repeat(self.views, self.sizes)
+
+    def split(self, array: np.ndarray) -> list[np.ndarray]:
+        """An array over the points, one part per view."""
+        return np.split(array, np.cumsum(self.sizes)[:-1])
+
+
+def seen_points(views: Views) -> list[SeenPoints]:
+    """Per camera."""
+    cameras = []
+    for c in range(len(views[0])):
+        chosen = {v: view for v, row in enumerate(views) if (view := row[c]) is not None}
+        cameras.append(SeenPoints(tuple(chosen), tuple(view.n for view in chosen.values()),
+                                  np.concatenate([view.index[:, 0] for view in chosen.values()]),
+                                  np.vstack([view.points_px for view in chosen.values()])))
+    return cameras
+
+
+class _Equations:
+    """Distances and their normal equations as functions of a step from a state; the shifts of the dots are those of
+    the state."""
+
+    def __init__(self, base, cameras_points, lens, radius_mm, target, weights):
+        self.base, self.points, self.lens, self.target, self.weights = base, cameras_points, lens, target, weights
+        self.prior = 1.0 / target.prior_std_mm
+        self.view_of = [points.view_of for points in cameras_points]
+        self.pixels = [points.points_px for points in cameras_points]
         if radius_mm:  # what is seen is the centroid
-            for v, c in places:
-                points = base.points_mm[self.numbers[v, c]]
-                self.pixels[v, c] = self.pixels[v, c] - dot_shift(base.cameras[c], base.poses[v], points, radius_mm)
+            self.pixels = [points.points_px - np.vstack([
+                dot_shift(base.cameras[c], base.poses[v], base.points_mm[numbers], radius_mm)
+                for v, numbers in zip(points.views, points.split(points.numbers), strict=True)])
+                for c, points in enumerate(cameras_points)]
 
     def distances(self, step):
-        """Projected minus seen, then the points' distance from their places in the weight of the prior."""
+        """Projected minus seen in units of the noise, then the unknowns of the target in those of their prior."""
         try:
-            moved_state = moved(self.base, self.lens, step, self.weight > 0.0)
-            parts = [(moved_state.cameras[c].project(in_camera_0(moved_state.poses[v],
-                                                                 moved_state.points_mm[self.numbers[v, c]]))
-                      - self.pixels[v, c]).ravel() for v, c in self.places]
+            state, parts = moved(self.base, self.lens, step, self.target), []
+            for c, points in enumerate(self.points):
+                space = np.vstack([in_camera_0(state.poses[v], state.points_mm[numbers]) for v, numbers
+                                   in zip(points.views, points.split(points.numbers), strict=True)])
+                parts.append((state.cameras[c].project(space) - self.pixels[c]) * self.weights[c][:, None])
         except InputError:  # a trial step with a point behind a camera: it is cut
             return np.full(1, np.inf)
-        if self.weight:
-            parts.append((moved_state.points_mm - self.nominal).ravel() * self.weight)
-        return np.concatenate(parts)
+        return np.concatenate([*(part.ravel() for part in parts), state.shape_mm * self.prior])
 
-    def slopes(self, step):
-        """Derivatives of `distances`."""
-        points_free = self.weight > 0.0
-        moved_state = moved(self.base, self.lens, step, points_free)
-        parts = [derivatives(moved_state, self.lens, step, points_free, v, c, self.numbers[v, c])
-                 for v, c in self.places]
-        if points_free:
-            rows = np.zeros((self.nominal.size, len(step)))
-            rows[:, -self.nominal.size :] = np.eye(self.nominal.size) * self.weight
-            parts.append(rows)
-        return np.vstack(parts)
+    def parts(self, distances):
+        """The distances of the points of each camera  # (n, 2)"""
+        ends = np.cumsum([2 * len(points.numbers) for points in self.points])
+        return [part.reshape(-1, 2) for part in np.split(distances[: ends[-1]], ends[:-1])]
+
+    def normal_equations(self, step, distances):
+        """J^T J and J^T distances."""
+        state = moved(self.base, self.lens, step, self.target)
+        n, n_shape, n_poses = len(step), len(self.prior), N_POSE * len(state.poses)
+        normal, gradient = np.zeros((n, n)), np.zeros(n)
+        for c, (points, part) in enumerate(zip(self.points, self.parts(distances), strict=True)):
+            slopes = derivatives(state, self.lens, step, self.target, c, self.view_of[c], points.numbers)
+            _add(normal, gradient, slopes, points, part, self.weights[c], n - n_shape - n_poses,
+                 n - n_shape + self.target.n_modes if self.target.n_free_points else None)
+        prior = np.arange(n - n_shape, n)
+        normal[prior, prior] += self.prior**2
+        gradient[prior] += self.prior * distances[len(distances) - n_shape :]
+        return normal, gradient
 
 
-def dot_radius(state: State, views: Views, places) -> float:
+def _add(normal: np.ndarray, gradient: np.ndarray, slopes: Derivatives, points: SeenPoints, distances: np.ndarray,
+         weights: np.ndarray, first_pose: int, first_point: int | None) -> None:
+    """Add the equations of a camera to both  # (n, n), (n,), distances (n_points, 2) in the same weights (n_points,)
+
+    The unknowns of a pose move the points of its view alone, those of a free point this point alone.
+    """
+    columns = slopes.columns
+    common = slopes.common * weights[:, None, None]
+    flat = common.reshape(-1, len(columns))
+    normal[np.ix_(columns, columns)] += flat.T @ flat
+    gradient[columns] += flat.T @ distances.ravel()
+    for v, numbers, rows, pose, by_point, part in zip(
+            points.views, *map(points.split, (points.numbers, common, slopes.pose * weights[:, None, None],
+                                              slopes.by_point * weights[:, None, None], distances)), strict=True):
+        at = slice(first_pose + N_POSE * v, first_pose + N_POSE * (v + 1))
+        pose = pose.reshape(-1, N_POSE)
+        normal[at, at] += pose.T @ pose
+        gradient[at] += pose.T @ part.ravel()
+        cross = rows.reshape(-1, len(columns)).T @ pose
+        normal[columns, at] += cross
+        normal[at, columns] += cross.T
+        if first_point is not None:
+            places = first_point + 3 * numbers[:, None] + np.arange(3)
+            moves = np.r_[columns, np.arange(at.start, at.stop)]
+            _add_points(normal, gradient, by_point, part, places, moves,
+                        np.concatenate([rows, pose.reshape(-1, 2, N_POSE)], axis=2))
+
+
+def _add_points(normal, gradient, by_point, distances, places, moves, by_moves):
+    """Add the equations of free points, blocks of 3 x 3, and those with the unknowns ``moves`` that move them all."""
+    transposed = by_point.transpose(0, 2, 1)
+    normal[places[:, :, None], places[:, None, :]] += transposed @ by_point
+    gradient[places] += (transposed @ distances[:, :, None])[..., 0]
+    cross = transposed @ by_moves  # (n_points, 3, k)
+    normal[places[:, :, None], moves] += cross
+    normal[moves[:, None, None], places] += cross.transpose(2, 0, 1)
+
+
+def dot_radius(state: State, views: Views) -> float:
     """Radius of the dots in mm, the median of all; 0 for a chessboard."""
     radii = []
-    for v, c in places:
-        view = views[v][c]
-        if view.areas_px is not None:
-            space = in_camera_0(state.poses[v], state.points_mm[view.index[:, 0]])
-            radii.append(np.sqrt(view.areas_px / magnification(state.cameras[c], state.poses[v], space) / np.pi))
+    for v, row in enumerate(views):
+        for c, view in enumerate(row):
+            if view is not None and view.areas_px is not None:
+                space = in_camera_0(state.poses[v], state.points_mm[view.index[:, 0]])
+                radii.append(np.sqrt(view.areas_px / magnification(state.cameras[c], state.poses[v], space) / np.pi))
     return float(np.nanmedian(np.concatenate(radii))) if radii else 0.0
-
-
-def without_outliers(adjusted: Adjusted, views: Views) -> tuple[Views, int]:
-    """The views without points that lie further off than errors of detection do, and how many these are."""
-    deviation = 1.4826 * np.median(np.abs(adjusted.all_px))
-    inlying_views, n_left_out = [], 0
-    for row, errors in zip(views, adjusted.residuals_px, strict=True):
-        inlying_row = []
-        for view, error in zip(row, errors, strict=True):
-            if view is not None:
-                good = np.abs(error).max(axis=1) <= OUTLIER * deviation
-                n_left_out += int((~good).sum())
-                view = subset(view, good)
-            inlying_row.append(view)
-        inlying_views.append(tuple(inlying_row))
-    return tuple(inlying_views), n_left_out
-
-
-def subset(view, good):
-    """The view with some of its points."""
-    areas = None if view.areas_px is None else view.areas_px[good]
-    return type(view)(view.index[good], view.points_px[good], areas, view.unique)

@@ -5,23 +5,26 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import f as f_distribution
 
-from idic.calibrate.between_views import between_views
-from idic.calibrate.bundle import Adjusted, adjust, without_outliers
+from idic.calibrate.between_views import between_views, by_points
+from idic.calibrate.bundle import Adjusted, adjust, seen_points
+from idic.calibrate.image_noise import Image, Linear, image_noise, inlying
 from idic.calibrate.judge import notes_on
-from idic.calibrate.projection import N_POSE, derivatives, n_unknowns
-from idic.calibrate.records import Between, Calibration, Lens, Pose, State, Views
+from idic.calibrate.projection import N_POSE, derivatives, n_cameras_unknowns, n_unknowns
+from idic.calibrate.records import Between, Calibration, Lens, Pose, SIGNIFICANCE, Shape, State, Views
+from idic.calibrate.shape import Target, exact, out_of_plane, with_print
 from idic.calibrate.start import numbered, one_camera, second_camera
 from idic.errors import InputError
 from idic.images import POSE_PARAMETERS
 from idic.readers import CameraRig
 
-PRIOR_PASSES = 2            # the weight of the prior of target points depends on the noise: settled after the first
+PRIOR_PASSES = 2            # free points and the noise of the images depend on each other: settled after the second
 MIN_VIEWS = 3               # of a flat target: below, focal length and centre are not determined
 
 
 def calibrate(views: Views, image_size_px: tuple[tuple[int, int], ...], spacing_mm: float, lens: Lens | None = None,
-              target_std_mm: float = 0.0) -> Calibration:
+              target_std_mm: float | None = None) -> Calibration:
     """Cameras whose projections of a flat target lie closest to the seen points.
 
     Parameters
@@ -32,9 +35,10 @@ def calibrate(views: Views, image_size_px: tuple[tuple[int, int], ...], spacing_
         Distance of neighbouring points of the target.
     lens : Lens, optional
         Which intrinsic values are free.
-    target_std_mm : float
-        Standard deviation of a point of the target from its nominal place; 0: exact. Above 0 the points are identified,
-        too.
+    target_std_mm : float, optional
+        Standard deviation of every point of the target from its nominal place. 0: they are exact; above 0 all of them
+        are identified with the cameras. By default a smooth bend is identified, and other spacings along its two axes
+        where the images show them.
 
     Returns
     -------
@@ -56,6 +60,38 @@ def calibrate(views: Views, image_size_px: tuple[tuple[int, int], ...], spacing_
             raise InputError("too few images show the target", key=f"camera {number}", found=f"{n_views}",
                              expected=f"at least {MIN_VIEWS}, better 15, at different tilts and places",
                              remedy="record more images of the target; check --target and --grid")
+    points, used, state, seen_views = _start(views, image_size_px, spacing_mm, lens)
+    target = _target(points, target_std_mm)
+    first = adjust(state, used, lens, replace(target, point_std_mm=0.0))
+    linear = _linear(first, used, lens, exact(points))
+    good = inlying(linear, lens)
+    used = _chosen(used, good)
+    n_left_out = int(sum((~part).sum() for part in good.values()))
+    noise = image_noise({key: image.of_points(good[key]) for key, image in linear.items()}, lens)
+    best = adjust(first.state, used, lens, target, noise)
+    for _ in range(PRIOR_PASSES if target.n_free_points else 0):
+        noise = image_noise(_linear(best, used, lens, exact(points)), lens)
+        best = adjust(best.state, used, lens, target, noise)
+    if target_std_mm is None:
+        target, best = _with_print_if_seen(best, used, lens, target, with_print(target, points), noise)
+    between = _between(best, used, lens, target, noise)
+    shape = _shape(best, between, target, np.rint(points[:, :2] / spacing_mm).astype(int))
+    rig = _rig(best.state.cameras, lens, between.covariance, image_size_px)
+    residuals, views_out = _in_place(best.residuals_px, used, seen_views, len(views), n_cameras)
+    poses_out = dict(zip(seen_views, best.state.poses, strict=True))
+    result = Calibration(rig, tuple(poses_out.get(v) for v in range(len(views))), residuals,
+                         views_out,
+                         best.state.points_mm, best.rms_px, best.noise_px, n_left_out, between,
+                         shape)
+    return replace(result, notes=notes_on(result, target_std_mm))
+
+
+def _start(views: Views, image_size_px, spacing_mm: float, lens: Lens
+           ) -> tuple[np.ndarray, Views, State, list[int]]:
+    """Nominal points, the views with numbers of these where a pose is known, the state to start from, and the numbers
+    of these views.
+    """
+    n_cameras = len(image_size_px)
     used, points = numbered(views, spacing_mm)
     single_cameras = [one_camera(used, number, points, image_size_px[number], lens) for number in range(n_cameras)]
     cameras = [next(iter(single_cameras[0].values()))[0]]
@@ -69,41 +105,94 @@ def calibrate(views: Views, image_size_px: tuple[tuple[int, int], ...], spacing_
     seen_views = [v for v, pose in enumerate(poses) if pose is not None]
     used = tuple(used[v] for v in seen_views)
     state = State(tuple(cameras), tuple(poses[v] for v in seen_views), points)
-    first = adjust(state, used, lens)
-    used, n_left_out = without_outliers(first, used)
-    best = adjust(first.state, used, lens)
-    for _ in range(PRIOR_PASSES if target_std_mm > 0.0 else 0):
-        best = adjust(replace(best.state, points_mm=points), used, lens, target_std_mm, best.noise_px)
-    noise = best.noise_px
-    between = _between(best, used, lens, target_std_mm)
-    rig = _rig(best.state.cameras, lens, between.covariance, image_size_px)
-    residuals, views_out = _in_place(best.residuals_px, used, seen_views, len(views), n_cameras)
-    poses_out = dict(zip(seen_views, best.state.poses, strict=True))
-    result = Calibration(rig, tuple(poses_out.get(v) for v in range(len(views))), residuals,
-                         views_out,
-                         best.state.points_mm, best.rms_px, noise, n_left_out, between)
-    return replace(result, notes=notes_on(result, target_std_mm))
+    return points, used, state, seen_views
 
 
-def _between(adjusted: Adjusted, views: Views, lens: Lens, target_std_mm: float) -> Between:
+def _target(points: np.ndarray, std_mm: float | None) -> Target:
+    """What is free of the target by the stated standard deviation of its points."""
+    if std_mm == 0.0:
+        return exact(points)
+    return replace(out_of_plane(points), point_std_mm=std_mm or 0.0)
+
+
+def _with_print_if_seen(adjusted: Adjusted, views: Views, lens: Lens, target: Target, wider: Target,
+                        noise: dict[Image, float]) -> tuple[Target, Adjusted]:
+    """The wider target where the images show what it adds, else the present one, and the adjustment to it."""
+    step, covariance = by_points(_linear(adjusted, views, lens, wider), noise, _prior(adjusted, lens, wider))
+    step_mm, freedom = step[len(step) - wider.n_unknowns :], adjusted.all_px.size - len(adjusted.cofactor)
+    probability = _probability(step_mm, covariance, wider, ~wider.is_normal, freedom)
+    if probability < SIGNIFICANCE:  # by the points; the scatter between views is dearer
+        between = _between(adjusted, views, lens, wider, noise)
+        probability = _probability(step_mm, between.covariance, wider, ~wider.is_normal,
+                                   _freedom(adjusted, between))
+    if probability < SIGNIFICANCE:
+        return wider, adjust(adjusted.state, views, lens, wider, noise)
+    return target, adjusted
+
+
+def _freedom(adjusted: Adjusted, between: Between) -> int:
+    """Degrees of freedom of the covariance."""
+    if between.all_views.is_significant:
+        return len(adjusted.state.poses) - 1
+    return adjusted.all_px.size - len(adjusted.cofactor)
+
+
+def _probability(shape_mm: np.ndarray, covariance: np.ndarray, target: Target, chosen: np.ndarray, freedom: int
+                 ) -> float:
+    """Of coefficients of some modes as large by chance  # (m,), covariance of all shared unknowns, bool (n_modes,)"""
+    modes = np.flatnonzero(chosen)
+    if not len(modes):
+        return 1.0
+    first = len(covariance) - target.n_unknowns
+    square = shape_mm[modes] @ np.linalg.solve(covariance[first:, first:][np.ix_(modes, modes)], shape_mm[modes])
+    return float(f_distribution.sf(square / len(modes), len(modes), max(freedom, 1)))
+
+
+def _shape(adjusted: Adjusted, between: Between, target: Target, index: np.ndarray) -> Shape:
+    """The shape of the target with its standard deviations."""
+    first, shape_mm = len(between.covariance) - target.n_unknowns, adjusted.state.shape_mm
+    out_of_plane, in_plane = (_probability(shape_mm, between.covariance, target, chosen, _freedom(adjusted, between))
+                              for chosen in (target.is_normal, ~target.is_normal))
+    return Shape(index, *target.shape_mm(shape_mm, between.covariance[first:, first:]), out_of_plane, in_plane)
+
+
+def _chosen(views: Views, good: dict[Image, np.ndarray]) -> Views:
+    """The views with some of their points."""
+    return tuple(tuple(None if view is None else
+                       replace(view, index=view.index[good[v, c]], points_px=view.points_px[good[v, c]],
+                               areas_px=None if view.areas_px is None else view.areas_px[good[v, c]])
+                       for c, view in enumerate(row)) for v, row in enumerate(views))
+
+
+def _linear(adjusted: Adjusted, views: Views, lens: Lens, target: Target) -> dict[Image, Linear]:
+    """The equations of every image about an adjusted state."""
+    state, images = adjusted.state, {}
+    n, n_first = n_unknowns(state, lens, target), n_cameras_unknowns(len(state.cameras), lens)
+    n_poses = N_POSE * len(state.poses)
+    for c, points in enumerate(seen_points(views)):
+        slopes = derivatives(state, lens, np.zeros(n), target, c, points.view_of, points.numbers)
+        columns = np.where(slopes.columns < n_first, slopes.columns, slopes.columns - n_poses)
+        for v, numbers, common, pose, by_point in zip(points.views, *map(points.split, (
+                points.numbers, slopes.common, slopes.pose, slopes.by_point)), strict=True):
+            shared = np.zeros((len(common), 2, n - n_poses))
+            shared[:, :, columns] = common
+            for k, number in enumerate(numbers if target.n_free_points else ()):
+                at = n_first + target.n_modes + 3 * number
+                shared[k, :, at : at + 3] = by_point[k]
+            images[v, c] = Linear(shared.reshape(-1, n - n_poses), pose.reshape(-1, N_POSE),
+                                  adjusted.residuals_px[v][c].ravel())
+    return images
+
+
+def _between(adjusted: Adjusted, views: Views, lens: Lens, target: Target, noise: dict[Image, float]) -> Between:
     """The scatter between the views of an adjustment."""
-    state, points_free = adjusted.state, target_std_mm > 0.0
-    n, n_cameras = n_unknowns(state, lens, points_free), len(state.cameras)
-    first_pose = n_cameras * len(lens.identified) + N_POSE * (n_cameras - 1)
-    last_pose = first_pose + N_POSE * len(state.poses)
-    shared = np.r_[:first_pose, last_pose:n]
-    prior = np.zeros(len(shared))
-    if points_free:
-        prior[first_pose:] = (adjusted.noise_px / target_std_mm)**2
-    rows, errors = {}, {}
-    for v, row in enumerate(views):
-        for c, view in enumerate(row):
-            if view is not None:
-                slopes = derivatives(state, lens, np.zeros(n), points_free, v, c, view.index[:, 0])
-                pose = first_pose + N_POSE * v + np.arange(N_POSE)
-                rows[v, c] = slopes[:, np.r_[shared, pose]]
-                errors[v, c] = adjusted.residuals_px[v][c].ravel()
-    return between_views(rows, errors, n_cameras, lens, len(shared), np.diag(prior))
+    return between_views(_linear(adjusted, views, lens, target), noise, len(adjusted.state.cameras), lens,
+                         _prior(adjusted, lens, target))
+
+
+def _prior(adjusted: Adjusted, lens: Lens, target: Target) -> np.ndarray:
+    """Weights of the prior of the unknowns of cameras and target."""
+    return np.concatenate([np.zeros(n_cameras_unknowns(len(adjusted.state.cameras), lens)), target.prior_std_mm**-2.0])
 
 
 def _rig(cameras, lens: Lens, covariance: np.ndarray, sizes) -> CameraRig:

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from idic.calibrate.projection import in_camera_0
-from idic.calibrate.records import Calibration
+from idic.calibrate.records import Calibration, Shape
 
 MIN_COVERAGE = 0.6          # of the image inside the hull of all points: distortion outside is extrapolated
 MIN_TILT_DEG = 15.0         # largest angle of the target to the line of sight: focal length from perspective
@@ -64,7 +64,7 @@ def shape_error(result: Calibration) -> tuple[float, float]:
     return float(ratio), float(np.sqrt((shift**2).sum(axis=1).mean()))
 
 
-def notes_on(result: Calibration, target_std_mm: float) -> tuple[str, ...]:
+def notes_on(result: Calibration, target_std_mm: float | None) -> tuple[str, ...]:
     """Sentences with the remedy."""
     notes, rig = [], result.rig
     for camera in range(len(rig.cameras)):
@@ -89,17 +89,54 @@ def notes_on(result: Calibration, target_std_mm: float) -> tuple[str, ...]:
             notes.append(f"camera {camera}: {', '.join(weak)} not different from zero within {UNDETERMINED:g} std; "
                          "without it (--free) the other values are more precise")
     notes += _scatter_notes(result) + _odd_images(result)
-    if target_std_mm == 0.0:
-        ratio, size = shape_error(result)
-        if ratio > MIN_SHAPE_RATIO:
-            notes.append(f"the residuals repeat on the points of the target, as if these lay {size:.2g} mm (rms) off "
-                         f"their places: it is not exact or not flat, and the standard deviations are too small. "
-                         f"--target-std "
-                         f"{float(f'{size:.1g}'):g} "
-                         "identifies its points as well")
+    notes += _shape_notes(result, target_std_mm)
     if result.n_left_out:
         notes.append(f"{result.n_left_out} points left out: their residual is beyond six standard deviations")
     return tuple(notes)
+
+
+def _shape_notes(result: Calibration, target_std_mm: float | None) -> list[str]:
+    """How the target differs from what is stated, and what the adjustment makes of it."""
+    notes, shape = [], result.shape
+    if shape.is_bent:
+        z = shape.displacement_mm[:, 2]
+        notes.append(f"the target is bent: {_normal_place(shape, int(np.argmax(z)))} and "
+                     f"{_normal_place(shape, int(np.argmin(z)))} its mean plane. This shape is identified with the "
+                     "cameras, and their standard deviations hold it. Nothing is to be done as long as the bend is the "
+                     "same in all images: hold the target without load, or glue it to a stiff plate")
+    if shape.is_distorted:
+        notes.append(_print_note(result))
+    if target_std_mm:
+        return notes
+    ratio, size_mm = shape_error(result)
+    if ratio > MIN_SHAPE_RATIO:
+        cause, remedy = "that --target-std 0 states", "leave out --target-std: a bend is then identified"
+        if target_std_mm is None:
+            each_mm = float(f"{size_mm / np.sqrt(3.0):.1g}")  # in every direction
+            cause, remedy = "of a smooth sheet", f"--target-std {each_mm:g} identifies every point"
+        notes.append(f"the residuals repeat on the points of the target, as if these lay {size_mm:.2g} mm (rms) off "
+                     f"the places {cause}: the standard deviations of the cameras are too small. {remedy}")
+    return notes
+
+
+def _normal_place(shape: Shape, point: int) -> str:
+    """How far a point of the target is out of its mean plane, and which it is."""
+    (column, row), z, std = shape.index[point], shape.displacement_mm[point, 2], shape.std_mm[point, 2]
+    digits = max(0, 1 - int(np.ceil(np.log10(max(std, 1e-9)))))
+    return f"column {column}, row {row} is {abs(z):.{digits}f} ± {std:.{digits}f} mm {'behind' if z > 0 else 'before'}"
+
+
+def _print_note(result: Calibration) -> str:
+    """By how much the spacings along both axes differ, and the angle between these."""
+    shape = result.shape
+    plane = np.column_stack([np.ones(len(shape.index)), result.points_mm[:, :2] - result.points_mm[:, :2].mean(axis=0)])
+    slopes = np.linalg.lstsq(plane, shape.displacement_mm[:, :2], rcond=None)[0][1:]
+    longer, turn_deg = float(slopes[0, 0] - slopes[1, 1]), float(np.degrees(slopes[0, 1] + slopes[1, 0]))
+    direction = "farther apart" if longer > 0.0 else "closer together"
+    return (f"the print is distorted: within a row the points are {abs(longer):.2%} {direction} than within a column, "
+            f"and rows and columns meet at {90.0 - turn_deg:.3f}°. This is identified with the cameras, and their "
+            "standard deviations hold it. --spacing must be the mean of both directions: measure them over the whole "
+            "target")
 
 
 def _scatter_notes(result: Calibration) -> list[str]:

@@ -18,7 +18,8 @@ FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-9, 1e10  # of the diagonal
 FLOOR = 1e-24  # px² per equation: rounding
 
 
-def minimum(distances: Callable[[np.ndarray], np.ndarray], slopes: Callable[[np.ndarray], np.ndarray], n_unknowns: int,
+def minimum(distances: Callable[[np.ndarray], np.ndarray],
+            normal_equations: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]], n_unknowns: int,
             tolerance: float) -> np.ndarray:
     """The unknowns, from zero, with the smallest sum of squared distances  # (n_unknowns,)
 
@@ -26,8 +27,9 @@ def minimum(distances: Callable[[np.ndarray], np.ndarray], slopes: Callable[[np.
     ----------
     distances : callable
         Unknowns (n,) to distances (m,), infinite where they cannot be.
-    slopes : callable
-        Unknowns (n,) to the Jacobian (m, n).
+    normal_equations : callable
+        Unknowns (n,) and the distances there (m,) to J^T J (n, n) and J^T distances (n,), J the derivatives of the
+        distances.
     tolerance : float
         It ends where an undamped step promises less than this share of the sum of squares.
 
@@ -39,8 +41,8 @@ def minimum(distances: Callable[[np.ndarray], np.ndarray], slopes: Callable[[np.
     unknowns, damping = np.zeros(n_unknowns), FIRST_DAMPING
     errors = distances(unknowns)
     for _ in range(MAX_STEPS):
-        jacobian, cost = slopes(unknowns), float(errors @ errors)
-        normal, gradient = jacobian.T @ jacobian, jacobian.T @ errors
+        cost = float(errors @ errors)
+        normal, gradient = normal_equations(unknowns, errors)
         diagonal = np.maximum(np.diag(normal), 1e-300)
         while True:
             step = _solve(normal, diagonal, damping, gradient)
@@ -67,6 +69,6 @@ def _solve(normal, diagonal, damping, gradient):
     scaled = normal * scale[:, None] * scale
     scaled[np.diag_indices_from(scaled)] += damping
     try:
-        return scale * cho_solve(cho_factor(scaled), scale * gradient)
+        return scale * cho_solve(cho_factor(scaled, check_finite=False), scale * gradient, check_finite=False)
     except LinAlgError:
         return None

@@ -7,9 +7,12 @@ with the pose (R_v, t_v) of the target in the frame of camera 0, and camera c wi
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from idic.calibrate.records import Lens, Pose, State
+from idic.calibrate.shape import Target
 from idic.images import PinholeCamera, left_jacobian, rotation_of
 
 N_POSE = 6
@@ -43,8 +46,8 @@ def magnification(camera: PinholeCamera, pose: Pose, space_mm: np.ndarray) -> np
     return np.abs(np.linalg.det(in_plane))
 
 
-def moved(state: State, lens: Lens, step: np.ndarray, points_free: bool) -> State:
-    """The state after a step: per camera its lens (and pose, but for camera 0), per view its pose, then the points."""
+def moved(state: State, lens: Lens, step: np.ndarray, target: Target) -> State:
+    """The state after a step: per camera its lens (and pose, but for camera 0), per view its pose, then the target."""
     step, cameras, poses = np.asarray(step, dtype=float), [], []
     at = 0
     for number, camera in enumerate(state.cameras):
@@ -61,52 +64,100 @@ def moved(state: State, lens: Lens, step: np.ndarray, points_free: bool) -> Stat
         cameras.append(PinholeCamera(**({n: intrinsic[n] for n in camera.intrinsics} | moved_intrinsic),
                                      rotation=rotation, translation_mm=translation))
     for pose in state.poses:
-        poses.append(Pose(rotation_of(np.degrees(step[at : at + 3])) @ pose.rotation,
-                          pose.translation_mm + step[at + 3 : at + 6]))
+        poses.append(turned(pose, step[at : at + N_POSE]))
         at += N_POSE
-    points = state.points_mm + step[at:].reshape(-1, 3) if points_free else state.points_mm
-    return State(tuple(cameras), tuple(poses), points)
+    if not target.n_unknowns:
+        return State(tuple(cameras), tuple(poses), state.points_mm, state.shape_mm)
+    return State(tuple(cameras), tuple(poses), state.points_mm + target.displacement_mm(step[at:]),
+                 state.shape_mm + step[at:])
 
 
-def n_unknowns(state: State, lens: Lens, points_free: bool) -> int:
+def turned(pose: Pose, step: np.ndarray) -> Pose:
+    """The pose after a rotation vector in rad and a shift in mm  # (6,)"""
+    return Pose(rotation_of(np.degrees(step[:3])) @ pose.rotation, pose.translation_mm + step[3:6])
+
+
+def n_cameras_unknowns(n_cameras: int, lens: Lens) -> int:
+    """Unknowns of all cameras: their lenses, and their poses but for that of camera 0."""
+    return n_cameras * len(lens.identified) + N_POSE * (n_cameras - 1)
+
+
+def n_unknowns(state: State, lens: Lens, target: Target) -> int:
     """Length of the step of `moved`."""
-    n = len(state.cameras)
-    return n * len(lens.identified) + N_POSE * (n - 1 + len(state.poses)) + (state.points_mm.size if points_free else 0)
+    return n_cameras_unknowns(len(state.cameras), lens) + N_POSE * len(state.poses) + target.n_unknowns
 
 
-def derivatives(state: State, lens: Lens, step: np.ndarray, points_free: bool, view: int, number: int,
-                chosen: np.ndarray) -> np.ndarray:
-    """d (column, row) of points seen by one camera in one view by the step  # -> (2 n, n_unknowns)
+@dataclass(frozen=True, eq=False)
+class Derivatives:
+    """d (column, row) of n points that one camera sees in all its views.
 
-    ``state`` is the one after the step; ``chosen`` (n,) are the numbers of the target points.
+    Attributes
+    ----------
+    columns : int array (k,)
+        The unknowns that move all these points: the camera's, and the modes of the target.
+    common : array (n, 2, k)
+        By these unknowns.
+    pose : array (n, 2, 6)
+        By the pose of the view of each point.
+    by_point : array (n, 2, 3)
+        By the place of the point in the target's frame.
     """
-    camera, pose, first = state.cameras[number], state.poses[view], len(lens.identified)
-    points = state.points_mm[chosen]
-    space = in_camera_0(pose, points)
-    all_columns, by_point = camera.parameter_jacobian(space), camera.jacobian(space)
-    rows = np.zeros((len(chosen), 2, n_unknowns(state, lens, points_free)))
-    at = number * first + N_POSE * max(number - 1, 0)
-    for k, name in enumerate(lens.identified):
-        rows[:, :, at + k] = all_columns[:, :, camera.parameters.index(name)]
-        if name == "fx" and lens.square:
-            rows[:, :, at + k] += all_columns[:, :, camera.parameters.index("fy")]
+
+    columns: np.ndarray
+    common: np.ndarray
+    pose: np.ndarray
+    by_point: np.ndarray
+
+
+def derivatives(state: State, lens: Lens, step: np.ndarray, target: Target, number: int, views: np.ndarray,
+                chosen: np.ndarray) -> Derivatives:
+    """Derivatives of points seen by one camera by the step.
+
+    ``state`` is the one after the step; ``views`` (n,) are the views of the points, ``chosen`` (n,) the numbers of
+    the target points.
+    """
+    camera, first, n_cameras = state.cameras[number], len(lens.identified), len(state.cameras)
+    rotations = np.array([pose.rotation for pose in state.poses])[views]
+    arm = (rotations @ state.points_mm[chosen][:, :, None])[:, :, 0]
+    space = arm + np.array([pose.translation_mm for pose in state.poses])[views]
+    every = camera.parameter_jacobian(space)
+    by_shift = every[:, :, -3:]  # of the camera
+    by_space = by_shift @ camera.rotation
+    by_point = by_space @ rotations
+    at = n_cameras_unknowns(number, lens) + (0 if number else N_POSE)
+    columns, blocks = [np.arange(at, at + first)], [_by_lens(every, camera, lens)]
     if number:
         turn = left_jacobian(np.degrees(step[at + first : at + first + 3]))
-        turned = space @ camera.rotation.T  # about the camera's own centre
-        rows[:, :, at + first : at + first + 3] = _rotated(by_point @ camera.rotation.T, turned) @ turn
-        rows[:, :, at + first + 3 : at + first + 6] = by_point @ camera.rotation.T
-    at = len(state.cameras) * first + N_POSE * (len(state.cameras) - 1 + view)
-    turn = left_jacobian(np.degrees(step[at : at + 3]))
-    rows[:, :, at : at + 3] = _rotated(by_point, space - pose.translation_mm) @ turn
-    rows[:, :, at + 3 : at + 6] = by_point
-    if points_free:
-        at = n_unknowns(state, lens, False)
-        by_target = by_point @ pose.rotation
-        for n, point in enumerate(chosen):
-            rows[n, :, at + 3 * point : at + 3 * point + 3] = by_target[n]
-    return rows.reshape(-1, rows.shape[2])
+        columns.append(np.arange(at + first, at + first + N_POSE))
+        blocks += [_rotated(by_shift, space @ camera.rotation.T) @ turn, by_shift]  # about the camera's own centre
+    if target.n_modes:
+        at = n_cameras_unknowns(n_cameras, lens) + N_POSE * len(state.poses)
+        columns.append(np.arange(at, at + target.n_modes))
+        blocks.append(by_point @ target.modes[chosen])
+    at = n_cameras_unknowns(n_cameras, lens)
+    turns = np.array([left_jacobian(np.degrees(step[at + N_POSE * v : at + N_POSE * v + 3]))
+                      for v in range(len(state.poses))])
+    pose = np.concatenate([_rotated(by_space, arm) @ turns[views], by_space], axis=2)
+    return Derivatives(np.concatenate(columns), np.concatenate(blocks, axis=2), pose, by_point)
 
 
-def _rotated(by_point, arm):
-    """d pixel / d infinitesimal rotation of an arm  # (n, 2, 3), (n, 3) -> (n, 2, 3)"""
-    return np.cross(arm[:, None, :], by_point)
+def pose_slopes(camera: PinholeCamera, pose: Pose, step: np.ndarray, points_mm: np.ndarray) -> np.ndarray:
+    """d (column, row) by the step of `turned` that led to this pose  # (6,), (n, 3) mm -> (2 n, 6)"""
+    space = in_camera_0(pose, points_mm)
+    by_space = camera.jacobian(space)
+    by_turn = _rotated(by_space, space - pose.translation_mm) @ left_jacobian(np.degrees(step[:3]))
+    return np.concatenate([by_turn, by_space], axis=2).reshape(-1, N_POSE)
+
+
+def _by_lens(every: np.ndarray, camera: PinholeCamera, lens: Lens) -> np.ndarray:
+    """Derivatives by the identified intrinsic values, of those by all parameters  # (n, 2, n_identified)"""
+    by_lens = every[:, :, [camera.parameters.index(name) for name in lens.identified]]
+    if lens.square:
+        by_lens[:, :, lens.identified.index("fx")] += every[:, :, camera.parameters.index("fy")]
+    return by_lens
+
+
+def _rotated(by_point: np.ndarray, arm: np.ndarray) -> np.ndarray:
+    """d pixel / d infinitesimal rotation of an arm: arm x by_point  # (n, 2, 3), (n, 3) -> (n, 2, 3)"""
+    (x, y, z), (px, py, pz) = arm.T[:, :, None], np.moveaxis(by_point, 2, 0)
+    return np.stack([y * pz - z * py, z * px - x * pz, x * py - y * px], axis=2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -52,11 +53,14 @@ class State:
         Of the target in every view.
     points_mm : array (n_points, 3)
         Target points in the target's frame.
+    shape_mm : array (m,)
+        Unknowns of the target that moved its points from their nominal places; empty where these hold.
     """
 
     cameras: tuple[PinholeCamera, ...]
     poses: tuple[Pose, ...]
     points_mm: np.ndarray
+    shape_mm: np.ndarray = field(default_factory=partial(np.zeros, 0))
 
 
 @dataclass(frozen=True)
@@ -86,7 +90,7 @@ class Between:
     Attributes
     ----------
     covariance : array (m, m)
-        Of the shared unknowns (cameras, then free target points), with the scatter between views where it is
+        Of the shared unknowns (cameras, then target), with the scatter between views where it is
         significant, else with that of the points of each view.
     within_px : float
         Standard deviation of a coordinate of a point about the best cameras for its view alone.
@@ -102,6 +106,38 @@ class Between:
     all_views: Scatter
     by_camera: tuple[Scatter, ...]
     pairs: Scatter | None
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """Where the points of a target are, other than stated, as identified with the cameras.
+
+    Attributes
+    ----------
+    index : int array (n_points, 2)
+        (column, row) of every point on the target.
+    displacement_mm : array (n_points, 3)
+        From the nominal place, in the target's frame: along its columns and rows, and away from the cameras.
+    std_mm : array (n_points, 3)
+        Standard deviations of these.
+    out_of_plane, in_plane : float
+        Probability of a shape as large by chance; 1 where it is not identified.
+    """
+
+    index: np.ndarray
+    displacement_mm: np.ndarray
+    std_mm: np.ndarray
+    out_of_plane: float = 1.0
+    in_plane: float = 1.0
+
+    @property
+    def is_bent(self) -> bool:
+        return self.out_of_plane < SIGNIFICANCE
+
+    @property
+    def is_distorted(self) -> bool:
+        """The spacings along both axes differ, or these are not perpendicular."""
+        return self.in_plane < SIGNIFICANCE
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +161,8 @@ class Calibration:
         Points with an outlying residual.
     between : Between
         Scatter between the views against that of the points within them.
+    shape : Shape
+        Of the target.
     notes : tuple of str
         What the calibration does not determine well, with the remedy.
     """
@@ -138,4 +176,5 @@ class Calibration:
     noise_px: float
     n_left_out: int
     between: Between
+    shape: Shape
     notes: tuple[str, ...] = field(default=())

@@ -7,14 +7,15 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from idic.calibrate.bundle import Adjusted, adjust
+from idic.calibrate.bundle import Adjusted, START_TOLERANCE, adjust
 from idic.calibrate.homography import focal_length, homography, mirrored, pose_of
-from idic.calibrate.records import Lens, State, Views
+from idic.calibrate.levenberg import minimum
+from idic.calibrate.projection import N_POSE, in_camera_0, pose_slopes, turned
+from idic.calibrate.records import Lens, Pose, State, Views
 from idic.errors import InputError
 from idic.images import PinholeCamera
 
 MAX_POSE_SPREAD = 0.1       # of the second camera's pose between pairs, in rad and of the distance: else no one rig
-NO_LENS = Lens(())
 
 
 def numbered(views: Views, spacing_mm: float) -> tuple[Views, np.ndarray]:
@@ -95,12 +96,28 @@ def second_camera(first: dict[int, tuple], second: dict[int, tuple], views: View
 def _better_tilts(adjusted: Adjusted, views: Views) -> State:
     """Each view at the better of both tilts, with the lens as it is."""
     state, poses = adjusted.state, []
-    for view, pose in zip(views, adjusted.state.poses, strict=True):
-        middle = state.points_mm[view[0].index[:, 0]].mean(axis=0)
-        tries = [adjust(State(state.cameras, (start,), state.points_mm), (view,), NO_LENS, rough=True)
-                 for start in (pose, mirrored(pose, middle))]
-        poses.append(min(tries, key=lambda adjusted_try: adjusted_try.rms_px).state.poses[0])
+    for (view,), pose in zip(views, adjusted.state.poses, strict=True):
+        points = state.points_mm[view.index[:, 0]]
+        tries = [_posed(state.cameras[0], start, points, view.points_px)
+                 for start in (pose, mirrored(pose, points.mean(axis=0)))]
+        poses.append(min(tries, key=lambda posed: posed[1])[0])
     return replace(state, poses=tuple(poses))
+
+
+def _posed(camera: PinholeCamera, start: Pose, points_mm: np.ndarray, seen_px: np.ndarray) -> tuple[Pose, float]:
+    """The pose with the smallest sum of squared distances from the seen points, by a given lens, and that sum."""
+    def distances(step: np.ndarray) -> np.ndarray:
+        try:
+            return (camera.project(in_camera_0(turned(start, step), points_mm)) - seen_px).ravel()
+        except InputError:  # a trial step with a point behind the camera: it is cut
+            return np.full(1, np.inf)
+
+    def normal_equations(step: np.ndarray, errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        slopes = pose_slopes(camera, turned(start, step), step, points_mm)
+        return slopes.T @ slopes, slopes.T @ errors
+
+    step = minimum(distances, normal_equations, N_POSE, START_TOLERANCE)
+    return turned(start, step), float((distances(step)**2).sum())
 
 
 def _symmetries(points_mm):

@@ -34,10 +34,10 @@ def calibrate(
     intrinsics: Annotated[str, typer.Option(
         "--free", help="Intrinsic values to identify, of fx,fy,skew,cx,cy,k1,k2,k3,p1,p2; without fy: square "
              "pixels.")] = "fx,fy,cx,cy,k1,k2",
-    target_std: Annotated[float, typer.Option(
-        min=0, metavar="MM",
-        help="Standard deviation of the target's points from their places; above 0 the points are identified as "
-             "well.")] = 0.0,
+    target_std: Annotated[float | None, typer.Option(
+        min=0, metavar="MM", show_default="a bend is identified",
+        help="Standard deviation of every point of the target from its place: 0 flat and exact; above 0 every point is "
+             "identified.")] = None,
     out: Annotated[Path,
                    typer.Option(metavar="FILE",
                                 help="Calibration file (JSON); a picture is written next to it.")] = Path(

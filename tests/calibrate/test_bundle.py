@@ -1,5 +1,7 @@
 """Bundle adjustment on exact and noisy points: derivatives, OpenCV's result, standard deviations that hold."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from idic.calibrate import Lens, calibrate
 from idic.calibrate.projection import derivatives, dot_shift, in_camera_0, moved, n_unknowns
 from idic.calibrate.records import Pose, State
+from idic.calibrate.shape import out_of_plane
 from idic.errors import InputError
 from idic.images import PinholeCamera
 from idic.readers import TargetView
@@ -54,21 +57,30 @@ def test_every_derivative_of_the_projection_is_its_difference_quotient():
     lens = Lens(("fx", "cx", "k1", "p2"))
     cameras = (PinholeCamera(2400, 2400, 240, 200, k1=-0.1, k2=0.3),
                PinholeCamera(2410, 2410, 240, 200, p1=1e-3, rotation=RIGHT.rotation, translation_mm=RIGHT.shift))
-    state = State(cameras, tuple(Pose(*pose) for pose in poses(2, 300.0, np.random.default_rng(5))), MIDDLE)
-    chosen, n = np.array([3, 20, 41]), n_unknowns(state, lens, True)
+    target = replace(out_of_plane(MIDDLE), point_std_mm=0.1)
+    state = State(cameras, tuple(Pose(*pose) for pose in poses(2, 300.0, np.random.default_rng(5))), MIDDLE,
+                  np.zeros(target.n_unknowns))
+    chosen, n = np.array([3, 20, 41]), n_unknowns(state, lens, target)
     step = np.random.default_rng(1).normal(0, 0.01, n)
 
     def place(step, view, number):
-        now = moved(state, lens, step, True)
+        now = moved(state, lens, step, target)
         return now.cameras[number].project(in_camera_0(now.poses[view], now.points_mm[chosen])).ravel()
 
     for view, number in ((1, 0), (0, 1)):
-        found = derivatives(moved(state, lens, step, True), lens, step, True, view, number, chosen)
+        slopes = derivatives(moved(state, lens, step, target), lens, step, target, number, np.full(3, view), chosen)
+        by_step = np.zeros((3, 2, n))
+        by_step[:, :, slopes.columns] = slopes.common
+        pose = n - target.n_unknowns - 6 * (2 - view)
+        by_step[:, :, pose : pose + 6] = slopes.pose
+        for k, point in enumerate(chosen):
+            at = n - target.n_unknowns + target.n_modes + 3 * point
+            by_step[k, :, at : at + 3] = slopes.by_point[k]
         for k in range(n):
             side = 1e-5 * np.eye(n)[k]
             quotient = (place(step + side, view, number) - place(step - side, view, number)) / 2e-5
             # 1e-5 px of rounding over the step, and the third derivative of rotations of 500 px arm
-            assert np.allclose(found[:, k], quotient, rtol=1e-6, atol=2e-5)
+            assert np.allclose(by_step[:, :, k].ravel(), quotient, rtol=1e-6, atol=2e-5)
 
 
 def test_exact_points_give_the_exact_rig():
@@ -80,7 +92,8 @@ def test_exact_points_give_the_exact_rig():
 
 def test_one_camera_agrees_with_opencv_on_the_same_points():
     views = tuple((row[0],) for row in stereo_views(0.1, 3, n=6))
-    result = calibrate(views, (SIZE,), SPACING, Lens(("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")))
+    result = calibrate(views, (SIZE,), SPACING, Lens(("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")),
+                       target_std_mm=0.0)
     rms, matrix, distortion, _, _, std, _, _ = cv2.calibrateCameraExtended(
         [POINTS.astype(np.float32)] * 6, [row[0].points_px.astype(np.float32) for row in views], SIZE, None, None,
         flags=cv2.CALIB_FIX_K3, criteria=(cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-14))
@@ -133,20 +146,59 @@ def test_a_view_of_one_camera_alone_counts_too():
     assert np.abs(errors(result) / np.sqrt(np.diag(result.rig.covariance))).max() < 4.0
 
 
-def test_a_bent_target_is_told_and_identified_with_its_points():
-    bent = MIDDLE + np.column_stack([0 * MIDDLE[:, :2], 0.15 * (MIDDLE[:, 0] / MIDDLE[:, 0].max()) ** 2])
-    views = stereo_views(0.02, 6, shape=bent)
-    flat = calibrate(views, (SIZE, SIZE), SPACING)
-    assert any("residuals repeat on the points of the target" in note for note in flat.notes)
-    free = calibrate(views, (SIZE, SIZE), SPACING, target_std_mm=0.1)
-    assert free.noise_px == pytest.approx(0.02, rel=0.1)
-    # points are numbered by column, then row
-    z = free.points_mm[:, 2] - bent[np.lexsort((INDEX[:, 1], INDEX[:, 0])), 2]
-    plane = np.column_stack([np.ones(len(z)), free.points_mm[:, :2]])
-    assert np.abs(z - plane @ np.linalg.lstsq(plane, z, rcond=None)[0]).max() < 0.05  # of 0.15 mm
-    deviation = np.sqrt(np.diag(free.rig.covariance))
-    assert np.abs(errors(free) / deviation).max() < 4.0 < np.abs(errors(flat)
-                                                                 / np.sqrt(np.diag(flat.rig.covariance))).max()
+BENT = MIDDLE + np.column_stack([0 * MIDDLE[:, :2], 0.15 * (MIDDLE[:, 0] / MIDDLE[:, 0].max()) ** 2])
+# points are numbered by column, then row
+NUMBERED = np.lexsort((INDEX[:, 1], INDEX[:, 0]))
+
+
+def out_of_plane_error(points_mm, shape_mm):
+    """z of identified minus true points, about the best plane  # (n,) mm"""
+    z = points_mm[:, 2] - shape_mm[NUMBERED, 2]
+    plane = np.column_stack([np.ones(len(z)), points_mm[:, :2]])
+    return z - plane @ np.linalg.lstsq(plane, z, rcond=None)[0]
+
+
+def test_a_bend_of_the_target_is_identified_within_its_deviations():
+    result = calibrate(stereo_views(0.02, 6, shape=BENT), (SIZE, SIZE), SPACING)
+    score = out_of_plane_error(result.points_mm, BENT) / result.shape.std_mm[:, 2]
+    assert np.sqrt((score**2).mean()) < 2.0 and np.abs(score).max() < 4.5  # 12 modes, chi-square to 0.1 %: 1.7
+    assert result.shape.std_mm[:, 2].max() < 0.01  # of 0.15 mm
+    assert np.abs(errors(result) / np.sqrt(np.diag(result.rig.covariance))).max() < 4.0
+    (note,) = [note for note in result.notes if "the target is bent" in note]
+    assert "mm behind and column" in note and "before its mean plane" in note
+    assert not result.shape.is_distorted and not result.between.all_views.is_significant
+
+
+def test_a_flat_target_has_no_shape():
+    result = calibrate(stereo_views(0.02, 6), (SIZE, SIZE), SPACING)
+    assert not result.shape.is_bent and not result.shape.is_distorted
+    assert not any("bent" in note or "print" in note for note in result.notes)
+    assert np.abs(result.shape.displacement_mm).max() < 4.5 * result.shape.std_mm.max() < 0.05
+
+
+def test_a_bent_target_that_is_said_to_be_flat_is_told():
+    result = calibrate(stereo_views(0.02, 6, shape=BENT), (SIZE, SIZE), SPACING, target_std_mm=0.0)
+    assert any("residuals repeat on the points" in note and "leave out --target-std" in note for note in result.notes)
+    assert np.abs(errors(result) / np.sqrt(np.diag(result.rig.covariance))).max() > 4.0
+
+
+def test_a_print_with_other_spacings_along_both_axes_is_identified():
+    stretched = MIDDLE * [1.001, 0.999, 1.0]
+    result = calibrate(stereo_views(0.02, 6, shape=stretched), (SIZE, SIZE), SPACING)
+    assert result.shape.is_distorted and not result.shape.is_bent
+    assert np.abs(errors(result) / np.sqrt(np.diag(result.rig.covariance))).max() < 4.0
+    assert any("within a row the points are 0.20% farther apart" in note for note in result.notes)
+
+
+def test_scattered_points_are_told_and_identified():
+    scattered = BENT + np.random.default_rng(3).normal(0, 0.02, BENT.shape)
+    views = stereo_views(0.02, 6, shape=scattered)
+    assert any("--target-std 0.02 identifies" in note for note in calibrate(views, (SIZE, SIZE), SPACING).notes)
+    free = calibrate(views, (SIZE, SIZE), SPACING, target_std_mm=0.02)
+    assert free.noise_px == pytest.approx(0.02, rel=0.1) and free.shape.is_bent
+    score = out_of_plane_error(free.points_mm, scattered) / free.shape.std_mm[:, 2]
+    assert 0.7 < np.sqrt((score**2).mean()) < 1.3  # 63 points
+    assert np.abs(errors(free) / np.sqrt(np.diag(free.rig.covariance))).max() < 4.0
 
 
 def test_pairs_in_another_order_are_refused():

@@ -37,7 +37,7 @@ class CalibrationRun:
 
 def run_calibration(arguments: list[Path], out: Path, spacing_mm: float, kind: str = "auto",
                     grid: tuple[int, int] | None = None,
-                    lens: Lens | None = None, target_std_mm: float = 0.0,
+                    lens: Lens | None = None, target_std_mm: float | None = None,
                     stage: Callable[[str], None] = lambda text: None,
                     tasks: Callable[[str, int, int], None] = lambda label, count, total: None) -> CalibrationRun:
     """Find the target in every image, calibrate, write ``out`` (JSON) and a picture of the same name (PNG).
