@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -18,18 +19,23 @@ from idic.inside import folder_inside, write_inside
 @app.command()
 def init(
     folder: Annotated[Path,
-                      typer.Argument(metavar="FOLDER", help="Folder with images or scans; mesh and log if there are.")],
+                      typer.Argument(metavar="FOLDER", help="Folder with images or scans, mesh and log if "
+                                                             "there are; or a folder of each specimen.")],
 ) -> None:
     """Write a commented experiment.toml for a folder of images."""
     with outcome():
         from idic.draw import speckled_area, texture_of
-        from idic.experiment_file import initial_experiment
+        from idic.experiment_file import initial_experiments
 
-        written, lines = initial_experiment(folder, lambda image: speckled_area(image, texture_of(image)))
-        for line in (*lines, *_first_look(written)):
-            typer.echo(line)
-        typer.echo(f"{user_path(written)} written; complete the lines marked FILL IN, then run: idic check "
-                   f"{user_path(folder)}")
+        experiments = initial_experiments(folder, lambda image: speckled_area(image, texture_of(image)))
+        for written, lines in experiments:
+            for line in (*lines, *_first_look(written)):
+                typer.echo(line)
+            typer.echo(f"{user_path(written)} written; complete the lines marked FILL IN, then run: idic check "
+                       f"{shlex.quote(str(user_path(written.parent)))}")
+        if len(experiments) > 1:
+            names = " ".join(shlex.quote(str(user_path(written.parent))) for written, _ in experiments)
+            typer.echo(f"{len(experiments)} specimens; one material of all of them: idic identify {names} --out RUN")
 
 
 def _first_look(written: Path) -> list[str]:

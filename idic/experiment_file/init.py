@@ -16,6 +16,7 @@ from idic.experiment_file.initial.scans import find_scans, mask_among
 from idic.experiment_file.initial.sections import (
     column_of, ends_of, guessed_unit, line, log_lines, materials,
 )
+from idic.experiment_file.initial.specimens import specimens_in
 from idic.experiment_file.initial.volumes import scans_found, volumes_document
 from idic.experiment_file.initial.words import fitting_scale, lines_of
 from idic.experiment_file.toml_file import EXPERIMENT_FILE
@@ -24,11 +25,26 @@ from idic.inside import open_inside
 from idic.readers import parse_unit
 
 _ROI_MARGIN, _ELEMENTS_ACROSS = 0.1, 15
+_MIN_ELEMENT_PX = 8  # edge: in smaller ones a free displacement scatters too much, as `idic check` warns
 
 
 def write_initial_experiment(folder: str | Path, area: Area | None = None) -> Path:
     """`initial_experiment` without its lines."""
     return initial_experiment(folder, area)[0]
+
+
+def initial_experiments(folder: str | Path, area: Area | None = None) -> list[tuple[Path, list[str]]]:
+    """`initial_experiment` of a folder, or of each folder in it that holds the images and the log of a specimen.
+
+    Raises
+    ------
+    InputError
+        As `initial_experiment`; nothing is written where one of the folders has an experiment.toml already.
+    """
+    folders = specimens_in(Path(folder)) or [Path(folder)]
+    for specimen in folders:
+        _refuse_second(specimen)
+    return [initial_experiment(specimen, area) for specimen in folders]
 
 
 def initial_experiment(folder: str | Path, area: Area | None = None) -> tuple[Path, list[str]]:
@@ -46,10 +62,7 @@ def initial_experiment(folder: str | Path, area: Area | None = None) -> tuple[Pa
     if not folder.is_dir():
         raise InputError("no such folder", file=folder, expected="a folder with images", found="nothing there",
                          remedy="check the path")
-    target = folder / EXPERIMENT_FILE
-    if os.path.lexists(target):
-        raise InputError("the folder has an experiment already", file=target, expected="no experiment.toml",
-                         found="an experiment.toml", remedy="rename or delete that file first")
+    _refuse_second(folder)
     files = files_in(folder)
     scans = find_scans(folder, files)
     if scans is not None:
@@ -63,6 +76,13 @@ def initial_experiment(folder: str | Path, area: Area | None = None) -> tuple[Pa
     contents = None if stages else look_around(folder, files, area)
     text = fields_document(folder, stages, files) if contents is None else _document(contents)
     return _written(folder, text), [] if contents is None else lines_of(contents, text)
+
+
+def _refuse_second(folder: Path) -> None:
+    target = folder / EXPERIMENT_FILE
+    if os.path.lexists(target):
+        raise InputError("the folder has an experiment already", file=target, expected="no experiment.toml",
+                         found="an experiment.toml", remedy="rename or delete that file first")
 
 
 def _written(folder: Path, text: str) -> Path:
@@ -138,7 +158,7 @@ def _guessed_roi(contents: Found) -> tuple[int, int, int, int, int]:
     if contents.outline:
         low, high = segments_of(contents.outline).box()
         (x0, y0), (x1, y1) = np.ceil(low).astype(int).tolist(), np.floor(high).astype(int).tolist()
-    return x0, y0, x1, y1, max(min(x1 - x0, y1 - y0) // _ELEMENTS_ACROSS, 1)
+    return x0, y0, x1, y1, max(min(x1 - x0, y1 - y0) // _ELEMENTS_ACROSS, _MIN_ELEMENT_PX)
 
 
 def _camera(contents: Found) -> str:

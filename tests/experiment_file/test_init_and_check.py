@@ -44,7 +44,7 @@ def test_init_makes_a_mesh_on_the_image_where_there_is_no_mesh_file(tmp_path):
         tifffile.imwrite(tmp_path / f"shot{k}.tif", np.full((80, 120), 10 * k, np.uint8))
     initial_experiment(tmp_path)[0]
     e = load_experiment(tmp_path)
-    assert e.model.length_unit == "px" and e.model.mesh.n_elements > 100 and e.model.prescribed[0].nodes == "OUTER"
+    assert e.model.length_unit == "px" and e.model.mesh.n_elements > 50 and e.model.prescribed[0].nodes == "OUTER"
 
 
 def shots(folder, *names, size=(80, 120)):
@@ -153,7 +153,7 @@ def test_init_puts_the_roi_on_the_speckled_area_with_its_holes(tmp_path):
     text = path.read_text()
     assert "# 1 hole is not round and left out" in text and any("not round" in line for line in lines)
     assert "roi_px = [20, 10, 99, 69]" in text and "holes_px = [[60.0, 40.0, 12.0]]" in text
-    assert load_experiment(tmp_path).model.mesh.n_elements > 100
+    assert load_experiment(tmp_path).model.mesh.n_elements > 50
 
 
 def test_init_overwrites_nothing_and_needs_images(folder, tmp_path):

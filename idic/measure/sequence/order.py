@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -159,7 +159,7 @@ def _towards(order: Sequence[int], distance: np.ndarray, courses: np.ndarray) ->
     agreements = [_agreement(way, distance, courses) for way in ways]
     if abs(agreements[0] - agreements[1]) > MIN_BETTER:
         return max(ways, key=lambda way: _agreement(way, distance, courses))
-    rising = sum(1 if later > k else -1 for k, later in pairwise(order))
+    rising = sum(1 if later > k else -1 for k, later in combinations(order, 2))
     return ways[0] if rising >= 0 else ways[1]
 
 
