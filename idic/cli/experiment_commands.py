@@ -25,17 +25,16 @@ def init(
     """Write a commented experiment.toml for a folder of images."""
     with outcome():
         from idic.draw import speckled_area, texture_of
-        from idic.experiment_file import initial_experiments
+        from idic.experiment_file import initial_experiment
 
-        experiments = initial_experiments(folder, lambda image: speckled_area(image, texture_of(image)))
-        for written, lines in experiments:
-            for line in (*lines, *_first_look(written)):
+        written, lines = initial_experiment(folder, lambda image: speckled_area(image, texture_of(image)))
+        for line in lines:
+            typer.echo(line)
+        for file in sorted(written.glob("*/experiment.toml")) if written.is_dir() else [written]:
+            for line in _first_look(file):
                 typer.echo(line)
-            typer.echo(f"{user_path(written)} written; complete the lines marked FILL IN, then run: idic check "
-                       f"{shlex.quote(str(user_path(written.parent)))}")
-        if len(experiments) > 1:
-            names = " ".join(shlex.quote(str(user_path(written.parent))) for written, _ in experiments)
-            typer.echo(f"{len(experiments)} specimens; one material of all of them: idic identify {names} --out RUN")
+            typer.echo(f"{user_path(file)} written; complete the lines marked FILL IN, then run: idic check "
+                       f"{shlex.quote(user_path(file.parent))}")
 
 
 def _first_look(written: Path) -> list[str]:

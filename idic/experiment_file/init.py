@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -28,27 +29,9 @@ _ROI_MARGIN, _ELEMENTS_ACROSS = 0.1, 15
 _MIN_ELEMENT_PX = 8  # edge: in smaller ones a free displacement scatters too much, as `idic check` warns
 
 
-def write_initial_experiment(folder: str | Path, area: Area | None = None) -> Path:
-    """`initial_experiment` without its lines."""
-    return initial_experiment(folder, area)[0]
-
-
-def initial_experiments(folder: str | Path, area: Area | None = None) -> list[tuple[Path, list[str]]]:
-    """`initial_experiment` of a folder, or of each folder in it that holds the images and the log of a specimen.
-
-    Raises
-    ------
-    InputError
-        As `initial_experiment`; nothing is written where one of the folders has an experiment.toml already.
-    """
-    folders = specimens_in(Path(folder)) or [Path(folder)]
-    for specimen in folders:
-        _refuse_second(specimen)
-    return [initial_experiment(specimen, area) for specimen in folders]
-
-
 def initial_experiment(folder: str | Path, area: Area | None = None) -> tuple[Path, list[str]]:
-    """Write experiment.toml into `folder`; returns its path and what was found, one fact per line.
+    """Write experiment.toml into `folder`; returns its path and what was found, one fact per line. Where each folder in
+    it holds the images and the log of a specimen, into each of them; returns `folder` then.
 
     area : finds the speckled area, for the ROI and for a first guess of the scale
 
@@ -62,7 +45,21 @@ def initial_experiment(folder: str | Path, area: Area | None = None) -> tuple[Pa
     if not folder.is_dir():
         raise InputError("no such folder", file=folder, expected="a folder with images", found="nothing there",
                          remedy="check the path")
-    _refuse_second(folder)
+    specimens = specimens_in(folder)
+    for place in specimens or [folder]:
+        _refuse_second(place)
+    return _of_specimens(folder, specimens, area) if specimens else _of_one(folder, area)
+
+
+def _of_specimens(folder: Path, specimens: list[Path], area: Area | None) -> tuple[Path, list[str]]:
+    lines = []
+    for place in specimens:
+        lines += [f"specimen     {place.name}", *_of_one(place, area)[1]]
+    names = " ".join(shlex.quote(place.name) for place in specimens)
+    return folder, [*lines, f"specimens    {len(specimens)}; one material of all of them: idic identify {names} --out RUN"]
+
+
+def _of_one(folder: Path, area: Area | None) -> tuple[Path, list[str]]:
     files = files_in(folder)
     scans = find_scans(folder, files)
     if scans is not None:

@@ -216,3 +216,12 @@ def test_check_of_a_folder_without_write_permission_reports_it_and_ends(folder, 
 def test_check_runs_on_the_public_case(shared_data):
     report = check(load_experiment(shared_data("open-case-1-plate-with-hole-elastoplastic")))
     assert report.n_visible < report.n_seen == 1196 and not report.warnings
+
+
+@pytest.mark.parametrize("name", ["machine.txt", "test.TRA", "run.lvm", "export.asc"])
+def test_init_finds_the_log_of_a_machine_beside_notes(tmp_path, name):
+    shots(tmp_path, "shot_00.png", "shot_01.png", "shot_02.png")
+    (tmp_path / "a_note.txt").write_text("Specimen 5, painted on Monday\n12 images\n")
+    (tmp_path / name).write_text("Time [s];Force [N]\n0;0\n1;5\n2;9\n")
+    path, lines = initial_experiment(tmp_path)
+    assert f'loads = "{name}"' in path.read_text() and not any("a_note" in line for line in lines)

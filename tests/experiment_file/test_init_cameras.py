@@ -160,7 +160,7 @@ def test_a_folder_of_each_specimen_gets_an_experiment_of_its_own(tmp_path):
         folder = write_experiment(tmp_path / "all" / name)
         (folder / "experiment.toml").unlink()
     code, text = shown("init", tmp_path / "all")
-    assert code == 0 and "2 specimens; one material of all of them: idic identify" in text
+    assert code == 0 and "specimens    2; one material of all of them: idic identify 'A 0' 'B 90'" in text
     for name in ("A 0", "B 90"):
         assert 'loads = "loads.csv"' in (tmp_path / "all" / name / "experiment.toml").read_text()
     code, text = shown("init", tmp_path / "all")

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from idic.errors import InputError
 from idic.experiment_file.initial.fields import find_stages
 from idic.experiment_file.initial.found import CHECK, IMAGE_SUFFIXES, LOG_SUFFIXES, files_in
+from idic.readers import read_log
 
 
 def specimens_in(folder: Path) -> list[Path]:
@@ -25,5 +27,12 @@ def _is_image(path: Path) -> bool:
 def _is_recording(files: Sequence[Path]) -> bool:
     """Whether there are images and a log, or measured fields."""
     if any(map(_is_image, files)):
-        return any(path.suffix.lower() in LOG_SUFFIXES for path in files)
+        return any(path.suffix.lower() in LOG_SUFFIXES and _is_log(path) for path in files)
     return bool(find_stages(files))
+
+
+def _is_log(path: Path) -> bool:
+    try:
+        return len(read_log(path).rows) > 1
+    except InputError:
+        return False
