@@ -56,7 +56,8 @@ def _of_specimens(folder: Path, specimens: list[Path], area: Area | None) -> tup
     for place in specimens:
         lines += [f"specimen     {place.name}", *_of_one(place, area)[1]]
     names = " ".join(shlex.quote(place.name) for place in specimens)
-    return folder, [*lines, f"specimens    {len(specimens)}; one material of all of them: idic identify {names} --out RUN"]
+    return folder, [*lines, f"specimens    {len(specimens)}; one material of all of them: idic identify {names} "
+                            "--out RUN"]
 
 
 def _of_one(folder: Path, area: Area | None) -> tuple[Path, list[str]]:

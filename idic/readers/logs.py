@@ -28,7 +28,8 @@ from idic.readers.instruments.workbook import sheet_text
 from idic.readers.instruments.zwick import FORMAT as ZWICK
 from idic.readers.instruments.zwick import read_zs2
 
-FORMATS = (Format(LOADS, "tables of text", (".csv", ".txt", ".dat", ".asc", ".tsv", ".lvm", ".tra"), "", "names, units, times",
+FORMATS = (Format(LOADS, "tables of text", (".csv", ".txt", ".dat", ".asc", ".tsv", ".lvm", ".tra"), "",
+                  "names, units, times",
                   "units that it lacks", "made: spellings of machines"),
            TDMS, ZWICK, WORKBOOK)
 _BY_SUFFIX = {**dict.fromkeys(TDMS.suffixes, read_tdms), **dict.fromkeys(ZWICK.suffixes, read_zs2)}
@@ -383,7 +384,7 @@ def _by_number(log: Log, numbers: tuple[int, ...] | None, image_times: np.ndarra
     note = (f"{log.file.name}: {len(lost)} rows have no image of their number and are left out: frame "
             f"{', '.join(lost[:_MAX_SHOWN_ROWS])}{' …' if len(lost) > _MAX_SHOWN_ROWS else ''}")
     times = log.times() if image_times is None else None
-    return MatchedLog(replace(log, notes=(*log.notes, note)), times[chosen] if times is not None else image_times, chosen)
+    return MatchedLog(replace(log, notes=(*log.notes, note)), image_times if times is None else times[chosen], chosen)
 
 
 def _check_frames(log: Log, n_frames: int, numbers: tuple[int, ...] | None) -> None:

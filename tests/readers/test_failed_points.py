@@ -66,7 +66,8 @@ def test_a_flag_makes_a_gap_in_millimetres(tmp_path, head, sound, failed, reason
 
 @pytest.mark.parametrize("mark", ["-999", "9999.0", "-1e5"])
 def test_a_number_beyond_all_displacements_is_a_mark_of_failure(tmp_path, mark):
-    stack = exported(tmp_path, "x_mm,y_mm,ux_mm,uy_mm", lambda i, x, u: line(*x, *u), lambda i, x, u: line(*x, mark, mark))
+    stack = exported(tmp_path, "x_mm,y_mm,ux_mm,uy_mm", lambda i, x, u: line(*x, *u),
+                     lambda i, x, u: line(*x, mark, mark))
     assert_one_gap(stack, f"displacement {float(mark):g}")
 
 

@@ -1,6 +1,6 @@
 """Two cameras among the files of a folder, by a calibration of both: equally many images in two folders, or names in
-one folder that differ by a word or number for each camera: ``img_0001_0.tif`` and ``img_0001_1.tif``; or a film of each:
-``left.avi`` and ``right.avi``."""
+one folder that differ by a word or number for each camera: ``img_0001_0.tif`` and ``img_0001_1.tif``; or a film of
+each: ``left.avi`` and ``right.avi``."""
 
 from __future__ import annotations
 

@@ -266,7 +266,8 @@ def _by_stage(columns: Columns, values: np.ndarray, path: Path) -> list[tuple[fl
 
 def _stage(columns: Columns, values: np.ndarray, path: Path) -> Stage:
     dialect, n = columns.dialect, columns.n_components
-    points, displacement = (_in_one_unit(columns, values, names[:n]) for names in (dialect.points, dialect.displacement))
+    points, displacement = (_in_one_unit(columns, values, names[:n])
+                            for names in (dialect.points, dialect.displacement))
     ids = None
     if dialect.ids is not None and (place := columns.place(dialect.ids)) is not None:
         ids = names_of(values[:, place])

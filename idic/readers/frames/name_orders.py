@@ -51,7 +51,7 @@ def natural_key(text: str) -> list[tuple[int, int, str]]:
 def order_by_names(stems: Sequence[str], order: str | None = None) -> tuple[list[int], str]:
     """Indices of the names in their order, and the reading by which they are in it.
 
-    order : "names", "signed", "wrapped", "clock", "decimals", "number 1", "number 2" …; None: the reading that the names show
+    order : "names", "signed", "wrapped", "clock", "decimals", "number 1", "number 2" …; None: what the names show
 
     Raises
     ------
@@ -73,7 +73,7 @@ def order_by_names(stems: Sequence[str], order: str | None = None) -> tuple[list
     if keys is None:
         meaning = {SIGNED: "one signed number in every name", CLOCK: "a date or a 12-hour time in every name",
                    WRAPPED: "one number that differs in every name",
-                   DECIMALS: "one number that differs in every name, in some of them with a point"}.get(order, f"a {order} in every name")
+                   DECIMALS: "numbers with a point"}.get(order, f"a {order} in every name")
         raise UncertainOrder(meaning, f"{stems[0]} … {stems[-1]}", (NAMES, LISTED))
     return _sorted(keys, stems), order
 
@@ -99,7 +99,8 @@ def decimal_keys(stems: Sequence[str]) -> list[tuple] | None:
 def _decimals_stated(stems: Sequence[str]) -> list[tuple] | None:
     """The numbers of the names, with what stands behind their points; None where none of them has a point."""
     numbers = [_FRACTION.findall(stem) for stem in stems]
-    if len({_FRACTION.sub("#", stem) for stem in stems}) != 1 or not any("." in text for row in numbers for text in row):
+    has_point = any("." in text for row in numbers for text in row)
+    if not has_point or len({_FRACTION.sub("#", stem) for stem in stems}) != 1:
         return None
     return [tuple(map(float, row)) for row in numbers]
 

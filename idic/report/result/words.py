@@ -49,6 +49,7 @@ UNEXPLAINED_BY_MOTION = {  # a residual that no motion explains, by the quantity
     "volume": "The scans change where no motion explains it: drift of their grey values, artefacts, or more noise than "
               "stated. Two scans of one state show the noise (still_frames; noise_std_gv under [scanner]).",
 }
+MIN_SHOWN_PART = 1e-3  # of a standard deviation: a smaller error is none
 MAX_LISTED = 4  # frames, or pairs of parameters, named in a sentence
 MIN_STRONG_CORRELATION = 0.95  # |coefficient| above which two parameters are hardly separated
 
@@ -91,7 +92,12 @@ def relative_std(value: float | None, std: float | None) -> str:
 def parts_of_std(entry: Mapping) -> str:
     """A standard deviation by its parts from noise and from the model: ``0.055, 0.21``."""
     parts = [entry.get("std_noise"), entry.get("std_model")]
-    return ", ".join("–" if part is None else two_digits(part) for part in parts)
+    return ", ".join("–" if part is None else error_text(part, entry.get("std"), two_digits(part)) for part in parts)
+
+
+def error_text(error: float | None, std: float | None, text: str) -> str:
+    """The text of an error beside a standard deviation; 0 where it is no part of that."""
+    return "0" if error is not None and std and abs(error) < MIN_SHOWN_PART * std else text
 
 
 def two_digits(std: float) -> str:

@@ -17,7 +17,7 @@ import scipy
 NO_DISPLACEMENT, NO_PLACE, OUTSIDE = "no displacement", "no position", "exactly zero, outside the region"
 MIN_CORRELATION = 0.9  # ZNCC; the threshold of pyvale, which writes points below it only on demand
 MAX_LENGTH = 1e9  # in any unit; a larger coordinate or displacement is none
-MIN_JUMP = 5.0  # from the mark of failed points to the next point that moves, in steps between neighbours and in last digits
+MIN_JUMP = 5.0  # from the mark of failed points to the next moving point, in steps of neighbours and in last digits
 _MAX_BORDER = 1.5  # distances of neighbours
 _MAX_DECIMALS = 9
 _MIN_MOVING = 4

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 from outcome import Input, right_if
-from strip import RAMP, TOML, force_of, image, log_text, write
+from strip import RAMP, force_of, image, write
 
-from idic.errors import InputError
 from idic.experiment_file import load_experiment
 from idic.report import check
 
@@ -25,7 +24,7 @@ def machine(text: str | bytes, names: tuple[str, str], folder: Path, suffix: str
             more: str = "") -> tuple[str, str]:
     """A log of a machine, matched by time: force and grip of every image are those of its moment."""
     stated = 'image_times = "times.csv"\n' if times else "frame_interval_s = 2.0\n"
-    write(folder, [f"f{k:02d}.tif" for k in range(N)], [image(e, k) for k, e in enumerate(RAMP)], "", more=stated + more)
+    write(folder, [f"f{k:02d}.tif" for k in range(N)], [image(e, k) for k, e in enumerate(RAMP)], "", stated + more)
     (folder / "loads.csv").unlink()
     (folder / f"loads{suffix}").write_bytes(text if isinstance(text, bytes) else text.encode("utf-8"))
     if times:
@@ -74,8 +73,8 @@ def lvm() -> str:
 MTS = ("MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A\n\nData Header:\tTime:\t11/3/2025 2:05:09 PM\nData Acquisition:\tTimed\n"
        "Time\tAxial Force\tAxial Displacement\nSec\tN\tmm\n")
 BLUEHILL = 'Specimen label,"A-1"\nGeometry,"Rectangular"\n\nTime,Load,Extension\n(s),(N),(mm)\n'
-INSTRON_OLD = '"Results Table 1"\n,"Maximum Load","Modulus"\n,"(N)","(MPa)"\n1,"22400.00","70000.0"\n\n"Time","Load",' \
-              '"Extension"\n"(s)","(N)","(mm)"\n'
+INSTRON_OLD = ('"Results Table 1"\n,"Maximum Load","Modulus"\n,"(N)","(MPa)"\n1,"22400.00","70000.0"\n\n"Time","Load",'
+               '"Extension"\n"(s)","(N)","(mm)"\n')
 CATMAN = ("HBM_CATMAN_DATAFILE_40\nAutomatic data file\n\nTime  1 - default sample rate [s]\tForce [N]\tGrip [mm]\n")
 
 
@@ -210,7 +209,9 @@ def named(x: str, y: str, ux: str, uy: str, more: str = 'unit = "mm"\n') -> str:
 
 def fields() -> Iterator[Input]:
     """Exports of DIC systems."""
-    px = (lambda x, y, u, v: (20 * x, 160 - 20 * y, 20 * u, -20 * v))
+    def px(x: float, y: float, u: float, v: float) -> tuple[float, ...]:
+        return 20 * x, 160 - 20 * y, 20 * u, -20 * v
+
     cases: dict[str, tuple] = {
         "VIC-2D, px beside calibrated mm": (rows(
             '"x", "y", "sigma", "x_c", "y_c", "u_c", "v_c", "exx", "u", "v"', lambda i, bad, x, y, u, v:
@@ -219,8 +220,8 @@ def fields() -> Iterator[Input]:
                 *((9, 9) if bad else (20 * u, -20 * v)))), PX, 7),
         "VIC-3D, metric and px": (rows(
             '"X","Y","Z","U","V","W","exx","sigma","x","y","u","v"', lambda i, bad, x, y, u, v:
-            "0,0,0,0,0,0,0,-1,0,0,0,0" if bad else f"{x},{y},0.1,{u:.6f},{v:.6f},0.001,0.01,0.006,{20 * x},{160 - 20 * y},"
-            f"{20 * u:.4f},{-20 * v:.4f}"), 'fields_unit = "mm"', 7),
+            "0,0,0,0,0,0,0,-1,0,0,0,0" if bad else f"{x},{y},0.1,{u:.6f},{v:.6f},0.001,0.01,0.006,{20 * x},"
+            f"{160 - 20 * y},{20 * u:.4f},{-20 * v:.4f}"), 'fields_unit = "mm"', 7),
         "MatchID 2D, semicolons and commas": (rows(
             "Coordinates.Image X [Pixel];Coordinates.Image Y [Pixel];disp.Horizontal Displacement U [Pixel];"
             "disp.Vertical Displacement V [Pixel]", lambda i, bad, x, y, u, v:
@@ -239,8 +240,9 @@ def fields() -> Iterator[Input]:
                 *px(x, y, u, v)[:2], *(("nan", "nan", "nan", 0, "nan") if bad else (
                     20 * u, -20 * v, 0, 1, 0.998)))), PX, 7),
         "OpenCorr, ZNCC below 0 where it failed": (rows(
-            "x,y,u,v,u0,v0,ZNCC,iteration,convergence", lambda i, bad, x, y, u, v: "{:g},{:g},{:.5f},{:.5f},0,0,{},5,0.001"
-            .format(*px(x, y, *((0.4, 0.4) if bad else (u, v))), -4 if bad else 0.99)),
+            "x,y,u,v,u0,v0,ZNCC,iteration,convergence", lambda i, bad, x, y, u, v:
+            "{:g},{:g},{:.5f},{:.5f},0,0,{},5,0.001".format(*px(x, y, *((0.4, 0.4) if bad else (u, v))),
+                                                            -4 if bad else 0.99)),
             PX + named("x", "y", "u", "v", 'unit = "px"\ny_axis = "down"\nquality = "ZNCC"\nquality_min = 0.8\n'), 7),
         "inches": (rows("x [in],y [in],u [in],v [in]", lambda i, bad, x, y, u, v: ",".join(
             f"{q / 25.4:.8f}" for q in (x, y, u, v))), "", 0),
@@ -251,8 +253,9 @@ def fields() -> Iterator[Input]:
         "True and False": (rows("X,Y,DX,DY,valid", lambda i, bad, x, y, u, v:
                                 f"{x},{y},{9 if bad else u},{9 if bad else v},{not bad}"),
                            named("X", "Y", "DX", "DY", 'unit = "mm"\nflag = "valid"\n'), 7),
-        "named columns with decimal commas": (rows("Pos X;Pos Y;Verschiebung X;Verschiebung Y", lambda i, bad, x, y, u, v:
-                                                   (f"{x};{y};;" if bad else f"{x};{y};{u:.6f};{v:.6f}").replace(".", ",")),
+        "named columns with decimal commas": (rows(
+            "Pos X;Pos Y;Verschiebung X;Verschiebung Y", lambda i, bad, x, y, u, v:
+            (f"{x};{y};;" if bad else f"{x};{y};{u:.6f};{v:.6f}").replace(".", ",")),
                                               named("Pos X", "Pos Y", "Verschiebung X", "Verschiebung Y"), 7),
         "exact zeros outside of a round region": (zeros_outside, "", None),
         "-999 for a point that failed": (rows("x_mm,y_mm,ux_mm,uy_mm", lambda i, bad, x, y, u, v:
@@ -287,5 +290,3 @@ def _region(folder: Path) -> tuple[str, str]:
     slope = 1e-3 * np.polyfit(positions[inside, 0] * experiment.recording.points.pitch_mm, values[inside, 0], 1)[0]
     return right_if(abs(slope - 0.012) < 3e-4, (inside.sum(), slope))
 
-
-_ = TOML, log_text, InputError

@@ -6,13 +6,14 @@ import json
 import os
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
 import numpy as np
 import tifffile
 from outcome import Input, order_of, right_if, warnings_of
-from strip import LENGTH_MM, RAMP, TOML, force_of, image, log_text, write
+from strip import RAMP, force_of, image, log_text, write
 from typer.testing import CliRunner
 
 from idic.cli.app import app
@@ -30,8 +31,7 @@ NAMES = {
     "Windows copies": ["test.tif", *(f"test ({k}).tif" for k in range(2, N + 1))],
     "Micro-Manager": [f"img_channel000_position000_time{k:09d}_z000.tif" for k in range(N)],
     "time with a zone": [f"2025-11-03T14-05-{3 * k:02d}+0100.tif" for k in range(N)],
-    "seconds of an epoch": [f"{1762178709.25 + 0.25 * k:.2f}.tif" for k in range(N)],
-    "loops counted down": [f"shot_{N - k:02d}.tif" for k in range(N)]}
+    "seconds of an epoch": [f"{1762178709.25 + 0.25 * k:.2f}.tif" for k in range(N)]}
 
 
 def frames(strain: Sequence[float]) -> list[np.ndarray]:
@@ -46,6 +46,16 @@ def named(names: Sequence[str], folder: Path) -> tuple[str, str]:
         os.utime(folder / "images" / name, (1.7e9,) * 2)
     labels = order_of(folder)
     return right_if(labels == list(names), labels)
+
+
+def counted_down(folder: Path) -> tuple[str, str]:
+    """Numbers that fall in time; the files were saved in order: two orders are told, as the motion has no direction."""
+    names = [f"shot_{N - k:02d}.tif" for k in range(N)]
+    write(folder, names, frames(RAMP), log_text(RAMP))
+    for k, name in enumerate(names):
+        os.utime(folder / "images" / name, (1.7e9 + 10.0 * k,) * 2)
+    warnings = warnings_of(folder)
+    return right_if("two orders of the images" in warnings and "shot_12.tif, shot_11.tif" in warnings, warnings)
 
 
 def listed(folder: Path) -> tuple[str, str]:
@@ -70,7 +80,7 @@ def film(shown: Sequence[int], codec: str, suffix: str, folder: Path) -> tuple[s
     text = (folder / "experiment.toml").read_text().replace("images/*.tif", f"test{suffix}")
     (folder / "experiment.toml").write_text(text)
     warnings = warnings_of(folder)
-    doubles = sum(a == b for a, b in zip(shown, shown[1:], strict=False))
+    doubles = sum(a == b for a, b in pairwise(shown))
     return right_if(("repeat" in warnings) == bool(doubles) and (not doubles or f"{doubles} " in warnings), warnings)
 
 
@@ -172,6 +182,7 @@ def recordings() -> Iterator[Input]:
     """All of them."""
     for name, names in NAMES.items():
         yield Input("order of frames", name, partial(named, names))
+    yield Input("order of frames", "counted down, saved in order", counted_down)
     yield Input("order of frames", "the log names the images", listed)
     doubled = [k * 4 // 5 for k in range(20)]
     yield Input("copies", "a lossless film, 24 shown as 30", partial(film, doubled, "FFV1", ".avi"))
@@ -181,9 +192,10 @@ def recordings() -> Iterator[Input]:
     relaxed = force_of(hold) * np.concatenate([np.ones(7), 1 - 0.04 * np.arange(1, 6)])
     yield Input("copies", "grips held, the force relaxes", partial(told, [], ["repeat"], strain=hold, force=relaxed))
     yield Input("copies", "two images lost, the log counts on", lost)
-    yield Input("sign and end", "force cell not tared, 400 N", partial(told, [], ["factor"], force=force_of(RAMP) + 400))
+    yield Input("sign and end", "force cell not tared", partial(told, [], ["factor"], force=force_of(RAMP) + 400))
     cycle = 0.008 * np.sin(np.arange(N) / 1.7)
-    yield Input("sign and end", "tension and compression", partial(told, [], ["factor", "exclude_frames"], strain=cycle))
+    yield Input("sign and end", "tension and compression", partial(
+        told, [], ["factor", "exclude_frames"], strain=cycle))
     yield Input("sign and end", "compression positive, not tared", partial(
         told, ["factor = -1"], [], force=-force_of(RAMP) - 250))
     after = np.where(np.arange(N) > 8, 0.0, force_of(RAMP))
@@ -207,5 +219,3 @@ def recordings() -> Iterator[Input]:
     yield Input("init", "three specimens", partial(initialised, specimens, ["images/*.tif", "force.csv"]))
     yield Input("init", "stages of VIC-2D", partial(initialised, stages_and_deck, ["export/*.csv", "machine.csv"]))
 
-
-_ = TOML, LENGTH_MM
