@@ -12,7 +12,7 @@ from idic.report import (
     against_free, held_stresses, in_ratios, joint_page, parts_of_std, render_page, result_headline, result_verdict,
     stress_unit,
 )
-from idic.report.result.words import convergence, explained
+from idic.report.result.words import convergence, discrepancy_text, explained
 from idic.run.joint_result import result_of_part
 
 CLUSTER = {"is_cluster": True, "chi2": 1.62, "typical_chi2": 1.0, "z": 31.0, "p_value": 0.0, "column": 412.3,
@@ -145,3 +145,11 @@ def test_an_error_that_is_no_part_of_a_std_is_zero():
     entry = {"std": 250.0, "std_noise": 250.0, "std_model": 9.8e-8}
     assert parts_of_std(entry) == "250, 0"
     assert parts_of_std(entry | {"std_model": None}) == "250, –"
+
+
+def test_an_error_of_the_simulation_that_widens_the_intervals_is_not_denied():
+    result = make_result() | {"discrepancy": {"significant": False}}
+    assert discrepancy_text(result) == "No error beyond noise widens the intervals."
+    name, entry = next((name, entry) for name, entry in result["parameters"].items() if entry.get("std"))
+    result["parameters"] = result["parameters"] | {name: entry | {"std_model": 0.9 * entry["std"]}}
+    assert "the error of the simulation itself" in discrepancy_text(result)
