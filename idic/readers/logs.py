@@ -379,12 +379,13 @@ def _by_number(log: Log, numbers: tuple[int, ...] | None, image_times: np.ndarra
     rows = [np.flatnonzero(column == number) for number in numbers]
     if any(len(places) != 1 for places in rows):
         return None
-    chosen = np.concatenate(rows)
-    lost = [f"{number:g}" for number in np.delete(column, chosen)]
-    note = (f"{log.file.name}: {len(lost)} rows have no image of their number and are left out: frame "
-            f"{', '.join(lost[:_MAX_SHOWN_ROWS])}{' …' if len(lost) > _MAX_SHOWN_ROWS else ''}")
+    row_numbers = np.concatenate(rows)
+    lost_frames = [f"{number:g}" for number in np.delete(column, row_numbers)]
+    note = (f"{log.file.name}: {len(lost_frames)} rows have no image of their number and are left out: frame "
+            f"{', '.join(lost_frames[:_MAX_SHOWN_ROWS])}{' …' if len(lost_frames) > _MAX_SHOWN_ROWS else ''}")
     times = log.times() if image_times is None else None
-    return MatchedLog(replace(log, notes=(*log.notes, note)), image_times if times is None else times[chosen], chosen)
+    times = image_times if times is None else times[row_numbers]
+    return MatchedLog(replace(log, notes=(*log.notes, note)), times, row_numbers)
 
 
 def _check_frames(log: Log, n_frames: int, numbers: tuple[int, ...] | None) -> None:

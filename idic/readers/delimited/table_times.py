@@ -26,9 +26,9 @@ def seconds_column(table: Table) -> str | None:
     """The column of numbers that is named time and has a unit of time: ``time_s``, ``t_ms``; else the only one with a
     unit of time that grows from row to row: ``Prüfzeit [s]``, ``Elapsed Time (Sec)``; None without."""
     columns = [name for name in table.names if name and _has_time_unit(table, name) and not _is_clock(table, name)]
-    named = next((name for name in columns if without_unit(name).lower() in _TIME_NAMES), None)
-    growing = [] if named else [name for name in columns if _grows(table, name)]
-    return growing[0] if len(growing) == 1 else named
+    named_column = next((name for name in columns if without_unit(name).lower() in _TIME_NAMES), None)
+    growing_columns = [] if named_column else [name for name in columns if _grows(table, name)]
+    return growing_columns[0] if len(growing_columns) == 1 else named_column
 
 
 def _has_time_unit(table: Table, name: str) -> bool:

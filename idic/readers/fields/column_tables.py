@@ -295,8 +295,8 @@ def _stage(columns: Columns, values: np.ndarray, path: Path) -> Stage:
 def _in_one_unit(columns: Columns, values: np.ndarray, names: Sequence[str]) -> np.ndarray:
     """Columns of lengths in the unit of the first position; each may state its own, as µm beside mm  # (n, d)"""
     places = [columns.place(name) for name in names]
-    stated = columns.dialect.named is not None and columns.dialect.named.unit is not None
-    units = [None if stated else unit_of(columns.names[place]) for place in places]
+    has_unit = columns.dialect.named is not None and columns.dialect.named.unit is not None
+    units = [None if has_unit else unit_of(columns.names[place]) for place in places]
     return values[:, places] * [factor_to(columns.unit, unit or columns.unit) or 1.0 for unit in units]
 
 
@@ -314,9 +314,9 @@ def _check_units(columns: Columns, path: Path) -> None:
     """Refuse positions and displacements in units that do not convert into each other: px and mm."""
     if columns.dialect.named is not None and columns.dialect.named.unit is not None:
         return
-    stated = [unit_of(name) for name in _lengths(columns)]
-    units = {unit or columns.dialect.unit for unit in stated}
-    if len(units) > 1 and (None in stated or any(factor_to(columns.unit, unit) is None for unit in units)):
+    stated_units = [unit_of(name) for name in _lengths(columns)]
+    units = {unit or columns.dialect.unit for unit in stated_units}
+    if len(units) > 1 and (None in stated_units or any(factor_to(columns.unit, unit) is None for unit in units)):
         raise InputError("positions and displacements are in different units", file=path, key=KEY,
                          expected="one unit of length", found=", ".join(sorted(units)),
                          remedy="export both in mm, or both in px")

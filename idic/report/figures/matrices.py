@@ -76,9 +76,9 @@ def correlation(record: RunRecord) -> Picture | None:
         if off[i, j] > MIN_STRONG_CORRELATION:
             caption += "An error in one largely compensates an error in the other."
         else:
-            hardly = [short.get(name, name) for name in hardly_determined(record.result)]
-            caption += f"The test separates {'these' if open_ or hardly else 'all'} parameters."
-            caption += f" The interval of {', '.join(hardly)} reaches zero all the same." if hardly else ""
+            loose_names = [short.get(name, name) for name in hardly_determined(record.result)]
+            caption += f"The test separates {'these' if open_ or loose_names else 'all'} parameters."
+            caption += f" The interval of {', '.join(loose_names)} reaches zero all the same." if loose_names else ""
         if open_:
             caption += " Those that it does not determine are not shown."
         return to_picture(figure, "correlation", "Correlation of the identified values", caption)

@@ -153,11 +153,11 @@ def images(result: Mapping) -> tuple[str, str, str]:
     return "good", "Good fit: the residual is noise", f"The image residual is camera noise ({numbers})."
 
 
-def _lacking(result: Mapping, rest: str) -> str:
+def _lacking(result: Mapping, alternative: str) -> str:
     """What a residual above noise means: at values that are not the best ones, it says nothing of the model."""
     if result.get("status", "converged") != "converged":
         return "The search has not ended: better values may explain it."
-    return f"The model lacks an effect{rest}. The residual maps show where."
+    return f"The model lacks an effect{alternative}. The residual maps show where."
 
 
 def _lacking_bases(result: Mapping) -> dict[str, Mapping]:

@@ -114,10 +114,10 @@ def discrepancy_text(result: Mapping) -> str:
     if "significant" not in values_text:
         return ""
     if not values_text["significant"]:
-        counted = any((entry.get("std_model") or 0.0) > MIN_SHOWN_PART * (entry.get("std") or inf)
-                      for entry in result["parameters"].values())
-        return ("The residual shows no error beyond noise; the second part is the error of the simulation itself, of its "
-                "mesh above all." if counted else "No error beyond noise widens the intervals.")
+        has_model_part = any((entry.get("std_model") or 0.0) > MIN_SHOWN_PART * (entry.get("std") or inf)
+                             for entry in result["parameters"].values())
+        return ("The residual shows no error beyond noise; the second part is the error of the simulation itself, of "
+                "its mesh above all." if has_model_part else "No error beyond noise widens the intervals.")
     unit = "distances of the points" if (result.get("noise") or {}).get("unit") == "µm" else "px"
     return (f"The residual shows an error of the model (twice the gain in log-likelihood: "
             f"{values_text['likelihood_ratio']:.0f}; {_left_unexplained(values_text, unit)}): the intervals count it.")

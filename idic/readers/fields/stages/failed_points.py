@@ -149,8 +149,8 @@ def _mark_of_failure(displacement: np.ndarray) -> float | None:
     if not is_one_number.any():
         return None
     mark = float(displacement[is_one_number, 0][np.argmax(np.abs(displacement[is_one_number, 0]))])
-    others = displacement[~(displacement == mark).all(axis=1)]
-    return mark if np.abs(others).max(initial=0.0) < abs(mark) else None
+    other_values = displacement[~(displacement == mark).all(axis=1)]
+    return mark if np.abs(other_values).max(initial=0.0) < abs(mark) else None
 
 
 def _stands_alone(points: np.ndarray, displacement: np.ndarray, is_measured: np.ndarray, mark: float) -> np.ndarray:
