@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -18,7 +19,8 @@ from idic.inside import folder_inside, write_inside
 @app.command()
 def init(
     folder: Annotated[Path,
-                      typer.Argument(metavar="FOLDER", help="Folder with images or scans; mesh and log if there are.")],
+                      typer.Argument(metavar="FOLDER", help="Folder with images or scans, mesh and log if "
+                                                             "there are; or a folder of each specimen.")],
 ) -> None:
     """Write a commented experiment.toml for a folder of images."""
     with outcome():
@@ -26,10 +28,13 @@ def init(
         from idic.experiment_file import initial_experiment
 
         written, lines = initial_experiment(folder, lambda image: speckled_area(image, texture_of(image)))
-        for line in (*lines, *_first_look(written)):
+        for line in lines:
             typer.echo(line)
-        typer.echo(f"{user_path(written)} written; complete the lines marked FILL IN, then run: idic check "
-                   f"{user_path(folder)}")
+        for file in sorted(written.glob("*/experiment.toml")) if written.is_dir() else [written]:
+            for line in _first_look(file):
+                typer.echo(line)
+            typer.echo(f"{user_path(file)} written; complete the lines marked FILL IN, then run: idic check "
+                       f"{shlex.quote(user_path(file.parent))}")
 
 
 def _first_look(written: Path) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from idic.experiment_file.initial.scans import find_scans, mask_among
 from idic.experiment_file.initial.sections import (
     column_of, ends_of, guessed_unit, line, log_lines, materials,
 )
+from idic.experiment_file.initial.specimens import specimens_in
 from idic.experiment_file.initial.volumes import scans_found, volumes_document
 from idic.experiment_file.initial.words import fitting_scale, lines_of
 from idic.experiment_file.toml_file import EXPERIMENT_FILE
@@ -24,15 +26,12 @@ from idic.inside import open_inside
 from idic.readers import parse_unit
 
 _ROI_MARGIN, _ELEMENTS_ACROSS = 0.1, 15
-
-
-def write_initial_experiment(folder: str | Path, area: Area | None = None) -> Path:
-    """`initial_experiment` without its lines."""
-    return initial_experiment(folder, area)[0]
+_MIN_ELEMENT_PX = 8  # edge: in smaller ones a free displacement scatters too much, as `idic check` warns
 
 
 def initial_experiment(folder: str | Path, area: Area | None = None) -> tuple[Path, list[str]]:
-    """Write experiment.toml into `folder`; returns its path and what was found, one fact per line.
+    """Write experiment.toml into `folder`; returns its path and what was found, one fact per line. Where each folder in
+    it holds the images and the log of a specimen, into each of them; returns `folder` then.
 
     area : finds the speckled area, for the ROI and for a first guess of the scale
 
@@ -46,10 +45,22 @@ def initial_experiment(folder: str | Path, area: Area | None = None) -> tuple[Pa
     if not folder.is_dir():
         raise InputError("no such folder", file=folder, expected="a folder with images", found="nothing there",
                          remedy="check the path")
-    target = folder / EXPERIMENT_FILE
-    if os.path.lexists(target):
-        raise InputError("the folder has an experiment already", file=target, expected="no experiment.toml",
-                         found="an experiment.toml", remedy="rename or delete that file first")
+    specimens = specimens_in(folder)
+    for place in specimens or [folder]:
+        _refuse_second(place)
+    return _of_specimens(folder, specimens, area) if specimens else _of_one(folder, area)
+
+
+def _of_specimens(folder: Path, specimens: list[Path], area: Area | None) -> tuple[Path, list[str]]:
+    lines = []
+    for place in specimens:
+        lines += [f"specimen     {place.name}", *_of_one(place, area)[1]]
+    names = " ".join(shlex.quote(place.name) for place in specimens)
+    return folder, [*lines, f"specimens    {len(specimens)}; one material of all of them: idic identify {names} "
+                            "--out RUN"]
+
+
+def _of_one(folder: Path, area: Area | None) -> tuple[Path, list[str]]:
     files = files_in(folder)
     scans = find_scans(folder, files)
     if scans is not None:
@@ -63,6 +74,13 @@ def initial_experiment(folder: str | Path, area: Area | None = None) -> tuple[Pa
     contents = None if stages else look_around(folder, files, area)
     text = fields_document(folder, stages, files) if contents is None else _document(contents)
     return _written(folder, text), [] if contents is None else lines_of(contents, text)
+
+
+def _refuse_second(folder: Path) -> None:
+    target = folder / EXPERIMENT_FILE
+    if os.path.lexists(target):
+        raise InputError("the folder has an experiment already", file=target, expected="no experiment.toml",
+                         found="an experiment.toml", remedy="rename or delete that file first")
 
 
 def _written(folder: Path, text: str) -> Path:
@@ -138,7 +156,7 @@ def _guessed_roi(contents: Found) -> tuple[int, int, int, int, int]:
     if contents.outline:
         low, high = segments_of(contents.outline).box()
         (x0, y0), (x1, y1) = np.ceil(low).astype(int).tolist(), np.floor(high).astype(int).tolist()
-    return x0, y0, x1, y1, max(min(x1 - x0, y1 - y0) // _ELEMENTS_ACROSS, 1)
+    return x0, y0, x1, y1, max(min(x1 - x0, y1 - y0) // _ELEMENTS_ACROSS, _MIN_ELEMENT_PX)
 
 
 def _camera(contents: Found) -> str:

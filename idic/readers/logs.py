@@ -28,11 +28,13 @@ from idic.readers.instruments.workbook import sheet_text
 from idic.readers.instruments.zwick import FORMAT as ZWICK
 from idic.readers.instruments.zwick import read_zs2
 
-FORMATS = (Format(LOADS, "tables of text", (".csv", ".txt", ".dat"), "", "names, units, times",
+FORMATS = (Format(LOADS, "tables of text", (".csv", ".txt", ".dat", ".asc", ".tsv", ".lvm", ".tra"), "",
+                  "names, units, times",
                   "units that it lacks", "made: spellings of machines"),
            TDMS, ZWICK, WORKBOOK)
 _BY_SUFFIX = {**dict.fromkeys(TDMS.suffixes, read_tdms), **dict.fromkeys(ZWICK.suffixes, read_zs2)}
 _MAX_VALUE = 1e60  # absolute; squares of squares stay floats
+_MAX_SHOWN_ROWS = 10  # in a note
 _MAX_BEYOND_SHARE = 1e-6  # of the test: an image that is further outside the log is told
 _CLOCK = re.compile(r"[0-9]:[0-9]{2}|[0-9]{4}-[0-9]{2}-[0-9]{2}|[0-9]{1,2}\.[0-9]{1,2}\.[0-9]{4}")
 Decimal = Literal[".", ","]
@@ -213,7 +215,7 @@ class Log:
         if name is None:
             return None
         if self.clock is None:
-            times = self.column(name) * factor_between(self.unit(name), "s", file=self.file, key=name)
+            times = self.column(name) * factor_between(self.unit(name) or "s", "s", file=self.file, key=name)
         else:
             try:
                 times = self.clock.seconds_since(self.start or self.clock)
@@ -353,6 +355,8 @@ def match(log: Log, n_frames: int, numbers: tuple[int, ...] | None, image_times:
     """
     if image_times is not None and log.time_column is not None:
         return _by_time(log, image_times)
+    if len(log.rows) > n_frames and (numbered := _by_number(log, numbers, image_times)) is not None:
+        return numbered
     if len(log.rows) != n_frames:
         difference = "fewer" if len(log.rows) < n_frames else "more"
         raise InputError(f"the log has {difference} rows than the test has images", file=log.file, key="loads",
@@ -364,6 +368,24 @@ def match(log: Log, n_frames: int, numbers: tuple[int, ...] | None, image_times:
         _check_frames(log, n_frames, numbers)
     times = image_times if image_times is not None else log.times()
     return MatchedLog(log, times, np.arange(n_frames))
+
+
+def _by_number(log: Log, numbers: tuple[int, ...] | None, image_times: np.ndarray | None) -> MatchedLog | None:
+    """The rows whose column `frame` holds the numbers of the images, where others were lost; None where one of them has
+    no row, or two."""
+    if "frame" not in log.names or numbers is None or None in numbers:
+        return None
+    column = log.column("frame")
+    rows = [np.flatnonzero(column == number) for number in numbers]
+    if any(len(places) != 1 for places in rows):
+        return None
+    row_numbers = np.concatenate(rows)
+    lost_frames = [f"{number:g}" for number in np.delete(column, row_numbers)]
+    note = (f"{log.file.name}: {len(lost_frames)} rows have no image of their number and are left out: frame "
+            f"{', '.join(lost_frames[:_MAX_SHOWN_ROWS])}{' …' if len(lost_frames) > _MAX_SHOWN_ROWS else ''}")
+    times = log.times() if image_times is None else None
+    times = image_times if times is None else times[row_numbers]
+    return MatchedLog(replace(log, notes=(*log.notes, note)), times, row_numbers)
 
 
 def _check_frames(log: Log, n_frames: int, numbers: tuple[int, ...] | None) -> None:

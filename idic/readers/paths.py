@@ -13,13 +13,13 @@ from pathlib import Path, PurePosixPath
 from idic.errors import InputError
 from idic.path_names import path_inside
 from idic.readers.frames.name_orders import (
-    CLOCK, LISTED, NAMES, SIGNED, UncertainOrder, WRAPPED, natural_key, order_by_names,
+    CLOCK, DECIMALS, LISTED, NAMES, SIGNED, UncertainOrder, WRAPPED, natural_key, order_by_names,
 )
 
 
 _DECIMAL = re.compile(r"(?<![\d.])\d+\.\d+(?![\d.])")  # not 2024.05.01
 _IN_WORDS = {SIGNED: "numbers with a minus are below zero", WRAPPED: "the counter began again after its largest number",
-             CLOCK: "by the dates and times in the names"}
+             DECIMALS: "numbers with and without a point are decimals", CLOCK: "by the dates and times in the names"}
 _REFERENCE = re.compile(r"(?<![a-z])(ref|reference|undeformed)(?![a-z])", re.IGNORECASE)
 
 
@@ -93,7 +93,7 @@ def _check_decimals(paths: list[Path], folder: Path) -> None:
                          expected="decimal numbers with equally many digits, such as 1.00, 1.25, 1.50",
                          found=f"{paths[k - 1].name} and {paths[k].name}",
                          remedy="rename the files, with as many digits behind the point in every name; or look at the "
-                                f"images, then write {_choice((NAMES, LISTED))} under [experiment]")
+                                f"images, then write {_choice((DECIMALS, NAMES))} under [experiment]")
 
 
 def existing_file(folder: Path, name: str, *, file, key) -> Path:

@@ -29,8 +29,8 @@ from idic.report.result.fit_words import against_free, in_words_of, noise_chi2
 from idic.report.result.record import RunRecord
 from idic.report.result.stress_scale import in_ratios
 from idic.report.result.words import (
-    MAX_CHANNEL_CHI2, NOISE_SOURCE, derived_names, discrepancy_text, hardly_determined, left_open, number_text,
-    parts_of_std, relative_std, result_cautions, result_headline, result_verdict, short_names, two_digits,
+    MAX_CHANNEL_CHI2, NOISE_SOURCE, derived_names, discrepancy_text, error_text, hardly_determined, left_open,
+    number_text, parts_of_std, relative_std, result_cautions, result_headline, result_verdict, short_names, two_digits,
     virtual_boundaries,
 )
 from idic.report.stress_strain import open_curves, stress_strain
@@ -261,7 +261,7 @@ def _facts(record: RunRecord) -> list[tuple[str, str, bool | None]]:
     for name, value in result.get("residual", {}).get("channel_chi2_dof", {}).items():
         if value is not None:
             few = sum(map(_is_used, result.get("frames", ()))) < MIN_READINGS
-            facts.append((f"χ² of {name}", f"{value:.2f}",
+            facts.append((f"χ² of {name}", f"{value:.2f}" if value < 100.0 else f"{value:.0f}",
                           (few or value >= MIN_CHANNEL_CHI2) and value <= MAX_CHANNEL_CHI2))
     if record.noise_gv:
         source = NOISE_SOURCE.get(result["noise"].get("source", ""), result["noise"].get("source", ""))
@@ -298,6 +298,7 @@ def _parameter_rows(record: RunRecord) -> list[dict]:
         if is_mode(name):
             continue
         std = p.get("std") if p.get("free") else None
+        bias = p.get("discretisation_bias")
         ci, status = p.get("ci95"), HARDLY if name in hardly else parameter_status(record, name)
         rows.append(
             {
@@ -310,7 +311,7 @@ def _parameter_rows(record: RunRecord) -> list[dict]:
                 "parts": parts_of_std(p) if std else "–",
                 "relative": relative_std(p.get("value"), std),
                 "systematic": number_text(p.get("systematic_std"), p.get("systematic_std")),
-                "bias": number_text(p.get("discretisation_bias"), std),
+                "bias": error_text(bias, std, number_text(bias, std)),
                 "ci": f"{number_text(ci[0], std)} … {number_text(ci[1], std)}" if ci and std else "–",
                 "status": status,
             }

@@ -8,7 +8,7 @@ from idic.laws import PRODUCT_SIGN
 from idic.report.figures.style import BLUE, ORANGE, Picture, look, new_figure, to_picture
 from idic.report.result.record import LawCurve, RunRecord
 from idic.report.result.stress_scale import stress_unit
-from idic.report.result.words import two_digits
+from idic.report.result.words import number_text, two_digits
 
 WIDTH_95 = 1.96
 
@@ -34,7 +34,7 @@ def stress_strain(record: RunRecord, curve: LawCurve) -> Picture | None:
                    xlim=(min(0.0, strain[-1]), max(0.0, strain[-1])),
                    ylim=(0.0, 1.15 * max(float(np.nanmax(half)), 1e-12)))
         figure.align_ylabels([top, bottom])
-        end_stress = f"{stress[-1]:.4g} ± {two_digits(half[-1])} {unit}"
+        end_stress = f"{number_text(stress[-1], half[-1])} ± {two_digits(half[-1])} {unit}"
         caption = (
             f"The law {curve.law} in uniaxial {'tension' if strain[-1] > 0 else 'compression'} along {curve.axis}, the "
             f"main direction of the test, in {curve.seconds:.4g} {record.time_label_unit}, up to "

@@ -219,7 +219,7 @@ def test_an_image_out_of_focus_is_told_by_its_edges(folder, blur_px, told):
 
 
 @pytest.mark.parametrize("pixel_size_mm, told", [
-    (0.045, "the mesh spans 89 x 67 px, the image 60 x 50 px; 100% of its elements are seen"),
+    (0.045, "the mesh spans 89 x 67 px, the image 60 x 50 px; 100 % of its elements are seen"),
     (0.06, None),  # longer than the image, but not wider: the camera sees the middle of a strip
 ])
 def test_a_mesh_larger_than_the_image_is_told_alone(folder, pixel_size_mm, told):

@@ -106,10 +106,10 @@ def two_cameras(folder, frames, more=""):
 
 
 @pytest.mark.parametrize("frames, words", [
-    (-2.0, ("right is 2.", "late", "shift the images of right by 2", "leave out n00.tif to n01.tif of right and "
-                                                                     "n14.tif to n15.tif of left")),
-    (2.6, ("right is 2.", "early", "shift the images of right by 3", "leave out n00.tif to n02.tif of left and "
-                                                                     "n13.tif to n15.tif of right"))])
+    (-2.0, ("right shows a moment 2.", "earlier", "shift the images of right by 2",
+            "leave out n00.tif to n01.tif of right and n14.tif to n15.tif of left")),
+    (2.6, ("right shows a moment 2.", "later", "shift the images of right by 3",
+           "leave out n00.tif to n02.tif of left and n13.tif to n15.tif of right"))])
 def test_images_of_different_moments_are_refused_with_the_shift_until_the_user_states_the_offset(
         frames, words, tmp_path):
     folder = two_cameras(tmp_path / "a", frames)
@@ -126,7 +126,7 @@ def test_images_of_different_moments_are_refused_with_the_shift_until_the_user_s
 def test_of_a_long_test_some_frames_tell_how_many_images_two_cameras_are_apart(tmp_path, monkeypatch):
     folder = two_cameras(tmp_path / "a", -2.0)
     monkeypatch.setattr("idic.measure.sequence.frames.MAX_FRAMES", 8)
-    with pytest.raises(InputError, match="right is 2.* late") as refused:
+    with pytest.raises(InputError, match="right shows a moment 2.* earlier") as refused:
         idic.identify(folder)
     assert "n00.tif to n01.tif of right and n14.tif to n15.tif of left" in str(refused.value)
 

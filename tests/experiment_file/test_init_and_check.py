@@ -44,7 +44,7 @@ def test_init_makes_a_mesh_on_the_image_where_there_is_no_mesh_file(tmp_path):
         tifffile.imwrite(tmp_path / f"shot{k}.tif", np.full((80, 120), 10 * k, np.uint8))
     initial_experiment(tmp_path)[0]
     e = load_experiment(tmp_path)
-    assert e.model.length_unit == "px" and e.model.mesh.n_elements > 100 and e.model.prescribed[0].nodes == "OUTER"
+    assert e.model.length_unit == "px" and e.model.mesh.n_elements > 50 and e.model.prescribed[0].nodes == "OUTER"
 
 
 def shots(folder, *names, size=(80, 120)):
@@ -153,7 +153,7 @@ def test_init_puts_the_roi_on_the_speckled_area_with_its_holes(tmp_path):
     text = path.read_text()
     assert "# 1 hole is not round and left out" in text and any("not round" in line for line in lines)
     assert "roi_px = [20, 10, 99, 69]" in text and "holes_px = [[60.0, 40.0, 12.0]]" in text
-    assert load_experiment(tmp_path).model.mesh.n_elements > 100
+    assert load_experiment(tmp_path).model.mesh.n_elements > 50
 
 
 def test_init_overwrites_nothing_and_needs_images(folder, tmp_path):
@@ -216,3 +216,12 @@ def test_check_of_a_folder_without_write_permission_reports_it_and_ends(folder, 
 def test_check_runs_on_the_public_case(shared_data):
     report = check(load_experiment(shared_data("open-case-1-plate-with-hole-elastoplastic")))
     assert report.n_visible < report.n_seen == 1196 and not report.warnings
+
+
+@pytest.mark.parametrize("name", ["machine.txt", "test.TRA", "run.lvm", "export.asc"])
+def test_init_finds_the_log_of_a_machine_beside_notes(tmp_path, name):
+    shots(tmp_path, "shot_00.png", "shot_01.png", "shot_02.png")
+    (tmp_path / "a_note.txt").write_text("Specimen 5, painted on Monday\n12 images\n")
+    (tmp_path / name).write_text("Time [s];Force [N]\n0;0\n1;5\n2;9\n")
+    path, lines = initial_experiment(tmp_path)
+    assert f'loads = "{name}"' in path.read_text() and not any("a_note" in line for line in lines)

@@ -1,6 +1,7 @@
 """`idic init` in folders with a film, and with the images of two cameras and their calibration; sets of a material."""
 
 import json
+import shutil
 import tomllib
 
 import cv2
@@ -131,3 +132,36 @@ def test_sets_that_cannot_be_joined_are_refused(tmp_path, entry, told):
     change(folder, "experiment.toml", "[material.SPECIMEN]", entry)
     code, text = shown("check", folder, "--no-picture")
     assert code == 2 and told in " ".join(text.split())
+
+
+@pytest.mark.parametrize("names, cameras", [(("left.avi", "right.avi"), ["left", "right"]),
+                                            (("cam0.tif", "cam1.tif"), ["first", "second"])])
+def test_a_film_of_each_camera_is_a_pair(tmp_path, names, cameras):
+    folder = paired(tmp_path)
+    for name, side in zip(names, ("left", "right"), strict=True):
+        images = np.array([tifffile.imread(path) for path in sorted((folder / side).glob("*.tif"))])
+        shutil.rmtree(folder / side)
+        if name.endswith(".tif"):
+            tifffile.imwrite(folder / name, images, photometric="minisblack")
+            continue
+        film = cv2.VideoWriter(str(folder / name), cv2.VideoWriter_fourcc(*"FFV1"), 1, (60, 50), True)
+        for image in images:
+            film.write(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR))
+        film.release()
+    code, text = shown("init", folder)
+    assert code == 0 and f"cameras      two, {cameras[0]} and {cameras[1]}, by calibration.json" in text
+    assert "other films" not in text
+    table = tomllib.loads((folder / "experiment.toml").read_text())
+    assert table["experiment"]["images"] == names[0] and table["camera"][1]["images"] == names[1]
+
+
+def test_a_folder_of_each_specimen_gets_an_experiment_of_its_own(tmp_path):
+    for name in ("A 0", "B 90"):
+        folder = write_experiment(tmp_path / "all" / name)
+        (folder / "experiment.toml").unlink()
+    code, text = shown("init", tmp_path / "all")
+    assert code == 0 and "specimens    2; one material of all of them: idic identify 'A 0' 'B 90'" in text
+    for name in ("A 0", "B 90"):
+        assert 'loads = "loads.csv"' in (tmp_path / "all" / name / "experiment.toml").read_text()
+    code, text = shown("init", tmp_path / "all")
+    assert code == 2 and "has an experiment already" in text

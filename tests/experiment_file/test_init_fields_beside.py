@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.experiment_file.init import write_initial_experiment
+from idic.experiment_file import initial_experiment
 from idic.experiment_file import load_experiment
 
 
@@ -23,7 +23,7 @@ def write_folder(folder, rows: int) -> None:
 
 def test_the_log_of_the_machine_is_no_stage(tmp_path):
     write_folder(tmp_path, 6)
-    text = write_initial_experiment(tmp_path).read_text()
+    text = initial_experiment(tmp_path)[0].read_text()
     assert 'fields = "test-*_0.csv"' in text and 'loads = "machine.csv"' in text and 'column = "force_N"' in text
     given = {"experiment.thickness_mm": 2.0, "experiment.fields_noise_um": 0.5}
     np.testing.assert_allclose(load_experiment(tmp_path, given).model.channels[0].values, 100.0 * np.arange(6))
@@ -31,7 +31,7 @@ def test_the_log_of_the_machine_is_no_stage(tmp_path):
 
 def test_a_log_at_its_own_rate_needs_the_times_of_the_stages(tmp_path):
     write_folder(tmp_path, 51)
-    assert "# FILL IN: 51 rows for 6 stages" in write_initial_experiment(tmp_path).read_text()
+    assert "# FILL IN: 51 rows for 6 stages" in initial_experiment(tmp_path)[0].read_text()
     given = {"experiment.thickness_mm": 2.0, "experiment.fields_noise_um": 0.5, "experiment.frame_interval_s": 1.0}
     np.testing.assert_allclose(load_experiment(tmp_path, given).model.channels[0].values, 100.0 * np.arange(6))
 
@@ -43,7 +43,7 @@ def test_a_table_with_times_takes_them(tmp_path):
     (tmp_path / "sub").mkdir()
     (tmp_path / "machine.csv").rename(tmp_path / "sub" / "machine.csv")
     (tmp_path / "sub" / "all.csv").write_text("\n".join(["stage,time_s,x_mm,y_mm,ux_mm,uy_mm", *lines]))
-    assert "matched by the times of the stages" in write_initial_experiment(tmp_path / "sub").read_text()
+    assert "matched by the times of the stages" in initial_experiment(tmp_path / "sub")[0].read_text()
     given = {"experiment.thickness_mm": 2.0, "experiment.fields_noise_um": 0.5}
     np.testing.assert_allclose(load_experiment(tmp_path / "sub", given).model.channels[0].values, [0.0, 100.0, 200.0])
 
@@ -56,7 +56,7 @@ def test_a_mesh_beside_the_stages_is_laid_onto_them(tmp_path):
     (tmp_path / "strip.inp").write_text("\n".join(["*NODE", *nodes, "*ELEMENT, TYPE=CPS4, ELSET=ALL", *cells,
                                                    "*NSET, NSET=TOP", "7, 8",
                                                    "*NSET, NSET=BOTTOM", "1, 2"]))
-    text = write_initial_experiment(tmp_path).read_text()
+    text = initial_experiment(tmp_path)[0].read_text()
     assert 'mesh = "strip.inp"' in text and '\nplacement = "outline"' in text
     there = load_experiment(tmp_path, {"experiment.thickness_mm": 2.0, "experiment.fields_noise_um": 0.5})
     corner = there.model.camera.inverse(there.recording.points.positions_px).min(axis=0)
@@ -68,7 +68,7 @@ def test_too_few_stages_or_points_for_the_noise_ask_for_it(tmp_path, stages, col
     for k in range(stages):
         rows = [f"{x},{y},0.0,{1e-3 * k * y}" for x in range(columns) for y in range(18)]
         (tmp_path / f"stage_{k}.csv").write_text("\n".join(["x_mm,y_mm,ux_mm,uy_mm", *rows]))
-    assert "fields_noise_um = 1.0            # FILL IN" in write_initial_experiment(tmp_path).read_text()
+    assert "fields_noise_um = 1.0            # FILL IN" in initial_experiment(tmp_path)[0].read_text()
     assert load_experiment(tmp_path).recording.noise.std_gv == 1.0
 
 
@@ -80,7 +80,7 @@ def test_a_field_of_three_columns_shows_its_noise(tmp_path):
         rows = [f"{x},{y},{noise[3 * y + x, 0]:.7f},{1e-3 * k * y + noise[3 * y + x, 1]:.7f}"
                 for y in range(30) for x in range(3)]
         (tmp_path / f"stage_{k}.csv").write_text("\n".join(["x_mm,y_mm,ux_mm,uy_mm", *rows]))
-    write_initial_experiment(tmp_path)
+    initial_experiment(tmp_path)[0]
     noise = load_experiment(tmp_path).recording.noise
     assert noise.std_gv == pytest.approx(0.5, rel=0.2)  # 540 numbers, some taken by the fit
 
@@ -90,7 +90,7 @@ def test_points_on_one_line_are_no_field(tmp_path):
         rows = [f"3.0,{y},0.0,{1e-3 * k * y}" for y in range(18)]
         (tmp_path / f"stage_{k}.csv").write_text("\n".join(["x_mm,y_mm,ux_mm,uy_mm", *rows]))
     with pytest.raises(InputError, match="on one line"):
-        write_initial_experiment(tmp_path)
+        initial_experiment(tmp_path)[0]
 
 
 def test_lengths_of_fields_in_px_are_told_in_px(tmp_path):
@@ -99,7 +99,7 @@ def test_lengths_of_fields_in_px_are_told_in_px(tmp_path):
                 for n, (x, y) in enumerate((x, y) for x in range(40, 300, 20) for y in range(60, 700, 20))]
         (tmp_path / f"solution_{k}.txt").write_text("\n".join([
             "SUBSET_ID,COORDINATE_X,COORDINATE_Y,DISPLACEMENT_X,DISPLACEMENT_Y,SIGMA", *rows]))
-    text = write_initial_experiment(tmp_path).read_text()
+    text = initial_experiment(tmp_path)[0].read_text()
     assert "the points span 240 x 620 px and end" in text and "multiply the lengths of mesh and geometry by it" in text
 
 
@@ -115,7 +115,7 @@ def test_a_beam_in_bending_is_no_compression(tmp_path, upright):
         lines = [f"{a},{b},{c:.7f},{d:.7f}" for a, b, c, d in rows]
         (tmp_path / f"s_{k}.csv").write_text("\n".join(["x_mm,y_mm,ux_mm,uy_mm", *lines]))
     (tmp_path / "log.csv").write_text("force_N\n0\n100\n200\n300\n")
-    text = write_initial_experiment(tmp_path).read_text()
+    text = initial_experiment(tmp_path)[0].read_text()
     line = next(line for line in text.splitlines() if line.startswith("simulated = "))
     assert "bending, by the strain across the specimen" in line and "compression" not in text, line
     assert f'component = "{"x" if upright else "y"}"' in line and "factor" not in line
@@ -130,6 +130,6 @@ def test_a_stage_with_hardly_a_point_ends_in_a_file_or_in_one_message(tmp_path, 
     lost = [",".join([*row.split(",")[:2], "nan", "nan"]) for row in rows[measured:]]
     file.write_text("\n".join([header, *rows[:measured], *lost]))
     try:
-        assert "[experiment]" in write_initial_experiment(tmp_path).read_text()
+        assert "[experiment]" in initial_experiment(tmp_path)[0].read_text()
     except InputError as problem:
         assert problem.remedy and not (tmp_path / "experiment.toml").exists()

@@ -36,6 +36,7 @@ READ = {
                              f"{'pm' if k < 6 else 'am'}.tif" for k in range(N)],
     "midnight": [f"x_{'2359' if k < 6 else '0000'}{(54 + k) % 60:02d}.tif" for k in range(N)],
     "unpadded": [f"frame{k + 1}.tif" for k in range(N)],
+    "with and without a fraction": [f"t_{0.5 * k:g}s.tif" for k in range(N)],
     "date and time": [f"2024-11-30_10-{k:02d}-05.tif" for k in range(N)],
     "reference": ["undeformed.tif", *(f"image-{k}.tif" for k in range(1, N))],
 }
@@ -43,6 +44,8 @@ REFUSED = {
     "serial number first": (SERIAL, 'order = "number 2"'),
     "mixed names": (MIXED, 'order = "listed" with images = ["images/'),
     "counter that ends anywhere": ([f"c{k % 5000:04d}.tif" for k in range(4994, 5006)], 'order = "wrapped"'),
+    "pairs exchanged": ([f"c{k + 1 - 2 * (k % 2):02d}.tif" for k in range(N)],
+                        'images = ["images/c01.tif", "images/c00'),
     "two exchanged": ([f"c{k + (k == 5) - (k == 6):02d}.tif" for k in range(N)], 'order = "listed"'),
     "all below zero": ([f"shot_-{N - k:04d}.tif" for k in range(N)], 'order = "signed" or order = "names"'),
     "unpadded parts of a second": ([f"10-05-0{k // 4}.{('0', '25', '5', '75')[k % 4]}.tif" for k in range(N)],
@@ -54,6 +57,7 @@ REFUSED = {
 STATED = {"serial number first": (SERIAL, 'order = "number 2"'),
           "below zero": ([f"shot_-{N - k:04d}.tif" for k in range(N)], 'order = "signed"'),
           "counter that ends anywhere": ([f"c{k % 5000:04d}.tif" for k in range(4994, 5006)], 'order = "wrapped"'),
+          "quarters of a second": ([f"t_{0.25 * k + 1}s.tif" for k in range(N)], 'order = "decimals"'),
           "mixed names": (MIXED, 'order = "listed"')}
 
 
@@ -95,6 +99,16 @@ def test_a_stated_order_is_taken(kind, tmp_path):
 
 def test_the_names_can_be_stated_against_the_motion(tmp_path):
     assert check(write_strip(tmp_path / "a", SERIAL, more='order = "names"'))[0] == 0
+
+
+def test_names_that_count_down_are_told_by_the_times_of_the_files(tmp_path):
+    names = [f"c{N - k:02d}.tif" for k in range(N)]
+    folder = write_strip(tmp_path / "a", names)
+    for k, name in enumerate(names):
+        os.utime(folder / "images" / name, (1.7e9 + 10.0 * k,) * 2)
+    code, output = check(folder)
+    assert code == 0 and "The motion in the images does not decide" in output
+    assert f'order = "listed" with images = ["images/{names[0]}"' in output
 
 
 def test_an_order_that_does_not_exist_is_refused(tmp_path):

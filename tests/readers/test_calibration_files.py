@@ -135,6 +135,14 @@ def test_the_same_rig_is_one_camera_within_1e_9_px(tmp_path, name):
     same(read_calibration(tmp_path / name))
 
 
+def test_vectors_that_opencv_writes_as_nd_matrices_are_read(tmp_path):
+    storage = cv2.FileStorage(str(tmp_path / "cv.yml"), cv2.FILE_STORAGE_WRITE)
+    for name, value in opencv_values(TRUTH).items():
+        storage.write(name, np.ravel(value) if np.size(value) < 9 else np.asarray(value))
+    storage.release()
+    same(read_calibration(tmp_path / "cv.yml"))
+
+
 @pytest.mark.parametrize("name", ["cv.yml", "cv.xml"])
 def test_opencvs_own_storage_is_the_same_rig(tmp_path, name):
     opencv_yaml(tmp_path / name)

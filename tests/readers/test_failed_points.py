@@ -64,6 +64,22 @@ def test_a_flag_makes_a_gap_in_millimetres(tmp_path, head, sound, failed, reason
     assert_one_gap(stack, reason)
 
 
+@pytest.mark.parametrize("mark", ["-999", "9999.0", "-1e5"])
+def test_a_number_beyond_all_displacements_is_a_mark_of_failure(tmp_path, mark):
+    stack = exported(tmp_path, "x_mm,y_mm,ux_mm,uy_mm", lambda i, x, u: line(*x, *u),
+                     lambda i, x, u: line(*x, mark, mark))
+    assert_one_gap(stack, f"displacement {float(mark):g}")
+
+
+def test_the_largest_displacement_of_a_corner_is_no_mark(tmp_path):
+    points = [(x, y) for x in range(8) for y in range(8)]
+    for k in range(3):
+        (tmp_path / f"s{k}.csv").write_text("x_mm,y_mm,ux_mm,uy_mm\n" + "".join(
+            f"{x},{y},{0.01 * k * x:g},{0.01 * k * y:g}\n" for x, y in points))
+    series = open_fields(sorted(tmp_path.iterdir()))
+    assert np.isfinite(FieldStack(series, measured_points(series, [0])).frame(2)).all()
+
+
 @pytest.mark.parametrize("cells", [("", ""), ("NaN", "nan"), ("---", "---"), ("-", ""), ("inf", "0.1"), ("n/a", "N/A")])
 def test_cells_without_a_number_are_gaps(tmp_path, cells):
     stack = exported(tmp_path, "x_mm,y_mm,ux_mm,uy_mm", lambda i, x, u: line(*x, *u), lambda i, x, u: line(*x, *cells))

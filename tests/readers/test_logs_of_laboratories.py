@@ -202,3 +202,32 @@ def test_a_log_with_its_own_times_is_read_later_and_its_rates_are_those_of_its_r
     np.testing.assert_allclose(early.of_frames([1, 2]).column("force_N"), [0.3, 1.3], atol=1e-9)
     assert not on_time.notes and not late.notes and not early.of_frames([1, 2]).notes
     assert "1 of 5 images lie up to 0.7 s outside its times" in early.notes[0]
+
+
+LABVIEW = ("LabVIEW Measurement\t\n***End_of_Header***\t\nX_Dimension\tTime\tTime\t\n***End_of_Header***\t\t\t\n"
+           "X_Value\tForce [N]\tComment\n")
+
+
+@pytest.mark.parametrize("head, separator, suffix", [
+    ("Prüfzeit;Standardkraft\ns;N\n", ";", ""), ("Time  1 - default sample rate [s];Force [N]\n", ";", ""),
+    ("MTS793|MPT|ENU|1\n\nElapsed Time\tAxial Force\nSec\tN\n", "\t", ""), (LABVIEW, "\t", "\t")])
+def test_times_of_machines_are_the_one_column_in_a_unit_of_time_that_grows(tmp_path, head, separator, suffix):
+    log = read(tmp_path, head + "".join(f"{0.5 * k}{separator}{k}{suffix}\n" for k in range(4)))
+    np.testing.assert_allclose(log.times(), [0.0, 0.5, 1.0, 1.5])
+
+
+@pytest.mark.parametrize("header, cells", [("Exposure [s],Force [N]", "0.5"), ("Rise time [s],Fall time [s]", None)])
+def test_other_durations_are_no_times_of_rows(tmp_path, header, cells):
+    log = read(tmp_path, f"{header}\n" + "".join(f"{cells or k},{k}\n" for k in range(4)))
+    assert log.times() is None
+
+
+def test_rows_of_lost_images_are_left_out_by_their_numbers(tmp_path):
+    log = read(tmp_path, "frame,time_s,force_N\n" + "".join(f"{k},{k / 10},{k * k}\n" for k in range(3, 9)))
+    matched = match(log, 4, (3, 4, 7, 8), None)
+    np.testing.assert_array_equal(matched.column("force_N"), [9.0, 16.0, 49.0, 64.0])
+    np.testing.assert_allclose(matched.times, [0.3, 0.4, 0.7, 0.8])
+    assert "2 rows have no image of their number and are left out: frame 5, 6" in matched.notes[-1]
+    for numbers in ((3, 4, 7, 12), (None, 4, 7, 8), None):
+        with pytest.raises(InputError, match="more rows"):
+            match(log, 4, numbers, None)

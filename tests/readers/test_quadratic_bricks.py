@@ -77,3 +77,14 @@ def test_every_cell_has_its_name_for_abaqus_and_for_paraview():
 
     bodies = {name for name, cell in CELL_TYPES.items() if cell.dim > 1}
     assert bodies == set(ABAQUS_TYPES) == set(VTK_NAMES)
+
+
+@pytest.mark.parametrize("kind", ["CPS8", "M3D9"])
+def test_quadrilaterals_with_a_node_in_the_middle_are_read_without_it(tmp_path, kind):
+    places = [(0, 0), (2, 0), (2, 1), (0, 1), (1, 0), (2, 0.5), (1, 1), (0, 0.5), (1, 0.5)]
+    n = 9 if kind == "M3D9" else 8
+    (tmp_path / "a.inp").write_text("*NODE\n" + "".join(f"{k}, {x}, {y}\n" for k, (x, y) in enumerate(places[:n], 1))
+                                    + f"*ELEMENT, TYPE={kind}, ELSET=BODY\n1, {', '.join(map(str, range(1, n + 1)))}\n")
+    mesh, notes = to_mesh(read_mesh_file(tmp_path / "a.inp"), 2, 1.0)
+    np.testing.assert_array_equal(mesh.nodes, places[:8])
+    assert any("quad9" in note for note in notes) == (n == 9)

@@ -69,6 +69,18 @@ def test_matchid_positions_in_pixels_beside_displacements_in_mm_are_refused(tmp_
         opened(tmp_path)
 
 
+def test_micrometres_beside_millimetres_are_converted(tmp_path):
+    stages(tmp_path, "x [mm],y [mm],u [µm],v [µm]", lambda i, x, y, u, v: (SIZE_MM * x, -SIZE_MM * y, 1e3 * SIZE_MM * u,
+                                                                            1e3 * SIZE_MM * v))
+    assert_motion(opened(tmp_path))
+
+
+def test_micrometres_beside_a_column_without_a_unit_are_refused(tmp_path):
+    stages(tmp_path, "x [um],y [um],u,v", lambda i, x, y, u, v: (x, y, u, v))
+    with pytest.raises(InputError, match="different units"):
+        opened(tmp_path)
+
+
 def pyxel(folder) -> None:
     """Point data U in px, y upwards, as pyxel writes its meshes."""
     for k in range(3):

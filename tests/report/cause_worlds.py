@@ -197,6 +197,7 @@ WRONG: dict[str, tuple[Callable[[], World], str]] = {
     "pixel ten times too large": (lambda: World(pixel=1.0), "pixel_size_mm may be too large"),
     "pixel ten times too small": (lambda: World(pixel=0.01), "pixel_size_mm"),
     "log in another unit": (lambda: World(grip=10.0 * LENGTH_MM * RAMP), "the unit of grip_mm may be wrong"),
+    "log in a larger unit": (lambda: World(grip=0.1 * LENGTH_MM * RAMP), "times that of grip_mm"),
     "log of another sign": (lambda: World(grip=-LENGTH_MM * RAMP), "the sign of grip_mm or of an entry of axes is wr"),
     "compression logged as positive": (lambda: World(strain=-RAMP, grip=LENGTH_MM * RAMP, force=FORCE),
                                        "force_N then has the other sign, too: factor = -1"),

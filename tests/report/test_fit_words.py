@@ -9,9 +9,10 @@ import pytest
 from made_up_run import make_record, make_result
 
 from idic.report import (
-    against_free, held_stresses, in_ratios, joint_page, render_page, result_headline, result_verdict, stress_unit,
+    against_free, held_stresses, in_ratios, joint_page, parts_of_std, render_page, result_headline, result_verdict,
+    stress_unit,
 )
-from idic.report.result.words import convergence, explained
+from idic.report.result.words import convergence, discrepancy_text, explained
 from idic.run.joint_result import result_of_part
 
 CLUSTER = {"is_cluster": True, "chi2": 1.62, "typical_chi2": 1.0, "z": 31.0, "p_value": 0.0, "column": 412.3,
@@ -132,3 +133,23 @@ def test_with_a_force_or_in_earlier_files_stresses_stay_as_they_are():
         assert stress_unit(result, "sheet") == ("MPa", 1.0)
 
 
+
+
+def test_a_search_that_has_not_ended_says_nothing_of_the_model():
+    ended, stopped = make_result(chi2=1.4), make_result(chi2=1.4) | {"status": "max_iterations"}
+    assert "The model lacks an effect" in explained(ended)
+    assert "lacks" not in explained(stopped) and "The search has not ended" in explained(stopped)
+
+
+def test_an_error_that_is_no_part_of_a_std_is_zero():
+    entry = {"std": 250.0, "std_noise": 250.0, "std_model": 9.8e-8}
+    assert parts_of_std(entry) == "250, 0"
+    assert parts_of_std(entry | {"std_model": None}) == "250, –"
+
+
+def test_an_error_of_the_simulation_that_widens_the_intervals_is_not_denied():
+    result = make_result() | {"discrepancy": {"significant": False}}
+    assert discrepancy_text(result) == "No error beyond noise widens the intervals."
+    name, entry = next((name, entry) for name, entry in result["parameters"].items() if entry.get("std"))
+    result["parameters"] = result["parameters"] | {name: entry | {"std_model": 0.9 * entry["std"]}}
+    assert "the error of the simulation itself" in discrepancy_text(result)

@@ -230,3 +230,7 @@ def test_the_figure_of_correlations_does_not_say_that_all_parameters_are_separat
     assert matrices.correlation(whole).caption.endswith("The test separates all parameters.")
     assert matrices.correlation(part).caption.endswith(
         "The test separates these parameters. Those that it does not determine are not shown.")
+    loose = {"value": 900.0, "std": 600.0, "std_noise": 20.0, "ci95": [-276.0, 2076.0], "unit": "MPa", "free": True}
+    hardly = replace(whole, result=whole.result | {"parameters": whole.result["parameters"] | {"A.hardening": loose}})
+    assert "all parameters" not in matrices.correlation(hardly).caption
+    assert "reaches zero all the same" in matrices.correlation(hardly).caption

@@ -1,5 +1,6 @@
 """Two cameras among the files of a folder, by a calibration of both: equally many images in two folders, or names in
-one folder that differ by a word or number for each camera: ``img_0001_0.tif`` and ``img_0001_1.tif``."""
+one folder that differ by a word or number for each camera: ``img_0001_0.tif`` and ``img_0001_1.tif``; or a film of
+each: ``left.avi`` and ``right.avi``."""
 
 from __future__ import annotations
 
@@ -7,6 +8,7 @@ import json
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +56,7 @@ def camera_pair(folder: Path, groups: Iterable[Sequence[Path]],
     pairs += [(first, second) for i, first in enumerate(by_folder) for second in by_folder[i + 1:]
              if len(first) == len(second) > 1 and first[0].parent != second[0].parent
              and image_entries(first[0])[0].shape == image_entries(second[0])[0].shape]
+    pairs = pairs or _films([path for group in by_folder for path in group])
     calibration = next((path for path in files if path.suffix.lower() in CALIBRATION_SUFFIXES and _has_two(path)), None)
     if not pairs or calibration is None:
         return None
@@ -62,6 +65,21 @@ def camera_pair(folder: Path, groups: Iterable[Sequence[Path]],
     if further_patterns:
         return None
     return first, CameraPair(pattern, calibration.relative_to(folder).as_posix(), _names(first, second))
+
+
+def _films(files: Sequence[Path]) -> list[tuple[list[Path], list[Path]]]:
+    """Files of several images each, of one size, whose names differ by one word or number, or that lie in two folders.
+    """
+    frames = {path: entries for path in files if len(entries := image_entries(path)) >= MIN_IMAGES}
+    return [([first], [second]) for first, second in combinations(frames, 2)
+            if frames[first][0].shape == frames[second][0].shape and first.suffix == second.suffix
+            and (first.parent != second.parent or _n_differing(first.stem, second.stem) == 1)]
+
+
+def _n_differing(*stems: str) -> int:
+    """Parts by which two names differ; all of names with unlike parts."""
+    first, second = map(_PARTS.findall, stems)
+    return len(first) if len(first) != len(second) else sum(a != b for a, b in zip(first, second, strict=True))
 
 
 def _halves(group: Sequence[Path]) -> tuple[list[Path], list[Path]] | None:

@@ -22,8 +22,9 @@ from idic.readers import (
 HEIGHT_SUFFIXES = {suffix for entry in FORMATS if entry.kind == "heights" for suffix in entry.suffixes}
 IMAGE_SUFFIXES = HEIGHT_SUFFIXES | {suffix for entry in FORMATS if entry.kind == "images" for suffix in entry.suffixes}
 _FILM_SUFFIXES = {suffix for entry in FORMATS if entry.is_film for suffix in entry.suffixes}
-_LOG_SUFFIXES = {".csv", *(suffix for entry in FORMATS if entry.kind == "loads" and entry.is_extra
-                           for suffix in entry.suffixes)}
+LOG_SUFFIXES = {suffix for entry in FORMATS if entry.kind == "loads" for suffix in entry.suffixes}
+_NOTE_SUFFIXES = LOG_SUFFIXES - {".csv"} - {suffix for entry in FORMATS if entry.kind == "loads" and entry.is_extra
+                                            for suffix in entry.suffixes}  # of notes, too
 _NO_MESHES = (".dat", ".svg", ".wkt", ".xml")  # formats of meshio whose suffix usually means something else
 _MASK = re.compile(r"mask|(?<![a-z])roi(?![a-z])", re.IGNORECASE)  # microimage_001.tif is an image
 CHECK = "check"  # where `idic check` draws
@@ -57,9 +58,12 @@ class Found:
 Area = Callable[[np.ndarray], tuple[list, list]]  # image -> outline and holes of its speckled area, px
 
 
-def files_in(folder: Path) -> list[Path]:
-    """Files of the folder and of the folders in it, in natural order, without the pictures of `idic check`."""
-    return sorted((path for depth in ("*", "*/*") for path in folder.glob(depth) if path.is_file()
+def files_in(folder: Path, *depths: str) -> list[Path]:
+    """Files of the folder and of the folders in it, in natural order, without the pictures of `idic check`.
+
+    depths : patterns, "*/*" for the files of the folders
+    """
+    return sorted((path for depth in depths or ("*", "*/*") for path in folder.glob(depth) if path.is_file()
                    and not path.name.startswith(".") and path.parent != folder / CHECK),
                   key=lambda path: natural_key(path.relative_to(folder).as_posix()))
 
@@ -101,7 +105,9 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
         contents.height_unit, contents.pitch_mm = stack.grid.height_unit, stack.grid.pitch_mm
     contents.times_s = stack.times_s
     contents.notes += stack.notes()
-    films = [path.name for (place, _), (path, *_) in groups.items() if place == path and path not in images]
+    second = "" if pair is None else pair[1].images
+    films = [path.name for (place, _), (path, *_) in groups.items()
+             if place == path and path not in images and path.relative_to(folder).as_posix() != second]
     if films and is_film:
         contents.notes.append(f"other films here: {', '.join(films)}")
     _find_mask(masks, contents)
@@ -166,11 +172,17 @@ def _find_mesh(files: list[Path], contents: Found) -> None:
 
 
 def _find_log(files: list[Path], contents: Found) -> None:
-    for path in (path for path in files if path.suffix.lower() in _LOG_SUFFIXES):
+    """The first log; a text that may be a note is one where it has times, or a row per image."""
+    logs = [path for path in files if path.suffix.lower() in LOG_SUFFIXES]
+    for path in sorted(logs, key=lambda path: path.suffix.lower() in _NOTE_SUFFIXES):
+        may_be_note = path.suffix.lower() in _NOTE_SUFFIXES
         try:
             log = read_log(path)
+            if may_be_note and len(log.rows) != contents.n_images and log.time_column is None:
+                continue
         except InputError as error:
-            contents.notes.append(f"{path.name} was not understood: {str(error).splitlines()[0]}")
+            if not may_be_note:
+                contents.notes.append(f"{path.name} was not understood: {str(error).splitlines()[0]}")
             continue
         contents.log_file, contents.log = path.relative_to(contents.folder).as_posix(), log
         contents.notes += log.notes

@@ -31,9 +31,9 @@ def _frame(value: object) -> object:
 
 
 def _order(value: object) -> object:
-    if isinstance(value, str) and re.fullmatch(r"names|signed|wrapped|clock|listed|number [1-9]", value):
+    if isinstance(value, str) and re.fullmatch(r"names|signed|wrapped|clock|decimals|listed|number [1-9]", value):
         return value
-    raise refuse("not an order of images", "names, signed, wrapped, clock, number 1, number 2 … or listed",
+    raise refuse("not an order of images", "names, signed, wrapped, clock, decimals, number 1, number 2 … or listed",
                  "write one of these, or leave order out", value)
 
 

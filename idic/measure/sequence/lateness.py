@@ -86,8 +86,8 @@ def check_pairing(names: tuple[str, str], files: tuple[Sequence[str], Sequence[s
     raise InputError(
         f"images of {names[0]} and {names[1]} of the same number show different moments", key="camera.images",
         expected=f"images of one moment, or less than {MAX_LATE:g} frames apart",
-        found=f"{names[1]} is {abs(offset):.2f} ± {error:.2f} frames {'late' if offset < 0.0 else 'early'}, by the "
-              "motion in both",
+        found=f"{names[1]} shows a moment {abs(offset):.2f} ± {error:.2f} frames "
+              f"{'earlier' if offset < 0.0 else 'later'} in the image of the same number, by the motion in both",
         remedy=f"shift the images of {names[1]} by {n_images}: leave out {_listed(early)} of {names[first]} and "
                f"{_listed(late)} of {names[second]}, with the rows of the log that belong to images of {names[0]} that "
                f"are left out; then check again. If the cameras did see different motions, write [[dof]] name = "

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -73,12 +73,13 @@ class OrderEvidence:
         """Orders by the times of the files that are not that of the names."""
         labels = [path.name for path in self.paths]
         times = {name: order for name, order in self.proposals.items() if name in _OF_FILES and order != self.names}
-        confirmed = bool(times) and self._is_smooth()
-        meaning = ("The motion in the images is that of the names" if confirmed
-                   else "The motion in the images does not decide")
+        is_smooth = bool(times) and self._is_smooth()
+        confirmed = {name: is_smooth and list(order) != self.names[::-1] for name, order in times.items()}
+        meaning = {True: "The motion in the images is that of the names",
+                   False: "The motion in the images does not decide"}  # backwards it is as smooth
         return [f"two orders of the images: {_shown(labels)} by their names, {_shown([labels[k] for k in order])} by "
-                f'{_OF_FILES[name]}. {meaning}: write order = "names", or {self._statement(order)}'
-                for name, order in times.items() if name == "written" or not confirmed]
+                f'{_OF_FILES[name]}. {meaning[confirmed[name]]}: write order = "names", or {self._statement(order)}'
+                for name, order in times.items() if name == "written" or not confirmed[name]]
 
     def _is_confirmed_at_once(self) -> bool:
         """Whether nothing speaks against the names: too few images, no motion, no jump, or that of the log."""
@@ -159,7 +160,7 @@ def _towards(order: Sequence[int], distance: np.ndarray, courses: np.ndarray) ->
     agreements = [_agreement(way, distance, courses) for way in ways]
     if abs(agreements[0] - agreements[1]) > MIN_BETTER:
         return max(ways, key=lambda way: _agreement(way, distance, courses))
-    rising = sum(1 if later > k else -1 for k, later in pairwise(order))
+    rising = sum(1 if later > k else -1 for k, later in combinations(order, 2))
     return ways[0] if rising >= 0 else ways[1]
 
 

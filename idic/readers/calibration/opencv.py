@@ -84,13 +84,14 @@ def _node(node):
 
 
 def _array(value):
-    """An array of nested lists, of OpenCV's or ROS' {rows, cols, data}; None where it is none of these."""
+    """An array of nested lists, of OpenCV's or ROS' {rows, cols, data} or OpenCV 5's {sizes, data}; None where it is
+    none of these."""
     if isinstance(value, Mapping):
-        data, rows, columns = value.get("data"), value.get("rows"), value.get("cols")
-        if data is None or rows is None or columns is None:
+        sizes = value.get("sizes", [value.get("rows"), value.get("cols")])
+        if value.get("data") is None or None in sizes:
             return None
-        array = np.asarray(data, dtype=float)
-        return array.reshape(int(rows), int(columns)) if array.size == int(rows) * int(columns) else None
+        array, shape = np.asarray(value["data"], dtype=float), [int(size) for size in sizes]
+        return array.reshape(shape) if array.size == np.prod(shape) else None
     try:
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):

@@ -12,23 +12,36 @@ from idic.readers.delimited.clock_times import (
     ClockError, ClockTimes, clock_format, clock_times, is_clock_time, is_date, is_dated,
 )
 from idic.readers.delimited.log_table import Table
-from idic.readers.delimited.numerals import looks_numeric
+from idic.readers.delimited.numerals import looks_numeric, number_in
 from idic.readers.delimited.units import parse_unit, unit_in_name, without_unit
 
 _TIME_NAMES = ("time", "t", "zeit")
 _OF_DAY_NAMES = ("uhrzeit", "clock", "time of day", "timestamp", "time stamp", "datetime", "date time", "date/time",
                  "zeitstempel", "datum/zeit", "temps", "heure", "hora", "tiempo", "ora", "tempo")
+_LABVIEW_X, _LABVIEW_TIME = "X_Value", ("X_Dimension", "Time")  # of .lvm: x is the time, in s
 _MAX_SHOWN = 20  # characters of a cell in a note
 
 
 def seconds_column(table: Table) -> str | None:
-    """The column of numbers that is named time and has a unit of time: ``time_s``, ``t_ms``; None without."""
-    for name, row_unit in zip(table.names, table.units, strict=True):
-        unit = parse_unit(row_unit or unit_in_name(name) or "")
-        if (unit is not None and unit.dimension == "time" and without_unit(name).lower() in _TIME_NAMES
-                and not _is_clock(table, name)):
-            return name
-    return None
+    """The column of numbers that is named time and has a unit of time: ``time_s``, ``t_ms``; else the only one with a
+    unit of time that grows from row to row: ``Prüfzeit [s]``, ``Elapsed Time (Sec)``; None without."""
+    columns = [name for name in table.names if name and _has_time_unit(table, name) and not _is_clock(table, name)]
+    named_column = next((name for name in columns if without_unit(name).lower() in _TIME_NAMES), None)
+    growing_columns = [] if named_column else [name for name in columns if _grows(table, name)]
+    return growing_columns[0] if len(growing_columns) == 1 else named_column
+
+
+def _has_time_unit(table: Table, name: str) -> bool:
+    row_unit = table.units[table.names.index(name)]
+    unit = parse_unit(row_unit or unit_in_name(name) or "")
+    return (unit is not None and unit.dimension == "time") or (name == _LABVIEW_X and any(
+        row[:2] == _LABVIEW_TIME for _, row in table.head_rows))
+
+
+def _grows(table: Table, name: str) -> bool:
+    """Whether every number of a column is larger than the one before."""
+    numbers = [number_in(cell.replace(",", "."), ".") for cell in table.cells(name)]
+    return len(numbers) > 1 and None not in numbers and all(a < b for a, b in pairwise(numbers))
 
 
 def clock_column(table: Table) -> str | None:

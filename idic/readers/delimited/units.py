@@ -14,7 +14,8 @@ from idic.errors import InputError
 _DIMENSIONS = ("length", "time", "force", "temperature", "angle", "pixel", "grey value")
 
 _LENGTHS = {"m": 1e3, "cm": 10.0, "mm": 1.0, "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "nm": 1e-6, "in": 25.4, "inch": 25.4}
-_TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0, "h": 3600.0}
+_TIMES = {"s": 1.0, "sec": 1.0, "Sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6,
+          "μs": 1e-6, "min": 60.0, "h": 3600.0}
 _FORCES = {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6, "μN": 1e-6, "kN": 1e3, "MN": 1e6, "lbf": 4.4482216152605,
            "lb": 4.4482216152605, "lbs": 4.4482216152605, "kip": 4448.2216152605, "kgf": 9.80665, "kp": 9.80665}
 _STRESSES = {"MPa": 1.0, "GPa": 1e3, "kPa": 1e-3, "Pa": 1e-6, "bar": 0.1, "mbar": 1e-4, "psi": 6.894757293168e-3,

@@ -266,8 +266,8 @@ def _by_stage(columns: Columns, values: np.ndarray, path: Path) -> list[tuple[fl
 
 def _stage(columns: Columns, values: np.ndarray, path: Path) -> Stage:
     dialect, n = columns.dialect, columns.n_components
-    points = values[:, [columns.place(name) for name in dialect.points[:n]]]
-    displacement = values[:, [columns.place(name) for name in dialect.displacement[:n]]]
+    points, displacement = (_in_one_unit(columns, values, names[:n])
+                            for names in (dialect.points, dialect.displacement))
     ids = None
     if dialect.ids is not None and (place := columns.place(dialect.ids)) is not None:
         ids = names_of(values[:, place])
@@ -292,6 +292,14 @@ def _stage(columns: Columns, values: np.ndarray, path: Path) -> Stage:
                  failed=sound.failed, placeless=sound.placeless)
 
 
+def _in_one_unit(columns: Columns, values: np.ndarray, names: Sequence[str]) -> np.ndarray:
+    """Columns of lengths in the unit of the first position; each may state its own, as µm beside mm  # (n, d)"""
+    places = [columns.place(name) for name in names]
+    has_unit = columns.dialect.named is not None and columns.dialect.named.unit is not None
+    units = [None if has_unit else unit_of(columns.names[place]) for place in places]
+    return values[:, places] * [factor_to(columns.unit, unit or columns.unit) or 1.0 for unit in units]
+
+
 def _time_of(columns: Columns, values: np.ndarray) -> float | None:
     """The time of a stage in s; None without a column of times. A column ``T_C`` is none: its unit is no time."""
     for name in columns.dialect.time:
@@ -303,11 +311,12 @@ def _time_of(columns: Columns, values: np.ndarray) -> float | None:
 
 
 def _check_units(columns: Columns, path: Path) -> None:
-    """Refuse positions and displacements in different units."""
+    """Refuse positions and displacements in units that do not convert into each other: px and mm."""
     if columns.dialect.named is not None and columns.dialect.named.unit is not None:
         return
-    units = {unit_of(name) or columns.dialect.unit for name in _lengths(columns)}
-    if len(units) > 1:
+    stated_units = [unit_of(name) for name in _lengths(columns)]
+    units = {unit or columns.dialect.unit for unit in stated_units}
+    if len(units) > 1 and (None in stated_units or any(factor_to(columns.unit, unit) is None for unit in units)):
         raise InputError("positions and displacements are in different units", file=path, key=KEY,
                          expected="one unit of length", found=", ".join(sorted(units)),
                          remedy="export both in mm, or both in px")

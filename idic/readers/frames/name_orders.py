@@ -13,10 +13,12 @@ from datetime import datetime
 from itertools import pairwise
 
 NAMES, SIGNED, WRAPPED, CLOCK, LISTED = "names", "signed", "wrapped", "clock", "listed"
+DECIMALS = "decimals"
 MAX_GAP_STEPS = 2  # largest steps of the other numbers: a run of numbers has no wider gap where it passes its end
 MIDNIGHT_GAP_S, EVENING_S, MORNING_S = 12 * 3600.0, 18 * 3600.0, 6 * 3600.0  # of times of day without a date
 DAY_S = 86400.0
 _EPOCH = datetime(1970, 1, 1)
+_FRACTION = re.compile(r"(?<![\d.])\d+(?:\.\d+)?(?![\d.])")  # not 2024.05.01
 _NUMBER = re.compile(r"((?<![0-9])[-+−](?=\d))?(\d+)")
 _ENDS = tuple(10**digits - 1 for digits in range(2, 10)) + (255, 1023, 4095, 65535)  # of counters
 
@@ -49,14 +51,14 @@ def natural_key(text: str) -> list[tuple[int, int, str]]:
 def order_by_names(stems: Sequence[str], order: str | None = None) -> tuple[list[int], str]:
     """Indices of the names in their order, and the reading by which they are in it.
 
-    order : "names", "signed", "wrapped", "clock", "number 1", "number 2" …; None: the reading that the names show
+    order : "names", "signed", "wrapped", "clock", "decimals", "number 1", "number 2" …; None: what the names show
 
     Raises
     ------
     UncertainOrder
         Names with two readings, or names that lack the reading of `order`.
     """
-    readings = {SIGNED: signed_keys, WRAPPED: wrapped_keys, CLOCK: clock_keys}
+    readings = {DECIMALS: decimal_keys, SIGNED: signed_keys, WRAPPED: wrapped_keys, CLOCK: clock_keys}
     if order is None:
         for name, reading in readings.items():
             if (keys := reading(stems)) is not None:
@@ -65,11 +67,13 @@ def order_by_names(stems: Sequence[str], order: str | None = None) -> tuple[list
         return _sorted([()] * len(stems), stems), NAMES
     if order == NAMES:
         return _sorted([()] * len(stems), stems), NAMES
-    statements = {SIGNED: _signs_stated, CLOCK: clock_keys, WRAPPED: _wrapped_where_widest}
+    statements = {SIGNED: _signs_stated, CLOCK: clock_keys, WRAPPED: _wrapped_where_widest,
+                  DECIMALS: _decimals_stated}
     keys = _number_keys(stems, int(order.split()[1]) - 1) if order.startswith("number ") else statements[order](stems)
     if keys is None:
         meaning = {SIGNED: "one signed number in every name", CLOCK: "a date or a 12-hour time in every name",
-                   WRAPPED: "one number that differs in every name"}.get(order, f"a {order} in every name")
+                   WRAPPED: "one number that differs in every name",
+                   DECIMALS: "numbers with a point"}.get(order, f"a {order} in every name")
         raise UncertainOrder(meaning, f"{stems[0]} … {stems[-1]}", (NAMES, LISTED))
     return _sorted(keys, stems), order
 
@@ -77,9 +81,28 @@ def order_by_names(stems: Sequence[str], order: str | None = None) -> tuple[list
 def orders_of_names(stems: Sequence[str]) -> dict[str, list[int]]:
     """Every reading that the names have, as indices in its order."""
     keys = {NAMES: [()] * len(stems), SIGNED: _signs_stated(stems), WRAPPED: _wrapped_where_widest(stems),
-            CLOCK: clock_keys(stems)}
+            CLOCK: clock_keys(stems), DECIMALS: _decimals_stated(stems)}
     keys |= {f"number {column + 1}": _number_keys(stems, column) for column in range(1, 6)}
     return {name: _sorted(values, stems) for name, values in keys.items() if values is not None}
+
+
+def decimal_keys(stems: Sequence[str]) -> list[tuple] | None:
+    """The values of 0, 0.5, 1: numbers of which some have a fraction and some have none; None elsewhere.
+
+    1.9, 1.10 may be a counter behind a point: all of these have a fraction.
+    """
+    values = _decimals_stated(stems)
+    fractions = [["." in text for text in _FRACTION.findall(stem)] for stem in stems]
+    return values if values is not None and len({tuple(row) for row in fractions}) > 1 else None
+
+
+def _decimals_stated(stems: Sequence[str]) -> list[tuple] | None:
+    """The numbers of the names, with what stands behind their points; None where none of them has a point."""
+    numbers = [_FRACTION.findall(stem) for stem in stems]
+    has_point = any("." in text for row in numbers for text in row)
+    if not has_point or len({_FRACTION.sub("#", stem) for stem in stems}) != 1:
+        return None
+    return [tuple(map(float, row)) for row in numbers]
 
 
 def signed_keys(stems: Sequence[str]) -> list[tuple] | None:

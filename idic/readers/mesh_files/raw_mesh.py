@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +62,7 @@ def to_mesh(raw: RawMesh, n_dim: int, factor: float) -> tuple[Mesh, list[str]]:
     InputError
         There is no cell of that dimension, a cell type is unsupported, a coordinate is NaN, or a 2D mesh is not plane.
     """
+    raw = _without_middles(raw)
     _check_content(raw, n_dim)
     notes = list(raw.notes)
     start, new_index, parts_by_kind = 0, {}, defaultdict(list)
@@ -96,6 +97,17 @@ def to_mesh(raw: RawMesh, n_dim: int, factor: float) -> tuple[Mesh, list[str]]:
     notes += _corner_sets(mesh, raw.file)
     return Mesh(mesh.nodes, mesh.blocks, mesh.node_sets, mesh.element_sets, edge_sets, mesh.node_labels,
                 mesh.element_labels), notes
+
+
+def _without_middles(raw: RawMesh) -> RawMesh:
+    """The mesh with quad8 in the place of quad9, which has the same edges and a node in the middle."""
+    n = sum(len(connectivity) for kind, connectivity, _ in raw.cells if kind == "quad9")
+    if not n:
+        return raw
+    cells = [("quad8", connectivity[:, :8], labels) if kind == "quad9" else (kind, connectivity, labels)
+             for kind, connectivity, labels in raw.cells]
+    note = f"{raw.file.name}: {n} quad9 elements are read as quad8, without the nodes in their middles"
+    return replace(raw, cells=cells, notes=[*raw.notes, note])
 
 
 def _check_content(raw: RawMesh, n_dim: int) -> None:

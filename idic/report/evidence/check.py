@@ -89,8 +89,7 @@ class CheckReport:
             f"frames       {self.n_frames}, {self.image_size[0]} x {self.image_size[1]} px, {self.depth}; "
             f"reference {self.reference}{excluded}",
             f"mesh         {self.n_nodes} nodes, {self.n_elements} elements; {self.n_visible} of {self.n_seen} seen",
-            f"resolution   {self.px_per_element:.0f} px per element (smallest {self.smallest_element_px:.0f}), "
-            f"lengths in {self.length_unit}",
+            f"resolution   {self.px_per_element:.0f} px per element{self._smallest()}, lengths in {self.length_unit}",
             f"pattern      {self.contrast_gv:.3g} {self.value_unit} (standard deviation in the ROI); noise {noise}",
             f"channels     {', '.join(self.channels) or 'none'}",
             f"to identify  {self._to_identify()}",
@@ -99,6 +98,11 @@ class CheckReport:
             *(f"warning      {text}" for text in self.warnings),
             *(line for camera in self.cameras for line in camera.short_lines()),
         ]
+
+    def _smallest(self) -> str:
+        """The smallest element, where it is another one than the mean."""
+        smallest = f"{self.smallest_element_px:.0f}"
+        return "" if smallest == f"{self.px_per_element:.0f}" else f" (smallest {smallest})"
 
     def _lines_of_fields(self, noise: str, excluded: str) -> list[str]:
         """The same of measured fields."""
@@ -122,7 +126,7 @@ class CheckReport:
             f"scans        {self.n_frames}, {self.volume}; reference {self.reference}{excluded}",
             f"mesh         {self.n_nodes} nodes, {self.n_elements} elements; {self.n_visible} of {self.n_seen} in the "
             "volume",
-            f"resolution   {self.px_per_element:.0f} voxels per element (smallest {self.smallest_element_px:.0f})",
+            f"resolution   {self.px_per_element:.0f} voxels per element{self._smallest()}",
             f"texture      {self.contrast_gv:.3g} {self.value_unit} (standard deviation in the middle); noise {noise}",
             f"channels     {', '.join(self.channels) or 'none'}",
             f"to identify  {self._to_identify()}",
@@ -431,5 +435,6 @@ def _model_warnings(experiment: Experiment):
     if not model.parameters.free:
         yield "no parameter is to be identified: write identify = true for at least one"
     if all(c.kind == "displacement" for c in model.channels) and not model.loads:
-        yield ("without a force no stiffness or strength in MPa can be identified: compare the force of the log in a "
-               "[[channel]] (idic init writes its lines behind #)")
+        force = "the force of the log" if experiment.recording.column_units else "a recorded force"
+        yield (f"without a force no stiffness or strength in MPa can be identified: compare {force} in a [[channel]] "
+               "(idic init writes its lines behind #)")

@@ -65,8 +65,8 @@ def mirrored_axes(experiment: Experiment, reference: np.ndarray, plain_share: fl
     if meaning:
         written = "".join(f": {line.text()}" for line in other_axes(experiment, change))
         cause = Remedies(experiment).possible("An entry of axes may be wrong", otherwise="The camera may be turned")
-        yield (f"{meaning} of the image, {best:.0%} of the ROI would be without pattern; now it is {plain_share:.0%}. "
-               f"{cause}: look at the picture{written}")
+        yield (f"{meaning} of the image, {100.0 * best:.0f} % of the ROI would be without pattern; now it is "
+               f"{100.0 * plain_share:.0f} %. {cause}: look at the picture{written}")
 
 
 def _region(experiment: Experiment) -> np.ndarray | None:

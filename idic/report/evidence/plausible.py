@@ -134,15 +134,15 @@ def implausible_scale(experiment: Experiment, extent_px: np.ndarray, visible: fl
     fits_turned = bool((extent_px > image).any() and (extent_px[::-1] <= image).all())
     is_turned = remedies.can_have("axes") and fits_turned
     if visible < MIN_VISIBLE and is_turned:
-        yield (f"{size}; {visible:.0%} of its elements are seen, turned by 90 degrees it would fit: the two entries of "
-               "axes may be exchanged")
+        yield (f"{size}; {100.0 * visible:.0f} % of its elements are seen, turned by 90 degrees it would fit: the two "
+               "entries of axes may be exchanged")
     elif visible < MIN_VISIBLE:
-        yield (f"{size}; {visible:.0%} of its elements are seen: " + (
+        yield (f"{size}; {100.0 * visible:.0f} % of its elements are seen: " + (
             f"{scale} may be {larger:.1f} times too small{unit}" if larger > 1.5 else
             f"{place} may place it outside the image{mirrored}"))
     elif not part and (extent_px > MIN_LARGER * image).all():
-        yield (f"{size}; {visible:.0%} of its elements are seen: {scale} may be too small{unit}. If the camera sees "
-               "only a part on purpose, do nothing")
+        yield (f"{size}; {100.0 * visible:.0f} % of its elements are seen: {scale} may be too small{unit}. "
+               "If the camera sees only a part on purpose, do nothing")
     elif (extent_px < MIN_EXTENT * image).all():
         yield f"{size}: {scale} may be too large (by ten?){unit}"
 
@@ -158,7 +158,7 @@ def pattern_warnings(experiment: Experiment, image: np.ndarray, roi: np.ndarray,
         return  # told elsewhere
     if plain.mean() > MAX_PLAIN_SHARE:
         rows, columns = (at[plain] for at in np.nonzero(roi))
-        yield (f"{plain.mean():.0%} of the ROI has no pattern (around column {np.median(columns):.0f}, row "
+        yield (f"{100.0 * plain.mean():.0f} % of the ROI has no pattern (around column {np.median(columns):.0f}, row "
                f"{np.median(rows):.0f}): background or grips? Then the mesh is larger than the specimen or misplaced "
                f"({Remedies(experiment).place}): look at the picture"
                + Remedies(experiment).possible("; a mask leaves out what cannot be compared"))

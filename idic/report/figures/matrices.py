@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from idic.model import is_mode
 from idic.report.figures.style import BLUE, DIVERGING, GREY, RED, SEQUENTIAL, Picture, look, new_figure, to_picture
 from idic.report.result.record import RunRecord
-from idic.report.result.words import short_names
+from idic.report.result.words import hardly_determined, short_names
 
 MAX_ROWS_WITH_NUMBERS = 12  # rows up to which numbers fit into the cells
 MIN_STRONG_CORRELATION = 0.9
@@ -76,7 +76,9 @@ def correlation(record: RunRecord) -> Picture | None:
         if off[i, j] > MIN_STRONG_CORRELATION:
             caption += "An error in one largely compensates an error in the other."
         else:
-            caption += "The test separates these parameters." if open_ else "The test separates all parameters."
+            loose_names = [short.get(name, name) for name in hardly_determined(record.result)]
+            caption += f"The test separates {'these' if open_ or loose_names else 'all'} parameters."
+            caption += f" The interval of {', '.join(loose_names)} reaches zero all the same." if loose_names else ""
         if open_:
             caption += " Those that it does not determine are not shown."
         return to_picture(figure, "correlation", "Correlation of the identified values", caption)

@@ -136,21 +136,28 @@ def images(result: Mapping) -> tuple[str, str, str]:
                 f"{free_fit.model_chi2:.3g})",
                 f"The image residual is {'larger than' if chi2 > NOISE_CHI2[1] else 'close to'} camera noise "
                 f"({numbers}), and "
-                f"a motion without a law explains {_share(free_fit)} of what is above noise. The model lacks an "
-                f"effect. The residual maps show where.{local}")
+                f"a motion without a law explains {_share(free_fit)} of what is above noise. "
+                f"{_lacking(result, '')}{local}")
     if chi2 > NOISE_CHI2[1]:
         if free_fit is not None and free_fit.follows:
             return ("look", "Look closer: the model fits as well as any motion can; light or aliasing is left",
                     f"The image residual is larger than camera noise ({numbers}), for a free motion too: no law "
                     f"explains it. {remedies(result)}{local}".rstrip())
         return ("look", f"Look closer: the image residual has {chi2:.3g} times the variance of the noise",
-                f"The image residual is larger than camera noise ({numbers}). The model lacks an effect, or light or "
-                f"aliasing is left. The residual maps show where.{local}")
+                f"The image residual is larger than camera noise ({numbers}). "
+                f"{_lacking(result, ', or light or aliasing is left')}{local}")
     if place:
         return ("look", "Look closer: the residual is noise on the whole, not everywhere",
                 f"The mean image residual is camera noise ({numbers}), but it is raised {place}. "
                 f"{in_error_bars(result)} {remedies(result)}".rstrip())
     return "good", "Good fit: the residual is noise", f"The image residual is camera noise ({numbers})."
+
+
+def _lacking(result: Mapping, alternative: str) -> str:
+    """What a residual above noise means: at values that are not the best ones, it says nothing of the model."""
+    if result.get("status", "converged") != "converged":
+        return "The search has not ended: better values may explain it."
+    return f"The model lacks an effect{alternative}. The residual maps show where."
 
 
 def _lacking_bases(result: Mapping) -> dict[str, Mapping]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import floor, isfinite, log10
+from math import floor, inf, isfinite, log10
 
 import numpy as np
 
@@ -49,6 +49,7 @@ UNEXPLAINED_BY_MOTION = {  # a residual that no motion explains, by the quantity
     "volume": "The scans change where no motion explains it: drift of their grey values, artefacts, or more noise than "
               "stated. Two scans of one state show the noise (still_frames; noise_std_gv under [scanner]).",
 }
+MIN_SHOWN_PART = 1e-3  # of a standard deviation: a smaller error is none
 MAX_LISTED = 4  # frames, or pairs of parameters, named in a sentence
 MIN_STRONG_CORRELATION = 0.95  # |coefficient| above which two parameters are hardly separated
 
@@ -91,7 +92,12 @@ def relative_std(value: float | None, std: float | None) -> str:
 def parts_of_std(entry: Mapping) -> str:
     """A standard deviation by its parts from noise and from the model: ``0.055, 0.21``."""
     parts = [entry.get("std_noise"), entry.get("std_model")]
-    return ", ".join("–" if part is None else two_digits(part) for part in parts)
+    return ", ".join("–" if part is None else error_text(part, entry.get("std"), two_digits(part)) for part in parts)
+
+
+def error_text(error: float | None, std: float | None, text: str) -> str:
+    """The text of an error beside a standard deviation; 0 where it is no part of that."""
+    return "0" if error is not None and std and abs(error) < MIN_SHOWN_PART * std else text
 
 
 def two_digits(std: float) -> str:
@@ -108,7 +114,10 @@ def discrepancy_text(result: Mapping) -> str:
     if "significant" not in values_text:
         return ""
     if not values_text["significant"]:
-        return "No error beyond noise widens the intervals."
+        has_model_part = any((entry.get("std_model") or 0.0) > MIN_SHOWN_PART * (entry.get("std") or inf)
+                             for entry in result["parameters"].values())
+        return ("The residual shows no error beyond noise; the second part is the error of the simulation itself, of "
+                "its mesh above all." if has_model_part else "No error beyond noise widens the intervals.")
     unit = "distances of the points" if (result.get("noise") or {}).get("unit") == "µm" else "px"
     return (f"The residual shows an error of the model (twice the gain in log-likelihood: "
             f"{values_text['likelihood_ratio']:.0f}; {_left_unexplained(values_text, unit)}): the intervals count it.")

@@ -1,4 +1,4 @@
-"""Inputs of laboratories, counted: right, refused with the reason, wrong.
+"""Inputs of laboratories, of two authors, counted: right, refused with the reason, wrong.
 
 ``python studies/evidence/laboratory_inputs`` prints the table, and every input that is not right; goal: none is wrong.
 """
@@ -14,12 +14,15 @@ from pathlib import Path
 from files import files
 from outcome import REFUSED, RIGHT, WRONG, outcome
 from recordings import recordings
+from second_files import files as second_files
+from second_recordings import recordings as second_recordings
+from second_tables import fields, logs
 
 
 def main(words: list[str]) -> int:
     """Judge all inputs whose kind or name holds one of the words; the number of wrong ones."""
     counts: dict[str, Counter] = {}
-    for case in chain(recordings(), files()):
+    for case in chain(recordings(), files(), second_recordings(), second_files(), logs(), fields()):
         if words and not any(word in f"{case.kind} {case.name}" for word in words):
             continue
         with tempfile.TemporaryDirectory() as folder:

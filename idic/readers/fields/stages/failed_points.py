@@ -1,8 +1,9 @@
 """Which points of a stage were measured: one table of the flags of all exports, one rule.
 
 A point failed where a flag says so, where a coordinate of its displacement is missing, or where it is exactly zero
-beside points that move: arrays start as zeros, and stay so outside the region of interest. Failed points are gaps. Some
-systems write them all at one place, which is none: these rows are left out, and counted.
+beside points that move: arrays start as zeros, and stay so outside the region of interest. A number beyond all
+displacements that stands in every coordinate, as -999, is a mark as well. Failed points are gaps. Some systems write
+them all at one place, which is none: these rows are left out, and counted.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import scipy
 NO_DISPLACEMENT, NO_PLACE, OUTSIDE = "no displacement", "no position", "exactly zero, outside the region"
 MIN_CORRELATION = 0.9  # ZNCC; the threshold of pyvale, which writes points below it only on demand
 MAX_LENGTH = 1e9  # in any unit; a larger coordinate or displacement is none
-MIN_JUMP = 5.0  # from zero to the next point that moves, in steps between neighbours and in last digits
+MIN_JUMP = 5.0  # from the mark of failed points to the next moving point, in steps of neighbours and in last digits
 _MAX_BORDER = 1.5  # distances of neighbours
 _MAX_DECIMALS = 9
 _MIN_MOVING = 4
@@ -97,6 +98,10 @@ def sound_points(points: np.ndarray, displacement: np.ndarray | None, ids: np.nd
     if displacement is not None:
         is_failed = _counted(failed, NO_DISPLACEMENT, ~(np.abs(displacement) < MAX_LENGTH).all(axis=1), is_failed)
         is_failed = _counted(failed, OUTSIDE, _outside(points, displacement, ~is_failed), is_failed)
+        mark = _mark_of_failure(displacement[~is_failed])
+        if mark is not None:
+            is_marked = _stands_alone(points, displacement, ~is_failed, mark)
+            is_failed = _counted(failed, f"displacement {mark:g}", is_marked, is_failed)
         displacement = np.where(is_failed[:, None], np.nan, displacement)
     else:
         has_place = ~is_failed  # a position is all that there is
@@ -135,19 +140,34 @@ def _outside(points: np.ndarray, displacement: np.ndarray, is_measured: np.ndarr
 
     A clamped point is exactly zero, too, in a field of finite elements: its neighbours move by no more than elsewhere.
     """
-    is_zero = is_measured & (displacement == 0.0).all(axis=1)
-    is_moving = is_measured & ~is_zero
-    if not is_zero.any() or is_moving.sum() < _MIN_MOVING:
+    return _stands_alone(points, displacement, is_measured, 0.0)
+
+
+def _mark_of_failure(displacement: np.ndarray) -> float | None:
+    """The number that stands in every coordinate of some points and is beyond all others; None without"""
+    is_one_number = (displacement == displacement[:, :1]).all(axis=1) & (displacement[:, 0] != 0.0)
+    if not is_one_number.any():
+        return None
+    mark = float(displacement[is_one_number, 0][np.argmax(np.abs(displacement[is_one_number, 0]))])
+    other_values = displacement[~(displacement == mark).all(axis=1)]
+    return mark if np.abs(other_values).max(initial=0.0) < abs(mark) else None
+
+
+def _stands_alone(points: np.ndarray, displacement: np.ndarray, is_measured: np.ndarray, mark: float) -> np.ndarray:
+    """Points whose coordinates are all this number, where that is far from the next points  # (n,) bool"""
+    is_mark = is_measured & (displacement == mark).all(axis=1)
+    is_moving = is_measured & ~is_mark
+    if not is_mark.any() or is_moving.sum() < _MIN_MOVING:
         return np.zeros(len(points), bool)
     moved = displacement[is_moving]
     tree = scipy.spatial.cKDTree(points[is_moving])
     distance, neighbour = tree.query(points[is_moving], k=2)
     pitch = np.median(distance[:, 1])
     step = np.median(np.linalg.norm(moved - moved[neighbour[:, 1]], axis=1))
-    border, border_point = tree.query(points[is_zero])
+    border, border_point = tree.query(points[is_mark])
     at_border = border < _MAX_BORDER * pitch
-    jump = np.median(np.linalg.norm(moved[border_point[at_border]], axis=1)) if at_border.any() else 0.0
-    return is_zero & bool(jump > MIN_JUMP * max(step, last_digit(moved)))
+    jump = np.median(np.linalg.norm(moved[border_point[at_border]] - mark, axis=1)) if at_border.any() else 0.0
+    return is_mark & bool(jump > MIN_JUMP * max(step, last_digit(moved)))
 
 
 def last_digit(values: np.ndarray) -> float:

@@ -83,12 +83,12 @@ def other_scale(evidence: Evidence) -> Cause | None:
     """A logged motion far larger or smaller than the measured one."""
     size = float((evidence.expected**2).sum())
     columns = logged_motions(evidence.experiment)
-    if not size or not columns or not moves(evidence):
+    if not size or not columns:
         return None
     relative = evidence.misfit + evidence.expected
     scale = float((relative * evidence.expected).sum()) / size
     share = evidence.explained(relative - scale * evidence.expected)
-    if share < MIN_SHARE or MIN_STRETCH < scale < MAX_STRETCH or scale <= 0.0:
+    if not moves(evidence, max(scale, 1.0)) or share < MIN_SHARE or MIN_STRETCH < scale < MAX_STRETCH or scale <= 0.0:
         return None
     names, camera = ", ".join(dict.fromkeys(column.column for column in columns)), evidence.experiment.model.camera
     pixel = "".join(f"{key}, " for key in ("pixel_size_mm", "mesh_unit") if Remedies(evidence.experiment).possible(key))
@@ -96,9 +96,10 @@ def other_scale(evidence: Evidence) -> Cause | None:
     if isinstance(camera, Camera) and Remedies(evidence.experiment).possible("pixel_size_mm"):
         fitting = f" (a pixel of {1.0 / camera_scale(camera) / scale:.4g} mm would fit)"
     return Cause("scale", share, f"the measured motion is {scale:.2g} times that of {names}: {evidence.of(share)}. "
-                                 f"{pixel}the unit of {names} may be wrong, or the grip slips{fitting}")
+                                 f"{pixel}the unit of {names} may be wrong{', or the grip slips' * (scale < 1.0)}"
+                                 f"{fitting}")
 
 
-def moves(evidence: Evidence) -> bool:
-    """Whether the expected motion is large enough to be compared."""
-    return float(np.sqrt((evidence.expected**2).mean())) > MIN_MOTION_RATIO * evidence.noise_px
+def moves(evidence: Evidence, factor: float = 1.0) -> bool:
+    """Whether so many times the expected motion is large enough to be compared."""
+    return factor * float(np.sqrt((evidence.expected**2).mean())) > MIN_MOTION_RATIO * evidence.noise_px

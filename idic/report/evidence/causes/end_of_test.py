@@ -129,7 +129,7 @@ def _out_of_view(experiment: Experiment, motions: AffineMotions) -> Cause | None
     if 0 < out_from < len(frames) and out_from <= lost_from:
         first, text = int(frames[out_from]), (
             f"an end of the specimen leaves the image: from {labels[int(frames[out_from])]} on less than "
-            f"{MIN_IN_VIEW:.0%} of it is seen, and its motion is known by the log alone")
+            f"{100.0 * MIN_IN_VIEW:.0f} % of it is seen, and its motion is known by the log alone")
     elif 0 < lost_from < len(frames):
         first, text = int(frames[lost_from]), (
             f"from {labels[int(frames[lost_from])]} on the pattern of the specimen is not recognised: it has left the "
