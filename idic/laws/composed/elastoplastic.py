@@ -131,10 +131,11 @@ def law_of(name: str, terms: Sequence[Term]) -> LawSpec:
     dependence = _dependence([term for term in terms if term.group == "temperature"], codes["temperature"], parameters)
     if dependence is not None:
         parameters.append(REFERENCE)
-    updates, linearise = _functions(codes, orthotropic)
+    updates, linearise, tangent = _functions(codes, orthotropic)
     return LawSpec(
         name=name, parameters=tuple(parameters), updates={"finite": updates},
-        linearise={} if linearise is None else {"finite": linearise}, state_names=tuple(states),
+        linearise={} if linearise is None else {"finite": linearise},
+        tangents={} if tangent is None else {"finite": tangent}, state_names=tuple(states),
         isotropic=not orthotropic and all(term.kind in ("mises", "drucker_prager") for term in terms
                                           if term.group == "yield_surface"),
         reference="; ".join(["q = yield_stress + hardening, p the plastic strain", *equations,
@@ -173,15 +174,16 @@ def _dependence(terms: Sequence[Term], codes: tuple[int, ...],
     return TemperatureDependence(tuple(factors), len(parameters)) if factors else None
 
 
-def _functions(codes: dict[str, tuple[int, ...]], orthotropic: bool) -> tuple[Callable, Callable | None]:
-    """(update, linearise or None) of a combination: closures over integers, which numba's disk cache tells apart.
+def _functions(codes: dict[str, tuple[int, ...]], orthotropic: bool) -> tuple[
+        Callable, Callable | None, Callable | None]:
+    """(update, linearise or None, tangent or None) of a combination: closures over integers, which numba's disk cache tells apart.
 
     Without a rate term they read no time, so the law counts as rate-independent.
     """
     surface = codes["yield_surface"] or (isotropic_return.MISES, 0)
     hardening, rate = (*codes["hardening"], NONE, 0), codes["rate"] or (NONE, 0)
     if orthotropic or codes["nonlinear_elasticity"] or surface[0] == isotropic_return.IN_PLANE_SHEAR:
-        return _anisotropic(codes, orthotropic, surface[0], hardening, rate), None
+        return _anisotropic(codes, orthotropic, surface[0], hardening, rate), None, None
     round_ones = (isotropic_return.MISES, isotropic_return.DRUCKER_PRAGER)
     if surface[0] in round_ones and not codes["backstress"] and not codes["damage"]:
         return _isotropic(surface, hardening, rate)
@@ -195,7 +197,7 @@ def _functions(codes: dict[str, tuple[int, ...]], orthotropic: bool) -> tuple[Ca
     def update_without_rate(F, state, params, dt, P, state_new):
         return general_return.update(surface, hardening, back, rate, damage, F, state, params, 1.0, P, state_new)
 
-    return (update if codes["rate"] else update_without_rate), None
+    return (update if codes["rate"] else update_without_rate), None, None
 
 
 def _anisotropic(codes: dict[str, tuple[int, ...]], orthotropic: bool, surface: int, hardening: tuple[int, ...],
@@ -228,7 +230,7 @@ def _moved(codes: tuple[int, ...], shift: int) -> tuple[int, ...]:
 
 
 def _isotropic(surface: tuple[int, ...], hardening: tuple[int, ...],
-               rate: tuple[int, ...]) -> tuple[Callable, Callable]:
+               rate: tuple[int, ...]) -> tuple[Callable, Callable, Callable]:
     def update(F, state, params, dt, P, state_new):
         return isotropic_return.update(surface, hardening, rate, F, state, params, dt, P, state_new)
 
@@ -243,7 +245,15 @@ def _isotropic(surface: tuple[int, ...], hardening: tuple[int, ...],
         return isotropic_return.linearise(surface, hardening, rate, F, state, params, 1.0, dF, dstate, dparams, P,
                                           state_new, dP, dstate_new)
 
-    return (update, linearise) if rate[0] != NONE else (update_without_rate, linearise_without_rate)
+    def tangent(F, state, params, dt, P, state_new, A, work):
+        return isotropic_return.tangent(surface, hardening, rate, F, state, params, dt, P, state_new, A)
+
+    def tangent_without_rate(F, state, params, dt, P, state_new, A, work):
+        return isotropic_return.tangent(surface, hardening, rate, F, state, params, 1.0, P, state_new, A)
+
+    if rate[0] != NONE:
+        return update, linearise, tangent
+    return update_without_rate, linearise_without_rate, tangent_without_rate
 
 
 LAW = register(compose(()))

@@ -32,6 +32,7 @@ def _update_signature(dtype):
 _F1, _F2, _F3 = (c_array(types.float64, ndim) for ndim in (1, 2, 3))
 UPDATE = _update_signature(types.float64)
 UPDATE_COMPLEX = _update_signature(types.complex128)
+TANGENT = types.int64(_F2, _F1, _F1, types.float64, _F2, _F1, _F2, _F3)
 LINEARISE = types.int64(_F2, _F1, _F1, types.float64, _F3, _F2, _F2, _F2, _F1, _F3, _F2)
 
 
@@ -90,6 +91,10 @@ def _no_linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, d
     return 1
 
 
+def _no_tangent(F, state, params, dt, P, state_new, A, work):
+    return 1
+
+
 @dataclass(frozen=True, eq=False)
 class CompiledLaw:
     """A law compiled for one kinematics; made by `compile`, taken by the functions of ``points.py``.
@@ -100,6 +105,9 @@ class CompiledLaw:
         True: derivatives come from the law's ``linearise``; False: from the complex step.
     update, linearise, update_complex : numba functions
         Of the last two only the one that is in use does anything.
+    closed : bool
+        True: the tangent comes from the law's ``tangent``.
+    tangent : numba function
     """
 
     spec: LawSpec
@@ -108,6 +116,8 @@ class CompiledLaw:
     update: Callable
     linearise: Callable
     update_complex: Callable
+    closed: bool
+    tangent: Callable
 
     @property
     def small(self) -> bool:
@@ -159,9 +169,12 @@ def _compile(name: str, kinematics: str, by_hand: bool, update: Callable) -> Com
     linearise = spec.linearise[kinematics] if by_hand else _no_linearise
     if not _is_own(update) and not (is_kept(update) and is_kept(linearise)):
         check_update(spec, kinematics, by_hand, (UPDATE, LINEARISE if by_hand else UPDATE_COMPLEX))
+    closed = by_hand and kinematics in spec.tangents
     return CompiledLaw(
         spec, kinematics, by_hand,
         compile_cached(update, UPDATE),
         compile_cached(linearise, LINEARISE),
         compile_cached(_no_complex_update if by_hand else update, UPDATE_COMPLEX),
+        closed,
+        compile_cached(spec.tangents[kinematics] if closed else _no_tangent, TANGENT),
     )

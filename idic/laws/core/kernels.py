@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 from numba import types
 
-from idic.laws.core.compilation import LINEARISE, UPDATE, UPDATE_COMPLEX, c_array
+from idic.laws.core.compilation import LINEARISE, TANGENT, UPDATE, UPDATE_COMPLEX, c_array
 from idic.laws.core.inner import inner
 
 COMPLEX_STEP = 1e-30               # complex step: its square is lost in rounding whatever the parameter's size
@@ -57,6 +57,12 @@ def complex_step(update, F, state, params, dt, dF, dstate, dparams, P, state_new
     return 0
 
 
+@inner
+def is_number(P):
+    """Whether a law returned a stress."""
+    return math.isfinite(P[0, 0] + P[0, 1] + P[1, 0] + P[1, 1] + P[2, 2])
+
+
 @borrowing
 def linearised(by_hand, linearise, update_complex, F, state, params, dt, dF, dstate, dparams,
                P, state_new, dP, dstate_new, work):
@@ -67,8 +73,7 @@ def linearised(by_hand, linearise, update_complex, F, state, params, dt, dF, dst
     else:
         status = complex_step(update_complex, F, state, params, dt, dF, dstate, dparams,
                               P, state_new, dP, dstate_new, work)
-    finite = math.isfinite(P[0, 0] + P[0, 1] + P[1, 0] + P[1, 1] + P[2, 2])
-    return status if finite else 1
+    return status if is_number(P) else 1
 
 
 @inner
@@ -94,14 +99,15 @@ def next_stretch(f33, p33, slope, failed, low, high, good):
 
 
 @borrowing
-def search(by_hand, linearise, update_complex, F, state, params, dt, first, none, P, state_new, dP, work):
+def search(by_hand, linearise, update_complex, F, state, params, dt, first, none, none_params, P, state_new, dP, dstate,
+           work):
     """Safeguarded Newton for P33(F33) = 0 from F[2, 2] on, until the correction is small: (status, F33)."""
     low, high, good = 0.0, 0.0, 0.0
     f33, status = F[2, 2], 1
     for _ in range(F33_ITERATIONS):
         F[2, 2] = f33
-        failed = linearised(by_hand, linearise, update_complex, F, state, params, dt, first, none, none,
-                            P, state_new, dP, none, work)
+        failed = linearised(by_hand, linearise, update_complex, F, state, params, dt, first, none,
+                            none_params, P, state_new, dP, dstate, work)
         p33, slope = P[2, 2], dP[0, 2, 2]
         f33, low, high, good, status = next_stretch(f33, p33, slope, failed, low, high, good)
         if status < 2:
@@ -121,8 +127,8 @@ def plane_stress(by_hand, linearise, update_complex, F, state, params, dt, dF, d
     for attempt in range(3):
         if not (close and attempt == 0):
             F[2, 2] = start
-            status, start = search(by_hand, linearise, update_complex, F, state, params, dt, first, none,
-                                   P, state_new, one_dP, work)
+            status, start = search(by_hand, linearise, update_complex, F, state, params, dt, first, none, none,
+                                   P, state_new, one_dP, none, work)
             if status != 0:
                 return 1, start
         F[2, 2] = start
@@ -201,16 +207,39 @@ def clear(out):
 def stress_loop(update, by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P, P33,
                 state_new):
     """Stress and new state of every point; returns True where all converged."""
-    n = F.shape[0]
     n_law = state.shape[1] - (1 if mode == 2 else 0)
-    per_point = 1 if params.shape[0] > 1 else 0
     work = np.empty(18 + 2 * n_law + params.shape[1], np.complex128)
     dF, dP, dstate, none = np.zeros((1, 3, 3)), np.empty((1, 3, 3)), np.empty((1, n_law)), np.empty((0, n_law))
-    none_params = np.empty((0, params.shape[1]))
     dF[0, 2, 2] = 1.0
-    point, stress, point_state, point_state_new = np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law)
-    ok = True
-    for i in range(n):
+    if mode == 0:
+        return solid_stresses(update, finite, F, state, params, dt, P, P33, state_new)
+    return plane_stresses(update, by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P, P33,
+                          state_new, np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law), dF, dP,
+                          dstate, none, np.empty((0, params.shape[1])), work)
+
+
+@borrowing
+def solid_stresses(update, finite, F, state, params, dt, P, P33, state_new):
+    """The loop of three dimensions: a law reads and writes in the arrays of all points."""
+    per_point, ok = 1 if params.shape[0] > 1 else 0, True
+    for i in range(F.shape[0]):
+        status = 1
+        if is_body(finite, F[i]):
+            status = update(F[i], state[i], params[i * per_point], dt, P[i], state_new[i])
+        if status != 0 or not is_number(P[i]):
+            ok = False
+            clear(P[i])
+            copy(state[i], state_new[i])
+        P33[i] = P[i, 2, 2]
+    return ok
+
+
+@borrowing
+def plane_stresses(update, by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P, P33,
+                   state_new, point, stress, point_state, point_state_new, dF, dP, dstate, none, none_params, work):
+    """The loop of plane strain and plane stress."""
+    per_point, n_law, ok = 1 if params.shape[0] > 1 else 0, point_state.shape[0], True
+    for i in range(F.shape[0]):
         embed(F[i], guess[i] if mode == 2 else 1.0, point)
         copy(state[i], point_state)
         p = params[i * per_point]
@@ -222,7 +251,7 @@ def stress_loop(update, by_hand, linearise, update_complex, finite, mode, F, gue
             state_new[i, n_law] = f33
         else:
             status = update(point, point_state, p, dt, stress, point_state_new)
-            if not math.isfinite(stress[0, 0] + stress[0, 1] + stress[1, 0] + stress[1, 1] + stress[2, 2]):
+            if not is_number(stress):
                 status = 1
         if status != 0:
             ok = False
@@ -236,25 +265,123 @@ def stress_loop(update, by_hand, linearise, update_complex, finite, mode, F, gue
     return ok
 
 
-def tangent_loop(by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P, state_new, A):
-    """Stress, new state and consistent tangent of every point; returns True where all converged."""
-    n, d = F.shape[0], F.shape[1]
-    n_law = state.shape[1] - (1 if mode == 2 else 0)
-    per_point = 1 if params.shape[0] > 1 else 0
-    extra = 1 if mode == 2 else 0
+def tangent_loop(closed, tangent, by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P,
+                 state_new, A):
+    """Stress, new state and consistent tangent of every point; returns True where all converged.
+
+    ``closed``: the law has a tangent in closed form.
+    """
+    d = F.shape[1]
+    n_law, extra = state.shape[1] - (1 if mode == 2 else 0), 1 if mode == 2 else 0
     work = np.empty(18 + 2 * n_law + params.shape[1], np.complex128)
-    dF, first = np.zeros((d * d + extra, 3, 3)), np.zeros((1, 3, 3))
+    first = np.zeros((1, 3, 3))
     first[0, 2, 2] = 1.0
+    none, none_params, one_dP = np.empty((0, n_law)), np.empty((0, params.shape[1])), np.empty((1, 3, 3))
+    point, stress, point_state, point_state_new = np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law)
+    if closed and mode == 0:
+        return solid_tangents(tangent, finite, F, state, params, dt, P, state_new, A, np.empty((2, 9, 9)))
+    if closed:
+        return closed_plane_tangents(tangent, by_hand, linearise, update_complex, finite, mode, F, guess, state, params,
+                                     dt, P, state_new, A, point, stress, point_state, point_state_new, first, one_dP,
+                                     np.empty((1, n_law)), none, none_params, np.empty((9, 9)), np.empty((2, 9, 9)),
+                                     work)
+    dF = np.zeros((d * d + extra, 3, 3))
     if mode == 2:
         dF[0, 2, 2] = 1.0
     for c in range(d * d):
         dF[extra + c, c // d, c % d] = 1.0
-    dP, dstate = np.empty((d * d + extra, 3, 3)), np.empty((extra, n_law))
-    none, none_params = np.empty((0, n_law)), np.empty((0, params.shape[1]))
-    one_dP = np.empty((1, 3, 3))
-    point, stress, point_state, point_state_new = np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law)
-    ok = True
-    for i in range(n):
+    return directional_tangents(by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P,
+                                state_new, A, point, stress, point_state, point_state_new, dF, first, one_dP,
+                                np.empty((d * d + extra, 3, 3)), np.empty((extra, n_law)), none, none_params, work)
+
+
+@borrowing
+def solid_tangents(tangent, finite, F, state, params, dt, P, state_new, A, matrices):
+    """The loop of three dimensions for tangents in closed form."""
+    per_point, ok = 1 if params.shape[0] > 1 else 0, True
+    for i in range(F.shape[0]):
+        status = 1
+        if is_body(finite, F[i]):
+            status = tangent(F[i], state[i], params[i * per_point], dt, P[i], state_new[i], A[i], matrices)
+        if status != 0 or not is_number(P[i]):
+            ok = False
+            clear(P[i])
+            copy(state[i], state_new[i])
+            clear(A[i])
+    return ok
+
+
+@borrowing
+def closed_plane_tangents(tangent, by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P,
+                          state_new, A, point, stress, point_state, point_state_new, first, one_dP, dstate, none,
+                          none_params, full, matrices, work):
+    """The loop of plane strain and plane stress for tangents in closed form."""
+    per_point, n_law, ok = 1 if params.shape[0] > 1 else 0, point_state.shape[0], True
+    for i in range(F.shape[0]):
+        embed(F[i], guess[i] if mode == 2 else 1.0, point)
+        copy(state[i], point_state)
+        p = params[i * per_point]
+        if not is_body(finite, point):
+            status = 1
+        elif mode == 2:
+            status, f33 = plane_stress_tangent(tangent, by_hand, linearise, update_complex, point, point_state, p, dt,
+                                               first, none, none_params, stress, point_state_new, one_dP, dstate, full,
+                                               matrices, work)
+            state_new[i, n_law] = f33
+        else:
+            status = tangent(point, point_state, p, dt, stress, point_state_new, full, matrices)
+        if status != 0 or not is_number(stress):
+            ok = False
+            clear(P[i])
+            copy(state[i], state_new[i])
+            clear(A[i])
+            continue
+        put(stress, P[i])
+        copy(point_state_new, state_new[i])
+        for a in range(4):
+            for c in range(4):
+                A[i, a, c] = full[a + a // 2, c + c // 2]  # 11, 12, 21, 22: places 0, 1, 3, 4 of nine
+    return ok
+
+
+@borrowing
+def plane_stress_tangent(tangent, by_hand, linearise, update_complex, F, state, params, dt, first, none, none_params,
+                         P, state_new, one_dP, dstate, full, matrices, work):
+    """As `plane_stress`, with a tangent in closed form: (status, F33); ``full`` (9, 9) is condensed in place.
+
+    The state's part of the last correction, below F33_TOLERANCE, has the slope of the last iterate of the search.
+    """
+    start = F[2, 2]
+    for _ in range(2):
+        F[2, 2] = start
+        status, start = search(by_hand, linearise, update_complex, F, state, params, dt, first, none, none_params, P,
+                               state_new, one_dP, dstate, work)
+        if status != 0:
+            return 1, start
+        F[2, 2] = start
+        status = tangent(F, state, params, dt, P, state_new, full, matrices)
+        slope = full[8, 8]
+        step = -P[2, 2] / slope
+        if status == 0 and slope > 0.0 and abs(step) <= F33_TOLERANCE * start:
+            for m in range(state_new.shape[0]):
+                state_new[m] += dstate[0, m] * step
+            for a in range(9):
+                P[a // 3, a % 3] += full[a, 8] * step
+                share = full[a, 8] / slope
+                for c in range(8):
+                    full[a, c] -= share * full[8, c]
+            return 0, start + step
+    return 1, start
+
+
+@borrowing
+def directional_tangents(by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P, state_new, A,
+                         point, stress, point_state, point_state_new, dF, first, one_dP, dP, dstate, none, none_params,
+                         work):
+    """The loop of all modes for laws whose tangent comes from one derivative for each entry of F."""
+    per_point, n_law, d, ok = 1 if params.shape[0] > 1 else 0, point_state.shape[0], F.shape[1], True
+    extra = 1 if mode == 2 else 0
+    for i in range(F.shape[0]):
         embed(F[i], guess[i] if mode == 2 else 1.0, point)
         copy(state[i], point_state)
         p = params[i * per_point]
@@ -340,8 +467,8 @@ def directional_loop(by_hand, linearise, update_complex, finite, mode, F, guess,
 
 _f8, _i8, _b1 = types.float64, types.int64, types.boolean
 _F1, _F2, _F3, _F4 = (c_array(types.float64, ndim) for ndim in (1, 2, 3, 4))
-_update, _linearise, _complex = (types.FunctionType(s) for s in (UPDATE, LINEARISE, UPDATE_COMPLEX))
+_update, _linearise, _complex, _tangent = (types.FunctionType(s) for s in (UPDATE, LINEARISE, UPDATE_COMPLEX, TANGENT))
 STRESS_LOOP = _b1(_update, _b1, _linearise, _complex, _b1, _i8, _F3, _F1, _F2, _F2, _f8, _F3, _F1, _F2)
-TANGENT_LOOP = _b1(_b1, _linearise, _complex, _b1, _i8, _F3, _F1, _F2, _F2, _f8, _F3, _F2, _F3)
+TANGENT_LOOP = _b1(_b1, _tangent, _b1, _linearise, _complex, _b1, _i8, _F3, _F1, _F2, _F2, _f8, _F3, _F2, _F3)
 DIRECTIONAL_LOOP = _b1(_b1, _linearise, _complex, _b1, _i8, _F3, _F1, _b1, _F2, _F2, _f8, _F4, _F3, _F3, _F4,
                        _F3)

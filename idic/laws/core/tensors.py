@@ -113,3 +113,46 @@ def combine(x, s, y, t, spherical):
     """x s + y t + spherical I, as a 6-tuple."""
     return (x * s[0] + y * t[0] + spherical, x * s[1] + y * t[1] + spherical, x * s[2] + y * t[2] + spherical,
             x * s[3] + y * t[3], x * s[4] + y * t[4], x * s[5] + y * t[5])
+
+
+@inner
+def squared(s):
+    """s s of a symmetric s, as a 6-tuple."""
+    return (s[0] * s[0] + s[3] * s[3] + s[4] * s[4], s[3] * s[3] + s[1] * s[1] + s[5] * s[5],
+            s[4] * s[4] + s[5] * s[5] + s[2] * s[2], s[0] * s[3] + s[3] * s[1] + s[4] * s[5],
+            s[0] * s[4] + s[3] * s[5] + s[4] * s[2], s[3] * s[4] + s[1] * s[5] + s[5] * s[2])
+
+
+@inner
+def fill_row(A, row, x, y, g, z, p0, p1, p2, q0, q1, q2):
+    """A row of `fill_tangent`."""
+    A[row, 0], A[row, 1], A[row, 2] = x * y[0] + g * z[0] + p0 * q0, x * y[1] + g * z[1] + p0 * q1, \
+        x * y[2] + g * z[2] + p0 * q2
+    A[row, 3], A[row, 4], A[row, 5] = x * y[3] + g * z[3] + p1 * q0, x * y[4] + g * z[4] + p1 * q1, \
+        x * y[5] + g * z[5] + p1 * q2
+    A[row, 6], A[row, 7], A[row, 8] = x * y[6] + g * z[6] + p2 * q0, x * y[7] + g * z[7] + p2 * q1, \
+        x * y[8] + g * z[8] + p2 * q2
+
+
+@inner
+def fill_tangent(fi, M, m, x, y, z, A):
+    """A[iJ, kL] = delta_ik M_JL + m Fi_Li Fi_Jk + x_iJ y_kL + Fi_Ji z_kL, Fi = F^-1, M symmetric, the others full."""
+    fill_row(A, 0, x[0], y, fi[0], z, m * fi[0], m * fi[1], m * fi[2], fi[0], fi[3], fi[6])
+    fill_row(A, 1, x[1], y, fi[3], z, m * fi[3], m * fi[4], m * fi[5], fi[0], fi[3], fi[6])
+    fill_row(A, 2, x[2], y, fi[6], z, m * fi[6], m * fi[7], m * fi[8], fi[0], fi[3], fi[6])
+    fill_row(A, 3, x[3], y, fi[1], z, m * fi[0], m * fi[1], m * fi[2], fi[1], fi[4], fi[7])
+    fill_row(A, 4, x[4], y, fi[4], z, m * fi[3], m * fi[4], m * fi[5], fi[1], fi[4], fi[7])
+    fill_row(A, 5, x[5], y, fi[7], z, m * fi[6], m * fi[7], m * fi[8], fi[1], fi[4], fi[7])
+    fill_row(A, 6, x[6], y, fi[2], z, m * fi[0], m * fi[1], m * fi[2], fi[2], fi[5], fi[8])
+    fill_row(A, 7, x[7], y, fi[5], z, m * fi[3], m * fi[4], m * fi[5], fi[2], fi[5], fi[8])
+    fill_row(A, 8, x[8], y, fi[8], z, m * fi[6], m * fi[7], m * fi[8], fi[2], fi[5], fi[8])
+    for i in range(3):
+        A[3 * i, 3 * i] += M[0]
+        A[3 * i + 1, 3 * i + 1] += M[1]
+        A[3 * i + 2, 3 * i + 2] += M[2]
+        A[3 * i, 3 * i + 1] += M[3]
+        A[3 * i + 1, 3 * i] += M[3]
+        A[3 * i, 3 * i + 2] += M[4]
+        A[3 * i + 2, 3 * i] += M[4]
+        A[3 * i + 1, 3 * i + 2] += M[5]
+        A[3 * i + 2, 3 * i + 1] += M[5]
