@@ -23,7 +23,7 @@ from idic.laws.composed.flow_stress import flow_stress, most_growth, resistance
 from idic.laws.composed.general_return import MOST_DAMAGE, damage_growth_of, hill_coefficients, recovery
 from idic.laws.composed.isotropic_return import IN_PLANE_SHEAR, flows
 from idic.laws.core import tensors
-from idic.laws.core.inner import inner
+from idic.laws.core.inner import inner, inner_with_arrays
 from idic.laws.plasticity.elastoplastic import ABSOLUTE_TOLERANCE, MAX_ITERATIONS, RELATIVE_TOLERANCE, ROOT
 from idic.laws.core.rotation import rotation, transposed
 
@@ -102,7 +102,7 @@ def shifted(back, stress, growth, state, params, A, dA):
     return total, slope
 
 
-@inner
+@inner_with_arrays
 def relaxed(elastic, back, hardening, rate, A, trial, p, growth, dt, state, params, flow_params, e, xi, flowing, passes,
             sloped):
     """The strain e, xi and A xi that belong to a growth: (1 / resistance - 1 / q, its slope over growth if ``sloped``).
@@ -166,7 +166,7 @@ def stiffness_times(D, A, total, z, K):
                         K[i, j] += stiffness * A[m, j]
 
 
-@inner
+@inner_with_arrays
 def plastic_growth(elastic, back, hardening, rate, A, trial, q, modulus, p, dt, state, params, flow_params):
     """Root of the yield condition, all real; -1 where there is none. Newton inside a bracket, from the middle."""
     e, xi, flowing = np.empty(6), np.empty(6), np.empty(6)
@@ -194,7 +194,7 @@ def plastic_growth(elastic, back, hardening, rate, A, trial, q, modulus, p, dt, 
     return -1.0
 
 
-@inner
+@inner_with_arrays
 def update(elastic, shift, angle, surface, hill, hardening, back, rate, damage, F, state, params, dt, P, state_new):
     """One point, real or complex; ``elastic``: symmetry and terms, ``shift``: place in `params` of the flow's."""
     f = tensors.load(F)

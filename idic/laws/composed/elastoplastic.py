@@ -18,6 +18,7 @@ from idic.laws.composed.flow_stress import NONE
 from idic.laws.composed.terms import (
     FLOW_STRESS, FREE_NAME, GROUPS, KNOTS, LISTS, LOCUS_NAME, REFERENCE, TERMS, PRODUCT_SIGN, Term, kinds_of, term_of)
 from idic.laws.core.crack_band import CrackBand
+from idic.laws.core.inner import array_maker
 from idic.laws.core.law import LawParameter, LawSpec, register
 from idic.laws.core.temperature import Factor, TemperatureDependence
 from idic.laws.orthotropic import no_plane_body
@@ -213,10 +214,12 @@ def _anisotropic(codes: dict[str, tuple[int, ...]], orthotropic: bool, surface: 
     hardening, rate = _moved(hardening, shift), _moved(rate, shift)
     damage = codes["damage"][1] - shift if codes["damage"] else 0
 
+    @array_maker
     def update(F, state, params, dt, P, state_new):
         return anisotropic_return.update(elastic, shift, axes, surface, hill, hardening, back, rate, damage, F, state,
                                          params, dt, P, state_new)
 
+    @array_maker
     def update_without_rate(F, state, params, dt, P, state_new):
         return anisotropic_return.update(elastic, shift, axes, surface, hill, hardening, back, rate, damage, F, state,
                                          params, 1.0, P, state_new)

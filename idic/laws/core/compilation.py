@@ -66,7 +66,8 @@ def has_code_on_disk(dispatcher) -> bool:
 
 def _dispatcher(function: Callable):
     function = getattr(function, "py_func", function)  # decorated by its author
-    dispatcher = numba.njit(nogil=True, error_model="numpy")(function)
+    counts_references = not _is_own(function) or getattr(function, "makes_arrays", False)
+    dispatcher = numba.njit(nogil=True, error_model="numpy", _nrt=counts_references)(function)
     try:
         dispatcher.enable_caching()
         # numba notices only changes of the file that holds `function`, not of files it takes helpers and tables from;

@@ -17,7 +17,7 @@ import numpy as np
 from numba import types
 
 from idic.laws.core.compilation import LINEARISE, TANGENT, UPDATE, UPDATE_COMPLEX, c_array
-from idic.laws.core.inner import inner
+from idic.laws.core.inner import array_maker, inner
 
 COMPLEX_STEP = 1e-30               # complex step: its square is lost in rounding whatever the parameter's size
 F33_TOLERANCE = 1e-11      # last correction of F33, applied to first order: its square is below rounding
@@ -25,11 +25,10 @@ F33_LAST_STEP_TOLERANCE = 1e-7          # below this the next evaluation is expe
 F33_ITERATIONS = 80        # Newton takes 2 to 4; bisection, where a law is not smooth, up to 50
 
 
-# makes no arrays: no atomic reference counts, a quarter of the time in plane stress
-borrowing = partial(inner, _nrt=False)
+called = partial(inner, forceinline=False)
 
 
-@borrowing
+@called
 def complex_step(update, F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new, work):
     """`linearise` for a law that has only `update`: derivative = Im(update(x + i h dx)) / h."""
     n_state, n_params = state.shape[0], params.shape[0]
@@ -63,7 +62,7 @@ def is_number(P):
     return math.isfinite(P[0, 0] + P[0, 1] + P[1, 0] + P[1, 1] + P[2, 2])
 
 
-@borrowing
+@called
 def linearised(by_hand, linearise, update_complex, F, state, params, dt, dF, dstate, dparams,
                P, state_new, dP, dstate_new, work):
     """One point by the hand-written derivative or by the complex step; 1 also where the law returned NaN."""
@@ -98,7 +97,7 @@ def next_stretch(f33, p33, slope, failed, low, high, good):
     return f33_new, low, high, f33, 2
 
 
-@borrowing
+@called
 def search(by_hand, linearise, update_complex, F, state, params, dt, first, none, none_params, P, state_new, dP, dstate,
            work):
     """Safeguarded Newton for P33(F33) = 0 from F[2, 2] on, until the correction is small: (status, F33)."""
@@ -115,7 +114,7 @@ def search(by_hand, linearise, update_complex, F, state, params, dt, first, none
     return min(status, 1), f33
 
 
-@borrowing
+@called
 def plane_stress(by_hand, linearise, update_complex, F, state, params, dt, dF, dstate, dparams, first, none, close,
                  P, state_new, dP, dstate_new, one_dP, work):
     """Solve P33 = 0 for F[2, 2] (its value on entry is the start) and condense all derivatives: (status, F33).
@@ -142,7 +141,7 @@ def plane_stress(by_hand, linearise, update_complex, F, state, params, dt, dF, d
     return 1, start
 
 
-@borrowing
+@called
 def condense(P, state_new, dP, dstate_new, step, slope):
     """Apply the last correction ``step`` of F33 and eliminate F33 from every derivative (rows 1, 2, ... of dP)."""
     n_state = state_new.shape[0]
@@ -204,6 +203,7 @@ def clear(out):
             out[i, j] = 0.0
 
 
+@array_maker
 def stress_loop(update, by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P, P33,
                 state_new):
     """Stress and new state of every point; returns True where all converged."""
@@ -218,7 +218,7 @@ def stress_loop(update, by_hand, linearise, update_complex, finite, mode, F, gue
                           dstate, none, np.empty((0, params.shape[1])), work)
 
 
-@borrowing
+@called
 def solid_stresses(update, finite, F, state, params, dt, P, P33, state_new):
     """The loop of three dimensions: a law reads and writes in the arrays of all points."""
     per_point, ok = 1 if params.shape[0] > 1 else 0, True
@@ -234,7 +234,7 @@ def solid_stresses(update, finite, F, state, params, dt, P, P33, state_new):
     return ok
 
 
-@borrowing
+@called
 def plane_stresses(update, by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P, P33,
                    state_new, point, stress, point_state, point_state_new, dF, dP, dstate, none, none_params, work):
     """The loop of plane strain and plane stress."""
@@ -265,6 +265,7 @@ def plane_stresses(update, by_hand, linearise, update_complex, finite, mode, F, 
     return ok
 
 
+@array_maker
 def tangent_loop(closed, tangent, by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P,
                  state_new, A):
     """Stress, new state and consistent tangent of every point; returns True where all converged.
@@ -295,7 +296,7 @@ def tangent_loop(closed, tangent, by_hand, linearise, update_complex, finite, mo
                                 np.empty((d * d + extra, 3, 3)), np.empty((extra, n_law)), none, none_params, work)
 
 
-@borrowing
+@called
 def solid_tangents(tangent, finite, F, state, params, dt, P, state_new, A, matrices):
     """The loop of three dimensions for tangents in closed form."""
     per_point, ok = 1 if params.shape[0] > 1 else 0, True
@@ -311,7 +312,7 @@ def solid_tangents(tangent, finite, F, state, params, dt, P, state_new, A, matri
     return ok
 
 
-@borrowing
+@called
 def closed_plane_tangents(tangent, by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P,
                           state_new, A, point, stress, point_state, point_state_new, first, one_dP, dstate, none,
                           none_params, full, matrices, work):
@@ -344,7 +345,7 @@ def closed_plane_tangents(tangent, by_hand, linearise, update_complex, finite, m
     return ok
 
 
-@borrowing
+@called
 def plane_stress_tangent(tangent, by_hand, linearise, update_complex, F, state, params, dt, first, none, none_params,
                          P, state_new, one_dP, dstate, full, matrices, work):
     """As `plane_stress`, with a tangent in closed form: (status, F33); ``full`` (9, 9) is condensed in place.
@@ -374,7 +375,7 @@ def plane_stress_tangent(tangent, by_hand, linearise, update_complex, F, state, 
     return 1, start
 
 
-@borrowing
+@called
 def directional_tangents(by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P, state_new, A,
                          point, stress, point_state, point_state_new, dF, first, one_dP, dP, dstate, none, none_params,
                          work):
@@ -410,6 +411,7 @@ def directional_tangents(by_hand, linearise, update_complex, finite, mode, F, gu
     return ok
 
 
+@array_maker
 def directional_loop(by_hand, linearise, update_complex, finite, mode, F, guess, close, state, params, dt, dF_in,
                      dstate_in, dparams, dP_out, dstate_out):
     """Derivative of stress and new state along ``nd`` directions for every point; True where all converged."""

@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic.laws.core import tensors
-from idic.laws.core.inner import inner
+from idic.laws.core.inner import array_maker, inner
 from idic.laws.core.law import LawSpec
 from idic.laws.core.symmetric import adjugate, cauchy_green, crossed, determinant, times, trace_of_product
 from idic.laws.rate.glassy_flow import KAPPA, MU, TAU0, softening, softening_change, thinning
@@ -84,6 +84,7 @@ def second_piola(A, C, Ci, third, J, params):
     return tensors.combine(third, W, h, Ci, 0.0), W, h
 
 
+@array_maker
 def update(F, state, params, dt, P, state_new):
     """One point, real or complex."""
     f = tensors.load(F)
@@ -264,6 +265,7 @@ def with_history(modes, slopes, q1, E, params, Ct, dCt, dz, flowing, k, dstate, 
     return dA
 
 
+@array_maker
 def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new):
     """`update` and its derivative by hand (see `LawSpec.linearise`)."""
     f = tensors.load(F)
