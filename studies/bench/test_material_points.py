@@ -110,7 +110,7 @@ def test_points_beside_another_version(measured, versions, mode):
         new, old = ([min(column) for column in zip(*rows, strict=True)] for rows in times)
         stress, tangent, derivatives = (before / now for before, now in zip(old, new, strict=True))
         measured(f"{name}, {kinematics}, {MODES[mode]}",
-                 f"stress {new[0]:.2f}, with tangent {new[1]:.2f} ({1.0 / new[1]:.2f} M/s), derivatives {new[2]:.2f} us",
-                 f"{old[0]:.2f}, {old[1]:.2f}, {old[2]:.2f} us: {stress:.2f}, {tangent:.2f}, {derivatives:.2f} times")
+                 f"stress {new[0]:.2f}, with tangent {new[1]:.2f} us ({1.0 / new[1]:.2f} M/s), "
+                 f"derivatives {new[2]:.2f} us", f"{old[0]:.2f}, {old[1]:.2f}, {old[2]:.2f} us: {stress:.2f}, {tangent:.2f}, {derivatives:.2f} times")
         slowest[name, kinematics] = tangent
     assert min(slowest.values()) > 0.9

@@ -119,13 +119,14 @@ class CompiledLaw:
     update_complex: Callable
     closed: bool
     tangent: Callable
+    derivative: str = "auto"
 
     @property
     def small(self) -> bool:
         return self.kinematics == "small"
 
     def __reduce__(self):  # crosses process boundaries by name: the other side takes it from its own cache
-        return compile, (self.spec.name, self.kinematics, "auto" if self.by_hand else "complex_step")
+        return compile, (self.spec.name, self.kinematics, self.derivative)
 
     def n_state(self, mode: int) -> int:
         """Length of a point's state; plane stress (mode 2) keeps F33 behind the law's own."""
@@ -161,16 +162,17 @@ def compile(law: str, kinematics: str | None = None, derivative: str = "auto") -
                          expected=" or ".join(spec.kinematics), found=repr(kinematics),
                          remedy="choose one of these, or another law")
     by_hand = derivative == "auto" and kinematics in spec.linearise
-    return _compile(spec.name, kinematics, by_hand, spec.updates[kinematics])
+    return _compile(spec.name, kinematics, by_hand, derivative == "auto" and _is_own(spec.updates[kinematics]),
+                    spec.updates[kinematics])
 
 
 @cache
-def _compile(name: str, kinematics: str, by_hand: bool, update: Callable) -> CompiledLaw:
+def _compile(name: str, kinematics: str, by_hand: bool, with_tangent: bool, update: Callable) -> CompiledLaw:
     spec = get_law(name)
     linearise = spec.linearise[kinematics] if by_hand else _no_linearise
     if not _is_own(update) and not (is_kept(update) and is_kept(linearise)):
         check_update(spec, kinematics, by_hand, (UPDATE, LINEARISE if by_hand else UPDATE_COMPLEX))
-    closed = by_hand and kinematics in spec.tangents
+    closed = with_tangent and kinematics in spec.tangents
     return CompiledLaw(
         spec, kinematics, by_hand,
         compile_cached(update, UPDATE),
@@ -178,4 +180,5 @@ def _compile(name: str, kinematics: str, by_hand: bool, update: Callable) -> Com
         compile_cached(_no_complex_update if by_hand else update, UPDATE_COMPLEX),
         closed,
         compile_cached(spec.tangents[kinematics] if closed else _no_tangent, TANGENT),
+        "auto" if with_tangent or by_hand else "complex_step",
     )

@@ -25,10 +25,10 @@ F33_LAST_STEP_TOLERANCE = 1e-7          # below this the next evaluation is expe
 F33_ITERATIONS = 80        # Newton takes 2 to 4; bisection, where a law is not smooth, up to 50
 
 
-called = partial(inner, forceinline=False)
+loop_part = partial(inner, forceinline=False)
 
 
-@called
+@loop_part
 def complex_step(update, F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new, work):
     """`linearise` for a law that has only `update`: derivative = Im(update(x + i h dx)) / h."""
     n_state, n_params = state.shape[0], params.shape[0]
@@ -62,7 +62,7 @@ def is_number(P):
     return math.isfinite(P[0, 0] + P[0, 1] + P[1, 0] + P[1, 1] + P[2, 2])
 
 
-@called
+@loop_part
 def linearised(by_hand, linearise, update_complex, F, state, params, dt, dF, dstate, dparams,
                P, state_new, dP, dstate_new, work):
     """One point by the hand-written derivative or by the complex step; 1 also where the law returned NaN."""
@@ -97,7 +97,7 @@ def next_stretch(f33, p33, slope, failed, low, high, good):
     return f33_new, low, high, f33, 2
 
 
-@called
+@loop_part
 def search(by_hand, linearise, update_complex, F, state, params, dt, first, none, none_params, P, state_new, dP, dstate,
            work):
     """Safeguarded Newton for P33(F33) = 0 from F[2, 2] on, until the correction is small: (status, F33)."""
@@ -114,7 +114,7 @@ def search(by_hand, linearise, update_complex, F, state, params, dt, first, none
     return min(status, 1), f33
 
 
-@called
+@loop_part
 def plane_stress(by_hand, linearise, update_complex, F, state, params, dt, dF, dstate, dparams, first, none, close,
                  P, state_new, dP, dstate_new, one_dP, work):
     """Solve P33 = 0 for F[2, 2] (its value on entry is the start) and condense all derivatives: (status, F33).
@@ -141,7 +141,7 @@ def plane_stress(by_hand, linearise, update_complex, F, state, params, dt, dF, d
     return 1, start
 
 
-@called
+@loop_part
 def condense(P, state_new, dP, dstate_new, step, slope):
     """Apply the last correction ``step`` of F33 and eliminate F33 from every derivative (rows 1, 2, ... of dP)."""
     n_state = state_new.shape[0]
@@ -218,7 +218,7 @@ def stress_loop(update, by_hand, linearise, update_complex, finite, mode, F, gue
                           dstate, none, np.empty((0, params.shape[1])), work)
 
 
-@called
+@loop_part
 def solid_stresses(update, finite, F, state, params, dt, P, P33, state_new):
     """The loop of three dimensions: a law reads and writes in the arrays of all points."""
     per_point, ok = 1 if params.shape[0] > 1 else 0, True
@@ -234,7 +234,7 @@ def solid_stresses(update, finite, F, state, params, dt, P, P33, state_new):
     return ok
 
 
-@called
+@loop_part
 def plane_stresses(update, by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P, P33,
                    state_new, point, stress, point_state, point_state_new, dF, dP, dstate, none, none_params, work):
     """The loop of plane strain and plane stress."""
@@ -296,7 +296,7 @@ def tangent_loop(closed, tangent, by_hand, linearise, update_complex, finite, mo
                                 np.empty((d * d + extra, 3, 3)), np.empty((extra, n_law)), none, none_params, work)
 
 
-@called
+@loop_part
 def solid_tangents(tangent, finite, F, state, params, dt, P, state_new, A, matrices):
     """The loop of three dimensions for tangents in closed form."""
     per_point, ok = 1 if params.shape[0] > 1 else 0, True
@@ -312,7 +312,7 @@ def solid_tangents(tangent, finite, F, state, params, dt, P, state_new, A, matri
     return ok
 
 
-@called
+@loop_part
 def closed_plane_tangents(tangent, by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P,
                           state_new, A, point, stress, point_state, point_state_new, first, one_dP, dstate, none,
                           none_params, full, matrices, work):
@@ -345,7 +345,7 @@ def closed_plane_tangents(tangent, by_hand, linearise, update_complex, finite, m
     return ok
 
 
-@called
+@loop_part
 def plane_stress_tangent(tangent, by_hand, linearise, update_complex, F, state, params, dt, first, none, none_params,
                          P, state_new, one_dP, dstate, full, matrices, work):
     """As `plane_stress`, with a tangent in closed form: (status, F33); ``full`` (9, 9) is condensed in place.
@@ -375,7 +375,7 @@ def plane_stress_tangent(tangent, by_hand, linearise, update_complex, F, state, 
     return 1, start
 
 
-@called
+@loop_part
 def directional_tangents(by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P, state_new, A,
                          point, stress, point_state, point_state_new, dF, first, one_dP, dP, dstate, none, none_params,
                          work):

@@ -139,8 +139,9 @@ class LawSpec:
         ``dparams`` (nd, n_params). ``dstate`` and ``dparams`` with no rows mean zero; only the first
         ``len(dstate_new)`` rows of the state's derivative are wanted.
     tangents : {"small" | "finite": function}
-        Optional, of a law with ``linearise``: ``tangent(F, state, params, dt, P, state_new, A, work)``, the same update
-        with dP/dF in closed form: ``A[3 a + b, 3 c + e] = dP_ab / dF_ce`` (9, 9); ``work`` (2, 9, 9) is scratch.
+        Optional, of laws of this package: ``tangent(F, state, params, dt, P, state_new, A, work)``, the same update
+        with dP/dF: ``A[3 a + b, 3 c + e] = dP_ab / dF_ce`` (9, 9); ``work`` (2, 9, 9) is scratch. Other laws have it
+        from ``linearise`` or the complex step.
     state_names : tuple of str
     initial_state : tuple of float
         The state at rest; zeros where not given.
@@ -199,7 +200,7 @@ class LawSpec:
         if EXPANSION.name in self.parameter_names:
             raise ValueError(f"law {self.name}: {EXPANSION.name} is the thermal expansion of every law")
         unknown = (set(self.updates) - {"small", "finite"} | set(self.linearise) - set(self.updates)
-                   | set(self.tangents) - set(self.linearise))
+                   | set(self.tangents) - set(self.updates))
         if unknown or not self.updates:
             raise ValueError(f"law {self.name}: kinematics are 'small' and/or 'finite', found {sorted(unknown)}")
         check_declaration(self)

@@ -116,7 +116,8 @@ def point_tangents(law: CompiledLaw, mode: int, F, state, params, dt: float, *, 
     n, d = F.shape[:2]
     P, state_new, A = out if out is not None else (np.empty_like(F), np.empty_like(state),
                                                    np.empty((n, d * d, d * d)))
-    ok = compiled_loop("tangent")(law.closed, _pointer(law.tangent), *_functions(law), mode, F, guess, state, params, float(dt), P, state_new, A)
+    ok = compiled_loop("tangent")(law.closed, _pointer(law.tangent), *_functions(law), mode, F, guess, state, params,
+                                  float(dt), P, state_new, A)
     return P, state_new, A, ok
 
 

@@ -133,5 +133,8 @@ def closed_tangent(state, trial, solution, moduli, flow_by_volume, A):
     beta = tensors.scaled(-2.0 / 3.0 * stiffness, dev, kappa * (2.0 * J - 1.0) * J - 2.0 / 3.0 * stiffness * mean)
     g = stiffness * shrink  # F^-1 g b F^-T = g J^(-2/3) Cp^-1
     M = (g * (1.0 + state[0]), g * (1.0 + state[1]), g * (1.0 + state[2]), g * state[3], g * state[4], g * state[5])
-    tensors.fill_tangent(fi, M, stiffness * mean - kappa * (J - 1.0) * J, tensors.times_transposed(dev, fi),
-                         tensors.times_transposed(alpha, fi), tensors.times_transposed(beta, fi), A)
+    around = tensors.transposed(fi)
+    tensors.fill_tangent(tensors.times_transposed(dev, fi), tensors.times_transposed(alpha, fi), around,
+                         tensors.times_transposed(beta, fi),
+                         tensors.multiple(stiffness * mean - kappa * (J - 1.0) * J, around), around, A)
+    tensors.add_blocks(M, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), A)
