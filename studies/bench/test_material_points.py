@@ -15,7 +15,6 @@ import pytest
 pytestmark = [pytest.mark.bench, pytest.mark.slow]
 ROUNDS = 5
 MODES = {0: "solid", 1: "plane strain", 2: "plane stress"}
-# rubber, glass and the like move further than metals, whose points flow in the last step
 PROCESS = """
 import sys, json, time
 sys.path.insert(0, sys.argv[1])
@@ -111,6 +110,7 @@ def test_points_beside_another_version(measured, versions, mode):
         stress, tangent, derivatives = (before / now for before, now in zip(old, new, strict=True))
         measured(f"{name}, {kinematics}, {MODES[mode]}",
                  f"stress {new[0]:.2f}, with tangent {new[1]:.2f} us ({1.0 / new[1]:.2f} M/s), "
-                 f"derivatives {new[2]:.2f} us", f"{old[0]:.2f}, {old[1]:.2f}, {old[2]:.2f} us: {stress:.2f}, {tangent:.2f}, {derivatives:.2f} times")
+                 f"derivatives {new[2]:.2f} us",
+                 f"{old[0]:.2f}, {old[1]:.2f}, {old[2]:.2f} us: {stress:.2f}, {tangent:.2f}, {derivatives:.2f} times")
         slowest[name, kinematics] = tangent
     assert min(slowest.values()) > 0.9

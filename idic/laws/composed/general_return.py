@@ -319,9 +319,9 @@ def damage_change(first, s, spherical, p, growth, ds, dspherical, dgrowth, param
 
 @inner
 def turned(surface, hardening, back, rate, damage, R, root, F, state, params, dt, P, state_new):
-    """(status, growth, xi) of one point whose material axes are turned by R; ``root``: the real growth and xi, or NaN.
+    """(status, growth, xi) of one point whose material axes are turned by R; growth and xi are real.
 
-    growth and xi : real, the start of a search
+    root : (growth, xi) where they are known, else growth is NaN
     """
     G, kappa = shear_and_bulk(params[0], params[1])
     J, fi, b, mean, dev, _, shrink = trial_state(F, state)
