@@ -98,15 +98,14 @@ def next_stretch(f33, p33, slope, failed, low, high, good):
 
 
 @loop_part
-def search(by_hand, linearise, update_complex, F, state, params, dt, first, none, none_params, P, state_new, dP, dstate,
-           work):
+def search(by_hand, linearise, update_complex, F, state, params, dt, first, none, P, state_new, dP, work):
     """Safeguarded Newton for P33(F33) = 0 from F[2, 2] on, until the correction is small: (status, F33)."""
     low, high, good = 0.0, 0.0, 0.0
     f33, status = F[2, 2], 1
     for _ in range(F33_ITERATIONS):
         F[2, 2] = f33
-        failed = linearised(by_hand, linearise, update_complex, F, state, params, dt, first, none,
-                            none_params, P, state_new, dP, dstate, work)
+        failed = linearised(by_hand, linearise, update_complex, F, state, params, dt, first, none, none,
+                            P, state_new, dP, none, work)
         p33, slope = P[2, 2], dP[0, 2, 2]
         f33, low, high, good, status = next_stretch(f33, p33, slope, failed, low, high, good)
         if status < 2:
@@ -126,8 +125,8 @@ def plane_stress(by_hand, linearise, update_complex, F, state, params, dt, dF, d
     for attempt in range(3):
         if not (close and attempt == 0):
             F[2, 2] = start
-            status, start = search(by_hand, linearise, update_complex, F, state, params, dt, first, none, none,
-                                   P, state_new, one_dP, none, work)
+            status, start = search(by_hand, linearise, update_complex, F, state, params, dt, first, none,
+                                   P, state_new, one_dP, work)
             if status != 0:
                 return 1, start
         F[2, 2] = start
@@ -204,8 +203,8 @@ def clear(out):
 
 
 @array_maker
-def stress_loop(update, by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P, P33,
-                state_new):
+def stress_loop(update, closed, tangent, by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt,
+                P, P33, state_new):
     """Stress and new state of every point; returns True where all converged."""
     n_law = state.shape[1] - (1 if mode == 2 else 0)
     work = np.empty(18 + 2 * n_law + params.shape[1], np.complex128)
@@ -213,6 +212,10 @@ def stress_loop(update, by_hand, linearise, update_complex, finite, mode, F, gue
     dF[0, 2, 2] = 1.0
     if mode == 0:
         return solid_stresses(update, finite, F, state, params, dt, P, P33, state_new)
+    if mode == 2 and closed:
+        return closed_plane_tangents(tangent, finite, mode, F, guess, state, params, dt, P, P33, state_new,
+                                     np.empty((0, 4, 4)), np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law),
+                                     np.empty(n_law), np.empty(n_law), np.empty((9, 9)), np.empty((2, 9, 9)))
     return plane_stresses(update, by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P, P33,
                           state_new, np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law), dF, dP,
                           dstate, none, np.empty((0, params.shape[1])), work)
@@ -282,10 +285,9 @@ def tangent_loop(closed, tangent, by_hand, linearise, update_complex, finite, mo
     if closed and mode == 0:
         return solid_tangents(tangent, finite, F, state, params, dt, P, state_new, A, np.empty((2, 9, 9)))
     if closed:
-        return closed_plane_tangents(tangent, by_hand, linearise, update_complex, finite, mode, F, guess, state, params,
-                                     dt, P, state_new, A, point, stress, point_state, point_state_new, first, one_dP,
-                                     np.empty((1, n_law)), none, none_params, np.empty((9, 9)), np.empty((2, 9, 9)),
-                                     work)
+        return closed_plane_tangents(tangent, finite, mode, F, guess, state, params, dt, P, np.empty(0), state_new, A,
+                                     point, stress, point_state, point_state_new, np.empty(n_law), np.empty((9, 9)),
+                                     np.empty((2, 9, 9)))
     dF = np.zeros((d * d + extra, 3, 3))
     if mode == 2:
         dF[0, 2, 2] = 1.0
@@ -313,10 +315,9 @@ def solid_tangents(tangent, finite, F, state, params, dt, P, state_new, A, matri
 
 
 @loop_part
-def closed_plane_tangents(tangent, by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P,
-                          state_new, A, point, stress, point_state, point_state_new, first, one_dP, dstate, none,
-                          none_params, full, matrices, work):
-    """The loop of plane strain and plane stress for tangents in closed form."""
+def closed_plane_tangents(tangent, finite, mode, F, guess, state, params, dt, P, P33, state_new, A, point, stress,
+                          point_state, point_state_new, former, full, matrices):
+    """The loop of plane strain and plane stress for laws with a tangent of their own; A and P33 may be empty."""
     per_point, n_law, ok = 1 if params.shape[0] > 1 else 0, point_state.shape[0], True
     for i in range(F.shape[0]):
         embed(F[i], guess[i] if mode == 2 else 1.0, point)
@@ -325,9 +326,8 @@ def closed_plane_tangents(tangent, by_hand, linearise, update_complex, finite, m
         if not is_body(finite, point):
             status = 1
         elif mode == 2:
-            status, f33 = plane_stress_tangent(tangent, by_hand, linearise, update_complex, point, point_state, p, dt,
-                                               first, none, none_params, stress, point_state_new, one_dP, dstate, full,
-                                               matrices, work)
+            status, f33 = closed_plane_stress(tangent, point, point_state, p, dt, stress, point_state_new, former, full,
+                                              matrices)
             state_new[i, n_law] = f33
         else:
             status = tangent(point, point_state, p, dt, stress, point_state_new, full, matrices)
@@ -335,44 +335,59 @@ def closed_plane_tangents(tangent, by_hand, linearise, update_complex, finite, m
             ok = False
             clear(P[i])
             copy(state[i], state_new[i])
-            clear(A[i])
+            if A.shape[0] > 0:
+                clear(A[i])
+            if P33.shape[0] > 0:
+                P33[i] = 0.0
             continue
         put(stress, P[i])
         copy(point_state_new, state_new[i])
-        for a in range(4):
+        if P33.shape[0] > 0:
+            P33[i] = stress[2, 2]
+        for a in range(4 if A.shape[0] > 0 else 0):
             for c in range(4):
                 A[i, a, c] = full[a + a // 2, c + c // 2]  # 11, 12, 21, 22: places 0, 1, 3, 4 of nine
     return ok
 
 
 @loop_part
-def plane_stress_tangent(tangent, by_hand, linearise, update_complex, F, state, params, dt, first, none, none_params,
-                         P, state_new, one_dP, dstate, full, matrices, work):
-    """As `plane_stress`, with a tangent in closed form: (status, F33); ``full`` (9, 9) is condensed in place.
+def closed_plane_stress(tangent, F, state, params, dt, P, state_new, former, A, matrices):
+    """As `plane_stress`, for a tangent of its own: (status, F33); A (9, 9) is condensed in place.
 
-    The state's part of the last correction, below F33_TOLERANCE, has the slope of the last iterate of the search.
+    ``former`` (n_state,) keeps the state of the last iterate but one: its difference over that of F33 is the slope of
+    the state in the last correction, which is below F33_TOLERANCE.
     """
-    start = F[2, 2]
-    for _ in range(2):
-        F[2, 2] = start
-        status, start = search(by_hand, linearise, update_complex, F, state, params, dt, first, none, none_params, P,
-                               state_new, one_dP, dstate, work)
-        if status != 0:
-            return 1, start
-        F[2, 2] = start
-        status = tangent(F, state, params, dt, P, state_new, full, matrices)
-        slope = full[8, 8]
+    low, high, good, f33, f33_former, status, slope = 0.0, 0.0, 0.0, F[2, 2], 0.0, 1, 0.0
+    for _ in range(F33_ITERATIONS):
+        F[2, 2] = f33
+        failed = tangent(F, state, params, dt, P, state_new, A, matrices)
+        if not is_number(P):
+            failed = 1
+        slope = A[8, 8]
         step = -P[2, 2] / slope
-        if status == 0 and slope > 0.0 and abs(step) <= F33_TOLERANCE * start:
-            for m in range(state_new.shape[0]):
-                state_new[m] += dstate[0, m] * step
-            for a in range(9):
-                P[a // 3, a % 3] += full[a, 8] * step
-                share = full[a, 8] / slope
-                for c in range(8):
-                    full[a, c] -= share * full[8, c]
-            return 0, start + step
-    return 1, start
+        if failed == 0 and slope > 0.0 and abs(step) <= F33_TOLERANCE * f33:
+            condense_closed(P, state_new, former, A, step, slope, f33 - f33_former if f33_former > 0.0 else 0.0)
+            return 0, f33 + step
+        if failed == 0:
+            copy(state_new, former)
+            f33_former = f33
+        f33, low, high, good, status = next_stretch(f33, P[2, 2], slope, failed, low, high, good)
+        if status == 1:
+            return 1, f33
+    return 1, f33
+
+
+@loop_part
+def condense_closed(P, state_new, former, A, step, slope, change):
+    """As `condense`, of A (9, 9) with the state at F33 less ``change`` (0: there is none)."""
+    if change != 0.0:
+        for m in range(state_new.shape[0]):
+            state_new[m] += (state_new[m] - former[m]) / change * step
+    for a in range(9):
+        P[a // 3, a % 3] += A[a, 8] * step
+        share = A[a, 8] / slope
+        for c in range(8):
+            A[a, c] -= share * A[8, c]
 
 
 @loop_part
@@ -470,7 +485,7 @@ def directional_loop(by_hand, linearise, update_complex, finite, mode, F, guess,
 _f8, _i8, _b1 = types.float64, types.int64, types.boolean
 _F1, _F2, _F3, _F4 = (c_array(types.float64, ndim) for ndim in (1, 2, 3, 4))
 _update, _linearise, _complex, _tangent = (types.FunctionType(s) for s in (UPDATE, LINEARISE, UPDATE_COMPLEX, TANGENT))
-STRESS_LOOP = _b1(_update, _b1, _linearise, _complex, _b1, _i8, _F3, _F1, _F2, _F2, _f8, _F3, _F1, _F2)
+STRESS_LOOP = _b1(_update, _b1, _tangent, _b1, _linearise, _complex, _b1, _i8, _F3, _F1, _F2, _F2, _f8, _F3, _F1, _F2)
 TANGENT_LOOP = _b1(_b1, _tangent, _b1, _linearise, _complex, _b1, _i8, _F3, _F1, _F2, _F2, _f8, _F3, _F2, _F3)
 DIRECTIONAL_LOOP = _b1(_b1, _linearise, _complex, _b1, _i8, _F3, _F1, _b1, _F2, _F2, _f8, _F4, _F3, _F3, _F4,
                        _F3)
