@@ -126,7 +126,7 @@ def update(surface, hardening, rate, F, state, params, dt, P, state_new):
 
 @inner
 def real_return(surface, hardening, rate, F, state, params, dt, P, state_new):
-    """One point, real, with what its derivatives take: (status, trial state, solution, others), see `linearise`."""
+    """One point, real, with what its derivatives take: (status, trial state, solution, values), see `linearise`."""
     G, kappa = shear_and_bulk(params[0], params[1])
     point = trial_state(F, state)
     J, fi, b, mean, dev, norm, shrink = point
@@ -158,16 +158,16 @@ def real_return(surface, hardening, rate, F, state, params, dt, P, state_new):
 @inner
 def tangent(surface, hardening, rate, F, state, params, dt, P, state_new, A):
     """`update` and dP/dF in closed form."""
-    status, point, solution, others = real_return(surface, hardening, rate, F, state, params, dt, P, state_new)
+    status, point, solution, values = real_return(surface, hardening, rate, F, state, params, dt, P, state_new)
     if status != 0:
         return 1
     plastic, growth, keep, inverse_slope = solution
     G, kappa = shear_and_bulk(params[0], params[1])
     flow_by_volume = 0.0
-    if surface[0] == DRUCKER_PRAGER and plastic and others[3]:
+    if surface[0] == DRUCKER_PRAGER and plastic and values[3]:
         J = point[0]
         flow_by_volume = -params[surface[1]] * kappa * (2.0 * J - 1.0) * J * rate_factor(
-            hardening, rate, state[6], growth, dt, others[1], params)
+            hardening, rate, state[6], growth, dt, values[1], params)
     closed_tangent(state, point, (plastic, growth / ROOT, keep, inverse_slope), (G, kappa), flow_by_volume, A)
     return 0
 
@@ -175,13 +175,13 @@ def tangent(surface, hardening, rate, F, state, params, dt, P, state_new, A):
 @inner
 def linearise(surface, hardening, rate, F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new):
     """`update` and its derivative (see `LawSpec.linearise`)."""
-    status, point, solution, others = real_return(surface, hardening, rate, F, state, params, dt, P, state_new)
+    status, point, solution, values = real_return(surface, hardening, rate, F, state, params, dt, P, state_new)
     if status != 0:
         return 1
     G, kappa = shear_and_bulk(params[0], params[1])
     J, fi, b, mean, dev, norm, shrink = point
     plastic, growth, keep, inverse_slope = solution
-    spherical, friction_stress, slope, strong = others
+    spherical, friction_stress, slope, strong = values
     p, tau = state[6], tensors.scaled(keep * G, dev, spherical)
     solved = (plastic, growth / ROOT, keep, inverse_slope, slope, 1.0 / shrink, tau)
     none = params[:0]
