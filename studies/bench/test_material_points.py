@@ -97,7 +97,7 @@ def versions():
 
 @pytest.mark.parametrize("mode", MODES, ids=MODES.values())
 def test_points_beside_another_version(measured, versions, mode):
-    """Least of some rounds. IDIC_BENCH_LAWS: beginnings of the names of the laws to be measured, with commas between."""
+    """Least of some rounds. IDIC_BENCH_LAWS: beginnings of the names of the laws to measure, with commas between."""
     this, other = versions
     wanted = tuple(os.environ.get("IDIC_BENCH_LAWS", "").split(","))
     slowest = {}

@@ -77,7 +77,7 @@ def test_multigrid_gives_the_solution_of_a_factor_and_the_same_bits_again(monkey
     assert np.array_equal(*answers)
 
 
-@pytest.mark.parametrize("cell, n", [("hex20", (4, 3, 3)), ("tet4", (7, 6, 6)), ("tet10", (3, 3, 3))])
+@pytest.mark.parametrize("cell, n", [("hex20", (6, 4, 4)), ("tet4", (7, 6, 6)), ("tet10", (5, 4, 4))])
 def test_multigrid_in_other_elements_with_a_stiff_and_a_soft_half(cell, n):
     """Contrast 1000: the solution of a factor to within rounding, after a few corrections by some cycles each."""
     mesh = grid(cell, n, (1.5, 1.0, 1.0))
