@@ -22,8 +22,7 @@ from idic.laws.composed.elasticity import elastic_stress, weight
 from idic.laws.composed.flow_stress import flow_stress, most_growth, resistance
 from idic.laws.composed.general_return import MOST_DAMAGE, damage_growth_of, hill_coefficients, recovery
 from idic.laws.composed.isotropic_return import IN_PLANE_SHEAR, flows
-from idic.laws.composed.strain_steps import IDENTITY, complex_one, put_column, put_step, symmetric_product
-from idic.laws.core import symmetric, tensors
+from idic.laws.core import tensors
 from idic.laws.core.inner import inner, inner_with_arrays
 from idic.laws.plasticity.elastoplastic import ABSOLUTE_TOLERANCE, MAX_ITERATIONS, RELATIVE_TOLERANCE, ROOT
 from idic.laws.core.rotation import rotation
@@ -198,54 +197,14 @@ def plastic_growth(elastic, back, hardening, rate, A, trial, q, modulus, p, dt, 
 @inner_with_arrays
 def update(elastic, shift, angle, surface, hill, hardening, back, rate, damage, F, state, params, dt, P, state_new):
     """One point, real or complex; ``elastic``: symmetry and terms, ``shift``: place in `params` of the flow's."""
-    return turned(elastic, shift, angle, surface, hill, hardening, back, rate, damage, rotation(tensors.load(F)),
-                  math.nan, F, state, params, dt, P, state_new)[0]
-
-
-@inner_with_arrays
-def tangent(elastic, shift, angle, surface, hill, hardening, back, rate, damage, F, state, params, dt, P, state_new, A,
-            work):
-    """`update` and its tangent from the complex step along six strains, with one search for the growth."""
-    f, n = tensors.load(F), state.shape[0]
-    R = rotation(f)
-    U = stretch(R, f)
-    inverse_U, F_U, P_U = inverse_of(U), np.empty((3, 3)), np.empty((3, 3))
-    tensors.store(full(U), F_U)
-    status, root = turned(elastic, shift, angle, surface, hill, hardening, back, rate, damage, IDENTITY, math.nan, F_U,
-                          state, params, dt, P_U, state_new)
-    if status != 0:
-        return 1
-    S = symmetric_product(inverse_U, P_U)
-    tensors.store(symmetric.times(f, S), P)
-    F_step, P_step = np.empty((3, 3), np.complex128), np.empty((3, 3), np.complex128)
-    state_step, end = np.empty(n, np.complex128), np.empty(n, np.complex128)
-    params_step = np.empty(params.shape[0], np.complex128)
-    for m in range(n):
-        state_step[m] = state[m]
-    for m in range(params.shape[0]):
-        params_step[m] = params[m]
-    unit = complex_one()
-    axes = (unit, 0.0 * unit, 0.0 * unit, 0.0 * unit, unit, 0.0 * unit, 0.0 * unit, 0.0 * unit, unit)
-    for b in range(6):
-        dU = put_step(U, inverse_U, b, F_step)
-        turned(elastic, shift, angle, surface, hill, hardening, back, rate, damage, axes, root, F_step, state_step,
-               params_step, dt, P_step, end)
-        put_column(inverse_U, S, dU, P_step, b, work[0])
-    tensors.push_tangent(f, S, work[0], A)
-    return 0
-
-
-@inner_with_arrays
-def turned(elastic, shift, angle, surface, hill, hardening, back, rate, damage, R, root, F, state, params, dt, P,
-           state_new):
-    """(status, real growth) of one point whose material is turned by R; ``root``: the real growth, or NaN."""
     f = tensors.load(F)
     J, _ = tensors.inverse(f)
     if not J.real > 0.0:
-        return 1, root
+        return 1
     flow_params, p = params[shift:], state[6]
     for m in range(state.shape[0]):
         state_new[m] = state[m]
+    R = rotation(f)
     U, inverse_cp = stretch(R, f), (1.0 + state[0], 1.0 + state[1], 1.0 + state[2], state[3], state[4], state[5])
     g = tensors.congruence(full(U), inverse_cp)
     turn = about_z(params[angle] if angle >= 0 else 0.0 * params[0])
@@ -265,12 +224,11 @@ def turned(elastic, shift, angle, surface, hill, hardening, back, rate, damage, 
     if flows(hardening, rate, q, p.real, dt, 0.0, flow_params.real):
         times(D, flowing, slope)
         modulus = (product(flowing, slope) / square).real
-        if not root >= 0.0:
-            root = plastic_growth(elastic, back, hardening, rate, A.real.copy(), trial.real.copy(), q, modulus, p.real,
-                                   dt, state.real.copy(), params.real.copy(), params.real.copy()[shift:])
-        if root < 0.0:
-            return 1, root
-        growth = root + 0.0 * p
+        real = plastic_growth(elastic, back, hardening, rate, A.real.copy(), trial.real.copy(), q, modulus, p.real, dt,
+                              state.real.copy(), params.real.copy(), params.real.copy()[shift:])
+        if real < 0.0:
+            return 1
+        growth = real + 0.0 * p
         for sweep in range(3):  # the real solution, a step in complex: exact derivative, the strain that belongs to it
             value, steep = relaxed(elastic, back, hardening, rate, A, trial, p, growth, dt, state, params, flow_params,
                                    e, xi, flowing, MOST_PASSES if sweep == 0 else 1, sweep == 1)
@@ -293,9 +251,9 @@ def turned(elastic, shift, angle, surface, hill, hardening, back, rate, damage, 
         state_new[damage_place] = D_new
         keep = 1.0 - D_new
     stress = tensors.congruence(tensors.transposed(turn), (keep * t[0], keep * t[1], keep * t[2], keep * t[3],
-                                                   keep * t[4], keep * t[5]))
+                                                           keep * t[4], keep * t[5]))
     tensors.store(first_piola(R, U, inverse_cp, g, stress), P)
-    return 0, root
+    return 0
 
 
 @inner

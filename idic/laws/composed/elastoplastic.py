@@ -136,7 +136,7 @@ def law_of(name: str, terms: Sequence[Term]) -> LawSpec:
     return LawSpec(
         name=name, parameters=tuple(parameters), updates={"finite": updates},
         linearise={} if linearise is None else {"finite": linearise},
-        tangents={"finite": tangent}, state_names=tuple(states),
+        tangents={} if tangent is None else {"finite": tangent}, state_names=tuple(states),
         isotropic=not orthotropic and all(term.kind in ("mises", "drucker_prager") for term in terms
                                           if term.group == "yield_surface"),
         reference="; ".join(["q = yield_stress + hardening, p the plastic strain", *equations,
@@ -175,17 +175,17 @@ def _dependence(terms: Sequence[Term], codes: tuple[int, ...],
     return TemperatureDependence(tuple(factors), len(parameters)) if factors else None
 
 
-def _functions(codes: dict[str, tuple[int, ...]], orthotropic: bool) -> tuple[Callable, Callable | None, Callable]:
-    """(update, linearise or None, tangent) of a combination: closures over integers, which numba's disk cache tells
-    apart.
+def _functions(codes: dict[str, tuple[int, ...]],
+               orthotropic: bool) -> tuple[Callable, Callable | None, Callable | None]:
+    """(update, linearise or None, tangent or None) of a combination: closures over integers, which numba's disk cache
+    tells apart.
 
     Without a rate term they read no time, so the law counts as rate-independent.
     """
     surface = codes["yield_surface"] or (isotropic_return.MISES, 0)
     hardening, rate = (*codes["hardening"], NONE, 0), codes["rate"] or (NONE, 0)
     if orthotropic or codes["nonlinear_elasticity"] or surface[0] == isotropic_return.IN_PLANE_SHEAR:
-        update, tangent = _anisotropic(codes, orthotropic, surface[0], hardening, rate)
-        return update, None, tangent
+        return _anisotropic(codes, orthotropic, surface[0], hardening, rate), None, None
     round_ones = (isotropic_return.MISES, isotropic_return.DRUCKER_PRAGER)
     if surface[0] in round_ones and not codes["backstress"] and not codes["damage"]:
         return _isotropic(surface, hardening, rate)
@@ -211,8 +211,8 @@ def _functions(codes: dict[str, tuple[int, ...]], orthotropic: bool) -> tuple[Ca
 
 
 def _anisotropic(codes: dict[str, tuple[int, ...]], orthotropic: bool, surface: int, hardening: tuple[int, ...],
-                 rate: tuple[int, ...]) -> tuple[Callable, Callable]:
-    """(update, tangent) of a combination; E1, E2, nu12 stand before what its other terms count as places 0, 1, ..."""
+                 rate: tuple[int, ...]) -> Callable:
+    """Update of a combination; E1, E2, nu12 stand before what its other terms count as places 0, 1, ..."""
     shift = 3 if orthotropic else 0
     elastic = (elasticity.ORTHOTROPIC if orthotropic else elasticity.ISOTROPIC, *codes["nonlinear_elasticity"], NONE, 0)
     axes = 4 if orthotropic else -1
@@ -233,17 +233,7 @@ def _anisotropic(codes: dict[str, tuple[int, ...]], orthotropic: bool, surface: 
         return anisotropic_return.update(elastic, shift, axes, surface, hill, hardening, back, rate, damage, F, state,
                                          params, 1.0, P, state_new)
 
-    @array_maker
-    def tangent(F, state, params, dt, P, state_new, A, work):
-        return anisotropic_return.tangent(elastic, shift, axes, surface, hill, hardening, back, rate, damage, F, state,
-                                          params, dt, P, state_new, A, work)
-
-    @array_maker
-    def tangent_without_rate(F, state, params, dt, P, state_new, A, work):
-        return anisotropic_return.tangent(elastic, shift, axes, surface, hill, hardening, back, rate, damage, F, state,
-                                          params, 1.0, P, state_new, A, work)
-
-    return (update, tangent) if codes["rate"] else (update_without_rate, tangent_without_rate)
+    return update if codes["rate"] else update_without_rate
 
 
 def _moved(codes: tuple[int, ...], shift: int) -> tuple[int, ...]:

@@ -5,8 +5,7 @@ along changes of Green's strain E: with h = U^-1 dE the change of U is
 
     dU = h - W U,   W skew with W U + U W = h - h^T,       dS = U^-1 (dP - dU S),   S = U^-1 P(U)
 
-Six changes in place of nine, without the search for R; what a law finds by iteration it finds once. A law without
-derivatives of its own takes the complex step.
+Six changes in place of nine, without the search for R; what a law finds by iteration it finds once.
 """
 
 from __future__ import annotations
@@ -16,7 +15,6 @@ from idic.laws.core import symmetric, tensors
 from idic.laws.core.inner import inner
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
-COMPLEX_STEP = 1e-30
 
 
 @inner
@@ -29,37 +27,6 @@ def change_of_stretch(U, inverse_U, E):
     k1, k2, k3 = a[0] * b1 + a[3] * b2 + a[4] * b3, a[3] * b1 + a[1] * b2 + a[5] * b3, a[4] * b1 + a[5] * b2 + a[2] * b3
     turned = symmetric.times((0.0, -k3, k2, k3, 0.0, -k1, -k2, k1, 0.0), U)
     return tensors.sum_of(1.0, h, -1.0, turned, 0.0, h)
-
-
-@inner
-def complex_one():
-    """1 as a complex number."""
-    return 1.0 + 0.0j
-
-
-@inner
-def put_step(U, inverse_U, b, F):
-    """U + i h dU of strain b into the complex F (3, 3); returns dU."""
-    dU = change_of_stretch(U, inverse_U, tensors.unit_strain(b))
-    u = full(U)
-    for m in range(9):
-        F[m // 3, m % 3] = u[m] + 1j * COMPLEX_STEP * dU[m]
-    return dU
-
-
-@inner
-def put_column(inverse_U, S, dU, P, b, D):
-    """Column b of D out of the complex stress P at the step."""
-    moved = symmetric.times(dU, S)
-    d = tensors.load(P)
-    change = (d[0].imag / COMPLEX_STEP - moved[0], d[1].imag / COMPLEX_STEP - moved[1],
-              d[2].imag / COMPLEX_STEP - moved[2], d[3].imag / COMPLEX_STEP - moved[3],
-              d[4].imag / COMPLEX_STEP - moved[4], d[5].imag / COMPLEX_STEP - moved[5],
-              d[6].imag / COMPLEX_STEP - moved[6], d[7].imag / COMPLEX_STEP - moved[7],
-              d[8].imag / COMPLEX_STEP - moved[8])
-    s = tensors.product(full(inverse_U), change)
-    D[0, b], D[1, b], D[2, b] = s[0], s[4], s[8]
-    D[3, b], D[4, b], D[5, b] = 0.5 * (s[1] + s[3]), 0.5 * (s[2] + s[6]), 0.5 * (s[5] + s[7])
 
 
 @inner
