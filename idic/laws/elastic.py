@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 
-from idic.laws.core.inner import inner
+from idic.laws.core import tensors
+from idic.laws.core.inner import array_maker, inner
 from idic.laws.core.law import LawParameter, LawSpec, register
 
 
@@ -24,14 +25,20 @@ def lame_change(E, nu, dE, dnu):
     return dlam, mu / E * dE - mu / (1.0 + nu) * dnu
 
 
-def update_small(F, state, params, dt, P, state_new):
+@inner
+def small_stress(F, lam, mu, P):
     """sigma = lam tr(eps) I + 2 mu eps,  eps = sym(F - I)."""
-    lam, mu = lame(params[0], params[1])
     pressure = lam * (F[0, 0] + F[1, 1] + F[2, 2] - 3.0)
     for i in range(3):
         for j in range(3):
             P[i, j] = mu * (F[i, j] + F[j, i])
         P[i, i] += pressure - 2.0 * mu
+
+
+def update_small(F, state, params, dt, P, state_new):
+    """sigma = lam tr(eps) I + 2 mu eps,  eps = sym(F - I)."""
+    lam, mu = lame(params[0], params[1])
+    small_stress(F, lam, mu, P)
     return 0
 
 
@@ -79,6 +86,7 @@ def multiply(A, B, out):
             out[i, j] = A[i, 0] * B[0, j] + A[i, 1] * B[1, j] + A[i, 2] * B[2, j]
 
 
+@array_maker
 def update_finite(F, state, params, dt, P, state_new):
     """P = F S,  S = lam tr(E) I + 2 mu E."""
     lam, mu = lame(params[0], params[1])
@@ -88,6 +96,7 @@ def update_finite(F, state, params, dt, P, state_new):
     return 0
 
 
+@array_maker
 def linearise_finite(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new):
     """`update_finite` and its derivative, dP = dF S + F dS."""
     lam, mu = lame(params[0], params[1])
@@ -113,6 +122,45 @@ def linearise_finite(F, state, params, dt, dF, dstate, dparams, P, state_new, dP
             for j in range(3):
                 dP[k, i, j] = (d[i, 0] * S[0, j] + d[i, 1] * S[1, j] + d[i, 2] * S[2, j]
                                + F[i, 0] * dS[0, j] + F[i, 1] * dS[1, j] + F[i, 2] * dS[2, j])
+    return 0
+
+
+@inner
+def isotropic_tangent(finite, f, lam, mu, s, slope, stress, A):
+    """dP/dF of stress = 2 mu e + lam tr(e) 1 + (what grows along s with slope : e), e Green's or the small strain.
+
+    A[iJ, kL] = delta_ik S_JL + F_iM F_kN (lam delta_MJ delta_NL + mu (delta_MN delta_JL + delta_ML delta_NJ)
+    + s_MJ slope_NL); small strain: F = 1, and no S.
+    """
+    if not finite:
+        f = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+    transposed = tensors.transposed(f)
+    along = tensors.transposed(tensors.times_transposed(s, f))  # F s
+    tensors.fill_tangent(f, tensors.multiple(lam, f), along, tensors.transposed(tensors.times_transposed(slope, f)),
+                         tensors.multiple(mu, f), f, A)
+    b = tensors.product(f, transposed)
+    tensors.add_blocks(tensors.scaled(1.0 if finite else 0.0, stress, 0.0),
+                       (mu * b[0], mu * b[4], mu * b[8], mu * b[1], mu * b[2], mu * b[5]), A)
+
+
+def tangent_small(F, state, params, dt, P, state_new, A, work):
+    """`update_small` and its tangent."""
+    lam, mu = lame(params[0], params[1])
+    none = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    small_stress(F, lam, mu, P)
+    isotropic_tangent(False, tensors.load(F), lam, mu, none, none, none, A)
+    return 0
+
+
+def tangent_finite(F, state, params, dt, P, state_new, A, work):
+    """`update_finite` and its tangent."""
+    lam, mu = lame(params[0], params[1])
+    f = tensors.load(F)
+    C = tensors.congruence(tensors.transposed(f), (1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
+    none = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    S = tensors.scaled(mu, C, 0.5 * lam * (C[0] + C[1] + C[2] - 3.0) - mu)
+    tensors.store(tensors.transposed(tensors.times_transposed(S, f)), P)  # F S
+    isotropic_tangent(True, f, lam, mu, none, none, S, A)
     return 0
 
 
@@ -148,6 +196,7 @@ LAW = register(LawSpec(
     parameters=ELASTIC_PARAMETERS,
     updates={"small": update_small, "finite": update_finite},
     linearise={"small": linearise_small, "finite": linearise_finite},
+    tangents={"small": tangent_small, "finite": tangent_finite},
     linear=True,
     reference="Hooke's law; finite: St. Venant-Kirchhoff, S = lam tr(E) I + 2 mu E (small strains, large rotations)",
     alternatives=ELASTIC_ALTERNATIVES,

@@ -30,7 +30,7 @@ from idic.laws.core import symmetric, tensors
 from idic.laws.core.crack_band import CrackBand
 from idic.laws.core.inner import inner
 from idic.laws.core.law import LawParameter, LawSpec, register
-from idic.laws.elastic import ELASTIC_ALTERNATIVES, ELASTIC_PARAMETERS, lame, lame_change
+from idic.laws.elastic import ELASTIC_ALTERNATIVES, ELASTIC_PARAMETERS, isotropic_tangent, lame, lame_change
 
 THRESHOLD, SOFTENING, COMPRESSION, LENGTH = 2, 3, 4, 5
 ITERATIONS = 60  # Newton takes 3 to 8, bisection 50
@@ -198,6 +198,44 @@ def linearise(finite, F, state, params, dF, dstate, dparams, P, state_new, dP, d
     return 0
 
 
+@inner
+def tangent(finite, F, state, params, P, state_new, A):
+    """`update` and its tangent: what grows is the largest strain k, and the stress falls along s."""
+    lam, mu = lame(params[0], params[1])
+    f = tensors.load(F)
+    e = strain(finite, f)
+    s = tensors.scaled(2.0 * mu, e, lam * (e[0] + e[1] + e[2]))
+    w, steep, trace, q, dev = opened(s, params[COMPRESSION])
+    plain, largest = tensors.contract(s, e), state[0]
+    grows = plain * w > params[0] * largest * largest
+    if grows:
+        largest = math.sqrt(plain * w / params[0])
+    keep, by_k, _, _, _, status = kept(largest, params[THRESHOLD], params[SOFTENING], params[LENGTH])
+    if status != 0:
+        return status
+    state_new[0] = largest
+    stress, slope = tensors.scaled(keep, s, 0.0), tensors.scaled(0.0, s, 0.0)
+    if grows and largest > params[THRESHOLD]:
+        half = 0.5 * keep * by_k / (params[0] * largest)
+        slope = tensors.scaled(2.0 * w * half, s, 0.0)
+        if steep != 0.0:
+            slope = tensors.combine(1.0, slope, -3.0 * mu * trace / (q * q) * half * plain * steep / q, dev,
+                                    (3.0 * lam + 2.0 * mu) * half * plain * steep / q)
+    store(finite, f, stress, P)
+    isotropic_tangent(finite, f, keep * lam, keep * mu, s, slope, stress, A)
+    return 0
+
+
+def tangent_small(F, state, params, dt, P, state_new, A, work):
+    """`update_small` and its tangent."""
+    return tangent(False, F, state, params, P, state_new, A)
+
+
+def tangent_finite(F, state, params, dt, P, state_new, A, work):
+    """`update_finite` and its tangent."""
+    return tangent(True, F, state, params, P, state_new, A)
+
+
 def update_small(F, state, params, dt, P, state_new):
     """Small strain."""
     return update(False, F, state, params, P, state_new)
@@ -244,6 +282,7 @@ LAW = register(LawSpec(
     crack_band=CrackBand("length", largest_element),
     updates={"small": update_small, "finite": update_finite},
     linearise={"small": linearise_small, "finite": linearise_finite},
+    tangents={"small": tangent_small, "finite": tangent_finite},
     state_names=("largest_strain",),
     reference="stress = (1 - d) C : e with d of the largest sqrt(e : C : e / E); Simo & Ju, Int. J. Solids Struct. 23 "
               "(1987) 821, doi:10.1016/0020-7683(87)90083-7; exponential softening: Lemaitre & Chaboche, Mechanics of "

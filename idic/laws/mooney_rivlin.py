@@ -53,6 +53,37 @@ def store_change(first, second, sphere, tau, ell, fi, dP):
     tensors.store(tensors.product_transposed(change, fi), dP)
 
 
+@inner
+def rubber_tangent(f, kappa, point, derivatives, P, A):
+    """P and dP/dF of W1(I1) + W2(I2); point : of `kinematics`, derivatives : (g1, slope of g1, g2, slope of g2).
+
+    With t = tr l, U = b F^-T, V = b b F^-T and W = F^-T every change is a sum of l : b = U : dF, l : b b = V : dF and
+    t = W : dF; tau + m 1 = f1 b + f2 b b has the factors f1 = 2 (g1 + g2 I1), f2 = -2 g2.
+    """
+    J, fi, b, I1, square = point
+    g1, h1, g2, h2 = derivatives
+    s = I1 / (f[0] * f[0] + f[1] * f[1] + f[2] * f[2] + f[3] * f[3] + f[4] * f[4] + f[5] * f[5] + f[6] * f[6]
+              + f[7] * f[7] + f[8] * f[8])  # J^(-2/3)
+    f1, f2, trace = 2.0 * (g1 + g2 * I1), -2.0 * g2, square[0] + square[1] + square[2]
+    U, W = tensors.multiple(s, f), tensors.transposed(fi)
+    V = tensors.times_transposed(b, tensors.multiple(s, tensors.transposed(f)))
+    p, mean = kappa * (J - 1.0) * J, (f1 * I1 + f2 * trace) / 3.0
+    tensors.store(tensors.sum_of(f1, U, f2, V, p - mean, W), P)
+    I2_b, I2_t = 2.0 * I1, 2.0 / 3.0 * (trace - I1 * I1)  # change of I2: I2_b l : b - 2 l : b b + I2_t t
+    by_I1 = 2.0 * (h1 + g2)
+    e1 = (2.0 * by_I1 + 2.0 * I1 * h2 * I2_b, -4.0 * I1 * h2,
+          -2.0 / 3.0 * I1 * by_I1 + 2.0 * I1 * h2 * I2_t - 2.0 / 3.0 * f1)
+    e2 = (-2.0 * h2 * I2_b, 4.0 * h2, -2.0 * h2 * I2_t - 4.0 / 3.0 * f2)
+    e3 = (-(2.0 * f1 + I1 * e1[0] + trace * e2[0]) / 3.0, -(4.0 * f2 + I1 * e1[1] + trace * e2[1]) / 3.0,
+          kappa * (2.0 * J - 1.0) * J - (I1 * e1[2] + trace * e2[2]) / 3.0)
+    tensors.fill_tangent(U, tensors.sum_of(e1[0], U, e1[1], V, e1[2], W), W,
+                         tensors.sum_of(e3[0], U, e3[1], V, e3[2], W), tensors.multiple(mean - p, W), W, A)
+    if g2 != 0.0 or h2 != 0.0:
+        tensors.add_tangent(V, tensors.sum_of(e2[0], U, e2[1], V, e2[2], W), tensors.multiple(f2 * s, U), f, A)
+    C = tensors.congruence(tensors.transposed(f), (1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
+    tensors.add_blocks(tensors.scaled(f2 * s * s, C, f1 * s), tensors.scaled(f2 * s, b, 0.0), A)
+
+
 def update(F, state, params, dt, P, state_new):
     """See the top of this file."""
     J, fi, b, I1, square = kinematics(F)
@@ -86,6 +117,15 @@ def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstat
     return 0
 
 
+def tangent(F, state, params, dt, P, state_new, A, work):
+    """`update` and its tangent."""
+    point = kinematics(F)
+    if not point[0] > 0.0:
+        return 1
+    rubber_tangent(tensors.load(F), params[2], point, (params[0], 0.0, params[1], 0.0), P, A)
+    return 0
+
+
 LAW = register(LawSpec(
     name="mooney_rivlin",
     parameters=(
@@ -96,6 +136,7 @@ LAW = register(LawSpec(
     ),
     updates={"finite": update},
     linearise={"finite": linearise},
+    tangents={"finite": tangent},
     reference="W = C10 (J^(-2/3) I1 - 3) + C01 (J^(-4/3) I2 - 3) + kappa (J - 1)^2 / 2; Mooney, J. Appl. Phys. 11 "
               "(1940) 582, doi:10.1063/1.1712836; Holzapfel, Nonlinear Solid Mechanics (2000), ch. 6",
 ))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.laws.core.inner import inner
+from idic.laws.core import tensors
+from idic.laws.core.inner import array_maker, inner
 from idic.laws.core.law import LawParameter, LawSpec, register
 
 
@@ -26,6 +27,7 @@ def inverse(F, out):
     return J
 
 
+@array_maker
 def update(F, state, params, dt, P, state_new):
     """P = 2 C10 J^(-2/3) (F - I1/3 F^-T) + kappa (J - 1) J F^-T,  I1 = F:F."""
     C10, kappa = params[0], params[1]
@@ -45,6 +47,7 @@ def update(F, state, params, dt, P, state_new):
     return 0
 
 
+@array_maker
 def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new):
     """`update` and its derivative, with t = tr(F^-1 dF) and d(F^-T) = -F^-T dF^T F^-T."""
     C10, kappa = params[0], params[1]
@@ -82,6 +85,27 @@ def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstat
     return 0
 
 
+def tangent(F, state, params, dt, P, state_new, A, work):
+    """`update` and dP/dF = dc F + c dF + dq F^-T + q d(F^-T), a sum of products of F and F^-T."""
+    C10, kappa = params[0], params[1]
+    f = tensors.load(F)
+    J, fi = tensors.inverse(f)
+    if not J > 0.0:
+        return 1
+    I1 = (f[0] * f[0] + f[1] * f[1] + f[2] * f[2] + f[3] * f[3] + f[4] * f[4] + f[5] * f[5] + f[6] * f[6] + f[7] * f[7]
+          + f[8] * f[8])
+    c = 2.0 * C10 * J ** (-2.0 / 3.0)
+    q = kappa * (J - 1.0) * J - c * I1 / 3.0
+    around = tensors.transposed(fi)
+    tensors.store(tensors.sum_of(c, f, q, around, 0.0, f), P)
+    by_volume = kappa * (2.0 * J - 1.0) * J + 2.0 / 9.0 * c * I1
+    tensors.fill_tangent(f, tensors.multiple(-2.0 / 3.0 * c, around),
+                         around, tensors.sum_of(by_volume, around, -2.0 / 3.0 * c, f, 0.0, f),
+                         tensors.multiple(-q, around), around, A)
+    tensors.add_blocks((c, c, c, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), A)
+    return 0
+
+
 def C10_kappa_of_mu(mu, kappa):
     """C10 = mu / 2 and kappa (MPa) of the initial shear modulus mu and the bulk modulus kappa (MPa)."""
     return {"C10": 0.5 * mu, "kappa": kappa}
@@ -100,6 +124,7 @@ LAW = register(LawSpec(
     ),
     updates={"finite": update},
     linearise={"finite": linearise},
+    tangents={"finite": tangent},
     reference="W = C10 (J^(-2/3) I1 - 3) + kappa (J - 1)^2 / 2; Holzapfel, Nonlinear Solid Mechanics (2000), ch. 6",
     alternatives={("mu", "kappa"): C10_kappa_of_mu, ("E", "nu"): C10_kappa_of_E_nu},
 ))

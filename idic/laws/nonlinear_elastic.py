@@ -20,7 +20,7 @@ import numpy as np
 from idic.laws.core import symmetric, tensors
 from idic.laws.core.inner import inner
 from idic.laws.core.law import LawParameter, LawSpec, register
-from idic.laws.elastic import ELASTIC_ALTERNATIVES, ELASTIC_PARAMETERS, lame, lame_change
+from idic.laws.elastic import ELASTIC_ALTERNATIVES, ELASTIC_PARAMETERS, isotropic_tangent, lame, lame_change
 from idic.laws.elastic_damage import store, strain, strain_change
 
 NONLINEARITY = 2
@@ -79,6 +79,35 @@ def linearise(finite, F, state, params, dF, dstate, dparams, P, state_new, dP, d
     return 0
 
 
+@inner
+def tangent(finite, F, params, P, A):
+    """`update` and its tangent."""
+    lam, mu = lame(params[0], params[1])
+    f = tensors.load(F)
+    e = strain(finite, f)
+    s = tensors.scaled(2.0 * mu, e, lam * (e[0] + e[1] + e[2]))
+    energy, k = tensors.contract(s, e), 0.0
+    if energy > 0.0:
+        k = math.sqrt(energy / params[0])
+    keep, fall = math.exp(-params[NONLINEARITY] * k), 0.0
+    if k > 0.0:
+        fall = -params[NONLINEARITY] * keep / (params[0] * k)
+    stress = tensors.scaled(keep, s, 0.0)
+    store(finite, f, stress, P)
+    isotropic_tangent(finite, f, keep * lam, keep * mu, s, tensors.scaled(fall, s, 0.0), stress, A)
+    return 0
+
+
+def tangent_small(F, state, params, dt, P, state_new, A, work):
+    """`update_small` and its tangent."""
+    return tangent(False, F, params, P, A)
+
+
+def tangent_finite(F, state, params, dt, P, state_new, A, work):
+    """`update_finite` and its tangent."""
+    return tangent(True, F, params, P, A)
+
+
 def update_small(F, state, params, dt, P, state_new):
     """Small strain."""
     return update(False, F, state, params, P, state_new)
@@ -109,6 +138,7 @@ LAW = register(LawSpec(
     ),
     updates={"small": update_small, "finite": update_finite},
     linearise={"small": linearise_small, "finite": linearise_finite},
+    tangents={"small": tangent_small, "finite": tangent_finite},
     reference="stress = exp(-n k) C : e with k = sqrt(e : C : e / E): a potential in e : C : e exists, hence no "
               "dissipation; Ogden, Non-Linear Elastic Deformations (1997), ch. 4",
     alternatives=ELASTIC_ALTERNATIVES,

@@ -16,7 +16,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from idic.laws.core.inner import inner
+from idic.laws.core import symmetric, tensors
+from idic.laws.core.inner import array_maker, inner, inner_with_arrays
 from idic.laws.core.law import LawParameter, LawSpec, register
 from idic.laws.elastic import multiply
 
@@ -85,6 +86,19 @@ def stress_of_strain(C, e, out):
 
 
 @inner
+def stress_of(C, e):
+    """As `stress_of_strain`, of 6-tuples."""
+    C11, C12, C13, C22, C23, C33, G12, G23, c, s = C
+    cc, ss, cs = c * c, s * s, c * s
+    e11, e22, e33 = cc * e[0] + ss * e[1] + 2.0 * cs * e[3], ss * e[0] + cc * e[1] - 2.0 * cs * e[3], e[2]
+    s11, s22 = C11 * e11 + C12 * e22 + C13 * e33, C12 * e11 + C22 * e22 + C23 * e33
+    s12 = 2.0 * G12 * (cs * (e[1] - e[0]) + (cc - ss) * e[3])
+    s13, s23 = 2.0 * G12 * (c * e[4] + s * e[5]), 2.0 * G23 * (c * e[5] - s * e[4])
+    return (cc * s11 + ss * s22 - 2.0 * cs * s12, ss * s11 + cc * s22 + 2.0 * cs * s12,
+            C13 * e11 + C23 * e22 + C33 * e33, cs * (s11 - s22) + (cc - ss) * s12, c * s13 - s * s23, s * s13 + c * s23)
+
+
+@inner
 def small_strain(F, e):
     """e = sym(F) - I."""
     for i in range(3):
@@ -102,7 +116,7 @@ def green_strain(F, e):
         e[i, i] -= 0.5
 
 
-@inner
+@inner_with_arrays
 def stiffness_change(params, dparams):
     """Complex stiffness whose imaginary part is 1e-30 times its change along ``dparams``."""
     p = np.empty(5, np.complex128)
@@ -111,6 +125,7 @@ def stiffness_change(params, dparams):
     return stiffness(p)
 
 
+@array_maker
 def update_small(F, state, params, dt, P, state_new):
     """sigma = R C(R^T eps R) R^T."""
     e = F.copy()
@@ -119,6 +134,7 @@ def update_small(F, state, params, dt, P, state_new):
     return 0
 
 
+@array_maker
 def linearise_small(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new):
     """`update_small` and its derivative; linear in the strain, the parameters by the complex step."""
     C = stiffness(params)
@@ -141,12 +157,43 @@ def linearise_small(F, state, params, dt, dF, dstate, dparams, P, state_new, dP,
     return 0
 
 
+@array_maker
 def update_finite(F, state, params, dt, P, state_new):
     """P = F S, S = R C(R^T E R) R^T with Green's strain E."""
     e, S = F.copy(), F.copy()
     green_strain(F, e)
     stress_of_strain(stiffness(params), e, S)
     multiply(F, S, P)
+    return 0
+
+
+@inner
+def tangent(f, C, S, A, work):
+    """dP/dF of P = f S, dS = C : de, from the stress of unit strains."""
+    D = work[0]
+    for b in range(6):
+        column = stress_of(C, tensors.unit_strain(b))
+        D[0, b], D[1, b], D[2, b], D[3, b], D[4, b], D[5, b] = column
+    tensors.push_tangent(f, S, D, A)
+
+
+def tangent_small(F, state, params, dt, P, state_new, A, work):
+    """`update_small` and its tangent."""
+    C, f = stiffness(params), tensors.load(F)
+    e = (f[0] - 1.0, f[4] - 1.0, f[8] - 1.0, 0.5 * (f[1] + f[3]), 0.5 * (f[2] + f[6]), 0.5 * (f[5] + f[7]))
+    s = stress_of(C, e)
+    tensors.store((s[0], s[3], s[4], s[3], s[1], s[5], s[4], s[5], s[2]), P)
+    tangent((1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), C, tensors.scaled(0.0, s, 0.0), A, work)
+    return 0
+
+
+def tangent_finite(F, state, params, dt, P, state_new, A, work):
+    """`update_finite` and its tangent."""
+    C, f = stiffness(params), tensors.load(F)
+    e = tensors.scaled(0.5, symmetric.cauchy_green(f, f), -0.5)
+    S = stress_of(C, e)
+    tensors.store(symmetric.times(f, S), P)
+    tangent(f, C, S, A, work)
     return 0
 
 
@@ -175,6 +222,7 @@ LAW = register(LawSpec(
     parameters=PARAMETERS,
     updates={"small": update_small, "finite": update_finite},
     linearise={"small": linearise_small},
+    tangents={"small": tangent_small, "finite": tangent_finite},
     linear=True,
     isotropic=False,
     impossible=no_plane_body,

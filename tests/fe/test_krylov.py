@@ -7,11 +7,12 @@ import pytest
 from test_factorisation_cost import brick
 from test_multifrontal import assembled
 
-from fe_bodies import PARAMETERS, body, held, where
+from fe_bodies import PARAMETERS, body, grid, held, where
 from idic.fe.assembly.assembly import discretise, evaluate_system, stiffness_values
 from idic.fe.body.boundary import drives_at
 from idic.fe.solver import known_pattern, krylov, linear, multigrid
-from idic.fe import Direction, march
+from idic.fe import Body, Direction, Section, march
+from idic.laws import compile
 
 
 def test_the_factor_of_a_similar_matrix_gives_the_solution_and_that_of_another_one_is_refused():
@@ -74,3 +75,23 @@ def test_multigrid_gives_the_solution_of_a_factor_and_the_same_bits_again(monkey
         assert np.linalg.norm(answers[-1] - exact) <= 1e-10 * np.linalg.norm(exact)
         np.testing.assert_allclose(factor.solve_transposed(rhs), exact, rtol=0, atol=1e-10 * np.abs(exact).max())
     assert np.array_equal(*answers)
+
+
+@pytest.mark.parametrize("cell, n", [("hex20", (6, 4, 4)), ("tet4", (7, 6, 6)), ("tet10", (5, 4, 4))])
+def test_multigrid_in_other_elements_with_a_stiff_and_a_soft_half(cell, n):
+    """Contrast 1000: the solution of a factor to within rounding, after a few corrections by some cycles each."""
+    mesh = grid(cell, n, (1.5, 1.0, 1.0))
+    left, law = where(mesh, lambda x, *_: x < 1e-9), compile("elastic", "small")
+    soft = mesh.nodes[mesh.blocks[0].connectivity][:, :, 0].mean(axis=1) > 0.75
+    sections = tuple(Section(name, law, np.flatnonzero(part)) for name, part in (("STIFF", ~soft), ("SOFT", soft)))
+    model = Body(mesh, "solid", sections, held(mesh, [(left, i, 0.0) for i in range(3)], 1))
+    system, params = discretise(model), {"STIFF": PARAMETERS["elastic"], "SOFT": PARAMETERS["elastic"] * [1e-3, 1.0]}
+    evaluation = evaluate_system(system, params, np.zeros_like(mesh.nodes), system.rest_states(), 1.0,
+                                 drives_at(model, np.zeros(1), 0.0))
+    values, pattern = stiffness_values(system, evaluation), system.pattern
+    levels = multigrid.hierarchy(pattern.coordinates, pattern.dofs, pattern.indptr, pattern.indices, values)
+    assert len(levels.levels.levels) > 1
+    rhs = np.random.default_rng(4).random((pattern.n, 1))
+    exact = linear.factorise(pattern, values).solve(rhs)
+    x = krylov.solution(pattern.matrix(values), levels.solve, rhs)
+    np.testing.assert_allclose(x, exact, rtol=0, atol=1e-9 * np.abs(exact).max())

@@ -23,9 +23,9 @@ from idic.laws.composed.flow_stress import flow_stress, most_growth, resistance
 from idic.laws.composed.general_return import MOST_DAMAGE, damage_growth_of, hill_coefficients, recovery
 from idic.laws.composed.isotropic_return import IN_PLANE_SHEAR, flows
 from idic.laws.core import tensors
-from idic.laws.core.inner import inner
+from idic.laws.core.inner import inner, inner_with_arrays
 from idic.laws.plasticity.elastoplastic import ABSOLUTE_TOLERANCE, MAX_ITERATIONS, RELATIVE_TOLERANCE, ROOT
-from idic.laws.core.rotation import rotation, transposed
+from idic.laws.core.rotation import rotation
 
 STRAIN_TOLERANCE = 1e-9   # of a pass where the elasticity is nonlinear, over the trial strain; quadratic
 MOST_PASSES = 60
@@ -102,7 +102,7 @@ def shifted(back, stress, growth, state, params, A, dA):
     return total, slope
 
 
-@inner
+@inner_with_arrays
 def relaxed(elastic, back, hardening, rate, A, trial, p, growth, dt, state, params, flow_params, e, xi, flowing, passes,
             sloped):
     """The strain e, xi and A xi that belong to a growth: (1 / resistance - 1 / q, its slope over growth if ``sloped``).
@@ -166,7 +166,7 @@ def stiffness_times(D, A, total, z, K):
                         K[i, j] += stiffness * A[m, j]
 
 
-@inner
+@inner_with_arrays
 def plastic_growth(elastic, back, hardening, rate, A, trial, q, modulus, p, dt, state, params, flow_params):
     """Root of the yield condition, all real; -1 where there is none. Newton inside a bracket, from the middle."""
     e, xi, flowing = np.empty(6), np.empty(6), np.empty(6)
@@ -194,7 +194,7 @@ def plastic_growth(elastic, back, hardening, rate, A, trial, q, modulus, p, dt, 
     return -1.0
 
 
-@inner
+@inner_with_arrays
 def update(elastic, shift, angle, surface, hill, hardening, back, rate, damage, F, state, params, dt, P, state_new):
     """One point, real or complex; ``elastic``: symmetry and terms, ``shift``: place in `params` of the flow's."""
     f = tensors.load(F)
@@ -250,8 +250,8 @@ def update(elastic, shift, angle, surface, hill, hardening, back, rate, damage, 
             D_new = MOST_DAMAGE + 0.0 * D_new
         state_new[damage_place] = D_new
         keep = 1.0 - D_new
-    stress = tensors.congruence(transposed(turn), (keep * t[0], keep * t[1], keep * t[2], keep * t[3], keep * t[4],
-                                                   keep * t[5]))
+    stress = tensors.congruence(tensors.transposed(turn), (keep * t[0], keep * t[1], keep * t[2], keep * t[3],
+                                                           keep * t[4], keep * t[5]))
     tensors.store(first_piola(R, U, inverse_cp, g, stress), P)
     return 0
 
@@ -259,7 +259,7 @@ def update(elastic, shift, angle, surface, hill, hardening, back, rate, damage, 
 @inner
 def remember(back, U, e, turn, trial, growth, state, flow_params, state_new):
     """Cp^-1, p and back strains after a plastic step into the state; returns g."""
-    g_new = tensors.congruence(transposed(turn), of_strain((e[0], e[1], e[2], e[3], e[4], e[5])))
+    g_new = tensors.congruence(tensors.transposed(turn), of_strain((e[0], e[1], e[2], e[3], e[4], e[5])))
     u = inverse_of(U)
     c = tensors.congruence(full(u), g_new)
     state_new[0], state_new[1], state_new[2] = c[0] - 1.0, c[1] - 1.0, c[2] - 1.0

@@ -53,17 +53,9 @@ def strain_of(g):
 
 
 @inner
-def squared(s):
-    """s s."""
-    return (s[0] * s[0] + s[3] * s[3] + s[4] * s[4], s[3] * s[3] + s[1] * s[1] + s[5] * s[5],
-            s[4] * s[4] + s[5] * s[5] + s[2] * s[2], s[0] * s[3] + s[3] * s[1] + s[4] * s[5],
-            s[0] * s[4] + s[3] * s[5] + s[4] * s[2], s[3] * s[4] + s[1] * s[5] + s[5] * s[2])
-
-
-@inner
 def of_strain(e):
     """g of e; the square root by the iteration of Denman and Beavers, which keeps symmetric tensors symmetric."""
-    y, z = tensors.scaled(4.0, squared(e), 1.0), tensors.scaled(0.0, e, 1.0)
+    y, z = tensors.scaled(4.0, tensors.squared(e), 1.0), tensors.scaled(0.0, e, 1.0)
     rounds_left = MAX_ROOT_ITERATIONS
     while rounds_left > 0:
         rounds_left -= 1

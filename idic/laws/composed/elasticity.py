@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.laws.core.inner import inner
+from idic.laws.core.inner import inner, inner_with_arrays
 from idic.laws.elastic import lame
 from idic.laws.orthotropic import stiffness
 
@@ -93,7 +93,7 @@ def weight(i):
     return 1.0 if i < 3 else 2.0
 
 
-@inner
+@inner_with_arrays
 def elastic_stress(symmetry, terms, e, params, t, D):
     """Stress t (6,) and tangent D (6, 6) of the strain e (6,)."""
     G = linear_stiffness(symmetry, params, D)
@@ -128,7 +128,7 @@ def elastic_stress(symmetry, terms, e, params, t, D):
                         D[j, m] += gamma * (k * C[j, m] + linear[j] * linear[m] * weight(m) / (k * params[0]))
 
 
-@inner
+@inner_with_arrays
 def soften_deviator(terms, e, G, params, t, D):
     """The deviator of isotropic elasticity with Ramberg and Osgood's term, into t and D."""
     mean = (e[0] + e[1] + e[2]) / 3.0

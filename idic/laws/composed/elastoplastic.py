@@ -18,6 +18,7 @@ from idic.laws.composed.flow_stress import NONE
 from idic.laws.composed.terms import (
     FLOW_STRESS, FREE_NAME, GROUPS, KNOTS, LISTS, LOCUS_NAME, REFERENCE, TERMS, PRODUCT_SIGN, Term, kinds_of, term_of)
 from idic.laws.core.crack_band import CrackBand
+from idic.laws.core.inner import array_maker
 from idic.laws.core.law import LawParameter, LawSpec, register
 from idic.laws.core.temperature import Factor, TemperatureDependence
 from idic.laws.orthotropic import no_plane_body
@@ -131,10 +132,11 @@ def law_of(name: str, terms: Sequence[Term]) -> LawSpec:
     dependence = _dependence([term for term in terms if term.group == "temperature"], codes["temperature"], parameters)
     if dependence is not None:
         parameters.append(REFERENCE)
-    updates, linearise = _functions(codes, orthotropic)
+    updates, linearise, tangent = _functions(codes, orthotropic)
     return LawSpec(
         name=name, parameters=tuple(parameters), updates={"finite": updates},
-        linearise={} if linearise is None else {"finite": linearise}, state_names=tuple(states),
+        linearise={} if linearise is None else {"finite": linearise},
+        tangents={} if tangent is None else {"finite": tangent}, state_names=tuple(states),
         isotropic=not orthotropic and all(term.kind in ("mises", "drucker_prager") for term in terms
                                           if term.group == "yield_surface"),
         reference="; ".join(["q = yield_stress + hardening, p the plastic strain", *equations,
@@ -173,15 +175,17 @@ def _dependence(terms: Sequence[Term], codes: tuple[int, ...],
     return TemperatureDependence(tuple(factors), len(parameters)) if factors else None
 
 
-def _functions(codes: dict[str, tuple[int, ...]], orthotropic: bool) -> tuple[Callable, Callable | None]:
-    """(update, linearise or None) of a combination: closures over integers, which numba's disk cache tells apart.
+def _functions(codes: dict[str, tuple[int, ...]],
+               orthotropic: bool) -> tuple[Callable, Callable | None, Callable | None]:
+    """(update, linearise or None, tangent or None) of a combination: closures over integers, which numba's disk cache
+    tells apart.
 
     Without a rate term they read no time, so the law counts as rate-independent.
     """
     surface = codes["yield_surface"] or (isotropic_return.MISES, 0)
     hardening, rate = (*codes["hardening"], NONE, 0), codes["rate"] or (NONE, 0)
     if orthotropic or codes["nonlinear_elasticity"] or surface[0] == isotropic_return.IN_PLANE_SHEAR:
-        return _anisotropic(codes, orthotropic, surface[0], hardening, rate), None
+        return _anisotropic(codes, orthotropic, surface[0], hardening, rate), None, None
     round_ones = (isotropic_return.MISES, isotropic_return.DRUCKER_PRAGER)
     if surface[0] in round_ones and not codes["backstress"] and not codes["damage"]:
         return _isotropic(surface, hardening, rate)
@@ -195,12 +199,20 @@ def _functions(codes: dict[str, tuple[int, ...]], orthotropic: bool) -> tuple[Ca
     def update_without_rate(F, state, params, dt, P, state_new):
         return general_return.update(surface, hardening, back, rate, damage, F, state, params, 1.0, P, state_new)
 
-    return (update if codes["rate"] else update_without_rate), None
+    def tangent(F, state, params, dt, P, state_new, A, work):
+        return general_return.tangent(surface, hardening, back, rate, damage, F, state, params, dt, P, state_new, A,
+                                      work)
+
+    def tangent_without_rate(F, state, params, dt, P, state_new, A, work):
+        return general_return.tangent(surface, hardening, back, rate, damage, F, state, params, 1.0, P, state_new, A,
+                                      work)
+
+    return (update, None, tangent) if codes["rate"] else (update_without_rate, None, tangent_without_rate)
 
 
 def _anisotropic(codes: dict[str, tuple[int, ...]], orthotropic: bool, surface: int, hardening: tuple[int, ...],
                  rate: tuple[int, ...]) -> Callable:
-    """Update of a combination; E1, E2, nu12 stand before what its other terms count as places 0, 1, 2, ..."""
+    """Update of a combination; E1, E2, nu12 stand before what its other terms count as places 0, 1, ..."""
     shift = 3 if orthotropic else 0
     elastic = (elasticity.ORTHOTROPIC if orthotropic else elasticity.ISOTROPIC, *codes["nonlinear_elasticity"], NONE, 0)
     axes = 4 if orthotropic else -1
@@ -211,10 +223,12 @@ def _anisotropic(codes: dict[str, tuple[int, ...]], orthotropic: bool, surface: 
     hardening, rate = _moved(hardening, shift), _moved(rate, shift)
     damage = codes["damage"][1] - shift if codes["damage"] else 0
 
+    @array_maker
     def update(F, state, params, dt, P, state_new):
         return anisotropic_return.update(elastic, shift, axes, surface, hill, hardening, back, rate, damage, F, state,
                                          params, dt, P, state_new)
 
+    @array_maker
     def update_without_rate(F, state, params, dt, P, state_new):
         return anisotropic_return.update(elastic, shift, axes, surface, hill, hardening, back, rate, damage, F, state,
                                          params, 1.0, P, state_new)
@@ -228,7 +242,7 @@ def _moved(codes: tuple[int, ...], shift: int) -> tuple[int, ...]:
 
 
 def _isotropic(surface: tuple[int, ...], hardening: tuple[int, ...],
-               rate: tuple[int, ...]) -> tuple[Callable, Callable]:
+               rate: tuple[int, ...]) -> tuple[Callable, Callable, Callable]:
     def update(F, state, params, dt, P, state_new):
         return isotropic_return.update(surface, hardening, rate, F, state, params, dt, P, state_new)
 
@@ -243,7 +257,15 @@ def _isotropic(surface: tuple[int, ...], hardening: tuple[int, ...],
         return isotropic_return.linearise(surface, hardening, rate, F, state, params, 1.0, dF, dstate, dparams, P,
                                           state_new, dP, dstate_new)
 
-    return (update, linearise) if rate[0] != NONE else (update_without_rate, linearise_without_rate)
+    def tangent(F, state, params, dt, P, state_new, A, work):
+        return isotropic_return.tangent(surface, hardening, rate, F, state, params, dt, P, state_new, A)
+
+    def tangent_without_rate(F, state, params, dt, P, state_new, A, work):
+        return isotropic_return.tangent(surface, hardening, rate, F, state, params, 1.0, P, state_new, A)
+
+    if rate[0] != NONE:
+        return update, linearise, tangent
+    return update_without_rate, linearise_without_rate, tangent_without_rate
 
 
 LAW = register(compose(()))

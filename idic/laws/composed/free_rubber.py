@@ -23,7 +23,7 @@ from idic.laws.composed.on_knots import on_knots, on_knots_change
 from idic.laws.core import tensors
 from idic.laws.core.inner import inner
 from idic.laws.core.law import LawParameter, LawSpec, register
-from idic.laws.mooney_rivlin import full, kinematics, kirchhoff, motion_change, store_change
+from idic.laws.mooney_rivlin import full, kinematics, kirchhoff, motion_change, rubber_tangent, store_change
 from idic.parameters import USUAL_MAX_STEP
 
 FREE_RUBBER = "free_rubber"
@@ -102,6 +102,20 @@ def linearise(n1, n2, F, params, dF, dparams, P, dP):
     return 0
 
 
+@inner
+def tangent(n1, n2, F, params, P, A):
+    """`update` and dP/dF in closed form."""
+    point = kinematics(F)
+    J, fi, b, I1, square = point
+    if not J > 0.0:
+        return 1
+    derivatives = slopes(n1, n2, I1, second_invariant(I1, square), params)
+    if not ordered(derivatives[0], derivatives[2], b):
+        return 1
+    rubber_tangent(tensors.load(F), params[0], point, derivatives, P, A)
+    return 0
+
+
 def knots_of_rubber(law: str) -> tuple[int, int]:
     """The numbers of knots of g1 and g2 in a law's name; (0, 0) of another law."""
     if law == FREE_RUBBER:
@@ -137,10 +151,13 @@ def compose(kinds: Sequence[str]) -> LawSpec:
     def linearise_of(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new):
         return linearise(n1, n2, F, params, dF, dparams, P, dP)
 
+    def tangent_of(F, state, params, dt, P, state_new, A, work):
+        return tangent(n1, n2, F, params, P, A)
+
     return LawSpec(
         name=f"{FREE_RUBBER}({'+'.join(map(str, map(int, kinds)))})", parameters=tuple(parameters),
         updates={"finite": update_of},
-        linearise={"finite": linearise_of}, compose=compose,
+        linearise={"finite": linearise_of}, tangents={"finite": tangent_of}, compose=compose,
         reference="W = W1(I1) + W2(I2) + kappa (J - 1)^2 / 2, W1' and W2' linear between their values at knots; "
                   "Sussman & Bathe, Commun. Numer. Methods Eng. 25 (2009) 53, doi:10.1002/cnm.1105")
 

@@ -1,4 +1,5 @@
-"""The return of a composed law with back stresses, Hill's surface or damage; derivatives by the complex step.
+"""The return of a composed law with back stresses, Hill's surface or damage; all derivatives but the tangent by the
+complex step.
 
 s and the back strains a_i stand in axes that turn with the material (R of F = R U; with Hill also by ``angle`` about
 z). One unknown, the growth of p, for any number of terms (symbols of ``plasticity/elastoplastic.py``):
@@ -29,9 +30,11 @@ from numba.extending import overload
 
 from idic.laws.composed.flow_stress import flow_stress, most_growth, resistance
 from idic.laws.composed.isotropic_return import HILL48, MISES, flows
-from idic.laws.core import tensors
+from idic.laws.composed.elastic_strain import full, inverse, stretch
+from idic.laws.composed.strain_steps import IDENTITY, change_of_stretch, symmetric_product
+from idic.laws.core import symmetric, tensors
 from idic.laws.core.inner import inner
-from idic.laws.core.rotation import real_parts, rotation, to_axes, transposed
+from idic.laws.core.rotation import real_parts, rotation, to_axes
 from idic.laws.plasticity.elastoplastic import (
     ABSOLUTE_TOLERANCE,
     MAX_ITERATIONS,
@@ -46,6 +49,7 @@ from idic.laws.plasticity.hill48 import coefficients, flow_direction, returned
 PRAGER, ARMSTRONG_FREDERICK = 1, 2
 ANGLE = 3  # place of the angle behind Hill's r0, r45, r90
 MOST_DAMAGE = 0.99
+UNKNOWN = (math.nan, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 LENGTH_OF_FREE = 3  # of the tuple of a free surface: code, place, knots on a ring
 
 
@@ -218,15 +222,115 @@ def put(s, out, place):
 @inner
 def update(surface, hardening, back, rate, damage, F, state, params, dt, P, state_new):
     """One point, real or complex."""
+    return turned(surface, hardening, back, rate, damage, rotation(tensors.load(F)), UNKNOWN, F, state, params, dt, P,
+                  state_new)[0]
+
+
+@inner
+def tangent(surface, hardening, back, rate, damage, F, state, params, dt, P, state_new, A, work):
+    """`update` and its tangent, from the changes of the second Piola-Kirchhoff stress along six strains."""
+    f = tensors.load(F)
+    R = rotation(f)
+    U = stretch(R, f)
+    inverse_U, F_U, P_U = inverse(U), work[1, 0].reshape((3, 3)), work[1, 1].reshape((3, 3))
+    tensors.store(full(U), F_U)
+    status, growth, xi_start = turned(surface, hardening, back, rate, damage, IDENTITY, UNKNOWN, F_U, state, params, dt,
+                                      P_U, state_new)
+    if status != 0:
+        return 1
+    S = symmetric_product(inverse_U, P_U)
+    tensors.store(symmetric.times(f, S), P)
+    G, kappa = shear_and_bulk(params[0], params[1])
+    J, fi, b, mean, dev, _, _ = trial_state(F_U, state)
+    turn, hill, trial = IDENTITY, hill_coefficients(surface[0], surface[1], params), tensors.scaled(G, dev, 0.0)
+    if surface[0] != MISES:
+        turn = to_axes(IDENTITY, params[surface[1] + (ANGLE if surface[0] == HILL48 else 0)])
+        trial = tensors.congruence(turn, trial)
+    plastic, twice_shear, spherical, damage_place = growth > 0.0, 2.0 * G * mean, kappa * (J - 1.0) * J, len(state) - 1
+    slope, strain, xi, dxi = 0.0, tensors.scaled(0.0, trial, 0.0), trial, trial
+    if plastic:
+        _, slope, strain, xi, dxi = yield_function(surface, hardening, back, rate, trial, twice_shear, state, state[6],
+                                                   growth, dt, hill, params, xi_start)
+    flow = resistance(hardening, rate, state[6], growth, dt, 0.0, params)[0] if plastic else 1.0
+    end = tensors.combine(1.0, trial, -twice_shear, strain, 0.0)
+    tau = tensors.scaled(1.0, tensors.congruence(tensors.transposed(turn), end), spherical)
+    damaged = damage > 0 and plastic and state_new[damage_place] < MOST_DAMAGE
+    keep = 1.0 - state_new[damage_place] if damage > 0 else 1.0
+    for k in range(6):
+        dU = change_of_stretch(U, inverse_U, tensors.unit_strain(k))
+        ell = tensors.product(dU, full(inverse_U))
+        t = ell[0] + ell[4] + ell[8]
+        dmean, ddev = tensors.deviator(tensors.combine(1.0, tensors.twice_symmetric(ell, b), -2.0 / 3.0 * t, b, 0.0))
+        dtrial, dshear, dgrowth, dD = tensors.scaled(G, ddev, 0.0), 2.0 * G * dmean, 0.0, 0.0
+        dspherical = kappa * (2.0 * J - 1.0) * J * t
+        if surface[0] != MISES:
+            dtrial = tensors.congruence(turn, dtrial)
+        dend = dtrial
+        if plastic:
+            dgrowth, dstrain = change_of_return(surface, back, trial, twice_shear, state, growth, flow, slope, strain,
+                                                xi, dxi, dtrial, dshear, hill, params)
+            dend = tensors.combine(1.0, dtrial, -dshear, strain, 0.0)
+            dend = tensors.combine(1.0, dend, -twice_shear, dstrain, 0.0)
+        if damaged:
+            dD = damage_change(damage, end, spherical, state[6], growth, dend, dspherical, dgrowth, params)
+        dtau = tensors.scaled(keep, tensors.congruence(tensors.transposed(turn), dend), keep * dspherical)
+        dtau = tensors.combine(1.0, dtau, -dD, tau, 0.0)
+        moved = tensors.twice_symmetric(tensors.product(full(inverse_U), dU), S)
+        dS = tensors.combine(1.0, tensors.congruence(full(inverse_U), dtau), -1.0, moved, 0.0)
+        D = work[0]
+        D[0, k], D[1, k], D[2, k], D[3, k], D[4, k], D[5, k] = dS
+    tensors.push_tangent(f, S, work[0], A)
+    return 0
+
+
+@inner
+def change_of_return(surface, back, trial, twice_shear, state, growth, flow, slope, strain, xi, dxi, dtrial, dshear,
+                     hill, params):
+    """(change of the growth, of the strain) where s changes by dtrial and 2 G I by dshear; real.
+
+    slope : of the yield function over the growth; dxi : of xi. From z h A xi = (s - sum 2/3 C w a) - xi follows the
+    change of the strain z A xi whatever the surface.
+    """
+    shifted, dshifted, sum_C, dsum_C = relative(back, trial, growth, state, params)
+    if surface[0] == MISES:
+        norm = np.sqrt(tensors.contract(shifted, shifted))
+        along = tensors.contract(shifted, dtrial) / norm
+        dgrowth = -(along / ROOT - 1.5 * dshear * growth) / slope
+        along += dgrowth * tensors.contract(shifted, dshifted) / norm
+        change = tensors.combine(1.0, dtrial, dgrowth, dshifted, 0.0)
+        unit = growth / ROOT / norm
+        return dgrowth, tensors.combine(unit, change, dgrowth / ROOT / norm - unit * along / norm, shifted, 0.0)
+    h, z = twice_shear + sum_C, growth / flow
+    xi_end, direction, change = returned_to(surface, shifted, dtrial, z * h, z * dshear, hill, params, xi)
+    q = np.sqrt(tensors.contract(direction, xi_end))
+    dgrowth = -tensors.contract(direction, change) / (q * q * q) / slope
+    difference = tensors.combine(1.0, dtrial, dgrowth, dshifted, 0.0)
+    difference = tensors.combine(1.0, difference, -1.0, tensors.combine(1.0, change, dgrowth, dxi, 0.0), 0.0)
+    return dgrowth, tensors.combine(1.0 / h, difference, -(dshear + dgrowth * dsum_C) / h, strain, 0.0)
+
+
+@inner
+def damage_change(first, s, spherical, p, growth, ds, dspherical, dgrowth, params):
+    """Change of `damage_growth` along ds, dspherical and dgrowth; by the complex step."""
+    h = 1e-30j
+    step = (s[0] + h * ds[0], s[1] + h * ds[1], s[2] + h * ds[2], s[3] + h * ds[3], s[4] + h * ds[4], s[5] + h * ds[5])
+    return damage_growth(first, step, spherical + h * dspherical, p, growth + h * dgrowth, params).imag / 1e-30
+
+
+@inner
+def turned(surface, hardening, back, rate, damage, R, root, F, state, params, dt, P, state_new):
+    """(status, growth, xi) of one point whose material axes are turned by R; growth and xi are real.
+
+    root : (growth, xi) where they are known, else growth is NaN
+    """
     G, kappa = shear_and_bulk(params[0], params[1])
     J, fi, b, mean, dev, _, shrink = trial_state(F, state)
     if not J.real > 0.0:
-        return 1
+        return 1, root[0], root[1]
     p, real_params, real_state = state[6], params.real, state.real
     for m in range(state.shape[0]):
         state_new[m] = state[m]
-    R = rotation(tensors.load(F))
-    turn = transposed(R)
+    turn = tensors.transposed(R)
     if surface[0] != MISES:
         turn = to_axes(R, params[surface[1] + (ANGLE if surface[0] == HILL48 else 0)])
     spherical = kappa * (J - 1.0) * J
@@ -238,17 +342,20 @@ def update(surface, hardening, back, rate, damage, F, state, params, dt, P, stat
     growth = 0.0 * p
     if flows(hardening, rate, q, p.real, dt, 0.0, real_params):
         twice_shear = 2.0 * G * mean
-        real, xi_start = plastic_growth(surface, hardening, back, rate, real_parts(local), twice_shear.real, real_state,
-                                        p.real, q, dt, real_hill, real_params)
+        real, xi_start = root
+        if not real >= 0.0:
+            real, xi_start = plastic_growth(surface, hardening, back, rate, real_parts(local), twice_shear.real,
+                                            real_state, p.real, q, dt, real_hill, real_params)
         if real < 0.0:
-            return 1
+            return 1, real, xi_start
+        root = (real, xi_start)
         growth, strain = real + 0.0 * p, tensors.scaled(0.0 * p, local, 0.0)
         for sweep in range(2):  # one more step, in complex: exact derivative; then the strain that belongs to it
             value, slope, strain, _, _ = yield_function(surface, hardening, back, rate, local, twice_shear, state, p,
                                                         growth, dt, hill, params, xi_start)
             growth -= value / slope.real if sweep == 0 else 0.0 * value
         local = tensors.combine(1.0, local, -twice_shear, strain, 0.0)
-        s = tensors.congruence(transposed(turn), local)
+        s = tensors.congruence(tensors.transposed(turn), local)
         scale = 1.0 / shrink
         c = tensors.congruence(fi, tensors.scaled(scale / G, s, mean * scale))
         put((c[0] - 1.0, c[1] - 1.0, c[2] - 1.0, c[3], c[4], c[5]), state_new, 0)
@@ -266,4 +373,4 @@ def update(surface, hardening, back, rate, damage, F, state, params, dt, P, stat
         keep = 1.0 - D
     tau = tensors.scaled(keep, s, keep * spherical)
     tensors.store(tensors.times_transposed(tau, fi), P)
-    return 0
+    return 0, root[0], root[1]

@@ -34,6 +34,7 @@ from idic.laws.plasticity.elastoplastic import (
     MAX_ITERATIONS,
     RELATIVE_TOLERANCE,
     ROOT,
+    closed_tangent,
     cp_after,
     elastic_change,
     one_direction,
@@ -124,25 +125,22 @@ def update(surface, hardening, rate, F, state, params, dt, P, state_new):
 
 
 @inner
-def linearise(surface, hardening, rate, F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new):
-    """`update` and its derivative (see `LawSpec.linearise`)."""
+def real_return(surface, hardening, rate, F, state, params, dt, P, state_new):
+    """One point, real, with what its derivatives take: (status, trial state, solution, values), see `linearise`."""
     G, kappa = shear_and_bulk(params[0], params[1])
     point = trial_state(F, state)
     J, fi, b, mean, dev, norm, shrink = point
-    if not J > 0.0:
-        return 1
     p = state[6]
+    growth, keep, inverse_slope, slope, strong = 0.0, 1.0, 0.0, 0.0, True
+    trial, stiffness, spherical = G * norm / ROOT, 3.0 * G * mean, kappa * (J - 1.0) * J
+    friction_stress = friction_of(surface, spherical, params)
     for m in range(7):
         state_new[m] = state[m]
-    spherical = kappa * (J - 1.0) * J
-    friction_stress = friction_of(surface, spherical, params)
-    growth, keep, inverse_slope, slope, scale = 0.0, 1.0, 0.0, 0.0, 1.0 / shrink
-    trial, stiffness, strong = G * norm / ROOT, 3.0 * G * mean, True
-    plastic = flows(hardening, rate, trial, p, dt, friction_stress, params)
+    plastic = J > 0.0 and flows(hardening, rate, trial, p, dt, friction_stress, params)
     if plastic:
         growth = plastic_growth(hardening, rate, trial, stiffness, p, dt, friction_stress, params)
         if growth == -1.0 or (growth < 0.0 and surface[0] != DRUCKER_PRAGER):
-            return 1
+            return 1, point, (plastic, growth, keep, inverse_slope), (spherical, friction_stress, slope, strong)
         strong = growth >= 0.0
         if strong:
             _, total, slope = resistance(hardening, rate, p, growth, dt, friction_stress, params)
@@ -150,11 +148,42 @@ def linearise(surface, hardening, rate, F, state, params, dt, dF, dstate, dparam
             keep = 1.0 - 2.0 * mean / ROOT * growth / norm
         else:
             growth, keep, inverse_slope = trial / stiffness, 0.0, 1.5 / stiffness
-        cp_after(fi, keep, mean, dev, scale, state_new)
+        cp_after(fi, keep, mean, dev, 1.0 / shrink, state_new)
         state_new[6] = p + growth
-    tau = tensors.scaled(keep * G, dev, spherical)
-    tensors.store(tensors.times_transposed(tau, fi), P)
-    solution = (plastic, growth / ROOT, keep, inverse_slope, slope, scale, tau)
+    tensors.store(tensors.times_transposed(tensors.scaled(keep * G, dev, spherical), fi), P)
+    return (0 if J > 0.0 else 1), point, (plastic, growth, keep, inverse_slope), (spherical, friction_stress, slope,
+                                                                                 strong)
+
+
+@inner
+def tangent(surface, hardening, rate, F, state, params, dt, P, state_new, A):
+    """`update` and dP/dF in closed form."""
+    status, point, solution, values = real_return(surface, hardening, rate, F, state, params, dt, P, state_new)
+    if status != 0:
+        return 1
+    plastic, growth, keep, inverse_slope = solution
+    G, kappa = shear_and_bulk(params[0], params[1])
+    flow_by_volume = 0.0
+    if surface[0] == DRUCKER_PRAGER and plastic and values[3]:
+        J = point[0]
+        flow_by_volume = -params[surface[1]] * kappa * (2.0 * J - 1.0) * J * rate_factor(
+            hardening, rate, state[6], growth, dt, values[1], params)
+    closed_tangent(state, point, (plastic, growth / ROOT, keep, inverse_slope), (G, kappa), flow_by_volume, A)
+    return 0
+
+
+@inner
+def linearise(surface, hardening, rate, F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new):
+    """`update` and its derivative (see `LawSpec.linearise`)."""
+    status, point, solution, values = real_return(surface, hardening, rate, F, state, params, dt, P, state_new)
+    if status != 0:
+        return 1
+    G, kappa = shear_and_bulk(params[0], params[1])
+    J, fi, b, mean, dev, norm, shrink = point
+    plastic, growth, keep, inverse_slope = solution
+    spherical, friction_stress, slope, strong = values
+    p, tau = state[6], tensors.scaled(keep * G, dev, spherical)
+    solved = (plastic, growth / ROOT, keep, inverse_slope, slope, 1.0 / shrink, tau)
     none = params[:0]
     for k in range(dF.shape[0]):
         dG, dkappa, dflow, dp, dfriction_stress = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -174,7 +203,7 @@ def linearise(surface, hardening, rate, F, state, params, dt, dF, dstate, dparam
                 dflow = dfriction_stress * rate_factor(hardening, rate, p, growth, dt, friction_stress, params)
         if dstate.shape[0] > 0:
             dp = dstate[k, 6]
-        one_direction(F, point, solution, (G, kappa, dG, dkappa, dflow, dp), k, dF, dstate, dP, dstate_new)
+        one_direction(F, point, solved, (G, kappa, dG, dkappa, dflow, dp), k, dF, dstate, dP, dstate_new)
     return 0
 
 

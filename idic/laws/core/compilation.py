@@ -32,6 +32,7 @@ def _update_signature(dtype):
 _F1, _F2, _F3 = (c_array(types.float64, ndim) for ndim in (1, 2, 3))
 UPDATE = _update_signature(types.float64)
 UPDATE_COMPLEX = _update_signature(types.complex128)
+TANGENT = types.int64(_F2, _F1, _F1, types.float64, _F2, _F1, _F2, _F3)
 LINEARISE = types.int64(_F2, _F1, _F1, types.float64, _F3, _F2, _F2, _F2, _F1, _F3, _F2)
 
 
@@ -65,7 +66,8 @@ def has_code_on_disk(dispatcher) -> bool:
 
 def _dispatcher(function: Callable):
     function = getattr(function, "py_func", function)  # decorated by its author
-    dispatcher = numba.njit(nogil=True, error_model="numpy")(function)
+    counts_references = not _is_own(function) or getattr(function, "makes_arrays", False)
+    dispatcher = numba.njit(nogil=True, error_model="numpy", _nrt=counts_references)(function)
     try:
         dispatcher.enable_caching()
         # numba notices only changes of the file that holds `function`, not of files it takes helpers and tables from;
@@ -90,6 +92,10 @@ def _no_linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, d
     return 1
 
 
+def _no_tangent(F, state, params, dt, P, state_new, A, work):
+    return 1
+
+
 @dataclass(frozen=True, eq=False)
 class CompiledLaw:
     """A law compiled for one kinematics; made by `compile`, taken by the functions of ``points.py``.
@@ -100,6 +106,9 @@ class CompiledLaw:
         True: derivatives come from the law's ``linearise``; False: from the complex step.
     update, linearise, update_complex : numba functions
         Of the last two only the one that is in use does anything.
+    closed : bool
+        True: the tangent comes from the law's ``tangent``.
+    tangent : numba function
     """
 
     spec: LawSpec
@@ -108,13 +117,16 @@ class CompiledLaw:
     update: Callable
     linearise: Callable
     update_complex: Callable
+    closed: bool
+    tangent: Callable
+    derivative: str = "auto"
 
     @property
     def small(self) -> bool:
         return self.kinematics == "small"
 
     def __reduce__(self):  # crosses process boundaries by name: the other side takes it from its own cache
-        return compile, (self.spec.name, self.kinematics, "auto" if self.by_hand else "complex_step")
+        return compile, (self.spec.name, self.kinematics, self.derivative)
 
     def n_state(self, mode: int) -> int:
         """Length of a point's state; plane stress (mode 2) keeps F33 behind the law's own."""
@@ -150,18 +162,23 @@ def compile(law: str, kinematics: str | None = None, derivative: str = "auto") -
                          expected=" or ".join(spec.kinematics), found=repr(kinematics),
                          remedy="choose one of these, or another law")
     by_hand = derivative == "auto" and kinematics in spec.linearise
-    return _compile(spec.name, kinematics, by_hand, spec.updates[kinematics])
+    return _compile(spec.name, kinematics, by_hand, derivative == "auto" and _is_own(spec.updates[kinematics]),
+                    spec.updates[kinematics])
 
 
 @cache
-def _compile(name: str, kinematics: str, by_hand: bool, update: Callable) -> CompiledLaw:
+def _compile(name: str, kinematics: str, by_hand: bool, with_tangent: bool, update: Callable) -> CompiledLaw:
     spec = get_law(name)
     linearise = spec.linearise[kinematics] if by_hand else _no_linearise
     if not _is_own(update) and not (is_kept(update) and is_kept(linearise)):
         check_update(spec, kinematics, by_hand, (UPDATE, LINEARISE if by_hand else UPDATE_COMPLEX))
+    closed = with_tangent and kinematics in spec.tangents
     return CompiledLaw(
         spec, kinematics, by_hand,
         compile_cached(update, UPDATE),
         compile_cached(linearise, LINEARISE),
         compile_cached(_no_complex_update if by_hand else update, UPDATE_COMPLEX),
+        closed,
+        compile_cached(spec.tangents[kinematics] if closed else _no_tangent, TANGENT),
+        "auto" if with_tangent or by_hand else "complex_step",
     )

@@ -16,8 +16,8 @@ from functools import partial
 import numpy as np
 from numba import types
 
-from idic.laws.core.compilation import LINEARISE, UPDATE, UPDATE_COMPLEX, c_array
-from idic.laws.core.inner import inner
+from idic.laws.core.compilation import LINEARISE, TANGENT, UPDATE, UPDATE_COMPLEX, c_array
+from idic.laws.core.inner import array_maker, inner
 
 COMPLEX_STEP = 1e-30               # complex step: its square is lost in rounding whatever the parameter's size
 F33_TOLERANCE = 1e-11      # last correction of F33, applied to first order: its square is below rounding
@@ -25,11 +25,10 @@ F33_LAST_STEP_TOLERANCE = 1e-7          # below this the next evaluation is expe
 F33_ITERATIONS = 80        # Newton takes 2 to 4; bisection, where a law is not smooth, up to 50
 
 
-# makes no arrays: no atomic reference counts, a quarter of the time in plane stress
-borrowing = partial(inner, _nrt=False)
+loop_part = partial(inner, forceinline=False)
 
 
-@borrowing
+@loop_part
 def complex_step(update, F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new, work):
     """`linearise` for a law that has only `update`: derivative = Im(update(x + i h dx)) / h."""
     n_state, n_params = state.shape[0], params.shape[0]
@@ -57,7 +56,13 @@ def complex_step(update, F, state, params, dt, dF, dstate, dparams, P, state_new
     return 0
 
 
-@borrowing
+@inner
+def is_number(P):
+    """Whether a law returned a stress."""
+    return math.isfinite(P[0, 0] + P[0, 1] + P[1, 0] + P[1, 1] + P[2, 2])
+
+
+@loop_part
 def linearised(by_hand, linearise, update_complex, F, state, params, dt, dF, dstate, dparams,
                P, state_new, dP, dstate_new, work):
     """One point by the hand-written derivative or by the complex step; 1 also where the law returned NaN."""
@@ -67,8 +72,7 @@ def linearised(by_hand, linearise, update_complex, F, state, params, dt, dF, dst
     else:
         status = complex_step(update_complex, F, state, params, dt, dF, dstate, dparams,
                               P, state_new, dP, dstate_new, work)
-    finite = math.isfinite(P[0, 0] + P[0, 1] + P[1, 0] + P[1, 1] + P[2, 2])
-    return status if finite else 1
+    return status if is_number(P) else 1
 
 
 @inner
@@ -93,7 +97,7 @@ def next_stretch(f33, p33, slope, failed, low, high, good):
     return f33_new, low, high, f33, 2
 
 
-@borrowing
+@loop_part
 def search(by_hand, linearise, update_complex, F, state, params, dt, first, none, P, state_new, dP, work):
     """Safeguarded Newton for P33(F33) = 0 from F[2, 2] on, until the correction is small: (status, F33)."""
     low, high, good = 0.0, 0.0, 0.0
@@ -109,7 +113,7 @@ def search(by_hand, linearise, update_complex, F, state, params, dt, first, none
     return min(status, 1), f33
 
 
-@borrowing
+@loop_part
 def plane_stress(by_hand, linearise, update_complex, F, state, params, dt, dF, dstate, dparams, first, none, close,
                  P, state_new, dP, dstate_new, one_dP, work):
     """Solve P33 = 0 for F[2, 2] (its value on entry is the start) and condense all derivatives: (status, F33).
@@ -136,7 +140,7 @@ def plane_stress(by_hand, linearise, update_complex, F, state, params, dt, dF, d
     return 1, start
 
 
-@borrowing
+@loop_part
 def condense(P, state_new, dP, dstate_new, step, slope):
     """Apply the last correction ``step`` of F33 and eliminate F33 from every derivative (rows 1, 2, ... of dP)."""
     n_state = state_new.shape[0]
@@ -198,19 +202,47 @@ def clear(out):
             out[i, j] = 0.0
 
 
-def stress_loop(update, by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P, P33,
-                state_new):
+@array_maker
+def stress_loop(update, closed, tangent, by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt,
+                P, P33, state_new):
     """Stress and new state of every point; returns True where all converged."""
-    n = F.shape[0]
     n_law = state.shape[1] - (1 if mode == 2 else 0)
-    per_point = 1 if params.shape[0] > 1 else 0
     work = np.empty(18 + 2 * n_law + params.shape[1], np.complex128)
     dF, dP, dstate, none = np.zeros((1, 3, 3)), np.empty((1, 3, 3)), np.empty((1, n_law)), np.empty((0, n_law))
-    none_params = np.empty((0, params.shape[1]))
     dF[0, 2, 2] = 1.0
-    point, stress, point_state, point_state_new = np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law)
-    ok = True
-    for i in range(n):
+    if mode == 0:
+        return solid_stresses(update, finite, F, state, params, dt, P, P33, state_new)
+    if mode == 2 and closed:
+        return closed_plane_tangents(tangent, finite, mode, F, guess, state, params, dt, P, P33, state_new,
+                                     np.empty((0, 4, 4)), np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law),
+                                     np.empty(n_law), np.empty(n_law), np.empty((9, 9)), np.empty((2, 9, 9)))
+    return plane_stresses(update, by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P, P33,
+                          state_new, np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law), dF, dP,
+                          dstate, none, np.empty((0, params.shape[1])), work)
+
+
+@loop_part
+def solid_stresses(update, finite, F, state, params, dt, P, P33, state_new):
+    """The loop of three dimensions: a law reads and writes in the arrays of all points."""
+    per_point, ok = 1 if params.shape[0] > 1 else 0, True
+    for i in range(F.shape[0]):
+        status = 1
+        if is_body(finite, F[i]):
+            status = update(F[i], state[i], params[i * per_point], dt, P[i], state_new[i])
+        if status != 0 or not is_number(P[i]):
+            ok = False
+            clear(P[i])
+            copy(state[i], state_new[i])
+        P33[i] = P[i, 2, 2]
+    return ok
+
+
+@loop_part
+def plane_stresses(update, by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P, P33,
+                   state_new, point, stress, point_state, point_state_new, dF, dP, dstate, none, none_params, work):
+    """The loop of plane strain and plane stress."""
+    per_point, n_law, ok = 1 if params.shape[0] > 1 else 0, point_state.shape[0], True
+    for i in range(F.shape[0]):
         embed(F[i], guess[i] if mode == 2 else 1.0, point)
         copy(state[i], point_state)
         p = params[i * per_point]
@@ -222,7 +254,7 @@ def stress_loop(update, by_hand, linearise, update_complex, finite, mode, F, gue
             state_new[i, n_law] = f33
         else:
             status = update(point, point_state, p, dt, stress, point_state_new)
-            if not math.isfinite(stress[0, 0] + stress[0, 1] + stress[1, 0] + stress[1, 1] + stress[2, 2]):
+            if not is_number(stress):
                 status = 1
         if status != 0:
             ok = False
@@ -236,25 +268,136 @@ def stress_loop(update, by_hand, linearise, update_complex, finite, mode, F, gue
     return ok
 
 
-def tangent_loop(by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P, state_new, A):
-    """Stress, new state and consistent tangent of every point; returns True where all converged."""
-    n, d = F.shape[0], F.shape[1]
-    n_law = state.shape[1] - (1 if mode == 2 else 0)
-    per_point = 1 if params.shape[0] > 1 else 0
-    extra = 1 if mode == 2 else 0
+@array_maker
+def tangent_loop(closed, tangent, by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P,
+                 state_new, A):
+    """Stress, new state and consistent tangent of every point; returns True where all converged.
+
+    ``closed``: the law has a tangent in closed form.
+    """
+    d = F.shape[1]
+    n_law, extra = state.shape[1] - (1 if mode == 2 else 0), 1 if mode == 2 else 0
     work = np.empty(18 + 2 * n_law + params.shape[1], np.complex128)
-    dF, first = np.zeros((d * d + extra, 3, 3)), np.zeros((1, 3, 3))
+    first = np.zeros((1, 3, 3))
     first[0, 2, 2] = 1.0
+    none, none_params, one_dP = np.empty((0, n_law)), np.empty((0, params.shape[1])), np.empty((1, 3, 3))
+    point, stress, point_state, point_state_new = np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law)
+    if closed and mode == 0:
+        return solid_tangents(tangent, finite, F, state, params, dt, P, state_new, A, np.empty((2, 9, 9)))
+    if closed:
+        return closed_plane_tangents(tangent, finite, mode, F, guess, state, params, dt, P, np.empty(0), state_new, A,
+                                     point, stress, point_state, point_state_new, np.empty(n_law), np.empty((9, 9)),
+                                     np.empty((2, 9, 9)))
+    dF = np.zeros((d * d + extra, 3, 3))
     if mode == 2:
         dF[0, 2, 2] = 1.0
     for c in range(d * d):
         dF[extra + c, c // d, c % d] = 1.0
-    dP, dstate = np.empty((d * d + extra, 3, 3)), np.empty((extra, n_law))
-    none, none_params = np.empty((0, n_law)), np.empty((0, params.shape[1]))
-    one_dP = np.empty((1, 3, 3))
-    point, stress, point_state, point_state_new = np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law)
-    ok = True
-    for i in range(n):
+    return directional_tangents(by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P,
+                                state_new, A, point, stress, point_state, point_state_new, dF, first, one_dP,
+                                np.empty((d * d + extra, 3, 3)), np.empty((extra, n_law)), none, none_params, work)
+
+
+@loop_part
+def solid_tangents(tangent, finite, F, state, params, dt, P, state_new, A, matrices):
+    """The loop of three dimensions for tangents in closed form."""
+    per_point, ok = 1 if params.shape[0] > 1 else 0, True
+    for i in range(F.shape[0]):
+        status = 1
+        if is_body(finite, F[i]):
+            status = tangent(F[i], state[i], params[i * per_point], dt, P[i], state_new[i], A[i], matrices)
+        if status != 0 or not is_number(P[i]):
+            ok = False
+            clear(P[i])
+            copy(state[i], state_new[i])
+            clear(A[i])
+    return ok
+
+
+@loop_part
+def closed_plane_tangents(tangent, finite, mode, F, guess, state, params, dt, P, P33, state_new, A, point, stress,
+                          point_state, point_state_new, former, full, matrices):
+    """The loop of plane strain and plane stress for laws with a tangent of their own; A and P33 may be empty."""
+    per_point, n_law, ok = 1 if params.shape[0] > 1 else 0, point_state.shape[0], True
+    for i in range(F.shape[0]):
+        embed(F[i], guess[i] if mode == 2 else 1.0, point)
+        copy(state[i], point_state)
+        p = params[i * per_point]
+        if not is_body(finite, point):
+            status = 1
+        elif mode == 2:
+            status, f33 = closed_plane_stress(tangent, point, point_state, p, dt, stress, point_state_new, former, full,
+                                              matrices)
+            state_new[i, n_law] = f33
+        else:
+            status = tangent(point, point_state, p, dt, stress, point_state_new, full, matrices)
+        if status != 0 or not is_number(stress):
+            ok = False
+            clear(P[i])
+            copy(state[i], state_new[i])
+            if A.shape[0] > 0:
+                clear(A[i])
+            if P33.shape[0] > 0:
+                P33[i] = 0.0
+            continue
+        put(stress, P[i])
+        copy(point_state_new, state_new[i])
+        if P33.shape[0] > 0:
+            P33[i] = stress[2, 2]
+        for a in range(4 if A.shape[0] > 0 else 0):
+            for c in range(4):
+                A[i, a, c] = full[a + a // 2, c + c // 2]  # 11, 12, 21, 22: places 0, 1, 3, 4 of nine
+    return ok
+
+
+@loop_part
+def closed_plane_stress(tangent, F, state, params, dt, P, state_new, former, A, matrices):
+    """As `plane_stress`, for a tangent of its own: (status, F33); A (9, 9) is condensed in place.
+
+    ``former`` (n_state,) keeps the state of the last iterate but one: its difference over that of F33 is the slope of
+    the state in the last correction, which is below F33_TOLERANCE.
+    """
+    low, high, good, f33, f33_former, status, slope = 0.0, 0.0, 0.0, F[2, 2], 0.0, 1, 0.0
+    for _ in range(F33_ITERATIONS):
+        F[2, 2] = f33
+        failed = tangent(F, state, params, dt, P, state_new, A, matrices)
+        if not is_number(P):
+            failed = 1
+        slope = A[8, 8]
+        step = -P[2, 2] / slope
+        if failed == 0 and slope > 0.0 and abs(step) <= F33_TOLERANCE * f33:
+            condense_closed(P, state_new, former, A, step, slope, f33 - f33_former if f33_former > 0.0 else 0.0)
+            return 0, f33 + step
+        if failed == 0:
+            copy(state_new, former)
+            f33_former = f33
+        f33, low, high, good, status = next_stretch(f33, P[2, 2], slope, failed, low, high, good)
+        if status == 1:
+            return 1, f33
+    return 1, f33
+
+
+@loop_part
+def condense_closed(P, state_new, former, A, step, slope, change):
+    """As `condense`, of A (9, 9) with the state at F33 less ``change`` (0: there is none)."""
+    if change != 0.0:
+        for m in range(state_new.shape[0]):
+            state_new[m] += (state_new[m] - former[m]) / change * step
+    for a in range(9):
+        P[a // 3, a % 3] += A[a, 8] * step
+        share = A[a, 8] / slope
+        for c in range(8):
+            A[a, c] -= share * A[8, c]
+
+
+@loop_part
+def directional_tangents(by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P, state_new, A,
+                         point, stress, point_state, point_state_new, dF, first, one_dP, dP, dstate, none, none_params,
+                         work):
+    """The loop of all modes for laws whose tangent comes from one derivative for each entry of F."""
+    per_point, n_law, d, ok = 1 if params.shape[0] > 1 else 0, point_state.shape[0], F.shape[1], True
+    extra = 1 if mode == 2 else 0
+    for i in range(F.shape[0]):
         embed(F[i], guess[i] if mode == 2 else 1.0, point)
         copy(state[i], point_state)
         p = params[i * per_point]
@@ -283,6 +426,7 @@ def tangent_loop(by_hand, linearise, update_complex, finite, mode, F, guess, sta
     return ok
 
 
+@array_maker
 def directional_loop(by_hand, linearise, update_complex, finite, mode, F, guess, close, state, params, dt, dF_in,
                      dstate_in, dparams, dP_out, dstate_out):
     """Derivative of stress and new state along ``nd`` directions for every point; True where all converged."""
@@ -340,8 +484,8 @@ def directional_loop(by_hand, linearise, update_complex, finite, mode, F, guess,
 
 _f8, _i8, _b1 = types.float64, types.int64, types.boolean
 _F1, _F2, _F3, _F4 = (c_array(types.float64, ndim) for ndim in (1, 2, 3, 4))
-_update, _linearise, _complex = (types.FunctionType(s) for s in (UPDATE, LINEARISE, UPDATE_COMPLEX))
-STRESS_LOOP = _b1(_update, _b1, _linearise, _complex, _b1, _i8, _F3, _F1, _F2, _F2, _f8, _F3, _F1, _F2)
-TANGENT_LOOP = _b1(_b1, _linearise, _complex, _b1, _i8, _F3, _F1, _F2, _F2, _f8, _F3, _F2, _F3)
+_update, _linearise, _complex, _tangent = (types.FunctionType(s) for s in (UPDATE, LINEARISE, UPDATE_COMPLEX, TANGENT))
+STRESS_LOOP = _b1(_update, _b1, _tangent, _b1, _linearise, _complex, _b1, _i8, _F3, _F1, _F2, _F2, _f8, _F3, _F1, _F2)
+TANGENT_LOOP = _b1(_b1, _tangent, _b1, _linearise, _complex, _b1, _i8, _F3, _F1, _F2, _F2, _f8, _F3, _F2, _F3)
 DIRECTIONAL_LOOP = _b1(_b1, _linearise, _complex, _b1, _i8, _F3, _F1, _b1, _F2, _F2, _f8, _F4, _F3, _F3, _F4,
                        _F3)

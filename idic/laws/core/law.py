@@ -138,6 +138,10 @@ class LawSpec:
         the same update with its derivative along ``nd`` directions: ``dF`` (nd, 3, 3), ``dstate`` (nd, n_state),
         ``dparams`` (nd, n_params). ``dstate`` and ``dparams`` with no rows mean zero; only the first
         ``len(dstate_new)`` rows of the state's derivative are wanted.
+    tangents : {"small" | "finite": function}
+        Optional, of laws of this package: ``tangent(F, state, params, dt, P, state_new, A, work)``, the same update
+        with dP/dF: ``A[3 a + b, 3 c + e] = dP_ab / dF_ce`` (9, 9); ``work`` (2, 9, 9) is scratch. Other laws have it
+        from ``linearise`` or the complex step.
     state_names : tuple of str
     initial_state : tuple of float
         The state at rest; zeros where not given.
@@ -169,6 +173,7 @@ class LawSpec:
     parameters: tuple[LawParameter, ...]
     updates: Mapping[str, Callable]
     linearise: Mapping[str, Callable] = field(default_factory=dict)
+    tangents: Mapping[str, Callable] = field(default_factory=dict)
     state_names: tuple[str, ...] = ()
     initial_state: tuple[float, ...] = ()
     linear: bool = False
@@ -194,7 +199,8 @@ class LawSpec:
                              f"{len(self.initial_state)} initial values")
         if EXPANSION.name in self.parameter_names:
             raise ValueError(f"law {self.name}: {EXPANSION.name} is the thermal expansion of every law")
-        unknown = set(self.updates) - {"small", "finite"} | set(self.linearise) - set(self.updates)
+        unknown = (set(self.updates) - {"small", "finite"} | set(self.linearise) - set(self.updates)
+                   | set(self.tangents) - set(self.updates))
         if unknown or not self.updates:
             raise ValueError(f"law {self.name}: kinematics are 'small' and/or 'finite', found {sorted(unknown)}")
         check_declaration(self)

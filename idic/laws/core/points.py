@@ -100,8 +100,8 @@ def point_stresses(law: CompiledLaw, mode: int, F, state, params, dt: float, *, 
     F, guess, state, params = _inputs(law, mode, F, state, params, guess)
     P, state_new = out if out is not None else (np.empty_like(F), np.empty_like(state))
     P33 = np.empty(len(F))
-    ok = compiled_loop("stress")(_pointer(law.update), *_functions(law), mode, F, guess, state, params, float(dt), P,
-                         P33, state_new)
+    ok = compiled_loop("stress")(_pointer(law.update), law.closed, _pointer(law.tangent), *_functions(law), mode, F,
+                                 guess, state, params, float(dt), P, P33, state_new)
     return (P, state_new, P33, ok) if full else (P, state_new, ok)
 
 
@@ -116,7 +116,8 @@ def point_tangents(law: CompiledLaw, mode: int, F, state, params, dt: float, *, 
     n, d = F.shape[:2]
     P, state_new, A = out if out is not None else (np.empty_like(F), np.empty_like(state),
                                                    np.empty((n, d * d, d * d)))
-    ok = compiled_loop("tangent")(*_functions(law), mode, F, guess, state, params, float(dt), P, state_new, A)
+    ok = compiled_loop("tangent")(law.closed, _pointer(law.tangent), *_functions(law), mode, F, guess, state, params,
+                                  float(dt), P, state_new, A)
     return P, state_new, A, ok
 
 

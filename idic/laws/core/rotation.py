@@ -37,18 +37,12 @@ def rotation(f):
 
 
 @inner
-def transposed(a):
-    """a^T of a 9-tuple."""
-    return a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8]
-
-
-@inner
 def to_axes(R, angle):
     """Rotation from the current frame into the material axes, (R Q)^T, as a 9-tuple."""
     c, s = np.cos(angle * (math.pi / 180.0)), np.sin(angle * (math.pi / 180.0))
-    return transposed((c * R[0] + s * R[1], c * R[1] - s * R[0], R[2],
-                       c * R[3] + s * R[4], c * R[4] - s * R[3], R[5],
-                       c * R[6] + s * R[7], c * R[7] - s * R[6], R[8]))
+    return tensors.transposed((c * R[0] + s * R[1], c * R[1] - s * R[0], R[2],
+                               c * R[3] + s * R[4], c * R[4] - s * R[3], R[5],
+                               c * R[6] + s * R[7], c * R[7] - s * R[6], R[8]))
 
 
 @inner

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from idic.laws.core import tensors
 from idic.laws.core.inner import inner
 
 
@@ -66,3 +67,20 @@ def determinant(f):
     """det of a 9-tuple."""
     return (f[0] * (f[4] * f[8] - f[5] * f[7]) + f[1] * (f[5] * f[6] - f[3] * f[8])
             + f[2] * (f[3] * f[7] - f[4] * f[6]))
+
+
+@inner
+def applied(K, V):
+    """-K V as a 6-tuple."""
+    return (-(K[0, 0] * V[0] + K[0, 1] * V[1] + K[0, 2] * V[2] + K[0, 3] * V[3] + K[0, 4] * V[4] + K[0, 5] * V[5]),
+            -(K[1, 0] * V[0] + K[1, 1] * V[1] + K[1, 2] * V[2] + K[1, 3] * V[3] + K[1, 4] * V[4] + K[1, 5] * V[5]),
+            -(K[2, 0] * V[0] + K[2, 1] * V[1] + K[2, 2] * V[2] + K[2, 3] * V[3] + K[2, 4] * V[4] + K[2, 5] * V[5]),
+            -(K[3, 0] * V[0] + K[3, 1] * V[1] + K[3, 2] * V[2] + K[3, 3] * V[3] + K[3, 4] * V[4] + K[3, 5] * V[5]),
+            -(K[4, 0] * V[0] + K[4, 1] * V[1] + K[4, 2] * V[2] + K[4, 3] * V[3] + K[4, 4] * V[4] + K[4, 5] * V[5]),
+            -(K[5, 0] * V[0] + K[5, 1] * V[1] + K[5, 2] * V[2] + K[5, 3] * V[3] + K[5, 4] * V[4] + K[5, 5] * V[5]))
+
+
+@inner
+def inverse_change(C, J, Ci, t, dC):
+    """Change of C^-1 along dC, t = tr(C^-1 dC) / 2."""
+    return tensors.combine(1.0 / (J * J), crossed(C, dC), -2.0 * t, Ci, 0.0)

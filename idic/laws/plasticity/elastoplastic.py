@@ -108,3 +108,33 @@ def one_direction(F, trial, solution, explicit, k, dF, dstate, dP, dstate_new):
         for m in range(6):
             dstate_new[k, m] = dstate[k, m] if dstate.shape[0] > 0 else 0.0
     dstate_new[k, 6] = dp + ROOT * dx
+
+
+@inner
+def closed_tangent(state, trial, solution, moduli, flow_by_volume, A):
+    """dP/dF of a return along the deviator, into A (9, 9): a(l) F^-T with l = dF F^-1, t = tr l, g = y G,
+
+        a(l) = l g b + (g I - p) l^T + dev b (alpha : l) + 1 (beta : l),       p = kappa (J - 1) J
+        alpha = G (k1 dev b + k2 dev b^2 + k3 1) - 2/3 g 1,  beta = (dp/dt - 2/3 g I) 1 - 2/3 g dev b
+
+    dy = (k1 dev b + k2 dev b^2 + k3 1) : l as in `one_direction`; ``flow_by_volume``: change of the flow stress over t.
+    """
+    J, fi, b, mean, dev, norm, shrink = trial
+    plastic, x, keep, inverse_slope = solution
+    G, kappa = moduli
+    k1, k2, k3, stiffness = 0.0, 0.0, 0.0, keep * G
+    if plastic:
+        by_norm = 2.0 * mean / norm * (x / norm - inverse_slope * G)
+        by_mean = 2.0 * x / norm * (2.0 * mean * G * inverse_slope - 1.0)
+        k1, k2 = 2.0 * by_norm * mean / norm + 2.0 / 3.0 * by_mean, 2.0 * by_norm / norm
+        k3 = 2.0 * mean / norm * inverse_slope * ROOT * flow_by_volume - 2.0 / 3.0 * by_norm * norm
+    square = tensors.squared(dev)
+    alpha = tensors.combine(G * k1, dev, G * k2, square, G * k3 - 2.0 / 3.0 * stiffness)
+    beta = tensors.scaled(-2.0 / 3.0 * stiffness, dev, kappa * (2.0 * J - 1.0) * J - 2.0 / 3.0 * stiffness * mean)
+    g = stiffness * shrink  # F^-1 g b F^-T = g J^(-2/3) Cp^-1
+    M = (g * (1.0 + state[0]), g * (1.0 + state[1]), g * (1.0 + state[2]), g * state[3], g * state[4], g * state[5])
+    around = tensors.transposed(fi)
+    tensors.fill_tangent(tensors.times_transposed(dev, fi), tensors.times_transposed(alpha, fi), around,
+                         tensors.times_transposed(beta, fi),
+                         tensors.multiple(stiffness * mean - kappa * (J - 1.0) * J, around), around, A)
+    tensors.add_blocks(M, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), A)

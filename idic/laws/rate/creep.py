@@ -79,31 +79,49 @@ def update(F, state, params, dt, P, state_new):
     return 0
 
 
-def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new):
-    """`update` and its derivative (as ``composed/isotropic_return.py``, with the creep law for the flow stress)."""
+@inner
+def real_step(F, state, params, dt, P, state_new):
+    """One point, real: (status, trial state, (flowing, x, keep, inverse slope), (y, its slope))."""
     G, kappa = elastoplastic.shear_and_bulk(params[0], params[1])
     trial = elastoplastic.trial_state(F, state)
     J, fi, b, mean, dev, norm, shrink = trial
-    if not J > 0.0:
-        return 1
     for m in range(7):
         state_new[m] = state[m]
-    flowing, x, keep, scale = dt > 0.0 and norm > 0.0, 0.0, 1.0, 1.0 / shrink
-    y, slope, inverse_slope = 0.0, 0.0, 0.0
+    flowing, x, keep, y, slope, inverse_slope = J > 0.0 and dt > 0.0 and norm > 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
     if flowing:
         stiffness = 2.0 * G * mean
         y = remaining(G * norm, stiffness, dt, params)
         if not y > 0.0:
-            return 1
+            return 1, trial, (flowing, x, keep, inverse_slope), (y, slope)
         slope = max(creep_of(y, dt, params)[1], MIN_RATE)
         x = (G * norm - y) / stiffness
         keep = y / (G * norm)
         inverse_slope = 1.0 / (stiffness + ROOT / slope)
-        elastoplastic.cp_after(fi, keep, mean, dev, scale, state_new)
+        elastoplastic.cp_after(fi, keep, mean, dev, 1.0 / shrink, state_new)
         state_new[6] = state[6] + ROOT * x
+    tensors.store(tensors.times_transposed(tensors.scaled(keep * G, dev, kappa * (J - 1.0) * J), fi), P)
+    return (0 if J > 0.0 else 1), trial, (flowing, x, keep, inverse_slope), (y, slope)
+
+
+def tangent(F, state, params, dt, P, state_new, A, work):
+    """`update` and its tangent."""
+    status, trial, solution, _ = real_step(F, state, params, dt, P, state_new)
+    if status == 0:
+        elastoplastic.closed_tangent(state, trial, solution, elastoplastic.shear_and_bulk(params[0], params[1]), 0.0, A)
+    return status
+
+
+def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new):
+    """`update` and its derivative (as ``composed/isotropic_return.py``, with the creep law for the flow stress)."""
+    status, trial, step, end = real_step(F, state, params, dt, P, state_new)
+    if status != 0:
+        return 1
+    G, kappa = elastoplastic.shear_and_bulk(params[0], params[1])
+    J, fi, b, mean, dev, norm, shrink = trial
+    flowing, x, keep, inverse_slope = step
+    y, slope = end
     tau = tensors.scaled(keep * G, dev, kappa * (J - 1.0) * J)
-    tensors.store(tensors.times_transposed(tau, fi), P)
-    solution = (flowing, x, keep, inverse_slope, 0.0, scale, tau)
+    solution = (flowing, x, keep, inverse_slope, 0.0, 1.0 / shrink, tau)
     for k in range(dF.shape[0]):
         dG, dkappa, dflow, dp = 0.0, 0.0, 0.0, 0.0
         if dparams.shape[0] > 0:
@@ -135,6 +153,7 @@ LAW = register(LawSpec(
     ),
     updates={"finite": update},
     linearise={"finite": linearise},
+    tangents={"finite": tangent},
     state_names=(*elastoplastic.STATE_NAMES[:6], "creep_strain"),
     reference="dp/dt = rate (q / stress)^n, q the Mises stress; Norton, The Creep of Steel at High Temperatures "
               "(1929); return: Simo (1992), doi:10.1016/0045-7825(92)90123-2",

@@ -23,7 +23,8 @@ from idic.laws.core.inner import inner
 from idic.laws.core.law import LawParameter, LawSpec, register
 from idic.laws.elastic import ELASTIC_ALTERNATIVES, ELASTIC_PARAMETERS
 from idic.laws.plasticity.elastoplastic import shear_and_bulk
-from idic.laws.rate.maxwell import COMPONENTS, keep_tensor, plus_identity, relaxed
+from idic.laws.rate.maxwell import (
+    COMPONENTS, add_branch, begin_tangent, end_tangent, keep_tensor, plus_identity, relaxed)
 
 FREE_RELAXATION = "free_relaxation"
 DEFAULT_TIMES, TIMES = 8, (3, 24)  # of the grid; fewest and most
@@ -59,6 +60,28 @@ def update(n, F, state, params, dt, P, state_new):
     total = tensors.scaled(1.0, total, remaining * shrink)
     _, dev = tensors.deviator(tensors.congruence(f, total))
     tensors.store(tensors.times_transposed(tensors.scaled(1.0, dev, kappa * (J - 1.0) * J), fi), P)
+    return 0
+
+
+@inner
+def tangent(n, F, state, params, dt, P, state_new, A, work):
+    """`update` and its tangent, real."""
+    G, kappa = shear_and_bulk(params[0], params[1])
+    begin = begin_tangent(F, state, work[1], state_new)
+    if not (begin[1] > 0.0 and params[SHORTEST] > 0.0 and params[LONGEST] > params[SHORTEST]):
+        return 1
+    zero = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    remaining, tau, total, crossing = G, params[SHORTEST], zero, zero
+    step = (params[LONGEST] / params[SHORTEST]) ** (1.0 / (n - 1.0))
+    for k in range(n):
+        g = params[WEIGHTS + k]
+        remaining -= g * G
+        total, crossing = add_branch(g * G, tau, dt, state, 6 + 6 * k, begin[4], begin[5], total, crossing, work[1],
+                                     state_new)
+        tau = tau * step
+    if not remaining > 0.0:
+        return 1
+    end_tangent(begin, tensors.scaled(1.0, total, remaining), crossing, work[1], work[0], kappa, P, A)
     return 0
 
 
@@ -113,6 +136,9 @@ def compose(kinds: Sequence[str]) -> LawSpec:
     def update_of(F, state, params, dt, P, state_new):
         return update(n, F, state, params, dt, P, state_new)
 
+    def tangent_of(F, state, params, dt, P, state_new, A, work):
+        return tangent(n, F, state, params, dt, P, state_new, A, work)
+
     ends = (LawParameter("shortest", "s", "shortest relaxation time; chosen, locked", default=1.0),
             LawParameter("longest", "s", "longest relaxation time; chosen, locked", default=100.0))
     weights = (LawParameter(name, "-", f"share of the shear modulus that relaxes with time {k} of {n}",
@@ -121,7 +147,7 @@ def compose(kinds: Sequence[str]) -> LawSpec:
     tensors_of_state = ("c", *(f"ci{k}_" for k in range(1, n + 1)))
     return LawSpec(
         name=f"{FREE_RELAXATION}({n})", parameters=(*ELASTIC_PARAMETERS, *ends, *weights),
-        updates={"finite": update_of},
+        updates={"finite": update_of}, tangents={"finite": tangent_of},
         state_names=tuple(f"{tensor}{c}" for tensor in tensors_of_state for c in COMPONENTS), compose=compose,
         alternatives=ELASTIC_ALTERNATIVES, time_order=2,
         reference="maxwell with weights g_k on n fixed relaxation times from shortest to longest, evenly over their "

@@ -17,9 +17,9 @@ from dataclasses import replace
 import numpy as np
 
 from idic.laws.core import tensors
-from idic.laws.core.inner import inner
+from idic.laws.core.inner import array_maker, inner
 from idic.laws.core.law import LawSpec
-from idic.laws.core.symmetric import adjugate, cauchy_green, crossed, determinant, times, trace_of_product
+from idic.laws.core.symmetric import adjugate, applied, cauchy_green, crossed, determinant, times, trace_of_product
 from idic.laws.rate.glassy_flow import KAPPA, MU, TAU0, softening, softening_change, thinning
 from idic.laws.rate.glassy_modes_flow import (
     D0,
@@ -84,6 +84,7 @@ def second_piola(A, C, Ci, third, J, params):
     return tensors.combine(third, W, h, Ci, 0.0), W, h
 
 
+@array_maker
 def update(F, state, params, dt, P, state_new):
     """One point, real or complex."""
     f = tensors.load(F)
@@ -118,11 +119,6 @@ def symmetric_part(a):
 
 
 @inner
-def transposed(a):
-    return a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8]
-
-
-@inner
 def by_Y(row, B, factor):
     """factor times the derivative by Y of M : B, M = det(Y)^(-2/3) adj Y."""
     det, root = row[D], row[ROOT]
@@ -153,8 +149,8 @@ def gradients(A, modes, Ct, J, gamma, params, slopes):
     B, B1 = symmetric_part(times(N, Ct)), symmetric_part(times(first, Ct))
     q1_Y = by_Y(modes[0], B1, 1.0 if above else 0.0)
     M1 = tensors.scaled(modes[0, ROOT] / modes[0, D], six(modes[0], Y_ADJ), 0.0)
-    q1_C = tensors.scaled(1.0 if above else 0.0, symmetric_part(times(transposed(first), M1)), 0.0)
-    r_C = tensors.combine(r_Q, symmetric_part(times(transposed(N), A)), r_q1, q1_C, 0.0)
+    q1_C = tensors.scaled(1.0 if above else 0.0, symmetric_part(times(tensors.transposed(first), M1)), 0.0)
+    r_C = tensors.combine(r_Q, symmetric_part(times(tensors.transposed(N), A)), r_q1, q1_C, 0.0)
     r_z = 1.0 + S_slope * x1 * shear
     for i in range(modes.shape[0]):
         row = modes[i]
@@ -193,17 +189,6 @@ def without_history(modes, params, K):
             for b in range(6):
                 K[a, b] += factor * row[Y_ADJ + a] * row[Y_ADJ + b] * (1.0 if b < 3 else 2.0)
     return together
-
-
-@inner
-def applied(K, V):
-    """-K V as a 6-tuple."""
-    return (-(K[0, 0] * V[0] + K[0, 1] * V[1] + K[0, 2] * V[2] + K[0, 3] * V[3] + K[0, 4] * V[4] + K[0, 5] * V[5]),
-            -(K[1, 0] * V[0] + K[1, 1] * V[1] + K[1, 2] * V[2] + K[1, 3] * V[3] + K[1, 4] * V[4] + K[1, 5] * V[5]),
-            -(K[2, 0] * V[0] + K[2, 1] * V[1] + K[2, 2] * V[2] + K[2, 3] * V[3] + K[2, 4] * V[4] + K[2, 5] * V[5]),
-            -(K[3, 0] * V[0] + K[3, 1] * V[1] + K[3, 2] * V[2] + K[3, 3] * V[3] + K[3, 4] * V[4] + K[3, 5] * V[5]),
-            -(K[4, 0] * V[0] + K[4, 1] * V[1] + K[4, 2] * V[2] + K[4, 3] * V[3] + K[4, 4] * V[4] + K[4, 5] * V[5]),
-            -(K[5, 0] * V[0] + K[5, 1] * V[1] + K[5, 2] * V[2] + K[5, 3] * V[3] + K[5, 4] * V[4] + K[5, 5] * V[5]))
 
 
 @inner
@@ -264,6 +249,7 @@ def with_history(modes, slopes, q1, E, params, Ct, dCt, dz, flowing, k, dstate, 
     return dA
 
 
+@array_maker
 def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new):
     """`update` and its derivative by hand (see `LawSpec.linearise`)."""
     f = tensors.load(F)

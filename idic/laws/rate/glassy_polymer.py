@@ -21,7 +21,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from idic.laws.core import tensors
 from idic.laws.core.inner import inner
@@ -155,7 +154,22 @@ def gradients(x, q, r_q, D, inverse, J, third, Ci, Ct_adj, Cp_adj, cross, invari
     return tensors.combine(r_q, q_C, pressure, Ci, 0.0), tensors.scaled(r_q, q_Cp, 0.0), q_C, q_Cp
 
 
-@njit(inline="always")
+@inner
+def stress_change(point, step, params, t, dC, dY, dGr, dG, dkappa):
+    """(change of ln D, change of S2)."""
+    C, Ci, third, Ct, J = point
+    x, q, q_x, flexibility, S_slope, D, root, S2, W, h, Y, Y_adj, M = step
+    dlogD = tensors.contract(Y_adj, dY) / D
+    dW = tensors.combine(params[G1] * root / D, crossed(Y, dY), dG - 2.0 / 3.0 * params[G1] * dlogD, M, dGr)
+    dCW = tensors.contract(dC, W) + tensors.contract(C, dW)
+    dh = (params[KAPPA] * (2.0 * J - 1.0) * J * t + dkappa * (J - 1.0) * J
+          - third / 3.0 * (t / 3.0 * tensors.contract(C, W) + dCW))
+    dS2 = tensors.combine(third / 3.0 * t, W, third, dW, 0.0)
+    dS2 = tensors.combine(1.0, dS2, dh - 2.0 * h * t, Ci, 0.0)
+    return dlogD, tensors.combine(1.0, dS2, h / (J * J), crossed(C, dC), 0.0)
+
+
+@inner
 def one_direction(f, point, step, grads, params, flowing, dt, k, dF, dstate, dparams, dP, dstate_new):
     """Row k of dP and dstate_new: dx = -x dr / (dr/dz) with dr at fixed z, then everything that follows from Y."""
     C, Ci, third, Ct, J = point
@@ -178,14 +192,7 @@ def one_direction(f, point, step, grads, params, flowing, dt, k, dF, dstate, dpa
             dr += r_params[m] * dparams[k, SA + m]
     dx = -x * dr * flexibility
     dY = tensors.combine(1.0, dY, dx, Ct, 0.0)
-    dlogD = tensors.contract(Y_adj, dY) / D
-    dW = tensors.combine(params[G1] * root / D, crossed(Y, dY), dG - 2.0 / 3.0 * params[G1] * dlogD, M, dGr)
-    dCW = tensors.contract(dC, W) + tensors.contract(C, dW)
-    dh = (params[KAPPA] * (2.0 * J - 1.0) * J * t + dkappa * (J - 1.0) * J
-          - third / 3.0 * (t / 3.0 * tensors.contract(C, W) + dCW))
-    dS2 = tensors.combine(third / 3.0 * t, W, third, dW, 0.0)
-    dS2 = tensors.combine(1.0, dS2, dh - 2.0 * h * t, Ci, 0.0)
-    dS2 = tensors.combine(1.0, dS2, h / (J * J), crossed(C, dC), 0.0)
+    dlogD, dS2 = stress_change(point, step, params, t, dC, dY, dGr, dG, dkappa)
     a, b = times(d, S2), times(f, dS2)
     tensors.store((a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5],
                    a[6] + b[6], a[7] + b[7], a[8] + b[8]), dP[k])
@@ -200,6 +207,33 @@ def one_direction(f, point, step, grads, params, flowing, dt, k, dF, dstate, dpa
             dstate_new[k, 6] += dstate[k, 6]
             if not flowing:
                 dstate_new[k, 7] = dstate[k, 7]
+
+
+def tangent(F, state, params, dt, P, state_new, A, work):
+    """`update` and its tangent, from the changes of S2 along six strains."""
+    f = tensors.load(F)
+    J = determinant(f)
+    if not J > 0.0:
+        return 1
+    C, Ci, third, Ct, Ct_adj, Cp, Cp_adj, invariants = kinematics(f, J, state)
+    x, gamma, q, q_x, flexibility, r_q, S, S_slope, D, root, inverse, ok = flow(J, invariants, state, dt, params)
+    if not ok:
+        return 1
+    S2, W, h, Y, Y_adj, M = second_piola(x, D, root, C, Ci, third, J, Ct, Cp, params)
+    tensors.store(times(f, S2), P)
+    keep(Y, root, gamma, x / dt if flexibility != 0.0 else state[7], state_new)
+    r_C = gradients(x, q, r_q, D, inverse, J, third, Ci, Ct_adj, Cp_adj, crossed(Cp, Ct), invariants, params)[0]
+    point, step = (C, Ci, third, Ct, J), (x, q, q_x, flexibility, S_slope, D, root, S2, W, h, Y, Y_adj, M)
+    columns = work[0]
+    for b in range(6):
+        E = tensors.unit_strain(b)
+        dC, t = tensors.scaled(2.0, E, 0.0), tensors.contract(Ci, E)
+        dx = -x * tensors.contract(r_C, dC) * flexibility
+        dY = tensors.combine(x / (third * third), dC, dx - 2.0 / 3.0 * x * t, Ct, 0.0)
+        dS2 = stress_change(point, step, params, t, dC, dY, 0.0, 0.0, 0.0)[1]
+        columns[0, b], columns[1, b], columns[2, b], columns[3, b], columns[4, b], columns[5, b] = dS2
+    tensors.push_tangent(f, S2, columns, A)
+    return 0
 
 
 def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new):
@@ -249,6 +283,7 @@ LAW = register(LawSpec(
     ),
     updates={"finite": update},
     linearise={"finite": linearise},
+    tangents={"finite": tangent},
     state_names=("cp11-1", "cp22-1", "cp33-1", "cp12", "cp13", "cp23", "gamma", "rate"),
     reference="Govaert, Timmermans & Brekelmans, J. Eng. Mater. Technol. 122 (2000) 177, doi:10.1115/1.482784; "
               "Klompen et al., Macromolecules 38 (2005) 6997, doi:10.1021/ma050498v; van Breemen et al., J. Mech. "

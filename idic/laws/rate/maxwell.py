@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.laws.core import tensors
+from idic.laws.core import symmetric, tensors
 from idic.laws.core.inner import inner
 from idic.laws.core.law import LawParameter, LawSpec, register
 from idic.laws.elastic import ELASTIC_ALTERNATIVES, ELASTIC_PARAMETERS
@@ -61,15 +61,94 @@ def keep_tensor(s, state_new, first):
 
 
 @inner
-def relaxed(tau, dt, state, first, C_old, C_new, state_new):
-    """(weight, adjugate) of a branch after a step: weight times adjugate is its Ci^-1, which goes into `state_new`."""
+def step_of_branch(tau, dt, state, first, C_old, C_new, state_new):
+    """(weight, adjugate, Ci before it is scaled, its determinant, weight of the new C) of a branch, see `relaxed`."""
     keep, weight_old, weight_new = weights(dt / tau)
     updated = tensors.combine(keep, plus_identity(state, first), weight_old, C_old, 0.0)
     updated = tensors.combine(1.0, updated, weight_new, C_new, 0.0)
     det, adjugate = symmetric_inverse(updated)
     size = det ** (1.0 / 3.0)
     keep_tensor(tensors.scaled(1.0 / size, updated, 0.0), state_new, first)
-    return size / det, adjugate
+    return size / det, adjugate, updated, det, weight_new
+
+
+@inner
+def relaxed(tau, dt, state, first, C_old, C_new, state_new):
+    """(weight, adjugate) of a branch after a step: weight times adjugate is its Ci^-1, which goes into `state_new`."""
+    return step_of_branch(tau, dt, state, first, C_old, C_new, state_new)[:2]
+
+
+@inner
+def begin_tangent(F, state, K, state_new):
+    """(f, J, C^-1, C of the step before, isochoric C) of a point, real, the new C kept; K is cleared."""
+    f = tensors.load(F)
+    J = symmetric.determinant(f)
+    shrink = J ** (-2.0 / 3.0) if J > 0.0 else 0.0
+    C = symmetric.cauchy_green(f, f)
+    C_new = tensors.scaled(shrink, C, 0.0)
+    keep_tensor(C_new, state_new, 0)
+    for a in range(6):
+        for b in range(6):
+            K[a, b] = 0.0
+    return f, J, C, shrink, plus_identity(state, 0), C_new
+
+
+@inner
+def add_branch(modulus, tau, dt, state, first, C_old, C_new, total, crossing, K, state_new):
+    """(total, crossing) with a branch added, and K: the change of total along V of C_new is crossed(crossing, V) - K V.
+
+    total : sum of modulus Ci^-1
+    """
+    weight, adjugate, updated, det, weight_new = step_of_branch(tau, dt, state, first, C_old, C_new, state_new)
+    factor = modulus * weight * weight_new
+    for a in range(6):
+        for b in range(6):
+            K[a, b] += 2.0 / 3.0 * factor / det * adjugate[a] * adjugate[b] * (1.0 if b < 3 else 2.0)
+    return (tensors.combine(1.0, total, modulus * weight, adjugate, 0.0),
+            tensors.combine(1.0, crossing, factor, updated, 0.0))
+
+
+@inner
+def end_tangent(begin, total, crossing, K, D, kappa, P, A):
+    """P = F S, S = J^(-2/3) total less its part along C^-1, plus the pressure's, and dP/dF."""
+    f, J, C, shrink, _, C_new = begin
+    adj, p = symmetric.adjugate(C), kappa * (J - 1.0) * J
+    Ci, T = tensors.scaled(1.0 / (J * J), adj, 0.0), tensors.scaled(shrink, total, 0.0)
+    mean = tensors.contract(T, C) / 3.0
+    S = tensors.combine(1.0, T, p - mean, Ci, 0.0)
+    tensors.store(symmetric.times(f, S), P)
+    for b in range(6):
+        E = tensors.unit_strain(b)
+        t, dC = tensors.contract(Ci, E), tensors.scaled(2.0, E, 0.0)
+        V = tensors.combine(shrink, dC, -2.0 / 3.0 * t, C_new, 0.0)
+        dT = tensors.combine(shrink, symmetric.crossed(crossing, V), shrink, symmetric.applied(K, V), 0.0)
+        dT = tensors.combine(1.0, dT, -2.0 / 3.0 * t, T, 0.0)
+        dmean = (tensors.contract(dT, C) + tensors.contract(T, dC)) / 3.0
+        dS = tensors.combine(1.0, dT, kappa * (2.0 * J - 1.0) * J * t - dmean, Ci, 0.0)
+        dS = tensors.combine(1.0, dS, p - mean, symmetric.inverse_change(C, J, Ci, t, dC), 0.0)
+        D[0, b], D[1, b], D[2, b], D[3, b], D[4, b], D[5, b] = dS
+    tensors.push_tangent(f, S, D, A)
+
+
+def tangent(F, state, params, dt, P, state_new, A, work):
+    """`update` and its tangent, real."""
+    G, kappa = shear_and_bulk(params[0], params[1])
+    begin = begin_tangent(F, state, work[1], state_new)
+    if not begin[1] > 0.0:
+        return 1
+    zero = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    remaining, total, crossing = G, zero, zero
+    for i in range(N_BRANCHES):
+        g, tau, first = params[2 + 2 * i], params[3 + 2 * i], 6 + 6 * i
+        if tau > 0.0:
+            remaining -= g * G
+            total, crossing = add_branch(g * G, tau, dt, state, first, begin[4], begin[5], total, crossing, work[1],
+                                         state_new)
+        else:
+            for m in range(first, first + 6):
+                state_new[m] = state[m]
+    end_tangent(begin, tensors.scaled(1.0, total, remaining), crossing, work[1], work[0], kappa, P, A)
+    return 0
 
 
 def update(F, state, params, dt, P, state_new):
@@ -118,6 +197,7 @@ LAW = register(LawSpec(
           for parameter in _branch(i, g, tau)),
     ),
     updates={"finite": update},
+    tangents={"finite": tangent},
     state_names=tuple(f"{tensor}{c}" for tensor in ("c", "ci1_", "ci2_", "ci3_") for c in COMPONENTS),
     reference="tau = G (1 - sum g_i) dev b + sum g_i G dev b_i + kappa (J - 1) J 1; Reese & Govindjee, Int. J. Solids "
               "Struct. 35 (1998) 3455, doi:10.1016/S0020-7683(97)00217-5; step: Shutov, Landgraf & Ihlemann (2013), "
