@@ -26,8 +26,9 @@ TRUTH = {"E": 70000.0, "nu": 0.33}
 @dataclass(frozen=True)
 class Tomograms:
     """side : voxels of a cube; n_scans : with the two at rest; drift : (n_scans, 3) voxels, motion of each scan;
-    growth : (n_scans,) of all lengths in each scan, about the middle of the volume; seed : of texture and noise; mesh :
-    elements across and along of the user's mesh; hidden : tables of the truth alone; strain : at the end"""
+    growth : (n_scans,) of all lengths in each scan, about the middle of the volume; seed : of texture and noise; mesh,
+    true_mesh : elements across and along, of the user and of the truth; hidden : tables of the truth alone; strain : at
+    the end"""
 
     side: int = 44
     n_scans: int = 4
@@ -36,6 +37,7 @@ class Tomograms:
     extra: str = field(default="")
     seed: int = 3
     mesh: tuple[int, int] = COARSE
+    true_mesh: tuple[int, int] = FINE
     hidden: str = ""
     strain: float = 0.012
 
@@ -48,7 +50,7 @@ class Tomograms:
         """Mesh, log, scans and experiment.toml."""
         (folder / "scans").mkdir(parents=True)
         self._mesh(self.mesh, folder / "mesh.inp")
-        self._mesh(FINE, folder / "fine.inp")
+        self._mesh(self.true_mesh, folder / "fine.inp")
         stroke = np.concatenate([[0.0], np.linspace(0.0, self.strain * self.size_mm[2], self.n_scans - 1)])
         log = np.column_stack([60.0 * np.arange(self.n_scans), stroke, 0.0 * stroke])
         _write_log(folder, log)
@@ -107,7 +109,7 @@ class Tomograms:
 
     def _carried(self, points: np.ndarray, cells: np.ndarray, motion: np.ndarray) -> np.ndarray:
         """Points after the motion of the fine mesh, whose elements beyond the bar go on straight  # (n, 3) mm"""
-        n, nz = FINE
+        n, nz = self.true_mesh
         width, depth, length = self.size_mm
         layers = self._waist(np.linspace(0.0, length, nz + 1))
         c = np.clip((points[:, 2] / length * nz).astype(int), 0, nz - 1)

@@ -43,7 +43,7 @@ def judged_again(under_way: OpenRound) -> State:
 
 def from_other_starts(selected: Selected) -> State | None:
     """The winner from its other starts: a stiffness that depends on direction has several minima over the angle of its
-    axis, and one that ends with half of what its score promised may be the wrong one."""
+    axis, an inclusion one for a stiff and one for a soft place."""
     state = selected.state
     rival = refitted_from_other_starts(state.model.source, state.model.fit, selected.winner,
                                        selected.round.screening, state.refits,
