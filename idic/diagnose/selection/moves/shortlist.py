@@ -12,7 +12,7 @@ from idic.diagnose.residual.measured_motion import MAX_REGISTER_PX, holds_motion
 from idic.diagnose.selection.move import Move
 from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival, Round, causes_of, judge
 from idic.diagnose.selection.rivals import refitted, refitted_from_other_starts
-from idic.diagnose.selection.state import OpenRound, Selected, State, improvable, open_round
+from idic.diagnose.selection.state import OpenRound, Selected, State, leading, open_round
 from idic.identification import Identification
 
 YIELD_STATES = ("plastic_strain",)
@@ -39,6 +39,11 @@ def judged(state: State, entry: Round) -> State:
 def judged_again(under_way: OpenRound) -> State:
     """The round judged as its rivals are now."""
     return judged(under_way.state, under_way.round)
+
+
+def has_other_starts(selected: Selected) -> bool:
+    """Whether the winner is fitted from other starts: a place always, a law not in a quick diagnosis."""
+    return not selected.state.setting.quick or selected.winner.ranked.variant.place is not None
 
 
 def from_other_starts(selected: Selected) -> State | None:
@@ -70,5 +75,5 @@ def has_state(identification: Identification, states: Collection[str]) -> bool:
 
 
 SHORTLIST = Move("refits of the shortlist", "refits_s", open_round, with_refits)
-OTHER_STARTS = Move("other starts", "refits_s", improvable, from_other_starts, accept=ends_lower)
+OTHER_STARTS = Move("other starts", "refits_s", leading, from_other_starts, has_other_starts, accept=ends_lower)
 JUDGED = Move("judgement of the rivals", "refits_s", open_round, judged_again)
