@@ -14,6 +14,7 @@ from idic.diagnose import (
     Candidate, Columns, Evidence, Fit, JUDGEMENT, Misfit, Ranked, RefitJob, Rival, Round, ScoreColumn, Variant,
     residual_evidence, run_refit, screen_candidates,
 )
+from idic.diagnose.caution_texts import place_cautions
 from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.refits.refit import (
     EarlyStop, GIVEN_UP, MAX_BODY_EVALUATIONS, MIN_BODY_EVALUATIONS, MIN_NULL_SHARE, Start, refit, refit_residual,
@@ -73,6 +74,27 @@ def test_a_place_that_seems_softer_is_tried_as_a_stiffer_one_elsewhere_too():
     assert starts["middle"] == pytest.approx(1.4, abs=0.05) and starts["end"] == pytest.approx(0.6, abs=0.05)
     lawful = replace(screening, trials=tuple(replace(t, variant=replace(t.variant, place=None)) for t in trials))
     assert opposite_place(lawful, best) is None
+
+
+def spot(name, z, stiffness, achieved):
+    """A refit of an inclusion at a height z that explains as much on both copies."""
+    fit, stem = leaving(50.0), "BODY.inclusion"
+    values = {f"{stem}.{key}": value for key, value in
+              zip(("stiffness", "radius", "x", "y", "z"), (stiffness, 0.2, 0.1, 0.3, z), strict=True)}
+    refitted_spot = made(name="spot", label=name, choice=fit, judgement=fit, values=values,
+                         stds=dict.fromkeys(values, 0.01))
+    variant = replace(STIFF, label=name, place=(0.1, 0.3, z))
+    return Rival(ranked(variant, name="spot"), refitted_spot, achieved, achieved, achieved, practical=ANY_SIZE)
+
+
+@pytest.mark.parametrize(("achieved", "share"), [(100.0, 50), (108.0, 98)])
+def test_two_places_that_the_recording_does_not_tell_apart_are_told_with_their_odds(achieved, share):
+    """16 of chi-square on both copies: the sign of the difference is kept in 98 % of repeated noise."""
+    winner = replace(spot("middle", 0.4, 2.0, achieved), elsewhere=spot("end", 0.1, 0.5, 100.0))
+    entry = Round(SimpleNamespace(), made(name="null"), (winner,), winner, source=Source("nowhere", {}))
+    (text,) = place_cautions([entry], "mm")
+    assert f"softer (0.5) within 0.2 mm of (0.1, 0.3, 0.1) mm. Odds {share}:{100 - share}" in text
+    assert place_cautions([replace(entry, winner=replace(winner, elsewhere=None))], "mm") == []
 
 
 def made_evidence(q):

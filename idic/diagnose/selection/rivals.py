@@ -16,7 +16,7 @@ from idic.diagnose.refits.refit_job import ExperimentSource, RefitJob, Refits
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import drop_on_copy
 from idic.diagnose.screen.select import MAX_SHORTLIST, Ranked, Screening
-from idic.diagnose.selection.rival import MIN_KEPT_SHARE, Rival
+from idic.diagnose.selection.rival import MIN_KEPT_SHARE, Rival, noise_of_evidence
 
 MAX_PARALLEL_REFITS = 2  # refits side by side after the first: the fewer, the better the bar is known
 MIN_GAIN_OVER_LIMIT = 1.1  # times the promise of its limit: a larger model is refitted as well
@@ -227,14 +227,19 @@ def refit_of_candidate(source: ExperimentSource, null: Fit, ranked: Ranked, scre
 
 def refitted_from_other_starts(source: ExperimentSource, null: Fit, winner: Rival, screening: Screening,
                                refits: Refits, grid: Grid, seed: int) -> Rival | None:
-    """What was selected and leaves a good part, from its other starts: a law from its other variants, a place from the
-    best one of the opposite sign. None where it has none, or none of them finds an answer."""
+    """What was selected, from its other starts: a law that leaves a good part from its other variants; a place that
+    leaves one, or that the score does not tell apart, from the best one of the opposite sign. None where it has none,
+    or none of them finds an answer."""
     answer, ranked = winner.refitted, winner.ranked
-    if winner.copies > 1 or answer.choice is None or answer.choice.room < MAX_ROOM_SHARE * winner.achieved:
+    if answer.choice is None:
         return None
+    leaves_part = answer.choice.room >= MAX_ROOM_SHARE * winner.achieved
     if (place := opposite_place(screening, ranked)) is not None:
+        if not leaves_part and ranked.gain - place.gain > noise_of_evidence(winner):
+            return None
         job = _job(source, null, place, [place.variant], True, np.inf, grid, seed, None)
-    elif ranked.candidate.changes_law:
+        ranked = place
+    elif ranked.candidate.changes_law and leaves_part and winner.copies == 1:
         variants = [v for v in starting_variants(screening, ranked.candidate, ranked.variant)
                     if v.label != answer.label]
         if not variants:
