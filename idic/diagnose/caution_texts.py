@@ -242,15 +242,15 @@ def place_cautions(rounds: Sequence[Round], unit: str) -> list[str]:
     """
     texts = []
     for _, winner in with_winners(rounds):
-        if winner.elsewhere is None:
+        if winner.rival_place is None:
             continue
-        other = {name.rpartition(".")[2]: value for name, value in winner.elsewhere.refitted.values.items()
-                 if name in winner.elsewhere.own_unknowns}
-        kind = "softer" if other["stiffness"] < 1.0 else "stiffer"
-        share = round(100.0 * stats.norm.cdf(np.sqrt(max(lead_of(winner, winner.elsewhere), 0.0)) / 2.0))
+        spot = {name.rpartition(".")[2]: value for name, value in winner.rival_place.refitted.values.items()
+                 if name in winner.rival_place.own_unknowns}
+        kind = "softer" if spot["stiffness"] < 1.0 else "stiffer"
+        share = round(100.0 * stats.norm.cdf(np.sqrt(max(lead_of(winner, winner.rival_place), 0.0)) / 2.0))
         texts.append(f"The recording does not tell the place of the inclusion from another: {kind} "
-                     f"({other['stiffness']:.2g}) within {other['radius']:.2g} {unit} of "
-                     f"{in_words([other[axis] for axis in 'xyz' if axis in other])} {unit}. Odds {share}:{100 - share} "
+                     f"({spot['stiffness']:.2g}) within {spot['radius']:.2g} {unit} of "
+                     f"{in_words([spot[axis] for axis in 'xyz' if axis in spot])} {unit}. Odds {share}:{100 - share} "
                      "for the first.")
     return texts
 

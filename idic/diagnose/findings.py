@@ -51,13 +51,13 @@ def mismatch_content(diagnosis: Diagnosis) -> dict:
     found_by = shown_by(diagnosis)
     words = mismatch_words(diagnosis.mismatch, selected, found_by and f"{_titles(diagnosis)} by {found_by}",
                            unexplained(diagnosis), diagnosis.identification.experiment.model.length_unit)
-    elsewhere = inclusion_elsewhere(diagnosis)
-    more = () if elsewhere is None else (
-        f"The fitted inclusion lies at {elsewhere}: the strongest sources are around it, where the identified "
+    centre = inclusion_elsewhere(diagnosis)
+    of_inclusion = () if centre is None else (
+        f"The fitted inclusion lies at {centre}: the strongest sources are around it, where the identified "
         "parameters have taken a part of it.",)
     return content | {"place": place_in_words(diagnosis), "figure": figure, "active": _active(diagnosis),
                       "located": None if diagnosis.mismatch is None else diagnosis.mismatch.is_significant,
-                      "shown_by": found_by, "words": [*words, *more]}
+                      "shown_by": found_by, "words": [*words, *of_inclusion]}
 
 
 def shown_by(diagnosis: Diagnosis) -> str | None:
@@ -117,8 +117,8 @@ def place_in_words(diagnosis: Diagnosis) -> str | None:
         return None
     if _everywhere(diagnosis):
         return None
-    if elsewhere := inclusion_elsewhere(diagnosis):
-        return f"around {elsewhere}"
+    if centre_text := inclusion_elsewhere(diagnosis):
+        return f"around {centre_text}"
     mesh, unit = diagnosis.identification.experiment.model.mesh, diagnosis.identification.experiment.model.length_unit
     if len(mismatch.elements) > MAX_PLACE_SHARE * mesh.n_elements:
         return (None if diagnosis.active is None else
@@ -136,11 +136,11 @@ def inclusion_elsewhere(diagnosis: Diagnosis) -> str | None:
     A stiff inclusion whose mean the identified modulus has taken leaves a body that is too soft around it: the sources
     then are the ends of the bar, and only refits tell the two apart.
     """
-    first, mismatch, fitted = diagnosis.first_cause, diagnosis.mismatch, diagnosis.state.final or diagnosis.state.model
+    first, mismatch = diagnosis.first_cause, diagnosis.mismatch
     if (first is None or first.winner is None or first.winner.ranked.variant.form != "inclusion" or mismatch is None
             or mismatch.place is None):
         return None
-    identified = diagnosis.identification.experiment
+    identified, fitted = diagnosis.identification.experiment, diagnosis.state.final or diagnosis.state.model
     model, n_axes = identified.model, 3 if identified.recording.quantity == "volume" else 2  # images show no depth
     sources = element_centres(model.mesh)[mismatch.place.elements][:, :n_axes]
     for centre, radius in new_inclusions(identified, fitted.source.load(), fitted.fit.values):

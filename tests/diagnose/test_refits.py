@@ -27,6 +27,7 @@ from idic.diagnose.residual.heldout import grid_of, pooled
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE
 from idic.diagnose.selection.moves.both_copies import judged_on_both, undecided
+from idic.diagnose.selection.moves.shortlist import are_opposite
 from idic.diagnose.selection.rival import judge
 from idic.diagnose.selection.rivals import (MAX_PARALLEL_REFITS, alternatives, most_body_evaluations, next_wave,
                                              opposite_place, refitted)
@@ -79,8 +80,8 @@ def test_a_place_that_seems_softer_is_tried_as_a_stiffer_one_elsewhere_too():
 def spot(name, z, stiffness, achieved):
     """A refit of an inclusion at a height z that explains as much on both copies."""
     fit, stem = leaving(50.0), "BODY.inclusion"
-    values = {f"{stem}.{key}": value for key, value in
-              zip(("stiffness", "radius", "x", "y", "z"), (stiffness, 0.2, 0.1, 0.3, z), strict=True)}
+    values = {"s": stiffness, f"{stem}.stiffness": stiffness, f"{stem}.radius": 0.2, f"{stem}.x": 0.1, f"{stem}.y": 0.3,
+              f"{stem}.z": z}
     refitted_spot = made(name="spot", label=name, choice=fit, judgement=fit, values=values,
                          stds=dict.fromkeys(values, 0.01))
     variant = replace(STIFF, label=name, place=(0.1, 0.3, z))
@@ -90,11 +91,13 @@ def spot(name, z, stiffness, achieved):
 @pytest.mark.parametrize(("achieved", "share"), [(100.0, 50), (108.0, 98)])
 def test_two_places_that_the_recording_does_not_tell_apart_are_told_with_their_odds(achieved, share):
     """16 of chi-square on both copies: the sign of the difference is kept in 98 % of repeated noise."""
-    winner = replace(spot("middle", 0.4, 2.0, achieved), elsewhere=spot("end", 0.1, 0.5, 100.0))
+    winner = replace(spot("middle", 0.4, 2.0, achieved), rival_place=spot("end", 0.1, 0.5, 100.0))
     entry = Round(SimpleNamespace(), made(name="null"), (winner,), winner, source=Source("nowhere", {}))
     (text,) = place_cautions([entry], "mm")
     assert f"softer (0.5) within 0.2 mm of (0.1, 0.3, 0.1) mm. Odds {share}:{100 - share}" in text
-    assert place_cautions([replace(entry, winner=replace(winner, elsewhere=None))], "mm") == []
+    assert place_cautions([replace(entry, winner=replace(winner, rival_place=None))], "mm") == []
+    assert are_opposite(winner, winner.rival_place)
+    assert not are_opposite(winner, spot("middle again", 0.41, 1.9, 100.0))
 
 
 def made_evidence(q):

@@ -37,7 +37,7 @@ class Rival:
     crossed : where both copies had to judge, its fit on the copy for choosing after a refit on the other one; heldout
     is the sum of both drops then, achieved_on_other what that refit achieved
     failed_on_one_copy : both copies had to judge, and there is no answer on one: it decides nothing
-    elsewhere : of a place, the refit at another one that the recording does not tell from it
+    rival_place : of a place, the refit at another one that the recording does not tell from it
     null : the fit without it; practical : the size below which it is not named
     """
 
@@ -49,7 +49,7 @@ class Rival:
     crossed_judgement: Misfit | None = None
     achieved_on_other: float = 0.0
     failed_on_one_copy: bool = False
-    elsewhere: Rival | None = None
+    rival_place: Rival | None = None
     null: Fit | None = None
     practical: PracticalSize = field(kw_only=True)
 

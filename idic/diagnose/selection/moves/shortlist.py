@@ -59,10 +59,18 @@ def from_other_starts(selected: Selected) -> State | None:
         return None
     former = selected.winner
     is_lower = former.copies == 1 and rival.achieved > former.achieved + MIN_HELDOUT_DROP
-    winner, other = (rival, former) if is_lower else (former, rival)
-    if is_place(other) and other.determined and lead_of(winner, other) < noise_of_evidence(winner):
-        return with_winner(selected, replace(winner, elsewhere=other))
+    winner, alternative = (rival, former) if is_lower else (former, rival)
+    if (are_opposite(winner, alternative) and alternative.determined
+            and lead_of(winner, alternative) < noise_of_evidence(winner)):
+        return with_winner(selected, replace(winner, rival_place=alternative))
     return with_winner(selected, winner) if is_lower else None
+
+
+def are_opposite(first: Rival, second: Rival) -> bool:
+    """Whether of two refits of a place one ended softer and one stiffer; both may have come to the same place."""
+    variant = first.ranked.variant
+    return is_place(first) and any((first.refitted.values[name] - variant.null[name])
+                                   * (second.refitted.values[name] - variant.null[name]) < 0.0 for name in variant.new)
 
 
 def is_place(rival: Rival) -> bool:
