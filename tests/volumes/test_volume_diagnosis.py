@@ -105,7 +105,7 @@ def test_a_concealed_inclusion_is_found_at_its_place(tmp_path, centre_mm, stiffn
     for name, true in zip(("x", "y", "z", "radius", "stiffness"), (*centre_mm, RADIUS_MM, stiffness), strict=True):
         entry = parameters[f"BODY.inclusion.{name}"]
         assert entry["value"] == pytest.approx(true, abs=3.0 * entry["std"]), name
-    assert parameters["BODY.inclusion.z"]["std"] < 0.04
+    assert parameters["BODY.inclusion.z"]["std"] < 0.06
     assert parameters["BODY.E"]["value"] == pytest.approx(70000.0, abs=3.0 * parameters["BODY.E"]["std"])
     assert (run / "figures" / "diagnosis_where.png").exists() and (run / "diagnosis.html").exists()
 
