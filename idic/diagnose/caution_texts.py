@@ -9,9 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from scipy import stats
 
 from idic.diagnose.diagnosis import Diagnosis
 from idic.diagnose.discretisation.combinations import BRICKS, FINITE_STRAINS
+from idic.diagnose.locate.place import in_words
 from idic.diagnose.next_test import reason_against_continuation
 from idic.diagnose.physics.candidate import MESH_TOO_COARSE
 from idic.diagnose.physics.edits import open_share
@@ -19,7 +21,7 @@ from idic.diagnose.refits.refit import MAX_EVALUATIONS, MAX_FAILED_SIMULATIONS
 from idic.diagnose.residual.excess_left import MAX_EXCESS_LEFT, MAX_LOCAL_EXCESS_LEFT, MIN_EXCESS_Z, ExcessLeft
 from idic.diagnose.residual.heldout import Misfit
 from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
-from idic.diagnose.selection.rival import NO_CAUSE, Round, winners, with_winners
+from idic.diagnose.selection.rival import NO_CAUSE, Round, lead_of, winners, with_winners
 from idic.identification import Identification, z_text
 from idic.laws import get_law
 from idic.model import pixel_size
@@ -232,6 +234,27 @@ def formal_fit(excesses: Sequence[ExcessLeft]) -> list[str]:
             f"({z_text(excess.after.excess_z)} standard deviations{part}).{look}"]
 
 
+def place_cautions(rounds: Sequence[Round], unit: str) -> list[str]:
+    """Places that the recording does not tell from those of the selected candidates, with the odds of the two.
+
+    The chi-square D between two models keeps its sign with the probability Phi(D^1/2 / 2) in repeated noise
+    (`noise_of_evidence`).
+    """
+    texts = []
+    for _, winner in with_winners(rounds):
+        if winner.rival_place is None:
+            continue
+        spot = {name.rpartition(".")[2]: value for name, value in winner.rival_place.refitted.values.items()
+                 if name in winner.rival_place.own_unknowns}
+        kind = "softer" if spot["stiffness"] < 1.0 else "stiffer"
+        share = round(100.0 * stats.norm.cdf(np.sqrt(max(lead_of(winner, winner.rival_place), 0.0)) / 2.0))
+        texts.append(f"The recording does not tell the place of the inclusion from another: {kind} "
+                     f"({spot['stiffness']:.2g}) within {spot['radius']:.2g} {unit} of "
+                     f"{in_words([spot[axis] for axis in 'xyz' if axis in spot])} {unit}. Odds {share}:{100 - share} "
+                     "for the first.")
+    return texts
+
+
 def search_cautions(status: str, base_excess: float, enriched_excess: float, std: float) -> list[str]:
     """Where the identification had not converged, and where the enriched model explains motions worse.
 
@@ -353,6 +376,7 @@ CAUTIONS: tuple[Callable[[Diagnosis], list[str]], ...] = (  # in the order in wh
     _convergence,
     _margin,
     lambda diagnosis: formal_fit(diagnosis.remainder.local),
+    lambda diagnosis: place_cautions(diagnosis.rounds, diagnosis.identification.experiment.model.length_unit),
     _few_elements,
     lambda diagnosis: softening_caution(diagnosis.rounds),
     _not_simulated,

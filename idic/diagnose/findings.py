@@ -13,6 +13,7 @@ from idic.diagnose.locate.active_elements import Activity
 from idic.diagnose.locate.mismatch_words import MOTION, mismatch_words
 from idic.diagnose.locate.place import clusters, element_centres, in_words
 from idic.diagnose.residual.excess_left import effect
+from idic.diagnose.screen.local_residual import new_inclusions
 from idic.diagnose.screen.select import MAX_FAMILYWISE_P, Ranked
 from idic.diagnose.selection.rival import Rival, winners
 from idic.fe import Mesh
@@ -50,9 +51,13 @@ def mismatch_content(diagnosis: Diagnosis) -> dict:
     found_by = shown_by(diagnosis)
     words = mismatch_words(diagnosis.mismatch, selected, found_by and f"{_titles(diagnosis)} by {found_by}",
                            unexplained(diagnosis), diagnosis.identification.experiment.model.length_unit)
+    centre = inclusion_elsewhere(diagnosis)
+    of_inclusion = () if centre is None else (
+        f"The fitted inclusion lies at {centre}: the strongest sources are around it, where the identified "
+        "parameters have taken a part of it.",)
     return content | {"place": place_in_words(diagnosis), "figure": figure, "active": _active(diagnosis),
                       "located": None if diagnosis.mismatch is None else diagnosis.mismatch.is_significant,
-                      "shown_by": found_by, "words": list(words)}
+                      "shown_by": found_by, "words": [*words, *of_inclusion]}
 
 
 def shown_by(diagnosis: Diagnosis) -> str | None:
@@ -112,6 +117,8 @@ def place_in_words(diagnosis: Diagnosis) -> str | None:
         return None
     if _everywhere(diagnosis):
         return None
+    if centre_text := inclusion_elsewhere(diagnosis):
+        return f"around {centre_text}"
     mesh, unit = diagnosis.identification.experiment.model.mesh, diagnosis.identification.experiment.model.length_unit
     if len(mismatch.elements) > MAX_PLACE_SHARE * mesh.n_elements:
         return (None if diagnosis.active is None else
@@ -121,6 +128,25 @@ def place_in_words(diagnosis: Diagnosis) -> str | None:
                if len(part) > MIN_CLUSTER_SHARE * len(parts[0])]
     points = [in_words(centre, size=mesh.size) for centre in centres[:MAX_PLACES]]
     return f"around {' and '.join(points)} {unit}" + (" and elsewhere" if len(centres) > MAX_PLACES else "")
+
+
+def inclusion_elsewhere(diagnosis: Diagnosis) -> str | None:
+    """Centre of the inclusion that is the first cause, where it touches no source element; None elsewhere.
+
+    A stiff inclusion whose mean the identified modulus has taken leaves a body that is too soft around it: the sources
+    then are the ends of the bar, and only refits tell the two apart.
+    """
+    first, mismatch = diagnosis.first_cause, diagnosis.mismatch
+    if (first is None or first.winner is None or first.winner.ranked.variant.form != "inclusion" or mismatch is None
+            or mismatch.place is None):
+        return None
+    identified, fitted = diagnosis.identification.experiment, diagnosis.state.final or diagnosis.state.model
+    model, n_axes = identified.model, 3 if identified.recording.quantity == "volume" else 2  # images show no depth
+    sources = element_centres(model.mesh)[mismatch.place.elements][:, :n_axes]
+    for centre, radius in new_inclusions(identified, fitted.source.load(), fitted.fit.values):
+        if np.linalg.norm(sources - centre[:n_axes], axis=1).min() > radius:
+            return f"{in_words(centre[:n_axes], size=model.mesh.size)} {model.length_unit}"
+    return None
 
 
 def _everywhere(diagnosis: Diagnosis) -> bool:

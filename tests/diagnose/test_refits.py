@@ -7,25 +7,30 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy import sparse
 from side_twins import ANY_SIZE, TOML, Side, write_folder
 
 from idic.diagnose import (
-    Candidate, Fit, JUDGEMENT, Misfit, Ranked, RefitJob, Rival, Round, Variant, residual_evidence, run_refit,
+    Candidate, Columns, Evidence, Fit, JUDGEMENT, Misfit, Ranked, RefitJob, Rival, Round, ScoreColumn, Variant,
+    residual_evidence, run_refit, screen_candidates,
 )
+from idic.diagnose.caution_texts import place_cautions
 from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.refits.refit import (
     EarlyStop, GIVEN_UP, MAX_BODY_EVALUATIONS, MIN_BODY_EVALUATIONS, MIN_NULL_SHARE, Start, refit, refit_residual,
     residual_from_rest, warm_start,
 )
 from idic.diagnose.remainder import unlimited_excess
+from idic.diagnose.residual.evidence import FrameEvidence
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.residual.heldout import grid_of, pooled
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE
 from idic.diagnose.selection.moves.both_copies import judged_on_both, undecided
+from idic.diagnose.selection.moves.shortlist import are_opposite
 from idic.diagnose.selection.rival import judge
 from idic.diagnose.selection.rivals import (MAX_PARALLEL_REFITS, alternatives, most_body_evaluations, next_wave,
-                                             refitted)
+                                             opposite_place, refitted)
 from idic.diagnose.selection.state import Setting
 from idic.errors import NotConverged
 from idic.experiment_file import load_experiment
@@ -51,6 +56,56 @@ YIELD = Variant("yields", {}, ("sy", "H"), {"sy": np.inf, "H": 0.0}, {"sy": 20.0
 def test_a_refit_begins_where_the_score_expects_the_model():
     start = warm_start(ranked(STIFF, -1.5, bias={"E": 50.0}), {"E": 1000.0, "nu": 0.3})
     assert start == {"E": pytest.approx(1050.0), "nu": 0.3, "s": pytest.approx(1.3)}
+
+
+def test_a_place_that_seems_softer_is_tried_as_a_stiffer_one_elsewhere_too():
+    """A stiff middle and a soft end leave nearly the same motion; noise lets the end score higher."""
+    rng, n = np.random.default_rng(0), 12
+    middle, side = rng.standard_normal((2, 1, n))
+    fields = np.stack([-middle, middle + 0.1 * side, side], axis=-1)  # of the probes at three places, softer each
+    evidence = made_evidence((-2.0 * fields[0, :, 1] + 0.1 * side[0]) / np.sqrt(2.0))  # white: less the reference
+    columns = Columns(("end", "middle", "side"), fields, np.zeros((1, 1, 3)))
+    trials = [ScoreColumn(candidate("spot"), replace(STIFF, label=name, place=(0.0, 0.0, z)), name)
+              for name, z in zip(columns.names, (0.1, 0.4, 0.7), strict=True)]
+    screening = screen_candidates(evidence, columns.pick([]), trials, columns, practical=ANY_SIZE)
+    best = screening.ranked[0]
+    other = opposite_place(screening, best)
+    assert {best.label, other.label} == {"end", "middle"}
+    starts = {r.label: warm_start(r, {})["s"] for r in (best, other)}
+    assert starts["middle"] == pytest.approx(1.4, abs=0.05) and starts["end"] == pytest.approx(0.6, abs=0.05)
+    lawful = replace(screening, trials=tuple(replace(t, variant=replace(t.variant, place=None)) for t in trials))
+    assert opposite_place(lawful, best) is None
+
+
+def spot(name, z, stiffness, achieved):
+    """A refit of an inclusion at a height z that explains as much on both copies."""
+    fit, stem = leaving(50.0), "BODY.inclusion"
+    values = {"s": stiffness, f"{stem}.stiffness": stiffness, f"{stem}.radius": 0.2, f"{stem}.x": 0.1, f"{stem}.y": 0.3,
+              f"{stem}.z": z}
+    refitted_spot = made(name="spot", label=name, choice=fit, judgement=fit, values=values,
+                         stds=dict.fromkeys(values, 0.01))
+    variant = replace(STIFF, label=name, place=(0.1, 0.3, z))
+    return Rival(ranked(variant, name="spot"), refitted_spot, achieved, achieved, achieved, practical=ANY_SIZE)
+
+
+@pytest.mark.parametrize(("achieved", "share"), [(100.0, 50), (108.0, 98)])
+def test_two_places_that_the_recording_does_not_tell_apart_are_told_with_their_odds(achieved, share):
+    """16 of chi-square on both copies: the sign of the difference is kept in 98 % of repeated noise."""
+    winner = replace(spot("middle", 0.4, 2.0, achieved), rival_place=spot("end", 0.1, 0.5, 100.0))
+    entry = Round(SimpleNamespace(), made(name="null"), (winner,), winner, source=Source("nowhere", {}))
+    (text,) = place_cautions([entry], "mm")
+    assert f"softer (0.5) within 0.2 mm of (0.1, 0.3, 0.1) mm. Odds {share}:{100 - share}" in text
+    assert place_cautions([replace(entry, winner=replace(winner, rival_place=None))], "mm") == []
+    assert are_opposite(winner, winner.rival_place)
+    assert not are_opposite(winner, spot("middle again", 0.41, 1.9, 100.0))
+
+
+def made_evidence(q):
+    """One frame of unit weights with this right-hand side, one silent channel."""
+    part = FrameEvidence(sparse.csr_array(sparse.eye_array(len(q))), q, np.zeros(1), np.zeros((len(q) + 1, 0)),
+                         np.zeros((0, 0)), np.zeros(0))
+    return Evidence(np.array([1]), np.arange(len(q)), np.ones(1), np.tile(np.eye(2), (1, len(q) // 2, 1, 1)),
+                    np.ones(1), 1.0, 100, (part,))
 
 
 def test_a_promise_beyond_first_order_is_cut():

@@ -12,9 +12,8 @@ from idic.fe import Block
 from idic.images import ArrayVolumes
 from idic.run import diagnose_run, identify_run
 
-CENTRE_MM, RADIUS_MM = np.array([0.25, 0.46, 0.50]), 0.18
-INCLUSION = (f'\n[[heterogeneity]]\nset = "BODY"\nform = "inclusion"\ncentre_mm = {CENTRE_MM.tolist()}\n'
-             f"radius_mm = {RADIUS_MM}\nstiffness = 2.5\n")
+RADIUS_MM, TRUE_MESH = 0.18, (12, 20)
+STIFF_MIDDLE, SOFT_END = ((0.25, 0.46, 0.50), 2.5), ((0.36, 0.38, 0.08), 0.5)
 
 
 def test_sums_of_a_residual_are_those_of_its_scan():
@@ -77,11 +76,16 @@ def test_two_copies_of_volumes_have_the_recording_as_their_mean(bar):
     assert copies[0].noise.std_gv == pytest.approx(np.sqrt(2.0) * experiment.recording.noise.std_gv)
 
 
-def diagnosed(folder, hidden, **scanner):
-    test = Tomograms(side=56, n_scans=6, strain=0.04, mesh=FINE, hidden=hidden, **scanner)
+def diagnosed(folder, hidden, quick=True, **scanner):
+    test = Tomograms(side=56, n_scans=6, strain=0.04, mesh=FINE, true_mesh=TRUE_MESH, hidden=hidden, **scanner)
     experiment = test.write(folder / "experiment")
     identify_run(experiment, folder / "run")
-    return diagnose_run(folder / "run", quick=True), folder / "run"
+    return diagnose_run(folder / "run", quick=quick), folder / "run"
+
+
+def inclusion(centre_mm, stiffness):
+    return (f'\n[[heterogeneity]]\nset = "BODY"\nform = "inclusion"\ncentre_mm = {list(centre_mm)}\n'
+            f"radius_mm = {RADIUS_MM}\nstiffness = {stiffness}\n")
 
 
 @pytest.mark.slow
@@ -91,13 +95,26 @@ def test_a_clean_test_has_no_alarm(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_concealed_inclusion_is_told_as_heterogeneous_stiffness(tmp_path):
-    """In so short a bar a stiff inclusion resembles soft ends: its place is not asked for."""
-    verdict, run = diagnosed(tmp_path, INCLUSION)
-    assert verdict["verdict"] != "none" and verdict["named"] == ["heterogeneity"] and not verdict["notes"]
+@pytest.mark.parametrize("centre_mm, stiffness", [STIFF_MIDDLE, SOFT_END])
+def test_a_concealed_inclusion_is_found_at_its_place(tmp_path, centre_mm, stiffness):
+    """In so short a bar a stiff inclusion moves the scans nearly as soft ends do."""
+    verdict, run = diagnosed(tmp_path, inclusion(centre_mm, stiffness), quick=False)
+    assert verdict["verdict"] == "single" and verdict["named"] == ["heterogeneity"] and not verdict["notes"]
     assert verdict["mismatch"]["side"] == "bulk" and verdict["mismatch"]["p_value"] < 1e-6
-    assert len(verdict["mismatch"]["centroid_mm"]) == 3
+    parameters = verdict["model"]["parameters_after"]
+    for name, true in zip(("x", "y", "z", "radius", "stiffness"), (*centre_mm, RADIUS_MM, stiffness), strict=True):
+        entry = parameters[f"BODY.inclusion.{name}"]
+        assert entry["value"] == pytest.approx(true, abs=3.0 * entry["std"]), name
+    assert parameters["BODY.inclusion.z"]["std"] < 0.06
+    assert parameters["BODY.E"]["value"] == pytest.approx(70000.0, abs=3.0 * parameters["BODY.E"]["std"])
     assert (run / "figures" / "diagnosis_where.png").exists() and (run / "diagnosis.html").exists()
+
+
+@pytest.mark.slow
+def test_a_concealed_gradient_is_found_along_its_axis(tmp_path):
+    verdict, _ = diagnosed(tmp_path, '\n[[heterogeneity]]\nset = "BODY"\nform = "gradient"\nalong_z = 0.6\n')
+    assert verdict["named"] == ["heterogeneity"] and verdict["candidates"][0]["form"] == "gradient"
+    assert "along z" in verdict["candidates"][0]["label"]
 
 
 DRIFT_PX = np.array([[0, 0, 0], [0, 0, 0], [3, -2, 1], [-2, 3, 2], [4, 1, -3], [1, -4, 2]]) / 20

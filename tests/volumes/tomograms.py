@@ -17,6 +17,7 @@ from idic.model import build_forward
 
 VOXEL_MM, ORIGIN_PX, NOISE_GV, CONTRAST_GV = 0.02, np.array([10.0, 9.0, 7.0]), 2.0, 30.0
 BLOB_PX, FORCE_NOISE = 1.6, 2.0
+STEP_MM = 1e-4  # of the differences for a deformation gradient
 COARSE, FINE = (3, 5), (5, 8)
 ELASTIC = ('law = "elastic"\nE = {{ value = {E}, unit = "MPa", identify = true }}\n'
            "nu = {{ value = {nu}, identify = true }}\n")
@@ -26,8 +27,9 @@ TRUTH = {"E": 70000.0, "nu": 0.33}
 @dataclass(frozen=True)
 class Tomograms:
     """side : voxels of a cube; n_scans : with the two at rest; drift : (n_scans, 3) voxels, motion of each scan;
-    growth : (n_scans,) of all lengths in each scan, about the middle of the volume; seed : of texture and noise; mesh :
-    elements across and along of the user's mesh; hidden : tables of the truth alone; strain : at the end"""
+    growth : (n_scans,) of all lengths in each scan, about the middle of the volume; seed : of texture and noise; mesh,
+    true_mesh : elements across and along, of the user and of the truth; hidden : tables of the truth alone; strain : at
+    the end"""
 
     side: int = 44
     n_scans: int = 4
@@ -36,6 +38,7 @@ class Tomograms:
     extra: str = field(default="")
     seed: int = 3
     mesh: tuple[int, int] = COARSE
+    true_mesh: tuple[int, int] = FINE
     hidden: str = ""
     strain: float = 0.012
 
@@ -48,7 +51,7 @@ class Tomograms:
         """Mesh, log, scans and experiment.toml."""
         (folder / "scans").mkdir(parents=True)
         self._mesh(self.mesh, folder / "mesh.inp")
-        self._mesh(FINE, folder / "fine.inp")
+        self._mesh(self.true_mesh, folder / "fine.inp")
         stroke = np.concatenate([[0.0], np.linspace(0.0, self.strain * self.size_mm[2], self.n_scans - 1)])
         log = np.column_stack([60.0 * np.arange(self.n_scans), stroke, 0.0 * stroke])
         _write_log(folder, log)
@@ -107,7 +110,7 @@ class Tomograms:
 
     def _carried(self, points: np.ndarray, cells: np.ndarray, motion: np.ndarray) -> np.ndarray:
         """Points after the motion of the fine mesh, whose elements beyond the bar go on straight  # (n, 3) mm"""
-        n, nz = FINE
+        n, nz = self.true_mesh
         width, depth, length = self.size_mm
         layers = self._waist(np.linspace(0.0, length, nz + 1))
         c = np.clip((points[:, 2] / length * nz).astype(int), 0, nz - 1)
@@ -123,28 +126,41 @@ class Tomograms:
         points = rng.uniform(-0.2, self.size_mm + 0.2, (n_blobs, 3))
         heights, scale = rng.normal(size=n_blobs), None
         for k, motion in enumerate(motions):
-            places = self._carried(points, cells, motion) / VOXEL_MM + ORIGIN_PX
-            places = places if self.drift is None else places + self.drift[k]
-            if self.growth is not None:
-                places = places + self.growth[k] * (places - 0.5 * (self.side - 1))
-            texture = rendered(places, heights, self.side)
+            places = self._places(points, cells, motion, k)
+            F = np.stack([self._places(points + way, cells, motion, k) - self._places(points - way, cells, motion, k)
+                          for way in STEP_MM * np.eye(3)], axis=-1) * VOXEL_MM / (2.0 * STEP_MM)
+            texture = rendered(places, heights, self.side, np.linalg.inv(F))
             scale = CONTRAST_GV / texture.std() if scale is None else scale
             image = 128.0 + scale * texture + NOISE_GV * rng.normal(size=texture.shape)
             np.save(folder / "scans" / f"scan_{k:02d}.npy", np.clip(np.rint(100.0 * image), 0, 65535).astype(np.uint16))
 
+    def _places(self, points: np.ndarray, cells: np.ndarray, motion: np.ndarray, k: int) -> np.ndarray:
+        """Where scan k shows material points  # (n, 3) mm -> (n, 3) voxels"""
+        places = self._carried(points, cells, motion) / VOXEL_MM + ORIGIN_PX
+        places = places if self.drift is None else places + self.drift[k]
+        return places if self.growth is None else places + self.growth[k] * (places - 0.5 * (self.side - 1))
 
-def rendered(places: np.ndarray, heights: np.ndarray, side: int) -> np.ndarray:
-    """The sum of Gaussian blobs at places (n, 3: column, row, slice)  # (side, side, side)"""
+
+def rendered(places: np.ndarray, heights: np.ndarray, side: int, inverse: np.ndarray) -> np.ndarray:
+    """The sum of Gaussian blobs that the material has stretched  # (side, side, side)
+
+    places : (n, 3) column, row, slice; inverse : (n, 3, 3) of the deformation gradients. Blobs that keep their shape
+    move by 0.006 voxels otherwise than the material between them, at a strain of 4 %.
+    """
     reach = int(np.ceil(4 * BLOB_PX))
     rim = 2 * reach + 2
     volume = np.zeros((side + 2 * rim,) * 3)
     inside = ((places > -reach) & (places < side + reach - 1)).all(axis=1)
-    for place, height in zip(places[inside], heights[inside], strict=True):
+    line = np.arange(2 * reach + 1.0)
+    for place, height, G in zip(places[inside], heights[inside], inverse[inside] / BLOB_PX, strict=True):
         first = np.floor(place).astype(int) - reach
-        x, y, z = (np.exp(-0.5 * ((first[d] + np.arange(2 * reach + 1) - place[d]) / BLOB_PX) ** 2) for d in range(3))
+        x, y, z = (first + line[:, None] - place).T
+        metric = G.T @ G
+        square = (metric[0, 0] * x**2 + 2.0 * y[:, None] * metric[0, 1] * x + metric[1, 1] * y[:, None] ** 2
+                  + (2.0 * z * (metric[0, 2] * x + metric[1, 2] * y[:, None])[..., None]).transpose(2, 0, 1)
+                  + metric[2, 2] * z[:, None, None] ** 2)
         a, b, c = first + rim
-        box = slice(c, c + 2 * reach + 1), slice(b, b + 2 * reach + 1), slice(a, a + 2 * reach + 1)
-        volume[box] += height * z[:, None, None] * y[None, :, None] * x[None, None, :]
+        volume[c:c + len(z), b:b + len(y), a:a + len(x)] += height * np.exp(-0.5 * square)
     return volume[rim:rim + side, rim:rim + side, rim:rim + side]
 
 

@@ -195,6 +195,7 @@ class _CameraPasses:
         self.maps = _ResidualMaps(context, [response.frame for response in responses], motions)
         self.sums = [self.maps.compare(t) for t in range(len(self.maps))]
         self.seen = _seen_dofs(self.sums[0])
+        self.pattern: tuple[np.ndarray, sparse.csr_array] | None = None
         self.back = np.array([context.reference.pull_back(equations) for equations in self.sums])
         self.inverse_variance = 1.0 / context.weights.image_noise**2
         self.local_columns = [view.columns(nodes, response.u, response.local_du)
@@ -251,6 +252,19 @@ class _CameraPasses:
         if not _is_grey(self.context):
             return 0
         return grey_image(self.context).layout(brightness).n_columns
+
+    def taken_matrix(self, t: int) -> sparse.csr_array:
+        """H of a frame at the seen dofs, which its sums hold no longer.
+
+        Frames whose matrices have one pattern share its indices: of a volume they are larger than the values.
+        """
+        H = self.sums[t].H
+        self.sums[t] = replace(self.sums[t], H=sparse.csr_array((0, 0)))
+        if self.pattern is None or self.pattern[0] is not H.indices:
+            entries = sparse.csr_array((np.arange(H.nnz), H.indices, H.indptr), shape=H.shape)
+            self.pattern = H.indices, sparse.csr_array(entries[self.seen][:, self.seen])
+        places = self.pattern[1]
+        return sparse.csr_array((H.data[places.data], places.indices, places.indptr), shape=places.shape)
 
     def white(self, t: int, root: float, c: float) -> tuple[np.ndarray, np.ndarray]:
         """Right-hand sides of the nodes and of brightness in a white frame."""
@@ -323,9 +337,11 @@ def _part(passes: Sequence[_CameraPasses], t: int, root: float, c: float, rows, 
     matrices, row, column, light = [], 0, m, 0.0
     for camera, n, nb in zip(passes, sizes, n_light, strict=True):
         share, dofs, local_columns = camera.sums[t], camera.seen, camera.local_columns[t][camera.seen]
+        matrix = camera.taken_matrix(t)
         at, levels = slice(row, row + n), slice(column, column + nb)
         right, bright = camera.white(t, root, c)
-        matrices.append(sparse.csr_array(share.H[dofs][:, dofs]) * camera.inverse_variance)
+        matrix.data *= camera.inverse_variance
+        matrices.append(matrix)
         border[at, :m] = matrices[-1] @ local_columns
         border[at, levels] = share.hb[dofs].toarray() * camera.inverse_variance
         q.append(right[dofs] * camera.inverse_variance)

@@ -34,7 +34,7 @@ def local_residual_tests(base: ResidualEvidence, enriched: ResidualEvidence, gri
     margin : of the recording, by region
     """
     excesses = []
-    for centre, radius in _new_inclusions(base.context.experiment, enriched.context.experiment, values):
+    for centre, radius in new_inclusions(base.context.experiment, enriched.context.experiment, values):
         circles = _in_images(base, centre, radius)
         margin_px = float((grid.extent / grid.cells).max())
         # a camera of its own sees other nodes
@@ -47,9 +47,9 @@ def local_residual_tests(base: ResidualEvidence, enriched: ResidualEvidence, gri
     return excesses
 
 
-def _new_inclusions(base: Experiment, enriched: Experiment,
-                    values: Mapping[str, float]) -> Iterator[tuple[np.ndarray, float]]:
-    """Centre (dim,) and radius, mm."""
+def new_inclusions(base: Experiment, enriched: Experiment,
+                   values: Mapping[str, float]) -> Iterator[tuple[np.ndarray, float]]:
+    """Centre (dim,) and radius, mm, of every inclusion that the identified model lacks."""
     names = {(entry.element_set, entry.name) for entry in base.model.heterogeneities}
     for entry in enriched.model.heterogeneities:
         stem = f"{entry.element_set}.{entry.name}"

@@ -37,6 +37,7 @@ class Rival:
     crossed : where both copies had to judge, its fit on the copy for choosing after a refit on the other one; heldout
     is the sum of both drops then, achieved_on_other what that refit achieved
     failed_on_one_copy : both copies had to judge, and there is no answer on one: it decides nothing
+    rival_place : of a place, the refit at another one that the recording does not tell from it
     null : the fit without it; practical : the size below which it is not named
     """
 
@@ -48,6 +49,7 @@ class Rival:
     crossed_judgement: Misfit | None = None
     achieved_on_other: float = 0.0
     failed_on_one_copy: bool = False
+    rival_place: Rival | None = None
     null: Fit | None = None
     practical: PracticalSize = field(kw_only=True)
 
@@ -274,6 +276,13 @@ def leaves_something(misfit: Misfit) -> bool:
 def within_noise(rival: Rival, winner: Rival) -> bool:
     """Whether the difference of two refits is not told (`noise_of_evidence`)."""
     return abs(winner.evidence - rival.evidence) < noise_of_evidence(winner)
+
+
+def lead_of(winner: Rival, rival: Rival) -> float:
+    """Chi-square by which a winner is ahead of another refit of its candidate, on both copies."""
+    if winner.copies == rival.copies:
+        return winner.evidence - rival.evidence
+    return COPIES * (winner.achieved - rival.achieved)
 
 
 def noise_of_evidence(winner: Rival) -> float:

@@ -14,8 +14,9 @@ from idic.diagnose.refits.refit import (MAX_BODY_EVALUATIONS, MAX_STARTS, MIN_BO
                                         warm_start)
 from idic.diagnose.refits.refit_job import ExperimentSource, RefitJob, Refits
 from idic.diagnose.residual.subspace import Grid
+from idic.diagnose.residual.thinning import drop_on_copy
 from idic.diagnose.screen.select import MAX_SHORTLIST, Ranked, Screening
-from idic.diagnose.selection.rival import MIN_KEPT_SHARE, Rival
+from idic.diagnose.selection.rival import MIN_KEPT_SHARE, Rival, noise_of_evidence
 
 MAX_PARALLEL_REFITS = 2  # refits side by side after the first: the fewer, the better the bar is known
 MIN_GAIN_OVER_LIMIT = 1.1  # times the promise of its limit: a larger model is refitted as well
@@ -191,6 +192,24 @@ def starting_variants(screening: Screening, candidate: Candidate, best: Variant)
     return [best, *(variant for _, variant in ordered)][:MAX_STARTS]
 
 
+def opposite_place(screening: Screening, ranked: Ranked) -> Ranked | None:
+    """The best place of a candidate with the opposite sign of its amplitude; None where no place asks for that.
+
+    A stiff inclusion in the middle of a bar and a soft one at its end leave nearly the same motion: which of the two
+    has the higher score, noise decides, and a search from the one does not come to the other.
+    """
+    scores = screening.scores
+    opposite = [i for i, trial in enumerate(screening.trials)
+                if trial.candidate.name == ranked.candidate.name and trial.variant.new == ranked.variant.new
+                and trial.variant.place is not None and scores.U[i] * ranked.amplitude < 0.0]
+    if not opposite:
+        return None
+    best = max(opposite, key=lambda i: abs(scores.z[i]))
+    return replace(ranked, best=best, variant=screening.trials[best].variant, label=screening.trials[best].name,
+                   amplitude=float(scores.expected_change[best]), std=float(scores.std[best]),
+                   gain=drop_on_copy(scores.gain([best]), 1), bias=scores.bias_uncovered(best))
+
+
 def refit_of_candidate(source: ExperimentSource, null: Fit, ranked: Ranked, screening: Screening, refits: Refits,
                        grid: Grid,
                        seed: int, values: Mapping[str, float]) -> Rival:
@@ -208,17 +227,27 @@ def refit_of_candidate(source: ExperimentSource, null: Fit, ranked: Ranked, scre
 
 def refitted_from_other_starts(source: ExperimentSource, null: Fit, winner: Rival, screening: Screening,
                                refits: Refits, grid: Grid, seed: int) -> Rival | None:
-    """A law that was selected and leaves a good part, from its other starts; None where it has none, or none of them
-    finds an answer."""
+    """What was selected, from its other starts: a law that leaves a good part from its other variants; a place that
+    leaves one, or that the score does not tell apart, from the best one of the opposite sign. None where it has none,
+    or none of them finds an answer."""
     answer, ranked = winner.refitted, winner.ranked
-    if winner.copies > 1 or not ranked.candidate.changes_law or answer.choice is None:
+    if answer.choice is None:
         return None
-    if answer.choice.room < MAX_ROOM_SHARE * winner.achieved:
+    leaves_part = answer.choice.room >= MAX_ROOM_SHARE * winner.achieved
+    if (place := opposite_place(screening, ranked)) is not None:
+        if not leaves_part and ranked.gain - place.gain > noise_of_evidence(winner):
+            return None
+        job = _job(source, null, place, [place.variant], True, np.inf, grid, seed, None)
+        ranked = place
+    elif ranked.candidate.changes_law and leaves_part and winner.copies == 1:
+        variants = [v for v in starting_variants(screening, ranked.candidate, ranked.variant)
+                    if v.label != answer.label]
+        if not variants:
+            return None
+        job = _job(source, null, ranked, variants, False, np.inf, grid, seed, None)
+    else:
         return None
-    variants = [v for v in starting_variants(screening, ranked.candidate, ranked.variant) if v.label != answer.label]
-    if not variants:
-        return None
-    (refit,) = refits([_job(source, null, ranked, variants, False, np.inf, grid, seed, None)])
+    (refit,) = refits([job])
     return _rival(ranked, refit, null, screening) if refit.usable else None
 
 

@@ -10,9 +10,11 @@ import numpy as np
 from idic.diagnose.residual.excess_left import effect
 from idic.diagnose.residual.measured_motion import MAX_REGISTER_PX, holds_motion
 from idic.diagnose.selection.move import Move
-from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival, Round, causes_of, judge
+from idic.diagnose.selection.rival import (
+    MIN_HELDOUT_DROP, Rival, Round, causes_of, judge, lead_of, noise_of_evidence,
+)
 from idic.diagnose.selection.rivals import refitted, refitted_from_other_starts
-from idic.diagnose.selection.state import OpenRound, Selected, State, improvable, open_round
+from idic.diagnose.selection.state import OpenRound, Selected, State, leading, open_round
 from idic.identification import Identification
 
 YIELD_STATES = ("plastic_strain",)
@@ -41,19 +43,39 @@ def judged_again(under_way: OpenRound) -> State:
     return judged(under_way.state, under_way.round)
 
 
+def has_other_starts(selected: Selected) -> bool:
+    """Whether the winner is fitted from other starts: a place always, a law not in a quick diagnosis."""
+    return not selected.state.setting.quick or is_place(selected.winner)
+
+
 def from_other_starts(selected: Selected) -> State | None:
     """The winner from its other starts: a stiffness that depends on direction has several minima over the angle of its
-    axis, and one that ends with half of what its score promised may be the wrong one."""
+    axis, an inclusion one for a stiff and one for a soft place."""
     state = selected.state
     rival = refitted_from_other_starts(state.model.source, state.model.fit, selected.winner,
                                        selected.round.screening, state.refits,
                                        state.setting.grid, state.setting.seed)
-    return None if rival is None else with_winner(selected, rival)
+    if rival is None:
+        return None
+    former = selected.winner
+    is_lower = former.copies == 1 and rival.achieved > former.achieved + MIN_HELDOUT_DROP
+    winner, alternative = (rival, former) if is_lower else (former, rival)
+    if (are_opposite(winner, alternative) and alternative.determined
+            and lead_of(winner, alternative) < noise_of_evidence(winner)):
+        return with_winner(selected, replace(winner, rival_place=alternative))
+    return with_winner(selected, winner) if is_lower else None
 
 
-def ends_lower(selected: Selected, tried: State) -> bool:
-    """Whether the winner of the tried state explains more where it was fitted, by more than noise."""
-    return tried.winner is not None and tried.winner.achieved > selected.winner.achieved + MIN_HELDOUT_DROP
+def are_opposite(first: Rival, second: Rival) -> bool:
+    """Whether of two refits of a place one ended softer and one stiffer; both may have come to the same place."""
+    variant = first.ranked.variant
+    return is_place(first) and any((first.refitted.values[name] - variant.null[name])
+                                   * (second.refitted.values[name] - variant.null[name]) < 0.0 for name in variant.new)
+
+
+def is_place(rival: Rival) -> bool:
+    """Whether a candidate has a place on the body."""
+    return rival.ranked.variant.place is not None
 
 
 def with_winner(selected: Selected, rival: Rival) -> State:
@@ -70,5 +92,5 @@ def has_state(identification: Identification, states: Collection[str]) -> bool:
 
 
 SHORTLIST = Move("refits of the shortlist", "refits_s", open_round, with_refits)
-OTHER_STARTS = Move("other starts", "refits_s", improvable, from_other_starts, accept=ends_lower)
+OTHER_STARTS = Move("other starts", "refits_s", leading, from_other_starts, has_other_starts)
 JUDGED = Move("judgement of the rivals", "refits_s", open_round, judged_again)
