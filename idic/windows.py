@@ -60,10 +60,10 @@ def _window_sum(image: np.ndarray, size: int) -> np.ndarray:
     for axis in (0, 1):
         sums = np.cumsum(_reflected(image, axis, size // 2 + 1, size - size // 2 - 1), axis=axis)
         n = image.shape[axis]
-        last, first = ([slice(None)] * axis + [slice(begin, begin + n)] for begin in (size, 0))
-        image = sums[tuple(last)] - sums[tuple(first)]
+        ends, begins = ([slice(None)] * axis + [slice(begin, begin + n)] for begin in (size, 0))
+        image = sums[tuple(ends)] - sums[tuple(begins)]
     return image
 
 
-def _reflected(image: np.ndarray, axis: int, ahead: int, behind: int) -> np.ndarray:
-    return np.pad(image, [(ahead, behind) if k == axis else (0, 0) for k in range(image.ndim)], mode="symmetric")
+def _reflected(image: np.ndarray, axis: int, n_ahead: int, n_behind: int) -> np.ndarray:
+    return np.pad(image, [(n_ahead, n_behind) if k == axis else (0, 0) for k in range(image.ndim)], mode="symmetric")

@@ -45,8 +45,8 @@ def mesh_overlay(
     low, high = everything.min(axis=0), everything.max(axis=0)
     span = np.maximum(high - low, 1.0)
     rows = float(np.clip(_WIDTH * span[1] / span[0] + 0.6, 2.5, _MAX_HEIGHT))
-    inside, outside = ([cell for cell, is_visible in zip(cells_px, visible, strict=True) if bool(is_visible) == wanted]
-                       for wanted in (True, False))
+    inside = [cell for cell, is_visible in zip(cells_px, visible, strict=True) if is_visible]
+    outside = [cell for cell, is_visible in zip(cells_px, visible, strict=True) if not is_visible]
     entries = [*([("masked", CYCLE[0], "shade")] if mask is not None else []),
                *([("outside the image", FAINT, "line")] if outside else []),
                *([("mesh", CYCLE[1], "line")] if inside else []), *_set_entries(sets_px)]

@@ -45,13 +45,13 @@ class Sheet:
         self._draw = ImageDraw.Draw(self._sheet)
         self._letters, self._small = _font(LETTERS), _font(SMALL_LETTERS)
         legend = self._legend_rows(entries, size_px[0])
-        left = round(LETTERS + self._width_of_ticks(low[1], high[1], size_px[1]) + 4 * PAD + TICK)
+        left_px = round(LETTERS + self._width_of_ticks(low[1], high[1], size_px[1]) + 4 * PAD + TICK)
         bottom = round(LETTERS + SMALL_LETTERS * (1 + 1.6 * len(legend)) + 5 * PAD + TICK)
-        room = np.array([size_px[0] - left - 4 * PAD, size_px[1] - bottom - 2 * PAD])
+        room = np.array([size_px[0] - left_px - 4 * PAD, size_px[1] - bottom - 2 * PAD])
         self._low, self._high, self._downwards = np.asarray(low, float), np.asarray(high, float), is_downwards
         self._scale = float((room / (self._high - self._low)).min())  # px per unit
         size = np.maximum(np.round(self._scale * (self._high - self._low)), 1).astype(int)
-        self._corner = (left + int(room[0] - size[0]) // 2, 2 * PAD + int(room[1] - size[1]) // 2)
+        self._corner = (left_px + int(room[0] - size[0]) // 2, 2 * PAD + int(room[1] - size[1]) // 2)
         self._panel = np.full((size[1], size[0], 3), 255, np.uint8)  # (rows, columns, RGB)
         self._draw_axes(labels)
         self._draw_legend(legend)
@@ -59,15 +59,15 @@ class Sheet:
     def image(self, grey: np.ndarray) -> None:
         """An image (ny, nx) whose pixels are one unit wide and centred at whole numbers; white where it is NaN."""
         low, high = np.nanpercentile(grey, (0.5, 99.5))
-        shown, is_inside = self._pixels_of(grey)
-        level = np.clip((shown - low) / max(high - low, 1e-12), 0.0, 1.0)
+        values, is_inside = self._pixels_of(grey)
+        level = np.clip((values - low) / max(high - low, 1e-12), 0.0, 1.0)
         is_seen = is_inside & np.isfinite(level)
         self._panel[is_seen] = np.round(255 * level[is_seen]).astype(np.uint8)[:, None]
 
     def shade(self, chosen: np.ndarray, colour: str) -> None:
         """A colour over the True pixels of an image (ny, nx)."""
-        shown, is_inside = self._pixels_of(chosen)
-        is_shaded = shown.astype(bool) & is_inside
+        values, is_inside = self._pixels_of(chosen)
+        is_shaded = values.astype(bool) & is_inside
         mixed = (1 - SHADE) * self._panel[is_shaded] + SHADE * np.array(_rgb(colour))
         self._panel[is_shaded] = np.round(mixed).astype(np.uint8)
 
@@ -122,27 +122,27 @@ class Sheet:
 
     # axes and legend ------------------------------------------------------------------------------
     def _draw_axes(self, labels: tuple[str, str]) -> None:
-        left, top = self._corner
+        left_px, top = self._corner
         height, width = self._panel.shape[:2]
-        right, bottom = left + width, top + height
-        self._draw.line([(left - 1, top), (left - 1, bottom), (right, bottom)], fill=GREY, width=LINE_WIDTH)
+        right, bottom = left_px + width, top + height
+        self._draw.line([(left_px - 1, top), (left_px - 1, bottom), (right, bottom)], fill=GREY, width=LINE_WIDTH)
         for value, text in _ticks(self._low[0], self._high[0], width):
-            at = left + self._scale * (value - self._low[0])
+            at = left_px + self._scale * (value - self._low[0])
             self._draw.line([(at, bottom), (at, bottom + TICK)], fill=GREY, width=LINE_WIDTH)
             self._draw.text((at, bottom + TICK + PAD / 2), text, BLACK, self._small, anchor="mt")
         widest = 0.0
         for value, text in _ticks(self._low[1], self._high[1], height):
             down = value - self._low[1] if self._downwards else self._high[1] - value
             at = top + self._scale * down
-            self._draw.line([(left - TICK, at), (left, at)], fill=GREY, width=LINE_WIDTH)
-            self._draw.text((left - TICK - PAD / 2, at), text, BLACK, self._small, anchor="rm")
+            self._draw.line([(left_px - TICK, at), (left_px, at)], fill=GREY, width=LINE_WIDTH)
+            self._draw.text((left_px - TICK - PAD / 2, at), text, BLACK, self._small, anchor="rm")
             widest = max(widest, self._small.getlength(text))
-        self._draw.text((left + width / 2, bottom + TICK + PAD + SMALL_LETTERS), labels[0], BLACK, self._letters,
+        self._draw.text((left_px + width / 2, bottom + TICK + PAD + SMALL_LETTERS), labels[0], BLACK, self._letters,
                         anchor="mt")
         upright = Image.new("RGB", (round(self._letters.getlength(labels[1])) + 2, round(1.4 * LETTERS)), "white")
         ImageDraw.Draw(upright).text((0, 0), labels[1], BLACK, self._letters)
         self._sheet.paste(upright.rotate(90, expand=True), (
-            round(left - TICK - 2 * PAD - widest - 1.4 * LETTERS), top + height // 2 - upright.width // 2))
+            round(left_px - TICK - 2 * PAD - widest - 1.4 * LETTERS), top + height // 2 - upright.width // 2))
 
     def _width_of_ticks(self, low: float, high: float, length: int) -> float:
         return max((self._small.getlength(text) for _, text in _ticks(low, high, length)), default=0.0)
