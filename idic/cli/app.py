@@ -98,9 +98,10 @@ FileStore = Annotated[str | None, typer.Option(
     help="Workers of the scheduler do not see this disk: files go through s3://bucket/prefix (any URL of fsspec), or "
          "\"driver\".")]
 RefusedStore = Annotated[str | None, typer.Option("--store", envvar="IDIC_STORE", hidden=True)]
-UsePrefect = Annotated[bool, typer.Option(
+UsePrefect = Annotated[bool | None, typer.Option(
     "--prefect/--no-prefect",
-    help="--no-prefect: no Prefect server and no flow.")]
+    help="A Prefect flow, and a server whose pages show it [default: where a terminal shows the address of the pages, "
+         "or PREFECT_API_URL names a server].", show_default=False)]
 SensitivityOption = Annotated[Sensitivity, typer.Option(
     help="direct: derivatives of the equilibrium; perturbed: one simulation per parameter.")]
 Bits = Annotated[int, typer.Option(help="Depth of the images: 8, 12 or 16 bit.")]
@@ -154,6 +155,15 @@ def orchestrator_of(prefect: bool) -> Orchestrator:
     from idic.run import DIRECT
 
     return DIRECT
+
+
+def is_watched(prefect: bool | None) -> bool:
+    """Whether a command runs as a Prefect flow: as the option says; without it where somebody can look at its pages."""
+    if prefect is not None:
+        return prefect
+    from idic.run import configured_url
+
+    return sys.stderr.isatty() or configured_url() is not None
 
 
 def exit_code(status: str) -> int:

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from idic.cli.app import (FileStore, MemoryLimit, Run, Scheduler, UsePrefect, Workers, app, orchestrator_of, terminal,
-                          wide_console)
+from idic.cli.app import (FileStore, MemoryLimit, Run, Scheduler, UsePrefect, Workers, app, is_watched,
+                          orchestrator_of, terminal, wide_console)
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 
@@ -20,7 +20,7 @@ def diagnose(
     memory_limit: MemoryLimit = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted diagnosis.")] = False,
     quick: Annotated[bool, typer.Option("--quick", help="Refit the most promising candidate alone.")] = False,
-    prefect: UsePrefect = True,
+    prefect: UsePrefect = None,
     store: FileStore = None,
 ) -> None:
     """Find the physics that is missing in the model; refit.
@@ -37,7 +37,7 @@ def diagnose(
         with progress_view(terminal(stderr=True), run, stages(quick)) as view:
             content = diagnose_run(run, resume=resume, quick=quick, console=Console(view.stage, remark=view.said),
                                    workplace=Workplace(workers, scheduler, memory_limit, store),
-                                   orchestrator=orchestrator_of(prefect))
+                                   orchestrator=orchestrator_of(is_watched(prefect)))
         console = terminal()
         for text in told(content):
             console.print(text, highlight=False, markup=False)

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from idic.cli.app import (AllowExternal, FileStore, MemoryLimit, Overrides, RefusedStore, Scheduler, Sensitivity,
-                          SensitivityOption, UsePrefect, Workers, app, exit_code, orchestrator_of, read_overrides,
-                          terminal)
+                          SensitivityOption, UsePrefect, Workers, app, exit_code, is_watched, orchestrator_of,
+                          read_overrides, terminal)
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome, paused
 
@@ -46,7 +46,7 @@ def identify(
     pause_after: Annotated[int | None, typer.Option(
         metavar="STAGE", help="Pause after this stage of the schedule; --resume continues with the next.")] = None,
     overrides: Overrides = None,
-    prefect: UsePrefect = True,
+    prefect: UsePrefect = None,
     report: Annotated[bool, typer.Option(
         "--report/--no-report",
         help="--no-report: results only; idic report RUN makes the page and its figures.")] = True,
@@ -59,8 +59,9 @@ def identify(
         if method is not None:
             overrides = [*(overrides or ()), f"options.method={method.value.replace('-', '_')}"]
         with _drawing_beside() as second:
-            result = _identify(experiments, out, resume, workers, scheduler, sensitivity, overrides, prefect, began,
-                               second if report else None, memory_limit, pause_after, store)
+            result = _identify(experiments, out, resume, workers, scheduler, sensitivity, overrides,
+                               is_watched(prefect), began, second if report else None, memory_limit, pause_after,
+                               store)
             _show_result(result, out, began, second if report else None)
         if "paused_after_stage" in result:
             typer.echo(paused(result["paused_after_stage"]), err=True)
@@ -72,7 +73,7 @@ def demo(
     out: Annotated[Path, typer.Option(help="Folder for experiment and run.")] = Path("idic-demo"),
     workers: Workers = None,
     scheduler: Scheduler = None,
-    prefect: UsePrefect = True,
+    prefect: UsePrefect = None,
     store: RefusedStore = None,
 ) -> None:
     """Identify a small built-in experiment with known truth."""
@@ -85,12 +86,13 @@ def demo(
         _clear_earlier_demo(out)
         typer.echo(f"writing a virtual tensile test with known parameters to {user_path(out / 'experiment')}")
         with _drawing_beside() as second:
-            with _server(prefect), _compiling_where_cold():
+            watched = is_watched(prefect)
+            with _server(watched), _compiling_where_cold():
                 from idic.virtual_tests import write_example
 
                 write_example("demo", out / "experiment")
                 result = _identify([out / "experiment"], run, False, workers, scheduler, Sensitivity.auto, None,
-                                   prefect, began, second)
+                                   watched, began, second)
             _show_result(result, run, began, second, out / "experiment" / "truth.json")
         raise typer.Exit(exit_code(result["status"]))
 

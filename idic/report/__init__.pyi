@@ -28,10 +28,8 @@ from .evidence.yield_surface import yield_surfaces
 from .figures.calibration import calibration_picture
 from .figures.law_curve import plot_law
 from .figures.maps import RESIDUAL_RANGE, bare, residual_window
-from .figures.style import (
-    BLACK, BLUE, CYCLE, DIVERGING, DPI, FAINT, GREY, MARKERS, ORANGE, Picture, RED, SEQUENTIAL, look, new_figure,
-    to_picture,
-)
+from .figures.picture import BLACK, BLUE, CYCLE, DPI, FAINT, GREY, ORANGE, Picture, RED
+from .figures.style import DIVERGING, MARKERS, SEQUENTIAL, look, new_figure, to_picture
 from .html import filled_in
 from .page import all_pictures, draw_sections, in_turn, parts, plan_sections, render_page
 from .residual_image import RANGE, residual_png

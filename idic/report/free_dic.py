@@ -7,7 +7,8 @@ from matplotlib.colors import Normalize
 
 from idic.report.figures import maps
 from idic.report.figures.profiles import is_profile
-from idic.report.figures.style import DIVERGING, SEQUENTIAL, Picture, look, to_picture
+from idic.report.figures.picture import Picture
+from idic.report.figures.style import DIVERGING, SEQUENTIAL, look, to_picture
 from idic.report.free_section import free_motion
 from idic.report.result.record import RunRecord
 

@@ -7,7 +7,8 @@ from matplotlib.axes import Axes
 
 from idic.report.figures.maps import noise_units
 from idic.report.figures.profiles import places
-from idic.report.figures.style import BLUE, FAINT, ORANGE, Picture, look, new_figure, to_picture
+from idic.report.figures.picture import BLUE, FAINT, ORANGE, Picture
+from idic.report.figures.style import look, new_figure, to_picture
 from idic.report.result.record import RunRecord
 
 

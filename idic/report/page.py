@@ -15,12 +15,12 @@ from idic.report.figures import charts, maps, matrices
 from idic.report.figures.camera_floor import camera_floor
 from idic.report.figures.frame_views import Slide, slides
 from idic.report.figures.hardening import hardening_curve, yield_surface
-from idic.report.figures.mesh_overlay import identified_mesh
+from idic.report.figures.mesh.overlay import identified_mesh
 from idic.report.figures.point_maps import point_maps
 from idic.report.figures.profiles import is_profile
 from idic.report.figures.relaxation import relaxation_curve
 from idic.report.figures.rubber import rubber_energy
-from idic.report.figures.style import Picture
+from idic.report.figures.picture import Picture
 from idic.report.figures.temperature_factor import temperature_dependence
 from idic.report.free_dic import free_dic
 from idic.report.html import filled_in

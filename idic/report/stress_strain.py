@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from idic.laws import PRODUCT_SIGN
-from idic.report.figures.style import BLUE, ORANGE, Picture, look, new_figure, to_picture
+from idic.report.figures.picture import BLUE, ORANGE, Picture
+from idic.report.figures.style import look, new_figure, to_picture
 from idic.report.result.record import LawCurve, RunRecord
 from idic.report.result.stress_scale import stress_unit
 from idic.report.result.words import number_text, two_digits

@@ -44,7 +44,7 @@ from .workers.dask_settings import cpu_seconds, use_one_thread
 from .workers.mirrored_runner import refuse_store
 from .workers.peak_memory import peak_memory_mb
 from .workers.precompiling import compiling_meanwhile
-from .workers.prefect_server import PASSWORD, PrefectServer, start_server
+from .workers.prefect_server import PASSWORD, PrefectServer, configured_url, start_server
 from .workers.runner import JobKillsWorkers, SerialRunner, TaskRunner
 from .workers.working_folder import empty_folder, in_empty_folder
 from .workers.workplace import Workplace
@@ -55,7 +55,8 @@ __all__ = [
     "JobKillsWorkers", "Orchestrator", "PrefectServer", "Prepared", "RunContext", "RunPoints", "RunStore",
     "SecondProcess", "SerialRunner", "SimulationJob", "TaskRunner", "Timing", "Workplace", "ZarrStack",
     "accepted_residual", "channels_of", "check_scheduler", "checked_memory_limit", "chosen_tables", "clean_run",
-    "compare_runs", "compiling_meanwhile", "correlation_context", "cpu_seconds", "diagnose_run", "diagnosis_content",
+    "compare_runs", "compiling_meanwhile", "configured_url", "correlation_context", "cpu_seconds", "diagnose_run",
+    "diagnosis_content",
     "drawing_beside", "empty_folder", "export_fields", "export_laws", "finite", "folders_of", "free_parameters",
     "group_name", "has_force", "headlines", "identify_batch", "identify_run", "identify_whole", "import_meanwhile",
     "in_empty_folder", "ingest", "is_held", "open_cluster", "open_run", "open_source", "peak_memory_mb",

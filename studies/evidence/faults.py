@@ -206,7 +206,8 @@ def server_losses(bench: Bench, number: int) -> None:
     expected = _undisturbed(bench)
     for k in range(number):
         run = bench.folder / f"server-{k}"
-        process = bench.command("identify", bench.experiment, "--out", run, "--workers", 1, "--no-report")
+        process = bench.command("identify", bench.experiment, "--out", run, "--workers", 1, "--no-report",
+                                "--prefect")
         while process.poll() is None and not members(process, SERVER):
             time.sleep(0.05)
         time.sleep(bench.rng.uniform(0.0, 15.0))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import json
+import subprocess
+import sys
 
 import meshio
 import numpy as np
@@ -175,6 +177,43 @@ def test_check_reports_the_region_that_will_be_correlated(folder, tmp_path):
     assert Image.open(io.BytesIO(report.overlay.png)).format == "PNG"
     text = "\n".join(report.lines())
     assert "SPECIMEN.E" in text and "force_kN" in text and "100 px per element" in text
+
+
+def test_the_picture_shows_the_mesh_where_it_lies_on_the_image(folder, tmp_path):
+    """Its outer lines, found by their colour, have the distances that they have in the image."""
+    experiment = load_experiment(folder)
+    drawn = np.asarray(Image.open(io.BytesIO(check(experiment).overlay.png)), dtype=int)
+    is_mesh = drawn[..., 0] - drawn[..., 2] > 60  # orange, also half of it, on grey
+    is_mesh[-120:] = False  # the legend
+    columns, rows = np.flatnonzero(is_mesh.mean(axis=0) > 0.3), np.flatnonzero(is_mesh.mean(axis=1) > 0.3)
+    sides = columns[-1] - columns[0], rows[-1] - rows[0]  # of 4 x 3 elements of 10 px
+    assert sides[0] / sides[1] == pytest.approx(4 / 3, rel=0.01)
+    grey = drawn[(drawn.max(axis=2) == drawn.min(axis=2)) & (drawn.max(axis=2) > 0) & (drawn.max(axis=2) < 255)]
+    assert len(grey) > 10_000  # pixels of the reference image
+
+
+def test_check_loads_no_matplotlib_and_the_filters_of_scipy_only_to_call_them(folder):
+    """Their import was a third of its time."""
+    code = """if True:
+        import sys
+        from idic.cli import main
+        from idic.experiment_file import load_experiment
+        from idic.report import check
+
+        def show_loaded(*names):
+            print("loaded:", [name for name in names if name in sys.modules])
+
+        show_loaded("scipy.ndimage", "scipy.special", "scipy.fft")
+        sys.argv = ["idic", "check", sys.argv[1]]
+        try:
+            main()
+        except SystemExit as end:
+            print("code:", end.code)
+        show_loaded("matplotlib", "cv2", "zarr", "prefect", "distributed")
+    """
+    answer = subprocess.run([sys.executable, "-c", code, str(folder)], capture_output=True, text=True)
+    assert answer.stdout.startswith("loaded: []\n") and answer.stdout.endswith("code: 0\nloaded: []\n"), answer
+    assert Image.open(folder / "check" / "mesh.png").size[0] > 500
 
 
 def test_check_sees_a_mesh_that_reaches_beyond_the_image(folder):

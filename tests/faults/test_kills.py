@@ -27,7 +27,8 @@ WAYS = {
 def start(way: str, small, run):
     if way == "command":
         return command_line(
-            "identify", small.experiment, "--out", run, "--workers", 2, *(["--resume"] if run.exists() else [])
+            "identify", small.experiment, "--out", run, "--prefect", "--workers", 2,
+            *(["--resume"] if run.exists() else [])
         )
     return plain_run(small.experiment, run, 2 if way == "workers" else 0)
 

@@ -207,3 +207,23 @@ def test_a_letter_that_the_terminal_does_not_have_ends_no_command(encoding, monk
     program.main()
     sys.stdout.flush()
     assert b"3" in sys.stdout.buffer.getvalue()
+
+
+def test_a_command_is_a_flow_where_somebody_can_look(tmp_path):
+    """A terminal shows the address of Prefect's pages; a configured server has them; the option decides."""
+    code = "from idic.cli.app import is_watched; print(is_watched(None), is_watched(True), is_watched(False))"
+    bare = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT_")}
+    bare["PREFECT_HOME"] = str(tmp_path)
+
+    def answer(stderr, **more):
+        return subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=stderr, text=True,
+                              env=bare | more).stdout.split()
+
+    terminal, far_end = os.openpty()
+    try:
+        assert answer(subprocess.PIPE) == ["False", "True", "False"]
+        assert answer(far_end) == ["True", "True", "False"]
+        assert answer(subprocess.PIPE, PREFECT_API_URL="http://127.0.0.1:4200/api") == ["True", "True", "False"]
+    finally:
+        os.close(terminal)
+        os.close(far_end)

@@ -20,8 +20,7 @@ ROOT = Path(__file__).parents[2]
 # Lower layers first. A room imports from lower layers and from itself; rooms of one layer do not see each other.
 LAYERS = [
     ["idic.errors", "idic.expressions", "idic.input_decks", "idic.inside", "idic.parameters", "idic.path_names",
-     "idic.remote_files",
-     "idic.studies"],
+     "idic.remote_files", "idic.studies", "idic.windows"],
     ["idic.images", "idic.laws"],
     ["idic.fe"],
     ["idic.model", "idic.readers"],

@@ -76,6 +76,7 @@ def test_a_run_longer_than_a_day_is_announced():
     (warning,) = cost.warnings()
     assert "about 3 days on one core" in warning and "--workers" in warning
     assert "this machine has 16 GB" in cost.line()
+    assert "this machine has 25.8 GB" in replace(cost, available=24 * 2**30).line()  # not 30: it is no estimate
 
 
 def test_cost_follows_what_drives_it(folder):

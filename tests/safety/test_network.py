@@ -120,7 +120,8 @@ def test_a_whole_run_connects_to_this_machine_only_and_listens_there_only(tmp_pa
     for name in [name for name in environment if name.startswith("PREFECT_")]:
         del environment[name]
     answer = subprocess.run([sys.executable, "-m", "idic", "identify", tmp_path / "test", "--out", tmp_path / "run",
-                             "--workers", "1"], env=environment, capture_output=True, text=True, timeout=900)
+                             "--prefect", "--workers", "1"], env=environment, capture_output=True, text=True,
+                            timeout=900)
     assert answer.returncode == 0, answer.stderr
     seen = [json.loads(line) for line in (tmp_path / "connections.txt").read_text().splitlines()]
     assert len({process for _, _, process in seen}) >= 3, "driver, worker and server"

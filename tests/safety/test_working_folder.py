@@ -62,7 +62,7 @@ def test_an_identification_obeys_no_file_of_the_working_folder(hostile_folder, t
     folder, marks = hostile_folder
     write_example("demo", tmp_path / "test", reduced=True)
     answer = start(folder, "-m", "idic", "identify", tmp_path / "test", "--out", tmp_path / "run", "--workers", "1",
-                   own_server=True)
+                   "--prefect", own_server=True)
     assert answer.returncode == 0, answer.stderr
     assert not list(marks.iterdir()) and "evil" not in answer.stderr
 

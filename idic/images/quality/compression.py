@@ -8,7 +8,7 @@ zeros. So the finest components of one position of the blocks are far smaller th
 from __future__ import annotations
 
 import numpy as np
-from scipy.fft import dctn
+import scipy
 
 BLOCK_PX = 8
 FINEST = 9  # sum of the two indices of a component, from which on it counts
@@ -38,7 +38,7 @@ def _finest(image: np.ndarray) -> float:
     """Mean size of the finest components in the blocks from the first pixel on."""
     rows, columns = (size // BLOCK_PX for size in image.shape)
     blocks = image[:rows * BLOCK_PX, :columns * BLOCK_PX].reshape(rows, BLOCK_PX, columns, BLOCK_PX)
-    transform = dctn(blocks, axes=(1, 3), norm="ortho")
+    transform = scipy.fft.dctn(blocks, axes=(1, 3), norm="ortho")
     index = np.arange(BLOCK_PX)
     fine = index[:, None] + index >= FINEST
     return float(np.abs(transform.transpose(0, 2, 1, 3)[..., fine]).mean())

@@ -7,7 +7,8 @@ autocorrelation that holds them is theirs and not that of the speckle.
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
+
+from idic.windows import window_all, window_any, window_mean
 
 MIN_DECADES = 0.5  # of the local contrast: uneven light and soft focus change it by less, a plain place by more
 BINS = 64  # of the logarithm of the local contrast
@@ -24,7 +25,7 @@ def patterned(image: np.ndarray, region: np.ndarray, window: int) -> np.ndarray:
     is no pattern where it is lower by `MIN_DECADES`, nor is a window beside it, which sees its edge.
     """
     values = np.where(region, image, image[region].mean())
-    mean, square = uniform_filter(values, window), uniform_filter(values**2, window)
+    mean, square = window_mean(values, window), window_mean(values**2, window)
     contrast = np.sqrt(np.maximum(square - mean**2, 0.0))
     top = float(contrast[region].max(initial=0.0))
     if not top > 0.0:
@@ -33,8 +34,8 @@ def patterned(image: np.ndarray, region: np.ndarray, window: int) -> np.ndarray:
     level = _two_classes(log[region])
     if level is None:
         return region
-    plain = minimum_filter(~region | (log < level), window)  # a gap between speckles is narrower than a window
-    patterned_pixels = region & ~maximum_filter(plain & region, 2 * window + EDGE_PX)
+    plain = window_all(~region | (log < level), window)  # a gap between speckles is narrower than a window
+    patterned_pixels = region & ~window_any(plain & region, 2 * window + EDGE_PX)
     return patterned_pixels if np.count_nonzero(patterned_pixels) > window**2 else region & (log >= level)
 
 

@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.fft
-import scipy.ndimage
+import scipy
 
 from idic.images.quality.patterned_region import patterned, without_trend
+from idic.windows import away_from_edges, weighted_along
 
 MAX_SHIFT_PX = 60  # of the autocorrelation: a coarser pattern is not a speckle
 SMOOTHING_PX = 1.0  # standard deviation, before the slopes of edges are taken
@@ -105,7 +105,7 @@ def edge_blur(image: np.ndarray, region: np.ndarray, noise_std: float = 0.0) -> 
         px; None where there is no pattern.
     """
     image, pattern = np.asarray(image, dtype=float), np.asarray(region, dtype=bool)
-    pattern = scipy.ndimage.binary_erosion(pattern & np.isfinite(image), iterations=4)
+    pattern = away_from_edges(pattern & np.isfinite(image), 4)
     if np.count_nonzero(pattern) < MIN_PIXELS:
         return None
     reach = np.arange(-4.0, 5.0)
@@ -115,9 +115,7 @@ def edge_blur(image: np.ndarray, region: np.ndarray, noise_std: float = 0.0) -> 
     for difference in (np.array([-0.5, 0.0, 0.5]), np.array([1.0, -2.0, 1.0])):
         taps = np.convolve(bell, difference)
         added = noise_std**2 * (taps**2).sum() * (bell**2).sum()
-        derivatives = [scipy.ndimage.correlate1d(scipy.ndimage.correlate1d(filled, taps, axis=axis), bell,
-                                                 axis=1 - axis)
-                       for axis in (0, 1)]
+        derivatives = [weighted_along(weighted_along(filled, taps, axis), bell, 1 - axis) for axis in (0, 1)]
         squares.append(sum(float((part[pattern] ** 2).mean()) for part in derivatives) - 2.0 * added)
     if not min(squares) > 0.0:
         return None

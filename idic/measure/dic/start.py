@@ -21,6 +21,7 @@ from idic.measure.far.consensus import agreed_motion
 from idic.measure.far.features import match_features
 from idic.fe import Block
 from idic.images import prefilter
+from idic.windows import smoothed
 
 BLURS_PX = (8.0, 4.0, 2.0)  # a blur of s px converges from starts within about s px
 _LENGTH_PER_BLUR = 12.0  # regularisation length over blur: a blurred image has no information on shorter waves
@@ -137,7 +138,7 @@ def binned(image: np.ndarray, factor: int) -> np.ndarray:
     """Means over squares of `factor` px, smoothed by a pixel of theirs  # (ny, nx) -> (ny / factor, nx / factor)"""
     ny, nx = (n // factor * factor for n in image.shape)
     cut = np.asarray(image[:ny, :nx], dtype=np.float32)
-    return scipy.ndimage.gaussian_filter(cut.reshape(ny // factor, factor, nx // factor, factor).mean(axis=(1, 3)), 1.0)
+    return smoothed(cut.reshape(ny // factor, factor, nx // factor, factor).mean(axis=(1, 3)), 1.0)
 
 
 def subset_centres(points: np.ndarray, shape: tuple[int, ...], side: int,

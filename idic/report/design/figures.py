@@ -10,7 +10,8 @@ from matplotlib.ticker import MaxNLocator
 
 from idic.report.design.words import MAX_STD_FAIR, MAX_STD_WELL, MODE, in_words, named
 from idic.report.figures import maps, matrices
-from idic.report.figures.style import CYCLE, FAINT, GREY, MARKERS, Picture, look, new_figure, to_picture
+from idic.report.figures.picture import CYCLE, FAINT, GREY, Picture
+from idic.report.figures.style import MARKERS, look, new_figure, to_picture
 from idic.report.result.record import RunRecord, Sensitivities
 from idic.report.result.words import short_names
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from idic.report.diagnosis.record import DiagnosisRecord
-from idic.report.figures.style import BLUE, Picture, look, new_figure, to_picture
+from idic.report.figures.picture import BLUE, Picture
+from idic.report.figures.style import look, new_figure, to_picture
 
 WIDTH_95 = 1.96
 

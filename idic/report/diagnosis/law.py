@@ -6,7 +6,8 @@ import numpy as np
 
 from idic.report.diagnosis.record import DiagnosisRecord, LawPair
 from idic.report.figures.axes.time_axis import label_frames
-from idic.report.figures.style import BLUE, FAINT, GREY, ORANGE, Picture, look, new_figure, to_picture
+from idic.report.figures.picture import BLUE, FAINT, GREY, ORANGE, Picture
+from idic.report.figures.style import look, new_figure, to_picture
 
 MAX_PARAMETERS_SHOWN = 4  # parameters side by side
 WIDTH_95 = 1.96

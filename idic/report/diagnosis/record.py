@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.diagnose import LawPair, WindowCurve
-from idic.report.figures.style import Picture
+from idic.report.figures.picture import Picture
 
 
 KNOWN_ERROR_COUNTED = "known errors counted"  # a map of the model with them, where it has no cause

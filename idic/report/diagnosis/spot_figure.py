@@ -10,7 +10,8 @@ from matplotlib.patches import Circle
 from idic.diagnose import Spot
 from idic.model import Experiment
 from idic.report.diagnosis.spots import WORDS
-from idic.report.figures.style import RED, Picture, look, new_figure, to_picture
+from idic.report.figures.picture import RED, Picture
+from idic.report.figures.style import look, new_figure, to_picture
 
 MAX_SHOWN, AROUND_RADII, MIN_HALF_PX = 4, 5.0, 14  # spots; half the width of a cut-out
 

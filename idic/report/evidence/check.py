@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.ndimage import binary_erosion
 
 from idic.identification import check_volume_axes, planned_increments, repeated_readings
 from idic.experiment_file import corners_px, recorded, seen_nodes, seen_region, visible_cells
@@ -27,8 +26,9 @@ from idic.report.evidence.plausible import (
 )
 from idic.report.evidence.rig import rig_warnings
 from idic.report.evidence.volumes.facts import volume_facts, volume_overlay
-from idic.report.figures.mesh_overlay import mesh_on_points, mesh_overlay
-from idic.report.figures.style import Picture
+from idic.report.figures.mesh.overlay import mesh_on_points, mesh_overlay
+from idic.report.figures.picture import Picture
+from idic.windows import away_from_edges
 
 _MIN_ELEMENT_PX = 60.0  # pixels per element: with fewer, a free displacement scatters by more than 0.05 px at 1 % noise
 _MAX_SATURATED_SHARE = 0.01  # share of the ROI
@@ -315,7 +315,7 @@ def _reference_warnings(experiment: Experiment, reference: np.ndarray, roi: np.n
                + Remedies(experiment).possible("; now a mask without them"))
     if recording.quantity == "grey":
         yield from misplaced_still_frames(experiment, roi)
-    inner = binary_erosion(roi, iterations=2)  # outside the specimen there is no height
+    inner = away_from_edges(roi, 2)  # outside the specimen there is no height
     gaps = float(np.isnan(reference[inner]).mean()) if reference.dtype.kind == "f" and inner.any() else 0.0
     if gaps > _MAX_GAP_SHARE:
         remedy = Remedies(experiment).possible("fill the gaps", "leave them out with a mask")

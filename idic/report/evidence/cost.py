@@ -80,7 +80,7 @@ class Cost:
 
     def line(self) -> str:
         """One line for people."""
-        memory_text = "" if self.available is None else f"; this machine has {_bytes(self.available)}"
+        memory_text = "" if self.available is None else f"; this machine has {_whole(self.available)}"
         return (f"about {_bytes(self.memory)} of memory, {_duration(self.time_s)} on one core, {_bytes(self.disk)} of "
                 f"disk (each within a factor of 2){memory_text}")
 
@@ -88,7 +88,7 @@ class Cost:
         """`InputError` where this machine has not a quarter of the memory: it would be ended in the middle."""
         if self.available is not None and self.memory > _HOPELESS_SHARE * self.available:
             raise InputError("the identification needs far more memory than this machine has", file=file,
-                             key="experiment.mesh", expected=f"at most about {_bytes(self.available)}",
+                             key="experiment.mesh", expected=f"at most about {_whole(self.available)}",
                              found=f"about {_bytes(self.memory)} for {self.equations} equations",
                              remedy="use larger elements (idic check tells the cost), or workers of larger machines "
                                     "(--scheduler)")
@@ -100,7 +100,7 @@ class Cost:
             verb = "needs" if self.memory > _FITS_SHARE * self.available else "may need"
             warnings.append(f"the identification {verb} more memory than this machine has: about "
                             f"{_bytes(self.memory)} of "
-                         f"{_bytes(self.available)}; the factorised stiffness of {self.equations} equations takes "
+                         f"{_whole(self.available)}; the factorised stiffness of {self.equations} equations takes "
                          f"{_bytes(self.factor)}. Use {self.smaller}, half of a symmetric specimen, or a machine with "
                          "more memory")
         if self.time_s > _LONG_S:
@@ -239,8 +239,19 @@ def memory_here() -> float | None:
 
 
 def _bytes(value: float) -> str:
-    unit, size = next((pair for pair in (("TB", 1e12), ("GB", 1e9)) if value >= pair[1]), ("MB", 1e6))
+    """Of an estimate."""
+    unit, size = _unit_of(value)
     return f"{_one_or_two_digits(value / size)} {unit}"
+
+
+def _whole(value: float) -> str:
+    """Of a machine, which is known: 25.3 GB, not 30."""
+    unit, size = _unit_of(value)
+    return f"{value / size:.3g} {unit}"
+
+
+def _unit_of(value: float) -> tuple[str, float]:
+    return next((pair for pair in (("TB", 1e12), ("GB", 1e9)) if value >= pair[1]), ("MB", 1e6))
 
 
 def _duration(seconds: float) -> str:

@@ -6,12 +6,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.ndimage import find_objects, label, maximum_filter, uniform_filter
+import scipy
 
 from idic.fe import Mesh, bodies
 from idic.images import BLOCK_PX, compressed_at, edge_blur
 from idic.laws import law_for
 from idic.model import Experiment, Model, Remedies
+from idic.windows import window_any, window_mean
 
 MAX_FROM_TYPICAL = 200.0    # ratio of a stress-like value to the typical one of its law; GPa read as MPa is 1000
 MIN_VISIBLE = 0.5           # of the elements: with fewer, scale or origin is suspect
@@ -198,8 +199,10 @@ def covered_holes(experiment: Experiment, roi: np.ndarray, plain: np.ndarray) ->
     """
     plain_pixels = np.zeros(roi.shape, dtype=bool)
     plain_pixels[roi] = plain
-    places, _ = label(plain_pixels)
-    for number, box in enumerate(find_objects(places), start=1):
+    if plain.sum() <= MIN_HOLE_SHARE * roi.sum():  # no part of them is a hole
+        return
+    places, _ = scipy.ndimage.label(plain_pixels)
+    for number, box in enumerate(scipy.ndimage.find_objects(places), start=1):
         inside = places[box] == number
         rows, columns = box
         around = roi[max(rows.start - 1, 0):rows.stop + 1, max(columns.start - 1, 0):columns.stop + 1]
@@ -222,14 +225,14 @@ def without_pattern(image: np.ndarray, roi: np.ndarray, noise_gv: float | None, 
     """
     values = np.asarray(image, dtype=float)
     window = int(np.clip(2.0 * (width or 0.0), WINDOW_PX, MAX_WINDOW_PX))
-    mean, square = uniform_filter(values, window), uniform_filter(values**2, window)
+    mean, square = window_mean(values, window), window_mean(values**2, window)
     local = np.sqrt(np.maximum(square - mean**2, 0.0))[roi]
     usual = float(np.percentile(local, 75)) if len(local) else 0.0
     if not usual > 3.0 * (noise_gv or 0.0) or usual == 0.0:
         return NO_PATTERN
     middle = np.zeros(values.shape, dtype=bool)
     middle[roi] = local < max(PLAIN * usual, 1.5 * (noise_gv or 0.0))
-    return maximum_filter(middle, window)[roi]
+    return window_any(middle, window)[roi]
 
 
 def implausible_thickness(model: Model) -> Iterator[str]:

@@ -19,7 +19,8 @@ from matplotlib.image import imsave
 
 from idic.fe import cell_type
 from idic.measure import FieldSeries, readings
-from idic.report.figures.style import DIVERGING, JPEG_QUALITY, SEQUENTIAL
+from idic.report.figures.picture import JPEG_QUALITY
+from idic.report.figures.style import DIVERGING, SEQUENTIAL
 from idic.report.result.fit_words import against_free, in_words_of
 from idic.report.result.record import RunRecord
 

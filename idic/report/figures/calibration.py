@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from idic.calibrate import Calibration, coverage, tilts_deg
-from idic.report.figures.style import CYCLE, FAINT, GREY, Picture, look, new_figure, to_picture
+from idic.report.figures.picture import CYCLE, FAINT, GREY, Picture
+from idic.report.figures.style import look, new_figure, to_picture
 
 ARROW_SHARE = 0.08  # of the image width: the length of an arrow of three standard deviations
 

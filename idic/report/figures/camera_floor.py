@@ -5,7 +5,8 @@ from __future__ import annotations
 from matplotlib.colors import Normalize
 
 from idic.report.figures.maps import draw, grid, specimen_window
-from idic.report.figures.style import Picture, look, to_picture
+from idic.report.figures.picture import Picture
+from idic.report.figures.style import look, to_picture
 from idic.report.result.record import RunRecord
 
 

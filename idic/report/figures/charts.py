@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from idic.report.figures.axes.time_axis import label_frames
-from idic.report.figures.style import (BLUE, CYCLE, FAINT, GREY, MARKERS, ORANGE, RED, Picture, look, new_figure,
-                                       to_picture)
+from idic.report.figures.picture import BLUE, CYCLE, FAINT, GREY, ORANGE, RED, Picture
+from idic.report.figures.style import MARKERS, look, new_figure, to_picture
 from idic.report.result.fit_words import in_words_of
 from idic.report.result.record import ChannelRecord, RunRecord
 from idic.report.result.words import short_names

@@ -12,7 +12,8 @@ from matplotlib.image import AxesImage, imsave
 
 from idic.report.figures.maps import RESIDUAL_RANGE, residual_window
 from idic.report.figures.profiles import height_profile, is_profile
-from idic.report.figures.style import DIVERGING, ORANGE, JPEG_QUALITY, Picture, look, new_figure, webp
+from idic.report.figures.picture import ORANGE, JPEG_QUALITY, Picture, webp
+from idic.report.figures.style import DIVERGING, look, new_figure
 from idic.report.result.record import FrameView, RunRecord
 from idic.report.result.words import number_text
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from idic.experiment_file import SPREAD
 from idic.laws import ClassicalFit, FAMILY_ERROR, ROOT
-from idic.report.figures.style import BLUE, CYCLE, GREY, Picture, look, new_figure, to_picture
+from idic.report.figures.picture import BLUE, CYCLE, GREY, Picture
+from idic.report.figures.style import look, new_figure, to_picture
 from idic.report.result.record import HardeningCurve, RunRecord, YieldSurface
 from idic.report.result.stress_scale import stress_unit
 

@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 
 from idic.errors import InputError
 from idic.laws import compile, get_law, uniaxial
-from idic.report.figures.style import BLACK, CYCLE, FAINT, look, new_figure
+from idic.report.figures.picture import BLACK, CYCLE, FAINT
+from idic.report.figures.style import look, new_figure
 
 _CURVE_STEPS = 400
 _STRAIN, _RUBBER_STRAIN = 0.05, 1.0  # metals and composites; a law without memory that is for finite strain only

@@ -11,7 +11,8 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import LinearTriInterpolator, Triangulation
 
 from idic.report.figures import profiles
-from idic.report.figures.style import DIVERGING, SEQUENTIAL, Picture, look, new_figure, to_picture
+from idic.report.figures.picture import Picture
+from idic.report.figures.style import DIVERGING, SEQUENTIAL, look, new_figure, to_picture
 from idic.report.result.record import RunRecord
 from idic.report.result.words import short_names
 

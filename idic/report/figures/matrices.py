@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from idic.model import is_mode
-from idic.report.figures.style import BLUE, DIVERGING, GREY, RED, SEQUENTIAL, Picture, look, new_figure, to_picture
+from idic.report.figures.picture import BLUE, GREY, RED, Picture
+from idic.report.figures.style import DIVERGING, SEQUENTIAL, look, new_figure, to_picture
 from idic.report.result.record import RunRecord
 from idic.report.result.words import hardly_determined, short_names
 

@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.colors import Normalize
 
 from idic.report.figures.maps import RESIDUAL_RANGE, entitle, grid
-from idic.report.figures.style import DIVERGING, SEQUENTIAL, Picture, look, to_picture
+from idic.report.figures.picture import Picture
+from idic.report.figures.style import DIVERGING, SEQUENTIAL, look, to_picture
 from idic.report.result.record import PointMaps, RunRecord
 
 COMPONENTS = ("x", "y", "z")

@@ -6,11 +6,11 @@ import numpy as np
 from matplotlib.cm import viridis
 from matplotlib.figure import Figure
 
-from idic.report.figures.style import CYCLE, FAINT, GREY, ORANGE, Picture, look, new_figure, to_picture
-from idic.report.result.record import FrameView, RunRecord
+from idic.report.figures.picture import CYCLE, FAINT, GREY, ORANGE, Picture
+from idic.report.figures.style import look, new_figure, to_picture
+from idic.report.result.record import EDGE, FrameView, RunRecord
 from idic.report.result.words import short_names
 
-EDGE = "edge"  # the cells of a record that is a cross-section
 COMPONENTS = ("columns", "rows (down)", "height")
 
 

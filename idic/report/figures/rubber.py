@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from idic.laws import ClassicalFit
 from idic.report.figures.hardening import WIDTH_95
-from idic.report.figures.style import CYCLE, GREY, Picture, look, new_figure, to_picture
+from idic.report.figures.picture import CYCLE, GREY, Picture
+from idic.report.figures.style import look, new_figure, to_picture
 from idic.report.result.record import RubberCurve, RunRecord
 from idic.report.result.stress_scale import stress_unit
 

@@ -6,7 +6,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from idic.report.figures.hardening import WIDTH_95
-from idic.report.figures.style import CYCLE, GREY, Picture, look, new_figure, to_picture
+from idic.report.figures.picture import CYCLE, GREY, Picture
+from idic.report.figures.style import look, new_figure, to_picture
 from idic.report.result.record import TemperatureFactor
 
 UNITS = {"slope": " 1/K", "m": "", "melting": " °C", "activation": " K"}

@@ -11,6 +11,8 @@ from idic.laws import ClassicalFit, Smoothness
 from idic.measure import FieldSeries
 from idic.model import Gauge
 
+EDGE = "edge"  # the cells of a record that is a cross-section
+
 
 @dataclass(frozen=True)
 class ChannelRecord:

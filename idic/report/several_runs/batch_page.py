@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from idic.model import is_mode
 from idic.report.design.page import short
-from idic.report.figures.style import CYCLE, GREY, Picture, look, new_figure, to_picture
+from idic.report.figures.picture import CYCLE, GREY, Picture
+from idic.report.figures.style import look, new_figure, to_picture
 from idic.report.html import filled_in
 from idic.report.result.words import number_text, short_names, with_std
 from idic.report.several_runs.batch_numbers import in_one_unit

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from idic.model import is_mode
 from idic.report.figures.matrices import correlation
-from idic.report.figures.style import Picture
+from idic.report.figures.picture import Picture
 from idic.report.html import filled_in
 from idic.report.result.fit_words import MAX_P_OF_EQUAL_SPECIMENS, in_words_of
 from idic.report.result.record import RunRecord

@@ -13,8 +13,8 @@ from idic.images import Scanner, picture
 from idic.model import Experiment, Remedies
 from idic.report.evidence.causes.lines import excluded_frames
 from idic.report.evidence.volumes.shown_mesh import shown_mesh
-from idic.report.figures.mesh_overlay import mesh_overlay
-from idic.report.figures.style import Picture
+from idic.report.figures.mesh.overlay import mesh_overlay
+from idic.report.figures.picture import Picture
 
 SLAB_BYTES = 64_000_000  # that are read at a time
 TEXTURE_SIDE = 96  # voxels, of the block whose contrast is told

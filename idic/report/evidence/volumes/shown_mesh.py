@@ -11,7 +11,7 @@ from idic.correlation import is_section
 from idic.fe import Mesh, cell_edges, cell_type, surface_cells
 from idic.images import GAP_PX, Scanner
 from idic.model import Experiment
-from idic.report.figures.profiles import EDGE
+from idic.report.result.record import EDGE
 
 BESIDE_PX = 1e-3  # of the voxels: a section through nodes would cut nothing
 # of each section: the axes of the volume (column, row, slice) along the columns and rows of the picture

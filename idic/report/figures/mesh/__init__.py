@@ -1,0 +1,1 @@
+"""The mesh on what was measured, drawn before the first simulation."""
