@@ -7,6 +7,7 @@ first into triangles. The last node of the path stays one, the first one too whe
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -37,9 +38,10 @@ class Cut:
     place: np.ndarray
 
 
-def cut_along(mesh: Mesh, path: np.ndarray) -> tuple[Mesh, Cut]:
+def cut_along(mesh: Mesh, path: np.ndarray, taken: np.ndarray | None = None) -> tuple[Mesh, Cut]:
     """The mesh of tri3 and quad4 elements cut along a polyline (m, 2) mm.
 
+    taken : nodes of earlier cuts, which stay where they are and are not reached
     A path that begins outside of the body, or within half an element of its edge, begins at the edge.
 
     Raises
@@ -60,6 +62,8 @@ def cut_along(mesh: Mesh, path: np.ndarray) -> tuple[Mesh, Cut]:
     for corner in corners[1:]:
         chain += work.edges_to(chain[-1], corner)
     left = np.array(chain)
+    if taken is not None and np.isin(chain, taken).any():
+        raise _outside(path[-1])
     right = work.separated(chain)
     steps = np.linalg.norm(np.diff(np.array([work.nodes[node] for node in chain]), axis=0), axis=1)
     return work.mesh(mesh), Cut(path, left, right, np.concatenate([[0.0], np.cumsum(steps)]))
@@ -77,8 +81,9 @@ def side_pairs(mesh: Mesh, cut: Cut) -> list[np.ndarray]:
             middle.update(zip(map(tuple, ends.tolist()), block.connectivity[:, n_corners + k].tolist(), strict=True))
     pairs = []
     for a, b, c, d in zip(cut.left[:-1], cut.left[1:], cut.right[:-1], cut.right[1:], strict=True):
-        found_pair = [(middle[key], middle[other]) for key, other in [(_key(a, b), _key(c, d))] if key in middle]
-        pairs.append(np.array(found_pair, dtype=np.int64).reshape(-1, 2))
+        edge, other = _key(a, b), _key(c, d)
+        pair = [middle[edge], middle[other]] if edge in middle else []
+        pairs.append(np.array(pair, dtype=np.int64).reshape(-1, 2))
     return pairs
 
 
@@ -166,7 +171,7 @@ class _Cells:
         for number, point in enumerate(path):
             fixed.add(self._nearest_moved(point, outer=number == 0))
         nodes = np.array(self.nodes)
-        for start, end in zip(path[:-1], path[1:], strict=True):
+        for start, end in pairwise(path):
             along, length = (end - start) / np.linalg.norm(end - start), float(np.linalg.norm(end - start))
             part, aside = (nodes - start) @ along, np.abs((nodes - start) @ [-along[1], along[0]])
             for node in np.flatnonzero((part > 0.0) & (part < length) & (aside > self.tolerance)):
@@ -289,7 +294,7 @@ class _Cells:
     # separating -----------------------------------------------------------------------------------
     def separated(self, chain: list[int]) -> np.ndarray:
         """Doubles the nodes of a chain of edges, but the last, and the first where it is inside; the right side."""
-        along = {_key(a, b) for a, b in zip(chain[:-1], chain[1:], strict=True)}
+        along = {_key(a, b) for a, b in pairwise(chain)}
         if any(len(self.edge_cells[edge]) != 2 for edge in along) or any(map(self.is_outer, chain[1:])):
             raise _outside(self.nodes[chain[-1]])
         begins_inside = not self.is_outer(chain[0])

@@ -15,13 +15,9 @@ Faces may overlap: contact of closing faces is not modelled.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
-
-from idic.fe.crack.cut import Cut
 
 TIED = 1e-4  # 1/TIED: stiffness of a tied pair, in that of the body around it; its opening is lost in the rounding of u
 
@@ -68,43 +64,3 @@ class Seam:
 
 def _of_pairs(blocks: np.ndarray) -> np.ndarray:
     return np.block([[blocks, -blocks], [-blocks, blocks]])
-
-
-
-# of the stiffness of the two nodes of a pair alone, in series: the nodes around them give way, too
-NODE_SHARE = 0.15
-# of an edge: a crack whose tip is on a node of elements with mid-side nodes opens the body as one that is so much
-# shorter; measured on the edge crack of a closed form (tests/fe/test_crack_tip.py). Without mid-side nodes it is 0.02
-SHORTER_QUADRATIC = 0.07
-
-
-def seam_of(cut: Cut, middle: Sequence[np.ndarray], stiffness_at: Callable[[np.ndarray], np.ndarray],
-            tips: np.ndarray) -> Seam:
-    """The seam of a cut.
-
-    Parameters
-    ----------
-    middle : pairs of nodes in the middle of its edges (`idic.fe.crack.cut.side_pairs`), per edge
-    stiffness_at : stiffness of the body at some nodes, all others held  # (n,) -> (n, d, d) N/mm
-    tips : (n_frames,) mm
-    """
-    places, pairs, begin, end = _tip_places(cut, any(map(len, middle))), [], [], []
-    for k, (start, stop) in enumerate(pairwise(places)):
-        of_edge = middle[k].tolist()
-        if cut.left[k] != cut.right[k]:
-            of_edge.append([int(cut.left[k]), int(cut.right[k])])
-        pairs += of_edge
-        begin += [start] * len(of_edge)
-        end += [stop] * len(of_edge)
-    nodes = np.array(pairs, dtype=np.int64)
-    left, right = (np.linalg.inv(stiffness_at(side)) for side in nodes.T)
-    return Seam(nodes, np.array(begin), np.array(end), NODE_SHARE * np.linalg.inv(left + right), tips)
-
-
-def _tip_places(cut: Cut, is_quadratic: bool) -> np.ndarray:
-    """Lengths of the crack whose tip is on each node of the cut  # (n + 1,) mm"""
-    edges = np.diff(cut.place)
-    around = 0.5 * (np.append(edges, edges[-1]) + np.append(edges[0], edges))
-    places = cut.place - (SHORTER_QUADRATIC * around if is_quadratic else 0.0)
-    places[0] = 0.0
-    return places
