@@ -14,7 +14,7 @@ one material within the ring.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,6 +46,13 @@ class Ring:
     radius: float
     parts: tuple[tuple[np.ndarray, ...], ...]
     section: int
+
+    def shifted(self, change: float) -> Ring:
+        """The same elements and weights around a tip that is further along the crack (mm)."""
+        way = change * self.direction
+        parts = tuple((connectivity, grads, places - way, weights, q_grads)
+                      for connectivity, grads, places, weights, q_grads in self.parts)
+        return replace(self, tip=self.tip + way, parts=parts)
 
     @property
     def turn(self) -> np.ndarray:
