@@ -10,6 +10,8 @@ from idic.report.figures.hardening import WIDTH_95
 from idic.report.figures.style import CYCLE, Picture, look, new_figure, to_picture
 from idic.report.result.record import RunRecord
 
+MODES = {"K_I": r"$K_\mathrm{I}$", "K_II": r"$K_\mathrm{II}$"}
+
 
 def crack_figure(record: RunRecord, name: str) -> Picture:
     """Length, K_I with K_II, and J with 95 % bars, one above the other."""
@@ -22,9 +24,9 @@ def crack_figure(record: RunRecord, name: str) -> Picture:
         axes = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True))
         for axis, (label, quantities) in zip(axes, panels, strict=True):
             for color, quantity in zip(CYCLE, quantities, strict=False):
-                axis.errorbar(x, _numbers(entry, quantity), yerr=WIDTH_95 * _numbers(entry, f"{quantity}_std"), fmt="o-",
-                              ms=3.5, lw=1.0, color=color, label=quantity.replace("_", "$_{") + "}$" if "K" in quantity
-                              else None)
+                half = WIDTH_95 * _numbers(entry, f"{quantity}_std")
+                axis.errorbar(x, _numbers(entry, quantity), yerr=half, fmt="o-", ms=3.5, lw=1.0, color=color,
+                              label=MODES.get(quantity))
             axis.set_ylabel(label)
         if len(panels) > 1:
             axes[1].legend()
