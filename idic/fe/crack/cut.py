@@ -204,7 +204,7 @@ class _Cells:
         if distance.min() <= self.tolerance:
             return int(np.argmin(distance))
         number, weights = self._cell_with(point)
-        if len(self.cells[number]) == 4:
+        while len(self.cells[number]) == 4:
             self._to_triangles(number)
             number, weights = self._cell_with(point)
         cell = self.cells[number]
@@ -229,7 +229,7 @@ class _Cells:
             sides = np.roll(corners, -1, axis=0) - corners
             areas = sides[:, 0] * (point - corners)[:, 1] - sides[:, 1] * (point - corners)[:, 0]
             if (areas >= -self.tolerance * np.linalg.norm(sides, axis=1)).all():
-                return number, np.roll(areas, -2 if len(cell) == 3 else 0) / areas.sum()
+                return number, np.roll(areas, -1) / areas.sum()
         raise _outside(point)
 
     def _to_triangles(self, number: int, through: int | None = None) -> None:

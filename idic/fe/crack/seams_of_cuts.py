@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -15,11 +15,22 @@ from idic.fe.body.boundary import drives_at
 from idic.fe.crack.cut import Cut, side_pairs
 from idic.fe.crack.seam import Seam
 
-# of the stiffness of the two nodes of a pair alone, in series: the nodes around them give way, too
-NODE_SHARE = 0.15
-# of an edge: a crack whose tip is on a node of elements with mid-side nodes opens the body as one that is so much
-# shorter; measured on the edge crack of a closed form (tests/fe/test_crack_tip.py). Without mid-side nodes it is 0.02
-SHORTER_QUADRATIC = 0.07
+
+@dataclass(frozen=True)
+class PassingTip:
+    """How the tip of a crack passes an element: measured on an edge crack (tests/fe/test_crack_tip.py).
+
+    share : of the stiffness of the two nodes of a pair alone, in series, that the body has against opening it: the
+        nodes around them give way, too
+    shorter : of an edge: a crack whose tip is on a node opens the body as one that is so much shorter
+    """
+
+    share: float
+    shorter: float
+
+
+QUADRATIC, LINEAR = PassingTip(0.2, 0.07), PassingTip(0.5, 0.25)  # elements with and without mid-side nodes
+
 
 
 def with_seams(body: Body, cuts: Sequence[Cut], tips: np.ndarray, params: Mapping[str, np.ndarray],
@@ -54,7 +65,8 @@ def _nodal_stiffness(body: Body, params: Mapping[str, np.ndarray], times: np.nda
 
 
 def _seam(cut: Cut, middle: Sequence[np.ndarray], stiffness: np.ndarray, tips: np.ndarray) -> Seam:
-    places, pairs, begin, end = _tip_places(cut, any(map(len, middle))), [], [], []
+    passing = QUADRATIC if any(map(len, middle)) else LINEAR
+    places, pairs, begin, end = _tip_places(cut, passing.shorter), [], [], []
     for k, (start, stop) in enumerate(pairwise(places)):
         of_edge = middle[k].tolist()
         if cut.left[k] != cut.right[k]:
@@ -64,13 +76,13 @@ def _seam(cut: Cut, middle: Sequence[np.ndarray], stiffness: np.ndarray, tips: n
         end += [stop] * len(of_edge)
     nodes = np.array(pairs, dtype=np.int64)
     left, right = (np.linalg.inv(stiffness[side]) for side in nodes.T)
-    return Seam(nodes, np.array(begin), np.array(end), NODE_SHARE * np.linalg.inv(left + right), tips)
+    return Seam(nodes, np.array(begin), np.array(end), passing.share * np.linalg.inv(left + right), tips)
 
 
-def _tip_places(cut: Cut, is_quadratic: bool) -> np.ndarray:
+def _tip_places(cut: Cut, shorter: float) -> np.ndarray:
     """Lengths of the crack whose tip is on each node of the cut  # (n + 1,) mm"""
     edges = np.diff(cut.place)
     around = 0.5 * (np.append(edges, edges[-1]) + np.append(edges[0], edges))
-    places = cut.place - (SHORTER_QUADRATIC * around if is_quadratic else 0.0)
+    places = cut.place - shorter * around
     places[0] = 0.0
     return places
