@@ -43,7 +43,7 @@ def cut_mesh(config: ExperimentFile, mesh: Mesh, length_unit: str, file) -> CutM
         if any(earlier.name == table.name for earlier in config.crack[:number]):
             raise InputError("two cracks of one name", file=file, key=f"crack[{number}].name",
                              expected="a name of its own", found=table.name, remedy="choose another name")
-        nodes_of_cuts = np.concatenate([*(np.concatenate([cut.left, cut.right]) for cut in cuts), np.zeros(0, int)])
+        nodes_of_cuts = np.array([node for cut in cuts for node in (*cut.left_nodes, *cut.right_nodes)], dtype=int)
         try:
             mesh, cut = cut_along(mesh, np.array(table.path_mm, dtype=float), nodes_of_cuts)
         except InputError as error:
@@ -99,9 +99,9 @@ def _length(name: str, table: CrackTable, start: float | None, cut: Cut, key: st
     entry = table.length_mm
     factor = factor_between(entry.unit, "mm", file=file, key=f"{key}.length_mm.unit") if entry.unit else 1.0
     value = entry.value * factor if start is None else start
-    whole = float(cut.place[-1])
-    low, high = (0.0, whole) if entry.bounds is None else (max(0.0, entry.bounds[0] * factor),
-                                                           min(whole, entry.bounds[1] * factor))
+    path_length = float(cut.place[-1])
+    low, high = (0.0, path_length) if entry.bounds is None else (max(0.0, entry.bounds[0] * factor),
+                                                           min(path_length, entry.bounds[1] * factor))
     if not low <= value <= high:
         raise InputError("a crack that is longer than its path, or has no length", file=file, key=f"{key}.length_mm",
                          expected=f"{low / factor:.4g} … {high / factor:.4g}", found=f"{value / factor:g}",
@@ -109,4 +109,4 @@ def _length(name: str, table: CrackTable, start: float | None, cut: Cut, key: st
     prior = entry.prior
     return Parameter(name, value, entry.unit or "mm", entry.identify, (low, high),
                      None if prior is None else prior.mean * factor, None if prior is None else prior.std * factor,
-                     scale=0.2 * whole, factor=factor)
+                     scale=0.2 * path_length, factor=factor)

@@ -6,7 +6,7 @@ from .body.body import Constraints, Direction, Loads, Body, PathControl, Reactio
 from .body.variation import Variation
 from .crack.cut import Cut, cut_along
 from .crack.fracture import ring_around, tip_load
-from .crack.seam import Seam
+from .body.seam import Seam
 from .crack.seams_of_cuts import with_seams
 from .conduction import conductance, conducted, unreached, volume
 from .equilibrium import Control, factorise_tangent

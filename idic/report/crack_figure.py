@@ -43,7 +43,7 @@ def _caption(entry: Mapping) -> str:
     if entry["why_not"]:
         return f"Length along its path; bars: 95 %, from the covariance of the parameters. {entry['why_not']}."
     K, modes, J = (_numbers(entry, name) for name in ("K_I", "K_II", "J"))
-    last = int(np.flatnonzero(np.isfinite(J))[-1])
-    shares = f"K_I = {K[last]:.4g} and K_II = {modes[last]:.4g} MPa √m, " if np.isfinite(K[last]) else ""
+    k = int(np.flatnonzero(np.isfinite(J))[-1])
+    shares = f"K_I = {K[k]:.4g} and K_II = {modes[k]:.4g} MPa √m, " if np.isfinite(K[k]) else ""
     return (f"Length along its path, stress intensity factors and J by interaction and domain integrals; bars: 95 %, "
-            f"from the covariance of the parameters. Frame {entry['frames'][last]}: {shares}J = {J[last]:.4g} N/mm.")
+            f"from the covariance of the parameters. Frame {entry['frames'][k]}: {shares}J = {J[k]:.4g} N/mm.")

@@ -44,21 +44,21 @@ def test_a_cut_mesh_is_whole_and_open_along_the_path(path):
     assert area(mesh) == pytest.approx(144.0)
     assert area(mesh, mesh.element_sets["LOW"]) == pytest.approx(72.0, abs=4.0)  # nodes moved onto the path
     assert set(mesh.element_sets["LOW"]) | set(mesh.element_sets["HIGH"]) == set(range(mesh.n_elements))
-    left, right = mesh.nodes[cut.left], mesh.nodes[cut.right]
+    left, right = mesh.nodes[cut.left_nodes], mesh.nodes[cut.right_nodes]
     assert left == pytest.approx(right, abs=1e-12)
     inside = bool((path[0] > 0.0).all())
-    assert (cut.left != cut.right).tolist() == [not inside, *[True] * (len(cut.left) - 2), False]
+    assert (cut.left_nodes != cut.right_nodes).tolist() == [not inside, *[True] * (len(cut.left_nodes) - 2), False]
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(cut.path, axis=0), axis=1))])
     on_path = np.stack([np.interp(cut.place, along, axis) for axis in cut.path.T], axis=1)
     assert left == pytest.approx(on_path, abs=1e-9)
     assert len(boundary_edges(mesh)) == (2 if inside else 1)
     faces = len(boundary_faces(mesh)) - len(boundary_faces(before))
-    assert faces == 2 * (len(cut.left) - 1) + int(not inside and cut.left[0] >= before.n_nodes)
+    assert faces == 2 * (len(cut.left_nodes) - 1) + int(not inside and cut.left_nodes[0] >= before.n_nodes)
 
 
 def test_the_sets_of_the_edge_where_it_begins_hold_both_sides():
     mesh, cut = cut_along(sheet(), np.array([[0.0, 5.5], [6.0, 5.5]]))
-    assert {int(cut.left[0]), int(cut.right[0])} <= set(mesh.node_sets["LEFT"].tolist())
+    assert {int(cut.left_nodes[0]), int(cut.right_nodes[0])} <= set(mesh.node_sets["LEFT"].tolist())
     lengths = [np.ptp(mesh.nodes[mesh.face_nodes(edge), 1]) for edge in mesh.edge_sets["LEFT"]]
     assert sum(lengths) == pytest.approx(12.0) and len(lengths) == 13
     assert len(np.unique(mesh.node_labels)) == mesh.n_nodes
@@ -80,7 +80,7 @@ def test_a_path_of_one_point_and_elements_with_mid_side_nodes_are_refused():
 
 def test_two_cuts_do_not_cross():
     mesh, first = cut_along(sheet(), np.array([[0.0, 6.0], [7.0, 6.0]]))
-    taken = np.concatenate([first.left, first.right])
+    taken = np.concatenate([first.left_nodes, first.right_nodes])
     with pytest.raises(InputError, match="leaves the body"):
         cut_along(mesh, np.array([[4.0, 0.0], [4.0, 9.0]]), taken)
     other, _ = cut_along(mesh, np.array([[0.0, 2.0], [7.0, 2.3]]), taken)

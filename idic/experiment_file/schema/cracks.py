@@ -31,6 +31,9 @@ class CrackTable(Strict):
         if self.knots != sorted(set(self.knots)):
             raise refuse("knots that do not increase", "numbers of frames in increasing order, each once",
                          "sort the knots", str(self.knots))
+        if self.lengths_mm and self.length_mm.unit is not None:
+            raise refuse("lengths in two units", "lengths_mm, and length_mm without a unit", "leave the unit out",
+                         self.length_mm.unit)
         if self.lengths_mm and len(self.lengths_mm) != len(self.knots):
             raise refuse("another number of lengths than of knots", f"{len(self.knots)} lengths",
                          "give one length per knot, or leave lengths_mm out", f"{len(self.lengths_mm)}")

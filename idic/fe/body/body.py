@@ -13,7 +13,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe.body.variation import Variation
-from idic.fe.crack.seam import Seam
+from idic.fe.body.seam import Seam
 from idic.fe.mesh.mesh import Mesh, PerMesh, check_elements
 from idic.fe.solver.rigid_motion import free_parts
 from idic.laws import CompiledLaw, MODES

@@ -28,20 +28,21 @@ class Cut:
     Attributes
     ----------
     path : (m, 2) mm, its corner points, the first at the edge where it begins
-    left, right : (n + 1,) node indices on either side as one looks along the path; ends that stay one are in both
+    left_nodes, right_nodes : (n + 1,) node indices on either side, as one looks along the path; an end that
+        stays one node is in both
     place : (n + 1,) mm along the path
     """
 
     path: np.ndarray
-    left: np.ndarray
-    right: np.ndarray
+    left_nodes: np.ndarray
+    right_nodes: np.ndarray
     place: np.ndarray
 
 
-def cut_along(mesh: Mesh, path: np.ndarray, taken: np.ndarray | None = None) -> tuple[Mesh, Cut]:
+def cut_along(mesh: Mesh, path: np.ndarray, nodes_of_cuts: np.ndarray | None = None) -> tuple[Mesh, Cut]:
     """The mesh of tri3 and quad4 elements cut along a polyline (m, 2) mm.
 
-    taken : nodes of earlier cuts, which stay where they are and are not reached
+    nodes_of_cuts : nodes of earlier cuts, which stay where they are and are not reached
     A path that begins outside of the body, or within half an element of its edge, begins at the edge.
 
     Raises
@@ -61,12 +62,11 @@ def cut_along(mesh: Mesh, path: np.ndarray, taken: np.ndarray | None = None) -> 
     chain = [corners[0]]
     for corner in corners[1:]:
         chain += work.edges_to(chain[-1], corner)
-    left = np.array(chain)
-    if taken is not None and np.isin(chain, taken).any():
+    if nodes_of_cuts is not None and np.isin(chain, nodes_of_cuts).any():
         raise _outside(path[-1])
-    right = work.separated(chain)
+    right_nodes = work.separated(chain)
     steps = np.linalg.norm(np.diff(np.array([work.nodes[node] for node in chain]), axis=0), axis=1)
-    return work.mesh(mesh), Cut(path, left, right, np.concatenate([[0.0], np.cumsum(steps)]))
+    return work.mesh(mesh), Cut(path, np.array(chain), right_nodes, np.concatenate([[0.0], np.cumsum(steps)]))
 
 
 def side_pairs(mesh: Mesh, cut: Cut) -> list[np.ndarray]:
@@ -80,9 +80,9 @@ def side_pairs(mesh: Mesh, cut: Cut) -> list[np.ndarray]:
             ends = np.sort(block.connectivity[:, list(edge)[:2]], axis=1)
             middle.update(zip(map(tuple, ends.tolist()), block.connectivity[:, n_corners + k].tolist(), strict=True))
     pairs = []
-    for a, b, c, d in zip(cut.left[:-1], cut.left[1:], cut.right[:-1], cut.right[1:], strict=True):
-        edge, other = _key(a, b), _key(c, d)
-        pair = [middle[edge], middle[other]] if edge in middle else []
+    for ends in zip(pairwise(cut.left_nodes), pairwise(cut.right_nodes), strict=True):
+        edge, opposite = (_key(*pair) for pair in ends)
+        pair = [middle[edge], middle[opposite]] if edge in middle else []
         pairs.append(np.array(pair, dtype=np.int64).reshape(-1, 2))
     return pairs
 
@@ -152,30 +152,30 @@ class _Cells:
     # moving ---------------------------------------------------------------------------------------
     def move(self, node: int, place: np.ndarray) -> bool:
         """Moves a node where its cells keep their shape; whether it was moved."""
-        before = [self.corner_areas(number) for number in self.node_cells[node]]
-        old, self.nodes[node] = self.nodes[node], place
-        after = [self.corner_areas(number) for number in self.node_cells[node]]
-        kept = all((b >= MIN_AREA_SHARE * a).all() for a, b in zip(before, after, strict=True))
-        if not kept:
-            self.nodes[node] = old
-        return kept
+        start_areas = [self.corner_areas(number) for number in self.node_cells[node]]
+        start, self.nodes[node] = self.nodes[node], place
+        areas = [self.corner_areas(number) for number in self.node_cells[node]]
+        keeps_shape = all((b >= MIN_AREA_SHARE * a).all() for a, b in zip(start_areas, areas, strict=True))
+        if not keeps_shape:
+            self.nodes[node] = start
+        return keeps_shape
 
     def corner_areas(self, number: int) -> np.ndarray:
         points = np.array([self.nodes[node] for node in self.cells[number]])
-        ahead, behind = np.roll(points, -1, axis=0) - points, np.roll(points, 1, axis=0) - points
-        return ahead[:, 0] * behind[:, 1] - ahead[:, 1] * behind[:, 0]
+        to_next, to_previous = np.roll(points, -1, axis=0) - points, np.roll(points, 1, axis=0) - points
+        return to_next[:, 0] * to_previous[:, 1] - to_next[:, 1] * to_previous[:, 0]
 
     def move_to(self, path: np.ndarray) -> None:
         """Moves nodes near the path onto it: first one to each of its corners, then those beside it."""
-        fixed = set()
+        corner_nodes = set()
         for number, point in enumerate(path):
-            fixed.add(self._nearest_moved(point, outer=number == 0))
+            corner_nodes.add(self._nearest_moved(point, outer=number == 0))
         nodes = np.array(self.nodes)
         for start, end in pairwise(path):
             along, length = (end - start) / np.linalg.norm(end - start), float(np.linalg.norm(end - start))
             part, aside = (nodes - start) @ along, np.abs((nodes - start) @ [-along[1], along[0]])
             for node in np.flatnonzero((part > 0.0) & (part < length) & (aside > self.tolerance)):
-                if node in fixed or not self.node_cells.get(node) or self.is_outer(node):
+                if node in corner_nodes or not self.node_cells.get(node) or self.is_outer(node):
                     continue
                 if aside[node] <= MAX_MOVE_SHARE * self.shortest_edge(node):
                     self.move(int(node), start + part[node] * along)
@@ -268,28 +268,28 @@ class _Cells:
         return chain
 
     def _next(self, node: int, end: int) -> int:
-        here, way = self.nodes[node], self.nodes[end] - self.nodes[node]
+        place, way = self.nodes[node], self.nodes[end] - self.nodes[node]
         along = way / np.linalg.norm(way)
         for number in sorted(self.node_cells[node]):
             for a, b in self.edges_of(number):
                 if node in (a, b):
-                    other = b if a == node else a
-                    step = self.nodes[other] - here
+                    neighbour = b if a == node else a
+                    step = self.nodes[neighbour] - place
                     if step @ along > 0.0 and abs(_cross(along, step)) <= self.tolerance:
-                        return other
+                        return neighbour
         for number in sorted(self.node_cells[node]):
             cell = self.cells[number]
             k = cell.index(node)
-            first, last = cell[(k + 1) % len(cell)], cell[k - 1]
-            if not (_cross(self.nodes[first] - here, along) > 0.0 > _cross(self.nodes[last] - here, along)):
+            following, previous = cell[(k + 1) % len(cell)], cell[k - 1]
+            p, q = self.nodes[following], self.nodes[previous]
+            if not _cross(p - place, along) > 0.0 > _cross(q - place, along):
                 continue
             if len(cell) == 4:
                 self._to_triangles(number, through=node)
                 return self._next(node, end)
-            p, q = self.nodes[first], self.nodes[last]
-            share = _cross(p - here, along) / (_cross(p - here, along) - _cross(q - here, along))
-            return self.split_edge(_key(first, last), p + share * (q - p))
-        raise _outside(here)
+            share = _cross(p - place, along) / (_cross(p - place, along) - _cross(q - place, along))
+            return self.split_edge(_key(following, previous), p + share * (q - p))
+        raise _outside(place)
 
     # separating -----------------------------------------------------------------------------------
     def separated(self, chain: list[int]) -> np.ndarray:
@@ -324,30 +324,30 @@ class _Cells:
         return part
 
     # the mesh -------------------------------------------------------------------------------------
-    def mesh(self, before: Mesh) -> Mesh:
+    def mesh(self, plain: Mesh) -> Mesh:
         """The mesh of the cells, with the sets of the one before."""
-        kept = [number for number, cell in enumerate(self.cells) if cell]
+        alive = [number for number, cell in enumerate(self.cells) if cell]
         blocks, order = [], []
         for cell, n in (("quad4", 4), ("tri3", 3)):
-            numbers = sorted((k for k in kept if len(self.cells[k]) == n), key=lambda k: (self.parent[k], k))
+            numbers = sorted((k for k in alive if len(self.cells[k]) == n), key=lambda k: (self.parent[k], k))
             if numbers:
                 blocks.append(Block(cell, np.array([self.cells[k] for k in numbers], dtype=np.int64), len(order)))
                 order += numbers
         parents = np.array([self.parent[k] for k in order])
-        nodes = np.zeros((len(self.nodes), before.n_dim))
+        nodes = np.zeros((len(self.nodes), plain.n_dim))
         nodes[:, :2] = self.nodes
-        cut = Mesh(nodes, tuple(blocks), self._node_sets(before),
-                   {name: np.flatnonzero(np.isin(parents, members)) for name, members in before.element_sets.items()},
-                   {}, self._node_labels(before), _labels(before.element_labels, parents))
-        return replace(cut, edge_sets=self._edge_sets(before, cut))
+        cut = Mesh(nodes, tuple(blocks), self._node_sets(plain),
+                   {name: np.flatnonzero(np.isin(parents, members)) for name, members in plain.element_sets.items()},
+                   {}, self._node_labels(plain), _labels(plain.element_labels, parents))
+        return replace(cut, edge_sets=self._edge_sets(plain, cut))
 
-    def _node_labels(self, before: Mesh) -> np.ndarray:
-        more = len(self.nodes) - before.n_nodes
-        return np.concatenate([before.node_labels, np.max(before.node_labels) + 1 + np.arange(more)])
+    def _node_labels(self, plain: Mesh) -> np.ndarray:
+        more = len(self.nodes) - plain.n_nodes
+        return np.concatenate([plain.node_labels, np.max(plain.node_labels) + 1 + np.arange(more)])
 
-    def _node_sets(self, before: Mesh) -> dict[str, np.ndarray]:
+    def _node_sets(self, plain: Mesh) -> dict[str, np.ndarray]:
         sets = {}
-        for name, members in before.node_sets.items():
+        for name, members in plain.node_sets.items():
             joined = set(np.asarray(members).tolist())
             for (a, b), node in self.halves.items():
                 if a in joined and b in joined and self.is_outer(node):
@@ -357,16 +357,16 @@ class _Cells:
             sets[name] = np.concatenate([members, np.array(fresh, dtype=np.int64)]).astype(np.int64)
         return sets
 
-    def _edge_sets(self, before: Mesh, cut: Mesh) -> dict[str, np.ndarray]:
+    def _edge_sets(self, plain: Mesh, cut: Mesh) -> dict[str, np.ndarray]:
         place = {}
         for element, local in boundary_faces(cut).tolist():
             a, b = (self.source.get(int(node), int(node)) for node in cut.face_nodes((element, local))[:2])
             place.setdefault(_key(a, b), []).append((element, local))
         sets = {}
-        for name, edges in before.edge_sets.items():
+        for name, edges in plain.edge_sets.items():
             rows = []
             for edge in edges:
-                a, b = before.face_nodes(edge)[:2]
+                a, b = plain.face_nodes(edge)[:2]
                 rows += [row for part in self._parts(_key(a, b)) for row in place.get(part, [])]
             sets[name] = np.array(rows, dtype=np.int64).reshape(-1, 2)
         return sets
@@ -378,14 +378,14 @@ class _Cells:
         return [part for end in edge for part in self._parts(_key(end, node))]
 
 
-def _labels(before: np.ndarray, parents: np.ndarray) -> np.ndarray:
+def _labels(labels_of_mesh: np.ndarray, parents: np.ndarray) -> np.ndarray:
     """The first piece of an element keeps its label; the others follow the largest one."""
-    labels, known = before[parents].copy(), set()
-    following = int(np.max(before)) + 1
+    labels, labelled = labels_of_mesh[parents].copy(), set()
+    following = int(np.max(labels_of_mesh)) + 1
     for k, parent in enumerate(parents.tolist()):
-        if parent in known:
+        if parent in labelled:
             labels[k], following = following, following + 1
-        known.add(parent)
+        labelled.add(parent)
     return labels
 
 
@@ -415,10 +415,10 @@ def _from_the_edge(work: _Cells, path: np.ndarray) -> np.ndarray:
     if not len(hits):
         return path
     inside = _is_inside(work, path[0])
-    near = hits[hits <= reach] if inside else hits
-    if not len(near):
+    entries = hits[hits <= reach] if inside else hits
+    if not len(entries):
         return path
-    start = near[np.argmin(np.abs(near))] if inside else near.max()
+    start = entries[np.argmin(np.abs(entries))] if inside else entries.max()
     return np.vstack([path[0] + start * along, path[1:]])
 
 

@@ -73,9 +73,9 @@ def ring_around(mesh: Mesh, cut: Cut, length: float, sections: Sequence[np.ndarr
     nearest = int(np.argmin(np.linalg.norm(centres - tip, axis=1)))
     size, section = sizes[nearest], next(k for k, members in enumerate(sections) if elements[nearest] in members)
     straight = length - start if segment or not _begins_at_edge(cut) else np.inf
-    others = np.setdiff1d(elements, sections[section])
-    far = np.linalg.norm(centres[np.isin(elements, others)] - tip, axis=1).min(initial=np.inf)
-    room = MAX_RADIUS_SHARE * min(_edge_distance(mesh, cut, tip, length), straight, far)
+    is_foreign = ~np.isin(elements, sections[section])
+    to_foreign = np.linalg.norm(centres[is_foreign] - tip, axis=1).min(initial=np.inf)
+    room = MAX_RADIUS_SHARE * min(_edge_distance(mesh, cut, tip, length), straight, to_foreign)
     if not room >= MIN_ELEMENTS * size:
         return None
     radius = min(room, MAX_ELEMENTS * size)
@@ -83,7 +83,7 @@ def ring_around(mesh: Mesh, cut: Cut, length: float, sections: Sequence[np.ndarr
 
 
 def _begins_at_edge(cut: Cut) -> bool:
-    return bool(cut.left[0] != cut.right[0])
+    return bool(cut.left_nodes[0] != cut.right_nodes[0])
 
 
 def _segment(cut: Cut, length: float) -> tuple[int, float]:
@@ -108,9 +108,9 @@ def _elements(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def _edge_distance(mesh: Mesh, cut: Cut, tip: np.ndarray, length: float) -> float:
     """Distance of the tip from the next edge of the body, its own faces left out: their ends count (mm)."""
-    own = set(cut.left.tolist()) | set(cut.right.tolist())
+    face_nodes = set(cut.left_nodes.tolist()) | set(cut.right_nodes.tolist())
     faces = [mesh.face_nodes(face)[:2] for face in boundary_faces(mesh)]
-    ends = mesh.nodes[[pair for pair in faces if not (int(pair[0]) in own and int(pair[1]) in own)], :2]
+    ends = mesh.nodes[[pair for pair in faces if not {int(pair[0]), int(pair[1])} <= face_nodes], :2]
     a, b = ends[:, 0], ends[:, 1]
     along = np.clip(np.einsum("ni,ni->n", tip - a, b - a) / np.einsum("ni,ni->n", b - a, b - a), 0.0, 1.0)
     return float(np.linalg.norm(a + along[:, None] * (b - a) - tip, axis=1).min(initial=np.inf))

@@ -12,8 +12,8 @@ from idic.errors import NotConverged
 from idic.fe.assembly.assembly import discretise, element_matrices, evaluate_system
 from idic.fe.body.body import Body
 from idic.fe.body.boundary import drives_at
+from idic.fe.body.seam import Seam
 from idic.fe.crack.cut import Cut, side_pairs
-from idic.fe.crack.seam import Seam
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,8 @@ def _nodal_stiffness(body: Body, params: Mapping[str, np.ndarray], times: np.nda
     for group, g in zip(system.groups, evaluation.groups, strict=True):
         element_matrices(group, g)
         for k, nodes in enumerate(group.connectivity.T):
-            own = slice(k * d, (k + 1) * d)
-            np.add.at(stiffness, nodes, g.Ke[:, own, own])
+            rows = slice(k * d, (k + 1) * d)
+            np.add.at(stiffness, nodes, g.Ke[:, rows, rows])
     return stiffness
 
 
@@ -69,14 +69,14 @@ def _seam(cut: Cut, middle: Sequence[np.ndarray], stiffness: np.ndarray, tips: n
     places, pairs, begin, end = _tip_places(cut, passing.shorter), [], [], []
     for k, (start, stop) in enumerate(pairwise(places)):
         of_edge = middle[k].tolist()
-        if cut.left[k] != cut.right[k]:
-            of_edge.append([int(cut.left[k]), int(cut.right[k])])
+        if cut.left_nodes[k] != cut.right_nodes[k]:
+            of_edge.append([int(cut.left_nodes[k]), int(cut.right_nodes[k])])
         pairs += of_edge
         begin += [start] * len(of_edge)
         end += [stop] * len(of_edge)
     nodes = np.array(pairs, dtype=np.int64)
-    left, right = (np.linalg.inv(stiffness[side]) for side in nodes.T)
-    return Seam(nodes, np.array(begin), np.array(end), passing.share * np.linalg.inv(left + right), tips)
+    compliance = sum(np.linalg.inv(stiffness[side]) for side in nodes.T)
+    return Seam(nodes, np.array(begin), np.array(end), passing.share * np.linalg.inv(compliance), tips)
 
 
 def _tip_places(cut: Cut, shorter: float) -> np.ndarray:

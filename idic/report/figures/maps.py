@@ -278,10 +278,10 @@ def _apart(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     double = used[counts[place.ravel()] > 1]
     if not len(double):
         return points
-    middles, apart = points[triangles].mean(axis=1), points.copy()
+    middles, drawn = points[triangles].mean(axis=1), points.copy()
     for node in double:
-        apart[node] += FACES_APART * (middles[(triangles == node).any(axis=1)].mean(axis=0) - points[node])
-    return apart
+        drawn[node] += FACES_APART * (middles[(triangles == node).any(axis=1)].mean(axis=0) - points[node])
+    return drawn
 
 
 def draw(axis: Axes, record: RunRecord, values, norm, cmap: str | None = None):

@@ -60,8 +60,8 @@ class _Tips:
     def of(cls, context: RunContext, evaluation: int, forward: ForwardModel, parameters: ParameterSet,
            result: Mapping) -> _Tips:
         base = context.store.group(group_name(evaluation, BASE))
-        known = result["correlation"]["names"]
-        names = [name for name in context.moving if name in known and result["parameters"][name]["std"]]
+        correlated = result["correlation"]["names"]
+        names = [name for name in context.moving if name in correlated and result["parameters"][name]["std"]]
         return cls(forward, parameters, FrameArrays.open(base, "u"),
                    FrameArrays.open(base, "du") if names else None, tuple(context.moving), names,
                    covariance_of(result, parameters, names))
