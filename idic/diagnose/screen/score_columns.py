@@ -23,7 +23,6 @@ from idic.diagnose.physics.candidate import Candidate, Variant
 from idic.diagnose.residual.evidence import Columns, joined
 from idic.diagnose.residual.grey_value_effects import columns_of_kind
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
-from idic.diagnose.screen.cut_bodies import changed_by_opening
 from idic.diagnose.screen.course_columns import timed, times_courses, unit_values
 from idic.errors import NotConverged
 from idic.fe import Alternative, Responses, first_responses
@@ -92,14 +91,8 @@ def _stepped(identification: Identification, residual: ResidualEvidence, trials:
     """Columns of the variants that have an answer: one-step responses of their probes less those of their null
     embeddings; of patterns times courses (`idic.diagnose.screen.course_columns`) one response per pattern."""
     answers, moved, untimed, shared, idle = _Answers(identification), [], [], [], {}
-    opened: dict[int, tuple[np.ndarray, np.ndarray] | None] = {}
     for candidate, variant in trials:
         experiment = load(variant.edits)
-        if len(experiment.model.cracks) > len(identification.experiment.model.cracks):
-            opened[len(untimed)] = changed_by_opening(experiment, variant, identification)
-            untimed.append((candidate, variant, answers.position(identification.experiment, {}), None))
-            moved.append(None)
-            continue
         if (timed_variant := timed(experiment, variant)) is not None:
             shared.append((candidate, timed_variant))
             continue
@@ -117,8 +110,7 @@ def _stepped(identification: Identification, residual: ResidualEvidence, trials:
     nulls = [k for k, (_, _, _, null) in enumerate(untimed) if null is not None]
     of_nulls = [untimed[k][3] for k in nulls]
     simulations = {k: moved_to for k, (_, variant, _, _) in enumerate(untimed)
-                   if not variant.new
-                   and (moved_to := _simulated(load(variant.edits), identification)) is not None}
+                   if not variant.new and (moved_to := _simulated(load(variant.edits), identification)) is not None}
     error = identification.experiment.model.motion_error
     solved = residual.channels if error is None else residual.channels - error.channels[residual.evidence.frames]
     fields, channels = [], []
@@ -130,8 +122,6 @@ def _stepped(identification: Identification, residual: ResidualEvidence, trials:
         dchannels[:, nulls] -= read[:, of_nulls]
         for k, (u, readings) in simulations.items():
             du[..., k], dchannels[:, k] = u[frames[t]] - residual.solved_u[t], readings[frames[t]] - solved[t]
-        for k, change in opened.items():
-            du[..., k], dchannels[:, k] = (np.nan, np.nan) if change is None else (part[frames[t]] for part in change)
         fields.append(in_images(residual, t, du))
         channels.append(dchannels)
     n, fields, channels = len(untimed), np.array(fields), np.array(channels)

@@ -174,11 +174,11 @@ class _Cells:
         for start, end in pairwise(path):
             along, length = (end - start) / np.linalg.norm(end - start), float(np.linalg.norm(end - start))
             part, aside = (nodes - start) @ along, np.abs((nodes - start) @ [-along[1], along[0]])
-            for node in np.flatnonzero((part > 0.0) & (part < length) & (aside > self.tolerance)):
+            for node in np.flatnonzero((part > 0.0) & (part < length) & (aside > self.tolerance)).tolist():
                 if node in corner_nodes or not self.node_cells.get(node) or self.is_outer(node):
                     continue
                 if aside[node] <= MAX_MOVE_SHARE * self.shortest_edge(node):
-                    self.move(int(node), start + part[node] * along)
+                    self.move(node, start + part[node] * along)
 
     def _nearest_moved(self, point: np.ndarray, outer: bool) -> int:
         distance = np.linalg.norm(np.array(self.nodes) - point, axis=1)

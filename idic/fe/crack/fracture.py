@@ -173,24 +173,26 @@ def tip_load(ring: Ring, u: np.ndarray, tangent: np.ndarray, isotropic: tuple[fl
         if isotropic is None:
             continue
         for mode in range(2):
-            slope, own_stress, own_strain = _unit_field(np.einsum("ai,eqi->eqa", turn, places), mode, *isotropic, kind)
+            slope, unit_stress, unit_strain = _unit_field(np.einsum("ai,eqi->eqa", turn, places), mode, isotropic, kind)
             interactions[mode] += float(np.sum(weights * (
                 np.einsum("eqij,eqi,eqj->eq", stress, slope, dq)
-                + np.einsum("eqij,eqi,eqj->eq", own_stress, gradient[..., 0], dq)
-                - np.einsum("eqij,eqij->eq", stress, own_strain) * dq[..., 0])))
+                + np.einsum("eqij,eqi,eqj->eq", unit_stress, gradient[..., 0], dq)
+                - np.einsum("eqij,eqij->eq", stress, unit_strain) * dq[..., 0])))
     if isotropic is None:
         return TipLoad(np.nan, np.nan, J)
     E, nu = isotropic
     modulus = E if kind == "plane_stress" else E / (1.0 - nu**2)
-    return TipLoad(*(0.5 * modulus * interactions).tolist(), J)
+    K_I, K_II = (0.5 * modulus * interactions).tolist()
+    return TipLoad(K_I, K_II, J)
 
 
-def _unit_field(places: np.ndarray, mode: int, E: float, nu: float,
+def _unit_field(places: np.ndarray, mode: int, isotropic: tuple[float, float],
                 kind: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """u_i,1 (..., 2), stress and strain (..., 2, 2) of a unit K (Williams 1957, doi:10.1115/1.4011454)
 
     places : (..., 2) mm in the axes of the crack
     """
+    E, nu = isotropic
     r, t = np.hypot(places[..., 0], places[..., 1]), np.arctan2(places[..., 1], places[..., 0])
     s, c, s3, c3 = np.sin(0.5 * t), np.cos(0.5 * t), np.sin(1.5 * t), np.cos(1.5 * t)
     factor = 1.0 / np.sqrt(2.0 * np.pi * r)

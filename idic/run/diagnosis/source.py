@@ -55,10 +55,7 @@ class Source:
         experiment = context.tables.edited({**self.edits, **(edits or {})}, context.experiment).experiment()
         experiment = with_boundary_start(experiment, _of_edges(experiment.model, stored_start(context.store,
                                                                                         context.settings)))
-        error = self.motion_error
-        if error is not None and error.u.shape[1] != experiment.model.mesh.n_nodes:
-            error = None  # of a mesh that is cut it is not known
-        return replace(experiment, model=replace(experiment.model, motion_error=error))
+        return replace(experiment, model=replace(experiment.model, motion_error=self.motion_error))
 
     def with_edits(self, edits: Mapping[str, Any]) -> Source:
         return replace(self, edits={**self.edits, **edits})
