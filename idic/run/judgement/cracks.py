@@ -2,7 +2,7 @@
 the parameters: ``cracks`` of result.json.
 
 A value depends on the motion, on the stiffness and on the place of the tip, all of which follow the parameters: its
-derivatives are difference quotients along the stored sensitivities of the motion, over a standard deviation each way.
+derivatives are difference quotients along the stored sensitivities of the motion.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from idic.run.store.arrays import FrameArrays
 from idic.run.store.layout import BASE, group_name
 
 MPA_SQRT_M = 1000.0**0.5  # MPa sqrt(mm) in one MPa sqrt(m)
+STEP_SHARE = 1e-3  # of a standard deviation: step of a difference quotient, each way
 ISOTROPIC = 1e-6  # relative: how far a tangent may be from that of an isotropic material
 NOT_LINEAR = "K and J need a law of small strains that is linear (elastic, orthotropic)"
 NOT_EVEN = "K and J need a stiffness without [[heterogeneity]], and a test without a temperature"
@@ -107,7 +108,7 @@ class _Tips:
         du = self.du.read(frame, frame + 1)[0].astype(float)
         J = np.zeros((3, len(self.names)))
         for i, name in enumerate(self.names):
-            step = float(np.sqrt(self.covariance[i, i]))
+            step = STEP_SHARE * float(np.sqrt(self.covariance[i, i]))
             ways = [self._load(ring.shifted(sign * step * slopes[i]),
                                u + sign * step * du[:, :2, self.moving.index(name)], {name: sign * step})
                     for sign in (1.0, -1.0)]
