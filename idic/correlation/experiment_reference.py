@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from hashlib import blake2b
+from itertools import pairwise
 
 import numpy as np
 import scipy
@@ -23,9 +24,10 @@ from idic.correlation.volume.voxel_map import build_voxel_map
 from idic.errors import InputError
 from idic.fe import surface_cells
 from idic.images import AnyCamera, CAMERA_PARAMETERS, Camera, DEGREES, PLACEMENT_STEM, PlacedCamera, Scanner
-from idic.model import Experiment, is_camera_time
+from idic.model import Experiment, Model, is_camera_time
 from idic.parameters import ParameterSet
 
+MIN_CRACK_MARGIN_PX = 3  # beside the path of a crack: the taps of a spline beyond reach over the gap
 MAX_TRACED = 3  # pixel maps of lenses that a process keeps, 16 bytes per pixel each
 _traced: dict[tuple, tuple[PixelMap, np.ndarray | None]] = {}
 
@@ -69,6 +71,10 @@ def build_experiment_reference(experiment: Experiment, camera: AnyCamera) -> Ref
     options, stack = experiment.options, recording.stack
     mask = _inside_borders(recording.mask, stack.shape, options.border_px if view.kind == GREY else 0)
     pixel_map, mask = _kept_pixels(experiment, camera, mask)
+    if experiment.model.cracks:
+        mask = _beside_cracks(experiment.model, camera, mask, stack.shape,
+                              max(options.edge_margin_px, MIN_CRACK_MARGIN_PX))
+        pixel_map = mapped_pixels(experiment, camera, mask)
     if options.left_out_px:
         mask = _outside_circles(mask, stack.shape, options.left_out_px)
         pixel_map = mapped_pixels(experiment, camera, mask)
@@ -164,6 +170,21 @@ def _outside_circles(mask: np.ndarray | None, shape: tuple[int, int],
         end = np.clip(np.ceil([row + radius + 1, column + radius + 1]).astype(int), first, shape)
         y, x = np.mgrid[first[0]:end[0], first[1]:end[1]]
         roi[y, x] &= np.hypot(x - column, y - row) > radius
+    return roi
+
+
+def _beside_cracks(model: Model, camera: AnyCamera, mask: np.ndarray | None, shape: tuple[int, int],
+                   margin: float) -> np.ndarray:
+    """The ROI less a margin on both sides of the paths of cracks: pixels there see into the gap  # (ny, nx) bool"""
+    roi = np.ones(shape, dtype=bool) if mask is None else mask.copy()
+    y, x = np.mgrid[:shape[0], :shape[1]]
+    pixels = np.stack([x, y], axis=-1).astype(float)
+    for crack in model.cracks:
+        corners = camera.project(crack.cut.path)
+        for start, end in pairwise(corners):
+            way = end - start
+            part = np.clip((pixels - start) @ way / (way @ way), 0.0, 1.0)
+            roi &= np.linalg.norm(pixels - start - part[..., None] * way, axis=-1) > margin
     return roi
 
 

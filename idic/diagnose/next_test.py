@@ -219,7 +219,8 @@ def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
                                  camera=_held(model.camera, n), channels=channels, prescribed=prescribed,
                                  loads=tuple(carried(entry) for entry in model.loads),
                                  temperatures=tuple(replace(carried(entry), hats=_further(entry.hats, n))
-                                      for entry in model.temperatures)))
+                                      for entry in model.temperatures),
+                                 cracks=tuple(replace(crack, hats=_further(crack.hats, n)) for crack in model.cracks)))
 
 
 def _further(hats: np.ndarray | None, n: int) -> np.ndarray | None:

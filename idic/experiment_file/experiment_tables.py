@@ -13,6 +13,7 @@ from idic.errors import InputError
 from idic.experiment_file.checks.images_at_rest import with_notes_on_references
 from idic.experiment_file.checks.model import (check_materials, check_supported, check_times, check_visible,
                                                checked_heights)
+from idic.experiment_file.cracks import cracks, cut_mesh
 from idic.experiment_file.laws.composed_law import course_notes
 from idic.experiment_file.laws.free_curves import free_curves, knot_notes, smoothness_priors
 from idic.experiment_file.laws.softening import softening_notes
@@ -105,6 +106,8 @@ class ExperimentTables:
         table, scale = self.config.experiment, self.placed.scale
         recording, frames = self.recording, self.recording.frames
         materials, parameters, mesh, law_notes = self.materials(self.placed.mesh)
+        cut = cut_mesh(self.config, mesh, scale.unit, self.file)
+        mesh = cut.mesh
         check_external_laws(self.config, self.file)
         log, known_times = recording.log, recording.times
         if log is not None and log.is_interpolated:
@@ -134,6 +137,8 @@ class ExperimentTables:
         mesh = geometry.mesh
         varied, of_varied = heterogeneities(self.config, mesh, scale.unit, self.file)
         parameters += of_varied
+        cut_open, lengths = cracks(self.config, cut.cuts, context)
+        parameters += lengths
         camera, cameras = self._moving(scale.camera, cameras, lens, frames, context, known_times)
         parameters += dofs.degrees_of_freedom(self.config, camera, tuple(motion.channels), tuple(motion.prescribed),
                                               thickness, known_times, scale.unit, frames.shape, parameters, self.file,
@@ -151,7 +156,7 @@ class ExperimentTables:
             prescribed=tuple(motion.prescribed), loads=tuple(motion.loads), channels=tuple(motion.channels),
             camera=camera, times=times, reference=frames.reference, has_times=known_times is not None,
             surface=table.surface, symmetry=table.symmetry, length_unit=scale.unit, temperatures=warmth,
-            heterogeneities=varied, solver=recording.solver, morphs=geometry.morphs,
+            heterogeneities=varied, cracks=cut_open, solver=recording.solver, morphs=geometry.morphs,
             log_offset=0.0 if log is None else log.late,
             stated_values=tuple(entry.name for entry in self.config.dof if entry.value is not None),
             free_curves=curves, outline_share=outline_share(self.config, frames.stack, scale.camera, self.file))

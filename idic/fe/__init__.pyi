@@ -4,6 +4,10 @@ from .assembly.assembly import (
 from .body.boundary import constrain, dead_pressure, dofs_of, drives_at, face_area, traction
 from .body.body import Constraints, Direction, Loads, Body, PathControl, Reaction, Section, validate
 from .body.variation import Variation
+from .crack.cut import Cut, cut_along
+from .crack.fracture import ring_around, tip_load
+from .body.seam import Seam
+from .crack.seams_of_cuts import with_seams
 from .conduction import conductance, conducted, unreached, volume
 from .equilibrium import Control, factorise_tangent
 from .external.deck import parse_deck
@@ -61,6 +65,7 @@ __all__ = [
     "Coarse",
     "Constraints",
     "Control",
+    "Cut",
     "Direction",
     "Evaluation",
     "ExpectedOutput",
@@ -81,6 +86,7 @@ __all__ = [
     "PointValues",
     "Reaction",
     "Responses",
+    "Seam",
     "Section",
     "Segments",
     "Solution",
@@ -103,6 +109,7 @@ __all__ = [
     "conducted",
     "constrain",
     "curved",
+    "cut_along",
     "dead_pressure",
     "discretise",
     "dissected",
@@ -151,6 +158,7 @@ __all__ = [
     "raise_order",
     "require_permission",
     "rim_second_differences",
+    "ring_around",
     "second_difference",
     "seen_first",
     "segments_of",
@@ -163,11 +171,13 @@ __all__ = [
     "superposed",
     "surface_cells",
     "sweep",
+    "tip_load",
     "traction",
     "transposed_stiffness_times",
     "unreached",
     "validate",
     "velocities",
     "volume",
+    "with_seams",
     "without_time_error",
 ]

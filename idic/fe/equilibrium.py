@@ -261,6 +261,7 @@ def negligible(system: System, ev: Evaluation) -> tuple[float, float]:
     moved = float(np.abs(ev.u).max(initial=0.0))
     coarse = max(stiff * group.largest_area * group.steepest
                  for stiff, group in zip(stiffest, system.groups, strict=True))
+    coarse = max([coarse, *(float(np.abs(K).max()) for K in ev.seam_K)])  # of the last digit of an opening
     return 16 * eps * rounding, 4 * eps * moved * coarse
 
 
@@ -285,7 +286,7 @@ def _factor(system: System, ev: Evaluation, factor: Factor | None, matrices,
     if constant:
         for group, g in zip(system.groups, ev.groups, strict=True):
             element_matrices(group, g)
-        current_matrices = tuple(g.Ke for g in ev.groups)
+        current_matrices = (*(g.Ke for g in ev.groups), *ev.seam_K)
         if factor is not None and matrices and all(_equal(a, b)
                                                    for a, b in zip(current_matrices, matrices, strict=True)):
             return factor, matrices

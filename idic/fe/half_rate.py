@@ -37,7 +37,9 @@ def at_frames(body: Body, frames: np.ndarray) -> Body:
                     pressure_histories=sampled(body.loads.pressure_histories))
     control = None if body.control is None else replace(body.control, readings=body.control.readings[frames])
     constraints = replace(body.constraints, histories=body.constraints.histories[frames])
-    return replace(body, control=control, constraints=constraints, loads=loads, temperature=sampled(body.temperature))
+    seams = tuple(replace(seam, tips=seam.tips[frames]) for seam in body.seams)
+    return replace(body, control=control, constraints=constraints, loads=loads, temperature=sampled(body.temperature),
+                   seams=seams)
 
 
 def without_time_error(body: Body, fine: Iterable[Motion], coarse: Iterable[FrameState]) -> Iterator[Motion]:

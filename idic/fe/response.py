@@ -126,6 +126,8 @@ def _numbered_alike(first: Body, second: Body) -> bool:
     """Whether elements, sections and held dofs of two models are the same."""
     return (np.array_equal(first.constraints.dofs, second.constraints.dofs)
             and len(first.sections) == len(second.sections) and len(first.mesh.blocks) == len(second.mesh.blocks)
+            and len(first.seams) == len(second.seams)
+            and all(np.array_equal(a.pairs, b.pairs) for a, b in zip(first.seams, second.seams, strict=True))
             and all(np.array_equal(a.elements, b.elements)
                     for a, b in zip(first.sections, second.sections, strict=True))
             and all(np.array_equal(a.connectivity, b.connectivity)

@@ -64,7 +64,7 @@ def check_directions(body: Body, directions: Sequence[Direction], n_frames: int)
         kinds = {"material": d.material is not None, "d_histories": d.d_histories is not None,
                  "d_loads": d.d_loads is not None, "thickness": d.thickness, "expansion": d.expansion is not None,
                  "d_temperature": d.d_temperature is not None, "variation": d.variation is not None,
-                 "d_readings": d.d_readings is not None}
+                 "d_readings": d.d_readings is not None, "d_tips": d.d_tips is not None}
         given_kinds = {kind for kind, is_given in kinds.items() if is_given}
         together = ({"d_loads", "thickness"}, {"d_histories", "d_temperature", "d_loads", "d_readings"})
         if not given_kinds or (len(given_kinds) > 1 and not any(given_kinds <= kinds for kinds in together)):
@@ -322,6 +322,9 @@ def _add_drive_changes(system: System, directions, times, end: Converged, du: np
             forces[:, k] += ev.internal.ravel() / body.thickness
         if change.dead.any():
             forces[:, k] -= body.loads.dead @ change.dead
+        for seam, dofs, tip, moved in zip(body.seams, system.seam_dofs, end.drives.tips, change.tips, strict=True):
+            if moved:
+                np.add.at(forces[:, k], dofs, moved * np.einsum("eij,ej->ei", seam.slopes(tip), end.u.ravel()[dofs]))
         for faces in system.pressures:
             factor = change.pressure[faces.load]
             if direction.thickness:

@@ -113,7 +113,7 @@ def is_linear(body: Body) -> bool:
     """Whether displacements and forces are linear in the histories of drives and loads."""
     laws = [section.law for section in body.sections]
     return (all(law.small and law.spec.linear for law in laws) and not body.loads.pressure_faces
-            and body.temperature is None and body.control is None)
+            and body.temperature is None and body.control is None and not body.seams)
 
 
 def _histories(body: Body) -> np.ndarray:

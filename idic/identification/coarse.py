@@ -141,9 +141,9 @@ def _prepare(experiment: Experiment, u_px: np.ndarray | None, simplified: bool) 
 
 
 def coarse_mesh(model: Model) -> Coarse | None:
-    """A mesh of about `COARSE_ELEMENTS` for the experiment; None where there is none, or shapes on its nodes are
-    parameters."""
-    shaped = model.morphs or any(isinstance(entry.drive, Parametrised) for entry in model.prescribed)
+    """A mesh of about `COARSE_ELEMENTS` for the experiment; None where there is none, or shapes on its nodes or
+    cracks between them are parameters."""
+    shaped = model.morphs or model.cracks or any(isinstance(entry.drive, Parametrised) for entry in model.prescribed)
     return None if shaped else coarsen(model.mesh, COARSE_ELEMENTS)
 
 

@@ -1,4 +1,5 @@
 from .camera_time import is_camera_time
+from .crack import tips_at
 from .drives import (
     COMPONENTS, DriveTable, boundary_parameters, build_drives, is_stereo, mode_names, mode_shapes, pixel_size,
     rates_since_reference, set_nodes,
@@ -7,8 +8,8 @@ from .records.experiment import Experiment
 from .records.model import Model
 from .records.options import Options, Stage
 from .records.parts import (
-    Channel, Column, Constant, Controlled, Correction, Drive, Heterogeneity, Load, Material, Measured, Parametrised,
-    Prescribed, Temperature, TemperatureField, corrections_of,
+    Channel, Column, Constant, Controlled, Correction, Crack, Drive, Heterogeneity, Load, Material, Measured,
+    Parametrised, Prescribed, Temperature, TemperatureField, corrections_of,
 )
 from .records.recording import CorrelatedNoise, Depth, FieldPoints, FurtherCamera, Noise, Recording
 from .first_frames import leading_frames, selected_frames
@@ -30,13 +31,13 @@ from .terms.corrections.correction_terms import CORRECTION_TERMS, term_of_motion
 
 __all__ = [
     "CHANNEL_TERMS", "COMPONENTS", "CORRECTION_TERMS", "KINDS", "KNOTS", "TEMPERATURE", "Channel", "ChannelTerm",
-    "Column", "Constant", "Controlled", "CorrectedMotion", "Correction", "CorrectionTerm", "CorrelatedNoise", "Depth",
-    "Drive", "DriveTable", "Experiment", "FieldPoints", "ForwardModel", "FurtherCamera", "Gauge", "Heterogeneity",
-    "Load", "Material", "Measured", "Model", "MotionError", "Noise", "Options", "Parametrised", "Prescribed",
-    "Readings", "Recording", "Remedies", "Stage", "StatedCurve", "Temperature", "TemperatureField",
+    "Column", "Constant", "Controlled", "CorrectedMotion", "Correction", "CorrectionTerm", "CorrelatedNoise", "Crack",
+    "Depth", "Drive", "DriveTable", "Experiment", "FieldPoints", "ForwardModel", "FurtherCamera", "Gauge",
+    "Heterogeneity", "Load", "Material", "Measured", "Model", "MotionError", "Noise", "Options", "Parametrised",
+    "Prescribed", "Readings", "Recording", "Remedies", "Stage", "StatedCurve", "Temperature", "TemperatureField",
     "boundary_parameters", "build_drives", "build_forward", "channel_term", "corrections_of", "hats", "in_words",
     "is_camera_time", "is_mode", "is_stereo", "jump_frame", "jump_name", "knot_frames", "knot_name", "leading_frames",
     "load_parameters", "mode_names", "mode_shapes", "motions", "nodal_temperature", "nodes_of", "pixel_size",
     "rates_since_reference", "selected_frames", "set_nodes", "shown_value", "solve", "strayed",
-    "term_of_motion", "tried_increments", "without_knot",
+    "term_of_motion", "tips_at", "tried_increments", "without_knot",
 ]

@@ -56,7 +56,8 @@ def selected_frames(experiment: Experiment, frames: Sequence[int]) -> Experiment
                          for p in model.prescribed), loads=tuple(replace(load, drive=_drive(load.drive, pick))
                                                                  for load in model.loads),
                                  channels=tuple(_channel(channel, pick) for channel in model.channels),
-                                 temperatures=tuple(_temperature(entry, pick) for entry in model.temperatures)),
+                                 temperatures=tuple(_temperature(entry, pick) for entry in model.temperatures),
+                                 cracks=tuple(replace(crack, hats=crack.hats[:, pick]) for crack in model.cracks)),
                    cameras=())
 
 

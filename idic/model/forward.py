@@ -16,9 +16,10 @@ from idic.errors import InputError
 from idic.fe import (
     Constraints, Control, Direction, FrameState, Loads, Body, Motion, PathControl, Reaction, Section, StepList,
     at_frames, dead_pressure, every_second, face_area, increments_to_try, is_extrapolated, march, march_extrapolated,
-    superposed, traction, validate, without_time_error,
+    superposed, traction, validate, with_seams, without_time_error,
 )
 from idic.laws import EXPANSION, compile as compile_law
+from idic.model.crack import seams_at, tip_change, tips_at
 from idic.model.camera_time import is_camera_time, with_velocities
 from idic.model.black_box import ExternalForward, build_external
 from idic.model.drives import COMPONENTS, DriveTable, build_drives, rates_since_reference, set_nodes
@@ -67,7 +68,7 @@ class ForwardModel:
         """Whether a degree of freedom changes the simulation (and not only camera or channels)."""
         return not name.startswith(("camera.", "channel.")) and (
             name in self.drives.derivatives or name in self.drives.loads.names() or is_camera_time(name)
-            or name == "geometry.thickness" or name in self.morphs
+            or name == "geometry.thickness" or name in self.morphs or tip_change(self.model, name) is not None
             or self._variation(name) is not None
             or self._material(name) is not None or self._expansion(name) is not None
             or (self.temperature is not None and name in self.temperature.knots)
@@ -109,6 +110,8 @@ class ForwardModel:
             return Direction(name, expansion=self._expansion(name))
         if self._variation(name) is not None:
             return Direction(name, variation=self._variation(name))
+        if (d_tips := tip_change(self.model, name)) is not None:
+            return Direction(name, d_tips=d_tips)
         if name == "geometry.thickness":
             return Direction(name, thickness=True, d_loads=self._load_growth(parameters))
         loads, drives = self.drives.loads, self.drives.derivatives
@@ -142,6 +145,7 @@ class ForwardModel:
             loads = replace(loads, dead_histories=loads.dead_histories * growth)
         return replace(self.body, mesh=model.mesh, constraints=constraints, thickness=thickness, loads=loads,
                        control=self._control(parameters), variations=variations_at(model, parameters),
+                       seams=seams_at(self.body, model, parameters),
                        **self._thermal(parameters))
 
     def _thermal(self, parameters: ParameterSet) -> dict[str, Any]:
@@ -369,8 +373,18 @@ def build_forward(experiment: Experiment) -> ForwardModel | ExternalForward:
     warmed = any(f"{section.name}.{EXPANSION.name}" in model.parameters
                  or section.law.spec.temperature is not None
                  for section in sections)
-    return ForwardModel(model, experiment.options, drives, body, nodal_temperature(model) if warmed else None,
-                        build_readings(model, drives.loads))
+    forward = ForwardModel(model, experiment.options, drives, body, nodal_temperature(model) if warmed else None,
+                           build_readings(model, drives.loads))
+    return _cracked(forward) if model.cracks else forward
+
+
+def _cracked(forward: ForwardModel) -> ForwardModel:
+    """The model with the seams of its cracks; they keep the stiffness of the starting values."""
+    model = forward.model
+    body = with_seams(forward.body_at(model.parameters), [crack.cut for crack in model.cracks],
+                      tips_at(model, model.parameters), forward.law_values(model.parameters),
+                      model.times[model.reference:])
+    return replace(forward, body=replace(forward.body, seams=body.seams))
 
 
 def tried_increments(forward: ForwardModel | ExternalForward, times: np.ndarray, increments: int | None,

@@ -14,7 +14,7 @@ from .evidence.causes.after_run import cause_after_run
 from .evidence.check import check, overlay
 from .evidence.cost import expected_cost
 from .evidence.free_dic import FreeMotions, free_motions, noise_floor, with_residuals
-from .evidence.hardening import hardening_curves
+from .evidence.hardening import covariance_of, hardening_curves
 from .evidence.law import law_curves
 from .evidence.matrices import shown_step, without_modes
 from .evidence.points import point_maps_of
@@ -50,20 +50,19 @@ __all__ = [
     "BLACK", "BLUE", "CYCLE", "DIVERGING", "DPI", "FAINT", "GREY", "KNOWN_ERROR_COUNTED", "MARKERS",
     "MIN_CONFUSABLE_CORRELATION", "NOISE_CHI2", "ORANGE", "RANGE", "RED", "RESIDUAL_RANGE", "SEQUENTIAL", "STANDINGS",
     "ChannelRecord", "Curve", "DiagnosisRecord", "FieldFrames", "FreeMotions", "Picture", "PlanPictures",
-    "ResidualMaps", "RunRecord", "Sensitivities", "ShownMesh", "WhereRecord", "advice", "against_free",
-    "all_pictures", "all_tables", "assumed", "bare", "batch_headline", "batch_parameters", "batch_table", "best_plan",
+    "ResidualMaps", "RunRecord", "Sensitivities", "ShownMesh", "WhereRecord", "advice", "against_free", "all_pictures",
+    "all_tables", "assumed", "bare", "batch_headline", "batch_parameters", "batch_table", "best_plan",
     "between_specimens", "calibration_picture", "cause_after_run", "check", "compare", "comparison_picture",
-    "comparison_tables", "derived_names", "design_table", "diagnosis_headline", "draw_batch", "draw_design",
-    "draw_diagnosis_sections", "draw_sections", "expected_cost", "filled_in", "frame_views", "free_motions",
-    "hardening_curves", "held_stresses", "heldout_drop", "in_ratios", "in_turn", "in_words", "in_words_of",
-    "joint_page", "joint_summary", "largest_motion", "law_curves", "left_out", "left_over", "look", "motion_unit",
-    "new_figure", "noise_floor", "not_excluded", "not_explained", "number_text", "of_fields", "overlay",
-    "parameter_rows", "parts", "parts_of_std", "pictures", "plan_sections", "plot_law", "point_maps_of",
-    "practice_of", "readable_unit", "relaxation_curves", "render_batch", "render_design", "render_diagnosis_page",
-    "render_page", "render_tables", "residual_png", "residual_window", "result_headline", "result_verdict",
-    "rubber_curves", "said", "scatter", "section_fields", "seen_area", "sentence", "short", "short_names",
-    "shown_mesh", "shown_step", "spot_picture", "standing_of", "stress_unit", "strongest", "summary",
-    "temperature_factors", "time_label", "to_picture", "treatment_table", "two_digits", "undetermined",
-    "virtual_boundaries", "with_profiles", "with_residuals", "with_section_floor", "with_spots", "with_std",
-    "without_modes", "yield_surfaces",
+    "comparison_tables", "covariance_of", "derived_names", "design_table", "diagnosis_headline", "draw_batch",
+    "draw_design", "draw_diagnosis_sections", "draw_sections", "expected_cost", "filled_in", "frame_views",
+    "free_motions", "hardening_curves", "held_stresses", "heldout_drop", "in_ratios", "in_turn", "in_words",
+    "in_words_of", "joint_page", "joint_summary", "largest_motion", "law_curves", "left_out", "left_over", "look",
+    "motion_unit", "new_figure", "noise_floor", "not_excluded", "not_explained", "number_text", "of_fields", "overlay",
+    "parameter_rows", "parts", "parts_of_std", "pictures", "plan_sections", "plot_law", "point_maps_of", "practice_of",
+    "readable_unit", "relaxation_curves", "render_batch", "render_design", "render_diagnosis_page", "render_page",
+    "render_tables", "residual_png", "residual_window", "result_headline", "result_verdict", "rubber_curves", "said",
+    "scatter", "section_fields", "seen_area", "sentence", "short", "short_names", "shown_mesh", "shown_step",
+    "spot_picture", "standing_of", "stress_unit", "strongest", "summary", "temperature_factors", "time_label",
+    "to_picture", "treatment_table", "two_digits", "undetermined", "virtual_boundaries", "with_profiles",
+    "with_residuals", "with_section_floor", "with_spots", "with_std", "without_modes", "yield_surfaces",
 ]

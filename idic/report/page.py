@@ -18,6 +18,7 @@ from idic.report.figures.hardening import hardening_curve, yield_surface
 from idic.report.figures.mesh.overlay import identified_mesh
 from idic.report.figures.point_maps import point_maps
 from idic.report.figures.profiles import is_profile
+from idic.report.crack_figure import crack_figure
 from idic.report.figures.relaxation import relaxation_curve
 from idic.report.figures.rubber import rubber_energy
 from idic.report.figures.picture import Picture
@@ -120,6 +121,7 @@ def plan_sections(record: RunRecord) -> tuple[PlannedSection, ...]:
             *(partial(yield_surface, record, surface) for surface in record.surfaces),
             *(partial(temperature_dependence, tuple(factors))
               for _, factors in groupby(record.temperature_factors, lambda factor: factor.name)))
+    growth = tuple(partial(crack_figure, record, name) for name in record.result.get("cracks", {}))
     return (
         PlannedSection(
             "explained", "Does the model explain the test?",
@@ -130,6 +132,7 @@ def plan_sections(record: RunRecord) -> tuple[PlannedSection, ...]:
         _frame_by_frame(record),
         _fields(record),
         PlannedSection("law", "Which law was identified?", " ".join(open_curves(record)), laws),
+        PlannedSection("cracks", "How do cracks grow?", "", growth),
         PlannedSection(
             "determined", "What does the test determine?",
             "Sensitivity of the motion to each parameter, and how well the test separates the parameters.",

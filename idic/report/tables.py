@@ -110,6 +110,19 @@ def correlation(record: RunRecord) -> str:
     return _csv(["name", *names], [[n, *row] for n, row in zip(names, table.get("matrix", ()), strict=False)])
 
 
+CRACK_VALUES = ("length_mm", "K_I", "K_II", "J")
+CRACK_UNITS = {"length_mm": "", "K_I": "_MPa_sqrt_m", "K_II": "_MPa_sqrt_m", "J": "_N_per_mm"}
+
+
+def cracks(record: RunRecord) -> str:
+    """One row per crack and frame: length, stress intensity factors and J, each with its standard deviation."""
+    names = [f"{value}{part}" for value in CRACK_VALUES for part in ("", "_std")]
+    header = [f"{value}{CRACK_UNITS[value]}{part}" for value in CRACK_VALUES for part in ("", "_std")]
+    rows = [[name, frame, *(entry[column][k] for column in names)]
+            for name, entry in record.result.get("cracks", {}).items() for k, frame in enumerate(entry["frames"])]
+    return _csv(["crack", "frame", *header], rows)
+
+
 def all_tables(record: RunRecord) -> dict[str, str]:
     """File name → CSV text."""
     return {
@@ -117,7 +130,8 @@ def all_tables(record: RunRecord) -> dict[str, str]:
         "frames.csv": frames(record),
         "iterations.csv": iterations(record),
         "correlation.csv": correlation(record),
-    } | {name: _csv(header, rows) for name, (header, rows) in gauge_tables(record).items()}
+    } | ({"cracks.csv": cracks(record)} if record.result.get("cracks") else {}) | {
+        name: _csv(header, rows) for name, (header, rows) in gauge_tables(record).items()}
 
 
 def _csv(header, rows) -> str:

@@ -19,6 +19,7 @@ from idic.identification import (
     ElementSums, Evaluation, FrameFit, LoopState, PointFit, chunk_frames, element_sums, experiment_result,
 )
 from idic.model import Experiment, Model, Stage
+from idic.run.judgement.cracks import crack_results
 from idic.run.judgement.accepted_point import channel_table, solver_notes
 from idic.run.judgement.discrepancy import discrepancy_job, discrepancy_of
 from idic.run.judgement.fields import write_fields
@@ -111,6 +112,8 @@ def postprocess(session: Session, state: LoopState, timing: Timing, began: float
         write_fields(job, session.runner)
     result = experiment_result(experiment, state, point, context.weights, fit, context.settings["excluded_by_user"],
                                _cost(state, timing, began), discrepancy_of(session, state, point, stage))
+    if state.accepted is not None and experiment.model.cracks:
+        result["cracks"] = crack_results(context, state.accepted.number, state.accepted.values, result)
     result |= judgement.top | {"has_force": has_force(experiment.model), "sensitivity": session.sensitivity}
     result["residual"] |= judgement.residual
     write_result(session.run, result)

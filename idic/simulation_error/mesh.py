@@ -40,7 +40,7 @@ STILL_SHARE = 0.05  # of the largest rate of a motion: a slower one is taken as 
 
 def can_be_refined(model: Model) -> bool:
     """Whether a finer mesh of this experiment can be made and is not too large."""
-    if model.solver is not None:
+    if model.solver is not None or model.cracks:
         return False
     mesh, raised = model.mesh, can_raise_order(model.mesh)
     if not (raised or can_halve(mesh)):

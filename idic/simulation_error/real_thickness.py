@@ -35,7 +35,7 @@ def can_be_thick(experiment: Experiment) -> bool:
     """Whether bricks of its thickness can be made: a sheet of eight-node quadrilaterals, or of six-node triangles, in
     plane stress, of known thickness."""
     model = experiment.model
-    plain = (model.solver is None and model.kind == "plane_stress" and model.thickness is not None
+    plain = (model.solver is None and not model.cracks and model.kind == "plane_stress" and model.thickness is not None
              and model.length_unit == "mm" and model.symmetry is None and experiment.surface_side == 0
              and "geometry.thickness" not in model.parameters)
     uneven = any(entry.form == "thickness" for entry in model.heterogeneities)

@@ -70,13 +70,17 @@ def refined(experiment: Experiment, raise_bricks: bool = False) -> Refined:
     Raises
     ------
     InputError
-        An external solver, whose mesh is its own; tetrahedra of second order.
+        An external solver, whose mesh is its own; a mesh that a crack cuts; tetrahedra of second order.
     """
     model = experiment.model
     mesh = model.mesh
     if model.solver is not None:
         raise InputError("an external solver has its own mesh", expected="the built-in solver", found="external",
                          remedy="refine the mesh of the external solver and identify again")
+    if model.cracks:
+        raise InputError("a mesh that a crack cuts is not refined", expected="a model without [[crack]]",
+                         found=", ".join(crack.name for crack in model.cracks),
+                         remedy="identify again with smaller elements, and compare")
     if is_raised_by_default(mesh) or (raise_bricks and can_raise_order(mesh)):
         fine, way = curved(raise_order(mesh)), RAISED
         carry = _midpoints(mesh.n_nodes, fine)

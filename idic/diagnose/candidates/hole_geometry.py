@@ -13,7 +13,7 @@ PLACE = ("hole_x", "hole_y")  # freed together: a misplaced hole is rarely mispl
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment = situation.experiment
-    if experiment.model.n_dim != 2 or experiment.model.morphs:
+    if experiment.model.n_dim != 2 or experiment.model.morphs or experiment.model.cracks:
         return ()
     holes = find_holes(experiment.model.mesh)
     proposals = []

@@ -15,7 +15,7 @@ PROBE_SHARE = 0.1  # of the distance of the points
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment = situation.experiment
-    if experiment.recording.points is None or open_share(experiment.model) is None:
+    if experiment.recording.points is None or experiment.model.cracks or open_share(experiment.model) is None:
         return ()
     pitch = experiment.recording.points.pitch_mm
     supports = {entry.nodes: experiment.model.mesh.node_sets[entry.nodes] for entry in experiment.model.prescribed}

@@ -91,7 +91,7 @@ def tangents(identification: Identification, residual: ResidualEvidence, only: i
             states, former = tuple(g.state for g in ev.groups), frame
             continue
         stiffness_times(system, ev, np.zeros((model.n_dof, 1)))  # leaves the element matrices in ev
-        element_matrices = (*(g.Ke for g in ev.groups if g.Ke is not None), *ev.pressure_K)
+        element_matrices = (*(g.Ke for g in ev.groups if g.Ke is not None), *ev.pressure_K, *ev.seam_K)
         if factor is None or not all(np.array_equal(a, b) for a, b in zip(element_matrices, matrices, strict=True)):
             factor, matrices = factorise_tangent(system, ev), element_matrices
         states, former = tuple(g.state for g in ev.groups), frame

@@ -177,7 +177,7 @@ class _Answers:
         values = model.parameters.own_of(self.values)
         parameters = model.parameters.with_values(values | dict(at))
         key = pickle.dumps((model.materials, model.prescribed, model.loads, model.temperatures,
-                            model.heterogeneities, sorted(parameters.as_values().items())))
+                            model.heterogeneities, model.cracks, sorted(parameters.as_values().items())))
         if key not in self.place:
             self.place[key] = len(self.others)
             alternative, loads = _alternative(experiment, self.identification, parameters.as_values())

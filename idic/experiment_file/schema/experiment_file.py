@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 
 from idic.experiment_file.schema.base import Strict, refuse
 from idic.experiment_file.schema.boundary import BoundaryTable, ChannelTable, SetTable
+from idic.experiment_file.schema.cracks import CrackTable
 from idic.experiment_file.schema.cameras import CameraTable, FurtherCameraTable, ScannerTable
 from idic.experiment_file.schema.experiment import ExperimentTable, FieldsTable, SetupTable
 from idic.experiment_file.schema.materials import DofTable, HeterogeneityTable, MaterialTable
@@ -20,7 +21,8 @@ from idic.experiment_file.schema.options import (
 )
 
 _OF_THE_MAIN_CAMERA = ("images", "mask", "surface", "still_frames")
-_NOT_A_CAMERA = ("channel", "boundary", "geometry", "time", "placement")  # first words of other degrees of freedom
+# first words of other degrees of freedom
+_NOT_A_CAMERA = ("channel", "boundary", "geometry", "time", "placement", "crack")
 
 
 class ExperimentFile(Strict):
@@ -34,6 +36,7 @@ class ExperimentFile(Strict):
     material: Annotated[dict[str, MaterialTable], Field(min_length=1)]
     sets: dict[str, SetTable] = {}
     heterogeneity: list[HeterogeneityTable] = []
+    crack: list[CrackTable] = []
     boundary: list[BoundaryTable] = []
     channel: list[ChannelTable] = []
     dof: list[DofTable] = []

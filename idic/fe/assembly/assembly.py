@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,6 +72,8 @@ class System:
     groups: tuple[Group, ...]
     pressures: tuple[PressureFaces, ...]
     pressure_positions: tuple[np.ndarray, ...]
+    seam_dofs: tuple[np.ndarray, ...]
+    seam_positions: tuple[np.ndarray, ...]
     pattern: Pattern
     size: float  # mm, diagonal of the body
 
@@ -100,12 +102,14 @@ def discretise(body: Body, pattern: Pattern | None = None) -> System:
                 parts.append((index, section, block.cell, chosen, block.connectivity[chosen - block.first]))
     d = mesh.n_dim
     dofs = [_dofs(connectivity, d) for *_, connectivity in parts]
+    seam_dofs = tuple(seam.dofs for seam in body.seams)
     if pattern is None:
-        pattern = known_pattern(mesh.nodes, dofs, np.asarray(body.constraints.dofs))
+        pattern = known_pattern(mesh.nodes, [*dofs, *seam_dofs], np.asarray(body.constraints.dofs))
     groups = tuple(_group(body, pattern, *part, part_dofs) for part, part_dofs in zip(parts, dofs, strict=True))
     pressures = pressure_faces(body)
     extent = np.ptp(mesh.nodes[np.concatenate([p[-1].ravel() for p in parts])], axis=0)
-    return System(body, groups, pressures, tuple(pattern.positions(p.dofs) for p in pressures), pattern,
+    return System(body, groups, pressures, tuple(pattern.positions(p.dofs) for p in pressures), seam_dofs,
+                  tuple(pattern.positions(pairs) for pairs in seam_dofs), pattern,
                   float(np.linalg.norm(extent)))
 
 
@@ -184,6 +188,7 @@ class Evaluation:
     internal: np.ndarray
     external: np.ndarray
     pressure_K: list[np.ndarray]
+    seam_K: list[np.ndarray]
     trouble: str = ""
 
     @property
@@ -202,7 +207,7 @@ def evaluate_system(system: System, params: Mapping[str, np.ndarray], u: np.ndar
     guesses : per group new states of an earlier iterate (start values of plane stress), optional
     """
     body = system.body
-    ev = Evaluation(u, [], np.zeros_like(u), external_force(system, drives, u), [])
+    ev = Evaluation(u, [], np.zeros_like(u), external_force(system, drives, u), [], [])
     for k, group in enumerate(system.groups):
         g, trouble = _deform(group, u)
         if not trouble and drives.temperature is not None:
@@ -236,6 +241,7 @@ def evaluate_system(system: System, params: Mapping[str, np.ndarray], u: np.ndar
     if stiffness:
         x = body.mesh.nodes + u
         ev.pressure_K = [-drives.pressure[p.load] * pressure_stiffness(p, x) for p in system.pressures]
+        ev.seam_K = [seam.matrices(tip) for seam, tip in zip(body.seams, drives.tips, strict=True)]
     return ev
 
 
@@ -245,13 +251,15 @@ def _without_stress(law: LawSpec, params: np.ndarray) -> str:
 
 
 def external_force(system: System, drives: Drives, u: np.ndarray) -> np.ndarray:
-    """Dead loads and follower pressure on the present shape  # (n_nodes, d) N"""
+    """Dead loads, follower pressure on the present shape, and what ties the faces of cracks  # (n_nodes, d) N"""
     force = np.zeros(u.size)
     if system.body.loads.dead is not None:
         force += system.body.loads.dead @ drives.dead
     for faces in system.pressures:
         np.add.at(force, faces.dofs, drives.pressure[faces.load]
                   * pressure_force(faces, system.body.mesh.nodes + u).reshape(faces.dofs.shape))
+    for seam, dofs, tip in zip(system.body.seams, system.seam_dofs, drives.tips, strict=True):
+        np.add.at(force, dofs, -np.einsum("eij,ej->ei", seam.matrices(tip), u.ravel()[dofs]))
     return force.reshape(u.shape)
 
 
@@ -345,7 +353,8 @@ def stiffness_values(system: System, ev: Evaluation) -> np.ndarray:
     for group, g in zip(system.groups, ev.groups, strict=True):
         element_matrices(group, g)
         storage.scatter(g.Ke, group.positions, values)
-    for K, positions in zip(ev.pressure_K, system.pressure_positions, strict=True):
+    for K, positions in (*zip(ev.pressure_K, system.pressure_positions, strict=True),
+                         *zip(ev.seam_K, system.seam_positions, strict=True)):
         storage.scatter(K, positions, values)
     return values
 
@@ -390,9 +399,15 @@ def stiffness_times(system: System, ev: Evaluation, fields: np.ndarray) -> np.nd
     for group, g in zip(system.groups, ev.groups, strict=True):
         element_matrices(group, g)
         kernels.add_stiffness_times(g.Ke, group.dofs, fields, out)
-    for K, faces in zip(ev.pressure_K, system.pressures, strict=True):
-        kernels.add_stiffness_times(K, faces.dofs, fields, out)
+    for K, dofs in _further_matrices(system, ev):
+        kernels.add_stiffness_times(K, dofs, fields, out)
     return out
+
+
+def _further_matrices(system: System, ev: Evaluation) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Matrices of follower pressures and tied faces of cracks, and their dofs  # (n, m, m), (n, m)"""
+    yield from ((K, faces.dofs) for K, faces in zip(ev.pressure_K, system.pressures, strict=True))
+    yield from zip(ev.seam_K, system.seam_dofs, strict=True)
 
 
 def held_stiffness_times(system: System, ev: Evaluation, fields: np.ndarray) -> np.ndarray:
@@ -402,8 +417,8 @@ def held_stiffness_times(system: System, ev: Evaluation, fields: np.ndarray) -> 
     for group, g in zip(system.groups, ev.groups, strict=True):
         element_matrices(group, g)
         kernels.add_stiffness_times(g.Ke[group.holding], group.dofs[group.holding], fields, out)
-    for K, faces in zip(ev.pressure_K, system.pressures, strict=True):
-        kernels.add_stiffness_times(K, faces.dofs, fields, out)
+    for K, dofs in _further_matrices(system, ev):
+        kernels.add_stiffness_times(K, dofs, fields, out)
     return out
 
 
@@ -414,8 +429,8 @@ def transposed_stiffness_times(system: System, ev: Evaluation, fields: np.ndarra
     for group, g in zip(system.groups, ev.groups, strict=True):
         element_matrices(group, g)
         kernels.add_stiffness_times(np.ascontiguousarray(g.Ke.transpose(0, 2, 1)), group.dofs, fields, out)
-    for K, faces in zip(ev.pressure_K, system.pressures, strict=True):
-        kernels.add_stiffness_times(np.ascontiguousarray(K.transpose(0, 2, 1)), faces.dofs, fields, out)
+    for K, dofs in _further_matrices(system, ev):
+        kernels.add_stiffness_times(np.ascontiguousarray(K.transpose(0, 2, 1)), dofs, fields, out)
     return out
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe.body.variation import Variation
+from idic.fe.body.seam import Seam
 from idic.fe.mesh.mesh import Mesh, PerMesh, check_elements
 from idic.fe.solver.rigid_motion import free_parts
 from idic.laws import CompiledLaw, MODES
@@ -107,6 +108,7 @@ class Direction:
     d_temperature : (n_frames, n_nodes) K per unit: derivative of ``Body.temperature``
     variation : (index, name) of ``Body.variations[index].values``
     d_readings : (n_frames,) mm per unit: derivative of ``Body.control.readings``; alone or with d_histories
+    d_tips : (n_frames, n_seams) mm per unit: derivative of the tips of ``Body.seams``
     """
 
     name: str
@@ -118,6 +120,7 @@ class Direction:
     d_temperature: np.ndarray | None = None
     variation: tuple[int, str] | None = None
     d_readings: np.ndarray | None = None
+    d_tips: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -137,6 +140,7 @@ class Body:
     start_temperature : (n_nodes,) °C at the first frame, for laws whose parameters depend on it
     variations : factors on the stress that vary over the body
     control : a drive or load of unknown size that keeps a gauge on its course
+    seams : cuts whose faces open behind a tip; the nodes of the mesh exist twice along them
     surface_side : plane stress, +1 or -1: the surface on this side is seen, and its motion out of the plane by the
         change of thickness is wanted; 0: not wanted
     """
@@ -157,6 +161,7 @@ class Body:
     start_temperature: np.ndarray | None = None
     variations: tuple[Variation, ...] = ()
     control: PathControl | None = None
+    seams: tuple[Seam, ...] = ()
 
     @property
     def mode(self) -> int:
@@ -210,6 +215,7 @@ def validate(body: Body, n_frames: int) -> None:
     _check_loads(body, n_frames)
     _check_temperature(body, n_frames)
     _check_control(body, n_frames)
+    _check_seams(body, n_frames)
     _PASSED.once(mesh, np.asarray(body.constraints.dofs).tobytes(), lambda: _check_rigid_motion(body))
 
 
@@ -280,6 +286,13 @@ def _check_control(body: Body, n_frames: int) -> None:
     if control.readings[0] != 0.0:
         raise InputError("the controlling gauge does not read zero at the first frame", expected="0 mm",
                          found=f"{control.readings[0]:g} mm", remedy="subtract the reading of the reference frame")
+
+
+def _check_seams(body: Body, n_frames: int) -> None:
+    for seam in body.seams:
+        if np.shape(seam.tips) != (n_frames,) or not np.isfinite(seam.tips).all():
+            raise InputError("a crack whose tip does not fit the frames", expected=f"{n_frames} finite positions",
+                             found=f"{np.shape(seam.tips)}", remedy="give the position of the tip in every frame")
 
 
 def _check_temperature(body: Body, n_frames: int) -> None:

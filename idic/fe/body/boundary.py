@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -152,6 +152,7 @@ class Drives:
     """What moves the body at one time: prescribed values (n_p,) mm, dead load factors, pressures (MPa), and the change
     of temperature (n_nodes,) in K, None for an isothermal body.
 
+    tips : (n_seams,) mm, positions of the tips of cracks
     reading : of the gauge that controls the path; amplitude : of the drive or load that it decides, in the values above
     """
 
@@ -162,6 +163,7 @@ class Drives:
     temperature: np.ndarray | None = None
     reading: float = 0.0
     amplitude: float = 0.0
+    tips: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def as_vector(self) -> np.ndarray:
         """What scales the motion; not the temperature, whose noise would spoil every extrapolation."""
@@ -187,7 +189,8 @@ def drives_at(body: Body, times: np.ndarray, t: float) -> Drives:
     c = body.constraints
     return Drives(t, c.basis @ at_time(c.histories, times, t), at_time(body.loads.dead_histories, times, t),
                   at_time(body.loads.pressure_histories, times, t), _temperature_at(body.temperature, times, t),
-                  0.0 if body.control is None else _reading_at(body.control.readings, times, t))
+                  0.0 if body.control is None else _reading_at(body.control.readings, times, t),
+                  tips=np.array([np.interp(t, times, seam.tips) for seam in body.seams]))
 
 
 def with_amplitude(body: Body, drives: Drives, amplitude: float) -> Drives:
@@ -200,6 +203,12 @@ def with_amplitude(body: Body, drives: Drives, amplitude: float) -> Drives:
     loads[control.load] += more
     n_dead = len(drives.dead)
     return replace(drives, dead=loads[:n_dead], pressure=loads[n_dead:], amplitude=amplitude)
+
+
+def _tip_changes(body: Body, direction: Direction, times: np.ndarray, t: float) -> np.ndarray:
+    if direction.d_tips is None:
+        return np.zeros(len(body.seams))
+    return np.array([np.interp(t, times, column) for column in direction.d_tips.T])
 
 
 def _reading_at(readings: np.ndarray, times: np.ndarray, t: float) -> float:
@@ -223,5 +232,6 @@ def drive_changes(body: Body, directions: Sequence[Direction], times: np.ndarray
             factors = at_time(direction.d_loads, times, t)
         changes.append(Drives(t, prescribed, factors[:n_dead], factors[n_dead:],
                               _temperature_at(direction.d_temperature, times, t),
-                              0.0 if direction.d_readings is None else _reading_at(direction.d_readings, times, t)))
+                              0.0 if direction.d_readings is None else _reading_at(direction.d_readings, times, t),
+                              tips=_tip_changes(body, direction, times, t)))
     return changes

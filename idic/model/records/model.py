@@ -13,7 +13,9 @@ import numpy as np
 from idic.errors import InputError
 from idic.fe import ExternalSetup, Mesh, Morph, morphed
 from idic.images import AnyCamera
-from idic.model.records.parts import Channel, Column, Drive, Heterogeneity, Load, Material, Prescribed, Temperature
+from idic.model.records.parts import (
+    Channel, Column, Crack, Drive, Heterogeneity, Load, Material, Prescribed, Temperature,
+)
 from idic.model.records.stated_curve import StatedCurve
 from idic.parameters import ParameterSet
 
@@ -42,6 +44,7 @@ class Model:
     length_unit: str = "mm"  # "px" where no scale is known: then mm in every docstring reads px
     temperatures: tuple[Temperature, ...] = ()
     heterogeneities: tuple[Heterogeneity, ...] = ()
+    cracks: tuple[Crack, ...] = ()
     solver: ExternalSetup | None = None  # a program that simulates in place of the built-in one
     morphs: tuple[Morph, ...] = ()  # geometric degrees of freedom of the mesh: `at_geometry`
     motion_error: MotionError | None = None  # what the simulation is known to lack, added to it

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from idic.fe import Mesh
+from idic.fe import Cut, Mesh
 from idic.model.records.free_course import jump_name, knot_name, without_knot
 
 
@@ -209,6 +209,26 @@ class Heterogeneity:
     def amount(self) -> str:
         """The parameter that scales the stress of a spot."""
         return "thickness" if self.form == "thickness" else "stiffness"
+
+
+@dataclass(frozen=True, eq=False)
+class Crack:
+    """A cut of a sheet whose open part grows; its lengths are ``crack.NAME.length`` in the ParameterSet.
+
+    cut : along which the nodes of the mesh exist twice; knots : frames with a length of their own, () for one that
+    stays; hats : (n_knots or 1, n_frames) how each length counts in every frame
+    """
+
+    name: str
+    cut: Cut
+    knots: tuple[int, ...]
+    hats: np.ndarray
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Its degrees of freedom, one per row of `hats`."""
+        stem = f"crack.{self.name}.length"
+        return tuple(knot_name(stem, frame) for frame in self.knots) or (stem,)
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ MAX_SHARED_POWER = 3.0  # of the smaller maximum: beyond it one scale for both r
 BAR_SHARE = 0.8  # height of a colour bar over that of its maps
 MARGINS_INCH = 0.4  # inch, of a figure of maps, without room for bars below
 TICK_INCH = 0.17  # inch, a number of a colour bar and the space above it
+FACES_APART = 1e-3  # of the way to the middle of their triangles: how far the faces of a crack are drawn apart
 MIN_SHOWN_MOTION = 1e-9  # of a sensitivity field, in px or std of a point: below, rounding
 MIN_CHI2_REACH = 2.0  # the colour scale reaches at least to this factor above (and below) noise
 TRIANGLES = {
@@ -267,7 +268,21 @@ def used_nodes(record: RunRecord) -> np.ndarray:
 def triangulate(record: RunRecord) -> Triangulation:
     """The visible cells cut into triangles (for drawing only)."""
     parts = [np.asarray(conn)[:, list(local)] for cell, conn in record.cells for local in TRIANGLES[cell]]
-    return Triangulation(record.nodes_px[:, 0], record.nodes_px[:, 1], np.concatenate(parts))
+    triangles = np.concatenate(parts)
+    return Triangulation(*_apart(record.nodes_px, triangles).T, triangles)
+
+
+def _apart(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """The points (n, 2), those of the triangles that lie on each other (faces of a crack) moved into their own ones."""
+    used = np.unique(triangles)
+    _, place, counts = np.unique(np.round(points[used], 6), axis=0, return_inverse=True, return_counts=True)
+    double = used[counts[place.ravel()] > 1]
+    if not len(double):
+        return points
+    middles, drawn = points[triangles].mean(axis=1), points.copy()
+    for node in double:
+        drawn[node] += FACES_APART * (middles[(triangles == node).any(axis=1)].mean(axis=0) - points[node])
+    return drawn
 
 
 def draw(axis: Axes, record: RunRecord, values, norm, cmap: str | None = None):

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from idic.experiment_file import EXPERIMENT_FILE, to_toml, validated, with_overrides
 from idic.inside import folder_inside, remove_inside, write_inside
-from idic.model import Experiment, without_knot
+from idic.model import Experiment, knot_name, without_knot
 from idic.run.diagnosis.source import Source
 from idic.run.store.layout import ENRICHED
 
@@ -43,6 +43,7 @@ def write_enriched(source: Source, experiment: Experiment, values: Mapping[str, 
     document = with_overrides(document,
                               {name: value for name, value in start_values.items() if _in_file(document, name)})
     _start_heterogeneities(document, start_values)
+    _start_cracks(document, start_values)
     _start_corrections(document, start_values)
     document["experiment"]["title"] = f"{experiment.title}, with {' and '.join(n.replace('_', ' ') for n in named)}"
     file = folder / EXPERIMENT_FILE
@@ -73,6 +74,18 @@ def _start_heterogeneities(document: Mapping, start_values: Mapping[str, float])
         if table.get("centre_mm"):
             table["centre_mm"] = [start_values.get(f"{head}.{axis}", float(x))
                                   for axis, x in zip("xyz", table["centre_mm"], strict=False)]
+
+
+def _start_cracks(document: Mapping, start_values: Mapping[str, float]) -> None:
+    """Write values into the entries of [[crack]]; start_values : in the units of the file."""
+    for table in document.get("crack", ()):
+        stem = f"crack.{table['name']}.length"
+        if stem in start_values:
+            entry = table["length_mm"]
+            table["length_mm"] = (entry if isinstance(entry, dict) else {}) | {"value": start_values[stem]}
+        lengths = [start_values.get(knot_name(stem, frame)) for frame in table.get("knots", ())]
+        if lengths and None not in lengths:
+            table["lengths_mm"] = lengths
 
 
 def _start_corrections(document: dict, start_values: Mapping[str, float]) -> None:
