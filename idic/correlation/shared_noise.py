@@ -115,7 +115,9 @@ def _without_pattern(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, w
     solved = solve_positive(A[n:, n:], np.column_stack([A[n:, :n], b[n:]])) if len(b) > n else np.zeros((0, n + 1))
     slope, step = solved[:, :n], solved[:, n]
     readings = scipy.linalg.block_diag(*(f.readings for f in frames))  # frame after frame, channel by channel
-    taken = readings @ solve_positive(A[n:, n:], readings.T) if readings.size else np.zeros((len(readings),) * 2)
+    reading_covariance = np.zeros((len(readings),) * 2)
+    if readings.size:
+        reading_covariance = readings @ solve_positive(A[n:, n:], readings.T)
     project = np.vstack([np.eye(n), -slope])  # column i of the projected problem
 
     noise = _arrow(sums.noise, [f.noise_cross for f in frames], [f.noise for f in frames])
@@ -126,14 +128,14 @@ def _without_pattern(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, w
     closed = replace(system, phi=system.phi - system.phi_image + plain, phi_image=plain, generalised=True, sums=None,
                      shared=dense(system.shared)[:0], M=A[:n, :n] - A[:n, n:] @ slope, b=b[:n] - slope.T @ b[n:],
                      spread=spread, frames=_with_steps(system.frames, frames, step, slope),
-                     kept=_kept(taken, weights))
+                     retention=_retention(reading_covariance, weights))
     return closed, gram(columns - sums.visible[:, None] * pattern + texture) / n_images
 
 
-def _kept(taken: np.ndarray, weights: Weights) -> np.ndarray | None:
+def _retention(covariance: np.ndarray, weights: Weights) -> np.ndarray | None:
     """What the residuals of every channel keep of errors of its readings (docs/method.md, equation 11.9).
 
-    taken : (T n_channels,) squared, the covariance of simulated readings by the frame-local unknowns, frame after frame
+    covariance : (T n_channels,) squared, of simulated readings by the frame-local unknowns, frame after frame
 
     Returns
     -------
@@ -142,7 +144,7 @@ def _kept(taken: np.ndarray, weights: Weights) -> np.ndarray | None:
     count = len(weights.channels)
     if not count:
         return None
-    return np.array([np.eye(len(taken) // count) - weight * taken[k::count, k::count]
+    return np.array([np.eye(len(covariance) // count) - weight * covariance[k::count, k::count]
                      for k, weight in enumerate(weights.channels)])
 
 
@@ -158,7 +160,7 @@ def _frame_by_frame(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, we
     n, r, variance = len(system.names), len(c), weights.image_noise**2
     half = 0.5 * variance
     pattern = c[:, None] * sums.columns
-    inner, outer, seen, own = np.zeros((2 * r, 2 * r)), np.zeros((2 * r, n + 1)), [], []
+    inner, outer, couplings, blocks = np.zeros((2 * r, 2 * r)), np.zeros((2 * r, n + 1)), [], []
     inner[:r, r:] = inner[r:, :r] = np.eye(r) / half
 
     def sides(f: LocalEquations) -> tuple[np.ndarray, np.ndarray]:
@@ -172,11 +174,11 @@ def _frame_by_frame(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, we
         inner -= U.T @ solved[:, :2 * r]
         outer += U.T @ solved[:, 2 * r:]
         of_readings = solve_positive(f.matrix, f.readings.T)
-        seen.append(U.T @ of_readings)
-        own.append(f.readings @ of_readings)
-    factor, between = scipy.linalg.lu_factor(inner), np.hstack(seen)
+        couplings.append(U.T @ of_readings)
+        blocks.append(f.readings @ of_readings)
+    factor, between = scipy.linalg.lu_factor(inner), np.hstack(couplings)
     outer = scipy.linalg.lu_solve(factor, outer)
-    taken = scipy.linalg.block_diag(*own) + between.T @ scipy.linalg.lu_solve(factor, between)
+    reading_covariance = scipy.linalg.block_diag(*blocks) + between.T @ scipy.linalg.lu_solve(factor, between)
     cross = variance * pattern.T @ sums.product
     M, b = sums.matrix - 0.5 * (cross + cross.T), sums.rhs - variance * pattern.T @ sums.residual
     noise, columns, noisy, steps, slopes = sums.noise.copy(), sums.columns.copy(), sums.noisy.copy(), [], []
@@ -199,7 +201,7 @@ def _frame_by_frame(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, we
     closed = replace(system, phi=system.phi - system.phi_image + plain, phi_image=plain, generalised=True, sums=None,
                      shared=dense(system.shared)[:0], M=M, b=b, spread=spread,
                      frames=_with_steps(system.frames, sums.frames, np.concatenate(steps), np.vstack(slopes)),
-                     kept=_kept(taken, weights))
+                     retention=_retention(reading_covariance, weights))
     return closed, gram(columns - sums.visible[:, None] * pattern + texture) / n_images
 
 
@@ -224,12 +226,12 @@ def _with_steps(frames: Sequence[FrameRecord], equations: Sequence[LocalEquation
     records, first = [], 0
     for record, f in zip(frames, equations, strict=True):
         m, nb = len(record.local_step), len(record.brightness)
-        whole = slice(first, first + m + nb)
+        unknowns = slice(first, first + m + nb)
         local = record.local_step + step[first:first + m]
         brightness = record.brightness + step[first + m:first + m + nb]
         records.append(replace(record, local_step=local, local_slope=-slope[first:first + m], brightness=brightness,
-                               channel_residual=record.channel_residual - f.readings @ step[whole],
-                               channel_columns=f.shared_readings - f.readings @ slope[whole]))
+                               channel_residual=record.channel_residual - f.readings @ step[unknowns],
+                               channel_columns=f.shared_readings - f.readings @ slope[unknowns]))
         first += m + nb
     return tuple(records)
 

@@ -319,14 +319,14 @@ def _among(system: CorrelationSystem, unknowns: Sequence[str], place: Sequence[i
             columns[np.ix_(channels, place)] = record.channel_columns
         return replace(record, channel_residual=residual, channel_columns=columns, channel_kept=kept_shares)
 
-    b, kept = np.zeros(n), None
+    b, retention = np.zeros(n), None
     b[place] = system.b
-    if system.kept is not None:
-        kept = np.tile(np.eye(len(system.frames)), (len(channels), 1, 1))
-        kept[channels] = system.kept
+    if system.retention is not None:
+        retention = np.tile(np.eye(len(system.frames)), (len(channels), 1, 1))
+        retention[channels] = system.retention
     return replace(system, names=tuple(unknowns), M=spread(system.M), b=b, spread=spread(system.spread),
                    shared=np.zeros((0, n)), sums=None, frames=tuple(among_channels(record) for record in system.frames),
-                   kept=kept,
+                   retention=retention,
                    predicted=None if system.predicted is None else spread(system.predicted),
                    end_noise=None if system.end_noise is None else spread(system.end_noise))
 
@@ -341,13 +341,13 @@ def _sum(systems: Sequence[CorrelationSystem]) -> CorrelationSystem:
                    phi=sum(s.phi for s in systems), phi_image=sum(s.phi_image for s in systems),
                    spread=sum(s.spread for s in systems), frames=tuple(r for s in systems for r in s.frames),
                    generalised=any(s.generalised for s in systems), predicted=predicted,
-                   end_noise=sum(end_noises) if end_noises else None, kept=_kept_of_all(systems))
+                   end_noise=sum(end_noises) if end_noises else None, retention=_joint_retention(systems))
 
 
-def _kept_of_all(systems: Sequence[CorrelationSystem]) -> np.ndarray | None:
-    """`CorrelationSystem.kept` over the frames of all experiments; every system has the channels of all"""
-    if all(system.kept is None for system in systems):
+def _joint_retention(systems: Sequence[CorrelationSystem]) -> np.ndarray | None:
+    """`CorrelationSystem.retention` over the frames of all experiments; every system has the channels of all"""
+    if all(system.retention is None for system in systems):
         return None
     count = len(systems[0].frames[0].channel_residual)
-    return np.array([scipy.linalg.block_diag(*(system.kept_by(k) for system in systems))
+    return np.array([scipy.linalg.block_diag(*(system.retention_of(k) for system in systems))
                      for k in range(count)])

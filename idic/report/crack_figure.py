@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from idic.report.figures.hardening import WIDTH_95
-from idic.report.figures.style import CYCLE, Picture, look, new_figure, to_picture
+from idic.report.figures.picture import CYCLE, Picture
+from idic.report.figures.style import look, new_figure, to_picture
 from idic.report.result.record import RunRecord
 
 MODES = {"K_I": r"$K_\mathrm{I}$", "K_II": r"$K_\mathrm{II}$"}

@@ -232,7 +232,7 @@ def test_generalised_least_squares_with_unknowns_of_every_frame_solve_for_the_pa
     assert np.allclose(residual - columns @ step, left, rtol=1e-6, atol=1e-8)
     others = np.delete(dense, at, axis=0)
     without = np.linalg.inv(np.linalg.inv(others.T @ others)[:N, :N])
-    given_back = np.linalg.solve(system.kept_by(0), columns)
+    given_back = np.linalg.solve(system.retention_of(0), columns)
     assert np.allclose(system.M - columns.T @ given_back / SIGMA_F**2, without, rtol=1e-6, atol=1e-8 * without.max())
 
 

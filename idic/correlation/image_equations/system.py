@@ -122,9 +122,9 @@ class CorrelationSystem:
     what generalised least squares need of all frames before the system is closed
     (`idic.correlation.shared_noise.closed_system`); generalised : whether this is their system; predicted : (n, n)
     otherwise the M that they would have, None where it is not known; end_noise : (n, n) the part of M that noise of
-    measured ends makes (`idic.identification.noise.end_noise`), None where it is not known; kept : (n_channels, T, T)
-    what the residuals of a channel keep of errors of its readings, where the reference couples the frames
-    (docs/method.md, equation 11.9), None: every frame the share of its record.
+    measured ends makes (`idic.identification.noise.end_noise`), None where it is not known;
+    retention : (n_channels, T, T) what the residuals of a channel keep of errors of its readings, where the reference
+    couples the frames (docs/method.md, equation 11.9), None: every frame the share of its record.
     """
 
     names: tuple[str, ...]
@@ -139,7 +139,7 @@ class CorrelationSystem:
     generalised: bool = False
     predicted: np.ndarray | None = None
     end_noise: np.ndarray | None = None
-    kept: np.ndarray | None = None
+    retention: np.ndarray | None = None
 
     def restrict(self, names: Sequence[str]) -> CorrelationSystem:
         """The same system with only these degrees of freedom (the others locked)."""
@@ -150,10 +150,10 @@ class CorrelationSystem:
                        predicted=None if self.predicted is None else self.predicted[grid],
                        end_noise=None if self.end_noise is None else self.end_noise[grid])
 
-    def kept_by(self, channel: int) -> np.ndarray:
+    def retention_of(self, channel: int) -> np.ndarray:
         """What the residuals of a channel keep of errors of its readings, frame by frame  # (T, T)"""
-        if self.kept is not None:
-            return self.kept[channel]
+        if self.retention is not None:
+            return self.retention[channel]
         return np.diag([frame.channel_kept[channel] if len(frame.channel_kept) else 1.0 for frame in self.frames])
 
     @property

@@ -177,7 +177,7 @@ def _over_grid(equations: _Equations, frames: np.ndarray, std: float, is_stated:
     weights = _probabilities(np.concatenate([entry.logs for entry in entries]))
     rows = np.split(weights, np.cumsum([len(entry.logs) for entry in entries])[:-1])
     sums = [float(row @ entry.scales**2) for entry, row in zip(entries, rows, strict=True)]
-    parts = sum(size * entry.correlation for size, entry in zip(sums, entries, strict=True))
+    parts = np.sum([size * entry.correlation for size, entry in zip(sums, entries, strict=True)], axis=0)
     white = sum(float(row.sum()) * entry.white**2 for entry, row in zip(entries, rows, strict=True))
     if entries is smooth:
         return ChannelNoise(float(np.sqrt(white)), white * np.eye(len(frames)), 0, 0.0, 1.0, parts, 2.0 * gain)

@@ -63,7 +63,7 @@ def _noise_of(scaled: Scaled, system: CorrelationSystem, channel: Channel, numbe
     columns = np.array([record.channel_columns[number] for record in records]).reshape(len(records), -1)
     if not columns.any():
         return None
-    shares, directions = np.linalg.eigh(system.kept_by(number)[np.ix_(compared, compared)])
+    shares, directions = np.linalg.eigh(system.retention_of(number)[np.ix_(compared, compared)])
     given_back = (directions / np.maximum(shares, MIN_KEPT)) @ directions.T
     rows = given_back @ (columns * scaled.slopes)
     residual = given_back @ np.array([record.channel_residual[number] for record in records])
@@ -117,9 +117,13 @@ def smooth_spread(rows: np.ndarray, compared: np.ndarray, model: Model,
 
 def smooth_share(model: Model, noises: Mapping[int, ChannelNoise]) -> float:
     """Smooth error of the channels, rms over the rms reading, of the largest; 0 where there is none."""
-    return max((float(np.sqrt(np.diagonal(noise.smooth).mean()) / max(np.sqrt(np.mean(readings**2)), 1e-300))
-                for number, noise in noises.items() if noise.smooth is not None
-                for readings in [model.channels[number].values[np.isfinite(model.channels[number].values)]]), default=0.0)
+    shares = [0.0]
+    for number, noise in noises.items():
+        if noise.smooth is not None:
+            readings = model.channels[number].values
+            rms = np.sqrt(np.mean(readings[np.isfinite(readings)] ** 2))
+            shares.append(float(np.sqrt(np.diagonal(noise.smooth).mean()) / max(rms, 1e-300)))
+    return max(shares)
 
 
 def channel_noise_content(model: Model, noises: Mapping[int, ChannelNoise]) -> dict[str, dict]:

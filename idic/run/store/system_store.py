@@ -14,7 +14,7 @@ from idic.run.store.run_store import RunStore
 LABEL = "system"
 _PER_FRAME = ("frame", "n_pixels", "n_lost", "rr", "channel_residual", "local_step", "local_slope", "brightness",
               "cameras", "channel_columns", "n_fitted", "channel_kept")
-_OPTIONAL = ("end_noise", "kept")
+_OPTIONAL = ("end_noise", "retention")
 
 
 def save_evaluation(store: RunStore, evaluation: Evaluation) -> None:
