@@ -163,7 +163,10 @@ def is_watched(prefect: bool | None) -> bool:
         return prefect
     from idic.run import configured_url
 
-    return sys.stderr.isatty() or configured_url() is not None
+    if sys.stderr.isatty() or configured_url() is not None:
+        return True
+    typer.echo("no Prefect pages: no terminal shows their address; --prefect starts them", err=True)
+    return False
 
 
 def exit_code(status: str) -> int:
