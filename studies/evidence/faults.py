@@ -1,9 +1,11 @@
 """Faults while idic works, and whether the end has the bits of an undisturbed run: ``python -m
-idic_studies.evidence.faults identify 40 diagnose 20 worker 20 server 3 disk 10 memory 3 [--seed 0]``.
+idic_studies.evidence.faults identify 40 diagnose 20 worker 20 server 3 disk 10 memory 3 clock 6
+[--seed 0]``.
 
 identify, diagnose: kills of the driver at random instants, with 0, 1 and 2 workers in turn, two kills to a run, then
 ``--resume``. worker: a worker process killed twice, 5 to 40 s apart. server: the Prefect server killed. disk: sizes
 of files limited to 10 values (RLIMIT_FSIZE), then resumed without. memory: address space limited, then resumed without.
+clock: the wall clock set back and on, by a day at most, every few seconds, with 0, 1 and 2 workers (with libfaketime).
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ import numpy as np
 import psutil
 
 from idic.run import read_result
-from idic_studies.evidence.hostile.bases import demonstration
+from idic_studies.evidence.hostile.bases import demonstration, longer_demonstration
 
 PROGRAM = "if __name__ == '__main__':\n    from idic.cli import main\n    main()\n"
 PATIENCE_S = 600.0  # of a command on a shared machine
@@ -37,6 +39,8 @@ KILLS_PER_RUN = 2
 WORKERS = (0, 1, 2)
 WORKER, SERVER = "spawn_main", "uvicorn"  # words of their command lines
 SIZES = (0, 1, 100, 1_000, 4_000, 10_000, 20_000, 50_000, 100_000, 300_000)  # bytes that a file may have
+SHIFTS = (-86_400, -3_600, -1, 1, 3_600, 86_400)  # s of the wall clock
+FAKETIME = "faketime/libfaketimeMT.so.1"  # below a folder of libraries
 SPACES = (1_200, 1_600, 2_000)  # MB of address space: libraries and stacks reserve about 1000
 say = partial(print, flush=True)
 
@@ -65,9 +69,10 @@ class Bench:
 
 
 # commands and their ends ------------------------------------------------------------------------------
-def identify(bench: Bench, run: Path, workers: int, **options: object) -> subprocess.Popen:
+def identify(bench: Bench, run: Path, workers: int, experiment: Path | None = None,
+             **options: object) -> subprocess.Popen:
     resume = ["--resume"] if (run / "run.zarr").exists() else []
-    return bench.command("identify", bench.experiment, "--out", run, "--workers", workers, "--no-report",
+    return bench.command("identify", experiment or bench.experiment, "--out", run, "--workers", workers, "--no-report",
                          "--no-prefect", *resume, **options)
 
 
@@ -179,11 +184,12 @@ def _strike(bench: Bench, process: subprocess.Popen, what: str) -> None:
 
 
 def worker_losses(bench: Bench, number: int) -> None:
-    """One worker of one, or one of two, killed twice, 5 to 40 s apart; where the run ends sooner, once."""
-    expected = _undisturbed(bench)
+    """One worker of one, or one of two, killed twice, 5 to 40 s apart, in a run that lasts longer."""
+    base = longer_demonstration()
+    expected = end_of_identify(base.run)
     for k in range(number):
         run, workers = bench.folder / f"worker-{k}", 1 + k % 2
-        process = identify(bench, run, workers)
+        process = identify(bench, run, workers, experiment=base.experiment)
         killed = 0
         for pause in (bench.rng.uniform(0.0, 3.0), bench.rng.uniform(5.0, 40.0)):
             while process.poll() is None and not members(process, WORKER):
@@ -229,6 +235,37 @@ def memories(bench: Bench, number: int) -> None:
     _limited(bench, "little memory", [partial(_limit, resource.RLIMIT_AS, size << 20) for size in SPACES[:number]])
 
 
+def clocks(bench: Bench, number: int) -> None:
+    """The wall clock of a command and its workers set again and again; monotonic clocks go on, as in the kernel."""
+    library = next(iter(sorted(path for root in os.environ.get("LD_LIBRARY_PATH", "/usr/lib").split(":")
+                               for path in Path(root).rglob(FAKETIME))), None)
+    if library is None:
+        raise SystemExit(f"{FAKETIME} is in no folder of LD_LIBRARY_PATH, else /usr/lib: apt-get install libfaketime")
+    expected, shift = _undisturbed(bench), bench.folder / "shift"
+    for k in range(number):
+        run, workers, jumps = bench.folder / f"clock-{k}", WORKERS[k % len(WORKERS)], 0
+        shift.write_text("+0\n")
+        process = identify(bench, run, workers, env=os.environ | {
+            "LD_PRELOAD": str(library), "FAKETIME_TIMESTAMP_FILE": str(shift), "FAKETIME_NO_CACHE": "1",
+            "FAKETIME_DONT_FAKE_MONOTONIC": "1", "DONT_FAKE_MONOTONIC": "1"})
+        while True:
+            try:
+                process.wait(bench.rng.uniform(0.5, 4.0))
+                break
+            except subprocess.TimeoutExpired:
+                replacement = shift.with_suffix(".new")
+                replacement.write_text(f"{SHIFTS[int(bench.rng.integers(len(SHIFTS)))]:+d}\n")
+                replacement.replace(shift)
+                jumps += 1
+                if jumps * 0.5 > PATIENCE_S:
+                    break
+        code, words = finished(process)
+        bench.count(f"clock set in a run with {workers} workers", code in (0, 3) and end_of_identify(run) == expected,
+                    f"code {code}, {jumps} jumps\n{words}")
+        say(f"{jumps} jumps")
+        shutil.rmtree(run, ignore_errors=True)
+
+
 def _limit(kind: int, size: int) -> None:
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(kind, (size, size))
@@ -254,7 +291,7 @@ def _undisturbed(bench: Bench) -> object:
 FAULTS: dict[str, Callable[[Bench, int], None]] = {
     "identify": lambda bench, number: kills(bench, "identify", number),
     "diagnose": lambda bench, number: kills(bench, "diagnose", number),
-    "worker": worker_losses, "server": server_losses, "disk": disks, "memory": memories}
+    "worker": worker_losses, "server": server_losses, "disk": disks, "memory": memories, "clock": clocks}
 
 
 def main(faults: Mapping[str, Callable[[Bench, int], object]] = FAULTS, description: str | None = __doc__) -> int:

@@ -137,6 +137,22 @@ def test_a_run_names_no_other_file_as_its_experiment(copied, tmp_path):
     assert "not an experiment file" in said and SECRET not in said
 
 
+@pytest.mark.parametrize(("change", "words"), [
+    ({"discrepancy": {"significant": True, "likelihood_ratio": 9.0, "std": {}, "motion_px": {}}}, "without its size"),
+    ({"discrepancy": {"significant": True, "likelihood_ratio": None, "motion_px": {"a": 0.1}}}, "without its size"),
+    ({"discrepancy": {"significant": True, "likelihood_ratio": 9.0, "std": {"motion": None}, "motion_px": {"a": 0.1}}},
+     "without its size"),
+    ({"title": "\ud800"}, "half of a surrogate pair")])
+def test_a_result_that_no_page_can_show_is_refused(copied, tmp_path, change, words):
+    """Found by the campaign."""
+    finished, _ = copied
+    content = json.loads((finished.run / "result.json").read_text()) | change
+    del content["sha256"]
+    digest = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    (finished.run / "result.json").write_text(json.dumps(content | {"sha256": digest}))
+    assert words in _refused("report", finished, tmp_path / "out")
+
+
 @pytest.mark.parametrize("content", ["[" * 200_000, "[]", '{"pid": [1]}', json.dumps({
     "host": socket.gethostname(), "pid": os.getpid(), "process_started": "now"})],
     ids=["nested", "list", "pids", "a time in words"])

@@ -6,6 +6,7 @@ only to show them.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -244,6 +245,13 @@ class _Discrepancy(_Part):
     std: Values = {}
     motion_px: Values = {}
 
+    @model_validator(mode="after")
+    def _with_its_size(self) -> _Discrepancy:
+        sizes = [self.likelihood_ratio, *self.std.values(), *self.motion_px.values()]
+        if self.significant and (not self.motion_px or None in sizes):
+            raise ValueError("significant, but without its size")
+        return self
+
 
 class _Remedy(_Part):
     setting: str
@@ -420,10 +428,14 @@ def refuse_other_types(content: object, kind: type[BaseModel], file: Path | str)
     Raises
     ------
     InputError
-        A key is missing, or a value has another type.
+        A key is missing, a value has another type, or a text has no encoding.
     """
     try:
         _adapter(kind).validate_python(content)
+        json.dumps(content, ensure_ascii=False).encode()
+    except UnicodeEncodeError:
+        raise InputError("a text that no file can hold", file=file, expected="whole characters of Unicode",
+                         found="a half of a surrogate pair", remedy="do not use this folder") from None
     except ValidationError as problem:
         errors = problem.errors(include_url=False, include_context=False, include_input=False)
         listing = "; ".join(f"{'.'.join(map(str, error['loc'])) or 'the content'}: {error['msg']}"

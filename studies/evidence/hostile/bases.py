@@ -11,6 +11,7 @@ import idic
 from idic.virtual_tests import EXAMPLES, DemoSize, strip, write_example
 
 SIZE = DemoSize(0.2, (60, 110), (2, 2, 2), (2, 2, 1), (2, 2, 1), 1)  # a RUN with everything that a larger one has
+LONGER = DemoSize(0.1, (200, 300), (4, 4, 12), (4, 6, 3), (4, 6, 3), 1)  # in which a worker can be lost twice
 NAME = "hostile"
 
 
@@ -22,16 +23,25 @@ class Base:
     run: Path
 
 
-@cache
 def demonstration() -> Base:
     """The demonstration in six small frames, with two steps: what is damaged is computed again in a second."""
+    return _finished(SIZE, 2)
+
+
+def longer_demonstration() -> Base:
+    """The demonstration in twenty frames, until it converges: half a minute of one core."""
+    return _finished(LONGER, 30)
+
+
+@cache
+def _finished(size: DemoSize, iterations: int) -> Base:
     folder = Path(tempfile.mkdtemp(prefix="idic-base-"))
-    EXAMPLES[NAME] = lambda reduced, foreign: strip(SIZE)
+    EXAMPLES[NAME] = lambda reduced, foreign: strip(size)
     try:
         write_example(NAME, folder / "experiment")
     finally:
         del EXAMPLES[NAME]
     file = folder / "experiment" / "experiment.toml"
-    file.write_text(file.read_text().replace("[options]\n", "[options]\nmax_iterations = 2\n"))
+    file.write_text(file.read_text().replace("[options]\n", f"[options]\nmax_iterations = {iterations}\n"))
     idic.identify(folder / "experiment", folder / "run")
     return Base(folder / "experiment", folder / "run")
