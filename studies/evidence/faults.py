@@ -5,7 +5,7 @@ idic_studies.evidence.faults identify 40 diagnose 20 worker 20 server 3 disk 10 
 identify, diagnose: kills of the driver at random instants, with 0, 1 and 2 workers in turn, two kills to a run, then
 ``--resume``. worker: a worker process killed twice, 5 to 40 s apart. server: the Prefect server killed. disk: sizes
 of files limited to 10 values (RLIMIT_FSIZE), then resumed without. memory: address space limited, then resumed without.
-clock: the wall clock set back and on, by a day at most, every few seconds, with 0, 1 and 2 workers (with libfaketime).
+clock: the wall clock set back and on, by a day at most, every few seconds, with 0, 1 and 2 workers (with a C compiler).
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import os
 import resource
 import shutil
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
@@ -39,8 +40,9 @@ KILLS_PER_RUN = 2
 WORKERS = (0, 1, 2)
 WORKER, SERVER = "spawn_main", "uvicorn"  # words of their command lines
 SIZES = (0, 1, 100, 1_000, 4_000, 10_000, 20_000, 50_000, 100_000, 300_000)  # bytes that a file may have
-SHIFTS = (-86_400, -3_600, -1, 1, 3_600, 86_400)  # s of the wall clock
-FAKETIME = "faketime/libfaketimeMT.so.1"  # below a folder of libraries
+SHIFTS_S = (-86_400, -3_600, -1, 1, 3_600, 86_400)  # of the wall clock
+NANOSECONDS = struct.Struct("=q")
+MAX_JUMPS = 100  # of a run
 SPACES = (1_200, 1_600, 2_000)  # MB of address space: libraries and stacks reserve about 1000
 say = partial(print, flush=True)
 
@@ -235,34 +237,34 @@ def memories(bench: Bench, number: int) -> None:
     _limited(bench, "little memory", [partial(_limit, resource.RLIMIT_AS, size << 20) for size in SPACES[:number]])
 
 
+def _end_of_log(run: Path) -> str:
+    log = run / "log.txt"
+    return log.read_text(errors="replace")[-1200:] if log.is_file() else ""
+
+
 def clocks(bench: Bench, number: int) -> None:
-    """The wall clock of a command and its workers set again and again; monotonic clocks go on, as in the kernel."""
-    library = next(iter(sorted(path for root in os.environ.get("LD_LIBRARY_PATH", "/usr/lib").split(":")
-                               for path in Path(root).rglob(FAKETIME))), None)
-    if library is None:
-        raise SystemExit(f"{FAKETIME} is in no folder of LD_LIBRARY_PATH, else /usr/lib: apt-get install libfaketime")
-    expected, shift = _undisturbed(bench), bench.folder / "shift"
+    """The wall clock of a command and its workers set again and again (`wall_clock.c`)."""
+    library, shift = bench.folder / "wall_clock.so", bench.folder / "shift"
+    subprocess.run([os.environ.get("CC", "cc"), "-shared", "-fPIC", "-O2", "-o", library,
+                    Path(__file__).with_name("wall_clock.c")], check=True)
+    expected = _undisturbed(bench)
     for k in range(number):
         run, workers, jumps = bench.folder / f"clock-{k}", WORKERS[k % len(WORKERS)], 0
-        shift.write_text("+0\n")
-        process = identify(bench, run, workers, env=os.environ | {
-            "LD_PRELOAD": str(library), "FAKETIME_TIMESTAMP_FILE": str(shift), "FAKETIME_NO_CACHE": "1",
-            "FAKETIME_DONT_FAKE_MONOTONIC": "1", "DONT_FAKE_MONOTONIC": "1"})
-        while True:
+        shift.write_bytes(NANOSECONDS.pack(0))
+        process = identify(bench, run, workers, env=os.environ | {"LD_PRELOAD": str(library),
+                                                                  "IDIC_WALL_CLOCK": str(shift)})
+        while jumps < MAX_JUMPS:
             try:
                 process.wait(bench.rng.uniform(0.5, 4.0))
                 break
             except subprocess.TimeoutExpired:
-                replacement = shift.with_suffix(".new")
-                replacement.write_text(f"{SHIFTS[int(bench.rng.integers(len(SHIFTS)))]:+d}\n")
-                replacement.replace(shift)
+                with open(shift, "r+b") as file:
+                    file.write(NANOSECONDS.pack(SHIFTS_S[int(bench.rng.integers(len(SHIFTS_S)))] * 10**9))
                 jumps += 1
-                if jumps * 0.5 > PATIENCE_S:
-                    break
         code, words = finished(process)
         bench.count(f"clock set in a run with {workers} workers", code in (0, 3) and end_of_identify(run) == expected,
-                    f"code {code}, {jumps} jumps\n{words}")
-        say(f"{jumps} jumps")
+                    f"code {code}, {jumps} jumps\n{words}\n{_end_of_log(run)}")
+        bench.counts["jumps of the clock"] += jumps
         shutil.rmtree(run, ignore_errors=True)
 
 

@@ -1,10 +1,11 @@
 """An existing scheduler that is lost, and a network that is silent between scheduler and worker for 5, 30 and 120 s:
-``python -m idic_studies.evidence.network_faults scheduler 3 cut 3 unplugged 3``.
+``python -m idic_studies.evidence.network_faults scheduler 3 cut 3 unplugged 3 abandoned 1``.
 
 cut: the worker reaches the scheduler through a relay of this process, which stops forwarding and goes on; nothing is
 closed. unplugged (as root, with iproute2): the worker runs in a network namespace behind a router in another one, which
-drops every packet, as a cable that is pulled from a switch. Afterwards the run has the bits of the undisturbed one, or
-ends with one message and goes on.
+drops every packet, as a cable that is pulled from a switch; a worker that ends by itself is started again, as by
+`deploy/compose.yaml`. abandoned: it is not, and the run is to end without workers. Afterwards the run has the bits of
+the undisturbed one, or ends with one message and goes on.
 """
 
 from __future__ import annotations
@@ -118,7 +119,8 @@ def _of(namespace: str | None) -> list[str]:
 
 
 @contextmanager
-def cluster(way: type[Relay] | type[Router] | None) -> Iterator[tuple[str, subprocess.Popen, Relay | Router | None]]:
+def cluster(way: type[Relay] | type[Router] | None, is_restarted: bool = False,
+            ) -> Iterator[tuple[str, subprocess.Popen, Relay | Router | None]]:
     """Address and process of a scheduler with one worker; `way`: what lies between them."""
     with socket.create_server((HOST, 0)) as probe:
         port = probe.getsockname()[1]
@@ -132,21 +134,38 @@ def cluster(way: type[Relay] | type[Router] | None) -> Iterator[tuple[str, subpr
     prefix, place, target = [], HOST, f"{HOST}:{link.port if isinstance(link, Relay) else port}"
     if isinstance(link, Router):
         prefix, place, target = ["ip", "netns", "exec", FAR], ADDRESSES["far"], f"{ADDRESSES['near']}:{port}"
-    worker = subprocess.Popen([*prefix, sys.executable, "-m", "dask", "worker", f"tcp://{target}", "--host", place,
-                               "--nthreads", "1", "--dashboard-address", f"{HOST}:0"], **quiet)
+    command = [*prefix, sys.executable, "-m", "dask", "worker", f"tcp://{target}", "--host", place, "--nthreads", "1",
+               "--dashboard-address", f"{HOST}:0"]
+    is_over = threading.Event()
+    keeper = threading.Thread(target=_keep, args=(command, quiet, is_restarted, is_over))
+    keeper.start()
     try:
         yield f"tcp://{HOST}:{port}", scheduler, link
     finally:
         if isinstance(link, Relay):
             link.close()
-        for process in (worker, scheduler):
-            process.send_signal(signal.SIGTERM)
-            with suppress(subprocess.TimeoutExpired):
-                process.wait(20)
-            process.kill()
-            process.wait()
+        is_over.set()
+        keeper.join()
+        _stop(scheduler)
         if isinstance(link, Router):
             link.close()
+
+
+def _keep(command: list[str], options: dict, is_restarted: bool, is_over: threading.Event) -> None:
+    """Run a worker until it is over, a new one after one that has ended."""
+    worker = subprocess.Popen(command, **options)
+    while not is_over.wait(1.0):
+        if is_restarted and worker.poll() is not None:
+            worker = subprocess.Popen(command, **options)
+    _stop(worker)
+
+
+def _stop(process: subprocess.Popen) -> None:
+    process.send_signal(signal.SIGTERM)
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(20)
+    process.kill()
+    process.wait()
 
 
 def _wait_for(port: int) -> None:
@@ -158,10 +177,10 @@ def _wait_for(port: int) -> None:
     raise TimeoutError(f"nothing listens on port {port}")
 
 
-def _begun(bench: Bench, run: Path, address: str) -> subprocess.Popen:
+def _begun(bench: Bench, run: Path, address: str, no_workers: str = "wait") -> subprocess.Popen:
     """An identification on a scheduler, in its first evaluations."""
     process = bench.command("identify", bench.experiment, "--out", run, "--scheduler", address, "--no-report",
-                            "--no-prefect")
+                            "--no-prefect", env=os.environ | {"IDIC_NO_WORKERS": no_workers})
     while process.poll() is None and not (run / "run.json").exists():
         time.sleep(0.05)
     return process
@@ -189,39 +208,44 @@ def scheduler_losses(bench: Bench, number: int) -> None:
 
 def cuts(bench: Bench, number: int) -> None:
     """Silence of a relay between scheduler and worker."""
-    _silences(bench, number, Relay)
+    for silence_s in SILENCES_S[:number]:
+        _silence(bench, Relay, silence_s)
 
 
 def unplugged(bench: Bench, number: int) -> None:
     """Silence of a router between scheduler and worker."""
-    _silences(bench, number, Router)
+    for silence_s in SILENCES_S[:number]:
+        _silence(bench, Router, silence_s)
 
 
-def _silences(bench: Bench, number: int, way: type[Relay] | type[Router]) -> None:
+def abandoned(bench: Bench, number: int) -> None:
+    """A worker that does not come back after a silence."""
+    for _ in range(number):
+        _silence(bench, Router, SILENCES_S[-1], "end")
+
+
+def _silence(bench: Bench, way: type[Relay] | type[Router], silence_s: float, no_workers: str = "wait") -> None:
     """The run ends by itself, or with one message and then with `--resume`; with the same bits."""
-    expected = end_of_identify(bench.run)
-    for k, silence_s in enumerate(SILENCES_S[:number]):
-        run, what = bench.folder / f"{way.__name__}-{k}", f"{silence_s:g} s without a network ({way.__name__.lower()})"
-        with cluster(way) as (address, _, link):
-            process = _begun(bench, run, address)
-            assert link is not None
-            link.silence()
-            time.sleep(silence_s)
-            is_inside = process.poll() is None
-            link.resume()
-            code, words = finished(process)
-        bench.count(f"{what}: {'inside the run' if is_inside else 'after the run'}", is_inside)
-        bench.count(f"{what}: the same end or one message", code in (0, 2, 3) and "Traceback" not in words,
-                    f"code {code}\n{words}")
-        if code == 2:
-            say(f"code {code}: {words.strip().splitlines()[-4:]}")
-            code, words = finished(bench.command("identify", bench.experiment, "--out", run, "--workers", 0,
-                                                 "--no-report", "--no-prefect", "--resume"))
-        bench.count(f"{what}: the same end", code in (0, 3) and end_of_identify(run) == expected,
-                    f"code {code}\n{words}")
+    expected, run = end_of_identify(bench.run), bench.folder / f"{way.__name__}-{silence_s:g}-{no_workers}"
+    what = f"{silence_s:g} s without a network ({way.__name__.lower()}, {no_workers})"
+    with cluster(way, no_workers == "wait") as (address, _, link):
+        process = _begun(bench, run, address, no_workers)
+        assert link is not None
+        link.silence()
+        time.sleep(silence_s)
+        bench.count(f"{what}: within the run", process.poll() is None)
+        link.resume()
+        code, words = finished(process)
+    say(f"code {code}: {words.strip().splitlines()[-4:]}")
+    bench.count(f"{what}: an end or one message", code in (0, 2, 3) and "Traceback" not in words,
+                f"code {code}\n{words}")
+    if code == 2:
+        code, words = finished(bench.command("identify", bench.experiment, "--out", run, "--workers", 0, "--no-report",
+                                             "--no-prefect", "--resume"))
+    bench.count(f"{what}: the same end", code in (0, 3) and end_of_identify(run) == expected, f"code {code}\n{words}")
 
 
-FAULTS = {"scheduler": scheduler_losses, "cut": cuts, "unplugged": unplugged}
+FAULTS = {"scheduler": scheduler_losses, "cut": cuts, "unplugged": unplugged, "abandoned": abandoned}
 
 
 if __name__ == "__main__":

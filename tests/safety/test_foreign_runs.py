@@ -27,7 +27,8 @@ COMMANDS = {"report": ["report", "{run}"], "clean": ["clean", "{run}"],
             "compare": ["compare", "{run}", "{run}", "--out", "{out}"]}
 PLACES = {"report": ("report.html", "tables", "figures", "run.lock", "result.json", "run.json", "run.zarr/prepared"),
           "clean": ("run.lock",),  # another link is deleted, see tests/store/test_clean.py
-          "resume": ("log.txt", "run.lock", "state.json", "run.json", "joint.json", "run.zarr/evaluations"),
+          "resume": ("log.txt", "run.lock", "state.json", "run.json", "joint.json", "run.zarr/evaluations",
+                     "run.zarr/zarr.json", "run.zarr"),
           "diagnose": ("diagnosis", "diagnosis.json", "run.lock", "run.json"),
           "compare": ("result.json", "joint.json")}
 CASES = [(command, place) for command, places in PLACES.items() for place in places]
@@ -70,9 +71,10 @@ def test_a_link_in_a_run_is_followed_by_no_command(copied, tmp_path, command, pl
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(("command", "place"), [("report", "result.json"), ("report", "run.json"),
-                                                ("resume", "state.json"), ("resume", "log.txt"), ("clean", "run.lock"),
-                                                ("compare", "result.json"), ("report", "run.zarr/prepared/zarr.json")])
+@pytest.mark.parametrize(("command", "place"), [
+    ("report", "result.json"), ("report", "run.json"), ("report", "run.zarr/zarr.json"), ("clean", "run.lock"),
+    ("report", "run.zarr/prepared/zarr.json"), ("resume", "state.json"), ("resume", "log.txt"),
+    ("resume", "run.zarr/zarr.json"), ("compare", "result.json")])
 def test_no_command_waits_for_a_pipe_in_a_run(copied, tmp_path, command, place):
     finished, _ = copied
     _put(finished.run / place, os.mkfifo)
