@@ -2,7 +2,7 @@
 idic_studies.evidence.faults identify 40 diagnose 20 worker 20 server 3 disk 10 memory 3 clock 6
 [--seed 0]``.
 
-identify, diagnose: kills of the driver at random instants, with 0, 1 and 2 workers in turn, two kills to a run, then
+identify, diagnose: kills of the driver at random instants, with 0, 1 and 2 workers in turn, several to a run, then
 ``--resume``. worker: a worker process killed twice, 5 to 40 s apart. server: the Prefect server killed. disk: sizes
 of files limited to 10 values (RLIMIT_FSIZE), then resumed without. memory: address space limited, then resumed without.
 clock: the wall clock set back and on, by a day at most, every few seconds, with 0, 1 and 2 workers (with a C compiler).
@@ -36,7 +36,8 @@ from idic_studies.evidence.hostile.bases import demonstration, longer_demonstrat
 PROGRAM = "if __name__ == '__main__':\n    from idic.cli import main\n    main()\n"
 PATIENCE_S = 600.0  # of a command on a shared machine
 AFTERWARDS_S = 15.0  # until the processes of a killed command are gone
-KILLS_PER_RUN = 2
+# kills of a run, and between which parts of the length of an undisturbed one: a diagnosis goes on where it was
+INSTANTS = {"identify": (2, 0.1, 1.1), "diagnose": (5, 0.05, 0.4)}
 WORKERS = (0, 1, 2)
 WORKER, SERVER = "spawn_main", "uvicorn"  # words of their command lines
 SIZES = (0, 1, 100, 1_000, 4_000, 10_000, 20_000, 50_000, 100_000, 300_000)  # bytes that a file may have
@@ -150,25 +151,31 @@ def kills(bench: Bench, name: str, number: int) -> None:
     start, end_of = COMMANDS[name]
     undisturbed = bench.folder / f"undisturbed-{name}"
     began = time.monotonic()
-    code, words = finished(start(bench, undisturbed, 0))
+    code, _ = finished(start(bench, undisturbed, 0))
     length = time.monotonic() - began
-    expected, struck, k = end_of(undisturbed), 0, 0
     say(f"{name}: undisturbed in {length:.0f} s, exit code {code}")
+    struck, k = 0, 0
     while struck < number:
-        run, workers = bench.folder / f"{name}-{k}", WORKERS[k % len(WORKERS)]
+        struck += _struck(bench, name, WORKERS[k % len(WORKERS)], (code, end_of(undisturbed)), length)
         k += 1
-        for _ in range(KILLS_PER_RUN):
-            process = start(bench, run, workers)
-            try:
-                process.wait(bench.rng.uniform(0.1, 1.1) * length)
-                break  # it was over
-            except subprocess.TimeoutExpired:
-                struck += 1
-                _strike(bench, process, f"{name}, {workers} workers")
-        again, words = finished(start(bench, run, workers))
-        is_same = again == code and end_of(run) == expected
-        bench.count(f"end of {name} with {workers} workers", is_same, f"code {again}\n{words}")
-        shutil.rmtree(run)
+
+
+def _struck(bench: Bench, name: str, workers: int, expected: tuple[int, object], length: float) -> int:
+    """The kills of one run; in the end it has the exit code and the bits that it must have."""
+    (start, end_of), (number, *span), run = COMMANDS[name], INSTANTS[name], bench.folder / name
+    struck = 0
+    for _ in range(number):
+        process = start(bench, run, workers)
+        try:
+            process.wait(bench.rng.uniform(*span) * length)
+            break  # it was over
+        except subprocess.TimeoutExpired:
+            struck += 1
+            _strike(bench, process, f"{name}, {workers} workers")
+    code, words = finished(start(bench, run, workers))
+    bench.count(f"end of {name} with {workers} workers", (code, end_of(run)) == expected, f"code {code}\n{words}")
+    shutil.rmtree(run)
+    return struck
 
 
 def _strike(bench: Bench, process: subprocess.Popen, what: str) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import shutil
 import tempfile
 from dataclasses import dataclass
 from functools import cache
@@ -11,7 +13,7 @@ import idic
 from idic.virtual_tests import EXAMPLES, DemoSize, strip, write_example
 
 SIZE = DemoSize(0.2, (60, 110), (2, 2, 2), (2, 2, 1), (2, 2, 1), 1)  # a RUN with everything that a larger one has
-LONGER = DemoSize(0.1, (200, 300), (4, 4, 12), (4, 6, 3), (4, 6, 3), 1)  # in which a worker can be lost twice
+LONGER = DemoSize(0.1, (200, 300), (4, 4, 4), (4, 6, 3), (4, 6, 3), 1)  # in which a worker can be lost twice
 NAME = "hostile"
 
 
@@ -29,13 +31,14 @@ def demonstration() -> Base:
 
 
 def longer_demonstration() -> Base:
-    """The demonstration in twenty frames, until it converges: half a minute of one core."""
+    """The demonstration in twelve frames, until it converges: a quarter of a minute of one core."""
     return _finished(LONGER, 30)
 
 
 @cache
 def _finished(size: DemoSize, iterations: int) -> Base:
     folder = Path(tempfile.mkdtemp(prefix="idic-base-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
     EXAMPLES[NAME] = lambda reduced, foreign: strip(size)
     try:
         write_example(NAME, folder / "experiment")
