@@ -155,6 +155,22 @@ def test_a_result_that_no_page_can_show_is_refused(copied, tmp_path, change, wor
     assert words in _refused("report", finished, tmp_path / "out")
 
 
+@pytest.mark.parametrize(("command", "label", "ident"), [
+    ("report", "system", {}), ("report", "system", {"generalised": False, "predicts": "no", "increments": 0}),
+    ("resume", "discrepancy", {"reason": [1]}), ("resume", "discrepancy", {"reason": "", "motion_px": {"a": "b"}})])
+def test_attributes_of_a_group_that_are_of_other_types_are_refused(copied, tmp_path, command, label, ident):
+    """Found by the campaign."""
+    finished, _ = copied
+    if command == "resume":
+        (finished.run / "result.json").unlink()
+    number = json.loads((finished.run / "state.json").read_text())["state"]["accepted"]["number"]
+    file = finished.run / "run.zarr" / "evaluations" / f"{number:03d}" / label / "zarr.json"
+    content = json.loads(file.read_text())
+    content["attributes"]["ident"] = ident
+    file.write_text(json.dumps(content))
+    assert "does not hold what idic writes" in _refused(command, finished, tmp_path / "out")
+
+
 @pytest.mark.parametrize("content", ["[" * 200_000, "[]", '{"pid": [1]}', json.dumps({
     "host": socket.gethostname(), "pid": os.getpid(), "process_started": "now"})],
     ids=["nested", "list", "pids", "a time in words"])

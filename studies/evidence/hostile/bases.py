@@ -5,7 +5,8 @@ from __future__ import annotations
 import atexit
 import shutil
 import tempfile
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
@@ -23,6 +24,7 @@ class Base:
 
     experiment: Path
     run: Path
+    overrides: Mapping[str, object] = field(default_factory=dict)  # with which the RUN was made
 
 
 def demonstration() -> Base:

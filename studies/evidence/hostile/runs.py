@@ -27,7 +27,8 @@ DIGEST = "sha256"
 
 # what reads a RUN -------------------------------------------------------------------------------------
 def _resume(scene: Scene, base: Base, run: Path) -> str:
-    return exit_code(idic.identify(base.experiment, run, resume=True)["status"]) and "not converged"
+    result = idic.identify(base.experiment, run, resume=True, overrides=base.overrides)
+    return exit_code(result["status"]) and "not converged"
 
 
 def _numbers(scene: Scene, base: Base, run: Path) -> str:
