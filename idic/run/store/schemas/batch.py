@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from idic.run.store.schemas.types import Count, Exact, Finite
 
@@ -14,6 +14,12 @@ class _BatchParameter(Exact):
     std: Finite | None
     unit: str | None
     start: Finite | None
+
+    @model_validator(mode="after")
+    def _std_of_a_value(self) -> _BatchParameter:
+        if self.value is None and self.std is not None:
+            raise ValueError("a standard deviation of no value")
+        return self
 
 
 class BatchRow(Exact):
