@@ -1,9 +1,11 @@
 """Faults while idic works, and whether the end has the bits of an undisturbed run: ``python -m
-idic_studies.evidence.faults identify 40 diagnose 20 worker 20 server 3 disk 10 memory 3 [--seed 0]``.
+idic_studies.evidence.faults identify 40 diagnose 20 worker 20 server 3 disk 10 memory 3 clock 6
+[--seed 0]``.
 
-identify, diagnose: kills of the driver at random instants, with 0, 1 and 2 workers in turn, two kills to a run, then
+identify, diagnose: kills of the driver at random instants, with 0, 1 and 2 workers in turn, several to a run, then
 ``--resume``. worker: a worker process killed twice, 5 to 40 s apart. server: the Prefect server killed. disk: sizes
 of files limited to 10 values (RLIMIT_FSIZE), then resumed without. memory: address space limited, then resumed without.
+clock: the wall clock set back and on, by a day at most, every few seconds, with 0, 1 and 2 workers (with a C compiler).
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ import os
 import resource
 import shutil
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
@@ -28,15 +31,19 @@ import numpy as np
 import psutil
 
 from idic.run import read_result
-from idic_studies.evidence.hostile.bases import demonstration
+from idic_studies.evidence.hostile.bases import demonstration, longer_demonstration
 
 PROGRAM = "if __name__ == '__main__':\n    from idic.cli import main\n    main()\n"
 PATIENCE_S = 600.0  # of a command on a shared machine
 AFTERWARDS_S = 15.0  # until the processes of a killed command are gone
-KILLS_PER_RUN = 2
+# kills of a run, and between which parts of the length of an undisturbed one: a diagnosis goes on where it was
+INSTANTS = {"identify": (2, 0.1, 1.1), "diagnose": (5, 0.05, 0.4)}
 WORKERS = (0, 1, 2)
 WORKER, SERVER = "spawn_main", "uvicorn"  # words of their command lines
 SIZES = (0, 1, 100, 1_000, 4_000, 10_000, 20_000, 50_000, 100_000, 300_000)  # bytes that a file may have
+SHIFTS_S = (-86_400, -3_600, -1, 1, 3_600, 86_400)  # of the wall clock
+NANOSECONDS = struct.Struct("=q")
+MAX_JUMPS = 100  # of a run
 SPACES = (1_200, 1_600, 2_000)  # MB of address space: libraries and stacks reserve about 1000
 say = partial(print, flush=True)
 
@@ -65,9 +72,10 @@ class Bench:
 
 
 # commands and their ends ------------------------------------------------------------------------------
-def identify(bench: Bench, run: Path, workers: int, **options: object) -> subprocess.Popen:
+def identify(bench: Bench, run: Path, workers: int, experiment: Path | None = None,
+             **options: object) -> subprocess.Popen:
     resume = ["--resume"] if (run / "run.zarr").exists() else []
-    return bench.command("identify", bench.experiment, "--out", run, "--workers", workers, "--no-report",
+    return bench.command("identify", experiment or bench.experiment, "--out", run, "--workers", workers, "--no-report",
                          "--no-prefect", *resume, **options)
 
 
@@ -143,25 +151,31 @@ def kills(bench: Bench, name: str, number: int) -> None:
     start, end_of = COMMANDS[name]
     undisturbed = bench.folder / f"undisturbed-{name}"
     began = time.monotonic()
-    code, words = finished(start(bench, undisturbed, 0))
+    code, _ = finished(start(bench, undisturbed, 0))
     length = time.monotonic() - began
-    expected, struck, k = end_of(undisturbed), 0, 0
     say(f"{name}: undisturbed in {length:.0f} s, exit code {code}")
+    struck, k = 0, 0
     while struck < number:
-        run, workers = bench.folder / f"{name}-{k}", WORKERS[k % len(WORKERS)]
+        struck += _struck(bench, name, WORKERS[k % len(WORKERS)], (code, end_of(undisturbed)), length)
         k += 1
-        for _ in range(KILLS_PER_RUN):
-            process = start(bench, run, workers)
-            try:
-                process.wait(bench.rng.uniform(0.1, 1.1) * length)
-                break  # it was over
-            except subprocess.TimeoutExpired:
-                struck += 1
-                _strike(bench, process, f"{name}, {workers} workers")
-        again, words = finished(start(bench, run, workers))
-        is_same = again == code and end_of(run) == expected
-        bench.count(f"end of {name} with {workers} workers", is_same, f"code {again}\n{words}")
-        shutil.rmtree(run)
+
+
+def _struck(bench: Bench, name: str, workers: int, expected: tuple[int, object], length: float) -> int:
+    """The kills of one run; in the end it has the exit code and the bits that it must have."""
+    (start, end_of), (number, *span), run = COMMANDS[name], INSTANTS[name], bench.folder / name
+    struck = 0
+    for _ in range(number):
+        process = start(bench, run, workers)
+        try:
+            process.wait(bench.rng.uniform(*span) * length)
+            break  # it was over
+        except subprocess.TimeoutExpired:
+            struck += 1
+            _strike(bench, process, f"{name}, {workers} workers")
+    code, words = finished(start(bench, run, workers))
+    bench.count(f"end of {name} with {workers} workers", (code, end_of(run)) == expected, f"code {code}\n{words}")
+    shutil.rmtree(run)
+    return struck
 
 
 def _strike(bench: Bench, process: subprocess.Popen, what: str) -> None:
@@ -179,11 +193,12 @@ def _strike(bench: Bench, process: subprocess.Popen, what: str) -> None:
 
 
 def worker_losses(bench: Bench, number: int) -> None:
-    """One worker of one, or one of two, killed twice, 5 to 40 s apart; where the run ends sooner, once."""
-    expected = _undisturbed(bench)
+    """One worker of one, or one of two, killed twice, 5 to 40 s apart, in a run that lasts longer."""
+    base = longer_demonstration()
+    expected = end_of_identify(base.run)
     for k in range(number):
         run, workers = bench.folder / f"worker-{k}", 1 + k % 2
-        process = identify(bench, run, workers)
+        process = identify(bench, run, workers, experiment=base.experiment)
         killed = 0
         for pause in (bench.rng.uniform(0.0, 3.0), bench.rng.uniform(5.0, 40.0)):
             while process.poll() is None and not members(process, WORKER):
@@ -230,6 +245,37 @@ def memories(bench: Bench, number: int) -> None:
     _limited(bench, "little memory", [partial(_limit, resource.RLIMIT_AS, size << 20) for size in SPACES[:number]])
 
 
+def _end_of_log(run: Path) -> str:
+    log = run / "log.txt"
+    return log.read_text(errors="replace")[-1200:] if log.is_file() else ""
+
+
+def clocks(bench: Bench, number: int) -> None:
+    """The wall clock of a command and its workers set again and again (`wall_clock.c`)."""
+    library, shift = bench.folder / "wall_clock.so", bench.folder / "shift"
+    subprocess.run([os.environ.get("CC", "cc"), "-shared", "-fPIC", "-O2", "-o", library,
+                    Path(__file__).with_name("wall_clock.c")], check=True)
+    expected = _undisturbed(bench)
+    for k in range(number):
+        run, workers, jumps = bench.folder / f"clock-{k}", WORKERS[k % len(WORKERS)], 0
+        shift.write_bytes(NANOSECONDS.pack(0))
+        process = identify(bench, run, workers, env=os.environ | {"LD_PRELOAD": str(library),
+                                                                  "IDIC_WALL_CLOCK": str(shift)})
+        while jumps < MAX_JUMPS:
+            try:
+                process.wait(bench.rng.uniform(0.5, 4.0))
+                break
+            except subprocess.TimeoutExpired:
+                with open(shift, "r+b") as file:
+                    file.write(NANOSECONDS.pack(SHIFTS_S[int(bench.rng.integers(len(SHIFTS_S)))] * 10**9))
+                jumps += 1
+        code, words = finished(process)
+        bench.count(f"clock set in a run with {workers} workers", code in (0, 3) and end_of_identify(run) == expected,
+                    f"code {code}, {jumps} jumps\n{words}\n{_end_of_log(run)}")
+        bench.counts["jumps of the clock"] += jumps
+        shutil.rmtree(run, ignore_errors=True)
+
+
 def _limit(kind: int, size: int) -> None:
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(kind, (size, size))
@@ -255,7 +301,7 @@ def _undisturbed(bench: Bench) -> object:
 FAULTS: dict[str, Callable[[Bench, int], None]] = {
     "identify": lambda bench, number: kills(bench, "identify", number),
     "diagnose": lambda bench, number: kills(bench, "diagnose", number),
-    "worker": worker_losses, "server": server_losses, "disk": disks, "memory": memories}
+    "worker": worker_losses, "server": server_losses, "disk": disks, "memory": memories, "clock": clocks}
 
 
 def main(faults: Mapping[str, Callable[[Bench, int], object]] = FAULTS, description: str | None = __doc__) -> int:

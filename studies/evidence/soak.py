@@ -1,8 +1,8 @@
 """Memory and file handles of a long batch: ``python -m idic_studies.evidence.soak 200``.
 
 The demonstration in six small frames, identified again and again by one `idic batch` on two workers. Resident memory
-and handles of driver, server and workers are read every `PAUSE_S`; compared are the medians over the second and the
-last fifth of the batch.
+and handles of driver, server and workers are read every `PAUSE_S`; shown are the medians over the fifths of the batch,
+compared those of the second and the last.
 """
 
 from __future__ import annotations
@@ -68,13 +68,13 @@ def main() -> int:
         fifth = len(values) // 5
         if fifth < 2:  # a helper of some seconds
             continue
-        early, late = values[fifth : 2 * fifth], values[-fifth:]
-        memory = [statistics.median(value for value, _ in part) for part in (early, late)]
-        handles = [statistics.median(value for _, value in part) for part in (early, late)]
-        growth = memory[1] / memory[0] - 1.0
-        is_flat &= growth <= MAX_GROWTH and handles[1] <= handles[0]
-        print(f"{role} {pid}: {memory[0] / 1e6:.0f} -> {memory[1] / 1e6:.0f} MB ({100 * growth:+.1f} %), handles "
-              f"{handles[0]:.0f} -> {handles[1]:.0f}, {len(values)} samples")
+        parts = [values[k * fifth : (k + 1) * fifth] for k in range(5)]
+        memory = [statistics.median(value for value, _ in part) for part in parts]
+        handles = [statistics.median(value for _, value in part) for part in parts]
+        growth = memory[-1] / memory[1] - 1.0
+        is_flat &= growth <= MAX_GROWTH and handles[-1] <= handles[1]
+        print(f"{role} {pid}: {', '.join(f'{value / 1e6:.0f}' for value in memory)} MB ({100 * growth:+.1f} %), "
+              f"handles {', '.join(f'{value:.0f}' for value in handles)}; {len(values)} samples")
     return int(not is_flat)
 
 

@@ -78,7 +78,9 @@ def test_a_batch_interrupted_while_it_is_resumed_keeps_the_rows_of_finished_runs
 
 @pytest.mark.parametrize("change", [
     {"parameters": 3}, {"parameters": {"A.E": 1.0}}, {"wall_s": float("inf")}, {"status": ["converged"]}, {"more": 1},
-    {"iterations": "4"}, {"parameters": {"A.E": {"value": "69", "std": None, "unit": "", "start": None}}}])
+    {"iterations": "4"}, {"reason": "\ud800"},
+    {"parameters": {"A.E": {"value": None, "std": 1.0, "unit": "", "start": None}}},
+    {"parameters": {"A.E": {"value": "69", "std": None, "unit": "", "start": None}}}])
 def test_rows_of_other_types_are_not_taken_over(batch, change):
     with batch.claim(resume=False):
         content = batch.write("finished")

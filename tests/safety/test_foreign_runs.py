@@ -27,7 +27,8 @@ COMMANDS = {"report": ["report", "{run}"], "clean": ["clean", "{run}"],
             "compare": ["compare", "{run}", "{run}", "--out", "{out}"]}
 PLACES = {"report": ("report.html", "tables", "figures", "run.lock", "result.json", "run.json", "run.zarr/prepared"),
           "clean": ("run.lock",),  # another link is deleted, see tests/store/test_clean.py
-          "resume": ("log.txt", "run.lock", "state.json", "run.json", "joint.json", "run.zarr/evaluations"),
+          "resume": ("log.txt", "run.lock", "state.json", "run.json", "joint.json", "run.zarr/evaluations",
+                     "run.zarr/zarr.json", "run.zarr"),
           "diagnose": ("diagnosis", "diagnosis.json", "run.lock", "run.json"),
           "compare": ("result.json", "joint.json")}
 CASES = [(command, place) for command, places in PLACES.items() for place in places]
@@ -70,9 +71,10 @@ def test_a_link_in_a_run_is_followed_by_no_command(copied, tmp_path, command, pl
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(("command", "place"), [("report", "result.json"), ("report", "run.json"),
-                                                ("resume", "state.json"), ("resume", "log.txt"), ("clean", "run.lock"),
-                                                ("compare", "result.json"), ("report", "run.zarr/prepared/zarr.json")])
+@pytest.mark.parametrize(("command", "place"), [
+    ("report", "result.json"), ("report", "run.json"), ("report", "run.zarr/zarr.json"), ("clean", "run.lock"),
+    ("report", "run.zarr/prepared/zarr.json"), ("resume", "state.json"), ("resume", "log.txt"),
+    ("resume", "run.zarr/zarr.json"), ("compare", "result.json")])
 def test_no_command_waits_for_a_pipe_in_a_run(copied, tmp_path, command, place):
     finished, _ = copied
     _put(finished.run / place, os.mkfifo)
@@ -135,6 +137,38 @@ def test_a_run_names_no_other_file_as_its_experiment(copied, tmp_path):
     file.write_text(json.dumps(document | {"sha256": digest}))
     said = _refused("report", finished, tmp_path / "out")
     assert "not an experiment file" in said and SECRET not in said
+
+
+@pytest.mark.parametrize(("change", "words"), [
+    ({"discrepancy": {"significant": True, "likelihood_ratio": 9.0, "std": {}, "motion_px": {}}}, "without its size"),
+    ({"discrepancy": {"significant": True, "likelihood_ratio": None, "motion_px": {"a": 0.1}}}, "without its size"),
+    ({"discrepancy": {"significant": True, "likelihood_ratio": 9.0, "std": {"motion": None}, "motion_px": {"a": 0.1}}},
+     "without its size"),
+    ({"title": "\ud800"}, "half of a surrogate pair")])
+def test_a_result_that_no_page_can_show_is_refused(copied, tmp_path, change, words):
+    """Found by the campaign."""
+    finished, _ = copied
+    content = json.loads((finished.run / "result.json").read_text()) | change
+    del content["sha256"]
+    digest = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    (finished.run / "result.json").write_text(json.dumps(content | {"sha256": digest}))
+    assert words in _refused("report", finished, tmp_path / "out")
+
+
+@pytest.mark.parametrize(("command", "label", "ident"), [
+    ("report", "system", {}), ("report", "system", {"generalised": False, "predicts": "no", "increments": 0}),
+    ("resume", "discrepancy", {"reason": [1]}), ("resume", "discrepancy", {"reason": "", "motion_px": {"a": "b"}})])
+def test_attributes_of_a_group_that_are_of_other_types_are_refused(copied, tmp_path, command, label, ident):
+    """Found by the campaign."""
+    finished, _ = copied
+    if command == "resume":
+        (finished.run / "result.json").unlink()
+    number = json.loads((finished.run / "state.json").read_text())["state"]["accepted"]["number"]
+    file = finished.run / "run.zarr" / "evaluations" / f"{number:03d}" / label / "zarr.json"
+    content = json.loads(file.read_text())
+    content["attributes"]["ident"] = ident
+    file.write_text(json.dumps(content))
+    assert "does not hold what idic writes" in _refused(command, finished, tmp_path / "out")
 
 
 @pytest.mark.parametrize("content", ["[" * 200_000, "[]", '{"pid": [1]}', json.dumps({

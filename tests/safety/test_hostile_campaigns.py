@@ -22,7 +22,8 @@ def test_a_part_of_a_campaign_ends_well(gallery, name):
     step = gallery("step")
     folder = Path.cwd()
     try:
-        tally = run_campaign(name, CAMPAIGNS[name](Base(step.experiment, step.run)), NUMBERS[name], 20_000)
+        base = Base(step.experiment, step.run, {"options.max_iterations": 1})
+        tally = run_campaign(name, CAMPAIGNS[name](base), NUMBERS[name], 20_000)
     finally:
         os.chdir(folder)
     assert tally.cases == NUMBERS[name] and not tally.failures

@@ -21,7 +21,8 @@ from idic.run.batch.entries import BatchRun
 from idic.run.batch.runs import BatchJob, BatchOutcome
 from idic.run.store.result_file import RESULT_FILE, read_json
 from idic.run.store.run_lock import run_lock
-from idic.run.store.schemas import BatchRow, refuse_other_types
+from idic.run.store.schemas.batch import BatchRow
+from idic.run.store.schemas.types import refuse_other_types
 
 SCHEMA = "idic.batch/1"
 JSON_FILE, CSV_FILE, PAGE_FILE = "batch.json", "batch.csv", "batch.html"

@@ -18,7 +18,8 @@ import numpy as np
 import idic
 from idic.diagnose import Fit, Misfit, RefitJob, run_refit
 from idic.inside import folder_inside, is_inside, read_inside, remove_inside, write_inside
-from idic.run.store.schemas import StoredRefit, refuse_other_types
+from idic.run.store.schemas.diagnosis import StoredRefit
+from idic.run.store.schemas.types import refuse_other_types
 from idic.run.workers.runner import TaskRunner
 
 FOLDER = "diagnosis"

@@ -90,8 +90,8 @@ def _no_run(run: str) -> InputError:
 @lru_cache(maxsize=8)  # several experiments may be at work in turn
 def _open_run(run: str, content: bytes) -> RunContext:
     store = RunStore(run)
-    store.refuse_other_version()
     store.refuse_special_files()
+    store.refuse_other_version()
     settings = load_checkpoint(Path(run) / DESCRIPTION, DESCRIPTION_SCHEMA)
     settings = settings | {"experiment": _experiment_of(run, settings)}
     tables = read_experiment(settings["experiment"], settings["overrides"])

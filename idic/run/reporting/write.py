@@ -33,6 +33,7 @@ from idic.run.store.arrays import FrameArrays
 from idic.run.store.layout import BASE, group_name
 from idic.run.store.result_file import RESULT_FILE, read_result
 from idic.run.store.run_folders import folders_of, is_joint
+from idic.run.store.schemas.groups import StoredSimulation
 from idic.run.store.system_store import load_evaluation
 
 REPORT_FILE = "report.html"
@@ -366,10 +367,19 @@ def _columns(context: RunContext, point: int, frame: int, parameters: ParameterS
     u = _read(context, point, BASE, "u", frame)
     columns = []
     for name in context.moving:
-        ident = context.store.ident(context.store.group(group_name(point, name)))
-        change = float.fromhex(ident["values"][name]) - parameters[name].value
+        change = _changed_value(context, point, name) - parameters[name].value
         columns.append((_read(context, point, name, "u", frame) - u) / change)
     return np.stack(columns, axis=-1)
+
+
+def _changed_value(context: RunContext, point: int, name: str) -> float:
+    """The value of a parameter in the simulation that changes it."""
+    folder = context.store.group(group_name(point, name))
+    values = context.store.ident(folder, StoredSimulation)["values"]
+    if name not in values:
+        raise InputError("a stored simulation belongs to other parameters", file=folder, expected=name,
+                         found=", ".join(values) or "none", remedy="identify the experiment again into a new RUN")
+    return float.fromhex(values[name])
 
 
 def _read(context: RunContext, point: int, label: str, name: str, frame: int) -> np.ndarray:

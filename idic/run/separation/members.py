@@ -18,7 +18,8 @@ from idic.identification import Plan, load_plan
 from idic.run.diagnosis.files import DIAGNOSIS_FILE
 from idic.run.prepared.context import open_run
 from idic.run.store.result_file import read_json
-from idic.run.store.schemas import Undecided, refuse_other_types
+from idic.run.store.schemas.diagnosis import Undecided
+from idic.run.store.schemas.types import refuse_other_types
 
 KEYS = ("nodes", "column", "name", "set", "kind")  # by which tables of a list are told from each other
 MAX_MEMBERS = 4  # each pair is simulated both ways round

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from pydantic import BaseModel
 
 from idic.errors import InputError
 from idic.inside import read_inside, remove_inside, write_inside
 from idic.run.store.result_file import read_json
-from idic.run.store.schemas import BY_SCHEMA, refuse_other_types
+from idic.run.store.schemas.description import Description, Names
+from idic.run.store.schemas.state import State
+from idic.run.store.schemas.types import refuse_other_types
 
+BY_SCHEMA: Mapping[str, type[BaseModel]] = {
+    "idic.run-description/1": Description, "idic.state/2": State, "idic.joint/1": Names}
 
 def save_checkpoint(path: Path | str, schema: str, state: dict) -> None:
     """Replace the checkpoint at `path` by `state` (JSON values; floats that must come back exactly as `to_hex`).

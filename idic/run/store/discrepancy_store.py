@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import zarr
 
 from idic.identification import Component, DiscrepancySystem
 from idic.run.store.arrays import read_array, write_array
 from idic.run.store.layout import group_name
 from idic.run.store.run_store import RunStore
+from idic.run.store.schemas.groups import StoredDiscrepancy
 
 LABEL = "discrepancy"
 SYMMETRIC = ("M", "noise")  # stored as their upper triangles
@@ -40,7 +40,7 @@ def load_discrepancy(store: RunStore, number: int) -> DiscrepancySystem | str:
     folder = store.finished(group_name(number, LABEL))
     if folder is None:
         return "it was not computed"
-    kind = zarr.open_group(store=str(folder), mode="r").attrs["ident"]
+    kind = store.ident(folder, StoredDiscrepancy)
     if kind["reason"]:
         return str(kind["reason"])
     mesh_error, strain_error = (read_array(folder, name) if (folder / name).exists() else None

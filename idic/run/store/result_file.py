@@ -16,7 +16,8 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.inside import read_inside, write_inside
-from idic.run.store.schemas import Result, refuse_other_types
+from idic.run.store.schemas.result import Result
+from idic.run.store.schemas.types import refuse_other_types
 
 RESULT_FILE = "result.json"
 _SEAL = "sha256"

@@ -16,7 +16,7 @@ from idic.run.store.checkpoint import load_checkpoint, save_checkpoint
 from idic.run.store.layout import DESCRIPTION, EXPERIMENTS
 
 JOINT_FILE, SCHEMA = "joint.json", "idic.joint/1"
-NO_LETTERS = re.compile(r"[^A-Za-z0-9_-]+")  # as in `schemas.Names`
+NO_LETTERS = re.compile(r"[^A-Za-z0-9_-]+")  # as in `schemas.description.Names`
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePath
 
 import zarr
+from pydantic import BaseModel
 
 from idic.errors import InputError
 from idic.images import Stack
@@ -28,6 +29,7 @@ from idic.inside import is_regular, refuse_special_files, remove_inside, replace
 from idic.run.store.arrays import Damaged, FrameArrays, gets_smaller, write_compressed
 from idic.run.store.layout import FROM_PYTHON, OF_LINKS
 from idic.run.store.run_lock import LOCK_NAME, run_lock
+from idic.run.store.schemas.types import refuse_other_types
 
 STORE_NAME = "run.zarr"
 _SEAL = "descriptions"  # attribute of a group
@@ -60,9 +62,9 @@ class RunStore:
             The folder holds other files or the run of another experiment, or another process uses it.
         """
         self._refuse_foreign_folder()
+        self.refuse_special_files()
         self.refuse_other_version()
         with run_lock(self.run):
-            self.refuse_special_files()
             stored = self.identity()
             if stored is None:
                 remove_inside(self.run, STORE_NAME)
@@ -149,9 +151,11 @@ class RunStore:
                     shutil.copytree(source / array, folder / array, copy_function=_link_or_copy)
         return self.path / name
 
-    def ident(self, folder: Path) -> dict:
-        """The inputs of a finished group."""
+    def ident(self, folder: Path, kind: type[BaseModel] | None = None) -> dict:
+        """The inputs of a finished group; `InputError` where they are not of a `kind` of `idic.run.store.schemas`."""
         stored = _attributes(folder).get("ident", {})
+        if kind is not None:
+            refuse_other_types(stored, kind, folder)
         return stored if isinstance(stored, dict) else {}
 
     def described(self, name: str, ident: Mapping | None = None) -> Path | None:
@@ -159,7 +163,7 @@ class RunStore:
         chunks."""
         folder = self._inside(name)
         attributes = _attributes(folder)
-        stored_ident = attributes.get("ident", {})
+        stored_ident = attributes.get("ident")
         if not attributes.get("finished") or not isinstance(stored_ident, Mapping) or (
                 ident is not None and stored_ident != _as_json(ident)):
             return None

@@ -13,7 +13,8 @@ import numpy as np
 from idic.errors import InputError
 from idic.images import Stack
 from idic.run.store.arrays import Damaged, create_array, open_array, read_block
-from idic.run.store.schemas import IngestedImages, refuse_other_types
+from idic.run.store.schemas.groups import IngestedImages
+from idic.run.store.schemas.types import refuse_other_types
 from idic.run.store.image_files import FILES, describe, files_of
 
 GROUP = "images"

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import zarr
 
 from idic.correlation import CorrelationSystem, FrameRecord
 from idic.identification import Evaluation
 from idic.run.store.arrays import read_array, write_array
 from idic.run.store.layout import group_name
 from idic.run.store.run_store import RunStore
+from idic.run.store.schemas.groups import StoredSystem
 
 LABEL = "system"
 _PER_FRAME = ("frame", "n_pixels", "n_lost", "rr", "channel_residual", "local_step", "local_slope", "brightness",
@@ -42,7 +42,7 @@ def save_evaluation(store: RunStore, evaluation: Evaluation) -> None:
 def load_evaluation(store: RunStore, number: int, names: tuple[str, ...]) -> Evaluation:
     """The stored point `number`, its degrees of freedom in the order `names` of the run."""
     folder = store.group(group_name(number, LABEL))
-    phi, kind = read_array(folder, "phi"), zarr.open_group(store=str(folder), mode="r").attrs["ident"]
+    phi, kind = read_array(folder, "phi"), store.ident(folder, StoredSystem)
     columns = {name: read_array(folder, f"frame_{name}") for name in _PER_FRAME}
     records = tuple(
         FrameRecord(int(columns["frame"][i]), int(columns["n_pixels"][i]), int(columns["n_lost"][i]),

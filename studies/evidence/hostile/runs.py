@@ -27,7 +27,8 @@ DIGEST = "sha256"
 
 # what reads a RUN -------------------------------------------------------------------------------------
 def _resume(scene: Scene, base: Base, run: Path) -> str:
-    return exit_code(idic.identify(base.experiment, run, resume=True)["status"]) and "not converged"
+    result = idic.identify(base.experiment, run, resume=True, overrides=base.overrides)
+    return exit_code(result["status"]) and "not converged"
 
 
 def _numbers(scene: Scene, base: Base, run: Path) -> str:
@@ -140,7 +141,7 @@ def _forge_sealed(scene: Scene, run: Path) -> None:
 
 def _forge_group(scene: Scene, run: Path) -> None:
     """Other attributes of a group of run.zarr."""
-    groups = [path for path in sorted(run.rglob("zarr.json")) if json.loads(path.read_text())["node_type"] == "group"]
+    groups = _descriptions(run, "group")
     if groups:
         file = groups[int(scene.rng.integers(len(groups)))]
         content = json.loads(file.read_text())
@@ -150,7 +151,7 @@ def _forge_group(scene: Scene, run: Path) -> None:
 
 def _forge_array(scene: Scene, run: Path) -> None:
     """Another description of an array, with the checksum that its group keeps of it."""
-    arrays = [path for path in sorted(run.rglob("zarr.json")) if json.loads(path.read_text())["node_type"] == "array"]
+    arrays = _descriptions(run, "array")
     if not arrays:
         return
     file = arrays[int(scene.rng.integers(len(arrays)))]
@@ -162,6 +163,13 @@ def _forge_array(scene: Scene, run: Path) -> None:
         if isinstance(descriptions, dict) and isinstance(descriptions.get("descriptions"), dict):
             descriptions["descriptions"][file.parent.name] = hashlib.sha256(file.read_bytes()).hexdigest()
             parent.write_text(json.dumps(group))
+
+
+def _descriptions(run: Path, kind: str) -> list[Path]:
+    """Descriptions of groups or arrays that an earlier forgery has left as such."""
+    contents = {path: json.loads(path.read_text()) for path in sorted(run.rglob("zarr.json"))}
+    return [path for path, content in contents.items()
+            if isinstance(content, dict) and content.get("node_type") == kind]
 
 
 FORGERIES = (_forge_sealed, _forge_sealed, _forge_sealed, _forge_group, _forge_array)
