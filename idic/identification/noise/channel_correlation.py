@@ -22,7 +22,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from scipy.special import logsumexp
 
 MIN_FRAMES = 8  # that a channel is compared in; fewer do not tell a correlation
 MIN_LEFT = 4.0  # readings that the parameters leave free; fewer do not tell the size of independent noise
@@ -191,7 +190,8 @@ def _over_grid(equations: _Equations, frames: np.ndarray, std: float, is_stated:
 
 def _evidence(entries: Sequence[_Entry]) -> float:
     """Logarithm of the probability of the data, mean over the entries by their priors."""
-    return float(logsumexp(np.concatenate([entry.logs for entry in entries])))
+    logs = np.concatenate([entry.logs for entry in entries])
+    return float(logs.max() + np.log(np.exp(logs - logs.max()).sum()))
 
 
 def _autoregressive_entries(equations: _Equations, frames: np.ndarray, stds: np.ndarray) -> Iterator[_Entry]:
