@@ -133,7 +133,7 @@ def _without_pattern(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, w
 
 
 def _retention(covariance: np.ndarray, weights: Weights) -> np.ndarray | None:
-    """What the residuals of every channel keep of errors of its readings (docs/method.md, equation 11.9).
+    """What the residuals of every channel keep of errors of its readings (docs/method.md, equation 11.8).
 
     covariance : (T n_channels,) squared, of simulated readings by the frame-local unknowns, frame after frame
 

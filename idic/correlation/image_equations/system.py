@@ -124,7 +124,7 @@ class CorrelationSystem:
     otherwise the M that they would have, None where it is not known; end_noise : (n, n) the part of M that noise of
     measured ends makes (`idic.identification.noise.end_noise`), None where it is not known;
     retention : (n_channels, T, T) what the residuals of a channel keep of errors of its readings, where the reference
-    couples the frames (docs/method.md, equation 11.9), None: every frame the share of its record.
+    couples the frames (docs/method.md, equation 11.8), None: every frame the share of its record.
     """
 
     names: tuple[str, ...]

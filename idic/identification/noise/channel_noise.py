@@ -1,6 +1,6 @@
 """The noise of the channels of an accepted point: their correlation over frames in the covariance of the parameters.
 
-    Cov(b) += w_c^2 [S_c^T Sigma_c S_c - sigma_c^2 S_c^T S_c]   (docs/method.md, equation 11.8)
+    Cov(b) += w_c^2 [S_c^T Sigma_c S_c - sigma_c^2 S_c^T S_c]   (docs/method.md, equation 11.9)
 
 per channel c, S_c its derivatives by the unknowns, w_c its weight, sigma_c the standard deviation that it is weighted
 by.
