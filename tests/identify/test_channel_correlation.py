@@ -1,5 +1,6 @@
 """Channels whose noise is correlated from frame to frame: found in the residual, counted in the error bars."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -126,6 +127,17 @@ def test_a_smooth_error_of_a_channel_is_measured_by_what_it_leaves(is_share):
     assert np.mean(np.array(sizes) > 0.0) > 0.95  # a course may be one of the parameters'
     assert 0.86 < np.mean(held) and np.mean(by_noise) < 0.5
     assert 0.5 < np.median(sizes) / 20.0 < 3.0  # what the parameters can take of it is not seen, and is counted
+
+
+def test_memory_does_not_grow_with_the_grid():
+    """Of over a hundred covariances no more than a few exist at once."""
+    n, rng = 250, np.random.default_rng(7)
+    fitted(rng, n, 0.5, stated=False)  # imports
+    tracemalloc.start()
+    fitted(rng, n, 0.5, stated=False)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 20 * 8 * n**2
 
 
 def test_independent_noise_is_no_smooth_error():
