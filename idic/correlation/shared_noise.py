@@ -154,8 +154,8 @@ def _frame_by_frame(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, we
     """The same for many frame-local unknowns, without a matrix of all of them.
 
     With blocks B of the frames and U = [pattern, product]^T of their unknowns, A = B - variance/2 U J U^T, J exchanges
-    the two halves: its inverse follows from a matrix of 2 n_shared rows (Sherman, Morrison and Woodbury). Memory does
-    not grow with the frames beyond `sums`, which may lie on disk.
+    the two halves: its inverse follows from a matrix of 2 n_shared rows (Sherman, Morrison and Woodbury). Beside
+    `sums`, which may lie on disk, memory grows with the frames by the squared number of all readings alone.
     """
     n, r, variance = len(system.names), len(c), weights.image_noise**2
     half = 0.5 * variance

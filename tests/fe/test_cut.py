@@ -71,6 +71,13 @@ def test_a_path_that_leaves_the_body_is_refused(path):
         cut_along(sheet(), np.array(path, dtype=float))
 
 
+@pytest.mark.parametrize("path", [[[0, 5.3], [6, 5.3], [6, 8.1], [3, 8.1], [3, 2.2]], [[0, 5], [5, 5], [2, 5]],
+                                  [[0, 5], [6, 5], [6, 8], [3, 8], [3, 5]]])
+def test_a_path_that_crosses_itself_goes_back_or_ends_on_itself_is_refused(path):
+    with pytest.raises(InputError, match="the path of a crack meets itself"):
+        cut_along(sheet(), np.array(path, dtype=float))
+
+
 def test_a_path_of_one_point_and_elements_with_mid_side_nodes_are_refused():
     with pytest.raises(InputError, match="a crack without a path"):
         cut_along(sheet(), np.array([[2.0, 2.0], [2.0, 2.0]]))

@@ -1,15 +1,20 @@
 """Channels whose noise is correlated from frame to frame: found in the residual, counted in the error bars."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from experiment_file.small_experiment import TOML, write_experiment
 from scipy.signal import lfilter
 
+from idic.experiment_file import load_experiment
 from idic.identification import identify, join
 from idic.identification.loop import parameters_at
-from idic.identification.noise.channel_correlation import channel_correlation
-from idic.identification.noise.channel_noise import estimated_channel_noise, with_channel_noise
+from idic.identification.noise.channel_correlation import ChannelNoise, channel_correlation
+from idic.identification.noise.channel_noise import (
+    channel_noise_notes, estimated_channel_noise, with_channel_noise,
+)
 from idic.identification.noise.input_noise import channel_noise, resolution
 from idic_studies.cases.case import CaseJob, case_experiment, render
 from idic_studies.cases.registry import make_study
@@ -126,6 +131,27 @@ def test_a_smooth_error_of_a_channel_is_measured_by_what_it_leaves(is_share):
     assert np.mean(np.array(sizes) > 0.0) > 0.95  # a course may be one of the parameters'
     assert 0.86 < np.mean(held) and np.mean(by_noise) < 0.5
     assert 0.5 < np.median(sizes) / 20.0 < 3.0  # what the parameters can take of it is not seen, and is counted
+
+
+def test_a_smooth_error_is_told_by_its_channel(tmp_path):
+    model = load_experiment(write_experiment(tmp_path / "test", TOML)).model
+    n, readings = model.n_frames, model.channels[0].values
+    size = 0.03 * np.sqrt(np.mean(readings**2))
+    smooth = ChannelNoise(1.0, np.eye(n), 0, 0.0, 1.0, np.full((n, n), size**2), 12.0)
+    (note,) = channel_noise_notes(model, {0: smooth})
+    assert "Channel force_kN" in note and "about 3 % of its readings" in note
+    assert channel_noise_notes(model, {0: replace(smooth, smooth=None)}) == []
+
+
+def test_memory_does_not_grow_with_the_grid():
+    """Of over a hundred covariances no more than a few exist at once."""
+    n, rng = 250, np.random.default_rng(7)
+    fitted(rng, n, 0.5, stated=False)  # imports
+    tracemalloc.start()
+    fitted(rng, n, 0.5, stated=False)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 20 * 8 * n**2
 
 
 def test_independent_noise_is_no_smooth_error():

@@ -24,7 +24,7 @@ from idic.experiment_file import load_experiment  # noqa: E402
 from idic.fe.mesh.morph import fit_circle  # noqa: E402
 from idic.fe import find_holes  # noqa: E402
 from idic.identification import identify  # noqa: E402
-from idic.report.figures.mesh_overlay import identified_mesh  # noqa: E402
+from idic.report.figures.mesh.overlay import identified_mesh  # noqa: E402
 from idic.run.reporting.write import load_record  # noqa: E402
 
 HOLE = {"geometry.hole_x": 0.09, "geometry.hole_y": -0.06, "geometry.hole_radius": 3.09}  # 0.15 elements; 3 %

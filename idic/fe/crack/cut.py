@@ -48,7 +48,7 @@ def cut_along(mesh: Mesh, path: np.ndarray, nodes_of_cuts: np.ndarray | None = N
     Raises
     ------
     InputError
-        Elements of another kind; a path that leaves the body, crosses a cut or ends outside.
+        Elements of another kind; a path that leaves the body, meets itself, crosses a cut or ends outside.
     """
     kinds = {block.cell for block in mesh.blocks}
     if not kinds <= {"tri3", "quad4"}:
@@ -62,6 +62,10 @@ def cut_along(mesh: Mesh, path: np.ndarray, nodes_of_cuts: np.ndarray | None = N
     chain = [corners[0]]
     for corner in corners[1:]:
         chain += work.edges_to(chain[-1], corner)
+    if len(set(chain)) < len(chain) or not all(work.edge_cells.get(_key(a, b)) for a, b in pairwise(chain)):
+        raise InputError("the path of a crack meets itself", expected="a path that is at every point once",
+                         found=f"{path.tolist()}", remedy="correct the points of the path, or give a branch as a "
+                         "[[crack]] of its own")
     if nodes_of_cuts is not None and np.isin(chain, nodes_of_cuts).any():
         raise _outside(path[-1])
     right_nodes = work.separated(chain)

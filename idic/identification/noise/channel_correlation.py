@@ -17,8 +17,9 @@ autoregressions: Box, Jenkins & Reinsel 2008, doi:10.1002/9781118619193).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import scipy
@@ -118,13 +119,16 @@ class _Equations:
         weighed = white.T / variances[:, None, :]
         return self._restricted(weighed @ white, log_det + np.log(variances).sum(axis=1))
 
-    def log_likelihoods_of_smooth(self, root: np.ndarray, white: float, stds: np.ndarray) -> np.ndarray:
+    def factor(self, white: float) -> np.ndarray:
+        """Root of the covariance of the readings with independent noise of this standard deviation  # (T, T)"""
+        return np.linalg.cholesky(self.local + white**2 * np.eye(len(self.local)))
+
+    def log_likelihoods_of_smooth(self, root: np.ndarray, factor: np.ndarray, stds: np.ndarray) -> np.ndarray:
         """The same of readings with independent noise and a smooth error  # (len(stds),)
 
-        root : (T, m) with root root^T the correlation of the error; white : standard deviation of the noise. By the
-        identity of Woodbury only matrices of m rows depend on the standard deviation of the error.
+        root : (T, m) with root root^T the correlation of the error; factor : of the noise. By the identity of Woodbury
+        only matrices of m rows depend on the standard deviation of the error.
         """
-        factor = np.linalg.cholesky(self.local + white**2 * np.eye(len(self.local)))
         half = scipy.linalg.solve_triangular(factor, np.column_stack([self.rows, self.residual, root]), lower=True)
         n = self.rows.shape[1] + 1
         data, half_root = half[:, :n], half[:, n:]
@@ -144,18 +148,19 @@ class _Equations:
         # a direction that nothing determines is the same for all
         keep = eigenvalues > 1e-12 * eigenvalues.max(axis=1, keepdims=True, initial=1e-300)
         along = (vectors.swapaxes(1, 2) @ b[:, :, None])[..., 0]
-        inverse, determined = 1.0 / np.where(keep, eigenvalues, np.inf), np.where(keep, eigenvalues, 1.0)
-        return -0.5 * (log_det + np.log(determined).sum(axis=1) + products[:, n, n] - (along**2 * inverse).sum(axis=1))
+        inverse, pivots = 1.0 / np.where(keep, eigenvalues, np.inf), np.where(keep, eigenvalues, 1.0)
+        return -0.5 * (log_det + np.log(pivots).sum(axis=1) + products[:, n, n] - (along**2 * inverse).sum(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
 class _Entry:
     """A row of the grid: covariances scale^2 C + white^2, and their log-likelihoods with the prior.
 
-    order : of an autoregression; next_to : its correlation of consecutive frames
+    correlation : makes C (T, T), which is not kept: there are over a hundred rows; order : of an autoregression;
+    next_to : its correlation of consecutive frames
     """
 
-    correlation: np.ndarray
+    correlation: Callable[[], np.ndarray]
     scales: np.ndarray
     logs: np.ndarray
     white: float = 0.0
@@ -170,13 +175,15 @@ def _over_grid(equations: _Equations, frames: np.ndarray, std: float, is_stated:
     if len(frames) < MIN_FRAMES:
         return None
     of_noise = [*_autoregressive_entries(equations, frames, std * (np.ones(1) if is_stated else STD_RATIOS))]
-    smooth = [*_smooth_entries(equations, frames, std * (np.ones(1) if is_stated else WHITE_RATIOS), std, simulated)]
+    smooth = _smooth_entries(equations, frames, std * (np.ones(1) if is_stated else WHITE_RATIOS), std, simulated)
     gain = _evidence(smooth) - _evidence(of_noise)
     entries = smooth if gain > np.log((1.0 - SMOOTH_PRIOR) / SMOOTH_PRIOR) else of_noise
     weights = _probabilities(np.concatenate([entry.logs for entry in entries]))
     rows = np.split(weights, np.cumsum([len(entry.logs) for entry in entries])[:-1])
     sums = [float(row @ entry.scales**2) for entry, row in zip(entries, rows, strict=True)]
-    parts = np.sum([size * entry.correlation for size, entry in zip(sums, entries, strict=True)], axis=0)
+    parts = np.zeros((len(frames),) * 2)
+    for size, entry in zip(sums, entries, strict=True):
+        parts += size * entry.correlation()
     white = sum(float(row.sum()) * entry.white**2 for entry, row in zip(entries, rows, strict=True))
     if entries is smooth:
         return ChannelNoise(float(np.sqrt(white)), white * np.eye(len(frames)), 0, 0.0, 1.0, parts, 2.0 * gain)
@@ -198,11 +205,11 @@ def _autoregressive_entries(equations: _Equations, frames: np.ndarray, stds: np.
     lags = np.abs(np.subtract.outer(frames, frames))
     for order, course, prior in _autoregressions(len(frames), int(lags.max())):
         logs = np.log(prior / len(stds)) + equations.log_likelihoods(course[lags], stds)
-        yield _Entry(course[lags], stds, logs, order=order, next_to=float(course[1]))
+        yield _Entry(partial(course.take, lags), stds, logs, order=order, next_to=float(course[1]))
 
 
 def _smooth_entries(equations: _Equations, frames: np.ndarray, whites: np.ndarray, std: float,
-                    simulated: np.ndarray | None) -> Iterator[_Entry]:
+                    simulated: np.ndarray | None) -> list[_Entry]:
     """Independent noise beside a smooth error, which is as large in every reading, or a share of it."""
     s = (frames - frames[0]) / max(frames[-1] - frames[0], 1)
     shapes = [np.ones(len(s))]
@@ -211,10 +218,13 @@ def _smooth_entries(equations: _Equations, frames: np.ndarray, whites: np.ndarra
     roots = [shape[:, None] * root for shape in shapes for root in _smooth_roots(s)]
     stds = std * SMOOTH_RATIOS
     prior = -np.log(len(roots) * len(whites) * len(stds))
-    for root in roots:
-        for white in whites:
-            yield _Entry(root @ root.T, stds, prior + equations.log_likelihoods_of_smooth(root, float(white), stds),
-                         float(white))
+    by_white = []
+    for white in whites:
+        factor = equations.factor(float(white))  # the same for all roots
+        by_white.append([_Entry(partial(np.matmul, root, root.T), stds,
+                                prior + equations.log_likelihoods_of_smooth(root, factor, stds), float(white))
+                         for root in roots])
+    return [entry for of_root in zip(*by_white, strict=True) for entry in of_root]
 
 
 def _smooth_roots(s: np.ndarray) -> Iterator[np.ndarray]:

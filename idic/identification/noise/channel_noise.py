@@ -117,13 +117,14 @@ def smooth_spread(rows: np.ndarray, compared: np.ndarray, model: Model,
 
 def smooth_share(model: Model, noises: Mapping[int, ChannelNoise]) -> float:
     """Smooth error of the channels, rms over the rms reading, of the largest; 0 where there is none."""
-    shares = [0.0]
-    for number, noise in noises.items():
-        if noise.smooth is not None:
-            readings = model.channels[number].values
-            rms = np.sqrt(np.mean(readings[np.isfinite(readings)] ** 2))
-            shares.append(float(np.sqrt(np.diagonal(noise.smooth).mean()) / max(rms, 1e-300)))
-    return max(shares)
+    return max((_smooth_share(model.channels[number], noise) for number, noise in noises.items()), default=0.0)
+
+
+def _smooth_share(channel: Channel, noise: ChannelNoise) -> float:
+    if noise.smooth is None:
+        return 0.0
+    rms = np.sqrt(np.mean(channel.values[np.isfinite(channel.values)] ** 2))
+    return float(np.sqrt(np.diagonal(noise.smooth).mean()) / max(rms, 1e-300))
 
 
 def channel_noise_content(model: Model, noises: Mapping[int, ChannelNoise]) -> dict[str, dict]:
@@ -137,11 +138,16 @@ def channel_noise_content(model: Model, noises: Mapping[int, ChannelNoise]) -> d
 
 def channel_noise_notes(model: Model, noises: Mapping[int, ChannelNoise]) -> list[str]:
     """Notes for the result."""
+    smooth_notes = [
+        f"Channel {(channel := model.channels[number]).column} has an error beside its noise that is smooth over the "
+        f"frames, of about {100.0 * _smooth_share(channel, noise):.2g} % of its readings (rms). The error bars count "
+        "it as an error of the model."
+        for number, noise in noises.items() if noise.smooth is not None]
     return [f"The noise of channel {(channel := model.channels[number]).column} is correlated from frame to frame "
             f"({noise.correlation:.2f} between consecutive ones, standard deviation "
             f"{noise.std / channel.shown_factor:.3g} {channel.shown_unit}): it averages out less over the frames. The "
             "error bars count this."
-            for number, noise in noises.items() if noise.is_correlated]
+            for number, noise in noises.items() if noise.is_correlated] + smooth_notes
 
 
 def repeated_readings(experiment: Experiment) -> Iterator[str]:

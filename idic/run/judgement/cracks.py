@@ -19,8 +19,8 @@ from idic.model import Crack, ForwardModel, tips_at
 from idic.parameters import ParameterSet
 from idic.report import covariance_of
 from idic.run.prepared.context import RunContext
-from idic.run.store.arrays import FrameArrays
-from idic.run.store.layout import BASE, group_name
+from idic.run.prepared.motion_columns import motion_columns, stored_frame
+from idic.run.store.layout import BASE
 
 MPA_SQRT_M = 1000.0**0.5  # MPa sqrt(mm) in one MPa sqrt(m)
 STEP_SHARE = 1e-3  # of a standard deviation: step of a difference quotient, each way
@@ -45,27 +45,23 @@ def crack_results(context: RunContext, evaluation: int, values: Mapping[str, flo
 class _Tips:
     """What the tips of a fitted model are judged by.
 
-    u, du : of the simulated frames, (n_nodes, dim) and (n_nodes, dim, n_moving) mm; names : identified parameters that
-    count; covariance : of them, internal units
+    evaluation : number of the accepted one; names : identified parameters that count; covariance : of them, internal
+    units
     """
 
+    context: RunContext
+    evaluation: int
     forward: ForwardModel
     parameters: ParameterSet
-    u: FrameArrays
-    du: FrameArrays | None
-    moving: tuple[str, ...]
     names: list[str]
     covariance: np.ndarray
 
     @classmethod
     def of(cls, context: RunContext, evaluation: int, forward: ForwardModel, parameters: ParameterSet,
            result: Mapping) -> _Tips:
-        base = context.store.group(group_name(evaluation, BASE))
         correlated = result["correlation"]["names"]
         names = [name for name in context.moving if name in correlated and result["parameters"][name]["std"]]
-        return cls(forward, parameters, FrameArrays.open(base, "u"),
-                   FrameArrays.open(base, "du") if names else None, tuple(context.moving), names,
-                   covariance_of(result, parameters, names))
+        return cls(context, evaluation, forward, parameters, names, covariance_of(result, parameters, names))
 
     def entry(self, number: int, crack: Crack) -> dict[str, Any]:
         model = self.forward.model
@@ -96,21 +92,22 @@ class _Tips:
 
     def _loads(self, number: int, crack: Crack, frame: int, length: float,
                slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """K_I, K_II and J of a frame, and their standard deviations."""
+        """K_I, K_II and J of a simulated frame, and their standard deviations."""
         body = self.forward.body
         ring = ring_around(body.mesh, crack.cut, length, [section.elements for section in body.sections])
         if ring is None:
             return None
-        u = self.u.read(frame, frame + 1)[0][:, :2].astype(float)
+        image = self.forward.model.reference + frame
+        u = stored_frame(self.context, self.evaluation, BASE, "u", image)[:, :2].astype(float)
         value = self._load(ring, u, {})
         if not self.names:
             return value, np.full(3, np.nan)
-        du = self.du.read(frame, frame + 1)[0].astype(float)
+        du = motion_columns(self.context, self.evaluation, image, self.parameters).astype(float)
         J = np.zeros((3, len(self.names)))
         for i, name in enumerate(self.names):
             step = STEP_SHARE * float(np.sqrt(self.covariance[i, i]))
             ways = [self._load(ring.shifted(sign * step * slopes[i]),
-                               u + sign * step * du[:, :2, self.moving.index(name)], {name: sign * step})
+                               u + sign * step * du[:, :2, self.context.moving.index(name)], {name: sign * step})
                     for sign in (1.0, -1.0)]
             J[:, i] = (ways[0] - ways[1]) / (2.0 * step)
         return value, np.sqrt(np.einsum("ki,ij,kj->k", J, self.covariance, J))

@@ -25,6 +25,7 @@ from idic.run.judgement.floor import read_floor
 from idic.run.judgement.residual_maps import residuals_of
 from idic.run.judgement.shown_frames import shown_frames
 from idic.run.prepared.context import RunContext, open_run
+from idic.run.prepared.motion_columns import motion_columns, stored_frame
 from idic.run.reporting.evidence import evidence, last_accepted
 from idic.run.reporting.paraview import write_paraview
 from idic.run.reporting.second_process import SecondProcess
@@ -33,7 +34,6 @@ from idic.run.store.arrays import FrameArrays
 from idic.run.store.layout import BASE, group_name
 from idic.run.store.result_file import RESULT_FILE, read_result
 from idic.run.store.run_folders import folders_of, is_joint
-from idic.run.store.schemas.groups import StoredSimulation
 from idic.run.store.system_store import load_evaluation
 
 REPORT_FILE = "report.html"
@@ -317,7 +317,7 @@ def _fields(context: RunContext, point: int, experiment: Experiment, parameters:
 
     def seen_u(frame: int) -> np.ndarray:
         frames_read = max(frame - 1, experiment.model.reference), frame
-        u_earlier, u = (_read(context, point, BASE, "u", k) for k in frames_read)
+        u_earlier, u = (stored_frame(context, point, BASE, "u", k) for k in frames_read)
         return experiment.model.turned(experiment.at_camera_time(parameters, frame, u, u_earlier))
 
     u = np.array([view.at(frame).motion(nodes, seen_u(frame)) for frame in frames])
@@ -341,8 +341,8 @@ def sensitivities_of(context: RunContext, point: int, experiment: Experiment,
     if not names or not frames:
         return None
     frame = frames[-1]
-    u = model.turned(_read(context, point, BASE, "u", frame))
-    columns = model.turned(_columns(context, point, frame, parameters)[..., chosen])
+    u = model.turned(stored_frame(context, point, BASE, "u", frame))
+    columns = model.turned(motion_columns(context, point, frame, parameters)[..., chosen])
     du = at_fixed_pixels(model, u, columns, names)
     view, nodes = view_of(experiment, camera_at(experiment, parameters)).at(frame), model.mesh.nodes
     columns = view.columns(nodes, u, du).reshape(len(nodes), view.n_components, len(names))
@@ -357,31 +357,3 @@ def sensitivities_of(context: RunContext, point: int, experiment: Experiment,
 def _shown(data: Sensitivities | None, shown_points: ShownMesh) -> Sensitivities | None:
     """The fields at the points that are shown."""
     return data and replace(data, phi_px=np.array([shown_points.of(phi) for phi in data.phi_px]))
-
-
-def _columns(context: RunContext, point: int, frame: int, parameters: ParameterSet) -> np.ndarray:
-    """du/dparameter of one frame, by whichever way it was computed  # (n_nodes, dim, n_moving) mm per unit"""
-    base = context.store.group(group_name(point, BASE))
-    if (base / "du").exists():
-        return _read(context, point, BASE, "du", frame)
-    u = _read(context, point, BASE, "u", frame)
-    columns = []
-    for name in context.moving:
-        change = _changed_value(context, point, name) - parameters[name].value
-        columns.append((_read(context, point, name, "u", frame) - u) / change)
-    return np.stack(columns, axis=-1)
-
-
-def _changed_value(context: RunContext, point: int, name: str) -> float:
-    """The value of a parameter in the simulation that changes it."""
-    folder = context.store.group(group_name(point, name))
-    values = context.store.ident(folder, StoredSimulation)["values"]
-    if name not in values:
-        raise InputError("a stored simulation belongs to other parameters", file=folder, expected=name,
-                         found=", ".join(values) or "none", remedy="identify the experiment again into a new RUN")
-    return float.fromhex(values[name])
-
-
-def _read(context: RunContext, point: int, label: str, name: str, frame: int) -> np.ndarray:
-    k = frame - context.experiment.model.reference
-    return FrameArrays.open(context.store.group(group_name(point, label)), name).read(k, k + 1)[0]
