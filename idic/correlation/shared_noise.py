@@ -114,10 +114,8 @@ def _without_pattern(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, w
     b = np.concatenate([sums.rhs, *(f.rhs for f in frames)]) - variance * pattern.T @ sums.residual
     solved = solve_positive(A[n:, n:], np.column_stack([A[n:, :n], b[n:]])) if len(b) > n else np.zeros((0, n + 1))
     slope, step = solved[:, :n], solved[:, n]
-    readings = scipy.linalg.block_diag(*(f.readings for f in frames))  # frame after frame, channel by channel
-    reading_covariance = np.zeros((len(readings),) * 2)
-    if readings.size:
-        reading_covariance = readings @ solve_positive(A[n:, n:], readings.T)
+    count, readings = len(weights.channels), scipy.linalg.block_diag(*(f.readings for f in frames))  # frame by frame
+    answers = solve_positive(A[n:, n:], readings.T) if readings.any() else None
     project = np.vstack([np.eye(n), -slope])  # column i of the projected problem
 
     noise = _arrow(sums.noise, [f.noise_cross for f in frames], [f.noise for f in frames])
@@ -128,24 +126,10 @@ def _without_pattern(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, w
     closed = replace(system, phi=system.phi - system.phi_image + plain, phi_image=plain, generalised=True, sums=None,
                      shared=dense(system.shared)[:0], M=A[:n, :n] - A[:n, n:] @ slope, b=b[:n] - slope.T @ b[n:],
                      spread=spread, frames=_with_steps(system.frames, frames, step, slope),
-                     retention=_retention(reading_covariance, weights))
+                     retention=None if answers is None else np.array([
+                         np.eye(len(frames)) - weight * readings[k::count] @ answers[:, k::count]
+                         for k, weight in enumerate(weights.channels)]))
     return closed, gram(columns - sums.visible[:, None] * pattern + texture) / n_images
-
-
-def _retention(covariance: np.ndarray, weights: Weights) -> np.ndarray | None:
-    """What the residuals of every channel keep of errors of its readings (docs/method.md, equation 11.8).
-
-    covariance : (T n_channels,) squared, of simulated readings by the frame-local unknowns, frame after frame
-
-    Returns
-    -------
-    (n_channels, T, T), None without channels
-    """
-    count = len(weights.channels)
-    if not count:
-        return None
-    return np.array([np.eye(len(covariance) // count) - weight * covariance[k::count, k::count]
-                     for k, weight in enumerate(weights.channels)])
 
 
 def _frame_by_frame(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, weights: Weights, n_images: int,
@@ -158,9 +142,9 @@ def _frame_by_frame(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, we
     `sums`, which may lie on disk, memory grows with the frames by the squared number of all readings alone.
     """
     n, r, variance = len(system.names), len(c), weights.image_noise**2
-    half = 0.5 * variance
+    half, count = 0.5 * variance, len(weights.channels)
     pattern = c[:, None] * sums.columns
-    inner, outer, couplings, blocks = np.zeros((2 * r, 2 * r)), np.zeros((2 * r, n + 1)), [], []
+    inner, outer, couplings, variances = np.zeros((2 * r, 2 * r)), np.zeros((2 * r, n + 1)), [], []
     inner[:r, r:] = inner[r:, :r] = np.eye(r) / half
 
     def sides(f: LocalEquations) -> tuple[np.ndarray, np.ndarray]:
@@ -175,10 +159,13 @@ def _frame_by_frame(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, we
         outer += U.T @ solved[:, 2 * r:]
         of_readings = solve_positive(f.matrix, f.readings.T)
         couplings.append(U.T @ of_readings)
-        blocks.append(f.readings @ of_readings)
+        variances.append((f.readings * of_readings.T).sum(axis=1))
     factor, between = scipy.linalg.lu_factor(inner), np.hstack(couplings)
     outer = scipy.linalg.lu_solve(factor, outer)
-    reading_covariance = scipy.linalg.block_diag(*blocks) + between.T @ scipy.linalg.lu_solve(factor, between)
+    turned = scipy.linalg.lu_solve(factor, between)
+    retention = None if not between.any() else np.array([
+        np.diag(1.0 - weight * np.array(variances)[:, k]) - weight * between[:, k::count].T @ turned[:, k::count]
+        for k, weight in enumerate(weights.channels)])
     cross = variance * pattern.T @ sums.product
     M, b = sums.matrix - 0.5 * (cross + cross.T), sums.rhs - variance * pattern.T @ sums.residual
     noise, columns, noisy, steps, slopes = sums.noise.copy(), sums.columns.copy(), sums.noisy.copy(), [], []
@@ -201,7 +188,7 @@ def _frame_by_frame(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, we
     closed = replace(system, phi=system.phi - system.phi_image + plain, phi_image=plain, generalised=True, sums=None,
                      shared=dense(system.shared)[:0], M=M, b=b, spread=spread,
                      frames=_with_steps(system.frames, sums.frames, np.concatenate(steps), np.vstack(slopes)),
-                     retention=_retention(reading_covariance, weights))
+                     retention=retention)
     return closed, gram(columns - sums.visible[:, None] * pattern + texture) / n_images
 
 
