@@ -46,7 +46,7 @@ class _Tips:
     """What the tips of a fitted model are judged by.
 
     evaluation : number of the accepted one; names : identified parameters that count; covariance : of them, internal
-    units
+    units; open_names : identified ones that the data leave open
     """
 
     context: RunContext
@@ -55,13 +55,16 @@ class _Tips:
     parameters: ParameterSet
     names: list[str]
     covariance: np.ndarray
+    open_names: tuple[str, ...]
 
     @classmethod
     def of(cls, context: RunContext, evaluation: int, forward: ForwardModel, parameters: ParameterSet,
            result: Mapping) -> _Tips:
         correlated = result["correlation"]["names"]
         names = [name for name in context.moving if name in correlated and result["parameters"][name]["std"]]
-        return cls(context, evaluation, forward, parameters, names, covariance_of(result, parameters, names))
+        open_names = tuple(name for name, entry in result["parameters"].items() if entry["free"] and not entry["std"])
+        return cls(context, evaluation, forward, parameters, names, covariance_of(result, parameters, names),
+                   open_names)
 
     def entry(self, number: int, crack: Crack) -> dict[str, Any]:
         model = self.forward.model
@@ -75,6 +78,8 @@ class _Tips:
             loads = self._loads(number, crack, k, float(lengths[k]), slopes[:, k])
             if loads is not None:
                 rows[k], stds[k] = loads
+                if self._is_open(crack, model.reference + k):
+                    stds[k] = np.nan
         if not why_not and np.isnan(rows[1:]).all():
             why_not = NO_ROOM
         known_stds = np.sqrt(np.einsum("it,ij,jt->t", slopes, self.covariance, slopes))
@@ -83,6 +88,11 @@ class _Tips:
         for i, (name, unit) in enumerate((("K_I", MPA_SQRT_M), ("K_II", MPA_SQRT_M), ("J", 1.0))):
             entry |= {name: _listed(rows[:, i] / unit), f"{name}_std": _listed(stds[:, i] / unit)}
         return entry
+
+    def _is_open(self, crack: Crack, image: int) -> bool:
+        """Whether a parameter that the loads of this frame go with has no value: they have no error then."""
+        return any(name not in crack.names or crack.hats[crack.names.index(name)][image] != 0.0
+                   for name in self.open_names)
 
     def _why_not(self) -> str:
         body = self.forward.body
