@@ -436,5 +436,5 @@ def _model_warnings(experiment: Experiment):
         yield "no parameter is to be identified: write identify = true for at least one"
     if all(c.kind == "displacement" for c in model.channels) and not model.loads:
         force = "the force of the log" if experiment.recording.column_units else "a recorded force"
-        yield (f"without a force no stiffness or strength in MPa can be identified: compare {force} in a [[channel]] "
+        yield (f"to identify a stiffness or strength in MPa, compare {force} in a [[channel]] "
                "(idic init writes its lines behind #)")

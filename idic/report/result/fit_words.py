@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf
 
 from idic.identification import z_text
 
@@ -13,6 +14,7 @@ MIN_CHI2_OF_FIELDS = 0.8  # where their noise is correlated (an unknown takes mo
 MAX_FREE_DIC_CHI2 = 2.0  # times the χ² of the model: above, the free FE-DIC failed to match the pattern in some frames
 MAX_CHI2_OVER_FREE = 0.03  # χ² per pixel that a free motion may save before the model is said to lack one
 MAX_SHARE_OVER_FREE = 0.15  # of the χ² above noise that a free motion saves, where the model follows as well as it does
+MIN_SHOWN_PART = 1e-3  # of a standard deviation: a smaller error is none
 MIN_REMEDY_SHARE = 0.2  # of the χ² above noise that a remedy removes before it is recommended
 MAX_P_OF_EQUAL_SPECIMENS = 0.01  # probability of the seen scatter among equal specimens: below, they differ
 IN_TIME = {0: "in the first quarter of the frames", 1: "in the second quarter of the frames",
@@ -197,7 +199,14 @@ def in_error_bars(result: Mapping) -> str:
     """Whether the error bars count the error of the model, in a sentence."""
     if (result.get("discrepancy") or {}).get("significant"):
         return "The error bars count it as a smooth error of motion, stress and channels."
-    return "The error bars do not include that."
+    return ("The error bars count the error of the mesh, but not that." if has_model_part(result) else
+            "The error bars do not include that.")
+
+
+def has_model_part(result: Mapping) -> bool:
+    """Whether an error of the model, that of the mesh above all, is seen in a standard deviation."""
+    return any((entry.get("std_model") or 0.0) > MIN_SHOWN_PART * (entry.get("std") or inf)
+               for entry in result.get("parameters", {}).values())
 
 
 def remedies(result: Mapping) -> str:

@@ -11,7 +11,8 @@ from idic.fe import OUTLINE
 from idic.model import in_words, is_mode, motions
 from idic.parameters import STRESS_UNITS
 from idic.report.result.fit_words import (
-    MAX_P_OF_EQUAL_SPECIMENS, NOISE_CHI2, against_free, basis_verdict, cluster, images, in_error_bars, missing_load,
+    MAX_P_OF_EQUAL_SPECIMENS, MIN_SHOWN_PART, NOISE_CHI2, against_free, basis_verdict, cluster, has_model_part, images,
+    in_error_bars, missing_load,
     noise_chi2, remedies,
 )
 from idic.report.result.stress_scale import held_stresses, in_ratios
@@ -49,7 +50,6 @@ UNEXPLAINED_BY_MOTION = {  # a residual that no motion explains, by the quantity
     "volume": "The scans change where no motion explains it: drift of their grey values, artefacts, or more noise than "
               "stated. Two scans of one state show the noise (still_frames; noise_std_gv under [scanner]).",
 }
-MIN_SHOWN_PART = 1e-3  # of a standard deviation: a smaller error is none
 MAX_LISTED = 4  # frames, or pairs of parameters, named in a sentence
 MIN_STRONG_CORRELATION = 0.95  # |coefficient| above which two parameters are hardly separated
 
@@ -101,9 +101,11 @@ def error_text(error: float | None, std: float | None, text: str) -> str:
 
 
 def two_digits(std: float) -> str:
-    """An error to two digits, without an exponent where it can be written out."""
-    text = f"{std:.2g}"
-    return f"{float(text):.0f}" if "e+" in text and abs(std) < 1e7 else text  # from 99.5 on, which is rounded to 100
+    """An error to two digits, a zero at the end too: ``0.0030``; without an exponent where it can be written out."""
+    text = f"{std:#.2g}" if std else "0"
+    if "e+" in text and abs(std) < 1e7:
+        return f"{float(text):.0f}"  # from 99.5 on, which is rounded to 100
+    return text.removesuffix(".")
 
 
 def discrepancy_text(result: Mapping) -> str:
@@ -114,10 +116,9 @@ def discrepancy_text(result: Mapping) -> str:
     if "significant" not in values_text:
         return ""
     if not values_text["significant"]:
-        has_model_part = any((entry.get("std_model") or 0.0) > MIN_SHOWN_PART * (entry.get("std") or inf)
-                             for entry in result["parameters"].values())
-        return ("The residual shows no error beyond noise; the second part is the error of the simulation itself, of "
-                "its mesh above all." if has_model_part else "No error beyond noise widens the intervals.")
+        return ("No smooth error of the model stands out of the noise; the second part is the error of the simulation "
+                "itself, of its mesh above all." if has_model_part(result) else
+                "No error beyond noise widens the intervals.")
     unit = "distances of the points" if (result.get("noise") or {}).get("unit") == "µm" else "px"
     return (f"The residual shows an error of the model (twice the gain in log-likelihood: "
             f"{values_text['likelihood_ratio']:.0f}; {_left_unexplained(values_text, unit)}): the intervals count it.")
