@@ -7,6 +7,7 @@ from typing import Any
 
 from idic.diagnose import Notes
 from idic.identification import z_text
+from idic.parameters import digits_text
 from idic.report.diagnosis import figures
 from idic.report.diagnosis.free_form import free_curve
 from idic.report.diagnosis.law import law_curves, window_courses
@@ -182,5 +183,5 @@ def _title(record: DiagnosisRecord, name: str) -> str:
 
 def _costs(cost: Mapping) -> list[tuple[str, str]]:
     """Processor and wall time; the parts of it are in diagnosis.json."""
-    return [(key.removesuffix("_s").replace("_", " "), f"{value:.3g} s") for key, value in cost.items()
+    return [(key.removesuffix("_s").replace("_", " "), f"{digits_text(value)} s") for key, value in cost.items()
             if key in ("cpu_s", "wall_s")]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import inf
 
 from idic.identification import z_text
+from idic.parameters import digits_text
 
 NOISE_CHI2 = (0.9, 1.1)  # image chi² per pixel that camera noise explains: its own uncertainty is below 1 %,
 #                          the rest is the uncertainty of the estimate of sigma
@@ -134,8 +135,8 @@ def images(result: Mapping) -> tuple[str, str, str]:
                 f"The noise is {cause}, and so are the error bars.{local}")
     if free_fit is not None and not free_fit.failed and not free_fit.follows:
         return ("look",
-                f"Look closer: a free motion explains the images better (χ² = {free_fit.free_chi2:.3g}, model "
-                f"{free_fit.model_chi2:.3g})",
+                f"Look closer: a free motion explains the images better (χ² = {chi2_text(free_fit.free_chi2)}, model "
+                f"{chi2_text(free_fit.model_chi2)})",
                 f"The image residual is {'larger than' if chi2 > NOISE_CHI2[1] else 'close to'} camera noise "
                 f"({numbers}), and "
                 f"a motion without a law explains {_share(free_fit)} of what is above noise. "
@@ -145,7 +146,7 @@ def images(result: Mapping) -> tuple[str, str, str]:
             return ("look", "Look closer: the model fits as well as any motion can; light or aliasing is left",
                     f"The image residual is larger than camera noise ({numbers}), for a free motion too: no law "
                     f"explains it. {remedies(result)}{local}".rstrip())
-        return ("look", f"Look closer: the image residual has {chi2:.3g} times the variance of the noise",
+        return ("look", f"Look closer: the image residual has {chi2_text(chi2)} times the variance of the noise",
                 f"The image residual is larger than camera noise ({numbers}). "
                 f"{_lacking(result, ', or light or aliasing is left')}{local}")
     if place:
@@ -218,20 +219,24 @@ def remedies(result: Mapping) -> str:
     chi2_before, chi2_after = best["chi2_before"], best["chi2_after"]
     drop = chi2_before - chi2_after
     if drop > max(MIN_REMEDY_SHARE * max(chi2_before - 1.0, 0.0), MAX_CHI2_OVER_FREE):
-        return (f"With {best['setting']} it falls from χ² = {chi2_before:.3g} to {chi2_after:.3g} at the same motion: "
-                f"identify again "
-                "with it under [options].")
+        return (f"With {best['setting']} it falls from χ² = {chi2_text(chi2_before)} to {chi2_text(chi2_after)} at the "
+                "same motion: identify again with it under [options].")
     names = "; ".join(remedy["setting"] for remedy in tried)
     return f"None of the remedies tried at the same motion removes it ({names}): look at the light and at the pattern."
 
 
+def chi2_text(chi2: float) -> str:
+    """A χ² to hundredths, or to the digits that it needs: ``1.00``, ``23.4``, ``0.012``."""
+    return f"{chi2:.2f}" if 0.1 <= chi2 < 10.0 else digits_text(chi2, 3 if chi2 > 1.0 else 2, zeros=True)
+
+
 def _numbers(result: Mapping, chi2: float) -> str:
     rms, unit = result["residual"].get("image_rms_gv"), result.get("noise", {}).get("unit") or "grey values"
-    text = f"χ² = {chi2:.3g} per pixel" + ("" if rms is None else f", rms {rms:.3g} {unit}")
+    text = f"χ² = {chi2_text(chi2)} per pixel" + ("" if rms is None else f", rms {digits_text(rms, zeros=True)} {unit}")
     free_fit = against_free(result)
     if free_fit is None:
         return text
-    outcome = "failed" if free_fit.failed else f"has χ² = {free_fit.free_chi2:.3g}"
+    outcome = "failed" if free_fit.failed else f"has χ² = {chi2_text(free_fit.free_chi2)}"
     frames = "" if "free_dic_chi2_dof" in result["residual"] else " in the frames shown"
     return f"{text}; a free FE-DIC on the same mesh {outcome}{frames}"
 

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import floor, inf, isfinite, log10
+from math import floor, isfinite, log10
 
 import numpy as np
 
 from idic.fe import OUTLINE
 from idic.model import in_words, is_mode, motions
-from idic.parameters import STRESS_UNITS
+from idic.parameters import STRESS_UNITS, digits_text
 from idic.report.result.fit_words import (
-    MAX_P_OF_EQUAL_SPECIMENS, MIN_SHOWN_PART, NOISE_CHI2, against_free, basis_verdict, cluster, has_model_part, images,
-    in_error_bars, missing_load,
-    noise_chi2, remedies,
+    MAX_P_OF_EQUAL_SPECIMENS, MIN_SHOWN_PART, NOISE_CHI2, against_free, basis_verdict, chi2_text, cluster,
+    has_model_part, images, in_error_bars, missing_load, noise_chi2, remedies,
 )
 from idic.report.result.stress_scale import held_stresses, in_ratios
 
@@ -102,10 +101,7 @@ def error_text(error: float | None, std: float | None, text: str) -> str:
 
 def two_digits(std: float) -> str:
     """An error to two digits, a zero at the end too: ``0.0030``; without an exponent where it can be written out."""
-    text = f"{std:#.2g}" if std else "0"
-    if "e+" in text and abs(std) < 1e7:
-        return f"{float(text):.0f}"  # from 99.5 on, which is rounded to 100
-    return text.removesuffix(".")
+    return digits_text(std, 2, zeros=True)
 
 
 def discrepancy_text(result: Mapping) -> str:
@@ -198,7 +194,7 @@ def explained(result: Mapping) -> str:
     for name, value in result.get("residual", {}).get("channel_chi2_dof", {}).items():
         if value is not None and value > MAX_CHANNEL_CHI2:
             parts.append(f"The simulated {name} differs from the measured one by more than its noise "
-                         f"(χ² = {value:.3g} per frame).")
+                         f"(χ² = {chi2_text(value)} per frame).")
     return " ".join(parts)
 
 
