@@ -172,8 +172,9 @@ def strain_notes(analysis: Analysis, entries: Mapping[str, Mapping]) -> list[str
         entry, p = entries[name], analysis.parameters[name]
         bias = float(analysis.direction(name) @ analysis.strain_bias) / p.factor
         if entry["std"] is not None and abs(bias) > entry["std"]:
-            size, std = (digits_text(number, 2, zeros=True) for number in (abs(bias), entry["std"]))
-            moved.append(f"{name} by {'+' if bias < 0.0 else '-'}{size} {entry['unit']}".rstrip(" -") + f" (std {std})")
+            change_text = ("+" if bias < 0.0 else "-") + digits_text(abs(bias), 2, zeros=True)
+            moved.append(f"{name} by {change_text} {entry['unit']}".rstrip(" -")
+                         + f" (std {digits_text(entry['std'], 2, zeros=True)})")
     return [SMALL_STRAINS.format(", ".join(moved))] if moved else []
 
 
