@@ -182,7 +182,8 @@ def test_the_table_of_candidates_is_whole_at_1200_px(tmp_path):
                  "standing": "significant, below the practical margin"}
     page = filled_in("diagnosis.html.j2", title="t", first="One candidate selected.", rest=[], facts=[], sure=True,
                      left_over=None, not_excluded=[], cautions=(),
-                     sections=(), parameters=[], candidates=[candidate] * 5, excluded=[], cannot_tell=[], costs=[])
+                     sections=(), parameters=[], candidates=[candidate] * 5, excluded=[], cannot_tell=[], costs=[],
+                     chain=[], odds=[])
     file = tmp_path / "diagnosis.html"
     file.write_text(page, encoding="utf-8")
     script = ('(() => { const t = document.querySelector("table.many"); return t.scrollWidth - '

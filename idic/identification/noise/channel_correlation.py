@@ -144,8 +144,8 @@ class _Equations:
         # a direction that nothing determines is the same for all
         keep = eigenvalues > 1e-12 * eigenvalues.max(axis=1, keepdims=True, initial=1e-300)
         along = (vectors.swapaxes(1, 2) @ b[:, :, None])[..., 0]
-        inverse, kept = 1.0 / np.where(keep, eigenvalues, np.inf), np.where(keep, eigenvalues, 1.0)
-        return -0.5 * (log_det + np.log(kept).sum(axis=1) + products[:, n, n] - (along**2 * inverse).sum(axis=1))
+        inverse, divisors = 1.0 / np.where(keep, eigenvalues, np.inf), np.where(keep, eigenvalues, 1.0)
+        return -0.5 * (log_det + np.log(divisors).sum(axis=1) + products[:, n, n] - (along**2 * inverse).sum(axis=1))
 
 
 @dataclass(frozen=True, eq=False)

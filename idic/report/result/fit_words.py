@@ -198,9 +198,11 @@ def missing_load(result: Mapping) -> str:
 
 def in_error_bars(result: Mapping) -> str:
     """Whether the error bars count the error of the model, in a sentence."""
-    if (result.get("discrepancy") or {}).get("significant"):
+    is_smooth = (result.get("discrepancy") or {}).get("significant")  # None: not estimated
+    if is_smooth:
         return "The error bars count it as a smooth error of motion, stress and channels."
-    return ("The error bars count the error of the mesh, but not that." if has_model_part(result) else
+    counts_mesh = is_smooth is False and has_model_part(result)
+    return ("The error bars count the error of the mesh, but not that." if counts_mesh else
             "The error bars do not include that.")
 
 

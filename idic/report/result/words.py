@@ -67,7 +67,7 @@ def with_std(value: float, std: float | None, unit: str = "") -> str:
         power = str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
         return f"({value / scale:.{digits}f} ± {std / scale:.{digits}f})·10{power}{tail}"
     digits = max(0, 1 - floor(log10(std)))
-    return f"{value:.{digits}f} ± {std:.{digits}f}{tail}"
+    return f"{value:.{digits}f} ± {two_digits(std) if std >= 100.0 else f'{std:.{digits}f}'}{tail}"
 
 
 def number_text(value: float | None, like: float | None = None) -> str:
