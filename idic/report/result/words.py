@@ -104,6 +104,11 @@ def two_digits(std: float) -> str:
     return digits_text(std, 2, zeros=True)
 
 
+def size_text(size: float) -> str:
+    """A share or a size to two digits, without zeros at the end: ``1`` %."""
+    return digits_text(size, 2)
+
+
 def discrepancy_text(result: Mapping) -> str:
     """The part of the standard deviations that is due to the model, in a sentence; "" without an estimate."""
     values_text = result.get("discrepancy") or {}
