@@ -302,3 +302,14 @@ class PlausibleSize:
     def share_beyond(self, size: float) -> float:
         """Share of such effects that are as large and larger: with heavy tails, as broken sensors are rare, and are."""
         return 1.0 / (1.0 + (size / self.size) ** 2)
+
+
+def digits_text(value: float, digits: int = 3, zeros: bool = False) -> str:
+    """A number to some digits, without an exponent where it can be written out: ``-760``, ``23100``.
+
+    zeros : a zero at the end is a digit, too: ``0.0030``
+    """
+    text = f"{value:{'#' if zeros and value else ''}.{digits}g}"
+    if "e+" in text and abs(value) < 1e7:
+        return f"{float(text):.0f}"
+    return text.removesuffix(".")

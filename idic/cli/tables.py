@@ -93,7 +93,7 @@ def systematic_table(result: Mapping) -> Table:
     from idic.report import two_digits
 
     table = Table(box=None, header_style="bold")
-    for column in ("parameter", "value", "± std", "discretisation bias", "systematic std", "unit"):
+    for column in ("parameter", "value", "± std", "mesh", "systematic", "unit"):
         text = column in ("parameter", "unit")
         table.add_column(column, justify="left" if text else "right", no_wrap=text)
     for name, entry in (result["parameters"] | result["derived"]).items():

@@ -46,7 +46,7 @@ from idic.identification.step.state import Evaluation, LoopState
 from idic.images import CAMERA_PARAMETERS, LENS_PARAMETERS, PLACED_TURNS
 from idic.laws import get_law
 from idic.model import Experiment, Remedies, in_words, strayed
-from idic.parameters import STRESS_UNITS, ParameterSet
+from idic.parameters import STRESS_UNITS, ParameterSet, digits_text
 
 Names = Mapping[str, Mapping[str, str]]  # {experiment: {its parameter: parameter of the whole}}
 SCHEMA = "idic.result/1"
@@ -172,7 +172,9 @@ def strain_notes(analysis: Analysis, entries: Mapping[str, Mapping]) -> list[str
         entry, p = entries[name], analysis.parameters[name]
         bias = float(analysis.direction(name) @ analysis.strain_bias) / p.factor
         if entry["std"] is not None and abs(bias) > entry["std"]:
-            moved.append(f"{name} by {-bias:+.2g} {entry['unit']}".rstrip(" -") + f" (std {entry['std']:.2g})")
+            change_text = ("+" if bias < 0.0 else "-") + digits_text(abs(bias), 2, zeros=True)
+            moved.append(f"{name} by {change_text} {entry['unit']}".rstrip(" -")
+                         + f" (std {digits_text(entry['std'], 2, zeros=True)})")
     return [SMALL_STRAINS.format(", ".join(moved))] if moved else []
 
 

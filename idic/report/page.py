@@ -9,6 +9,7 @@ from itertools import groupby
 from typing import Any
 
 from idic.model import is_mode
+from idic.parameters import digits_text
 from idic.report.fields.tables import gauge_rows
 from idic.report.fields.viewer import viewer_data
 from idic.report.figures import charts, maps, matrices
@@ -178,7 +179,7 @@ def _camera_plan(name: str, record: RunRecord) -> PlannedSection:
     figures = (charts.residual_level, maps.local_chi2, maps.residuals, maps.displacements, maps.sensitivities)
     return PlannedSection(
         f"camera-{name}", f"Camera {name}",
-        f"Its own images, noise ({record.noise_gv:.3g} {record.value_unit}) and residuals"
+        f"Its own images, noise ({digits_text(record.noise_gv)} {record.value_unit}) and residuals"
         + ("." if chi2 is None else f"; χ² per pixel {chi2:.3f}.") + _texture(record),
         tuple(partial(_named_after, name, figure, record) for figure in figures))
 
@@ -268,7 +269,7 @@ def _facts(record: RunRecord) -> list[tuple[str, str, bool | None]]:
                           (few or value >= MIN_CHANNEL_CHI2) and value <= MAX_CHANNEL_CHI2))
     if record.noise_gv:
         source = NOISE_SOURCE.get(result["noise"].get("source", ""), result["noise"].get("source", ""))
-        facts.append(("noise of one image σ", f"{record.noise_gv:.3g} {record.value_unit}, {source}", None))
+        facts.append(("noise of one image σ", f"{digits_text(record.noise_gv)} {record.value_unit}, {source}", None))
     statuses = [f.get("status") for f in result.get("frames", ())]
     if statuses:
         used = sum(_is_used(f) for f in result["frames"])
@@ -391,4 +392,5 @@ def _cost_rows(record: RunRecord) -> list[tuple[str, str]]:
         ("image_s", "of the wall time: image passes", "s"),
         ("peak_rss_mb", "peak memory of a process", "MB"),
     )
-    return rows + [(label, f"{cost[key]:.3g} {unit}") for key, label, unit in labels if cost.get(key) is not None]
+    return rows + [(label, f"{digits_text(cost[key])} {unit}") for key, label, unit in labels
+                   if cost.get(key) is not None]

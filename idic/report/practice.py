@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from idic.images import MIN_TOLD_SHIFT_PX
+from idic.parameters import digits_text
 from idic.report.result.record import Practice, RunRecord
 from idic.report.result.words import NOISE_SOURCE
 
@@ -66,7 +67,7 @@ def _images(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bool], 
     field = None if px is None else f"{facts.columns * px:.4g} × {facts.rows * px:.4g} mm"
     scale = None if px is None else f"{px:.4g} mm per px ({1.0 / px:.4g} px per mm)"
     low, high = facts.grey_range
-    contrast = f"{facts.contrast:.3g} {record.value_unit} (standard deviation), from {low:.4g} to {high:.4g}"
+    contrast = f"{digits_text(facts.contrast)} {record.value_unit} (standard deviation), from {low:.4g} to {high:.4g}"
     if facts.saturated:
         contrast += f"; {100 * facts.saturated:.2g} % saturated"
     size = None if facts.speckle_px is None else (
@@ -127,7 +128,8 @@ def _correlation(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bo
 def _floors(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bool], ...]:
     floor, px = facts.floor, record.pixel_size_mm
     source = NOISE_SOURCE.get(record.result["noise"].get("source", ""), "")
-    grey = None if record.noise_gv is None else f"{record.noise_gv:.3g} {record.value_unit}{source and ', ' + source}"
+    grey = (None if record.noise_gv is None else
+            f"{digits_text(record.noise_gv)} {record.value_unit}{source and ', ' + source}")
     free_strain = None if floor.free_strain is None else _strain(floor.free_strain)
     model_strain = None if floor.model_strain is None else _strain(floor.model_strain)
     frame = "" if floor.model_frame is None else f" (frame {floor.model_frame})"
@@ -145,7 +147,7 @@ def _floors(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bool], 
         _row("strain, free FE-DIC", free_strain and free_strain + ", middle of an element", "not measured"),
     ]
     for name, unit, std, origin in facts.channel_noise:
-        rows.append(_row(name, f"{std:.3g} {unit}, {_origin(origin)}"))
+        rows.append(_row(name, f"{digits_text(std)} {unit}, {_origin(origin)}"))
     if not facts.channel_noise:
         rows.append(_row("force", None, "no force is compared"))
     return tuple(rows)
@@ -182,13 +184,13 @@ def _length(value: float | None, pixel_size_mm: float | None, tail: str, only_mm
     if value is None:
         return None
     if only_mm and pixel_size_mm is not None:
-        return f"{1e3 * value * pixel_size_mm:.2g} µm{tail}"
-    scaled = "" if pixel_size_mm is None else f" = {1e3 * value * pixel_size_mm:.2g} µm"
+        return f"{digits_text(1e3 * value * pixel_size_mm, 2)} µm{tail}"
+    scaled = "" if pixel_size_mm is None else f" = {digits_text(1e3 * value * pixel_size_mm, 2)} µm"
     return f"{value:.2g} px{scaled}{tail}"
 
 
 def _strain(value: float) -> str:
-    return f"{1e6 * value:.0f} µm/m" if value > 1e-5 else f"{1e6 * value:.2g} µm/m"
+    return f"{digits_text(1e6 * value, 2)} µm/m"
 
 
 def _setup(facts: Practice) -> tuple[tuple[str, str, bool], ...]:

@@ -102,7 +102,7 @@ def test_without_a_force_the_page_of_several_experiments_shows_ratios_too():
     result |= {"title": "a + b", "experiments": {"a": part, "b": part}, "frames": [],
                "specimens": {"sheet.yield_stress": specimens}}
     page = joint_page(result)
-    assert "by 0.0001 (mean of the material 0.002857 ± 0.000010)" in page
+    assert "by 0.00010 (mean of the material 0.002857 ± 0.000010)" in page
     assert "sheet.yield_stress/E" in page and "MPa" not in "".join(
         row for row in re.findall(r"<tr.*?</tr>|<p.*?</p>", page, re.DOTALL) if "yield_stress" in row)
 

@@ -129,7 +129,7 @@ def test_numbers_show_two_digits_of_their_standard_deviation(value, std, unit, t
 
 
 @pytest.mark.parametrize(("std", "text"), [
-    (99.4, "99"), (99.5, "100"), (99.96, "100"), (100.0, "100"), (123.0, "120"), (9.96e6, "10000000"), (2e7, "2e+07"),
+    (99.4, "99"), (99.5, "100"), (99.96, "100"), (100.0, "100"), (123.0, "120"), (9.96e6, "10000000"), (2e7, "2.0e+07"),
     (0.0, "0"), (-99.7, "-100"), (float("nan"), "nan"), (float("inf"), "inf"), (2.5e-6, "2.5e-06")])
 def test_an_error_has_no_exponent_where_it_can_be_written_out(std, text):
     assert two_digits(std) == short(std) == text

@@ -8,6 +8,8 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
+from idic.parameters import digits_text
+
 BETWEEN_TREATMENTS = "between treatments of boundary and camera"
 MAX_SPREAD = 0.3  # of the value: a parameter that changes by more between treatments is not identified
 
@@ -38,8 +40,8 @@ def with_bias(result: dict, finer: Assessment) -> dict:
         entry["mesh_bias"], bias = bias, bias + (entry.get("time_bias") or 0.0)
         entry["discretisation_bias"] = bias
         if abs(bias) > entry["std"]:
-            notes.append(f"{name}: the discretisation bias, {bias:.3g}, exceeds the standard deviation, "
-                         f"{entry['std']:.3g} {entry['unit']}: use {_remedy(entry)}")
+            notes.append(f"{name}: the discretisation bias, {digits_text(bias)}, exceeds the standard deviation, "
+                         f"{digits_text(entry['std'])} {entry['unit']}: use {_remedy(entry)}")
     if finer.failed:
         notes.append(f"discretisation bias not known: {finer.failed}")
     return result | {"notes": notes, "refinement": {"how": finer.status, "failed": finer.failed}}

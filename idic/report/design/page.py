@@ -7,6 +7,7 @@ import io
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 
+from idic.parameters import digits_text
 from idic.report.design import figures as design_figures, words as say
 from idic.report.design.figures import PlanPictures
 from idic.report.html import filled_in
@@ -88,7 +89,7 @@ def _in_words(plan: Mapping, texts: Iterable[str]) -> list[str]:
 
 
 def _facts(plan: Mapping) -> list[tuple[str, str]]:
-    noise = f"{plan['noise']['std_gv']:.3g} {plan['noise']['unit']}"
+    noise = f"{digits_text(plan['noise']['std_gv'])} {plan['noise']['unit']}"
     facts = [("frames", f"{plan['frames']} in {plan['duration_s']:g} s")]
     if plan["points"] is None:
         facts += [("image", f"{say.seen_area(plan)}, {plan['pixels']} on the specimen"),
@@ -97,7 +98,7 @@ def _facts(plan: Mapping) -> list[tuple[str, str]]:
         facts += [(plan["pattern"], say.seen_area(plan)), ("noise of a component σ", noise)]
     facts.append(("largest motion", say.largest_motion(plan)))
     for name, channel in plan["channels"].items():
-        facts.append((name, f"up to {channel['peak']:.4g} {channel['unit']}, σ {channel['noise_std']:.3g}"))
+        facts.append((name, f"up to {channel['peak']:.4g} {channel['unit']}, σ {digits_text(channel['noise_std'])}"))
     if plan["condition"] is not None:
         facts.append(("condition of M", f"{plan['condition']:.2g}"))
     return facts

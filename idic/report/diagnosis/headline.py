@@ -9,7 +9,7 @@ from idic.report.diagnosis.words import (
     MIN_GOOD_PROBABILITY, NOISE_AT_REST, SAYS_NOTHING, below_margin, new_values, selected_titles, side_in_words,
     size_of_grey, unconfirmed, when_and_where, with_size,
 )
-from idic.report.result.words import short_names, two_digits, with_std
+from idic.report.result.words import short_names, size_text, with_std
 
 MIN_MOVE_STD = 2.0  # standard deviations after: a parameter that moved less is not worth a word
 MOSTLY = 0.5  # explained share from which a free curve explains most of the residual
@@ -75,7 +75,7 @@ def _how_much(content: Mapping) -> str:
         if quantity == MOTION:
             parts.append(f"{motion_px:.2g} px of motion (rms)" if motion_px else MOTION)
         else:
-            parts.append(f"{two_digits(100.0 * shares[quantity])} % of {quantity}" if quantity in shares else
+            parts.append(f"{size_text(100.0 * shares[quantity])} % of {quantity}" if quantity in shares else
                          f"a reading of {quantity}")
     return _joined(parts) if parts else "the residual"
 
@@ -133,7 +133,7 @@ def left_over(content: Mapping, titles: Mapping[str, str] | None = None) -> str 
                  else _of_before(remainder.get("motion_share")))
         parts.append(f"{remainder['motion_px']:.2g} px of motion{place}{share}")
         small = not at_rest and remainder["motion_px"] < ((content.get("margin") or {}).get("px") or 0.0)
-    parts += [f"{two_digits(100.0 * channel['reading_share'])} % of {channel['column']}{_of_before(channel['share'])}"
+    parts += [f"{size_text(100.0 * channel['reading_share'])} % of {channel['column']}{_of_before(channel['share'])}"
               for channel in remainder.get("channels", ()) if channel["significant"]]
     if not parts:
         return None
@@ -207,7 +207,7 @@ def _odds(content: Mapping, winner: str) -> str:
     group = next((members for members in content.get("odds", ()) if members[0]["name"] == winner), ())
     if not group or max(member["share_with"] for member in group) < MIN_TOLD_ODDS * group[0]["share_without"]:
         return ""
-    shares = " to ".join(f"{two_digits(100.0 * member['share_with'])} %" for member in group)
+    shares = " to ".join(f"{size_text(100.0 * member['share_with'])} %" for member in group)
     return f" ({shares} by plausible size, even by the recording alone)"
 
 
@@ -250,7 +250,7 @@ def _too_much(ratio: float) -> str:
     """By how much a value was off: "8.3 % too low", "9 times as high"."""
     share = 100.0 * (ratio - 1.0)
     return (f"{ratio:.2g} times as high" if ratio >= 2.0
-            else f"{two_digits(abs(share))} % too {'high' if share > 0 else 'low'}")
+            else f"{size_text(abs(share))} % too {'high' if share > 0 else 'low'}")
 
 
 def per_cent(share: float | None) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from idic.diagnose import (
     Diagnosis, HIDDEN_BY_MOTION, MESH_TOO_COARSE, MIN_EXCESS_Z, Ranked, Round, Variant, Verdict, holds,
 )
-from idic.report.result.words import short_names, two_digits
+from idic.report.result.words import short_names, size_text
 
 FAR_FROM_LINEAR = "not refitted; its score says little of an effect that is far from linear, and a part remains"
 MIN_HIDDEN_SHIFT_STD = 2.0  # standard deviations of a parameter that an invisible effect would move it by
@@ -129,7 +129,7 @@ def _hidden(diagnosis: Diagnosis, identified: Mapping[str, Mapping]) -> list[dic
             share = size / (identified[name]["value"] * diagnosis.identification.parameters[name].factor or np.inf)
             entries.append((abs(in_std), {"name": ranked.candidate.name, "why":
                             f"{probe_words(ranked.variant)} would not show and would move {labels[name]} by "
-                            f"{'+' if share > 0 else '−'}{two_digits(100.0 * abs(share))} % ({two_digits(abs(in_std))} "
+                            f"{'+' if share > 0 else '−'}{size_text(100.0 * abs(share))} % ({size_text(abs(in_std))} "
                             f"standard deviations)"}))
     return [entry for _, entry in sorted(entries, key=lambda pair: -pair[0])][:MAX_HIDDEN]
 

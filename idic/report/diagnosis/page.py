@@ -7,6 +7,7 @@ from typing import Any
 
 from idic.diagnose import Notes
 from idic.identification import z_text
+from idic.parameters import digits_text
 from idic.report.diagnosis import figures
 from idic.report.diagnosis.free_form import free_curve
 from idic.report.diagnosis.law import law_curves, window_courses
@@ -15,7 +16,7 @@ from idic.report.diagnosis.words import (MIN_EVEN_PROBABILITY, MIN_GOOD_PROBABIL
                                          standing_of)
 from idic.report.html import filled_in
 from idic.report.page import Section
-from idic.report.result.words import number_text, short_names, two_digits
+from idic.report.result.words import number_text, short_names, size_text
 
 STANDINGS = {"significant": "significant", "small": "significant, below the practical margin",
              "inadmissible": "significant with an inadmissible sign", "excluded": "excluded with a bound",
@@ -85,10 +86,10 @@ def odds_words(record: DiagnosisRecord) -> list[str]:
     """What plausible sizes say of the members of every indistinguishable set, and what the recording alone does."""
     lines = []
     for group in record.content.get("odds", ()):
-        members = [f"{_title(record, member['name'])} {two_digits(100.0 * member['share_with'])} %{_times(member)}"
+        members = [f"{_title(record, member['name'])} {size_text(100.0 * member['share_with'])} %{_times(member)}"
                    for member in group]
         lines.append(f"The recording alone does not tell these {len(group)} apart "
-                     f"({two_digits(100.0 * group[0]['share_without'])} % each). By the plausible size of each: "
+                     f"({size_text(100.0 * group[0]['share_without'])} % each). By the plausible size of each: "
                      f"{'; '.join(members)}.")
     return lines
 
@@ -97,7 +98,7 @@ def _times(member: Mapping) -> str:
     """How large a member is beside its plausible size."""
     if member["times_plausible"] is None:
         return " (any size)"
-    return f" ({two_digits(member['times_plausible'])} times {member['plausible']}: {member['source']})"
+    return f" ({size_text(member['times_plausible'])} times {member['plausible']}: {member['source']})"
 
 
 def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:
@@ -108,7 +109,7 @@ def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:
              ("held-out excess before", number_text(fit["heldout_excess_before"], std), None)]
     if content.get("probability") is not None:
         facts.insert(1, (_of_what(content),
-                         f"{two_digits(100.0 * content['probability'])} %", _good_or_bad(content["probability"])))
+                         f"{size_text(100.0 * content['probability'])} %", _good_or_bad(content["probability"])))
     margin = content["margin"]
     source = ("assumed: no frame is at rest" if margin["camera_floor_px"] is None else "from images at rest"
               if margin["px"] > margin["assumed_px"] else "assumed, above that of the images at rest")
@@ -182,5 +183,5 @@ def _title(record: DiagnosisRecord, name: str) -> str:
 
 def _costs(cost: Mapping) -> list[tuple[str, str]]:
     """Processor and wall time; the parts of it are in diagnosis.json."""
-    return [(key.removesuffix("_s").replace("_", " "), f"{value:.3g} s") for key, value in cost.items()
+    return [(key.removesuffix("_s").replace("_", " "), f"{digits_text(value)} s") for key, value in cost.items()
             if key in ("cpu_s", "wall_s")]

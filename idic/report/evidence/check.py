@@ -14,6 +14,7 @@ from idic.experiment_file import corners_px, recorded, seen_nodes, seen_region, 
 from idic.images import largest_value, saturated_share, speckle_size
 from idic.measure import FrameSequence
 from idic.model import Experiment, Measured, Model, Noise, Options, Recording, Remedies, in_words
+from idic.parameters import digits_text
 from idic.readers import check_stages, mean_strain
 from idic.report.evidence.causes.before_run import causes_in_motion, sampled_frames
 from idic.report.evidence.causes.course import increments_by_load
@@ -78,7 +79,7 @@ class CheckReport:
         if self.value_unit != "grey values":
             noise = f"not known: give {self.noise_keys}"
         if self.noise.std_gv is not None:
-            noise = f"{self.noise.std_gv:.3g} ({self.noise.source})"
+            noise = f"{digits_text(self.noise.std_gv)} ({self.noise.source})"
         excluded = f", excluded {', '.join(self.excluded)}" if self.excluded else ""
         if self.points:
             return self._lines_of_fields(noise, excluded)
@@ -90,7 +91,8 @@ class CheckReport:
             f"reference {self.reference}{excluded}",
             f"mesh         {self.n_nodes} nodes, {self.n_elements} elements; {self.n_visible} of {self.n_seen} seen",
             f"resolution   {self.px_per_element:.0f} px per element{self._smallest()}, lengths in {self.length_unit}",
-            f"pattern      {self.contrast_gv:.3g} {self.value_unit} (standard deviation in the ROI); noise {noise}",
+            f"pattern      {digits_text(self.contrast_gv)} {self.value_unit} (standard deviation in the ROI); "
+            f"noise {noise}",
             f"channels     {', '.join(self.channels) or 'none'}",
             f"to identify  {self._to_identify()}",
             *([f"cost         {self.cost.line()}"] if self.cost is not None else []),
@@ -127,7 +129,8 @@ class CheckReport:
             f"mesh         {self.n_nodes} nodes, {self.n_elements} elements; {self.n_visible} of {self.n_seen} in the "
             "volume",
             f"resolution   {self.px_per_element:.0f} voxels per element{self._smallest()}",
-            f"texture      {self.contrast_gv:.3g} {self.value_unit} (standard deviation in the middle); noise {noise}",
+            f"texture      {digits_text(self.contrast_gv)} {self.value_unit} (standard deviation in the middle); "
+            f"noise {noise}",
             f"channels     {', '.join(self.channels) or 'none'}",
             f"to identify  {self._to_identify()}",
             *([f"cost         {self.cost.line()}"] if self.cost is not None else []),
@@ -143,10 +146,11 @@ class CheckReport:
 
     def short_lines(self) -> list[str]:
         """The facts that differ between the cameras of one experiment."""
-        noise = "unknown yet" if self.noise.std_gv is None else f"{self.noise.std_gv:.3g} ({self.noise.source})"
+        noise = ("unknown yet" if self.noise.std_gv is None else
+                 f"{digits_text(self.noise.std_gv)} ({self.noise.source})")
         return [f"camera       {self.name}: {self.image_size[0]} x {self.image_size[1]} px, {self.depth}; "
                 f"{self.n_visible} of {self.n_seen} elements seen, {self.px_per_element:.0f} px each; pattern "
-                f"{self.contrast_gv:.3g}, noise {noise}",
+                f"{digits_text(self.contrast_gv)}, noise {noise}",
                 *(f"warning      {self.name}: {text}" for text in self.warnings)]
 
 
@@ -300,8 +304,8 @@ def _place_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarr
         yield ("the ROI has no pattern, so nothing can be correlated: check the reference image and the place of the "
                f"mesh in it ({Remedies(experiment).place})")
     elif noise.std_gv is not None and contrast < _MIN_CONTRAST * noise.std_gv:
-        yield (f"the pattern ({contrast:.3g}) is less than {_MIN_CONTRAST:g} times the noise ({noise.std_gv:.3g}): "
-               "expect large error bars; improve contrast or lighting")
+        yield (f"the pattern ({digits_text(contrast)}) is less than {_MIN_CONTRAST:g} times the noise "
+               f"({digits_text(noise.std_gv)}): expect large error bars; improve contrast or lighting")
 
 
 def _reference_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray) -> Iterator[str]:
@@ -436,5 +440,5 @@ def _model_warnings(experiment: Experiment):
         yield "no parameter is to be identified: write identify = true for at least one"
     if all(c.kind == "displacement" for c in model.channels) and not model.loads:
         force = "the force of the log" if experiment.recording.column_units else "a recorded force"
-        yield (f"without a force no stiffness or strength in MPa can be identified: compare {force} in a [[channel]] "
+        yield (f"to identify a stiffness or strength in MPa, compare {force} in a [[channel]] "
                "(idic init writes its lines behind #)")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
+from idic.parameters import digits_text
 from idic.report.figures.axes.time_axis import label_frames
 from idic.report.figures.picture import BLUE, CYCLE, FAINT, GREY, ORANGE, RED, Picture
 from idic.report.figures.style import MARKERS, look, new_figure, to_picture
@@ -172,7 +173,7 @@ def channel(record: RunRecord, data: ChannelRecord) -> Picture:
         bottom.set(ylabel=f"measured − sim. [{data.unit}]", ylim=(-reach, reach))
         _frame_axis(bottom, record)
         figure.align_ylabels([top, bottom])
-        band = f"±2 σ = ±{2.0 * data.std:.3g} {data.unit} shaded. " if data.std else ""
+        band = f"±2 σ = ±{digits_text(2.0 * data.std)} {data.unit} shaded. " if data.std else ""
         return to_picture(figure, f"channel_{data.name}", f"Channel {data.name}",
                           f"{band}Below: measured minus simulated.")
 

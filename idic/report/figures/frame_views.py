@@ -10,6 +10,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage, imsave
 
+from idic.parameters import digits_text
 from idic.report.figures.maps import RESIDUAL_RANGE, residual_window
 from idic.report.figures.profiles import height_profile, is_profile
 from idic.report.figures.picture import ORANGE, JPEG_QUALITY, Picture, webp
@@ -69,7 +70,7 @@ def _words(record: RunRecord, frame: int) -> str:
     for channel in record.channels:
         parts.append(f"{channel.name} {channel.measured[frame]:.4g}, simulated {channel.simulated[frame]:.4g}")
     if entry.get("rms_gv") is not None and not entry.get("reference"):
-        parts.append(f"rms residual {entry['rms_gv']:.3g} {record.value_unit}")
+        parts.append(f"rms residual {digits_text(entry['rms_gv'], zeros=True)} {record.value_unit}")
     if entry.get("chi2_dof") is not None:
         parts.append(f"χ² {number_text(entry['chi2_dof'], 0.01)}")
     if entry.get("status") not in (None, "ok"):

@@ -128,7 +128,10 @@ def _before_and_after(record: RunRecord, stacks, norms: Sequence[Normalize], lab
 
 
 def _ratio_ticks(bar, norm: Normalize, height_inch: float) -> None:
-    """Ticks at 1, at the ends, and at powers between them, as many as there is room for: 8, or 1/8."""
+    """Ticks at 1, at the largest value, and at powers, as many as there is room for: 8, or 1/8.
+
+    The lower end mirrors the upper one and is no value of the map: it has no label.
+    """
     reach = float(norm.vmax)
     base = 2.0 if reach <= 20.0 else 10.0
     steps = base ** np.arange(1, int(np.log(reach) / np.log(base)) + 1)
@@ -136,9 +139,8 @@ def _ratio_ticks(bar, norm: Normalize, height_inch: float) -> None:
     n = max(int(height_inch / TICK_INCH) - 3, 0) // 2  # beside 1 and the ends
     if n < len(steps):
         steps = steps[np.unique(np.linspace(0, len(steps) - 1, n + 2).round().astype(int)[1:-1])]
-    ups = [*steps, reach]
-    bar.set_ticks([*(1.0 / t for t in reversed(ups)), 1.0, *ups],
-                  labels=[*(f"1/{_ratio(t)}" for t in reversed(ups)), "1", *(_ratio(t) for t in ups)])
+    bar.set_ticks([*(1.0 / t for t in reversed(steps)), 1.0, *steps, reach],
+                  labels=[*(f"1/{_ratio(t)}" for t in reversed(steps)), "1", *(_ratio(t) for t in (*steps, reach))])
     bar.minorticks_off()
 
 

@@ -41,7 +41,7 @@ def spectrum(record: RunRecord) -> Picture | None:
         _eigenvalues(D_axis, values)
         largest = Q_axis.imshow(_signed(vectors), cmap=DIVERGING, vmin=-1.0, vmax=1.0)
         figure.colorbar(largest, ax=Q_axis, label="component [–]", shrink=0.8, aspect=15)
-        _numbers(Q_axis, _signed(vectors), "{:.2f}", dark_above=0.6)
+        _numbers(Q_axis, _signed(vectors), "{:z.2f}", dark_above=0.6)
         _names(Q_axis, [str(i + 1) for i in range(n)], names)
         Q_axis.set(title="Q", xlabel="eigenvector")
         caption = (
@@ -67,12 +67,12 @@ def correlation(record: RunRecord) -> Picture | None:
         figure = new_figure(size + 1.2, size)
         axis = figure.subplots()
         drawn = axis.imshow(matrix, cmap=DIVERGING, vmin=-1.0, vmax=1.0)
-        _numbers(axis, matrix, "{:.2f}", dark_above=0.6)
+        _numbers(axis, matrix, "{:z.2f}", dark_above=0.6)
         _names(axis, labels, labels)
         figure.colorbar(drawn, ax=axis, label="correlation [–]", shrink=0.8, aspect=18)
         off = np.triu(np.abs(matrix), 1)  # of a pair the two entries may differ in the last bit
         i, j = np.unravel_index(np.nanargmax(off), off.shape)
-        caption = f"Largest: {labels[i]} with {labels[j]}, {matrix[i, j]:.2f}. "
+        caption = f"Largest: {labels[i]} with {labels[j]}, {matrix[i, j]:z.2f}. "
         open_ = any(not is_mode(entry["name"]) for entry in record.result.get("not_identifiable", ()))
         if off[i, j] > MIN_STRONG_CORRELATION:
             caption += "An error in one largely compensates an error in the other."

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf
 
 from idic.identification import z_text
+from idic.parameters import digits_text
 
 NOISE_CHI2 = (0.9, 1.1)  # image chi² per pixel that camera noise explains: its own uncertainty is below 1 %,
 #                          the rest is the uncertainty of the estimate of sigma
@@ -13,6 +15,7 @@ MIN_CHI2_OF_FIELDS = 0.8  # where their noise is correlated (an unknown takes mo
 MAX_FREE_DIC_CHI2 = 2.0  # times the χ² of the model: above, the free FE-DIC failed to match the pattern in some frames
 MAX_CHI2_OVER_FREE = 0.03  # χ² per pixel that a free motion may save before the model is said to lack one
 MAX_SHARE_OVER_FREE = 0.15  # of the χ² above noise that a free motion saves, where the model follows as well as it does
+MIN_SHOWN_PART = 1e-3  # of a standard deviation: a smaller error is none
 MIN_REMEDY_SHARE = 0.2  # of the χ² above noise that a remedy removes before it is recommended
 MAX_P_OF_EQUAL_SPECIMENS = 0.01  # probability of the seen scatter among equal specimens: below, they differ
 IN_TIME = {0: "in the first quarter of the frames", 1: "in the second quarter of the frames",
@@ -132,8 +135,8 @@ def images(result: Mapping) -> tuple[str, str, str]:
                 f"The noise is {cause}, and so are the error bars.{local}")
     if free_fit is not None and not free_fit.failed and not free_fit.follows:
         return ("look",
-                f"Look closer: a free motion explains the images better (χ² = {free_fit.free_chi2:.3g}, model "
-                f"{free_fit.model_chi2:.3g})",
+                f"Look closer: a free motion explains the images better (χ² = {chi2_text(free_fit.free_chi2)}, model "
+                f"{chi2_text(free_fit.model_chi2)})",
                 f"The image residual is {'larger than' if chi2 > NOISE_CHI2[1] else 'close to'} camera noise "
                 f"({numbers}), and "
                 f"a motion without a law explains {_share(free_fit)} of what is above noise. "
@@ -143,7 +146,7 @@ def images(result: Mapping) -> tuple[str, str, str]:
             return ("look", "Look closer: the model fits as well as any motion can; light or aliasing is left",
                     f"The image residual is larger than camera noise ({numbers}), for a free motion too: no law "
                     f"explains it. {remedies(result)}{local}".rstrip())
-        return ("look", f"Look closer: the image residual has {chi2:.3g} times the variance of the noise",
+        return ("look", f"Look closer: the image residual has {chi2_text(chi2)} times the variance of the noise",
                 f"The image residual is larger than camera noise ({numbers}). "
                 f"{_lacking(result, ', or light or aliasing is left')}{local}")
     if place:
@@ -195,9 +198,18 @@ def missing_load(result: Mapping) -> str:
 
 def in_error_bars(result: Mapping) -> str:
     """Whether the error bars count the error of the model, in a sentence."""
-    if (result.get("discrepancy") or {}).get("significant"):
+    is_smooth = (result.get("discrepancy") or {}).get("significant")  # None: not estimated
+    if is_smooth:
         return "The error bars count it as a smooth error of motion, stress and channels."
-    return "The error bars do not include that."
+    counts_mesh = is_smooth is False and has_model_part(result)
+    return ("The error bars count the error of the mesh, but not that." if counts_mesh else
+            "The error bars do not include that.")
+
+
+def has_model_part(result: Mapping) -> bool:
+    """Whether an error of the model, that of the mesh above all, is seen in a standard deviation."""
+    return any((entry.get("std_model") or 0.0) > MIN_SHOWN_PART * (entry.get("std") or inf)
+               for entry in result.get("parameters", {}).values())
 
 
 def remedies(result: Mapping) -> str:
@@ -209,20 +221,24 @@ def remedies(result: Mapping) -> str:
     chi2_before, chi2_after = best["chi2_before"], best["chi2_after"]
     drop = chi2_before - chi2_after
     if drop > max(MIN_REMEDY_SHARE * max(chi2_before - 1.0, 0.0), MAX_CHI2_OVER_FREE):
-        return (f"With {best['setting']} it falls from χ² = {chi2_before:.3g} to {chi2_after:.3g} at the same motion: "
-                f"identify again "
-                "with it under [options].")
+        return (f"With {best['setting']} it falls from χ² = {chi2_text(chi2_before)} to {chi2_text(chi2_after)} at the "
+                "same motion: identify again with it under [options].")
     names = "; ".join(remedy["setting"] for remedy in tried)
     return f"None of the remedies tried at the same motion removes it ({names}): look at the light and at the pattern."
 
 
+def chi2_text(chi2: float) -> str:
+    """A χ² to hundredths, or to the digits that it needs: ``1.00``, ``23.4``, ``0.012``."""
+    return f"{chi2:.2f}" if 0.1 <= chi2 < 10.0 else digits_text(chi2, 3 if chi2 > 1.0 else 2, zeros=True)
+
+
 def _numbers(result: Mapping, chi2: float) -> str:
     rms, unit = result["residual"].get("image_rms_gv"), result.get("noise", {}).get("unit") or "grey values"
-    text = f"χ² = {chi2:.3g} per pixel" + ("" if rms is None else f", rms {rms:.3g} {unit}")
+    text = f"χ² = {chi2_text(chi2)} per pixel" + ("" if rms is None else f", rms {digits_text(rms, zeros=True)} {unit}")
     free_fit = against_free(result)
     if free_fit is None:
         return text
-    outcome = "failed" if free_fit.failed else f"has χ² = {free_fit.free_chi2:.3g}"
+    outcome = "failed" if free_fit.failed else f"has χ² = {chi2_text(free_fit.free_chi2)}"
     frames = "" if "free_dic_chi2_dof" in result["residual"] else " in the frames shown"
     return f"{text}; a free FE-DIC on the same mesh {outcome}{frames}"
 

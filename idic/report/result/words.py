@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import floor, inf, isfinite, log10
+from math import floor, isfinite, log10
 
 import numpy as np
 
 from idic.fe import OUTLINE
 from idic.model import in_words, is_mode, motions
-from idic.parameters import STRESS_UNITS
+from idic.parameters import STRESS_UNITS, digits_text
 from idic.report.result.fit_words import (
-    MAX_P_OF_EQUAL_SPECIMENS, NOISE_CHI2, against_free, basis_verdict, cluster, images, in_error_bars, missing_load,
-    noise_chi2, remedies,
+    MAX_P_OF_EQUAL_SPECIMENS, MIN_SHOWN_PART, NOISE_CHI2, against_free, basis_verdict, chi2_text, cluster,
+    has_model_part, images, in_error_bars, missing_load, noise_chi2, remedies,
 )
 from idic.report.result.stress_scale import held_stresses, in_ratios
 
@@ -49,7 +49,6 @@ UNEXPLAINED_BY_MOTION = {  # a residual that no motion explains, by the quantity
     "volume": "The scans change where no motion explains it: drift of their grey values, artefacts, or more noise than "
               "stated. Two scans of one state show the noise (still_frames; noise_std_gv under [scanner]).",
 }
-MIN_SHOWN_PART = 1e-3  # of a standard deviation: a smaller error is none
 MAX_LISTED = 4  # frames, or pairs of parameters, named in a sentence
 MIN_STRONG_CORRELATION = 0.95  # |coefficient| above which two parameters are hardly separated
 
@@ -68,7 +67,7 @@ def with_std(value: float, std: float | None, unit: str = "") -> str:
         power = str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
         return f"({value / scale:.{digits}f} ± {std / scale:.{digits}f})·10{power}{tail}"
     digits = max(0, 1 - floor(log10(std)))
-    return f"{value:.{digits}f} ± {std:.{digits}f}{tail}"
+    return f"{value:.{digits}f} ± {two_digits(std) if std >= 100.0 else f'{std:.{digits}f}'}{tail}"
 
 
 def number_text(value: float | None, like: float | None = None) -> str:
@@ -101,9 +100,13 @@ def error_text(error: float | None, std: float | None, text: str) -> str:
 
 
 def two_digits(std: float) -> str:
-    """An error to two digits, without an exponent where it can be written out."""
-    text = f"{std:.2g}"
-    return f"{float(text):.0f}" if "e+" in text and abs(std) < 1e7 else text  # from 99.5 on, which is rounded to 100
+    """An error to two digits, a zero at the end too: ``0.0030``; without an exponent where it can be written out."""
+    return digits_text(std, 2, zeros=True)
+
+
+def size_text(size: float) -> str:
+    """A share or a size to two digits, without zeros at the end: ``1`` %."""
+    return digits_text(size, 2)
 
 
 def discrepancy_text(result: Mapping) -> str:
@@ -114,10 +117,9 @@ def discrepancy_text(result: Mapping) -> str:
     if "significant" not in values_text:
         return ""
     if not values_text["significant"]:
-        has_model_part = any((entry.get("std_model") or 0.0) > MIN_SHOWN_PART * (entry.get("std") or inf)
-                             for entry in result["parameters"].values())
-        return ("The residual shows no error beyond noise; the second part is the error of the simulation itself, of "
-                "its mesh above all." if has_model_part else "No error beyond noise widens the intervals.")
+        return ("No smooth error of the model stands out of the noise; the second part is the error of the simulation "
+                "itself, of its mesh above all." if has_model_part(result) else
+                "No error beyond noise widens the intervals.")
     unit = "distances of the points" if (result.get("noise") or {}).get("unit") == "µm" else "px"
     return (f"The residual shows an error of the model (twice the gain in log-likelihood: "
             f"{values_text['likelihood_ratio']:.0f}; {_left_unexplained(values_text, unit)}): the intervals count it.")
@@ -197,7 +199,7 @@ def explained(result: Mapping) -> str:
     for name, value in result.get("residual", {}).get("channel_chi2_dof", {}).items():
         if value is not None and value > MAX_CHANNEL_CHI2:
             parts.append(f"The simulated {name} differs from the measured one by more than its noise "
-                         f"(χ² = {value:.3g} per frame).")
+                         f"(χ² = {chi2_text(value)} per frame).")
     return " ".join(parts)
 
 

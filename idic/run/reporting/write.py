@@ -14,7 +14,7 @@ from idic.errors import InputError
 from idic.identification import ratios_of
 from idic.inside import folder_inside, is_inside, write_inside
 from idic.model import Experiment, Model, is_mode, nodal_temperature
-from idic.parameters import ParameterSet
+from idic.parameters import ParameterSet, digits_text
 from idic.report import (
     ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities, ShownMesh, all_pictures, all_tables,
     draw_sections, hardening_curves, in_turn, joint_page, render_page, shown_mesh, shown_step, temperature_factors,
@@ -252,7 +252,8 @@ def _notes(context: RunContext, result: Mapping) -> tuple[str, ...]:
     sources = context.settings["channel_noise_source"]
     units = {channel.column: channel.shown_unit for channel in context.experiment.model.channels}
     for (name, std), source in zip(result["residual"].get("channel_noise_std", {}).items(), sources, strict=False):
-        notes.append(f"Noise of {name}: {std:.3g} {units[name]}, {CHANNEL_NOISE.get(source, 'from its ' + source)}.")
+        notes.append(f"Noise of {name}: {digits_text(std)} {units[name]}, "
+                     f"{CHANNEL_NOISE.get(source, 'from its ' + source)}.")
     if result.get("sensitivity") in METHODS:
         notes.append(f"Sensitivities by {METHODS[result['sensitivity']]}.")
     for entry in result.get("history", ()):
