@@ -190,7 +190,7 @@ def test_a_changed_experiment_takes_the_place_of_the_saved_one_until_the_run_beg
 
 def test_a_notebook_shows_the_experiment_and_escapes_its_words():
     page = made(title="<script>alert(1)</script>")._repr_html_()
-    assert "sheet.E" in page and "4 images of 135 × 95 px" in page and "data:image/webp;base64," in page
+    assert "sheet.E" in page and "4 images of 135 × 95 px" in page and "data:image/png;base64," in page
     assert "from column grip_mm" in page and "<script>" not in page
     parser = Balanced()
     parser.feed(page)
