@@ -243,7 +243,7 @@ class Analysis:
         self.share = undetermined_share(self.spectrum)
 
     def _count_smooth_errors(self, point: Evaluation, answer: np.ndarray) -> None:
-        """Of the channels, by what they leave: a part of the model's error (docs/method.md, equation 14.6)."""
+        """Add the smooth errors of channels to the covariance by the model's error (docs/method.md, equation 14.6)."""
         rows = np.array([record.channel_columns for record in point.system.frames]) if self.channels else np.zeros(0)
         smooth = smooth_spread(rows, compared_readings(point.system), self.experiment.model, self.channels)
         if smooth is not None:

@@ -224,7 +224,7 @@ def test_generalised_least_squares_with_unknowns_of_every_frame_solve_for_the_pa
         first = N + k * local_size
         assert np.allclose(record.local_step + record.local_slope @ step, everything[first:first + M], rtol=1e-6)
         assert len(record.brightness) == NB
-    # channels: what is left of their readings, and what is known without them
+    # the residuals of the channels, and the information of everything but the channels
     at = [PIXELS + k * (PIXELS + CHANNELS + M) + PIXELS for k in range(frames)]
     left = [SIGMA_F * (values - dense @ everything)[row] for row in at]
     columns = np.array([record.channel_columns[0] for record in system.frames])

@@ -13,6 +13,10 @@ grid leaves independent noise at more than even odds, the noise is taken as inde
 deviation. Where none is stated, the mean over a grid of standard deviations is taken: the differences of a short log
 give between a quarter of the true value and twice as much (Patterson & Thompson 1971, doi:10.1093/biomet/58.3.545;
 autoregressions: Box, Jenkins & Reinsel 2008, doi:10.1002/9781118619193).
+
+A channel may also be off by a smooth course, as a load cell or the form of a law is. Where independent noise beside a
+smooth error, of equal size or a share of the readings, is likelier than the autoregressions (`SMOOTH_PRIOR` counted),
+the mean covariance of that error is kept apart from the noise: it belongs to the error of the model.
 """
 
 from __future__ import annotations

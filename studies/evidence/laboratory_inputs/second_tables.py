@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from files import FIELD_TOML
 from outcome import Input, right_if
 from strip import RAMP, force_of, image, write
 
@@ -119,22 +120,7 @@ def _machine(text, names, rest, folder: Path) -> tuple[str, str]:
     return machine(text, names, folder, *rest)
 
 
-FIELDS = """[experiment]
-fields = "stages/*"
-mesh = { around_points_mm = 0.5, element_mm = 4 }
-kind = "plane_stress"
-MORE
-[material.SPECIMEN]
-law = "elastic"
-E = 70e3
-nu = { value = 0.3, identify = true }
-[[boundary]]
-nodes = "LEFT"
-u = "measured"
-[[boundary]]
-nodes = "RIGHT"
-u = "measured"
-"""
+FIELDS = FIELD_TOML.replace("stages/*.csv", "stages/*")
 PX = "[camera]\npixel_size_mm = 0.05"
 
 
