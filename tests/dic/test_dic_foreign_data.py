@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -228,3 +232,17 @@ def test_the_top_leaves_the_view_and_nothing_else_suffers(shared_data, tmp_path)
     assert (np.diff(found.n_lost) >= 0).all() and found.n_lost[-1] > 20_000
     gone = np.isnan(found.u_px[-1, :, 0])
     assert gone.any() and experiment.model.mesh.nodes[gone, 1].max() < 140.0
+
+
+# the experiments behind docs/evidence/real-cameras.md ----------------------------------------------------
+def test_the_experiments_of_the_real_recordings_can_be_read(shared_data, tmp_path):
+    programs = Path(__file__).parents[2] / "studies" / "evidence" / "real_cameras"
+    necking, composite = tmp_path / "necking", tmp_path / "composite"
+    for folder, source in ((necking, "tension-necking"), (composite, "open-hole-composite")):
+        folder.mkdir()
+        shutil.copy(programs / f"{source}.toml", folder / "experiment.toml")
+        (folder / "images").symlink_to(shared_data(source) / "images")
+    subprocess.run([sys.executable, programs / "necking_mesh.py", necking / "mesh.inp"], check=True)
+    shutil.copy(shared_data("open-hole-composite") / "meshes" / "abaqus_q4_m.inp", composite / "mesh.inp")
+    shutil.copy(programs / "strain.csv", composite)
+    assert [len(load_experiment(folder).recording.labels) for folder in (necking, composite)] == [23, 14]
