@@ -351,14 +351,23 @@ def test_the_search_finds_the_course_and_stays_within_load_and_time():
     aim = (0.5, 1.0, -1.0, 0.0)
 
     def merit(course: Course) -> float:
-        return -sum((a - b) ** 2 for a, b in zip(course.shape, aim, strict=True)) - 0.1 * (len(course.columns) == 1)
+        return -sum((a - b) ** 2 for a, b in zip(course.shape, aim, strict=True)) - 0.1 * (len(course.direction) == 1)
 
     best, value = best_course(program, merit)
     assert best.shape == aim and value == 0.0 and "50, 100, -100, 0 %" in best.words
     assert best.program(program) == {"grip_mm": [[0, 0], [2.5, 0.1], [5, 0.2], [7.5, -0.2], [10, 0]],
                                      "side_mm": [[0, 0], [2.5, -0.05], [5, -0.1], [7.5, 0.1], [10, 0]]}
-    alone = [course for course in menu(program) if course.columns == ("side_mm",)]
+    alone = [course for course in menu(program) if course.direction == (("side_mm", 1),)]
     assert alone[0].program(program)["grip_mm"] == [[0, 0], [2.5, 0], [5, 0], [7.5, 0], [10, 0]]
+    assert alone[0].words == "side_mm alone, load, then unload"
+
+
+def test_the_search_finds_the_direction():
+    program = {"grip_mm": [[0, 0], [10, 0.2]], "side_mm": [[0, 0], [10, -0.1]]}
+    wanted = (("grip_mm", 1), ("side_mm", -1))
+    best, _ = best_course(program, lambda course: (course.direction == wanted) + course.shape.count(1.0))
+    assert best.direction == wanted and best.words.startswith("grip_mm against side_mm, ")
+    assert best.program(program)["side_mm"][-1] == [10, 0.1]
 
 
 def test_what_is_undecided_is_the_set_else_the_first_two_refits():

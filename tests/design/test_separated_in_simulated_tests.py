@@ -26,6 +26,22 @@ HARD = law("j2_linear", E=2000.0, nu=0.35, yield_stress=14.0, hardening_modulus=
 KINEMATIC = {"material.BODY": PLASTIC["material.BODY"] | {
     "law": "j2_kinematic", "hardening_modulus": 0.0, "gamma": 0.0,
     "C": {"value": 800.0, "unit": "MPa", "identify": True}}}
+
+
+def flowing(law_name, **values):
+    """A law whose further parameters are given as they stand in experiment.toml."""
+    return {"material.BODY": {"law": law_name, "E": {"value": 2000.0, "unit": "MPa", "identify": True}, "nu": 0.35,
+                              **values}}
+
+
+RELAXING = flowing("maxwell", g_1={"value": 0.1, "identify": True},
+                   tau_1={"value": 6.0, "unit": "s", "identify": True})
+CREEPING = flowing("creep", rate={"value": 1e-4, "unit": "1/s", "identify": True}, n={"value": 3.0, "identify": True},
+                   stress={"value": 10.0, "unit": "MPa"})
+DAMAGING = flowing("elastic_damage", threshold={"value": 0.006, "identify": True},
+                   softening={"value": 25.0, "identify": True})
+VISCOUS = {"material.BODY": PLASTIC["material.BODY"] | {
+    "law": "viscoplastic", "eta": {"value": 200.0, "unit": "MPa*s", "identify": True}, "m": 1.0}}
 SETS = {  # the truth, its rival, the largest motion of the recording, mm
     "a softening material, a bent load cell": (NONLINEAR, LINEAR | CURVED, 0.09),
     "a softening material, a drift": (NONLINEAR, LINEAR | DRIFTING, 0.09),
@@ -33,8 +49,15 @@ SETS = {  # the truth, its rival, the largest motion of the recording, mm
                                              LINEAR | {"material.BODY.kinematics": "finite"}, 0.07),
     "isotropic, kinematic hardening": (PLASTIC, KINEMATIC, 0.11),
     "yield, a bent load cell": (HARD, LINEAR | CURVED, 0.09),
-    "yield, a drift": (HARD, LINEAR | DRIFTING, 0.09)}
+    "yield, a drift": (HARD, LINEAR | DRIFTING, 0.09),
+    "relaxation, a drift": (RELAXING, LINEAR | DRIFTING, 0.09),
+    "relaxation, a softening material": (RELAXING, NONLINEAR, 0.09),
+    "creep, yield": (CREEPING, HARD, 0.09),
+    "damage, yield": (DAMAGING, HARD, 0.09),
+    "damage, a softening material": (DAMAGING, NONLINEAR, 0.09),
+    "viscous, rate-independent flow": (VISCOUS, PLASTIC, 0.11)}
 PLANS = {"steady": "[[0, 0], [11, 0.09]]", "tiny": "[[0, 0], [11, 0.012]]", "unload": "[[0, 0], [6, 0.11], [11, 0]]",
+         "hold": "[[0, 0], [3, 0.09], [11, 0.09]]",
          "reverse": "[[0, 0], [4, 0.11], [11, -0.11]]"}
 TESTS, WANTED = 10, 9
 

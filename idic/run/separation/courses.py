@@ -1,16 +1,19 @@
 """Courses of a planned test among holds, unloadings, reversals and directions, and the search for the best one.
 
-A course is the share of the plan's largest load at four times; it takes as long and as many frames as the plan, and
-never more load. The search begins with the best of a menu and changes one time after the other.
+A course is the share of the plan's largest load at four times, in a direction: the sign by which every column moves.
+It takes as long and as many frames as the plan, and never more load. The search begins with the best of a menu and
+changes one time after the other, then the direction.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
 
 Program = Mapping[str, Sequence[Sequence[float]]]
 Shape = tuple[float, ...]
+Direction = tuple[tuple[str, int], ...]
 
 LEVELS = (-1.0, 0.0, 0.5, 1.0)  # shares of the largest load
 MENU: dict[str, Shape] = {
@@ -25,18 +28,20 @@ MAX_TRIALS = 36  # courses of a search, each simulated with every model
 class Course:
     """A course of the columns of a plan.
 
-    words : what it does; columns : those that move; shape : shares of the largest load at four times
+    words : what it does; shape : shares of the largest load at four times
+    direction : (column, sign) of those that move; sign -1: against the course of the plan
     """
 
     words: str
-    columns: tuple[str, ...]
+    direction: Direction
     shape: Shape
 
     def program(self, plan: Program) -> dict[str, list[list[float]]]:
         """The courses under [design.program]; columns that do not move stay at zero."""
         end = max(points[-1][0] for points in plan.values())
         times = [end * k / len(self.shape) for k in range(len(self.shape) + 1)]
-        return {column: [[round(time, 9), round(peak(points) * share * (column in self.columns), 9)]
+        signs = dict(self.direction)
+        return {column: [[round(time, 9), round(peak(points) * share * signs.get(column, 0), 9)]
                          for time, share in zip(times, (0.0, *self.shape), strict=True)]
                 for column, points in plan.items()}
 
@@ -46,22 +51,46 @@ def peak(points: Sequence[Sequence[float]]) -> float:
     return max((value for _, value in points), key=abs)
 
 
-def menu(plan: Program) -> Iterator[Course]:
-    """The courses that a search begins with: every shape in all columns, and steady load in each column alone."""
+def directions(plan: Program) -> tuple[Direction, ...]:
+    """All columns together, each alone, and each pair against one another; one column has one direction."""
     columns = tuple(plan)
-    yield from (Course(words, columns, shape) for words, shape in MENU.items())
-    if len(columns) > 1:
-        yield from (Course(f"{column} alone, load, then unload", (column,), MENU["load, then unload"])
-                    for column in columns)
+    if len(columns) == 1:
+        return (((columns[0], 1),),)
+    return (tuple((column, 1) for column in columns), *(((column, 1),) for column in columns),
+            *(((first, 1), (second, -1)) for first, second in combinations(columns, 2)))
 
 
-def neighbours(course: Course) -> Iterator[Course]:
-    """The course with another level at one of its times, as long as it reaches the largest load."""
+def menu(plan: Program) -> Iterator[Course]:
+    """The courses that a search begins with: every shape in all columns, and a load and unload in other directions."""
+    together, *others = directions(plan)
+    yield from (_course(together, shape, plan) for shape in MENU.values())
+    yield from (_course(direction, MENU["load, then unload"], plan) for direction in others)
+
+
+def neighbours(course: Course, plan: Program) -> Iterator[Course]:
+    """The course with another level at one of its times (the largest load is reached), or another direction."""
     for k, present_level in enumerate(course.shape):
         for level in LEVELS:
             shape = (*course.shape[:k], level, *course.shape[k + 1:])
             if level != present_level and max(map(abs, shape)) == 1.0:
-                yield Course(in_words(shape), course.columns, shape)
+                yield _course(course.direction, shape, plan)
+    for direction in directions(plan):
+        if direction != course.direction:
+            yield _course(direction, course.shape, plan)
+
+
+def _course(direction: Direction, shape: Shape, plan: Program) -> Course:
+    """A course with its words."""
+    bare = Course("", direction, shape)
+    return replace(bare, words=direction_words(direction, plan) + in_words(shape))
+
+
+def direction_words(direction: Direction, plan: Program) -> str:
+    """What moves, before the words of a shape; nothing where all columns move as planned."""
+    if direction == directions(plan)[0]:
+        return ""
+    forward, against = (" and ".join(column for column, sign in direction if sign == wanted) for wanted in (1, -1))
+    return f"{forward} against {against}, " if against else f"{forward} alone, "
 
 
 def in_words(shape: Shape) -> str:
@@ -74,10 +103,10 @@ def in_words(shape: Shape) -> str:
 def best_course(plan: Program, merit_of: Callable[[Course], float],
                 progress: Callable[[int, int], None] = lambda count, total: None) -> tuple[Course, float]:
     """The course with the largest merit that the search meets, and its merit; -inf of courses that do not end."""
-    values: dict[tuple[tuple[str, ...], Shape], float] = {}
+    values: dict[tuple[Direction, Shape], float] = {}
 
     def value(course: Course) -> float:
-        key = (course.columns, course.shape)
+        key = (course.direction, course.shape)
         if key not in values:
             values[key] = merit_of(course)
             progress(len(values), MAX_TRIALS)
@@ -87,7 +116,7 @@ def best_course(plan: Program, merit_of: Callable[[Course], float],
     improves = True
     while improves and len(values) < MAX_TRIALS:
         improves = False
-        for trial in neighbours(best):
+        for trial in neighbours(best, plan):
             if len(values) >= MAX_TRIALS:
                 break
             if value(trial) > value(best):
