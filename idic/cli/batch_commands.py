@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from idic.cli.app import (MemoryLimit, Overrides, RefusedStore, Scheduler, Sensitivity, SensitivityOption, Workers, app,
-                          orchestrator_of, read_overrides, terminal, wide_console)
+from idic.cli.app import (MemoryLimit, Overrides, RefusedStore, Scheduler, Sensitivity, SensitivityOption, UsePrefect,
+                          Workers, app, is_watched, orchestrator_of, read_overrides, terminal, wide_console)
 from idic.cli.command import user_path
 from idic.cli.outcomes import DONE, NOT_CONVERGED, outcome
 
@@ -36,22 +36,23 @@ def batch(
     scheduler: Scheduler = None,
     memory_limit: MemoryLimit = None,
     sensitivity: SensitivityOption = Sensitivity.auto,
+    prefect: UsePrefect = None,
     overrides: Overrides = None,
     store: RefusedStore = None,
 ) -> None:
     """Identify many experiments, or one from many starts."""
     with outcome(resume=True):
         from idic.cli.progress import progress_view
-        from idic.run import Console, Workplace, identify_batch, refuse_store, start_server
+        from idic.run import Console, Workplace, identify_batch, refuse_store
 
         refuse_store(store, "batch")
         settings = read_overrides(overrides)
-        with start_server(), progress_view(terminal(stderr=True), out, STAGES) as view:
+        with progress_view(terminal(stderr=True), out, STAGES) as view:
             callbacks = Console(view.stage, view.tasks, dashboards=view.dashboards, remark=view.said)
             content = identify_batch(experiments, out, starts=starts, spread=spread, seed=seed, resume=resume,
                                      overrides=settings, sensitivity=sensitivity.value, console=callbacks,
                                      workplace=Workplace(workers, scheduler, memory_limit),
-                                     orchestrator=orchestrator_of(prefect=True))
+                                     orchestrator=orchestrator_of(is_watched(prefect)))
         _show(content, out)
         raise typer.Exit(DONE if content["converged"] == len(content["runs"]) else NOT_CONVERGED)
 
