@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
 from idic.cli.app import (MemoryLimit, Overrides, RefusedStore, Scheduler, Sensitivity, SensitivityOption, UsePrefect,
                           Workers, app, is_watched, orchestrator_of, read_overrides, terminal, wide_console)
@@ -58,47 +57,10 @@ def batch(
 
 
 def _show(content: Mapping, out: Path) -> None:
-    from idic.report import batch_headline
+    from idic.cli.tables import show
+    from idic.report import batch_lines
 
     console = wide_console()
-    console.print(batch_headline(content), highlight=False)
-    console.print(batch_rows(content))
-    for group in content["groups"]:
-        if group["parameters"]:
-            of = group["experiment"] or "all experiments"
-            console.print(f"Scatter over the converged runs of {of}", highlight=False)
-            console.print(scatter_rows(group["parameters"]))
+    show(console, batch_lines(content))
     console.print(f"page     {user_path(out / 'batch.html')}\ntable    {user_path(out / 'batch.csv')}", highlight=False,
                   soft_wrap=True)
-
-
-def scatter_rows(parameters: Mapping) -> Table:
-    """Mean, scatter between runs and mean stated standard deviation of every parameter."""
-    from idic.report import short
-
-    table = Table(box=None, header_style="bold")
-    for title in ("parameter", "mean", "std between runs", "mean stated std", "unit", "runs"):
-        table.add_column(title, justify="left" if title in ("parameter", "unit") else "right")
-    for name, entry in parameters.items():
-        table.add_row(name, f"{entry['mean']:.6g}", short(entry["std"]), short(entry["formal_std"]), entry["unit"],
-                      str(entry["n"]))
-    return table
-
-
-def batch_rows(content: Mapping) -> Table:
-    """Status and parameters of every run."""
-    from idic.report import batch_parameters, short_names, with_std
-
-    names = batch_parameters(content)
-    titles = short_names(names)
-    table = Table(box=None, header_style="bold")
-    for title in ("run", "status", *(titles[name] for name in names), "chi2", "s", "reason"):
-        table.add_column(title, justify="left" if title in ("run", "status", "reason") else "right")
-    for row in content["runs"]:
-        entries = [row["parameters"].get(name) for name in names]
-        cells = ["-" if e is None else "not determined" if e["std"] is None
-                 else with_std(e["value"], e["std"], e.get("unit") or "") for e in entries]  # fmt: skip
-        chi2, wall = row["image_chi2_dof"], row["wall_s"]
-        table.add_row(row["name"], row["status"].replace("_", " "), *cells, "-" if chi2 is None else f"{chi2:.2f}",
-                      "-" if wall is None else f"{wall:.0f}", (row["reason"].strip().splitlines() or [""])[0])
-    return table

@@ -64,8 +64,8 @@ def calibration_table(run: CalibrationRun) -> Table:
     """Value ± standard deviation of every camera's free parameters and of the relative pose."""
     from rich.table import Table
 
-    from idic.cli.tables import number_with_std
     from idic.images import PinholeCamera
+    from idic.report import number_with_std
 
     rig = run.result.rig
     table = Table(box=None, header_style="bold")

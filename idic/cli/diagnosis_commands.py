@@ -28,9 +28,10 @@ def diagnose(
     Locate the disagreement of model and recording, select a candidate, refit with it and test it on held-out frames.
     """
     with outcome(run=run, resume=True):
-        from idic.cli.diagnosis_tables import candidates_table, told
         from idic.cli.progress import progress_view
+        from idic.cli.tables import laid_out
         from idic.diagnose import stages
+        from idic.report import candidates_table, diagnosis_lines
         from idic.run import Console, Workplace, diagnose_run, open_source
 
         open_source(run)  # before a server is started
@@ -39,9 +40,9 @@ def diagnose(
                                    workplace=Workplace(workers, scheduler, memory_limit, store),
                                    orchestrator=orchestrator_of(is_watched(prefect)))
         console = terminal()
-        for text in told(content):
+        for text in diagnosis_lines(content):
             console.print(text, highlight=False, markup=False)
-        (console if console.is_terminal else wide_console()).print(candidates_table(content))
+        (console if console.is_terminal else wide_console()).print(laid_out(candidates_table(content)))
         console.print(f"results  {user_path(run / 'diagnosis.json')}\nreport   {user_path(run / 'diagnosis.html')}",
                       highlight=False)
         if content["model"]["experiment"]:
@@ -54,7 +55,7 @@ def physics(
 ) -> None:
     """List the candidate physics that `idic diagnose` knows."""
     with outcome():
-        from idic.cli.diagnosis_tables import physics_table
+        from idic.cli.physics_table import physics_table
         from idic.diagnose import candidate_library
         from idic.errors import InputError
 

@@ -107,8 +107,9 @@ def design(
 ) -> None:
     """Predict the error bars of a test before it is made. Compares plans."""
     with outcome():
-        from idic.cli.design_tables import show_design
         from idic.cli.progress import progress_view
+        from idic.cli.tables import show
+        from idic.report import design_lines
         from idic.run import PAGE_FILE, write_design
 
         stages = ("simulations and sensitivities",
@@ -118,7 +119,7 @@ def design(
             content = write_design(experiments, out, read_overrides(overrides), noise_gv, confusable, workers,
                                    view.stage,
                                    lambda count, total: view.tasks("plans", count, total), separate)
-        show_design(wide_console(), content)
+        show(wide_console(), design_lines(content))
         typer.echo(f"page     {user_path(out / PAGE_FILE)}")
 
 

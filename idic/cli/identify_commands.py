@@ -158,12 +158,13 @@ def _show_result(result: dict, run: Path, began: float, second: SecondProcess | 
     import json
 
     from idic.cli.progress import progress_view
-    from idic.cli.tables import remarks, result_table, summary_line
+    from idic.cli.tables import laid_out
+    from idic.report import remarks, result_table, summary_line
 
     truth = json.loads(truth_file.read_text(encoding="utf-8")) if truth_file is not None else None
     console = terminal()
     console.print(summary_line(result), highlight=False, markup=False)
-    console.print(result_table(result, truth))
+    console.print(laid_out(result_table(result, truth)))
     for text in remarks(result):
         console.print(text, highlight=False, markup=False)
     console.print(f"results  {user_path(run / 'result.json')}", highlight=False)

@@ -74,12 +74,12 @@ def compare(
 ) -> None:
     """Show parameters and residuals of several runs side by side."""
     with outcome():
-        from idic.report import comparison_tables
-        from idic.run import compare_runs, headlines, write_comparison
+        from idic.report import comparison_headlines, comparison_tables
+        from idic.run import compare_runs, write_comparison
 
         content = compare_runs(runs)
         console = wide_console()
-        for line in headlines(content):
+        for line in comparison_headlines(content):
             console.print(line, highlight=False)
         for table in comparison_tables(content):
             screen_table = Table(box=None, header_style="bold", title=table.title, title_justify="left")
@@ -109,7 +109,8 @@ def systematic(
     """
     with outcome(run=run):
         from idic.cli.progress import progress_view
-        from idic.cli.tables import systematic_table, treatments_table
+        from idic.cli.tables import laid_out
+        from idic.report import systematic_table, treatments_table
         from idic.run import Console, Workplace, systematic as assess, write_report
 
         with progress_view(terminal(stderr=True), run, SYSTEMATIC_STAGES) as view:
@@ -118,9 +119,10 @@ def systematic(
             view.stage("report")
             page = write_report(run)
         console = terminal()
-        console.print(systematic_table(result))
+        console.print(laid_out(systematic_table(result)))
         if spread:
-            console.print(treatments_table(result))
+            treatments = treatments_table(result)
+            console.print(treatments if isinstance(treatments, str) else laid_out(treatments))
         for text in (*result["notes"], *(f"{e['name']}: {e['reason']}" for e in result["not_identifiable"])):
             console.print(text, highlight=False, markup=False)
         console.print(f"report   {user_path(page)}", highlight=False)

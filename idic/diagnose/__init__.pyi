@@ -1,18 +1,16 @@
-from .caution_texts import cautions
 from .chain import SEED, diagnose
+from .content import diagnosis_numbers, free_parameters
 from .diagnosis import Diagnosis
-from .findings import mismatch_content, refitted_form, unexplained
-from .locate.left_place import left_place
 from .locate.mismatch import Mismatch, SelectedEffect
 from .locate.mismatch_words import MOTION, place_words
 from .locate.place import element_centres, in_words
 from .model_change import LawPair, WindowCurve, law_pairs, window_curves
-from .physics.candidate import Candidate, FAMILIES, MESH_TOO_COARSE, Variant
+from .physics.candidate import Candidate, FAMILIES, MESH_TOO_COARSE, Variant, Situation
 from .refits.refit import Fit, identification_at
-from .refits.refit_job import ExperimentSource, RefitJob, run_refit
+from .refits.refit_job import RefitJob, run_refit
 from .residual.evidence import Columns, Evidence
 from .residual.excess_left import MIN_EXCESS_Z
-from .residual.heldout import Misfit, better_blocks, ratio
+from .residual.heldout import Misfit
 from .residual.margin import Margin
 from .residual.measured_motion import (
     OutOfRegister, by_motion, holds_motion, image_chi2, may_be_out_of_register, out_of_register, with_edge_modes,
@@ -20,9 +18,9 @@ from .residual.measured_motion import (
 from .residual.residual_evidence import ResidualEvidence, context_of, residual_evidence
 from .residual.residual_maps import map_of_noise, maps_of_evidence, maps_of_identification
 from .residual.score import null_model, score
-from .residual.spots import DUST, LEFT_OUT, LeftOut, MARGIN_PX, PAINT, Spot, find_spots
+from .residual.spots import DUST, LeftOut, MARGIN_PX, PAINT, Spot
 from .residual.thinning import JUDGEMENT, thinned
-from .screen.courses import SUPPOSED_EXPANSION_PER_K, content
+from .screen.courses import SUPPOSED_EXPANSION_PER_K
 from .screen.decoys import decoy_scores
 from .screen.library import candidate_library
 from .screen.misregistration import HIDDEN_BY_MOTION
@@ -30,21 +28,21 @@ from .screen.score_columns import ScoreColumn
 from .screen.select import MAX_FAMILYWISE_P, MAX_HIDDEN_VISIBILITY, Ranked, screen_candidates
 from .selection.block_step import holds
 from .selection.notes import Notes
-from .selection.rival import NO_CAUSE, Rival, Round
+from .selection.rival import NO_CAUSE, Round
 from .selection.stages import stages
 from .selection.state import Stage, silent
 from .selection.verdict import Verdict
+from .spotless import without_spots
 
 __all__ = [
-    "DUST", "FAMILIES", "HIDDEN_BY_MOTION", "JUDGEMENT", "LEFT_OUT", "MARGIN_PX", "MAX_FAMILYWISE_P",
-    "MAX_HIDDEN_VISIBILITY", "MESH_TOO_COARSE", "MIN_EXCESS_Z", "MOTION", "NO_CAUSE", "PAINT",
-    "SEED", "SUPPOSED_EXPANSION_PER_K", "Candidate", "Columns", "Diagnosis", "Evidence", "ExperimentSource", "Fit",
-    "LawPair", "LeftOut", "Margin", "Misfit", "Mismatch", "Notes", "OutOfRegister", "Ranked", "RefitJob",
-    "ResidualEvidence", "Rival", "Round", "ScoreColumn", "SelectedEffect", "Spot", "Stage", "Variant", "Verdict",
-    "WindowCurve", "better_blocks", "by_motion", "candidate_library", "cautions", "content", "context_of",
-    "decoy_scores", "diagnose", "element_centres", "find_spots", "holds", "holds_motion", "identification_at",
-    "image_chi2", "in_words", "law_pairs", "left_place", "map_of_noise", "maps_of_evidence", "maps_of_identification",
-    "may_be_out_of_register", "mismatch_content", "null_model", "out_of_register", "place_words", "ratio",
-    "refitted_form", "residual_evidence", "run_refit", "score", "screen_candidates", "silent", "stages", "thinned",
-    "unexplained", "window_curves", "with_edge_modes",
+    "DUST", "FAMILIES", "HIDDEN_BY_MOTION", "JUDGEMENT", "MARGIN_PX", "MAX_FAMILYWISE_P", "MAX_HIDDEN_VISIBILITY",
+    "MESH_TOO_COARSE", "MIN_EXCESS_Z", "MOTION", "NO_CAUSE", "PAINT", "SEED", "SUPPOSED_EXPANSION_PER_K", "Candidate",
+    "Columns", "Diagnosis", "Evidence", "Fit", "LawPair", "LeftOut", "Margin", "Misfit", "Mismatch", "Notes",
+    "OutOfRegister", "Ranked", "RefitJob", "ResidualEvidence", "Round", "ScoreColumn", "SelectedEffect", "Situation",
+    "Spot", "Stage", "Variant", "Verdict", "WindowCurve", "by_motion", "candidate_library", "context_of",
+    "decoy_scores", "diagnose", "diagnosis_numbers", "element_centres", "free_parameters", "holds", "holds_motion",
+    "identification_at", "image_chi2", "in_words", "law_pairs", "map_of_noise", "maps_of_evidence",
+    "maps_of_identification", "may_be_out_of_register", "null_model", "out_of_register", "place_words",
+    "residual_evidence", "run_refit", "score", "screen_candidates", "silent", "stages", "thinned", "window_curves",
+    "with_edge_modes", "without_spots",
 ]

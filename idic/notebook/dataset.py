@@ -11,7 +11,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.fe import Mesh, green_strain, nodal_deformation
 from idic.measure import rotated, strain, surface_of
-from idic.notebook.fields import Fields, checked_frame
+from idic.run import Fields, checked_frame
 from idic.notebook.optional import optional
 
 if TYPE_CHECKING:

@@ -3,27 +3,16 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from threadpoolctl import threadpool_limits
-
-from idic.correlation import correlated_frames, texture_pairs
 from idic.errors import InputError
-from idic.experiment_file import by_evidence, with_overrides
-from idic.identification import (
-    FrameFit, Identification, PointFit, experiment_result, identify as identify_record, log_progress,
-)
+from idic.experiment_file import with_overrides
 from idic.notebook.experiment import Experiment
-from idic.notebook.fields import FieldsInMemory, FieldsOfRun
 from idic.notebook.result import Result
 from idic.run import (
-    FROM_PYTHON, Console, Folders, Prepared, Workplace, chosen_tables, finite, has_force, identify_run,
-    prepare_in_memory, read_result,
+    FROM_PYTHON, Console, FieldsOfRun, Folders, Workplace, identify_in_memory, identify_run, read_result,
 )
 
 
@@ -58,7 +47,8 @@ def identify(experiment: Experiment | Folders, out: str | os.PathLike | None = N
                 raise InputError(f"{key} without a RUN folder", key=key, expected="out, a folder for the run",
                                  found=f"{key} = {value!r}", remedy=f'give out="runs/first", or leave {key} out')
         single = experiment if isinstance(experiment, Experiment) else Experiment.read(_folder(experiment))
-        return _in_memory(single.changed(overrides) if overrides else single, say)
+        chosen = single.changed(overrides) if overrides else single
+        return Result(*identify_in_memory(chosen.record, with_overrides(chosen.tables, None), chosen.changed, say))
     run, changes = Path(out), overrides
     folders: Folders
     if isinstance(experiment, Experiment):
@@ -94,49 +84,3 @@ def load_result(run: str | os.PathLike) -> Result:
     """
     content = read_result(run)
     return Result(content, FieldsOfRun(Path(run), content))
-
-
-def _in_memory(experiment: Experiment, say: Callable[[str], None]) -> Result:
-    began, cpu = time.perf_counter(), time.process_time()
-    with threadpool_limits(1, user_api="blas"):
-        if by_evidence(experiment.record.model):
-            experiment = experiment.changed(chosen_tables(experiment.record, with_overrides(experiment.tables, None),
-                                                          say))
-        prepared = prepare_in_memory(experiment.record, say)
-        identification = identify_record(prepared.start, prepared.local, progress=log_progress(say),
-                                         motion=prepared.motion, searched=prepared.begin is not None)
-        fields = FieldsInMemory(identification)
-        content = experiment_result(prepared.experiment, identification.state, identification.point,
-                                    identification.weights, _fit(prepared, identification, fields),
-                                    experiment.record.recording.excluded,
-                                    {"forward_runs": identification.state.evaluations},
-                                    identification.discrepancy)
-    content["has_force"] = has_force(prepared.experiment.model)
-    content["cost"] |= {"wall_s": time.perf_counter() - began, "cpu_s": time.process_time() - cpu}
-    say(content["status"])
-    return Result(finite(content), fields)
-
-
-def _fit(prepared: Prepared, identification: Identification, fields: FieldsInMemory) -> PointFit:
-    """How well the accepted point explains the recording."""
-    experiment, point = prepared.experiment, identification.point
-    stacks = [prepared.free_dics.get(view.recording.camera_name) for view in experiment.views]
-    free = [None if stack is None else {"chi2_dof": stack.chi2_dof, "rms_gv": stack.rms_gv} for stack in stacks]
-    if point is None or point.system is None:
-        return PointFit([{} for _ in experiment.views], np.zeros((0, len(experiment.model.channels))), free)
-    frames = [_frame_fits(identification, fields, number) for number in range(len(experiment.views))]
-    channels = (fields.measured - fields.simulated)[correlated_frames(experiment, range(experiment.model.n_frames))]
-    return PointFit(frames, channels, free, texture_pairs(fields.context) if experiment.cameras else ())
-
-
-def _frame_fits(identification: Identification, fields: FieldsInMemory, number: int) -> dict[int, FrameFit]:
-    """How well every frame of a camera is explained."""
-    experiment, fits = identification.experiment, {}
-    sigma = fields.context.cameras[number].experiment.recording.noise.std_gv
-    records = identification.point.system.frames
-    lost = {record.frame for record in records if record.cameras[number, 0] == 0}
-    fitted = {record.frame: record.n_fitted for record in records}
-    for frame in range(experiment.model.reference + 1, experiment.model.n_frames):
-        fit = FrameFit.of(frame, fields.pixels(frame, number), sigma, fitted.get(frame, 0.0))
-        fits[frame] = replace(fit, n_pixels=0) if frame in lost else fit
-    return fits

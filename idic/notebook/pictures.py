@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from idic.notebook.fields import Fields, checked_frame
+from idic.run import Fields, checked_frame
 from idic.notebook.posterior import Posterior, posterior_of
 from idic.report import (
     BLUE, DIVERGING, DPI, FAINT, GREY, ORANGE, RESIDUAL_RANGE, bare, look, new_figure, residual_window, short_names,

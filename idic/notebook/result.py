@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from idic.notebook.estimates import Estimates, covariance
-from idic.notebook.fields import Fields
+from idic.run import Fields
 from idic.notebook.optional import optional
 
 if TYPE_CHECKING:  # heavy, and perhaps not installed
@@ -29,7 +29,7 @@ class Result:
     Attributes
     ----------
     content : the keys of ``result.json``
-    fields : displacements, residuals and channels of single frames (`idic.notebook.fields.Fields`)
+    fields : displacements, residuals and channels of single frames (`idic.run.fields.Fields`)
     """
 
     def __init__(self, content: Mapping[str, Any], fields: Fields):

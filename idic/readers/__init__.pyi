@@ -8,13 +8,11 @@ from .fields.bending import ALLOWED_SHARE, largest_bending
 from .fields.chosen_stages import StageRule, chosen_stages, mean_strain, strain_path
 from .fields.exports.named_columns import NamedColumns
 from .fields.flattened import Flattening
-from .fields.outline import MIN_HOLE, PointOutline, loops_of, outline_of, sides, sides_of_any
+from .fields.outline import MIN_HOLE, PointOutline, loops_of, sides_of_any
 from .fields.outline_width import narrowest, notched_axis, width_error
 from .fields.placement import Edges, Placement, fitted_placement
 from .fields.plane import BENDING_DEGREE, largest_change, out_of_plane, powers
-from .fields.series import (
-    FieldSeries, FieldStack, MeasuredPoints, UM_PER_MM, detected, measured_points, open_fields,
-)
+from .fields.series import FieldSeries, FieldStack, MeasuredPoints, UM_PER_MM, detected, measured_points, open_fields
 from .fields.sound_stages import check_stages
 from .frame_names import check_complete, frame_indices, frame_numbers
 from .frames.name_orders import natural_key
@@ -44,7 +42,7 @@ __all__ = [
     "find_target", "fitted_placement", "frame_indices", "frame_numbers", "frames_of", "from_image", "has_gmsh",
     "image_entries", "kind_of", "largest_bending", "largest_change", "log_of", "loops_of", "match", "matching_files",
     "mean_strain", "measured_points", "mesh_of", "mesh_suffixes", "narrowest", "natural_key", "notched_axis",
-    "open_fields", "open_stack", "out_of_plane", "outline_of", "parse_unit", "patterns_of", "points_where", "powers",
-    "read_calibration", "read_image", "read_log", "read_mesh_file", "recorded_order", "roi_mesh", "sides",
-    "sides_of_any", "strain_path", "text_of", "to_mesh", "unit_in_name", "volume_entries", "width_error", "write_rig",
+    "open_fields", "open_stack", "out_of_plane", "parse_unit", "patterns_of", "points_where", "powers",
+    "read_calibration", "read_image", "read_log", "read_mesh_file", "recorded_order", "roi_mesh", "sides_of_any",
+    "strain_path", "text_of", "to_mesh", "unit_in_name", "volume_entries", "width_error", "write_rig",
 ]

@@ -1,28 +1,22 @@
 from .batch.entries import read_batch
 from .batch.identify import identify_batch
-from .batch.runs import BatchJob, BatchOutcome, identify_whole
 from .batch.starts import with_starts
-from .batch.store import Batch
 from .calibration.run import CalibrationRun, run_calibration
 from .design import PAGE_FILE, write_design
 from .diagnosis.diagnose import diagnose_run
-from .diagnosis.files import diagnosis_content, free_parameters
 from .diagnosis.refits import run_refits
 from .diagnosis.source import open_source
-from .diagnosis.spotless import without_spots
+from .fields import Fields, FieldsOfRun, checked_frame
 from .identify import identify_run
-from .judgement.accepted_point import channels_of, refuse_passed_point
 from .judgement.residual_maps import residuals_of
-from .knots import chosen_tables
+from .memory import identify_in_memory
 from .orchestrator import Command, Console, DIRECT, Hooks, Orchestrator
 from .points import RunPoints
-from .postprocess import has_force
-from .prepared.context import RunContext, correlation_context, open_run
-from .prepared.in_memory import Prepared, prepare_in_memory
-from .prepared.session import Timing
+from .prepared.context import open_run
+from .prepared.in_memory import prepare_in_memory
 from .prepared.tasks import CorrelationJob, SimulationJob
 from .reporting.accepted_residual import accepted_residual
-from .reporting.compare import compare_runs, headlines, write_comparison
+from .reporting.compare import compare_runs, write_comparison
 from .reporting.export import export_fields
 from .reporting.law_files import export_laws
 from .reporting.second_process import SecondProcess, drawing_beside
@@ -31,7 +25,7 @@ from .runs import Folders
 from .store.arrays import FrameArrays, read_array, write_array
 from .store.clean import clean_run
 from .store.layout import BASE, FROM_PYTHON, group_name
-from .store.result_file import RESULT_FILE, finite, read_result, write_json
+from .store.result_file import RESULT_FILE, read_result, write_json
 from .store.run_folders import folders_of
 from .store.run_lock import is_held, process_lives, run_lock, this_process
 from .store.run_store import RunStore
@@ -45,23 +39,20 @@ from .workers.mirrored_runner import refuse_store
 from .workers.peak_memory import peak_memory_mb
 from .workers.precompiling import compiling_meanwhile
 from .workers.prefect_server import PASSWORD, PrefectServer, configured_url, start_server
-from .workers.runner import JobKillsWorkers, SerialRunner, TaskRunner
+from .workers.runner import SerialRunner, TaskRunner
 from .workers.working_folder import empty_folder, in_empty_folder
 from .workers.workplace import Workplace
 
 __all__ = [
-    "BASE", "DIRECT", "FROM_PYTHON", "PAGE_FILE", "PASSWORD", "RESULT_FILE", "STATE_FILE", "Batch", "BatchJob",
-    "BatchOutcome", "CalibrationRun", "Command", "Console", "CorrelationJob", "Folders", "FrameArrays", "Hooks",
-    "JobKillsWorkers", "Orchestrator", "PrefectServer", "Prepared", "RunContext", "RunPoints", "RunStore",
-    "SecondProcess", "SerialRunner", "SimulationJob", "TaskRunner", "Timing", "Workplace", "ZarrStack",
-    "accepted_residual", "channels_of", "check_scheduler", "checked_memory_limit", "chosen_tables", "clean_run",
-    "compare_runs", "compiling_meanwhile", "configured_url", "correlation_context", "cpu_seconds", "diagnose_run",
-    "diagnosis_content",
-    "drawing_beside", "empty_folder", "export_fields", "export_laws", "finite", "folders_of", "free_parameters",
-    "group_name", "has_force", "headlines", "identify_batch", "identify_run", "identify_whole", "import_meanwhile",
-    "in_empty_folder", "ingest", "is_held", "open_cluster", "open_run", "open_source", "peak_memory_mb",
-    "prepare_in_memory", "process_lives", "read_array", "read_batch", "read_result", "refuse_passed_point",
-    "refuse_store", "residuals_of", "run_calibration", "run_lock", "run_refits", "start_server",
-    "systematic", "this_process", "use_one_thread", "with_starts", "without_spots", "write_array", "write_comparison",
-    "write_design", "write_json", "write_report",
+    "BASE", "DIRECT", "FROM_PYTHON", "PAGE_FILE", "PASSWORD", "RESULT_FILE", "STATE_FILE", "CalibrationRun", "Command",
+    "Console", "CorrelationJob", "Fields", "FieldsOfRun", "Folders", "FrameArrays", "Hooks", "Orchestrator",
+    "PrefectServer", "RunPoints", "RunStore", "SecondProcess", "SerialRunner", "SimulationJob", "TaskRunner",
+    "Workplace", "ZarrStack", "accepted_residual", "check_scheduler", "checked_frame", "checked_memory_limit",
+    "clean_run", "compare_runs", "compiling_meanwhile", "configured_url", "cpu_seconds", "diagnose_run",
+    "drawing_beside", "empty_folder", "export_fields", "export_laws", "folders_of", "group_name", "identify_batch",
+    "identify_in_memory", "identify_run", "import_meanwhile", "in_empty_folder", "ingest", "is_held", "open_cluster",
+    "open_run", "open_source", "peak_memory_mb", "prepare_in_memory", "process_lives", "read_array", "read_batch",
+    "read_result", "refuse_store", "residuals_of", "run_calibration", "run_lock", "run_refits", "start_server",
+    "systematic", "this_process", "use_one_thread", "with_starts", "write_array", "write_comparison", "write_design",
+    "write_json", "write_report",
 ]

@@ -35,22 +35,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from idic.correlation import view_of
 from idic.errors import InputError
-from idic.identification import Design, Plan, VIRTUAL_SPECKLE, design_test, join_designs, joint_names, load_plan
+from idic.identification import Design, Plan, design_test, join_designs, joint_names, load_plan
 from idic.inside import folder_inside, write_inside
-from idic.report import (
-    MIN_CONFUSABLE_CORRELATION, PlanPictures, compare, design_table, draw_design, joint_summary, render_design,
-    shown_mesh, summary,
-)
+from idic.report import MIN_CONFUSABLE_CORRELATION, PlanPictures, design_content, design_files, plan_pictures
 from idic.run.separation.members import diagnosed
 from idic.run.separation.separate import separation_content
 from idic.run.store.result_file import write_json
 from idic.run.workers.dask_executor import default_workers, open_cluster
 from idic.run.workers.runner import Progress
 
-SCHEMA = "idic.design/1"
-DESIGN_FILE, PAGE_FILE, TABLE_FILE = "design.json", "design.html", "design.csv"
+DESIGN_FILE, PAGE_FILE = "design.json", "design.html"
 
 
 @dataclass(frozen=True)
@@ -81,14 +76,11 @@ def write_design(paths: Sequence[Path | str], out: Path | str, overrides: Mappin
                                                    progress)
     stage("figures and page")
     out = Path(out)
-    sections = draw_design(content, pictures)
+    files = design_files(content, pictures)
     folder_inside(out)
     folder_inside(out, "figures")
-    for section in sections:
-        for picture in section.pictures:
-            write_inside(out, f"figures/{picture.name}.png", picture.png)
-    write_inside(out, TABLE_FILE, design_table(content))
-    write_inside(out, PAGE_FILE, render_design(content, sections))
+    for name, data in files.items():
+        write_inside(out, name, data)
     write_json(out / DESIGN_FILE, content)
     return content
 
@@ -128,12 +120,9 @@ def evaluate_plans(paths: Sequence[Path | str], overrides: Mapping[str, Any] | N
     with open_cluster(n_workers if len(jobs) > 1 and n_workers > 1 else 0) as runner:
         designs = runner.map(run_design, jobs, [f"design-{job.name}" for job in jobs], progress=progress)
     joint = join_designs(designs) if len(designs) > 1 else None
-    content = {"schema": SCHEMA, "confusable_above": confusable,
-               "plans": [summary(design, job.plan.pattern, path, confusable)
-                         for design, job, path in zip(designs, jobs, paths, strict=True)],
-               "joint": None if joint is None else joint_summary(joint, confusable)}
-    content["comparison"] = None if joint is None else compare(content)
-    return content, [pictures_of(design, job.plan.pattern) for design, job in zip(designs, jobs, strict=True)]
+    patterns = [job.plan.pattern for job in jobs]
+    return (design_content(designs, joint, patterns, paths, confusable),
+            [plan_pictures(design, pattern) for design, pattern in zip(designs, patterns, strict=True)])
 
 
 def run_design(job: DesignJob) -> Design:
@@ -153,19 +142,3 @@ def plan_names(paths: Sequence[Path | str]) -> list[str]:
         raise InputError("an experiment is given twice", key="EXPERIMENT", expected="different experiments",
                          found=", ".join(map(str, paths)), remedy="name each once")
     return names
-
-
-# records to plain content -------------------------------------------------------------------------
-
-
-# figures and their files -----------------------------------------------------------------
-def pictures_of(design: Design, pattern: str) -> PlanPictures:
-    """Data of the figures of a plan that are not in its summary."""
-    experiment = design.experiment
-    picture_mesh = shown_mesh(experiment, experiment.model.camera)
-    is_volume = experiment.recording.quantity == "volume"
-    has_maps = is_volume or view_of(experiment, experiment.model.camera).n_components == 2
-    reference = None if pattern == VIRTUAL_SPECKLE else experiment.recording.picture(experiment.model.reference)
-    return PlanPictures(reference, picture_mesh.points_px, picture_mesh.cells if has_maps else (),
-                        tuple((f.name, f.frame, picture_mesh.of(f.phi), f.step / abs(design.parameters[f.name].factor))
-                              for f in design.fields) if has_maps else ())

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.fe import Mesh, Morph, TET_EDGES, boundary_faces, make_mesh, n_face_corners
+from idic.fe import Mesh, Morph, boundary_faces, cell_edges, make_mesh, n_face_corners
 from idic.model import (
     Channel, Constant, Controlled, Experiment, Measured, Model, Parametrised, Prescribed, Temperature, TemperatureField,
     mode_shapes, set_nodes,
@@ -168,7 +168,7 @@ def _tetrahedra(cells: np.ndarray, bottom: np.ndarray, half: np.ndarray, top: np
     tetrahedra = []
     for corners_of_tet in DIVIDED_PRISM:
         nodes = [(bottom, top)[level][corners[:, corner]] for corner, level in corners_of_tet]
-        for i, j in TET_EDGES:
+        for i, j in cell_edges("tet4"):
             (start, low), (end, high) = corners_of_tet[i], corners_of_tet[j]
             edge = (min(start, end), max(start, end))
             on = corners[:, start] if start == end else middles[:, TRIANGLE_EDGES.index(edge)]

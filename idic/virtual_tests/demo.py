@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from string import Template
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,8 +15,6 @@ from idic.laws import compile as compile_law
 from idic.virtual_tests.meshes import strip_with_hole
 from idic.virtual_tests.virtual_test import LoggedColumn, VirtualTest, medium_speckle
 
-LENGTH, WIDTH, RADIUS, THICKNESS = 28.0, 16.0, 3.0, 2.0  # mm
-DEMO_TRUTH = {"sheet.E": 70000.0, "sheet.nu": 0.3, "sheet.yield_stress": 200.0, "sheet.hardening_modulus": 1500.0}
 FORCE_NOISE_N = 5.0  # N: 1/1000 of the largest force
 GRIP_NOISE_MM = 0.0002  # mm: an LVDT
 
@@ -77,9 +75,24 @@ class DemoSize:
     true: tuple[int, int, int]
     substeps: int
 
+    LENGTH: ClassVar[float] = 28.0  # mm, of every strip
+    WIDTH: ClassVar[float] = 16.0
+    RADIUS: ClassVar[float] = 3.0
+    THICKNESS: ClassVar[float] = 2.0
+    TRUTH: ClassVar[dict[str, float]] = {"sheet.E": 70000.0, "sheet.nu": 0.3, "sheet.yield_stress": 200.0,
+                                         "sheet.hardening_modulus": 1500.0}
 
-FULL = DemoSize(0.1, (200, 300), (6, 6, 8), (4, 6, 3), (7, 9, 5), 2)
-REDUCED = DemoSize(0.16, (125, 190), (4, 4, 4), (3, 4, 2), (5, 7, 4), 1)
+    @classmethod
+    def of_example(cls, reduced: bool = False) -> DemoSize:
+        """That of `idic example demo`."""
+        if reduced:
+            return cls(0.16, (125, 190), (4, 4, 4), (3, 4, 2), (5, 7, 4), 1)
+        return cls(0.1, (200, 300), (6, 6, 8), (4, 6, 3), (7, 9, 5), 2)
+
+    @classmethod
+    def mesh(cls, cell: str, densities: Sequence[int]) -> Mesh:
+        """The strip; densities : as `user` and `true`."""
+        return strip_with_hole(cls.LENGTH, cls.WIDTH, cls.RADIUS, cell, *densities)
 
 
 @dataclass(frozen=True)
@@ -102,14 +115,14 @@ class Course:
 
 def demo(reduced: bool = False) -> VirtualTest:
     """The open-hole strip: 20 frames of 300 x 200 px, 4 parameters and a force (reduced: 12 frames of 190 x 125)."""
-    return strip(REDUCED if reduced else FULL)
+    return strip(DemoSize.of_example(reduced))
 
 
 def strip(size: DemoSize) -> VirtualTest:
     """The same test at any size."""
     grip = _grip_motion(*size.frames)
     times = np.arange(len(grip), dtype=float)
-    mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *size.true)
+    mesh = DemoSize.mesh("quad8", size.true)
     u, force = _solve(mesh, grip, times, size.substeps)
     origin = ((size.shape[1] - 1) / 2 - 1.7, (size.shape[0] - 1) / 2 + 0.3)
     camera = Camera.from_table(pixel_size=size.pixel, origin=origin)
@@ -126,9 +139,9 @@ def strip(size: DemoSize) -> VirtualTest:
         shape=size.shape,
         texture=medium_speckle(camera, size.shape),
         background=0.1,
-        mesh=strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *size.user),
+        mesh=DemoSize.mesh("quad8", size.user),
         toml=toml,
-        truth=DEMO_TRUTH,
+        truth=DemoSize.TRUTH,
     )
 
 
@@ -154,11 +167,11 @@ def _solve(mesh: Mesh, grip: np.ndarray, times: np.ndarray, substeps: int) -> tu
         mesh=mesh,
         kind="plane_stress",
         sections=(Section("sheet", law, mesh.element_sets["sheet"]),),
-        thickness=THICKNESS,
+        thickness=DemoSize.THICKNESS,
         constraints=Constraints(dofs, basis, grip[:, None]),
         channels=(Reaction(2 * right_end),),
     )
-    values = np.array([DEMO_TRUTH[f"sheet.{name}"] for name in law.spec.parameter_names])
+    values = np.array([DemoSize.TRUTH[f"sheet.{name}"] for name in law.spec.parameter_names])
     states, solved = march(model, {"sheet": values}, times, substeps=substeps), []
 
     def state(k: int) -> tuple[np.ndarray, float]:

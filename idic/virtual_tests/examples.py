@@ -3,7 +3,7 @@
 An example is a function ``(reduced, foreign) -> VirtualTest`` in `EXAMPLES`; one whose images are not grey writes its
 folder itself and stands in `WRITERS`. The examples of the studies stand in two such tables of theirs. The truth is
 computed on another, finer mesh than the one the user gets (`bulge`, `polycarbonate`: with `foreign`), and the images
-are rendered by `idic.virtual_tests.render`, which shares no code with the correlator.
+are rendered by `idic.virtual_tests.rendering`, which shares no code with the correlator.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from idic.virtual_tests.demo import demo
 from idic.virtual_tests.experiment_files import empty_folder, write_images, write_loads, write_truth
 from idic.virtual_tests.meshes import write_inp
 from idic.virtual_tests.stereo_plate import write_stereo
-from idic.virtual_tests.render import Sensor, clean_image, noisy_channel, render
+from idic.virtual_tests.rendering.render import Sensor, clean_image, noisy_channel, render
 from idic.virtual_tests.virtual_test import VirtualTest
 from idic.virtual_tests.volume_bar import write_volume
 

@@ -16,8 +16,9 @@ import numba
 import numpy as np
 
 from idic.fe import Block
-from idic.images import CODES, EDGE_TOLERANCE, LensCamera, MAX_NODES, carry, shape_functions
-from idic.virtual_tests.render import Sensor, sample_grid
+from idic.virtual_tests.rendering.inverse_mapping import CODES, EDGE_TOLERANCE, MAX_NODES, carry, shape_functions
+from idic.images import LensCamera
+from idic.virtual_tests.rendering.render import Sensor, sample_grid
 
 STRIP_SAMPLES = 600_000  # samples held at a time
 BOX_MARGIN = 0.2         # of the size of a face in the image: its edges are curved
@@ -38,38 +39,37 @@ class Scene:
     bare: Sequence[Block] = ()
     closed: bool = True
 
+    def image(self, u: np.ndarray, camera: LensCamera, texture: Callable[[np.ndarray], np.ndarray],
+              sensor: Sensor) -> np.ndarray:
+        """One image without noise or rounding  # (ny, nx) float64
 
-def traced_image(scene: Scene, u: np.ndarray, camera: LensCamera, texture: Callable[[np.ndarray], np.ndarray],
-                 sensor: Sensor) -> np.ndarray:
-    """One image without noise or rounding  # (ny, nx) float64
-
-    u : (n_nodes, 3) mm; camera : from the mesh frame; texture : grey values of material points (n, 3) mm
-    """
-    nodes, moved = np.asarray(scene.nodes, float), np.asarray(scene.nodes, float) + u
-    moved_px = camera.project(moved)
-    ny, nx = sensor.shape
-    n, image = sensor.supersampling, np.empty(sensor.shape)
-    rows = max(1, STRIP_SAMPLES // (nx * n * n))
-    for first in range(0, ny, rows):
-        end = min(ny, first + rows)
-        samples = sample_grid(first, end, nx, n)
-        origin, directions = camera.rays(samples)
-        nearest = np.full(len(samples), np.inf)
-        value = np.full(len(samples), sensor.background)
-        for bare, blocks in ((False, scene.faces), (True, scene.bare)):
-            for block in blocks:
-                conn = np.ascontiguousarray(block.connectivity, dtype=np.int64)
-                boxes = _boxes(moved_px[conn], first, end, nx, n)
-                face, xi = np.full(len(samples), -1, dtype=np.int64), np.zeros((len(samples), 2))
-                _trace(CODES[block.cell], moved, conn, boxes, origin, directions, nx * n, scene.closed, nearest, face,
-                       xi)
-                hit = face >= 0
-                if bare:
-                    value[hit] = DARK_SHARE * sensor.background
-                else:
-                    value[hit] = texture(carry(block.cell, nodes, conn, face[hit], xi[hit]))
-        image[first:end] = value.reshape(end - first, n, nx, n).mean(axis=(1, 3))
-    return image
+        u : (n_nodes, 3) mm; camera : from the mesh frame; texture : grey values of material points (n, 3) mm
+        """
+        nodes, moved = np.asarray(self.nodes, float), np.asarray(self.nodes, float) + u
+        moved_px = camera.project(moved)
+        ny, nx = sensor.shape
+        n, image = sensor.supersampling, np.empty(sensor.shape)
+        rows = max(1, STRIP_SAMPLES // (nx * n * n))
+        for first in range(0, ny, rows):
+            end = min(ny, first + rows)
+            samples = sample_grid(first, end, nx, n)
+            origin, directions = camera.rays(samples)
+            nearest = np.full(len(samples), np.inf)
+            value = np.full(len(samples), sensor.background)
+            for bare, blocks in ((False, self.faces), (True, self.bare)):
+                for block in blocks:
+                    conn = np.ascontiguousarray(block.connectivity, dtype=np.int64)
+                    boxes = _boxes(moved_px[conn], first, end, nx, n)
+                    face, xi = np.full(len(samples), -1, dtype=np.int64), np.zeros((len(samples), 2))
+                    _trace(CODES[block.cell], moved, conn, boxes, origin, directions, nx * n, self.closed, nearest,
+                           face, xi)
+                    hit = face >= 0
+                    if bare:
+                        value[hit] = DARK_SHARE * sensor.background
+                    else:
+                        value[hit] = texture(carry(block.cell, nodes, conn, face[hit], xi[hit]))
+            image[first:end] = value.reshape(end - first, n, nx, n).mean(axis=(1, 3))
+        return image
 
 
 def _boxes(corners_px: np.ndarray, first: int, end: int, nx: int, n: int) -> np.ndarray:

@@ -16,9 +16,9 @@ from scipy.ndimage import gaussian_filter
 
 from idic.laws import compiled_loop
 from idic.run import SerialRunner, Workplace, identify_run
-from idic.virtual_tests.demo import FULL, LENGTH, RADIUS, TOML, WIDTH
+from idic.virtual_tests.demo import DemoSize, TOML
 from idic.virtual_tests.experiment_files import empty_folder, write_images, write_loads
-from idic.virtual_tests.meshes import strip_with_hole, write_inp
+from idic.virtual_tests.meshes import write_inp
 
 PIXEL_MM, SHAPE = 0.2, (100, 150)
 GRIP_MM, FORCE_N = np.array([0.0, 0.01, 0.02]), np.array([0.0, 600.0, 1200.0])
@@ -30,7 +30,8 @@ def write_rehearsal(out: Path | str) -> Path:
     speckle = 128.0 + 150.0 * gaussian_filter(rng.standard_normal(SHAPE), 1.0)
     write_images(folder, [np.clip(speckle + rng.standard_normal(SHAPE), 0, 255).astype(np.uint8) for _ in GRIP_MM])
     write_loads(folder, np.arange(len(GRIP_MM)), {"force_N": FORCE_N, "grip_displacement_mm": GRIP_MM})
-    write_inp(strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *FULL.user), folder / "mesh.inp", "rehearsal")
+    mesh = DemoSize.mesh("quad8", DemoSize.of_example().user)
+    write_inp(mesh, folder / "mesh.inp", "rehearsal")
     path = folder / "experiment.toml"
     path.write_text(Template(TOML).substitute(pixel_size=PIXEL_MM, column=(SHAPE[1] - 1) / 2, row=(SHAPE[0] - 1) / 2,
                                               noise_std_gv=1.0), encoding="utf-8")

@@ -24,9 +24,9 @@ from idic.identification import DOT_SIGMA_PER_SPECKLE, chooses_increments, plann
 from idic.virtual_tests.experiment_files import (
     IMAGES, LOADS, SCANS, empty_folder, write_images, write_loads, write_scan, write_truth,
 )
-from idic.virtual_tests.render import Sensor, noisy_channel, record, render
+from idic.virtual_tests.rendering.render import Sensor, noisy_channel, record, render
 from idic.virtual_tests.stereo_images import common_speckle, traced_images
-from idic.virtual_tests.solid_speckle import PERIOD_CELLS, SolidSpeckle, solid_speckle
+from idic.virtual_tests.solid_speckle import PERIOD_CELLS, SolidSpeckle
 from idic.virtual_tests.section_images import height_image, roughness, seen_section
 from idic.virtual_tests.tomograms.simulated_scans import ScanGrey, scan_grey, simulated_scans
 from idic.virtual_tests.virtual_test import medium_speckle, rough_surface, stated_speckle, with_contrast
@@ -119,7 +119,7 @@ def _write_scans(folder: Path, experiment: Experiment, motion: Sequence[np.ndarr
                  noise_rng: np.random.Generator) -> None:
     """Write a scan for each of the nodal displacements `motion` (n_nodes, 3) mm, and the mask where there is one."""
     size_px = SCAN_SPECKLE_PX if planned is None else planned.speckle_px
-    speckle = solid_speckle(texture_rng, DOT_SIGMA_PER_SPECKLE * size_px)
+    speckle = SolidSpeckle.drawn(texture_rng, DOT_SIGMA_PER_SPECKLE * size_px)
     texture = with_contrast(speckle, grey.contrast_gv, 0.5 * 2.0**grey.bits, 1.0,
                             np.full(3, PERIOD_CELLS * speckle.cell_mm))
     for k, (tomograph, planes) in enumerate(simulated_scans(experiment, motion, grey, texture.value, noise_rng)):
@@ -151,7 +151,7 @@ def _images(experiment: Experiment, camera: AnyCamera, motion: Sequence[np.ndarr
     model = experiment.model
     rise, mesh = None, model.mesh
     if isinstance(camera, PlacedCamera):
-        yield from traced_images(mesh, model.surface, camera, motion, sensor, speckle, camera_rng)
+        yield from traced_images(mesh, model.surface, camera, motion, sensor, camera_rng, speckle)
         return
     if experiment.recording.quantity == "height":
         rise = view_of(experiment, camera).rise

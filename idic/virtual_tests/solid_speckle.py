@@ -36,13 +36,14 @@ class SolidSpeckle:
         _evaluate(np.ascontiguousarray(points_mm, dtype=np.float64), self.balls, self.cell_mm, GAIN, out)
         return self.low + (self.high - self.low) * out
 
-
-def solid_speckle(rng: np.random.Generator, sigma_mm: float, low: float = 20.0, high: float = 235.0) -> SolidSpeckle:
-    """A dense speckle whose autocorrelation on a surface is close to exp(-d²/(4 sigma²))."""
-    n_balls = max(1, round(DENSITY * DOT_RADIUS**3 / 10.0))
-    balls = rng.random((*[PERIOD_CELLS] * 3, n_balls, 4), dtype=np.float32)
-    balls[..., 3] = np.sqrt(10.0) * rng.standard_normal(balls.shape[:4], dtype=np.float32)
-    return SolidSpeckle(balls, DOT_RADIUS * sigma_mm, float(low), float(high))
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, sigma_mm: float, low: float = 20.0,
+              high: float = 235.0) -> SolidSpeckle:
+        """A dense speckle whose autocorrelation on a surface is close to exp(-d²/(4 sigma²))."""
+        n_balls = max(1, round(DENSITY * DOT_RADIUS**3 / 10.0))
+        balls = rng.random((*[PERIOD_CELLS] * 3, n_balls, 4), dtype=np.float32)
+        balls[..., 3] = np.sqrt(10.0) * rng.standard_normal(balls.shape[:4], dtype=np.float32)
+        return cls(balls, DOT_RADIUS * sigma_mm, float(low), float(high))
 
 
 @numba.njit(cache=True, nogil=True)

@@ -10,9 +10,9 @@ from idic.experiment_file import DesignTable
 from idic.fe import Mesh, boundary_faces, face_cells, surface_cells
 from idic.identification import DOT_SIGMA_PER_SPECKLE
 from idic.images import AnyCamera, PlacedCamera
-from idic.virtual_tests.render import Sensor, record
-from idic.virtual_tests.ray_tracing import Scene, traced_image
-from idic.virtual_tests.solid_speckle import PERIOD_CELLS, SolidSpeckle, solid_speckle
+from idic.virtual_tests.rendering.render import Sensor, record
+from idic.virtual_tests.ray_tracing import Scene
+from idic.virtual_tests.solid_speckle import PERIOD_CELLS, SolidSpeckle
 from idic.virtual_tests.virtual_test import GREY_LEVELS, with_contrast
 
 SPECKLE_PX = 1.6       # sigma of the dots in the middle of the image
@@ -42,17 +42,25 @@ def common_speckle(cameras: Sequence[AnyCamera], rng: np.random.Generator, level
         return None
     pixel = max(sizes)
     if planned is None:
-        return solid_speckle(rng, SPECKLE_PX * pixel, LOW * levels, HIGH * levels)
-    speckle = solid_speckle(rng, DOT_SIGMA_PER_SPECKLE * planned.speckle_px * pixel)
+        return SolidSpeckle.drawn(rng, SPECKLE_PX * pixel, LOW * levels, HIGH * levels)
+    speckle = SolidSpeckle.drawn(rng, DOT_SIGMA_PER_SPECKLE * planned.speckle_px * pixel)
     return with_contrast(speckle, planned.contrast_gv * levels / GREY_LEVELS, 0.5 * levels, pixel,
                          np.full(3, PERIOD_CELLS * speckle.cell_mm))
 
 
 def traced_images(mesh: Mesh, surface: str | None, camera: PlacedCamera, motion: Sequence[np.ndarray], sensor: Sensor,
-                  speckle: SolidSpeckle, camera_rng: np.random.Generator) -> Iterator[np.ndarray]:
-    """Recorded images of the nodal displacements `motion` (n_nodes, 2|3) mm, one at a time."""
-    scene = scene_of(mesh, surface)
+                  camera_rng: np.random.Generator, speckle: SolidSpeckle | None = None) -> Iterator[np.ndarray]:
+    """Recorded images of the nodal displacements `motion` (n_nodes, 2|3) mm, one at a time.
+
+    speckle : None: one of a size for this camera is drawn now
+    """
+    drawn_speckle = common_speckle([camera], camera_rng, GREY_LEVELS) if speckle is None else speckle
+    return _recorded(scene_of(mesh, surface), camera, motion, sensor, drawn_speckle, camera_rng)
+
+
+def _recorded(scene: Scene, camera: PlacedCamera, motion: Sequence[np.ndarray], sensor: Sensor,
+              speckle: SolidSpeckle, camera_rng: np.random.Generator) -> Iterator[np.ndarray]:
     for frame, u in enumerate(motion):
         u = u if u.shape[1] == 3 else np.column_stack([u, np.zeros(len(u))])
-        exposure = traced_image(scene, u, camera.at(frame).effective, speckle.value, sensor)
+        exposure = scene.image(u, camera.at(frame).effective, speckle.value, sensor)
         yield record(exposure, sensor, camera_rng)

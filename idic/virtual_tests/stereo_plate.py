@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 from string import Template
+from typing import ClassVar
 
 import numpy as np
 
@@ -13,17 +14,14 @@ from idic.images import PinholeCamera
 from idic.laws import compile as compile_law
 from idic.virtual_tests.experiment_files import empty_folder, write_images, write_loads, write_truth
 from idic.virtual_tests.meshes import layered, strip_with_hole, write_inp
-from idic.virtual_tests.render import Sensor, noisy_channel, record
-from idic.virtual_tests.ray_tracing import Scene, traced_image
-from idic.virtual_tests.stereo_rig import Rig, rig, write_calibration
-from idic.virtual_tests.solid_speckle import SolidSpeckle, solid_speckle
+from idic.virtual_tests.rendering.render import Sensor, noisy_channel, record
+from idic.virtual_tests.ray_tracing import Scene
+from idic.virtual_tests.stereo_rig import Rig
+from idic.virtual_tests.solid_speckle import SolidSpeckle
 from idic.virtual_tests.virtual_test import DEFAULT_NOISE_SHARE, GREY_LEVELS
 
 LENGTH, WIDTH, RADIUS, THICKNESS = 28.0, 16.0, 3.0, 4.0  # mm
-TRUTH = {"BODY.E": 70000.0, "BODY.nu": 0.3, "BODY.yield_stress": 200.0, "BODY.hardening_modulus": 1500.0}
-FORCE_NOISE_N, GRIP_NOISE_MM = 10.0, 0.0002
 SPECKLE_PX = 1.6  # sigma of the dots
-INCREMENTS = 4  # of the true simulation per frame
 CALIBRATION = "calibration.json"
 
 TOML = """\
@@ -80,7 +78,7 @@ noise_std = 10.0
 
 
 @dataclass(frozen=True)
-class Size:
+class PlateSize:
     """Pixel size in the middle (mm), image (rows, columns), frames of three stages, mesh densities (around the eighth
     of the hole, radial, beside, through the thickness), distance of the cameras (mm) and their angles (deg)."""
 
@@ -92,9 +90,26 @@ class Size:
     distance: float = 300.0
     angles: tuple[float, ...] = (-12.0, 12.0)
 
+    @classmethod
+    def of_example(cls, reduced: bool = False) -> PlateSize:
+        """That of the example."""
+        if reduced:
+            return cls(0.16, (125, 195), (3, 3, 4), (2, 3, 2, 1), (3, 4, 3, 2))
+        return cls(0.08, (250, 390), (4, 4, 6), (3, 5, 3, 1), (4, 6, 4, 2))
 
-FULL = Size(0.08, (250, 390), (4, 4, 6), (3, 5, 3, 1), (4, 6, 4, 2))
-REDUCED = Size(0.16, (125, 195), (3, 3, 4), (2, 3, 2, 1), (3, 4, 3, 2))
+    @property
+    def user_mesh(self) -> Mesh:
+        """The plate of hex20, its front at z = 0, the hole round; sets LEFT, RIGHT, BODY, faces FRONT, REST."""
+        return _plate(*self.user)
+
+    @property
+    def true_mesh(self) -> Mesh:
+        """The same plate, finer."""
+        return _plate(*self.true)
+
+    def speckle(self, rng: np.random.Generator) -> SolidSpeckle:
+        """The speckle on the plate: dots of `SPECKLE_PX` in the middle of the images."""
+        return SolidSpeckle.drawn(rng, SPECKLE_PX * self.pixel, 0.08 * GREY_LEVELS, 0.92 * GREY_LEVELS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,19 +122,53 @@ class PlateTest:
     force: np.ndarray
     rig: Rig
     mesh: Mesh
-    size: Size
+    size: PlateSize
+
+    TRUTH: ClassVar[dict[str, float]] = {"BODY.E": 70000.0, "BODY.nu": 0.3, "BODY.yield_stress": 200.0,
+                                         "BODY.hardening_modulus": 1500.0}
+    FORCE_NOISE_N: ClassVar[float] = 10.0
+    GRIP_NOISE_MM: ClassVar[float] = 0.0002
+    INCREMENTS: ClassVar[int] = 4  # of the true simulation per frame
+
+    @classmethod
+    def simulated(cls, size: PlateSize, increments: int = INCREMENTS) -> PlateTest:
+        """Simulate the truth, on a finer mesh than the user's; increments : per frame."""
+        true, grip = size.true_mesh, _grip_motion(*size.frames)
+        u, force = _solve(true, grip, increments)
+        front, bare = true.edge_sets["FRONT"], true.edge_sets["REST"]
+        return cls(Scene(true.nodes, face_cells(true, front), face_cells(true, bare)), u, grip, force,
+                   Rig.around(size.shape, size.pixel, size.distance, size.angles), size.user_mesh, size)
+
+    def write(self, folder: Path, noise: float | None = None, seed: int = 0,
+              believed: Rig | None = None, deviations: dict[str, float] | None = None) -> Path:
+        """Write the folder of a plate before cameras; believed : what the calibration file says, default the truth."""
+        speckle_rng, camera_rng, channel_rng = np.random.default_rng(seed).spawn(3)
+        texture = self.size.speckle(speckle_rng)
+        bare = Sensor(self.size.shape, background=0.1 * GREY_LEVELS)
+        still = self.scene.image(0.0 * self.displacements[0], self.rig.cameras[0], texture.value,
+                                 replace(bare, background=np.nan))
+        std = (DEFAULT_NOISE_SHARE if noise is None else noise) * float(np.nanstd(still))
+        sensor = replace(bare, noise_std=std)
+        for number, camera in enumerate(self.rig.cameras):
+            place = "images" if number == 0 else "right"
+            (folder / place).mkdir(exist_ok=True)
+            write_images(folder, (record(self.scene.image(u, camera, texture.value, sensor), sensor, camera_rng)
+                                  for u in self.displacements), place)
+        stated_rig = self.rig if believed is None else believed
+        stated_rig.write_calibration(folder / CALIBRATION, deviations)
+        columns = {"force_N": (self.force, self.FORCE_NOISE_N), "grip_displacement_mm": (self.grip, self.GRIP_NOISE_MM)}
+        write_loads(folder, np.arange(len(self.grip), dtype=float),
+                    {name: noisy_channel(values, noise_std if std else 0.0, channel_rng)
+                     for name, (values, noise_std) in columns.items()})
+        write_inp(self.mesh, folder / "mesh.inp", "Open-hole plate, stereo")
+        text = Template(TOML).substitute(noise_std_gv=f"{sensor.total_noise_std:.4g}",
+                                         alignment=pose_lines(stated_rig.cameras[0]))
+        (folder / "experiment.toml").write_text(text, encoding="utf-8")
+        write_truth(folder, self.TRUTH, sensor.total_noise_std, added_noise_std_gv=std, seed=seed)
+        return folder / "experiment.toml"
 
 
-def plate_test(size: Size, increments: int = INCREMENTS) -> PlateTest:
-    """Simulate the truth, on a finer mesh than the user's; increments : per frame."""
-    true, grip = plate(*size.true), _grip_motion(*size.frames)
-    u, force = _solve(true, grip, increments)
-    front, bare = true.edge_sets["FRONT"], true.edge_sets["REST"]
-    return PlateTest(Scene(true.nodes, face_cells(true, front), face_cells(true, bare)), u, grip, force,
-                     rig(size.shape, size.pixel, size.distance, size.angles), plate(*size.user), size)
-
-
-def plate(around: int, radial: int, along: int, layers: int) -> Mesh:
+def _plate(around: int, radial: int, along: int, layers: int) -> Mesh:
     """The plate of hex20, its front at z = 0, the hole round; sets LEFT, RIGHT, BODY, faces FRONT, REST."""
     flat = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", around, radial, along)
     mesh = layered(flat, np.linspace(-THICKNESS, 0.0, layers + 1))
@@ -132,36 +181,7 @@ def write_stereo(out: Path | str, reduced: bool = False, noise: float | None = N
                  foreign: bool = False) -> Path:
     """Write the folder of the example; the truth is always foreign. Arguments as in `write_example`."""
     folder = empty_folder(out)
-    return write_plate(folder, plate_test(REDUCED if reduced else FULL), noise, seed)
-
-
-def write_plate(folder: Path, test: PlateTest, noise: float | None = None, seed: int = 0,
-                believed: Rig | None = None, deviations: dict[str, float] | None = None) -> Path:
-    """Write the folder of a plate before cameras; believed : what the calibration file says, default the truth."""
-    speckle_rng, camera_rng, channel_rng = np.random.default_rng(seed).spawn(3)
-    texture = speckle_of(speckle_rng, test.size)
-    bare = Sensor(test.size.shape, background=0.1 * GREY_LEVELS)
-    still = traced_image(test.scene, 0.0 * test.displacements[0], test.rig.cameras[0], texture.value,
-                         replace(bare, background=np.nan))
-    std = (DEFAULT_NOISE_SHARE if noise is None else noise) * float(np.nanstd(still))
-    sensor = replace(bare, noise_std=std)
-    for number, camera in enumerate(test.rig.cameras):
-        place = "images" if number == 0 else "right"
-        (folder / place).mkdir(exist_ok=True)
-        write_images(folder, (record(traced_image(test.scene, u, camera, texture.value, sensor), sensor, camera_rng)
-                              for u in test.displacements), place)
-    stated_rig = test.rig if believed is None else believed
-    write_calibration(stated_rig.cameras, stated_rig.shape, folder / CALIBRATION, deviations)
-    columns = {"force_N": (test.force, FORCE_NOISE_N), "grip_displacement_mm": (test.grip, GRIP_NOISE_MM)}
-    write_loads(folder, np.arange(len(test.grip), dtype=float),
-                {name: noisy_channel(values, noise_std if std else 0.0, channel_rng)
-                 for name, (values, noise_std) in columns.items()})
-    write_inp(test.mesh, folder / "mesh.inp", "Open-hole plate, stereo")
-    text = Template(TOML).substitute(noise_std_gv=f"{sensor.total_noise_std:.4g}",
-                                     alignment=pose_lines(stated_rig.cameras[0]))
-    (folder / "experiment.toml").write_text(text, encoding="utf-8")
-    write_truth(folder, TRUTH, sensor.total_noise_std, added_noise_std_gv=std, seed=seed)
-    return folder / "experiment.toml"
+    return PlateTest.simulated(PlateSize.of_example(reduced)).write(folder, noise, seed)
 
 
 def pose_lines(camera: PinholeCamera) -> str:
@@ -169,11 +189,6 @@ def pose_lines(camera: PinholeCamera) -> str:
     rows = ", ".join("[" + ", ".join(f"{value:.12g}" for value in row) + "]" for row in camera.rotation)
     return (f"rotation = [{rows}]   # from the mesh frame to the camera's\n"
             f"translation_mm = [{', '.join(f'{value:.12g}' for value in camera.translation_mm)}]")
-
-
-def speckle_of(rng: np.random.Generator, size: Size) -> SolidSpeckle:
-    """The speckle on the plate: dots of `SPECKLE_PX` in the middle of the images."""
-    return solid_speckle(rng, SPECKLE_PX * size.pixel, 0.08 * GREY_LEVELS, 0.92 * GREY_LEVELS)
 
 
 def _grip_motion(elastic: int, yielding: int, plastic: int) -> np.ndarray:
@@ -193,7 +208,7 @@ def _solve(mesh: Mesh, grip: np.ndarray, increments: int) -> tuple[np.ndarray, n
     law = compile_law("j2_linear", "finite")
     model = Body(mesh=mesh, kind="solid", sections=(Section("BODY", law, mesh.element_sets["BODY"]),),
                   constraints=Constraints(dofs, basis, fine[:, None]), channels=(Reaction(3 * right_end),))
-    values = np.array([TRUTH[f"BODY.{name}"] for name in law.spec.parameter_names])
+    values = np.array([PlateTest.TRUTH[f"BODY.{name}"] for name in law.spec.parameter_names])
     frames = range(0, len(fine), increments)
     states = [(state.u.copy(), state.channels[0]) for k, state in enumerate(march(model, {"BODY": values}, times))
               if k in frames]

@@ -15,7 +15,7 @@ from idic.images import Camera, Pattern, dense_speckle
 from idic.identification import DOT_SIGMA_PER_SPECKLE
 from idic.virtual_tests.experiment_files import write_loads, write_truth
 from idic.virtual_tests.meshes import write_inp
-from idic.virtual_tests.render import Sensor, Texture, clean_image, painted
+from idic.virtual_tests.rendering.render import Sensor, Texture, clean_image, painted
 from idic.virtual_tests.solid_speckle import SolidSpeckle
 
 GREY_LEVELS = 256.0  # grey values of 8 bits; other sensors are steps of another size on the same scale

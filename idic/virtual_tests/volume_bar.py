@@ -13,8 +13,8 @@ from idic.fe import Body, Constraints, Mesh, Reaction, Section, march
 from idic.laws import compile as compile_law
 from idic.virtual_tests.experiment_files import SCANS, empty_folder, write_loads, write_scan, write_truth
 from idic.virtual_tests.meshes import layered, strip_with_hole, write_inp
-from idic.virtual_tests.render import noisy_channel
-from idic.virtual_tests.solid_speckle import solid_speckle
+from idic.virtual_tests.rendering.render import noisy_channel
+from idic.virtual_tests.solid_speckle import SolidSpeckle
 from idic.virtual_tests.tomograms.reconstruction import GreyDrift, ReconstructionNoise, rings
 from idic.virtual_tests.tomograms.tomograph import Pose, Tomograph
 from idic.virtual_tests.virtual_test import GREY_LEVELS
@@ -113,7 +113,7 @@ def write_volume(out: Path | str, reduced: bool = False, noise: float | None = N
     folder = empty_folder(out, SCANS)
     size = REDUCED if reduced else FULL
     texture_rng, ring_rng, scan_rng, channel_rng = np.random.default_rng(seed).spawn(4)
-    texture = solid_speckle(texture_rng, TEXTURE_PX * size.voxel_mm, DARK * GREY_LEVELS, BRIGHT * GREY_LEVELS)
+    texture = SolidSpeckle.drawn(texture_rng, TEXTURE_PX * size.voxel_mm, DARK * GREY_LEVELS, BRIGHT * GREY_LEVELS)
     contrast = float(np.std(texture.value(np.random.default_rng(seed).uniform(0.0, 1.0, (20_000, 3)))))
     std = (DEFAULT_NOISE_SHARE if noise is None else noise) * contrast
     middle = (size.n - 1) / 2

@@ -67,7 +67,8 @@ def _judged(out: Path, name: str, ledger: Ledger) -> dict[str, Any]:
 
 
 def _write(path: Path, content: dict) -> None:
-    from idic.run import finite, write_json
+    from idic.plain_values import finite
+    from idic.run import write_json
 
     path.parent.mkdir(parents=True, exist_ok=True)
     write_json(path, finite(json.loads(json.dumps(content, default=_as_number))))

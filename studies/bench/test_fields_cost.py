@@ -16,7 +16,7 @@ import time
 import numpy as np
 import pytest
 
-from idic.correlation.field.point_map import build_point_map
+from idic.correlation import build_point_map
 from idic.experiment_file import load_experiment
 from idic.fe import surface_cells
 from idic.model import build_forward, solve

@@ -12,7 +12,7 @@ import time
 import psutil
 import pytest
 
-from idic.virtual_tests import examples as example
+from idic.virtual_tests import EXAMPLES, write_example
 from idic.virtual_tests import DemoSize, strip
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow]
@@ -27,8 +27,8 @@ def experiments(tmp_path_factory):
     """Folders of the short and of the long test."""
     root = tmp_path_factory.mktemp("memory")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(example.EXAMPLES, "frames", lambda reduced, foreign: strip(SIZE))
-        short = example.write_example("frames", root / "short").parent
+        patch.setitem(EXAMPLES, "frames", lambda reduced, foreign: strip(SIZE))
+        short = write_example("frames", root / "short").parent
     long = root / "long"
     (long / "images").mkdir(parents=True)
     for name in ("experiment.toml", "mesh.inp"):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idic.correlation import GREY, PinholeView, View, build_pixel_map, build_reference, nodal_equations
-from idic.correlation.pinhole.ray_map import build_ray_map
+from idic.correlation import build_ray_map
 from idic.fe import make_mesh, surface_cells
 from idic.images import Camera, PinholeCamera, PlacedCamera, prefilter, rotation_of
 from idic.virtual_tests import Patch, mesh_patches

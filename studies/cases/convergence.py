@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from idic.virtual_tests import DEMO_TRUTH as METAL_TRUTH
+from idic.virtual_tests import DemoSize
 from idic_studies.cases.bulge import bulge_study
 from idic_studies.cases.coverage import coverage_study
 from idic_studies.cases.polycarbonate import polycarbonate_study
@@ -57,7 +57,7 @@ def virtual_tests() -> dict[str, VirtualTest]:
     """The three tests, in their smallest size."""
     distances = (1.5, 3.0, 6.0)
     return {
-        "metal": VirtualTest(coverage_study("sketch").rendering("metal"), METAL_TRUTH, NOISE_GV, distances, 9.0),
+        "metal": VirtualTest(coverage_study("sketch").rendering("metal"), DemoSize.TRUTH, NOISE_GV, distances, 9.0),
         "bulge": VirtualTest(bulge_study("sketch").rendering("main"), BULGE_TRUTH, 0.003 * RMS_UM, distances, 1.0),
         "polycarbonate": VirtualTest(polycarbonate_study("sketch").rendering("main"), POLYCARBONATE_TRUTH, 0.0,
                                      (1.1, 1.3, 2.0), 200.0, 0.5),

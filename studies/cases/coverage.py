@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from idic.images import ArrayStack
-from idic.virtual_tests import DEMO_TRUTH, DemoSize, VirtualTest
+from idic.virtual_tests import DemoSize, VirtualTest
 from idic_studies.cases.realisation import Disturbance
 from idic_studies.cases.study import Case, Rendering, Study
 from idic_studies.examples.open_hole_strip import NOISE_GV, POLYMER_TABLE, metal, polymer, write_clean
@@ -31,7 +31,7 @@ ESTIMATORS = ("ordinary", "generalised")
 EDGES = ("LEFT", "RIGHT")
 ON_POLYMER = {"material": {"sheet": POLYMER_TABLE}}
 ROUTES = {  # starts at the truth: the result of a draw does not depend on it
-    "grips": dict(DEMO_TRUTH),
+    "grips": dict(DemoSize.TRUTH),
     "polymer": ON_POLYMER,
     "measured": ON_POLYMER | {"boundary": [{"nodes": edge, "ux": "measured", "uy": "measured"} for edge in EDGES]},
     "virtual": ON_POLYMER | {"boundary": [{"nodes": edge, "u": {"virtual": "bspline", "modes": 3, "time_modes": 2}}

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from idic.images import ArrayStack
-from idic.virtual_tests import DEMO_TRUTH, DemoSize
+from idic.virtual_tests import DemoSize
 from idic_studies.cases.coverage import DISTURBANCE
 from idic_studies.cases.study import Case, Rendering, Study
 from idic_studies.examples.open_hole_strip import metal, write_clean
@@ -44,7 +44,7 @@ def _cases(draws: int) -> Iterable[Case]:
         for mesh in MESHES:
             for noise, level in NOISE_GV.items():
                 for method in METHODS:
-                    yield Case(f"{mesh}-{noise}-{method}/{k:03d}", mesh, {**DEMO_TRUTH, **OVERRIDES[method]},
+                    yield Case(f"{mesh}-{noise}-{method}/{k:03d}", mesh, {**DemoSize.TRUTH, **OVERRIDES[method]},
                                noise=level, seed=SEED + k, disturbance=DISTURBANCE)
 
 

@@ -23,9 +23,7 @@ from idic.images import dense_speckle
 from idic.measure import seen_by
 from idic.run import identify_run
 from idic.report import noise_floor
-from idic.virtual_tests import (
-    DEMO_TRUTH, LENGTH, RADIUS, REDUCED, WIDTH, painted, strip, strip_with_hole, write_images, write_virtual_model,
-)
+from idic.virtual_tests import DemoSize, painted, strip, write_images, write_virtual_model
 
 NOISE_GV = 2.0
 TRUE_MESH = (9, 12, 7)
@@ -56,8 +54,8 @@ def groups():
 
 def test_of(division, cell: str, overrides):
     """The test with a mesh for the model, and the remaining overrides."""
-    test = strip(replace(REDUCED, true=TRUE_MESH, user=division))
-    test = replace(test, mesh=strip_with_hole(LENGTH, WIDTH, RADIUS, cell, *division))
+    test = strip(replace(DemoSize.of_example(reduced=True), true=TRUE_MESH, user=division))
+    test = replace(test, mesh=DemoSize.mesh(cell, division))
     overrides = dict(overrides)
     if overrides.pop(FINE, False):
         test = replace(test, texture=lambda rng, levels: painted(dense_speckle(
@@ -90,7 +88,7 @@ def row(folder: Path, label: str, division, cell: str, overrides) -> str:
     else:
         result = identify(experiment_of(folder, division, cell, overrides)).result
     cpu, cells = time.process_time() - began, []
-    for name, true in DEMO_TRUTH.items():
+    for name, true in DemoSize.TRUTH.items():
         entry = result["parameters"][name]
         cells.append("–" if entry["std"] is None else
                      f"{100 * (entry['value'] / true - 1):+.2f} ± {100 * entry['std'] / true:.2f}")

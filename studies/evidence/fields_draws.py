@@ -3,8 +3,8 @@
     python studies/evidence/fields_draws.py --draws 200 --processes 8 --out draws.csv
 
 A polymer strip with a hole is stretched by 0.9 % (9 stages, E, nu). Its images come from another, finer mesh
-and from code that shares nothing with what identifies (`idic.virtual_tests.render`); they get noise and are rounded to
-8 bits. A subset DIC (`idic_studies.subset_dic`) measures 17 px subsets, 8 px apart; they are written as a VIC export
+and from code that shares nothing with what identifies (`idic.virtual_tests.rendering`); they get noise and are rounded
+to 8 bits. A subset DIC (`idic_studies.subset_dic`) measures 17 px subsets, 8 px apart; they are written as a VIC export
 beside the log of the machine, whose force has noise, too. idic gets these files and what a user writes: a mesh of the
 view, ends that move as measured, the width of the subsets. Nothing tells it the noise. Every draw has noise of
 its own in all images, the reference included, and in the force. With `--images N` the images of the first N draws are
@@ -25,7 +25,7 @@ import numpy as np
 
 from idic.images import Camera
 from idic.run import identify_run
-from idic.virtual_tests import DemoSize, LENGTH, RADIUS, THICKNESS, WIDTH
+from idic.virtual_tests import DemoSize
 from idic_studies.examples.open_hole_strip import POLYMER, polymer, write_clean
 from idic_studies.subset_dic import subset_displacements, subset_grid
 
@@ -66,8 +66,8 @@ def specimen(camera: Camera) -> np.ndarray:
     column, row = np.meshgrid(np.arange(nx), np.arange(ny))
     x, y = camera.inverse(np.column_stack([column.ravel(), row.ravel()]).astype(float)).T
     margin = MARGIN_PX * SIZE.pixel
-    inside = (np.abs(x) < 0.5 * LENGTH - margin) & (np.abs(y) < 0.5 * WIDTH - margin) & (np.hypot(x, y) > RADIUS
-                                                                                         + margin)
+    inside = ((np.abs(x) < 0.5 * DemoSize.LENGTH - margin) & (np.abs(y) < 0.5 * DemoSize.WIDTH - margin)
+              & (np.hypot(x, y) > DemoSize.RADIUS + margin))
     return inside.reshape(ny, nx)
 
 
@@ -88,8 +88,9 @@ def write_export(folder: Path, images: np.ndarray, force: np.ndarray, camera: Ca
     x_left, x_right = at[:, 0].min(), at[:, 0].max()
     start = "\n".join(f"{name} = {{ value = {value}, identify = true }}" for name, value in START.items())
     (folder / "experiment.toml").write_text(FIELDS.format(
-        subset=(2 * HALF + 1) * SIZE.pixel, left=x_left, right=x_right, low=-0.5 * WIDTH, high=0.5 * WIDTH,
-        radius=RADIUS, element=element_mm, thickness=THICKNESS, start=start))
+        subset=(2 * HALF + 1) * SIZE.pixel, left=x_left, right=x_right, low=-0.5 * DemoSize.WIDTH,
+        high=0.5 * DemoSize.WIDTH, radius=DemoSize.RADIUS,
+        element=element_mm, thickness=DemoSize.THICKNESS, start=start))
 
 
 def draw(clean: str, camera: Camera, element_mm: float, noise_gv: float, order: int, of_images: bool,

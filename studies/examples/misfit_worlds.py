@@ -23,10 +23,7 @@ import numpy as np
 
 from idic.fe import Block, Constraints, Mesh, Body, Reaction, Section, make_mesh, march
 from idic.laws import CompiledLaw, compile as compile_law
-from idic.virtual_tests import (
-    DEMO_TRUTH, DemoSize, LENGTH, LoggedColumn, RADIUS, THICKNESS, VirtualTest, WIDTH, medium_speckle, strip,
-    strip_with_hole,
-)
+from idic.virtual_tests import DemoSize, LoggedColumn, VirtualTest, medium_speckle, strip
 from idic_studies.examples.open_hole_strip import HIDDEN_GRIP_MM, POLYMER, POLYMER_TABLE
 
 METAL_SIZE = DemoSize(0.2, (100, 152), (3, 3, 4), (3, 4, 2), (5, 7, 3), 1)
@@ -75,7 +72,7 @@ class Draw:
     def overrides(self) -> dict[str, Any]:
         """Of experiment.toml."""
         table = COMPOSITE_TABLE if self.world == "off_axis" else POLYMER_TABLE
-        tables: dict[str, Any] = {"material": {"sheet": table}} if self.elastic else dict(DEMO_TRUTH)
+        tables: dict[str, Any] = {"material": {"sheet": table}} if self.elastic else dict(DemoSize.TRUTH)
         if self.world == "coarse":
             tables["options.element_order"] = "as_given"
         return tables | ({"experiment.thickness_mm": self.thickness_mm} if self.world == "solid" else {})
@@ -85,30 +82,33 @@ def draw(world: str, seed: int) -> Draw:
     """A draw; the same `seed` gives the same one."""
     rng = np.random.default_rng((seed, sum(world.encode())))
     size = float(rng.choice([-1.0, 1.0]) * rng.uniform(MIN_SIZE, 1.0))
-    thickness = float(rng.choice(THICKNESSES_MM)) if world == "solid" else THICKNESS
+    thickness = float(rng.choice(THICKNESSES_MM)) if world == "solid" else DemoSize.THICKNESS
     coarse = COARSE_MESHES[int(rng.integers(len(COARSE_MESHES)))]
-    away, angle = (rng.uniform(RADIUS, 0.5 * WIDTH), rng.uniform(0.0, 2.0 * np.pi)) if world == "spot" else (0.0, 0.0)
+    away, angle = 0.0, 0.0
+    if world == "spot":
+        away, angle = rng.uniform(DemoSize.RADIUS, 0.5 * DemoSize.WIDTH), rng.uniform(0.0, 2.0 * np.pi)
     return Draw(world, size, thickness, coarse, (float(away * np.cos(angle)), float(away * np.sin(angle))))
 
 
 def flow_stress(drawn: Draw, plastic_strain: float) -> float:
     """True flow stress of the metal that saturates, MPa."""
     saturated = MAX_SATURATION_MPA * drawn.size * (1.0 - np.exp(-SATURATION_RATE * plastic_strain))
-    return float(DEMO_TRUTH["sheet.yield_stress"] + DEMO_TRUTH["sheet.hardening_modulus"] * plastic_strain + saturated)
+    truth = DemoSize.TRUTH
+    return float(truth["sheet.yield_stress"] + truth["sheet.hardening_modulus"] * plastic_strain + saturated)
 
 
 def virtual_test(drawn: Draw) -> VirtualTest:
     """The test of a draw: its truth, and the files of a user who does not know it."""
     pixels = POLYMER_SIZE if drawn.elastic else METAL_SIZE
     bare = strip(replace(pixels, true=(2, 2, 1)))  # its files, times and camera; the motion is replaced
-    grip, user_truth, camera, mesh = bare.columns[1].values, dict(DEMO_TRUTH), bare.camera, bare.mesh
+    grip, user_truth, camera, mesh = bare.columns[1].values, dict(DemoSize.TRUTH), bare.camera, bare.mesh
     if drawn.elastic:
         grip = HIDDEN_GRIP_MM * bare.times / bare.times[-1]
         user_truth = dict(COMPOSITE if drawn.world == "off_axis" else POLYMER)
     if drawn.world == "hardening":
         user_truth = {key: user_truth[key] for key in ("sheet.E", "sheet.nu")}
     if drawn.world == "coarse":
-        mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad4", *drawn.coarse)
+        mesh = DemoSize.mesh("quad4", drawn.coarse)
     if drawn.world == "lens":
         camera = replace(camera, k1=MAX_K1 * drawn.size, centre_px=0.5 * np.array(pixels.shape[::-1]))
     truth = _truth_of(drawn)
@@ -145,8 +145,8 @@ class _Truth:
 
 def _truth_of(drawn: Draw) -> _Truth:
     """The law and the boundary of a draw on a fine mesh."""
-    mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *(POLYMER_SIZE if drawn.elastic else METAL_SIZE).true)
-    metal = {key.partition(".")[2]: value for key, value in DEMO_TRUTH.items()}
+    mesh = DemoSize.mesh("quad8", (POLYMER_SIZE if drawn.elastic else METAL_SIZE).true)
+    metal = {key.partition(".")[2]: value for key, value in DemoSize.TRUTH.items()}
     polymer = {key.partition(".")[2]: value for key, value in POLYMER.items()}
     if drawn.world == "polymer":
         return _Truth(mesh, "elastic", polymer)
@@ -157,7 +157,7 @@ def _truth_of(drawn: Draw) -> _Truth:
                       {"E1": along, "E2": across, "nu12": polymer["nu"], "G12": shear, "angle": 0.0})
     if drawn.world == "off_axis":
         stiffness = {name.partition(".")[2]: value for name, value in COMPOSITE.items()}
-        rim = _Spot(MAX_RIM_CHANGE * drawn.size, ("E1", "E2", "G12"), (0.0, 0.0), RIM_RADIUS * RADIUS)
+        rim = _Spot(MAX_RIM_CHANGE * drawn.size, ("E1", "E2", "G12"), (0.0, 0.0), RIM_RADIUS * DemoSize.RADIUS)
         return _Truth(mesh, "orthotropic", stiffness | {"angle": FIBRES_DEG}, spot=rim)
     if drawn.world == "spot":
         stresses = ("E", "yield_stress", "hardening_modulus")
@@ -206,7 +206,7 @@ def _sections(truth: _Truth, law: CompiledLaw) -> tuple[tuple[Section, ...], dic
 
 def _solid(thickness: float) -> Mesh:
     """Half the strip's thickness in layers of bricks, thinner towards the surface; MIDDLE: the plane of symmetry."""
-    plane = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad4", *SOLID_MESH)
+    plane = DemoSize.mesh("quad4", SOLID_MESH)
     levels = 0.5 * thickness * (1.0 - (1.0 - np.linspace(0.0, 1.0, LAYERS + 1)) ** 1.5)
     n, cells = len(plane.nodes), plane.blocks[0].connectivity
     nodes = np.concatenate([np.column_stack([plane.nodes, np.full(n, z)]) for z in levels])
@@ -219,5 +219,5 @@ def _solid(thickness: float) -> Mesh:
 
 def _surface(mesh: Mesh) -> tuple[np.ndarray, tuple[Block, ...]]:
     """Nodes (the last ones of the body) and cells of the surface that the camera sees."""
-    plane = mesh if mesh.n_dim == 2 else strip_with_hole(LENGTH, WIDTH, RADIUS, "quad4", *SOLID_MESH)
+    plane = mesh if mesh.n_dim == 2 else DemoSize.mesh("quad4", SOLID_MESH)
     return plane.nodes, plane.blocks

@@ -12,8 +12,7 @@ from idic.fe import Constraints, Body, Reaction, Section, march
 from idic.images import ArrayStack
 from idic.laws import compile as compile_law
 from idic.virtual_tests import (
-    DemoSize, LENGTH, LoggedColumn, RADIUS, Sensor, THICKNESS, VirtualTest, WIDTH, clean_image, strip, strip_with_hole,
-    write_inp, write_loads, write_truth,
+    DemoSize, LoggedColumn, Sensor, VirtualTest, clean_image, strip, write_inp, write_loads, write_truth,
 )
 
 POLYMER = {"sheet.E": 2000.0, "sheet.nu": 0.35}
@@ -33,14 +32,14 @@ def polymer(size: DemoSize, grip_mm: float = HIDDEN_GRIP_MM) -> VirtualTest:
     bare = strip(size)
     times = bare.times
     grip = grip_mm * times / times[-1]
-    mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *size.true)
+    mesh = DemoSize.mesh("quad8", size.true)
     left_end, right_end = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
     dofs = np.concatenate([2 * right_end, 2 * right_end + 1, 2 * left_end, 2 * left_end + 1])
     basis = np.zeros((len(dofs), 1))
     basis[:len(right_end)] = 1.0
     law = compile_law("elastic", "finite")
     model = Body(mesh=mesh, kind="plane_stress", sections=(Section("sheet", law, mesh.element_sets["sheet"]),),
-                  thickness=THICKNESS, constraints=Constraints(dofs, basis, grip[:, None]),
+                  thickness=DemoSize.THICKNESS, constraints=Constraints(dofs, basis, grip[:, None]),
                   channels=(Reaction(2 * right_end),))
     values = np.array([POLYMER[f"sheet.{name}"] for name in law.spec.parameter_names])
     states = [(state.u.copy(), state.channels[0]) for state in march(model, {"sheet": values}, times)]

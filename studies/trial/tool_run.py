@@ -15,12 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from idic.diagnose import Candidate, Diagnosis, Notes, diagnose, silent
+from idic.diagnose import Candidate, Diagnosis, Notes, diagnose, free_parameters, silent, without_spots
 from idic.experiment_file import ExperimentTables, read_experiment, with_overrides
 from idic.identification import Identification, identify, measured_noise
 from idic.images import ArrayStack, Stack
 from idic.model import Experiment, MotionError
-from idic.run import SerialRunner, diagnosis_content, free_parameters, run_refits, without_spots
+from idic.report import diagnosis_content
+from idic.run import SerialRunner, run_refits
 from idic_studies.trial.ablations import ablations, omnibus
 from idic_studies.trial.scenes.recording import IMAGES
 

@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import NotConverged
-from idic.run import finite, write_json
+from idic.plain_values import finite
+from idic.run import write_json
 from idic_studies.trial.plan import Truth, paint_of, scene_of
 from idic_studies.trial.scenes.calculix import calculix, solve_with_calculix
 from idic_studies.trial.scenes.recording import write_public

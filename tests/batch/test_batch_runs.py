@@ -12,11 +12,13 @@ from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
+from one_thread import ONE_THREAD
 
 from idic.cli.app import app
 from idic.errors import InputError
-from idic.run import BatchJob, BatchOutcome, JobKillsWorkers, identify_whole, run_lock
-from idic.run.workers.dask_settings import ONE_THREAD
+from idic.run import run_lock
+from idic.run.batch.runs import BatchJob, BatchOutcome, identify_whole
+from idic.run.workers.runner import JobKillsWorkers
 
 pytestmark = pytest.mark.usefixtures("shared_server")
 SECONDS = 600.0
@@ -79,7 +81,8 @@ class Murderous:
 
 @pytest.mark.parametrize("victim", ["a", "b", "c"])
 def test_a_run_that_kills_its_workers_is_given_up_and_the_others_are_done(tmp_path, victim):
-    from idic.run import Batch, Console, Hooks
+    from idic.run import Console, Hooks
+    from idic.run.batch.store import Batch
     from idic.run.batch.entries import BatchRun
     from idic.run.batch.identify import _Work
 
@@ -94,7 +97,8 @@ def test_a_run_that_kills_its_workers_is_given_up_and_the_others_are_done(tmp_pa
 
 
 def test_the_run_that_kills_its_workers_is_given_up_also_where_earlier_ones_are_still_at_work(tmp_path):
-    from idic.run import Batch, Console, Hooks
+    from idic.run import Console, Hooks
+    from idic.run.batch.store import Batch
     from idic.run.batch.entries import BatchRun
     from idic.run.batch.identify import _Work
 

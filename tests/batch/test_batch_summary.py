@@ -13,7 +13,8 @@ import pytest
 from idic.errors import InputError
 from idic.report import batch_table, scatter
 from idic.report.several_runs.batch_page import _points
-from idic.run import Batch, BatchOutcome
+from idic.run.batch.store import Batch
+from idic.run.batch.runs import BatchOutcome
 from idic.run.batch.entries import BatchRun
 
 VALUES = (69.0, 70.0, 72.0)

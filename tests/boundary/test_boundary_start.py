@@ -18,7 +18,7 @@ from idic.errors import InputError  # noqa: E402
 from idic.experiment_file import load_experiment  # noqa: E402
 from idic.images import ArrayStack  # noqa: E402
 from idic.model import Parametrised, Prescribed, build_drives  # noqa: E402
-from idic.report import undetermined  # noqa: E402
+from idic.report import undetermined
 from idic.run.prepared.session import open_session  # noqa: E402
 from idic.run.prepared.prepare import check_before_writing  # noqa: E402
 from idic.run.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA  # noqa: E402

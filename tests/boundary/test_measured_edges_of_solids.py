@@ -20,12 +20,10 @@ from idic.images import rotation_of
 from idic.model import Measured, Parametrised, Prescribed, boundary_parameters, build_drives, set_nodes
 from idic.parameters import ParameterSet
 from idic.report.evidence.rig import rig_warnings
-from idic.virtual_tests.stereo_plate import TRUTH, PlateTest, Size, plate, plate_test, write_plate
-from idic.virtual_tests.ray_tracing import Scene
-from idic.virtual_tests.stereo_rig import rig
+from idic.virtual_tests import PlateSize, PlateTest, Rig, Scene  # noqa: E402
 
-SIZE = Size(0.16, (125, 195), (1, 1, 1), (2, 3, 2, 1), (3, 4, 2, 1))
-SMALL = Size(0.2, (100, 156), (2, 2, 2), (2, 3, 2, 1), (3, 4, 2, 1))
+SIZE = PlateSize(0.16, (125, 195), (1, 1, 1), (2, 3, 2, 1), (3, 4, 2, 1))
+SMALL = PlateSize(0.2, (100, 156), (2, 2, 2), (2, 3, 2, 1), (3, 4, 2, 1))
 
 
 def stretched(nodes, amount):
@@ -34,14 +32,14 @@ def stretched(nodes, amount):
 
 @pytest.fixture(scope="module")
 def experiment(tmp_path_factory):
-    true = plate(*SIZE.true)
+    true = SIZE.true_mesh
     scene = Scene(true.nodes, face_cells(true, true.edge_sets["FRONT"]), face_cells(true, true.edge_sets["REST"]))
     frames = np.array([0.0, 1.0, 1.0])
     test = PlateTest(scene, np.array([stretched(true.nodes, amount) for amount in frames]), 0.0 * frames, 0.0 * frames,
-                     rig(SIZE.shape, SIZE.pixel, SIZE.distance, (-15.0, 15.0)), plate(*SIZE.user), SIZE)
+                     Rig.around(SIZE.shape, SIZE.pixel, SIZE.distance, (-15.0, 15.0)), SIZE.user_mesh, SIZE)
     folder = tmp_path_factory.mktemp("edges") / "test"
     folder.mkdir()
-    return with_measured_edge(load_experiment(write_plate(folder, test)))
+    return with_measured_edge(load_experiment(test.write(folder)))
 
 
 def with_measured_edge(experiment, components="xyz"):
@@ -216,7 +214,7 @@ def test_hidden_nodes_whose_seen_neighbours_are_measured_elsewhere_are_refused(e
 def test_the_parameters_come_back_from_edges_that_two_cameras_measure(tmp_path):
     folder = tmp_path / "test"
     folder.mkdir()
-    write_plate(folder, plate_test(SMALL))
+    PlateTest.simulated(SMALL).write(folder)
     experiment = with_measured_edge(load_experiment(folder))
     start = measured_start(experiment, np.zeros((experiment.model.n_frames, experiment.model.mesh.n_nodes, 2)), (),
                            motion_in_space(experiment))
@@ -224,6 +222,6 @@ def test_the_parameters_come_back_from_edges_that_two_cameras_measure(tmp_path):
     # the noise of an edge in one frame shifts plastic strain in later ones, which the derivatives leave out: the last
     # steps, a third of a standard deviation, may not lower the objective
     assert result["status"] in ("converged", "stalled")
-    for name, true in TRUTH.items():
+    for name, true in PlateTest.TRUTH.items():
         entry = result["parameters"][name]
         assert abs(entry["value"] - true) < 3.0 * entry["std_noise"], (name, entry)

@@ -15,8 +15,9 @@ from __future__ import annotations
 import numpy as np
 
 from correlation.pixel_equations import PixelEquations
-from idic.correlation.views.pinhole_view import in_space
-from idic.correlation.pixels.cells import N_NODES, TRANSFORMS, monomial_slopes
+from idic.correlation import in_space
+from idic.correlation import N_NODES
+from idic.correlation.pixels.cells import TRANSFORMS, monomial_slopes
 from idic.correlation import PixelMap
 from idic.images import PlacedCamera, inside, spline_slopes, spline_values
 

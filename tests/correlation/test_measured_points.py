@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from idic.correlation.field.point_map import build_point_map
+from idic.correlation import build_point_map
 from idic.correlation import FieldReference, build_field_reference, solve_brightness
 from idic.measure import dic_stack
 from idic.errors import InputError

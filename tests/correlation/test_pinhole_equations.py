@@ -9,7 +9,7 @@ from surfaces import CAMERA, placed, tube
 
 from idic.correlation import PinholeView, build_reference, nodal_equations, residual_map
 from correlation.pinhole_pixel_equations import pinhole_normal_equations
-from idic.correlation.pinhole.ray_map import build_ray_map
+from idic.correlation import build_ray_map
 from idic.fe import make_mesh, nodal_deformation, surface_cells
 from idic.images import RigidMotion, prefilter
 

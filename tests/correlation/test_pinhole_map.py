@@ -5,7 +5,7 @@ import pytest
 from pictures import make_mesh
 from surfaces import CAMERA, box, placed, tube
 
-from idic.correlation.pinhole.ray_map import build_ray_map
+from idic.correlation import build_ray_map
 from idic.errors import InputError
 from idic.fe import Mesh, surface_cells
 

@@ -15,11 +15,13 @@ from typer.testing import CliRunner
 
 import idic
 from idic.cli.app import app
-from idic.cli.design_tables import show_design
+from idic.cli.tables import show
 from idic.errors import InputError
 from idic.experiment_file import load_experiment, read_toml
+from idic.report import design_lines
 from idic.report.design.page import _facts
-from idic.report import best_plan, draw_design, render_design
+from idic.report.design.words import best_plan
+from idic.report.design.page import draw_design, render_design
 from idic.report.design.words import direction, fixed_product, headline, open_parameters, weakest
 from idic.identification import expected_odds, load_plan
 from idic.run.design import DesignJob, evaluate_plans, plan_names, run_design
@@ -142,7 +144,7 @@ def test_the_design_of_measured_fields_tells_of_points_and_millimetres(tmp_path)
     assert 480 <= int(number) <= 37 * 17 and rest == "points, 0.5 mm apart"
     assert facts["noise of a component σ"].endswith("µm") and not {"image", "camera noise σ"} & set(facts)
     console = Console(width=140, file=io.StringIO())
-    show_design(console, content)
+    show(console, design_lines(content))
     told = console.file.getvalue()
     motion = float(re.search(r"largest motion (\S+) mm", told)[1])
     assert motion == pytest.approx(0.004 * 19, rel=0.05)  # 1 mm from the end at x = 20 mm

@@ -14,7 +14,7 @@ from idic.correlation import build_experiment_reference
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
 from idic.identification import design_test, identify, join_designs, load_plan
-from idic.report import compare
+from idic.report.design.summary import compare
 from idic.identification.plan.planned_test import virtual_speckle
 from idic.run.design import evaluate_plans
 from idic.virtual_tests import simulate

@@ -2,7 +2,7 @@
 
 The truth is simulated by `idic.fe.time_march` on a finer mesh with motions, moduli and cameras of its own, and
 rendered by
-`idic.virtual_tests.render`; nothing of the corrections, distortions or heterogeneities of an experiment.toml is used
+`idic.virtual_tests.rendering`; nothing of the corrections, distortions or heterogeneities of an experiment.toml is used
 for it.
 """
 

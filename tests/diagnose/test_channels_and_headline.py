@@ -15,7 +15,7 @@ from idic.diagnose.residual.channel_left import ChannelLeft
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.screen.practical import PracticalSize
 from idic.diagnose.selection.verdict import conclude
-from idic.report import diagnosis_headline, left_over
+from idic.report.diagnosis.headline import diagnosis_headline, left_over
 from idic.report.diagnosis.not_excluded import hidden_shift, larger_models, probe_words
 from idic.report.diagnosis.words import is_sure
 

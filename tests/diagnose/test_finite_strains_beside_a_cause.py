@@ -6,7 +6,8 @@ import pytest
 from side_twins import ANY_SIZE
 from test_revision import chosen, ranked, refit, screening, sets
 
-from idic.diagnose import Rival, Variant
+from idic.diagnose import Variant
+from idic.diagnose.selection.rival import Rival
 from idic.diagnose.selection.moves.finite_strains import plain_if_enough
 from idic.diagnose.selection.rival import MIN_HELDOUT_DROP
 from idic.diagnose.selection.rivals import edits_of, finite

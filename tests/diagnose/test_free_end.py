@@ -12,13 +12,13 @@ from test_channels_and_headline import CONTENT, TITLES
 
 import idic
 from idic.diagnose import Fit, Misfit, candidate_library
-from idic.diagnose.physics.candidate import Situation
+from idic.diagnose import Situation
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.selection.free_model import EndMotion, FreeEnd
 from idic.diagnose.selection.moves.free_end import end_motions, explains_more, may_be_an_end
 from idic.experiment_file import load_experiment, read_toml, with_overrides
 from idic.parameters import Parameter, ParameterSet
-from idic.report import diagnosis_headline
+from idic.report.diagnosis.headline import diagnosis_headline
 from idic.run import diagnose_run
 
 FEW = ("heterogeneity", "orthotropy", "grip_rotation", "grip_slip", "machine_compliance", "lens_distortion")

@@ -14,9 +14,9 @@ from test_channels_and_headline import CONTENT, TITLES
 import idic
 from idic.diagnose import candidate_library
 from idic.diagnose.free_form import NEXT_TEST, free_laws
-from idic.diagnose.physics.candidate import Situation
+from idic.diagnose import Situation
 from idic.experiment_file import load_experiment, read_toml, with_overrides
-from idic.report import diagnosis_headline
+from idic.report.diagnosis.headline import diagnosis_headline
 from idic.run import diagnose_run
 
 FEW = ("second_invariant", "viscoelasticity", "heterogeneity", "orthotropy", "grip_rotation", "lens_distortion",

@@ -13,8 +13,8 @@ from idic.diagnose.selection.rival import MIN_FURTHER_SHARE
 from idic.experiment_file import load_experiment
 from idic.identification import identify
 from idic.images import ArrayStack
-from idic.report import pictures
-from idic.run.diagnosis.where import where_record
+from idic.report.diagnosis.where import pictures
+from idic.report.diagnosis.where_record import where_record
 from idic_studies.examples.bulge import Size, write_bulge
 from idic_studies.examples.bulge_mesh import REDUCED
 

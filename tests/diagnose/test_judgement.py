@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from idic.diagnose.residual.heldout import share_recovered
-from idic.diagnose import Misfit, better_blocks, ratio
+from idic.diagnose import Misfit
+from idic.diagnose.residual.heldout import better_blocks, ratio
 
 T, RANK = 12, 200
 

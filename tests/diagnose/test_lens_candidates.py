@@ -9,20 +9,20 @@ from side_twins import TRUTH, WIDTH, Side, refit, screening, truth
 from twins.moving_sheet import write_moving_sheet
 
 from idic.diagnose import candidate_library
-from idic.diagnose.physics.candidate import Situation
+from idic.diagnose import Situation
 from idic.experiment_file import load_experiment, read_toml
 from idic.fe import nodal_deformation
 from idic.identification import treatments
 from idic.images import LENS_MODELS, PinholeCamera, PlacedCamera, RigidMotion, rotation_of
-from idic.virtual_tests import Sensor, strip_with_hole, write_images, write_inp, write_loads
-from idic.virtual_tests.stereo_images import common_speckle, traced_images
-from idic.virtual_tests.stereo_rig import FROM_ABOVE, write_calibration
+from idic.virtual_tests import (
+    Rig, Sensor, strip_with_hole, traced_images, write_images, write_inp, write_loads,
+)
 
 DISTANCE, APPROACH = 300.0, 0.12  # mm; of the specimen at the end
 OF_LENSES = {"specimen_motion", "focal_length", "placement", "lens_distortion"}
 NOT_OF_LENSES = {"magnification", "camera_motion", "camera_rotation", "pixel_size", "origin", "parallax"}
 LENS = PinholeCamera(DISTANCE / PIXEL, DISTANCE / PIXEL, 91.7, 57.4, k1=-0.1, rotation=rotation_of([2.0, -4.0, 0.5]) @
-                     FROM_ABOVE, translation_mm=[0.1, 0.0, DISTANCE])
+                     Rig.FROM_ABOVE, translation_mm=[0.1, 0.0, DISTANCE])
 TABLE = ('[camera]\nmodel = "pinhole"\ncalibration = "cal.json"\n'
          f"rotation = {LENS.rotation.tolist()}\ntranslation_mm = {LENS.translation_mm.tolist()}\nnoise_std_gv")
 
@@ -31,7 +31,7 @@ def written(folder, images, force, grip):
     write_images(folder, images)
     write_loads(folder, TIMES, {"force_N": force, "grip_mm": grip})
     write_inp(strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", 3, 4, 3, name="BODY"), folder / "mesh.inp", "twin")
-    write_calibration([LENS], SHAPE, folder / "cal.json")
+    Rig((LENS,), SHAPE).write_calibration(folder / "cal.json")
     head, _, tail = TOML.partition("[camera]")
     (folder / "experiment.toml").write_text(head + TABLE + tail.partition("noise_std_gv")[2])
     return folder / "experiment.toml"
@@ -46,8 +46,7 @@ def approaching(folder):
     u = np.concatenate([u, 0.5 * THICKNESS * thins[:, :, None]], axis=2)
     placed = PlacedCamera(LENS, motion=RigidMotion(("t_z",), ("t_z",), (TIMES / TIMES[-1])[None], np.array([APPROACH])))
     rng = np.random.default_rng(3)
-    images = traced_images(mesh, None, placed, u, Sensor(SHAPE, noise_std=NOISE, background=30.0),
-                           common_speckle([placed], rng, 256.0), rng)
+    images = traced_images(mesh, None, placed, u, Sensor(SHAPE, noise_std=NOISE, background=30.0), rng)
     return written(folder, images, force + FORCE_NOISE * rng.standard_normal(len(TIMES)),
                    GRIP + GRIP_NOISE * rng.standard_normal(len(TIMES)) * (TIMES > 0))
 

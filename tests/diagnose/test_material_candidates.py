@@ -9,7 +9,7 @@ from material_twins import ELASTIC, NULLS, PLASTIC, TOML, TRUTHS, NullModel, exp
 from side_twins import LENGTH, RADIUS, SHAPE, WIDTH, refit, screening
 
 from idic.diagnose import Ranked, candidate_library, candidates as library, residual_evidence
-from idic.diagnose.physics.candidate import Situation
+from idic.diagnose import Situation
 from idic.diagnose.refits.refit import warm_start
 from idic.diagnose.residual.heldout import grid_of, misfit_of
 from idic.experiment_file import load_experiment, read_toml

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from idic.cli.diagnosis_commands import app
 from idic.diagnose import candidate_library
 from idic.diagnose.physics import candidate as library
-from idic.report import sentence
+from idic.report.diagnosis.words import sentence
 
 DOCS = Path(__file__).parents[2] / "docs" / "add-a-candidate.md"
 

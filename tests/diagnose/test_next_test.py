@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from side_twins import TOML, Side, write_folder
 
-from idic.diagnose import Margin, candidate_library, cautions, identification_at, residual_evidence
+from idic.diagnose import Margin, candidate_library, identification_at, residual_evidence
+from idic.diagnose.caution_texts import cautions
 from idic.diagnose.next_test import (
     MIN_SEPARATING_CHI2,
     _shown,

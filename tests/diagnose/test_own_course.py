@@ -10,7 +10,8 @@ from experiment_file.small_experiment import load_experiment, write_experiment
 from side_twins import ANY_SIZE
 from test_revision import Folder, fit, ranked, refit, screening
 
-from idic.diagnose import Rival, Round, SUPPOSED_EXPANSION_PER_K, ScoreColumn, Variant, candidate_library
+from idic.diagnose import Round, SUPPOSED_EXPANSION_PER_K, ScoreColumn, Variant, candidate_library
+from idic.diagnose.selection.rival import Rival
 from idic.diagnose.screen.courses import Course, courses_of
 from idic.diagnose.screen.free_courses import free_edits
 from idic.diagnose.refits.fitted_model import FittedModel

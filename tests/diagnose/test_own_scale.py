@@ -7,7 +7,7 @@ import pytest
 from side_twins import Side, write_folder
 
 from idic.diagnose import candidate_library
-from idic.diagnose.physics.candidate import Situation
+from idic.diagnose import Situation
 from idic.diagnose.selection.moves.own_scale import MAX_REFITS, next_scale
 from idic.experiment_file import load_experiment, read_toml
 

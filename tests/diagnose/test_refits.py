@@ -11,9 +11,10 @@ from scipy import sparse
 from side_twins import ANY_SIZE, TOML, Side, write_folder
 
 from idic.diagnose import (
-    Candidate, Columns, Evidence, Fit, JUDGEMENT, Misfit, Ranked, RefitJob, Rival, Round, ScoreColumn, Variant,
+    Candidate, Columns, Evidence, Fit, JUDGEMENT, Misfit, Ranked, RefitJob, Round, ScoreColumn, Variant,
     residual_evidence, run_refit, screen_candidates,
 )
+from idic.diagnose.selection.rival import Rival
 from idic.diagnose.caution_texts import place_cautions
 from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.refits.refit import (

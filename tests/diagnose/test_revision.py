@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from side_twins import ANY_SIZE
 
-from idic.diagnose import Diagnosis, Fit, Misfit, Ranked, Rival, Round, ScoreColumn, Variant, candidate_library
+from idic.diagnose import Diagnosis, Fit, Misfit, Ranked, Round, ScoreColumn, Variant, candidate_library
+from idic.diagnose.selection.rival import Rival
 from idic.diagnose.refits.refit_job import AnnouncedRefits
 from idic.diagnose.screen.select import Screening
 from idic.diagnose.selection.move import Move, itself, moved

@@ -15,11 +15,12 @@ from side_twins import NOISE, ORIGIN, PIXEL, SHAPE, TRUTH, Side, truth, write_fo
 
 import idic
 from idic.correlation import build_experiment_reference, camera_at
-from idic.diagnose import DUST, LeftOut, PAINT, Spot, find_spots, identification_at
+from idic.diagnose import DUST, LeftOut, PAINT, Spot, identification_at
+from idic.diagnose.residual.spots import find_spots
 from idic.experiment_file import load_experiment
 from idic.images import ArrayStack, Camera
 from idic.model import build_forward
-from idic.report import with_spots
+from idic.report.diagnosis.spots import with_spots
 from idic.report.diagnosis.words import is_sure
 from idic.run import diagnose_run
 

@@ -8,9 +8,11 @@ import pytest
 from side_twins import ANY_SIZE
 
 from idic.diagnose import (
-    Diagnosis, Fit, MAX_HIDDEN_VISIBILITY, MESH_TOO_COARSE, Misfit, Mismatch, Ranked, Rival, Round, SelectedEffect,
-    Variant, candidate_library, refitted_form,
+    Diagnosis, Fit, MAX_HIDDEN_VISIBILITY, MESH_TOO_COARSE, Misfit, Mismatch, Ranked, Round, SelectedEffect,
+    Variant, candidate_library,
 )
+from idic.diagnose.selection.rival import Rival
+from idic.diagnose.findings import refitted_form
 from idic.diagnose.caution_texts import (formal_fit, refits_cut_short, refits_given_up, rivals_not_ruled_out,
                                     search_cautions, softening_caution, too_coarse)
 from idic.diagnose.evidence_chain import chain_of

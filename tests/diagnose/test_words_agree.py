@@ -12,15 +12,17 @@ from test_channels_and_headline import CONTENT, TITLES, channel
 from test_verdicts import POWER, left, ranked, rival, round_of, screening
 
 import idic
-from idic.cli.diagnosis_tables import told
-from idic.diagnose import SelectedEffect, mismatch_content, residual_evidence, unexplained
+from idic.report import diagnosis_lines
+from idic.diagnose import SelectedEffect, residual_evidence
+from idic.diagnose.findings import mismatch_content, unexplained
 from idic.diagnose.locate.mismatch import locate
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.residual.heldout import grid_of, misfit_of
 from idic.diagnose.selection.verdict import conclude
 from idic.experiment_file import load_experiment
 from idic.identification import identify
-from idic.report import diagnosis_headline, sentence
+from idic.report.diagnosis.headline import diagnosis_headline
+from idic.report.diagnosis.words import sentence
 from idic.run import diagnose_run
 
 NOTHING, FORCE, MOTION = (), ("force_N",), ("motion",)
@@ -81,7 +83,7 @@ def test_every_text_says_the_same(mismatches, located, cause, rest):
     assert content["mismatch"]["located"] == {"no": False, "yes": True, "unknown": None}[located]
     assert content["verdict"] == ("outside_library" if rest else "single" if cause else "none")
     assert content["unexplained"] == list(rest)
-    assert told(content)[0] == content["headline"]  # the terminal; the page shows both keys
+    assert diagnosis_lines(content)[0] == content["headline"]  # the terminal; the page shows both keys
     # nothing at all is said where nothing is found
     nothing = located == "no" and not cause and not rest
     assert bool(re.match("No mismatch beyond noise and the practical margin: ", first)) == nothing

@@ -12,11 +12,9 @@ from idic.errors import InputError
 from idic.experiment_file import load_experiment
 from idic.fe import face_cells
 from idic.parameters import Parameter, ParameterSet
-from idic.virtual_tests.stereo_plate import PlateTest, Size, plate, write_plate
-from idic.virtual_tests.ray_tracing import Scene
-from idic.virtual_tests.stereo_rig import rig
+from idic.virtual_tests import PlateSize, PlateTest, Rig, Scene
 
-SIZE = Size(0.16, (125, 195), (1, 1, 1), (2, 3, 2, 1), (3, 4, 2, 1))
+SIZE = PlateSize(0.16, (125, 195), (1, 1, 1), (2, 3, 2, 1), (3, 4, 2, 1))
 
 
 def motion(nodes, amount):
@@ -28,14 +26,14 @@ def motion(nodes, amount):
 
 @pytest.fixture(scope="module")
 def experiment(tmp_path_factory):
-    true = plate(*SIZE.true)
+    true = SIZE.true_mesh
     scene = Scene(true.nodes, face_cells(true, true.edge_sets["FRONT"]), face_cells(true, true.edge_sets["REST"]))
     frames = np.array([0.0, 0.0, 1.0])
     test = PlateTest(scene, np.array([motion(true.nodes, amount) for amount in frames]), 0.0 * frames, 0.0 * frames,
-                     rig(SIZE.shape, SIZE.pixel, SIZE.distance, (-15.0, 15.0)), plate(*SIZE.user), SIZE)
+                     Rig.around(SIZE.shape, SIZE.pixel, SIZE.distance, (-15.0, 15.0)), SIZE.user_mesh, SIZE)
     folder = tmp_path_factory.mktemp("stereo") / "test"
     folder.mkdir()
-    return load_experiment(write_plate(folder, test))
+    return load_experiment(test.write(folder))
 
 
 def test_a_motion_in_space_comes_back_within_its_noise(experiment):

@@ -9,10 +9,7 @@ import numpy as np
 import tifffile
 
 from idic.fe import Block, make_mesh
-from idic.virtual_tests import Sensor, grid_cells, write_inp
-from idic.virtual_tests.ray_tracing import Scene, traced_image
-from idic.virtual_tests.stereo_rig import rig, write_calibration
-from idic.virtual_tests.solid_speckle import solid_speckle
+from idic.virtual_tests import Rig, Scene, Sensor, grid_cells, SolidSpeckle, write_inp
 
 SHAPE, PIXEL_MM, NOISE_GV, DARK_GV = (160, 240), 0.1, 2.0, 20.0
 HALF = np.array([10.0, 6.0])  # mm
@@ -39,7 +36,7 @@ uy = 0.0
 
 def pair(tilt_deg=0.0, angles=(-12.0, 12.0)):
     """The cameras, both on the same side; tilt_deg : of all about the mesh's y axis."""
-    return rig(SHAPE, PIXEL_MM, 200.0, [angle + tilt_deg for angle in angles]).cameras
+    return Rig.around(SHAPE, PIXEL_MM, 200.0, [angle + tilt_deg for angle in angles]).cameras
 
 
 def hole(camera, k, rng=None, radius=False):
@@ -61,7 +58,7 @@ def alignment(holes=(), edges=(), more=""):
 
 def write_plate(folder, cameras, tables, seed=0):
     """The folder: two equal images per camera; tables : lines of each [[camera]]."""
-    speckle = solid_speckle(np.random.default_rng(seed), 1.6 * PIXEL_MM)
+    speckle = SolidSpeckle.drawn(np.random.default_rng(seed), 1.6 * PIXEL_MM)
     noise = np.random.default_rng(seed + 1000)
 
     def texture(points):
@@ -73,13 +70,13 @@ def write_plate(folder, cameras, tables, seed=0):
     for number, (camera, table) in enumerate(zip(cameras, tables, strict=True)):
         name = ("left", "right")[number]
         (folder / name).mkdir(parents=True, exist_ok=True)
-        image = traced_image(scene, 0.0 * CORNERS, camera, texture, Sensor(SHAPE, background=DARK_GV))
+        image = scene.image(0.0 * CORNERS, camera, texture, Sensor(SHAPE, background=DARK_GV))
         for frame in range(2):
             seen = np.clip(np.rint(image + NOISE_GV * noise.standard_normal(SHAPE)), 0, 255).astype(np.uint8)
             tifffile.imwrite(folder / name / f"f{frame}.tif", seen)
         text += (f'[[camera]]\nname = "{name}"\nmodel = "pinhole"\ncalibration = "cal.json"\n'
                  f"noise_std_gv = {NOISE_GV}\n" + (f'images = "{name}/*.tif"\n' if number else "") + table + "\n")
-    write_calibration(cameras, SHAPE, folder / "cal.json")
+    Rig(tuple(cameras), SHAPE).write_calibration(folder / "cal.json")
     s, t = np.linspace(-HALF[0], HALF[0], 7), np.linspace(-HALF[1], HALF[1], 5)
     nodes = np.stack(np.meshgrid(s, t, indexing="ij"), axis=2).reshape(-1, 2)
     mesh = make_mesh(nodes, [("quad4", grid_cells(6, 4, 1))], node_sets={"LEFT": np.flatnonzero(nodes[:, 0] < -9.9)})

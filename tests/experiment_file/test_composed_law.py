@@ -338,7 +338,7 @@ def test_knots_by_evidence_of_a_curve_with_a_locked_value_are_refused():
 
     from idic.experiment_file.laws.free_curves import free_curves
     from idic.parameters import ParameterSet
-    from idic.run import chosen_tables
+    from idic.run.knots import chosen_tables
 
     term = {"kind": "free", "knots": "evidence", "range": 0.1}
     raw = with_overrides(tables(yield_stress=200.0, hardening=[term]), None)

@@ -345,10 +345,13 @@ def test_two_materials_share_the_mesh_by_position(folder):
     assert [len(e.model.mesh.element_sets[m.element_set]) for m in e.model.materials] == [6, 6]
 
 
-def test_a_rate_dependent_law_needs_times():
-    from idic.experiment_file.checks.model import is_rate_dependent
-    from idic.laws import get_law
-    assert not is_rate_dependent(get_law("elastic")) and not is_rate_dependent(get_law("j2_linear"))
+def test_a_rate_dependent_law_needs_times(folder):
+    log = (folder / "loads.csv").read_text().splitlines()
+    (folder / "loads.csv").write_text("\n".join(",".join(row.split(",")[:1] + row.split(",")[2:]) for row in log))
+    load_experiment(folder)  # an elastic one needs none
+    creep = 'law = "elastoplastic"\nyield_stress = 100.0\nrate = { kind = "norton", eta = 100.0, m = 5.0 }'
+    with pytest.raises(InputError, match="the frames have no times"):
+        load(folder, 'law = "elastic"', creep)
 
 
 CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))

@@ -12,7 +12,7 @@ from idic.errors import InputError
 from idic.experiment_file import load_experiment
 from idic.images import PinholeCamera, rotation_of
 from idic.model import build_forward, solve
-from idic.virtual_tests.stereo_rig import write_calibration
+from idic.virtual_tests import Rig
 
 SIZE = (50, 60)  # rows, columns of the images of the small experiment
 ROTATION = rotation_of([3.0, -8.0, 2.0]) @ np.diag([1.0, -1.0, -1.0])
@@ -27,7 +27,7 @@ TELECENTRIC = TOML[TOML.index("[camera]"):TOML.index("[material")]
 def written(folder, table, further="", cameras=(LEFT, RIGHT), deviations=None, size=SIZE):
     text = TOML.replace(TELECENTRIC, table + "\n" + further)
     write_experiment(folder, text)
-    write_calibration(cameras, size, folder / "cal.json", deviations)
+    Rig(tuple(cameras), size).write_calibration(folder / "cal.json", deviations)
     return folder
 
 
@@ -260,7 +260,7 @@ def test_cameras_of_two_calibration_files_keep_the_deviations_of_both(tmp_path):
                               f"translation_mm = {RIGHT.translation_mm.tolist()}\n")
     written(tmp_path, main("identify_calibration = true\n" + POSE),
             further.replace('"cal.json"', '"own.json"'), deviations={"0.fx": 3.0, "0.k1": 0.01})
-    write_calibration((RIGHT,), SIZE, tmp_path / "own.json", {"0.fx": 4.0})
+    Rig((RIGHT,), SIZE).write_calibration(tmp_path / "own.json", {"0.fx": 4.0})
     parameters = load_experiment(tmp_path).model.parameters
     assert {"left.fx", "left.k1", "right.fx"} <= set(parameters.free)
     prior = parameters.joint[0]

@@ -11,7 +11,7 @@ import pytest
 from fe.fe_bodies import body, dofs_of, grid, held, last, where
 
 from idic.fe import Reaction, inp_text
-from idic.fe.external.solver_output import read_calculix_dat
+from idic.fe import read_calculix_dat
 
 DECK = """*MATERIAL, NAME=M
 *ELASTIC

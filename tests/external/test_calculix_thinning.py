@@ -11,7 +11,7 @@ from fe.fe_bodies import body, dofs_of, grid, held, where
 from scipy.spatial import cKDTree
 
 from idic.fe import Reaction, inp_text, march
-from idic.fe.external.solver_output import read_calculix_dat
+from idic.fe import read_calculix_dat
 
 pytestmark = pytest.mark.slow
 

@@ -7,7 +7,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from idic.laws.core import point
+from idic.laws import point
 from idic.laws import compile as compile_law
 
 E, NU, HARDENING = 70000.0, 0.3, 1500.0

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 from fault_runs import finish, outcome, plain_run, stored_system
 
-from idic.virtual_tests import examples as example
+from idic.virtual_tests import write_example
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -22,7 +22,7 @@ def script_folder(tmp_path_factory):
 def undisturbed(tmp_path_factory, script_folder):
     """The demonstration, whose search takes several evaluations: experiment, run, and its result and M, b."""
     folder = tmp_path_factory.mktemp("undisturbed")
-    example.write_example("demo", folder / "experiment", reduced=True)
+    write_example("demo", folder / "experiment", reduced=True)
     code, said = finish(plain_run(folder / "experiment", folder / "run", 0))
     assert code == 0, said
     return SimpleNamespace(experiment=folder / "experiment", run=folder / "run", result=outcome(folder / "run"),

@@ -11,9 +11,9 @@ import time
 from pathlib import Path
 
 import psutil
+from one_thread import ONE_THREAD
 
 from idic.run import read_result
-from idic.run.workers.dask_settings import ONE_THREAD
 
 SECONDS = 600.0  # a run takes 10 s on a quiet machine, minutes on one with ten times as many processes as cores
 BEGINNING = 0.25  # share of a run before its first evaluation

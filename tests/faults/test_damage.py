@@ -21,7 +21,7 @@ from fault_runs import command_line, finish, outcome, stored_system
 
 import idic
 from idic.errors import InputError
-from idic.identification import ParallelTrial
+from idic.identification.step.state import ParallelTrial
 from idic.run.recovery.recover import recover
 from idic.run.store.arrays import Damaged
 from idic.run import FrameArrays, RunStore, SerialRunner, read_array

@@ -14,7 +14,8 @@ from virtual_tests.small_strip import write_small_strip
 
 import idic
 from idic.errors import InputError
-from idic.run import BASE, RunStore, SerialRunner, Timing, group_name, write_array
+from idic.run import BASE, RunStore, SerialRunner, group_name, write_array
+from idic.run.prepared.session import Timing
 from idic.run.postprocess import write_interrupted
 from idic.run.prepared.session import open_session
 from idic.run.reporting.write import load_record

@@ -9,14 +9,13 @@ from typer.testing import CliRunner
 import idic
 from idic.cli.app import app
 from idic.errors import InputError
-from idic.run.store.run_store import STORE_NAME
 
 
 @pytest.fixture
 def other(small, tmp_path):
     """The RUN of a version with another number."""
     run = shutil.copytree(small.run, tmp_path / "run")
-    file = run / STORE_NAME / "zarr.json"
+    file = run / "run.zarr" / "zarr.json"
     content = json.loads(file.read_text())
     content["attributes"]["schema"] = "idic.run/1"
     file.write_text(json.dumps(content))

@@ -6,11 +6,11 @@ from itertools import permutations
 
 import numpy as np
 
+from idic.fe import cell_edges
 from idic.fe import (
-    Constraints, Control, Loads, Body, Section, TET_EDGES, boundary_faces, cell_type, constrain, dofs_of,
+    Constraints, Control, Loads, Body, Section, boundary_faces, cell_type, constrain, dofs_of,
     face_set_nodes, make_mesh, march, n_face_corners, quadrature_rule, shape_functions, shape_gradients,
 )
-from idic.fe.mesh.element import HEX_EDGES
 from idic.laws import compile
 
 SHARP = Control(tolerance=1e-12)  # difference quotients divide the solver's error by the step
@@ -45,7 +45,7 @@ def grid(cell: str, n, lengths=None, mapping=None):
         elif cell == "tri3":
             cells += [[c[0], c[1], c[2]], [c[0], c[2], c[3]]]
         elif cell == "hex20":
-            cells.append([*c, *(at(*np.mean([corners[a], corners[b]], axis=0)) for a, b in HEX_EDGES)])
+            cells.append([*c, *(at(*np.mean([corners[a], corners[b]], axis=0)) for a, b in cell_edges("hex8"))])
         elif cell == "quad8":
             cells.append([*c, at(0.5, 0), at(1, 0.5), at(0.5, 1), at(0, 0.5)])
         elif cell == "tri6":
@@ -66,7 +66,7 @@ def _six_tetrahedra(quadratic):
         corners = [np.zeros(3), order[0], order[0] + order[1], np.ones(3)]
         if np.linalg.det(np.array(order)) < 0:
             corners[1], corners[2] = corners[2], corners[1]
-        middles = [(corners[a] + corners[b]) / 2 for a, b in TET_EDGES] if quadratic else []
+        middles = [(corners[a] + corners[b]) / 2 for a, b in cell_edges("tet4")] if quadratic else []
         tets.append(corners + middles)
     return tets
 

@@ -12,11 +12,10 @@ from typer.testing import CliRunner
 from virtual_tests.small_strip import SMALL
 
 from idic.cli.app import app, terminal, wide_console
-from idic.cli.batch_commands import batch_rows
-
 from idic.cli.progress import SETTLED_GAIN, Pace, duration, evaluations_left, progress_view
-from idic.virtual_tests import examples
-from idic.virtual_tests import strip
+from idic.cli.tables import show
+from idic.report import batch_lines
+from idic.virtual_tests import EXAMPLES, strip
 
 
 def test_stages_are_numbered_and_steps_keep_the_number_of_their_stage(tmp_path):
@@ -73,7 +72,7 @@ def test_the_log_of_a_demonstration_counts_from_the_start_of_the_command(tmp_pat
         time.sleep(3.0)
         return strip(SMALL)
 
-    monkeypatch.setitem(examples.EXAMPLES, "demo", late)
+    monkeypatch.setitem(EXAMPLES, "demo", late)
     began = datetime.now()
     answer = CliRunner().invoke(app, ["demo", "--out", str(tmp_path / "demo"), "--no-prefect", "--workers", "0"])
     assert answer.exit_code == 0, answer.output
@@ -98,7 +97,7 @@ def test_brackets_in_a_message_a_path_or_a_name_are_shown_as_they_are(tmp_path, 
     monkeypatch.setenv("COLUMNS", "300")
     row = {"name": ODD, "status": "bad_input", "reason": ODD, "iterations": None, "image_chi2_dof": None,
            "wall_s": None, "parameters": {ODD: {"value": 1.0, "std": 0.1, "unit": "[mm]"}}}
-    wide_console().print(batch_rows({"runs": [row]}))
+    show(wide_console(), batch_lines({"runs": [row], "converged": 0, "groups": []}))
     assert capsys.readouterr().out.count(ODD) == 3
     for console in (wide_console(), terminal(), terminal(stderr=True)):
         console.print(f"results  {ODD}", highlight=False)

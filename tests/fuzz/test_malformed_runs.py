@@ -22,7 +22,8 @@ from idic.cli.outcomes import BAD_INPUT, DONE
 from idic.errors import InputError
 from idic.report.fields.viewer import viewer_data
 from idic.report import render_page
-from idic.run import RESULT_FILE, channels_of, open_run, open_source, read_result, write_report
+from idic.run import RESULT_FILE, open_run, open_source, read_result, write_report
+from idic.run.judgement.accepted_point import channels_of
 from idic.run.reporting.write import load_record, write_numbers
 
 BASES = ("cameras", "grips")

@@ -14,7 +14,7 @@ from idic.model import (
     Column, Constant, Experiment, Load, Material, Model, Noise, Options, Prescribed, Recording, build_forward, solve,
 )
 from idic.parameters import Parameter, ParameterSet
-from idic.virtual_tests.render import render
+from idic.virtual_tests import render
 from idic.virtual_tests import Sensor
 
 PIXEL, UM = 0.02, 1e-3  # mm; mm per unit of height

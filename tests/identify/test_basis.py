@@ -8,7 +8,7 @@ import tifffile
 from twin_runs import judged
 from virtual_tests.small_strip import write_small_strip
 
-from idic.report import advice, result_headline, result_verdict
+from idic.report import remarks, result_headline, result_verdict
 
 EDGE = 'u = "measured"'
 
@@ -55,7 +55,7 @@ def test_the_only_loaded_image_is_dropped(strip):
     assert result_verdict(result)[0] == "bad"
     text = "The only loaded image is left out: the values rest on the readings and images at rest alone."
     assert any(text in sentence for sentence in result_headline(result))
-    assert any(text in sentence for sentence in advice(result))
+    assert any(text in sentence for sentence in remarks(result))
     determined = result | {"parameters": {"sheet.nu": {"free": True, "value": 0.2, "std": 0.15, "unit": ""}},
                            "not_identifiable": [], "residual": {"image_chi2_dof": 1.0}}
     assert result_verdict(determined) == ("bad", "No loaded image is compared: do not use the values")
@@ -68,7 +68,7 @@ def test_most_of_the_load_is_dropped_or_next_to_none_of_it(strip):
     most = judged(with_frames(strip, [reference, still, again, second, other], [*forces[:4], 5200.0]))
     assert [frame["status"] for frame in most["frames"]] == ["ok", "ok", "ok", "ok", "unexplained"]
     assert most["basis"]["load_compared"] == pytest.approx(0.252, abs=0.001) and not most["basis"]["sufficient"]
-    assert any("up to 25 % of the largest load" in sentence for sentence in advice(most))
+    assert any("up to 25 % of the largest load" in sentence for sentence in remarks(most))
     assert result_verdict(most | {"residual": {"image_chi2_dof": 1.0}})[0] != "good"
     whole = judged(with_frames(strip, [reference, still, other, second, third], forces))
     assert whole["basis"]["dropped"] == 0 and whole["basis"]["sufficient"]  # an odd frame at rest holds no load

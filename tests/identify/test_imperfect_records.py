@@ -16,7 +16,7 @@ from idic.identification.frame_fit import frame_entries
 from idic.identification.result import shift_notes
 from idic.images import Camera
 from idic.model import Column, build_drives, build_forward, solve
-from idic.report import left_out, not_explained
+from idic.report.result.words import left_out, not_explained
 from idic.report.result.record import FreeFields
 from idic.run import prepare_in_memory
 from idic.run.judgement.free import free_summary

@@ -11,7 +11,8 @@ from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
 from idic.correlation import CorrelationSystem
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
-from idic.identification import Analysis, Evaluation, TrustRegion, join, start
+from idic.identification import Analysis, Evaluation, join, start
+from idic.identification.step.state import TrustRegion
 from idic.identification.noise.channel_noise import weighted_std
 from idic.identification.result import joint_record_notes
 from idic.identification.step.increments import MAX_COARSE_REJECTIONS, meets_a_jump

@@ -14,7 +14,8 @@ from twin_runs import FORCE, GRIPS, Twin, write_folder
 from idic.correlation import CorrelationSystem
 from idic.experiment_file import load_experiment
 from idic.identification.loop import advance
-from idic.identification import EstimatorChoice, Evaluation, GENERALISED, start
+from idic.identification import Evaluation, GENERALISED, start
+from idic.identification.step.state import EstimatorChoice
 
 STD = 0.01  # of the one parameter, scaled
 BODY = """

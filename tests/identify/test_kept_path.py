@@ -9,7 +9,7 @@ from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
 
 from idic.diagnose import JUDGEMENT, residual_evidence, thinned
 from idic.diagnose.refits.fitted_model import FittedModel
-from idic.diagnose.refits.refit import Fit
+from idic.diagnose import Fit
 from idic.diagnose.residual.residual_evidence import simulated
 from idic.experiment_file import load_experiment
 from idic.identification import kept_simulation as paths

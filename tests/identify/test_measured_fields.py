@@ -16,7 +16,7 @@ from idic.cli.app import app
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
 from idic.fe import find_holes, make_mesh
-from idic.identification import identify, load_plan
+from idic.identification import identify, load_plan, start
 from idic_studies.cases.case import CaseJob, case_experiment, render, true_values, with_measured_start
 from idic_studies.cases.registry import make_study
 from idic_studies.cases.store import StudyStore
@@ -59,10 +59,8 @@ def test_parameters_from_fields_are_those_from_the_images(measured_by_subsets):
 
 def test_generalised_least_squares_are_refused(measured_by_subsets):
     _, experiment, _ = measured_by_subsets
-    from idic.identification.step.estimator import check_estimator
-
     with pytest.raises(InputError, match="generalised least squares"):
-        check_estimator(replace(experiment, options=replace(experiment.options, estimator="generalised")))
+        start(replace(experiment, options=replace(experiment.options, estimator="generalised")))
 
 
 # files --------------------------------------------------------------------------------------------------

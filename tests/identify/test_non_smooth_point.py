@@ -13,7 +13,8 @@ from twin_runs import FORCE, GRIPS, Twin, write_folder
 
 from idic.correlation import CorrelationSystem
 from idic.experiment_file import load_experiment
-from idic.identification import Ending, EstimatorChoice, Evaluation, GENERALISED, spectrum, start
+from idic.identification import Evaluation, GENERALISED, spectrum, start
+from idic.identification.step.state import Ending, EstimatorChoice
 from idic.identification.loop import advance
 from idic.identification.step.increments import KNOWN
 from idic.identification.step.non_smooth import smallest_gradient

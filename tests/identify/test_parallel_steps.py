@@ -11,13 +11,15 @@ from twin_runs import TRUTH, identify, solved
 from idic.errors import NotConverged
 from idic.experiment_file import load_experiment
 from idic.identification import (
-    Evaluation, LoopState, ParallelTrial, Trial, describe_evaluation, in_memory, resolve_stages, trial_states,
+    Evaluation, LoopState, Trial, describe_evaluation, in_memory, resolve_stages, trial_states,
 )
+from idic.identification.step.state import ParallelTrial
 from idic.identification.loop import _best, advance
 from idic.identification.step.next_step import MAX_REJECTIONS
 from idic.identification.step.parallel_steps import damping_after
 from idic.model import ForwardModel
-from idic.run import SerialRunner, Timing
+from idic.run import SerialRunner
+from idic.run.prepared.session import Timing
 from idic.run.part_points import PartPoints
 from idic.run.prepared.session import open_session
 from idic.run.store.state_file import load_state, save_state

@@ -10,7 +10,7 @@ from idic.experiment_file import load_experiment
 from idic.identification import identify, joined
 from idic.run.store.discrepancy_store import load_discrepancy, save_discrepancy
 from idic.run import RunStore
-from idic.simulation_error import with_finite_strains
+from idic.simulation_error.small_strains import with_finite_strains
 from idic_studies.trial.scenes.recording import Paint, write_public
 from idic_studies.trial.scenes.scene import NULLS
 from idic_studies.trial.scenes.solve import solve

@@ -22,7 +22,8 @@ from idic.identification.systematic.discretisation import beyond_data
 from idic.model import Stage, build_drives
 from idic.identification.systematic.treatments import AS_GIVEN
 from idic.parameters import JointPrior, Parameter, ParameterSet
-from idic.report import render_page, treatment_table
+from idic.report import render_page
+from idic.report.treatments import treatment_table
 from idic.run import Console, identify_run, systematic
 from idic.run.reporting.write import load_record
 from idic.run.store.result_file import write_result

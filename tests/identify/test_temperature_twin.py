@@ -2,7 +2,7 @@
 off.
 
 The truth is computed on a finer mesh from the analytic temperature, the infrared images are rendered by
-`idic.virtual_tests.render` on the deformed body, with their own coarser camera and noise.
+`idic.virtual_tests.rendering` on the deformed body, with their own coarser camera and noise.
 """
 
 import numpy as np

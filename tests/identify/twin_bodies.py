@@ -18,7 +18,7 @@ from idic.model import (
 )
 from idic.parameters import Parameter, ParameterSet
 from idic.virtual_tests import Sensor, painted, strip_with_hole
-from idic.virtual_tests.render import render
+from idic.virtual_tests import render
 
 TIMES = np.array([0.0, 1.0, 2.0, 3.0, 4.5])  # s
 LENGTH, WIDTH, PIXEL = 6.0, 4.0, 0.06  # mm

@@ -1,6 +1,6 @@
 """A small twin with known truth as an experiment folder, and its identification without a cluster.
 
-The truth is computed on a mesh twice as fine as the user's, and rendered by `idic.virtual_tests.render`.
+The truth is computed on a mesh twice as fine as the user's, and rendered by `idic.virtual_tests.rendering`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from idic.fe import Constraints, Body, Reaction, Section, march
 from idic.identification import in_memory, run_loop
 from idic.images import Camera, dense_speckle
 from idic.laws import compile as compile_law
-from idic.run import SerialRunner, Timing
+from idic.run import SerialRunner
+from idic.run.prepared.session import Timing
 from idic.run.runs import Run
 from idic.virtual_tests import Sensor, clean_image, painted, record, write_images, write_inp, write_loads
 

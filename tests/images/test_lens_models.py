@@ -10,7 +10,7 @@ from camera_contract import CameraContract
 from experiment_file.small_experiment import TOML, write_experiment
 
 from idic.diagnose import candidate_library
-from idic.diagnose.physics.candidate import Situation
+from idic.diagnose import Situation
 from idic.errors import InputError
 from idic.experiment_file import load_experiment, read_toml
 from idic.images import LENS_MODELS, LensCamera, rotation_of

@@ -6,7 +6,7 @@ import pytest
 from law_paths import follow, random_path
 
 from idic.laws import compile
-from idic.laws.core import point
+from idic.laws import point
 
 LAW = "j2_kinematic"
 PRAGER = np.array([70e3, 0.3, 200.0, 300.0, 2000.0, 0.0])  # E, nu, yield_stress, hardening_modulus, C, gamma

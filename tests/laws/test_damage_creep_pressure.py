@@ -6,7 +6,7 @@ import pytest
 from law_paths import follow, random_path
 
 from idic.laws import compile, directional_stresses, point_stresses, point_tangents
-from idic.laws.core import point
+from idic.laws import point
 
 DAMAGE = np.array([70e3, 0.3, 0.004, 30.0, 1.0, 0.0])  # E, nu, threshold, softening, compression, length
 CREEP = np.array([70e3, 0.3, 1e-3, 4.0, 200.0])  # E, nu, rate, n, stress

@@ -8,7 +8,7 @@ from idic.errors import InputError
 from idic.experiment_file.schema.materials import MaterialTable
 from idic.experiment_file.tables.dofs import material
 from idic.laws import compile, directional_stresses, get_law, law_for, point_stresses, point_tangents
-from idic.laws.core import point
+from idic.laws import point
 
 DEFAULTS = get_law("egp").defaults()
 SHARED, G1, ETA01 = 8, 8, 9

@@ -6,7 +6,7 @@ import pytest
 from law_paths import follow
 
 from idic.laws import compile, directional_stresses, get_law, point_stresses, point_tangents
-from idic.laws.core import point
+from idic.laws import point
 
 SPEC = get_law("egp")  # compiled by the first test, not while the tests are collected
 NAMES = SPEC.parameter_names

@@ -5,7 +5,7 @@ import pytest
 from law_paths import follow, random_path
 
 from idic.laws import compile
-from idic.laws.core import point
+from idic.laws import point
 
 E, NU, YIELD = 210e3, 0.3, 200.0
 R0, R45, R90 = 1.8, 1.1, 2.4

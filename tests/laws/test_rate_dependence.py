@@ -7,7 +7,7 @@ from law_paths import follow, random_path
 
 from idic.errors import InputError
 from idic.laws import compile, directional_stresses, get_law, point_stresses, point_tangents
-from idic.laws.core import point
+from idic.laws import point
 
 VISCOPLASTIC = np.array([70e3, 0.3, 200.0, 1000.0, 50.0, 4.0])  # E, nu, yield_stress, hardening_modulus, eta, m
 MAXWELL = get_law("maxwell").defaults()

@@ -6,7 +6,7 @@ import pytest
 from law_paths import follow, random_path
 
 from idic.laws import all_laws, compile, directional_stresses, get_law, point_stresses, point_tangents
-from idic.laws.core import point
+from idic.laws import point
 
 STRAIN = np.linspace(0.0, 0.04, 21)
 

@@ -11,7 +11,7 @@ import idic
 from idic.errors import InputError
 from idic.fe import make_mesh
 from idic.notebook.dataset import strains
-from idic.notebook.fields import checked_frame
+from idic.run import checked_frame
 from idic.notebook.posterior import Posterior, posterior_of
 
 

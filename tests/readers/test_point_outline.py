@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.readers import narrowest, notched_axis, outline_of, sides, sides_of_any, width_error
+from idic.readers import PointOutline, narrowest, notched_axis, sides_of_any, width_error
 
 PITCH, MARGIN = 0.8, 0.5
 
@@ -23,12 +23,12 @@ def area(corners: np.ndarray) -> float:
 
 
 def test_a_rectangle_has_its_four_corners():
-    found = outline_of(grid(24.0, 60.0), PITCH, MARGIN)
+    found = PointOutline.around(grid(24.0, 60.0), PITCH, MARGIN)
     corners = np.array([[0, 0], [24, 0], [24, 60], [0, 60]])
     assert len(found.outline) == 4 and not found.holes and found.filled == pytest.approx(1.0)
     for corner in corners:
         assert np.hypot(*(found.outline - corner).T).min() < 1e-6
-    assert set(sides(found.outline)) == {"LEFT", "RIGHT", "BOTTOM", "TOP"}
+    assert set(found.ends) == {"LEFT", "RIGHT", "BOTTOM", "TOP"}
 
 
 def test_missing_points_are_no_holes_and_a_round_hole_is_a_circle():
@@ -36,7 +36,7 @@ def test_missing_points_are_no_holes_and_a_round_hole_is_a_circle():
     rng = np.random.default_rng(2)
     points = points[np.hypot(*(points - [11.0, 32.0]).T) > 5.0 + MARGIN]
     points = points[rng.random(len(points)) > 0.03]
-    found = outline_of(points, PITCH, MARGIN)
+    found = PointOutline.around(points, PITCH, MARGIN)
     (hole,) = found.holes
     assert hole.shape == (3,)
     # a grid reaches an edge that it does not follow within one distance, half of it in the mean
@@ -50,7 +50,7 @@ def test_a_turned_strip_keeps_its_width():
     points = np.column_stack([x.ravel(), y.ravel()])
     along, across = points @ [c, s], points @ [-s, c]
     points = points[(np.abs(along) < 30.0) & (np.abs(across) < 8.0)]
-    found = outline_of(points, PITCH, 0.0)
+    found = PointOutline.around(points, PITCH, 0.0)
     assert len(found.outline) == 4
     sizes = np.sort(np.hypot(*(np.roll(found.outline, -1, axis=0) - found.outline).T))
     np.testing.assert_allclose(sizes, [16.0, 16.0, 60.0, 60.0], atol=2 * 0.75 * PITCH)  # of a step at each end
@@ -61,7 +61,7 @@ def test_the_gauge_of_a_waisted_specimen_is_not_turned_by_its_fillets():
     off = np.abs(points[:, 1] - 50.0)
     half = np.where(off < 25, 6.0, np.minimum(6.0 + 40.0 - np.sqrt(np.maximum(40.0**2 - (off - 25.0) ** 2, 0.0)), 14.0))
     points = points[np.abs(points[:, 0] - 20.0) < half - MARGIN]
-    found = outline_of(points, PITCH, MARGIN)
+    found = PointOutline.around(points, PITCH, MARGIN)
     middle = [[20.0 + side * 6.0] for side in (-1, 1)]
     following = np.roll(found.outline, -1, axis=0)
     crossing = (found.outline[:, 1] - 50.0) * (following[:, 1] - 50.0) < 0
@@ -80,7 +80,7 @@ def half_width(off: np.ndarray) -> np.ndarray:
 
 def test_points_that_hang_together_nowhere_are_refused():
     with pytest.raises(InputError, match="no outline"):
-        outline_of(np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0], [9.0, 9.0]]), 1.0, 0.5)
+        PointOutline.around(np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0], [9.0, 9.0]]), 1.0, 0.5)
 
 
 def test_gaps_that_are_no_holes_are_told():
@@ -88,18 +88,18 @@ def test_gaps_that_are_no_holes_are_told():
     points = grid(24.0, 60.0)
     missing = np.abs(points - [6.0, 20.0]).max(axis=1) < 2.2 * PITCH
     points = points[~missing & (np.hypot(*(points - [15.0, 40.0]).T) > 1.6)]
-    found = outline_of(points, PITCH, 3.0)
+    found = PointOutline.around(points, PITCH, 3.0)
     assert not found.holes and len(found.gaps) == 2
     at = found.gaps[np.argsort(found.gaps[:, 1]), :2]
     np.testing.assert_allclose(at, [[6.0, 20.0], [15.0, 40.0]], atol=PITCH)
-    assert len(outline_of(grid(24.0, 60.0), PITCH, MARGIN).gaps) == 0
+    assert len(PointOutline.around(grid(24.0, 60.0), PITCH, MARGIN).gaps) == 0
 
 
 def test_the_narrowest_width_is_that_between_a_hole_and_the_edges():
     points = grid(24.0, 60.0)
-    found = outline_of(points[np.hypot(*(points - [12.0, 30.0]).T) > 5.0 + MARGIN], PITCH, MARGIN)
+    found = PointOutline.around(points[np.hypot(*(points - [12.0, 30.0]).T) > 5.0 + MARGIN], PITCH, MARGIN)
     assert narrowest(found, PITCH) == pytest.approx(14.0, abs=PITCH)
-    assert narrowest(outline_of(points, PITCH, MARGIN), PITCH) == pytest.approx(24.0, abs=1e-6)
+    assert narrowest(PointOutline.around(points, PITCH, MARGIN), PITCH) == pytest.approx(24.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("turn", [0.0, 2.0])
@@ -114,14 +114,14 @@ def test_the_width_between_round_notches_is_within_the_stated_error(turn):
     wedge = (within > tip + np.abs(points[:, 0]) - np.sqrt(2.0) * radius) & (within > tip - radius / np.sqrt(2.0))
     notched = wedge | (np.hypot(points[:, 0], within - tip) < radius)
     points = points[(np.abs(points[:, 0]) < 20.0) & (within < 10.0) & ~notched] @ [[c, -s], [s, c]]
-    found = outline_of(points, pitch, 0.5 * pitch)
+    found = PointOutline.around(points, pitch, 0.5 * pitch)
     off, error = abs(narrowest(found, pitch) - 11.4), width_error(found, pitch)
     assert off < error < 5.0 * pitch
     assert off > pitch  # more than along straight edges
 
 
 def test_the_error_of_a_rectangle_is_half_a_distance_on_every_side():
-    assert width_error(outline_of(grid(24.0, 60.0), PITCH, MARGIN), PITCH) == pytest.approx(PITCH)
+    assert width_error(PointOutline.around(grid(24.0, 60.0), PITCH, MARGIN), PITCH) == pytest.approx(PITCH)
 
 
 @pytest.mark.parametrize("turn", [0.0, 3.0])
@@ -135,7 +135,7 @@ def test_notched_and_waisted_sides_are_free_edges(turn):
     assert notched_axis(rail @ turned, PITCH) == 1
     assert notched_axis(bone @ turned, PITCH) == 0
     assert notched_axis(points @ turned, PITCH) is None
-    found = outline_of(rail @ turned, PITCH, MARGIN)
+    found = PointOutline.around(rail @ turned, PITCH, MARGIN)
     assert abs(narrowest(found, PITCH) - 30.6 - 2 * MARGIN) < width_error(found, PITCH)  # of the points, and the margin
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from idic.errors import InputError
 from idic.readers import column_factor, factor_between, frame_indices, frame_numbers, parse_unit, points_where
-from idic.readers.delimited.units import suffix_unit
+from idic.readers import unit_in_name
 
 POINTS = np.array([[0.0, -10.0], [3.0, 0.0], [-2.0, 4.0]])
 
@@ -62,7 +62,7 @@ def test_a_unit_of_another_kind_is_refused(unit):
 
 
 def test_a_column_tells_its_unit_by_its_name():
-    assert suffix_unit("force_N") == "N" and suffix_unit("force") is None and suffix_unit("N") is None
+    assert unit_in_name("force_N") == "N" and unit_in_name("force") is None and unit_in_name("N") is None
     assert column_factor("grip_um", "mm") == pytest.approx(1e-3)
     assert column_factor("grip", "mm", "um") == pytest.approx(1e-3)
     assert parse_unit("deg").dimension == "angle"

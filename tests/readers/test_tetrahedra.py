@@ -14,7 +14,7 @@ from fe_bodies import faces_where, grid, where  # noqa: E402
 from solid_bar import CELLS, SIZE, side_and_front  # noqa: E402
 
 from idic.fe import (  # noqa: E402
-    TET_EDGES, can_raise_order, cell_type, check_elements, face_area, inp_text, make_mesh, quadrature_rule,
+    can_raise_order, cell_edges, cell_type, check_elements, face_area, inp_text, make_mesh, quadrature_rule,
     raise_order, shape_gradients, surface_cells,
 )
 from idic.identification import identify  # noqa: E402
@@ -61,7 +61,7 @@ def test_tetrahedra_and_their_faces_are_read_from_every_format(cell, suffix, tmp
     assert volume(mesh) == pytest.approx(3.0)
     assert face_area(mesh, mesh.edge_sets["FRONT"]) == pytest.approx(2.0)
     middles = mesh.nodes[mesh.blocks[0].connectivity[:, 4:]]
-    for k, (a, b) in enumerate(TET_EDGES[:middles.shape[1]]):
+    for k, (a, b) in enumerate(cell_edges("tet4")[:middles.shape[1]]):
         ends = mesh.nodes[mesh.blocks[0].connectivity[:, [a, b]]]
         np.testing.assert_allclose(middles[:, k], ends.mean(axis=1))
     (seen,) = surface_cells(mesh, "FRONT")

@@ -12,8 +12,10 @@ import pytest
 from approved import assert_approved
 from made_up_run import NAMES, make_practice, make_record, make_result
 
-from idic.cli.tables import remarks
-from idic.report import advice, render_page, result_headline, result_verdict, tables, undetermined
+from idic.report import remarks
+from idic.report import render_page, result_headline, result_verdict, tables
+from idic.report import undetermined
+from idic.report.result.words import advice
 from idic.report.result.words import discrepancy_text, explained, left_out, not_explained, result_cautions
 from idic_studies.equality.normal_text import page_paragraphs
 

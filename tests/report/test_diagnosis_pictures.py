@@ -10,7 +10,8 @@ from matplotlib.image import imread
 
 from idic.diagnose import in_words
 from idic.report.diagnosis.where import active_map, side_chart, source_map
-from idic.report import RED, WhereRecord
+from idic.report import RED
+from idic.report.diagnosis.where import WhereRecord
 
 
 def record(columns, rows, side="bulk"):

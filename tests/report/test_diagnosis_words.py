@@ -6,7 +6,8 @@ import pytest
 
 from idic.report.diagnosis.headline import moves
 from idic.report.diagnosis.page import chain_rows, odds_words
-from idic.report import diagnosis_headline, sentence, standing_of, strongest
+from idic.report.diagnosis.headline import diagnosis_headline
+from idic.report.diagnosis.words import sentence, standing_of, strongest
 
 TITLES = {"heterogeneity": "heterogeneous stiffness"}
 

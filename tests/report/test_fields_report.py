@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from made_up_run import make_record, make_result
 
-from idic.report import comparison_tables, in_words_of, render_page, result_headline, undetermined
+from idic.report import comparison_tables, render_page, result_headline
+from idic.report.result.fit_words import in_words_of
+from idic.report import undetermined
 from idic.report.figures.point_maps import point_maps, rms
 from idic.report.result.record import PointMaps
 from idic.report.result.words import hardly_determined
-from idic.run import headlines
+from idic.report import comparison_headlines
 from idic.run.reporting.compare import _parameter
 
 
@@ -76,8 +78,8 @@ def test_a_comparison_says_what_was_measured():
         return [row[0].text for row in comparison_tables(content)[1].rows]
 
     fields, images, both = (compared(*of) for of in (["displacement"] * 2, ["grey"] * 2, ["grey", "displacement"]))
-    assert "fields: χ² per component" in names(fields) and "per component" in headlines(fields)[0]
-    assert "images: χ² per pixel" in names(images) and "per pixel" in headlines(images)[0]
+    assert "fields: χ² per component" in names(fields) and "per component" in comparison_headlines(fields)[0]
+    assert "images: χ² per pixel" in names(images) and "per pixel" in comparison_headlines(images)[0]
     assert not any("image" in name or "pixel" in name for name in names(fields))
     measured = comparison_tables(both)[1].rows[0]
     assert [cell.text for cell in measured] == ["measured", "images", "fields"]

@@ -8,10 +8,10 @@ import re
 import pytest
 from made_up_run import make_record, make_result
 
-from idic.report import (
-    against_free, held_stresses, in_ratios, joint_page, parts_of_std, render_page, result_headline, result_verdict,
-    stress_unit,
-)
+from idic.report import joint_page, render_page, result_headline, result_verdict, stress_unit
+from idic.report.result.fit_words import against_free
+from idic.report.result.stress_scale import held_stresses, in_ratios
+from idic.report.result.words import parts_of_std
 from idic.report.result.words import convergence, discrepancy_text, explained
 from idic.run.joint_result import result_of_part
 

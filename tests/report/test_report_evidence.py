@@ -167,7 +167,8 @@ def test_a_free_spectrum_is_drawn_with_its_band_and_the_form_that_it_came_from()
 
     from idic.laws import grid, relaxing
     from idic.parameters import Parameter, ParameterSet
-    from idic.report import RunRecord, relaxation_curves
+    from idic.report import RunRecord
+    from idic.report.evidence.relaxation import relaxation_curves
     from idic.report.figures.relaxation import relaxation_curve
 
     times, taus = np.linspace(0.0, 60.0, 31), grid(0.5, 50.0, 5)

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from made_up_run import NAMES, make_curve, make_record, make_result
 
-from idic.report import (
-    draw_sections, number_text, render_page, short, tables, two_digits,
-    with_std,
-)
+from idic.report import draw_sections, number_text, render_page, tables, with_std
+from idic.report.design.page import short
+from idic.report.result.words import two_digits
 from idic.report.design.words import percent
 from idic.report.figures import charts, maps, matrices
 from idic.report.page import _derived_rows

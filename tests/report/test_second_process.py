@@ -7,7 +7,6 @@ import pytest
 from made_up_run import make_record
 
 from idic.report import draw_sections, parts, plan_sections
-from idic.run.reporting.second_process import HANDS_OUT
 from idic.run import drawing_beside
 
 FEW = dict(reference=None, nodes_px=None, cells=(), residuals=None, fields=None, sensitivities=None, channels=(),
@@ -19,8 +18,11 @@ def test_the_second_process_draws_the_same_pictures_to_the_last_byte():
     here = [draw() for draw in parts(plan_sections(record))]
     assert sum(picture is not None for picture in here) >= 3
 
+    at_first = set(threading.enumerate())
+
     def wait(*_):
-        next(one for one in threading.enumerate() if one.name == HANDS_OUT).join(90.0)
+        for thread in set(threading.enumerate()) - at_first:  # it hands out the other parts
+            thread.join(90.0)
 
     def refuse():
         raise AssertionError("drawn in this process")

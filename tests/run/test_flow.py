@@ -18,6 +18,8 @@ import numpy as np
 import prefect
 import pytest
 from experiment_file.small_experiment import write_experiment
+from one_thread import ONE_THREAD
+
 from idic_flows.settings import TAG, connected, process_tag, show_killed_as_crashed
 from idic_flows.stages import EVALUATIONS, RESIDUAL, SCHEDULE
 from prefect.client.orchestration import get_client
@@ -28,7 +30,6 @@ import idic
 from idic.errors import InputError
 from idic.run import identify_run, start_server
 from idic.run.workers.dask_connection import LOOPBACK
-from idic.run.workers.dask_settings import ONE_THREAD
 from idic.run.workers.prefect_server import QUIET
 
 SECONDS = 600.0  # 10 s on a quiet machine

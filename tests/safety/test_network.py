@@ -8,11 +8,11 @@ import subprocess
 import sys
 
 import pytest
+from one_thread import ONE_THREAD
 
 from idic.errors import InputError
 from idic.virtual_tests import write_example
 from idic.run import open_cluster, start_server
-from idic.run.workers.dask_settings import ONE_THREAD
 from idic.run.workers.dask_connection import check_client_key
 from idic.run.workers.prefect_server import QUIET, _server_environment
 

@@ -4,9 +4,8 @@ import pytest
 
 from idic.errors import InputError
 from idic.identification.step.state import GENERALISED_REJECTED
-from idic.identification import (
-    AcceptedPoint, Activation, EstimatorChoice, LoopState, ParallelTrial, SchedulePosition, Trial, TrustRegion,
-)
+from idic.identification import AcceptedPoint, LoopState, Trial
+from idic.identification.step.state import Activation, EstimatorChoice, ParallelTrial, SchedulePosition, TrustRegion
 from idic.run.store.state_file import load_state, save_state
 from idic.run import STATE_FILE
 

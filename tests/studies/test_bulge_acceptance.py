@@ -6,12 +6,12 @@ import sys
 
 import numpy as np
 import pytest
+from one_thread import ONE_THREAD
 
 from idic_studies.pages.bulge_page import ended_right
 from idic_studies.pages.study_charts import chance
 from idic_studies.cases.registry import make_study
 from idic_studies.cases.store import StudyStore
-from idic.run.workers.dask_settings import ONE_THREAD
 
 DRIVE = """
 import sys

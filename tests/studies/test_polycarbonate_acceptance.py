@@ -6,11 +6,11 @@ import sys
 
 import numpy as np
 import pytest
+from one_thread import ONE_THREAD
 
 from idic_studies.pages.polycarbonate_outcomes import ended_right
 from idic_studies.cases.registry import make_study
 from idic_studies.cases.store import StudyStore
-from idic.run.workers.dask_settings import ONE_THREAD
 
 pytestmark = pytest.mark.slow  # two minutes on a quiet core
 

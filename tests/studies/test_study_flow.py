@@ -10,13 +10,13 @@ import time
 
 import numpy as np
 import pytest
+from one_thread import ONE_THREAD
 
 from idic.errors import InputError
 from idic.identification import identify
 from idic_studies.cases.case import case_experiment
 from idic_studies.cases.registry import make_study
 from idic_studies.cases.store import StudyStore
-from idic.run.workers.dask_settings import ONE_THREAD
 
 # 30 s of CPU time; the parts of a study by default: test_study_parts.py
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("shared_server")]

@@ -10,7 +10,8 @@ from idic.diagnose.discretisation.known_error import MAX_FURTHER_SHARE, error_be
 from idic.diagnose import identification_at, residual_evidence
 from idic.experiment_file import load_experiment
 from idic.model import MotionError, build_forward, solve
-from idic.simulation_error import brick_mesh_error, mesh_error, refined, thick, thickness_error, without_reactions
+from idic.simulation_error import brick_mesh_error, mesh_error, refined, thickness_error, without_reactions
+from idic.simulation_error.real_thickness import thick
 from idic.simulation_error.limits import NodeLimits
 from idic.simulation_error.mesh import REACTION_LEFT, as_elastic, compared_frames
 from idic_studies.trial.scenes.recording import Paint, write_public

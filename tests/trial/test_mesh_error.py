@@ -11,7 +11,8 @@ from idic.diagnose.residual.heldout import grid_of, misfit_of
 from idic.experiment_file import load_experiment
 from idic.identification import identify
 from idic.model import build_forward, solve
-from idic.simulation_error import mesh_error, projection, refined
+from idic.simulation_error import mesh_error, refined
+from idic.simulation_error.refinement import projection
 from idic_studies.trial.scenes.recording import Paint, write_public
 from idic_studies.trial.scenes.scene import NULLS
 from idic_studies.trial.scenes.solve import solve as solve_scene

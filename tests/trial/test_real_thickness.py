@@ -24,7 +24,8 @@ from idic.identification import identify
 from idic.model import Column, Constant, Load, Measured, Parametrised, Prescribed, boundary_parameters, build_forward
 from idic.parameters import ParameterSet
 from idic import simulation_error
-from idic.simulation_error import bricks_of, extruded, simulated_sheet
+from idic.simulation_error import bricks_of, simulated_sheet
+from idic.simulation_error.real_thickness import extruded
 from idic.simulation_error.limits import NodeLimits
 from idic.simulation_error.real_thickness import MIDDLE, in_front
 from idic_studies.trial.scenes.calculix import solve_with_calculix

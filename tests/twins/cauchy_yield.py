@@ -7,7 +7,7 @@
 import numpy as np
 
 from idic.laws import LawParameter, LawSpec, register
-from idic.laws.core import tensors
+from idic.laws import tensors
 from idic.laws.core.inner import inner
 from idic.laws.plasticity.elastoplastic import (ALTERNATIVES, PARAMETERS, ROOT, STATE_NAMES, cp_after,
                                                      shear_and_bulk, trial_state)

@@ -11,7 +11,6 @@ from strip_twin import marched, pulled, strip_toml, write_recording, write_rest
 
 from idic.images import Camera
 from idic.laws import LawParameter, LawSpec, all_laws, compile, register
-from idic.laws.free_forms.rubber_forms import CHAIN
 from idic.virtual_tests import strip_with_hole
 
 LENGTH, WIDTH, RADIUS, THICKNESS, KAPPA = 24.0, 16.0, 3.0, 2.0, 200.0  # mm, MPa
@@ -19,6 +18,7 @@ PIXEL, SHAPE, ORIGIN = 0.2, (100, 215), (72.3, 49.6)
 CAMERA = Camera.from_table(pixel_size=PIXEL, origin=ORIGIN)
 NOISE, FORCE_NOISE = 2.0, 0.02  # grey values of 255, N
 GRIP = np.linspace(0.0, 15.0, 11)
+CHAIN = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)  # series of the inverse Langevin function
 OGDEN, ARRUDA_BOYCE, GENT, HAINES_WILSON = range(4)
 FORMS = {  # MPa and -, up to six
     "ogden": (OGDEN, 0.63, 1.3, 0.012, 5.0, -0.01, -2.0), "arruda_boyce": (ARRUDA_BOYCE, 0.35, 2.2, 0.0, 0.0, 0.0, 0.0),

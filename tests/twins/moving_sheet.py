@@ -7,11 +7,11 @@ The identification uses the lens itself, at the nodes.
 from __future__ import annotations
 
 import numpy as np
-from twins.pinhole_twin import FROM_ABOVE, write_traced_images
+from twins.pinhole_twin import write_traced_images
 
 from idic.fe import make_mesh
 from idic.images import LENS_MODELS, PlacedCamera, rotation_of
-from idic.virtual_tests import Patch, Sensor, mesh_patches, write_inp, write_loads
+from idic.virtual_tests import Patch, Rig, Sensor, mesh_patches, write_inp, write_loads
 
 LENGTH, WIDTH, THICKNESS, DISTANCE = 24.0, 14.0, 1.0, 30.0  # mm
 SHAPE, FOCAL = (100, 150), 110.0  # px: 39 degrees from the axis in a corner
@@ -83,7 +83,7 @@ def write_moving_sheet(folder, name, stated, free=()):
     """
     (folder / "images").mkdir(parents=True)
     model, mesh, rng = LENS_MODELS[name], sheet(), np.random.default_rng(5)
-    camera = model(FOCAL, 1.01 * FOCAL, 76.2, 48.1, rotation=rotation_of([2.0, -3.0, 1.0]) @ FROM_ABOVE,
+    camera = model(FOCAL, 1.01 * FOCAL, 76.2, 48.1, rotation=rotation_of([2.0, -3.0, 1.0]) @ Rig.FROM_ABOVE,
                    translation_mm=[0.3, -0.2, DISTANCE], **model.example)
     placed, sensor, u = PlacedCamera(camera), Sensor(SHAPE, noise_std=NOISE, background=25.0), motion(mesh)
     write_traced_images(folder, mesh, placed, u, sensor, rng)

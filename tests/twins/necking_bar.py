@@ -18,9 +18,9 @@ from fe_bodies import grid  # noqa: E402
 
 from idic.fe import Mesh  # noqa: E402
 from idic.images import PinholeCamera, PlacedCamera, rotation_of  # noqa: E402
-from idic.virtual_tests import Sensor, write_images, write_inp, write_loads  # noqa: E402
-from idic.virtual_tests.stereo_images import common_speckle, traced_images  # noqa: E402
-from idic.virtual_tests.stereo_rig import FROM_ABOVE, write_calibration  # noqa: E402
+from idic.virtual_tests import (  # noqa: E402
+    Rig, Sensor, traced_images, write_images, write_inp, write_loads,
+)
 
 LENGTH, WIDTH, HALF, WAIST = 36.0, 10.0, 3.0, 0.03  # mm; half of the thickness; narrower in the middle by this share
 VALUES = {"E": 70e3, "nu": 0.3, "yield_stress": 250.0, "hardening_modulus": 350.0}  # MPa: necks at a strain of 0.25
@@ -28,7 +28,7 @@ GRIP = np.concatenate([np.linspace(0.0, 0.12, 4), np.linspace(0.12, 9.5, 9)[1:]]
 PIXEL, SHAPE, DISTANCE, NOISE, FORCE_NOISE, GRIP_NOISE = 0.1, (130, 520), 300.0, 2.0, 10.0, 0.001
 TRUE, USER = (18, 4, 2), (12, 3, 1)  # elements along, across, through half of the thickness
 LENS = PinholeCamera(DISTANCE / PIXEL, DISTANCE / PIXEL, 205.0, 64.2, k1=-0.05, rotation=rotation_of([0.4, -0.6, 0.2]) @
-                     FROM_ABOVE, translation_mm=[0.2, -0.1, DISTANCE])
+                     Rig.FROM_ABOVE, translation_mm=[0.2, -0.1, DISTANCE])
 
 TOML = """
 [experiment]
@@ -108,8 +108,8 @@ def write_bar(folder: Path, known: tuple[Mesh, np.ndarray, np.ndarray], camera: 
     (folder / "images").mkdir(parents=True)
     rng, placed = np.random.default_rng(seed), PlacedCamera(LENS)
     sensor = Sensor(SHAPE, noise_std=NOISE, background=25.0)
-    write_images(folder, traced_images(mesh, "FRONT", placed, u, sensor, common_speckle([placed], rng, 256.0), rng))
-    write_calibration([LENS], SHAPE, folder / "cal.json")
+    write_images(folder, traced_images(mesh, "FRONT", placed, u, sensor, rng))
+    Rig((LENS,), SHAPE).write_calibration(folder / "cal.json")
     write_loads(folder, np.arange(float(len(u))), {"force_N": force + FORCE_NOISE * rng.standard_normal(len(u)),
                                                    "grip_mm": GRIP + GRIP_NOISE * rng.standard_normal(len(u))})
     write_inp(bar(USER), folder / "mesh.inp", "bar")

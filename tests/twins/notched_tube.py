@@ -15,15 +15,13 @@ from calculix_solids import pulled, with_surfaces  # noqa: E402
 from fe_bodies import grid  # noqa: E402
 
 from idic.fe import Mesh, face_cells  # noqa: E402
-from idic.virtual_tests.stereo_plate import PlateTest, Size, write_plate  # noqa: E402
-from idic.virtual_tests.ray_tracing import Scene  # noqa: E402
-from idic.virtual_tests.stereo_rig import rig  # noqa: E402
+from idic.virtual_tests import PlateSize, PlateTest, Rig, Scene  # noqa: E402
 
 LENGTH, OUTER, INNER, NOTCH, NOTCH_WIDTH = 28.0, 8.0, 6.5, 0.6, 3.0  # mm; depth and width of the groove
 SEEN_DEG = 60.0  # of the circumference, on both sides of the front
 VALUES = {"E": 70e3, "nu": 0.3, "yield_stress": 200.0, "hardening_modulus": 1500.0}  # MPa
 GRIP = np.concatenate([np.linspace(0.0, 0.06, 4), np.linspace(0.06, 0.30, 7)[1:]])  # mm
-SIZE = Size(0.1, (200, 330), (0, 0, 0), (10, 12, 1, 0), (16, 18, 2, 0))
+SIZE = PlateSize(0.1, (200, 330), (0, 0, 0), (10, 12, 1, 0), (16, 18, 2, 0))
 
 
 def tube(along: int, around: int, through: int) -> Mesh:
@@ -46,27 +44,27 @@ def tube(along: int, around: int, through: int) -> Mesh:
                          CUT=np.flatnonzero((np.abs(z + OUTER) < 1e-9) & ~ends))
 
 
-def tube_test(folder: Path, size: Size = SIZE) -> PlateTest:
+def tube_test(folder: Path, size: PlateSize = SIZE) -> PlateTest:
     """The test before noise; CalculiX in `folder`."""
     mesh = tube(*size.true[:3])
     return _test(mesh, *pulled(folder, mesh, VALUES, GRIP, ("LEFT, 1, 3", "RIGHT, 2, 3", "CUT, 3, 3")), size)
 
 
-def still_tube(size: Size) -> PlateTest:
+def still_tube(size: PlateSize) -> PlateTest:
     """The user's mesh at rest in every frame."""
     mesh = tube(*size.user[:3])
     return _test(mesh, np.zeros((len(GRIP), mesh.n_nodes, 3)), np.zeros(len(GRIP)), size)
 
 
-def _test(mesh: Mesh, u: np.ndarray, force: np.ndarray, size: Size) -> PlateTest:
+def _test(mesh: Mesh, u: np.ndarray, force: np.ndarray, size: PlateSize) -> PlateTest:
     scene = Scene(mesh.nodes, face_cells(mesh, mesh.edge_sets["FRONT"]), face_cells(mesh, mesh.edge_sets["REST"]))
-    return PlateTest(scene, u, GRIP, force, rig(size.shape, size.pixel, size.distance, (-15.0, 15.0)),
+    return PlateTest(scene, u, GRIP, force, Rig.around(size.shape, size.pixel, size.distance, (-15.0, 15.0)),
                      tube(*size.user[:3]), size)
 
 
 def write_tube(folder: Path, test: PlateTest, seed: int = 0, deviations: dict[str, float] | None = None) -> Path:
     """The experiment folder, as that of the example stereo with another body."""
-    file = write_plate(folder, test, seed=seed, deviations=deviations)
+    file = test.write(folder, seed=seed, deviations=deviations)
     file.write_text(file.read_text().replace(
         "[[channel]]", '[[boundary]]\nnodes = "CUT"\nuz = 0.0\n\n[[channel]]'))
     return file

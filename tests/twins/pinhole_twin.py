@@ -8,16 +8,15 @@ import numpy as np
 from idic.fe import Constraints, Body, Reaction, Section, march
 from idic.images import PinholeCamera, PlacedCamera, RigidMotion, rotation_of
 from idic.laws import compile as compile_law
-from idic.virtual_tests import Sensor, strip_with_hole, write_images, write_inp, write_loads
-from idic.virtual_tests.stereo_images import common_speckle, traced_images
-from idic.virtual_tests.stereo_rig import write_calibration
+from idic.virtual_tests import (
+    Rig, Sensor, strip_with_hole, traced_images, write_images, write_inp, write_loads,
+)
 
 LENGTH, WIDTH, RADIUS = 28.0, 16.0, 3.0
 TRUTH = {"sheet.E": 70e3, "sheet.nu": 0.3, "sheet.yield_stress": 200.0, "sheet.hardening_modulus": 1500.0}
 GRIP = np.concatenate([np.linspace(0.0, 0.04, 3)[:-1], np.linspace(0.04, 0.1, 4)[:-1], np.linspace(0.1, 0.9, 4)])
 INCREMENTS = 8  # of the truth per frame; of the user 4: a frame at a time is wrong by 1e-3 mm once the sheet yields
 SHAPE, PIXEL = (130, 200), 0.15
-FROM_ABOVE = np.diag([1.0, -1.0, -1.0])
 
 TOML = """
 [experiment]
@@ -61,7 +60,7 @@ def lens(distance, angles=(0.0, 0.0, 0.0), k1=-0.1):
     focal = distance / PIXEL
     ny, nx = SHAPE
     return PinholeCamera(focal, 1.002 * focal, 0.5 * (nx - 1) + 2.3, 0.5 * (ny - 1) - 1.7, k1=k1,
-                         rotation=rotation_of(angles) @ FROM_ABOVE, translation_mm=[0.3, -0.2, distance])
+                         rotation=rotation_of(angles) @ Rig.FROM_ABOVE, translation_mm=[0.3, -0.2, distance])
 
 
 def true_motion(thickness, grip=GRIP, mesh=None):
@@ -85,8 +84,7 @@ def true_motion(thickness, grip=GRIP, mesh=None):
 
 def write_traced_images(folder, mesh, placed, u, sensor, rng):
     """The recording of a plane mesh with speckle by ray tracing; u : (n_frames, n_nodes, 2|3) mm"""
-    speckle = common_speckle([placed], rng, 256.0)
-    write_images(folder, traced_images(mesh, None, placed, u, sensor, speckle, rng))
+    write_images(folder, traced_images(mesh, None, placed, u, sensor, rng))
 
 
 def write_plane_test(folder, camera, thickness=2.0, noise=2.0, table="", more="", rigid=None, seed=0, known=None,
@@ -102,7 +100,7 @@ def write_plane_test(folder, camera, thickness=2.0, noise=2.0, table="", more=""
         motion = RigidMotion(names, names, np.asarray(rigid).T, np.ones(6))
     placed = PlacedCamera(camera, motion=motion)
     write_traced_images(folder, mesh, placed, u, Sensor(SHAPE, noise_std=noise, background=25.0), rng)
-    write_calibration([known or camera], SHAPE, folder / "cal.json")
+    Rig((known or camera,), SHAPE).write_calibration(folder / "cal.json")
     write_loads(folder, np.arange(float(len(u))), {
         "force_N": force + 10.0 * rng.standard_normal(len(force)),
         "grip_displacement_mm": GRIP + 0.0002 * rng.standard_normal(len(GRIP))})

@@ -4,8 +4,8 @@
     draw = redrawn(load_experiment(folder), clean, seed=3)                         # the same with new noise
 
 The truth is computed on a finer mesh of the whole specimen (circular hole, quad8) and rendered by
-`idic.virtual_tests.render`, which shares no code with the correlator. What the routes share: images, force, the region
-that the camera sees.
+`idic.virtual_tests.rendering`, which shares no code with the correlator. What the routes share: images, force, the
+region that the camera sees.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from idic.model import (
     Column, Constant, Experiment, FurtherCamera, Material, Model, Noise, Options, Prescribed, Recording, build_forward,
 )
 from idic.parameters import Parameter, ParameterSet
-from idic.virtual_tests.render import render
+from idic.virtual_tests import render
 from idic.virtual_tests import Sensor, painted
 
 SIZE, CELLS = (6.0, 3.0, 2.0), (8, 4, 3)  # mm

@@ -24,13 +24,10 @@ from idic.identification import covariance, noise_weights, response_of, scaled_s
 from idic.images import ArrayStack
 from idic.model import Experiment, build_forward
 from idic.parameters import JointPrior, ParameterSet
-from idic.virtual_tests import Sensor, record
-from idic.virtual_tests.stereo_plate import (FORCE_NOISE_N, GRIP_NOISE_MM, INCREMENTS, TRUTH, PlateTest, speckle_of,
-                                             write_plate)
-from idic.virtual_tests.ray_tracing import Scene, traced_image
+from idic.virtual_tests import PlateTest, Scene, Sensor, record
 
 FOCAL_SHARE, ANGLE_DEG = 0.003, 0.1  # standard deviations of the calibration
-MATERIAL = tuple(TRUTH)
+MATERIAL = tuple(PlateTest.TRUTH)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +60,7 @@ class Draw:
     mean: np.ndarray
 
 
-def build_repeats(folder: Path, test: PlateTest, write: Callable[..., Path] = write_plate) -> Repeats:
+def build_repeats(folder: Path, test: PlateTest, write: Callable[..., Path] = PlateTest.write) -> Repeats:
     """Simulate and trace the test once.
 
     test : its mesh, rig and grip are used; write : makes the experiment folder of a test, with `deviations` of the
@@ -72,12 +69,12 @@ def build_repeats(folder: Path, test: PlateTest, write: Callable[..., Path] = wr
     fx = test.rig.cameras[0].fx
     stated = {f"{n}.{name}": FOCAL_SHARE * fx for n in (0, 1) for name in ("fx", "fy")} | {"1.rotation_y": ANGLE_DEG}
     at_rest = replace(test, displacements=0.0 * test.displacements)
-    file = write(folder, at_rest, deviations=stated)
+    file = write(at_rest, folder, deviations=stated)
     text = file.read_text().replace('calibration = "calibration.json"',
                                     'calibration = "calibration.json"\nidentify_calibration = true')
-    file.write_text(f"{text}\n[options]\nsubsteps = {INCREMENTS}\n")
+    file.write_text(f"{text}\n[options]\nsubsteps = {PlateTest.INCREMENTS}\n")
     experiment = load_experiment(file)
-    parameters = experiment.model.parameters.with_values(TRUTH)
+    parameters = experiment.model.parameters.with_values(PlateTest.TRUTH)
     forward = build_forward(experiment)
     moving = tuple(name for name in parameters.free if forward.moves(name))
     logged = next(entry.drive.values for entry in experiment.model.prescribed if entry.nodes == "RIGHT"
@@ -88,10 +85,10 @@ def build_repeats(folder: Path, test: PlateTest, write: Callable[..., Path] = wr
     test = replace(test, displacements=np.array([at.u for at in responses]),
                    force=np.array([at.channels[0] for at in responses]),
                    scene=Scene(mesh.nodes, *(face_cells(mesh, mesh.edge_sets[name]) for name in ("FRONT", "REST"))))
-    texture = speckle_of(np.random.default_rng(0).spawn(1)[0], test.size)
+    texture = test.size.speckle(np.random.default_rng(0).spawn(1)[0])
     noise = experiment.recording.noise.std_gv
     sensor = Sensor(test.size.shape, background=0.1 * 256.0, noise_std=float(np.sqrt(noise**2 - 1.0 / 12.0)))
-    clean = tuple(np.array([traced_image(test.scene, u, camera, texture.value, sensor) for u in test.displacements])
+    clean = tuple(np.array([test.scene.image(u, camera, texture.value, sensor) for u in test.displacements])
                   for camera in test.rig.cameras)
     prior, = experiment.model.parameters.joint
     return Repeats(test, experiment, parameters, responses[1:], clean, sensor, prior)
@@ -102,12 +99,12 @@ def draw(repeats: Repeats, rng: np.random.Generator) -> Draw:
     experiment, n = repeats.experiment, repeats.experiment.model.n_frames
     stacks = [ArrayStack([record(image, repeats.sensor, rng) for image in images]) for images in repeats.clean]
     channel, = experiment.model.channels
-    force = repeats.test.force + FORCE_NOISE_N * rng.standard_normal(n)
+    force = repeats.test.force + PlateTest.FORCE_NOISE_N * rng.standard_normal(n)
     noisy = replace(experiment, recording=replace(experiment.recording, stack=stacks[0]),
                     model=replace(experiment.model, channels=(replace(channel, values=force),)),
                     cameras=(replace(experiment.cameras[0], stack=stacks[1]),))
     mean = rng.multivariate_normal(repeats.prior.mean, repeats.prior.covariance)
-    return Draw(noisy, GRIP_NOISE_MM * rng.standard_normal(n), mean)
+    return Draw(noisy, PlateTest.GRIP_NOISE_MM * rng.standard_normal(n), mean)
 
 
 def scored(repeats: Repeats, number: int, compared: bool) -> dict:
@@ -192,11 +189,11 @@ def two_steps(repeats: Repeats, one: Draw) -> np.ndarray:
         rhs.append(weight * (measured.u_mm[response.frame] - response.u[at]).ravel())
         own = np.zeros((2, m + frames))
         own[0, :m], own[0, m + t] = response.dchannels[0] * slopes, response.local_dchannels[0, 0]
-        own[0] /= FORCE_NOISE_N
-        own[1, m + t] = 1.0 / GRIP_NOISE_MM  # the log says true + error, the simulation holds the true one
+        own[0] /= PlateTest.FORCE_NOISE_N
+        own[1, m + t] = 1.0 / PlateTest.GRIP_NOISE_MM  # the log says true + error, the simulation holds the true one
         rows.append(own)
         force = one.experiment.model.channels[0].values[response.frame]
-        rhs.append(np.array([(force - response.channels[0]) / FORCE_NOISE_N,
-                             one.grip_error[response.frame] / GRIP_NOISE_MM]))
+        rhs.append(np.array([(force - response.channels[0]) / PlateTest.FORCE_NOISE_N,
+                             one.grip_error[response.frame] / PlateTest.GRIP_NOISE_MM]))
     found, *_ = np.linalg.lstsq(np.vstack(rows), np.concatenate(rhs), rcond=None)
     return found[:m]

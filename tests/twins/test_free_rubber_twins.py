@@ -9,7 +9,7 @@ import idic
 from idic.experiment_file import load_experiment
 from idic.laws import invariants
 from idic.model import build_forward, solve
-from idic.report import rubber_curves
+from idic.report.evidence.rubber import rubber_curves
 
 pytestmark = pytest.mark.slow
 CURVES = "I1 = { knots = 8, range = 4.5, C10 = 0.3 }\nI2 = { knots = 5, range = 2.5 }\n"

@@ -1,7 +1,7 @@
 """Twins whose hole, thickness or camera is not what the experiment says: found together with the material, or refused.
 
 The truth is simulated on a finer mesh of its own and rendered by inversion of the mapping
-(`idic.virtual_tests.render`).
+(`idic.virtual_tests.rendering`).
 """
 
 from __future__ import annotations

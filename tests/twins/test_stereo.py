@@ -25,7 +25,7 @@ from idic.correlation.shared_noise import reference_gram
 from idic.diagnose import candidate_library, identification_at, maps_of_evidence, residual_evidence
 from idic.diagnose.locate.adjoint_sources import image_adjoint
 from idic.diagnose.locate.freedoms import in_images
-from idic.diagnose.physics.candidate import Situation
+from idic.diagnose import Situation
 from idic.diagnose.residual.heldout import positions
 from idic.errors import InputError
 from idic.experiment_file import load_experiment, read_toml
@@ -35,16 +35,16 @@ from idic.images import spline_slopes, spline_values
 from idic.model import Column, build_forward
 from idic.report.evidence.rig import rig_warnings
 from idic.simulation_error import ModelPoint, mesh_error_in, refined
-from idic.virtual_tests.stereo_plate import REDUCED, TRUTH, Size, plate_test, write_plate
+from idic.virtual_tests import PlateSize, PlateTest  # noqa: E402
 
-SMALL = Size(0.2, (100, 156), (2, 2, 2), (2, 3, 2, 1), (3, 4, 2, 1))
+SMALL = PlateSize(0.2, (100, 156), (2, 2, 2), (2, 3, 2, 1), (3, 4, 2, 1))
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     where = tmp_path_factory.mktemp("stereo") / "test"
     where.mkdir()
-    write_plate(where, plate_test(SMALL))
+    PlateTest.simulated(SMALL).write(where)
     return where
 
 
@@ -189,14 +189,14 @@ def test_errors_of_the_calibration_come_back_with_its_deviations(tmp_path):
 
 @pytest.mark.slow  # half a minute of processor time
 def test_a_blow_after_the_calibration_is_found_as_a_turn_about_the_own_centre(tmp_path):
-    test = plate_test(REDUCED)
+    test = PlateTest.simulated(PlateSize.of_example(reduced=True))
     right = test.rig.cameras[1]
     turn = Rotation.from_rotvec([0.0, np.deg2rad(0.1), 0.0]).as_matrix()
     before = replace(right, rotation=turn @ right.rotation, translation_mm=turn @ right.translation_mm)
-    file = write_plate(tmp_path, test, believed=replace(test.rig, cameras=(test.rig.cameras[0], before)))
+    file = test.write(tmp_path, believed=replace(test.rig, cameras=(test.rig.cameras[0], before)))
     file.write_text(file.read_text() + "".join(f'\n[[dof]]\nname = "right.turn_{axis}"\n' for axis in "xyz"))
     found = identify(load_experiment(file)).result
-    true = TRUTH | {"right.turn_x": 0.0, "right.turn_y": -0.1, "right.turn_z": 0.0}
+    true = PlateTest.TRUTH | {"right.turn_x": 0.0, "right.turn_y": -0.1, "right.turn_z": 0.0}
     assert found["status"] == "converged"
     assert max(abs(score) for score in scores(found, true).values()) < 3.0
     assert found["parameters"]["right.turn_y"]["std"] < 0.01
@@ -205,14 +205,14 @@ def test_a_blow_after_the_calibration_is_found_as_a_turn_about_the_own_centre(tm
 @pytest.mark.slow  # half a minute of processor time
 def test_a_camera_moved_about_the_specimen_leaves_the_material_as_it_is(tmp_path):
     """The turn that no candidate searches: 1.5 degrees about the specimen, which stays in its pixels."""
-    test = plate_test(replace(SMALL, frames=(3, 3, 3), true=SMALL.user))
+    test = PlateTest.simulated(replace(SMALL, frames=(3, 3, 3), true=SMALL.user))
     left, right = test.rig.cameras
     back = Rotation.from_rotvec([0.0, np.deg2rad(-1.5), 0.0]).as_matrix()
     believed = replace(test.rig, cameras=(left, replace(right, rotation=back @ right.rotation)))
-    file = write_plate(tmp_path, test, believed=believed)
+    file = test.write(tmp_path, believed=believed)
     found = identify(load_experiment(file)).result
     assert found["status"] == "converged"
-    assert max(abs(score) for score in scores(found, TRUTH).values()) < 3.0
+    assert max(abs(score) for score in scores(found, PlateTest.TRUTH).values()) < 3.0
 
 
 @pytest.mark.slow
@@ -220,7 +220,7 @@ def test_parameters_of_the_stereo_test_are_within_their_stated_deviations(folder
     found = identify(load_experiment(folder)).result
     assert found["status"] == "converged"
     # the coarse mesh of the user is wrong by some per cent: the stated deviations hold the misfit
-    assert max(abs(score) for score in scores(found, TRUTH).values()) < 3.0
+    assert max(abs(score) for score in scores(found, PlateTest.TRUTH).values()) < 3.0
 
 
 def test_the_evidence_of_a_diagnosis_joins_both_cameras(folder):
@@ -230,14 +230,15 @@ def test_the_evidence_of_a_diagnosis_joins_both_cameras(folder):
     experiment = replace(experiment, model=replace(experiment.model, prescribed=exact))
     left, right = (replace(view, cameras=()) for view in experiment.views)
     local = np.zeros((experiment.model.n_frames, 0))
-    both, *alone = (residual_evidence(identification_at(one, TRUTH, local, None)) for one in (experiment, left, right))
+    both, *alone = (residual_evidence(identification_at(one, PlateTest.TRUTH, local, None))
+                    for one in (experiment, left, right))
     assert [len(one.cameras) for one in (both, *alone)] == [2, 1, 1]
     assert both.evidence.n_pixels == sum(one.evidence.n_pixels for one in alone)
     assert len(both.evidence.seen) == sum(len(one.evidence.seen) for one in alone)
     white = [one.evidence.whiten(one.null) for one in (both, *alone)]
     grams, scores = zip(*((one.evidence.products(own, one.evidence.weighed(own)), one.evidence.scores(own))
                           for one, own in zip((both, *alone), white, strict=True)), strict=True)
-    force = white[0].channels.reshape(-1, len(TRUTH))  # counts once
+    force = white[0].channels.reshape(-1, len(PlateTest.TRUTH))  # counts once
     expected = grams[1] + grams[2] - both.evidence.channel_weight[0] * force.T @ force
     # the cameras have one noise gain in the sums of both, 2 % off their own
     assert np.allclose(grams[0], expected, rtol=0.03, atol=0.03 * np.sqrt(np.outer(*[np.diagonal(expected)] * 2)).max())
@@ -272,7 +273,7 @@ def test_candidates_of_the_calibration_speak_of_every_camera(folder):
 def test_a_fault_of_the_rig_or_of_the_grips_is_told_from_the_material(tmp_path, fault):
     """The right camera was turned by 0.1 degrees after the calibration, or the specimen comes 0.1 mm nearer, or the
     right camera is late by a frame."""
-    test = plate_test(replace(SMALL, frames=(3, 3, 3), true=(2, 3, 2, 1)))
+    test = PlateTest.simulated(replace(SMALL, frames=(3, 3, 3), true=(2, 3, 2, 1)))
     believed = test.rig
     if fault == "stereo_angle":
         right = believed.cameras[1]
@@ -282,7 +283,7 @@ def test_a_fault_of_the_rig_or_of_the_grips_is_told_from_the_material(tmp_path, 
     elif fault == "specimen_motion":
         nearer = np.linspace(0.0, 0.1, len(test.grip))[:, None, None] * np.array([0.0, 0.0, 1.0])
         test = replace(test, displacements=test.displacements + nearer)
-    folder = write_plate(tmp_path, test, believed=believed)
+    folder = test.write(tmp_path, believed=believed)
     if fault == "camera_time_offset":
         files = sorted((tmp_path / "right").glob("*.tif"))
         images = [path.read_bytes() for path in files]

@@ -9,14 +9,22 @@ from notched_tube import SIZE as TUBE
 from notched_tube import still_tube, write_tube
 from stereo_draws import build_repeats, integrated, scored, without_noise
 
-from idic.virtual_tests.stereo_plate import REDUCED, plate_test, write_plate
+from idic.virtual_tests import PlateSize, PlateTest
 
 pytestmark = pytest.mark.slow  # some minutes of processor time each
+REDUCED = PlateSize.of_example(reduced=True)
 N, N_TWO_STEPS = 200, 20
 BIAS = 0.25  # of a standard deviation: it takes a 95 % interval to 94.3 %, where the goal is 93 %
+
+
+def tube_folder(test, folder, deviations):
+    """The counterpart of `PlateTest.write`."""
+    return write_tube(folder, test, deviations=deviations)
+
+
 BODIES = {
-    "plate": (lambda: plate_test(replace(REDUCED, true=REDUCED.user)), write_plate),
-    "tube": (lambda: still_tube(replace(TUBE, pixel=0.15, shape=(134, 220))), write_tube),
+    "plate": (lambda: PlateTest.simulated(replace(REDUCED, true=REDUCED.user)), PlateTest.write),
+    "tube": (lambda: still_tube(replace(TUBE, pixel=0.15, shape=(134, 220))), tube_folder),
 }
 
 

@@ -11,9 +11,10 @@ from wrong_calibration import write_wrongly_calibrated
 
 from idic.experiment_file import load_experiment
 from idic.identification import identify
-from idic.virtual_tests.stereo_plate import REDUCED, plate_test
+from idic.virtual_tests import PlateSize, PlateTest
 
 pytestmark = pytest.mark.slow  # half a minute of processor time each
+REDUCED = PlateSize.of_example(reduced=True)
 N = 30
 
 
@@ -46,7 +47,7 @@ def test_two_reference_images_tell_the_angle_between_the_cameras(tmp_path, gloss
 
 def test_errors_over_standard_deviations_stay_unit_normal_and_the_angle_gains_most(tmp_path):
     """Noise of both reference images is in the frames of both cameras, too."""
-    alone = build_repeats(tmp_path, plate_test(replace(REDUCED, true=REDUCED.user)))
+    alone = build_repeats(tmp_path, PlateTest.simulated(replace(REDUCED, true=REDUCED.user)))
     camera = replace(alone.experiment.cameras[0], texture="left")
     shared = replace(alone, experiment=replace(alone.experiment, cameras=(camera,)))
     first = draw(alone, np.random.default_rng((1, 0)))

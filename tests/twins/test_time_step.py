@@ -15,9 +15,10 @@ from strip_twin import marched, pulled, strip_toml, write_recording, write_rest
 
 from idic.experiment_file import load_experiment
 from idic.identification import (
-    Analysis, Evaluation, IncrementChoice, Trial, evaluate_at, identify, path_dependent_laws, scaled_system, spectrum,
+    Analysis, Evaluation, Trial, evaluate_at, identify, path_dependent_laws, scaled_system, spectrum,
     time_step_bias,
 )
+from idic.identification.step.state import IncrementChoice
 from idic.identification.loop import advance
 from idic.identification.step.increments import increment_notes
 from idic.images import Camera

@@ -8,7 +8,7 @@ import pytest
 from notched_tube import GRIP, NOTCH, NOTCH_WIDTH, OUTER, SIZE, face_cells, still_tube, tube, write_tube
 
 from idic.experiment_file import load_experiment
-from idic.virtual_tests.ray_tracing import Scene
+from idic.virtual_tests import Scene
 
 pytestmark = pytest.mark.slow
 

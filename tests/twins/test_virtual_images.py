@@ -9,12 +9,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import idic.images.inverse_mapping
+import idic.virtual_tests.rendering.inverse_mapping
 import idic.images.pattern
-import idic.virtual_tests.render
+import idic.virtual_tests.rendering.render
 from idic.errors import InputError
 from idic.images import Camera, dense_speckle, sparse_speckle
-from idic.virtual_tests.render import noisy_channel, render
+from idic.virtual_tests import render
+from idic.virtual_tests.rendering.render import noisy_channel
 from idic.virtual_tests import Sensor, clean_image, painted, record
 
 SHAPE = (60, 80)
@@ -191,7 +192,8 @@ def test_speckle_is_smooth_bounded_and_of_the_size_asked_for(make):
 
 
 def test_the_virtual_camera_shares_no_code_with_the_correlator():
-    for module in (idic.virtual_tests.render, idic.images.pattern, idic.images.inverse_mapping):
+    for module in (idic.virtual_tests.rendering.render, idic.images.pattern,
+                   idic.virtual_tests.rendering.inverse_mapping):
         tree = ast.parse(Path(module.__file__).read_text())
         names = [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
         names += [alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names]

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+from idic.virtual_tests import PlateSize, PlateTest
 
-from idic.virtual_tests.stereo_plate import REDUCED, TRUTH, plate_test, write_plate
 
 
 def write_wrongly_calibrated(folder: Path) -> tuple[Path, dict[str, float]]:
     """The experiment.toml, which identifies the calibration, and the truth. The file says 0.1 degrees more between the
     cameras and 0.3 % more focal length; the distance between them is right."""
-    test = plate_test(REDUCED)
+    test = PlateTest.simulated(PlateSize.of_example(reduced=True))
     left, right = test.rig.cameras
     turn = Rotation.from_rotvec([0.0, np.deg2rad(0.1), 0.0]).as_matrix()
     between = right.rotation @ left.rotation.T
@@ -24,8 +24,8 @@ def write_wrongly_calibrated(folder: Path) -> tuple[Path, dict[str, float]]:
         replace(right, fx=1.003 * right.fx, fy=1.003 * right.fy, rotation=turn @ right.rotation,
                 translation_mm=translation)))
     stated = {f"{number}.{name}": 0.003 * left.fx for number in (0, 1) for name in ("fx", "fy")} | {"1.rotation_y": 0.1}
-    file = write_plate(folder, test, believed=believed, deviations=stated)
+    file = test.write(folder, believed=believed, deviations=stated)
     file.write_text(file.read_text().replace('calibration = "calibration.json"',
                                              'calibration = "calibration.json"\nidentify_calibration = true'))
-    return file, TRUTH | {"left.fx": left.fx, "left.fy": left.fy, "right.fx": right.fx, "right.fy": right.fy,
+    return file, PlateTest.TRUTH | {"left.fx": left.fx, "left.fy": left.fy, "right.fx": right.fx, "right.fy": right.fy,
                           "right.rotation_y": -0.1}

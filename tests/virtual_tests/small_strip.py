@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from idic.virtual_tests import examples
+from idic.virtual_tests import EXAMPLES, write_example
 from idic.virtual_tests import DemoSize, strip
 
 SMALL = DemoSize(0.2, (60, 110), (3, 3, 4), (2, 2, 1), (3, 4, 2), 1)
@@ -16,8 +16,8 @@ NEARER = (("55e3", "68e3"), ("0.38", "0.31"), ("260", "203"), ("800", "1450"))
 def write_small_strip(folder: Path, size: DemoSize = SMALL) -> Path:
     """The experiment folder."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(examples.EXAMPLES, "small", lambda reduced, foreign: strip(size))
-        examples.write_example("small", folder)
+        patch.setitem(EXAMPLES, "small", lambda reduced, foreign: strip(size))
+        write_example("small", folder)
     file = folder / "experiment.toml"
     text = file.read_text()
     for far, near in NEARER:

@@ -14,7 +14,8 @@ import pytest
 
 from idic.experiment_file import load_experiment
 from idic.laws import has_code_on_disk
-from idic.virtual_tests.demo import FULL, TOML
+from idic.virtual_tests import DemoSize
+from idic.virtual_tests.demo import TOML
 from idic.virtual_tests.rehearsal import write_rehearsal
 
 RENDERING = {"inverse_mapping.", "pattern."}
@@ -30,7 +31,7 @@ def test_the_rehearsal_is_the_demo_in_small(tmp_path):
         assert written[table] == demo[table]
     experiment = load_experiment(path)
     assert {block.cell for block in experiment.model.mesh.blocks} == {"quad8"}
-    assert max(experiment.recording.stack.shape) < FULL.shape[1]
+    assert max(experiment.recording.stack.shape) < DemoSize.of_example().shape[1]
 
 
 def test_code_on_disk_is_told_from_none(tmp_path):

@@ -17,7 +17,7 @@ from idic.errors import InputError
 from idic.experiment_file import load_experiment, to_toml
 from idic.model import Column, build_drives
 from idic.readers import read_log
-from idic.virtual_tests import examples
+from idic.virtual_tests import EXAMPLES
 from idic.virtual_tests import simulate, strip, write_example, write_loads
 
 
@@ -49,7 +49,7 @@ def test_the_noise_of_an_example_is_the_requested_one(demo, tmp_path):
 
 
 def test_the_same_seed_gives_the_same_files_and_another_seed_others(tmp_path, monkeypatch):
-    monkeypatch.setitem(examples.EXAMPLES, "small", lambda reduced, foreign: strip(SMALL))  # a tenth of the demo's time
+    monkeypatch.setitem(EXAMPLES, "small", lambda reduced, foreign: strip(SMALL))  # a tenth of the demo's time
     first, again, other = (write_example("small", tmp_path / str(k), seed=seed).parent
                            for k, seed in enumerate((0, 0, 1)))
     for name in ("loads.csv", "images/frame_005.tif"):

@@ -5,17 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.correlation.pinhole.ray_map import build_ray_map
+from idic.correlation import build_ray_map
 from idic.fe import Block, make_mesh
 from idic.images import PinholeCamera, PlacedCamera, rotation_of
-from idic.virtual_tests import Sensor
-from idic.virtual_tests.ray_tracing import Scene, traced_image
-from idic.virtual_tests.stereo_rig import FROM_ABOVE, rig
-from idic.virtual_tests.solid_speckle import solid_speckle
+from idic.virtual_tests import Rig, Scene, Sensor, SolidSpeckle
 
 SHAPE = (60, 90)
 CAMERA = PinholeCamera(1500.0, 1510.0, 46.0, 28.0, skew=0.3, k1=-0.3, p1=1e-3,
-                       rotation=rotation_of([6.0, -14.0, 3.0]) @ FROM_ABOVE, translation_mm=[0.1, 0.2, 150.0])
+                       rotation=rotation_of([6.0, -14.0, 3.0]) @ Rig.FROM_ABOVE, translation_mm=[0.1, 0.2, 150.0])
 SQUARE = np.array([[-6.0, -6.0, 0.0], [6.0, -6.0, 0.0], [6.0, 6.0, 0.0], [-6.0, 6.0, 0.0]])
 ONE = [Block("quad4", np.array([[0, 1, 2, 3]]), 0)]
 
@@ -31,7 +28,7 @@ def pixels():
 
 
 def test_a_plane_shows_the_pattern_where_its_rays_meet_it():
-    image = traced_image(Scene(SQUARE, ONE), 0 * SQUARE, CAMERA, waves, Sensor(SHAPE, supersampling=1))
+    image = Scene(SQUARE, ONE).image(0 * SQUARE, CAMERA, waves, Sensor(SHAPE, supersampling=1))
     at = CAMERA.inverse(pixels())
     expected = waves(np.column_stack([at, np.zeros(len(at))])).reshape(SHAPE)
     assert np.abs(image - expected).max() < 1e-5  # Newton's last step of 1e-6 of a face of 12 mm
@@ -40,9 +37,9 @@ def test_a_plane_shows_the_pattern_where_its_rays_meet_it():
 def test_a_motion_carries_the_pattern_with_the_material():
     """A rigid motion of the body is the opposite motion of the camera."""
     turn, shift = rotation_of([2.0, 3.0, -5.0]), np.array([0.4, -0.2, 1.5])
-    moved = traced_image(Scene(SQUARE, ONE), SQUARE @ turn.T + shift - SQUARE, CAMERA, waves, Sensor(SHAPE))
+    moved = Scene(SQUARE, ONE).image(SQUARE @ turn.T + shift - SQUARE, CAMERA, waves, Sensor(SHAPE))
     other = CAMERA.placed(CAMERA.rotation @ turn, CAMERA.rotation @ shift + CAMERA.translation_mm)
-    still = traced_image(Scene(SQUARE, ONE), 0 * SQUARE, other, waves, Sensor(SHAPE))
+    still = Scene(SQUARE, ONE).image(0 * SQUARE, other, waves, Sensor(SHAPE))
     assert np.abs(moved - still).max() < 1e-5
 
 
@@ -57,7 +54,7 @@ def test_a_sphere_is_hit_on_its_near_side():
     i, j = (2 * a.ravel() for a in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
     faces = np.stack([at[i, j], at[i + 2, j], at[i + 2, j + 2], at[i, j + 2], at[i + 1, j], at[i + 2, j + 1],
                       at[i + 1, j + 2], at[i, j + 1]], axis=1)
-    image = traced_image(Scene(nodes, [Block("quad8", faces, 0)]), 0 * nodes, CAMERA, waves,
+    image = Scene(nodes, [Block("quad8", faces, 0)]).image(0 * nodes, CAMERA, waves,
                          Sensor(SHAPE, background=-1.0, supersampling=1))
     centre, rays = CAMERA.rays(pixels())
     b, c = rays @ centre, centre @ centre - 16.0
@@ -69,9 +66,9 @@ def test_a_sphere_is_hit_on_its_near_side():
 
 
 def test_two_cameras_see_one_speckle():
-    pair = rig(SHAPE, 0.1, 120.0, (-15.0, 15.0))
-    speckle = solid_speckle(np.random.default_rng(3), 0.3)
-    left, right = (traced_image(Scene(SQUARE, ONE), 0 * SQUARE, camera, speckle.value, Sensor(SHAPE, supersampling=1))
+    pair = Rig.around(SHAPE, 0.1, 120.0, (-15.0, 15.0))
+    speckle = SolidSpeckle.drawn(np.random.default_rng(3), 0.3)
+    left, right = (Scene(SQUARE, ONE).image(0 * SQUARE, camera, speckle.value, Sensor(SHAPE, supersampling=1))
                    for camera in pair.cameras)
     points = np.random.default_rng(1).uniform(-2.5, 2.5, (400, 2))
     at = [camera.project(points) for camera in pair.cameras]
@@ -103,9 +100,9 @@ def test_an_independent_renderer_sees_the_same_point_in_every_pixel(distorted):
         theirs.append(np.asarray(riley.raster([mesh], [camera], settings)).reshape(SHAPE))
     ny, nx = SHAPE
     ours = PinholeCamera(1500.0, 1500.0, 0.5 * (nx - 1), 0.5 * (ny - 1), k1=k1, p1=p1, p2=p2,
-                         rotation=FROM_ABOVE, translation_mm=[0.0, 0.0, 150.0])
+                         rotation=Rig.FROM_ABOVE, translation_mm=[0.0, 0.0, 150.0])
     for k in range(2):
-        image = traced_image(Scene(tilted, ONE), 0 * tilted, ours, lambda p: (p @ turn)[:, k],
+        image = Scene(tilted, ONE).image(0 * tilted, ours, lambda p: (p @ turn)[:, k],
                              Sensor(SHAPE, supersampling=1, background=0.0))
         assert np.abs(image - theirs[k]).max() < 1e-5  # mm: our Newton's last step on a face of 12 mm
     plane = make_mesh(tilted, [("hex8", np.zeros((0, 8), int))])

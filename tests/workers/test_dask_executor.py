@@ -21,11 +21,12 @@ from runner_contract import RunnerContract, names
 
 from idic.errors import InputError
 from idic.readers import open_stack
-from idic.run import JobKillsWorkers, RunStore, SerialRunner, ZarrStack, open_cluster
+from idic.run import RunStore, SerialRunner, ZarrStack, open_cluster
+from idic.run.workers.runner import JobKillsWorkers
 from idic.run.prepared.prepare import ingest
 from idic.run.workers.dask_connection import checked_address
 from idic.run.workers import submission
-from idic.run.workers.dask_executor import checked_memory_limit
+from idic.run import checked_memory_limit
 from idic.run.workers.submission import Submission
 from idic.run.workers.task_limits import TaskLimits, task_limits
 from idic_flows.shown_runner import ShownRunner

@@ -22,7 +22,7 @@ import pytest
 from idic.errors import InputError
 from idic.run import PASSWORD, run_lock, start_server
 from idic.run.workers import prefect_server
-from idic.run.workers.prefect_server import configured_url
+from idic.run import configured_url
 
 
 @pytest.fixture(scope="module")

@@ -8,13 +8,13 @@ from contextlib import contextmanager
 import distributed
 import pytest
 from experiment_file.small_experiment import write_experiment
+from one_thread import ONE_THREAD
 
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
 from idic.run import Workplace, check_scheduler, identify_run
 from idic.run.workers import probe as probing
 from idic.run.workers.dask_connection import LOOPBACK
-from idic.run.workers.dask_settings import ONE_THREAD
 from idic.run.workers.probe import ExperimentToSee, ProbeJob, check_workers, probe, rounding_here, versions_here
 
 SECONDS = 60

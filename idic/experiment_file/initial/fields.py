@@ -17,8 +17,8 @@ from idic.experiment_file.initial.loading import Loading, largest_load, loading
 from idic.experiment_file.initial.open_edges import open_edges, open_rectangle
 from idic.images import MIN_POINTS, MIN_STAGES
 from idic.readers import (
-    FORMATS, FieldSeries, Log, MeasuredPoints, StageRule, detected, measured_points, notched_axis,
-    open_fields, outline_of, parse_unit, patterns_of, read_log, strain_path,
+    FORMATS, FieldSeries, Log, MeasuredPoints, PointOutline, StageRule, detected, measured_points, notched_axis,
+    open_fields, parse_unit, patterns_of, read_log, strain_path,
 )
 
 _SUFFIXES = {suffix for entry in FORMATS if entry.kind == "fields" for suffix in entry.suffixes}
@@ -188,7 +188,7 @@ def _mesh(points: MeasuredPoints, margin: float, size: float, unit: str) -> list
     extent = np.ptp(points.positions, axis=0)
     span = (f"# the points span {extent[0]:.4g} x {extent[1]:.4g} {unit} and end before the edges of the specimen: "
             f"FILL IN the")
-    outline = outline_of(points.positions, points.pitch, 0.0)
+    outline = PointOutline.around(points.positions, points.pitch, 0.0)
     if not outline.holes and outline.filled > _MIN_FILLED:
         return [f"mesh = {{ around_points_mm = [{margin:.2g}, {margin:.2g}], element_mm = {size:.3g} }}", span,
                 "# margins along x and y, so that the mesh has the true width (a force is compared with its",
@@ -203,7 +203,8 @@ def _mesh(points: MeasuredPoints, margin: float, size: float, unit: str) -> list
 
 def _open_edges(points: MeasuredPoints, ends: Sequence[str]) -> str:
     """The free edges, which points do not show: of an outline one by one, of a rectangle together."""
-    point_outline = outline_of(points.positions, points.pitch, float(f"{0.5 * points.pitch:.2g}"))  # as in `_mesh`
+    margin = float(f"{0.5 * points.pitch:.2g}")  # as in `_mesh`
+    point_outline = PointOutline.around(points.positions, points.pitch, margin)
     if point_outline.holes or point_outline.filled <= _MIN_FILLED:
         return open_edges(point_outline, points.pitch, ends)
     return open_rectangle(points.pitch)

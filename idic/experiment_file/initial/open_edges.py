@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from idic.fe import EDGE_STD_SHARE, OUTLINE
-from idic.readers import PointOutline, sides
+from idic.readers import PointOutline
 
 
 def open_edges(point_outline: PointOutline, pitch: float, ends: Sequence[str]) -> str:
@@ -13,7 +13,7 @@ def open_edges(point_outline: PointOutline, pitch: float, ends: Sequence[str]) -
 
     ends : names of the driven sides, which do not move
     """
-    driven_edges = {number for name, numbers in sides(point_outline.outline).items() if name in ends
+    driven_edges = {number for name, numbers in point_outline.ends.items() if name in ends
                     for number in numbers}
     names = [*(f"EDGE{k}" for k in range(1, len(point_outline.outline) + 1) if k not in driven_edges),
              *(f"HOLE{k}" for k in range(1, len(point_outline.holes) + 1))]

@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation import (
-    COARSE_PX, Contour, Evidence, Marked, Pose, Rim, Seen, SurfacePoints, edge_contour, fitted_pose, hole_contour,
-    nodal_normals, reselected, speckle_agreement, surface_points,
-)
+from idic.correlation import COARSE_PX, Seen, nodal_normals, speckle_agreement
+from idic.experiment_file.placing.contours import Contour, edge_contour, hole_contour
+from idic.experiment_file.placing.observations import Evidence, Marked, Rim
+from idic.experiment_file.placing.pose import Pose, fitted_pose, reselected
+from idic.experiment_file.placing.surface_points import SurfacePoints, surface_points
 from idic.errors import InputError
 from idic.experiment_file.pinhole.alignment import Clicks
 from idic.experiment_file.pinhole.alignment_start import starts

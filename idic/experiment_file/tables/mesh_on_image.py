@@ -17,8 +17,7 @@ from idic.experiment_file.tables.lengths import Lengths
 from idic.fe import Mesh, OUTLINE
 from idic.images import AnyCamera, Camera, Stack
 from idic.readers import (
-    Drawing, FieldStack, MeasuredPoints, PointOutline, from_image, narrowest, outline_of, roi_mesh, sides,
-    sides_of_any, width_error,
+    Drawing, FieldStack, MeasuredPoints, PointOutline, from_image, narrowest, roi_mesh, sides_of_any, width_error,
 )
 
 KEY = "experiment.mesh"
@@ -101,13 +100,13 @@ def _of_outline(config: ExperimentFile, points: MeasuredPoints, camera: Camera,
     table = config.experiment.mesh
     at = camera.inverse(grid_of(points).positions_px)
     try:
-        point_outline = outline_of(at, points.pitch, float(table.outline_points_mm or 0.0))
+        point_outline = PointOutline.around(at, points.pitch, float(table.outline_points_mm or 0.0))
     except InputError as error:
         raise InputError(error.what, file=file, key=KEY, expected=error.expected, found=error.found,
                          remedy=error.remedy) from None
     size = table.element_mm or NEIGHBOURS_PER_ELEMENT * points.pitch
     return Drawing(point_outline.outline.tolist(), [hole.tolist() for hole in point_outline.holes], size,
-                   table.elements == "quads", sides(point_outline.outline), table.mesher), point_outline
+                   table.elements == "quads", point_outline.ends, table.mesher), point_outline
 
 
 def _margin_note(config: ExperimentFile, points: MeasuredPoints) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -152,6 +153,20 @@ class LoopState:
     status: str = "running"
     history: tuple[dict, ...] = ()
     end: Ending | None = None
+
+    @classmethod
+    def of_content(cls, content: Mapping[str, Any]) -> LoopState:
+        """The state that `dataclasses.asdict` made plain."""
+        trial, accepted, end = dict(content["trial"]), content["accepted"], content["end"]
+        trial["parallel"] = tuple(ParallelTrial(**step) for step in trial["parallel"])
+        activation = content["activation"] | {name: tuple(content["activation"][name])
+                                              for name in ("active", "reactivated")}
+        return cls(**content | {
+            "trial": Trial(**trial), "accepted": accepted and AcceptedPoint(**accepted),
+            "trust": TrustRegion(**content["trust"]), "schedule": SchedulePosition(**content["schedule"]),
+            "activation": Activation(**activation), "estimator": EstimatorChoice(**content["estimator"]),
+            "increments": IncrementChoice(**content["increments"]), "history": tuple(content["history"]),
+            "end": end and Ending(**end)})
 
     @property
     def rounds(self) -> int:

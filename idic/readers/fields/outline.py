@@ -41,32 +41,46 @@ class PointOutline:
     filled: float
     gaps: np.ndarray
 
+    @classmethod
+    def around(cls, points: np.ndarray, pitch: float, margin: float) -> PointOutline:
+        """The outline of points (n, 2) whose neighbours are `pitch` apart, wider by `margin` on all sides.
 
-def outline_of(points: np.ndarray, pitch: float, margin: float) -> PointOutline:
-    """The outline of points (n, 2) whose neighbours are `pitch` apart, wider by `margin` on all sides.
+        Raises
+        ------
+        InputError
+            No points are connected.
+        """
+        points = np.round(points / (ROUNDED * pitch)) * (ROUNDED * pitch)
+        loops = sorted(loops_of(points, pitch), key=lambda loop: -abs(_area(loop)))
+        if not loops:
+            raise InputError("the points have no outline", expected="points next to each other",
+                             found=f"{len(points)} points, none with two neighbours within {MAX_CIRCUMRADIUS:g} "
+                             "distances",
+                             remedy="draw the outline yourself: mesh = { outline_mm = … }")
+        outer = _from_below(_sound(_turned(loops[0], True), pitch, margin))
+        inner = [(loop, _hole(loop, pitch, margin) if len(loop) >= MIN_HOLE else None) for loop in loops[1:]]
+        holes = [hole for _, hole in inner if hole is not None]
+        gaps = [[*np.mean([loop.min(axis=0), loop.max(axis=0)], axis=0), np.ptp(loop, axis=0).max()]
+                for loop, hole in inner if hole is None]
+        area = abs(_area(outer)) - sum(np.pi * h[2]**2 if h.ndim == 1 else abs(_area(h)) for h in holes)
+        return cls(outer, tuple(holes), float(area / np.prod(np.ptp(outer, axis=0))),
+                   np.array(gaps, dtype=float).reshape(-1, 3))
 
-    Raises
-    ------
-    InputError
-        No points are connected.
-    """
-    points = np.round(points / (ROUNDED * pitch)) * (ROUNDED * pitch)
-    loops = sorted(loops_of(points, pitch), key=lambda loop: -abs(_area(loop)))
-    if not loops:
-        raise InputError("the points have no outline", expected="points next to each other",
-                         found=f"{len(points)} points, none with two neighbours within {MAX_CIRCUMRADIUS:g} distances",
-                         remedy="draw the outline yourself: mesh = { outline_mm = … }")
-    outer = _from_below(_sound(_turned(loops[0], True), pitch, margin))
-    inner = [(loop, _hole(loop, pitch, margin) if len(loop) >= MIN_HOLE else None) for loop in loops[1:]]
-    holes = [hole for _, hole in inner if hole is not None]
-    gaps = [[*np.mean([loop.min(axis=0), loop.max(axis=0)], axis=0), np.ptp(loop, axis=0).max()]
-            for loop, hole in inner if hole is None]
-    area = abs(_area(outer)) - sum(np.pi * h[2]**2 if h.ndim == 1 else abs(_area(h)) for h in holes)
-    return PointOutline(outer, tuple(holes), float(area / np.prod(np.ptp(outer, axis=0))),
-                        np.array(gaps, dtype=float).reshape(-1, 3))
+    @property
+    def ends(self) -> dict[str, list[int]]:
+        """Segments (from 1) of the outline that are its LEFT, RIGHT, BOTTOM and TOP ends."""
+        return sides_of_any(self.outline)
 
 
-def sides(outline: np.ndarray) -> dict[str, list[int]]:
+def sides_of_any(outline: np.ndarray) -> dict[str, list[int]]:
+    """Segments (from 1) of an outline of either sense that are its LEFT, RIGHT, BOTTOM and TOP ends."""
+    if _area(outline) > 0.0:
+        return _sides(outline)
+    n = len(outline)  # segment k of the reversed outline is n - k, the last one stays
+    return {name: sorted((n - k - 1) % n + 1 for k in numbers) for name, numbers in _sides(outline[::-1]).items()}
+
+
+def _sides(outline: np.ndarray) -> dict[str, list[int]]:
     """Segments (from 1) of a counter-clockwise outline that are its LEFT, RIGHT, BOTTOM and TOP ends."""
     following = np.roll(outline, -1, axis=0)
     along, middle = following - outline, 0.5 * (outline + following)
@@ -80,14 +94,6 @@ def sides(outline: np.ndarray) -> dict[str, list[int]]:
         if on_end.any():
             segments[name] = (np.flatnonzero(on_end) + 1).tolist()
     return segments
-
-
-def sides_of_any(outline: np.ndarray) -> dict[str, list[int]]:
-    """`sides` of an outline of either sense."""
-    if _area(outline) > 0.0:
-        return sides(outline)
-    n = len(outline)  # segment k of the reversed outline is n - k, the last one stays
-    return {name: sorted((n - k - 1) % n + 1 for k in numbers) for name, numbers in sides(outline[::-1]).items()}
 
 
 def _area(loop: np.ndarray) -> float:

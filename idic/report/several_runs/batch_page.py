@@ -97,7 +97,7 @@ def _limits(points) -> tuple[float, float] | None:
     return low - room, high + room
 
 
-def render_batch(content: Mapping, picture: Picture | None) -> str:
+def render_batch(content: Mapping) -> str:
     """The HTML text; the reports of the runs are linked, everything else is in the page."""
     names = batch_parameters(content)
     short_name = short_names(names)
@@ -106,7 +106,7 @@ def render_batch(content: Mapping, picture: Picture | None) -> str:
         names=[short_name[n] for n in names],
         rows=[_row(row, names) for row in content["runs"]],
         groups=[_group(g, names, short_name) for g in content["groups"]],
-        picture=picture)
+        picture=draw_batch(content))
 
 
 def _row(row: Mapping, names: Sequence[str]) -> dict:

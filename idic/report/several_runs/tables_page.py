@@ -51,6 +51,31 @@ def render_tables(title: str, first: Sequence[str], tables: Sequence[Table], pic
 
 
 # runs side by side ----------------------------------------------------------------------------------------------
+def comparison_page(content: Mapping) -> str:
+    """The HTML text of the page of ``compare.json``."""
+    picture = _comparison_picture(content)
+    return render_tables("Comparison of runs", comparison_headlines(content), comparison_tables(content),
+                         [picture] if picture else [])
+
+
+def comparison_headlines(content: Mapping) -> list[str]:
+    """Whether the runs agree, in a sentence or two."""
+    runs = content["runs"]
+    largest = max(((abs(d), entry["name"], runs[k]["name"]) for entry in content["parameters"]
+                   for k, d in enumerate(entry["differences"]) if d is not None), default=None)
+    if largest is None:
+        text = "No parameter was determined in the first run and in another one."
+    else:
+        text = (f"The largest difference to {runs[0]['name']}: {largest[1]} of {largest[2]}, {largest[0]:.1f} standard "
+                "deviations.")
+    fits = [(run["image_chi2_dof"], run["name"]) for run in runs if run["image_chi2_dof"] is not None]
+    if len(fits) > 1 and all(run["same_data"] for run in runs):
+        best, worst = min(fits), max(fits)
+        data, unit = ("fields", "component") if _of_fields(runs) else ("images", "pixel")
+        text += f" On the same {data}, χ² per {unit} is {best[0]:.4g} for {best[1]} and {worst[0]:.4g} for {worst[1]}."
+    return [text]
+
+
 def comparison_tables(content: Mapping) -> list[Table]:
     """Parameters, and fit and model, of the runs of ``compare.json``."""
     runs = content["runs"]
@@ -68,7 +93,7 @@ def comparison_tables(content: Mapping) -> list[Table]:
     return [Table("Parameters", header, tuple(rows), lead), _fits(runs)]
 
 
-def comparison_picture(content: Mapping) -> Picture | None:
+def _comparison_picture(content: Mapping) -> Picture | None:
     """Value and standard deviation of every parameter in every run, in one unit."""
     rows = [run | {"experiment": run["name"],
                    "parameters": {entry["name"]: estimate for entry in content["parameters"]
@@ -78,14 +103,14 @@ def comparison_picture(content: Mapping) -> Picture | None:
     return draw_batch({"runs": rows})
 
 
-def of_fields(runs: Sequence[Mapping]) -> bool:
+def _of_fields(runs: Sequence[Mapping]) -> bool:
     """Whether all runs are of measured fields."""
     return all(run.get("quantity") == "displacement" for run in runs)
 
 
 def _data_words(runs: Sequence[Mapping]) -> tuple[str, str, str]:
     """Names of the rows of χ², of the rms residual and of the data: of images, of fields, or of either."""
-    if of_fields(runs):
+    if _of_fields(runs):
         return "fields: χ² per component", "fields: rms residual", "fields"
     if any(run.get("quantity") == "displacement" for run in runs):
         return "χ² per pixel, of fields per component", "rms residual of images or fields", "images or fields"

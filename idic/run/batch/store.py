@@ -16,7 +16,7 @@ from pathlib import Path
 
 from idic.errors import InputError
 from idic.inside import is_inside, way_inside, write_inside
-from idic.report import batch_table, draw_batch, render_batch, scatter
+from idic.report import batch_table, render_batch, scatter
 from idic.run.batch.entries import BatchRun
 from idic.run.batch.runs import BatchJob, BatchOutcome
 from idic.run.store.result_file import RESULT_FILE, read_json
@@ -92,7 +92,7 @@ class Batch:
         write_inside(self.folder, JSON_FILE, json.dumps(content, indent=1, allow_nan=False))
         write_inside(self.folder, CSV_FILE, batch_table(content))
         if page:
-            write_inside(self.folder, PAGE_FILE, render_batch(content, draw_batch(content)))
+            write_inside(self.folder, PAGE_FILE, render_batch(content))
         return content
 
     def _content(self, status: str) -> dict:

@@ -10,15 +10,15 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from idic.diagnose import Candidate, Diagnosis, Margin, Notes, SEED, Stage, diagnose as diagnose_identification, silent
+from idic.diagnose import (
+    Candidate, Diagnosis, Margin, Notes, SEED, Stage, diagnose as diagnose_identification, silent, without_spots,
+)
+from idic.report import diagnosis_content, diagnosis_page
 from idic.run.diagnosis.far import judged_by_images, on_measured_motion
 from idic.run.diagnosis.enriched import write_enriched
-from idic.run.diagnosis.files import diagnosis_content, identified_parameters, titles_of, write_diagnosis
-from idic.run.diagnosis.page import write_page
+from idic.run.diagnosis.diagnosis_file import identified_parameters, write_diagnosis, write_page
 from idic.run.diagnosis.refits import RefitStore, run_refits
 from idic.run.diagnosis.source import open_source
-from idic.run.diagnosis.spotless import without_spots
-from idic.run.diagnosis.where import where_pictures
 from idic.run.judgement.floor import PointJob, measured_floor
 from idic.run.orchestrator import DIRECT, Command, Console, Hooks, Orchestrator
 from idic.run.prepared.context import experiments_of
@@ -113,8 +113,9 @@ def write_all(run: str | Path, diagnosis: Diagnosis, began: float) -> dict:
     write()  # the verdict first: nothing that follows may cost it
     enriched = notes.attempt("the enriched experiment", _enriched, diagnosis)
     content = write(enriched)
-    pictures = notes.attempt("the figures of the place", where_pictures, diagnosis, otherwise=())
-    notes.attempt("the page", write_page, run, diagnosis, content, titles_of(diagnosis), notes, pictures)
+    page = diagnosis_page(diagnosis, content, notes)
+    if page is not None:
+        notes.attempt("the page", write_page, run, *page)
     return write(enriched)
 
 

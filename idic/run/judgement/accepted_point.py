@@ -18,7 +18,7 @@ MAX_MOTION_ERROR = 0.01  # of the largest prescribed motion: output files hold f
 
 def refuse_passed_point(context: RunContext, result: Mapping) -> None:
     """InputError where a run was resumed after an interruption and killed: its result is of a point before that."""
-    number = _last_accepted(result)["evaluation"]
+    number = last_accepted(result)["evaluation"]
     if result.get("status") != "interrupted" or context.store.finished(group_name(number, BASE)) is not None:
         return
     raise InputError("the run was interrupted, and its result is older than its last step", file=context.store.run,
@@ -31,7 +31,7 @@ def channels_of(context: RunContext, result: Mapping) -> tuple[np.ndarray, np.nd
 
     The stored ones where they are of that point; those of an earlier one, before a pause, are not.
     """
-    entry, folder = _last_accepted(result), context.store.finished("channels")
+    entry, folder = last_accepted(result), context.store.finished("channels")
     if folder is None or context.store.ident(folder).get("evaluation") != entry["evaluation"]:
         return channel_table(context, entry["values"], entry["evaluation"])
     return read_array(folder, "simulated"), read_array(folder, "measured")
@@ -72,5 +72,5 @@ def solver_notes(context: RunContext, values: Mapping[str, float], evaluation: i
     return notes
 
 
-def _last_accepted(result: Mapping) -> Mapping:
+def last_accepted(result: Mapping) -> Mapping:
     return [entry for entry in result["history"] if entry["accepted"]][-1]

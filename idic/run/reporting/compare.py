@@ -18,7 +18,7 @@ from idic.errors import InputError
 from idic.inside import folder_inside, write_inside
 from idic.model import is_mode
 from idic.readers import factor_to
-from idic.report import comparison_picture, comparison_tables, of_fields, render_tables
+from idic.report import comparison_page
 from idic.run.prepared.context import open_run
 from idic.run.store.result_file import read_result, write_json
 from idic.run.store.run_folders import folders_of
@@ -53,28 +53,7 @@ def write_comparison(content: Mapping, out: str | Path) -> Path:
     folder = folder_inside(out)
     write_json(folder / JSON_FILE, dict(content))
     write_inside(folder, CSV_FILE, _csv(content))
-    picture = comparison_picture(content)
-    page = render_tables("Comparison of runs", headlines(content), comparison_tables(content),
-                         [picture] if picture else [])
-    return write_inside(folder, PAGE_FILE, page)
-
-
-def headlines(content: Mapping) -> list[str]:
-    """Whether the runs agree, in a sentence or two."""
-    runs = content["runs"]
-    largest = max(((abs(d), entry["name"], runs[k]["name"]) for entry in content["parameters"]
-                   for k, d in enumerate(entry["differences"]) if d is not None), default=None)
-    if largest is None:
-        text = "No parameter was determined in the first run and in another one."
-    else:
-        text = (f"The largest difference to {runs[0]['name']}: {largest[1]} of {largest[2]}, {largest[0]:.1f} standard "
-                "deviations.")
-    fits = [(run["image_chi2_dof"], run["name"]) for run in runs if run["image_chi2_dof"] is not None]
-    if len(fits) > 1 and all(run["same_data"] for run in runs):
-        best, worst = min(fits), max(fits)
-        data, unit = ("fields", "component") if of_fields(runs) else ("images", "pixel")
-        text += f" On the same {data}, χ² per {unit} is {best[0]:.4g} for {best[1]} and {worst[0]:.4g} for {worst[1]}."
-    return [text]
+    return write_inside(folder, PAGE_FILE, comparison_page(content))
 
 
 def run_names(runs: Sequence[str | Path]) -> list[str]:

@@ -13,20 +13,21 @@ from idic.correlation import SPACE, VOLUME, at_fixed_pixels, camera_at, view_of
 from idic.errors import InputError
 from idic.identification import ratios_of
 from idic.inside import folder_inside, is_inside, write_inside
+from idic.measure import FieldSeries
 from idic.model import Experiment, Model, is_mode, nodal_temperature
 from idic.parameters import ParameterSet, digits_text
 from idic.report import (
-    ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities, ShownMesh, all_pictures, all_tables,
-    draw_sections, hardening_curves, in_turn, joint_page, render_page, shown_mesh, shown_step, temperature_factors,
-    time_label, without_modes, yield_surfaces,
+    AcceptedFrames, ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities, ShownMesh, all_pictures,
+    all_tables, draw_sections, joint_page, render_page, shown_mesh, shown_step, time_label,
+    run_evidence, without_modes,
 )
-from idic.run.judgement.accepted_point import channel_table, channels_of, refuse_passed_point
+from idic.run.judgement.accepted_point import channel_table, channels_of, last_accepted, refuse_passed_point
 from idic.run.judgement.floor import read_floor
+from idic.run.judgement.free import read_free
 from idic.run.judgement.residual_maps import residuals_of
 from idic.run.judgement.shown_frames import shown_frames
-from idic.run.prepared.context import RunContext, open_run
+from idic.run.prepared.context import RunContext, correlation_context, open_run
 from idic.run.prepared.motion_columns import motion_columns, stored_frame
-from idic.run.reporting.evidence import evidence, last_accepted
 from idic.run.reporting.paraview import write_paraview
 from idic.run.reporting.second_process import SecondProcess
 from idic.run.reporting.series import gauges_of, series_of
@@ -66,7 +67,7 @@ def write_report(run: Path | str, stage: Callable[[str], None] = lambda text: No
     stage("tables and ParaView files" if paraview else "tables")
     write_numbers(run, record, paraview)  # before the figures: it meets a damaged frame at once
     stage("figures")
-    sections = draw_sections(record, in_turn if second is None else partial(second.draw_all, record))
+    sections = draw_sections(record) if second is None else draw_sections(record, partial(second.draw_all, record))
     folder_inside(run, "figures")
     for picture in all_pictures(sections):
         write_inside(run, f"figures/{picture.name}.{picture.format}", picture.png)
@@ -134,17 +135,36 @@ def load_record(run: Path | str) -> RunRecord:
                             for number in range(len(fitted_experiment.views))]
     series = series_of(run, context, result, fitted_experiment.model)
     record = RunRecord(**(common | main), channels=_channels(context, result), series=series,
-                       hardening=hardening_curves(experiment.model, parameters, result, series),
-                       surfaces=yield_surfaces(experiment.model, parameters, result, series),
-                       temperature_factors=temperature_factors(experiment.model, parameters, result),
                        gauges=gauges_of(context, fitted_experiment.model),
                        camera_floor_px=None if floor is None else floor.nodes_px,
-                       **evidence(context, result, accepted[-1], parameters, main["sensitivities"]))
+                       **run_evidence(correlation_context(context, parameters), result, parameters,
+                                  _accepted_frames(context, result, series), main["sensitivities"],
+                                  _noise_sources(context)))
     names = [camera.name for camera in fitted_experiment.cameras]
     camera_records = (replace(record, **fields, channels=(), views=(), free_fields=None, camera_floor_px=None,
                               result=_of_camera(result, name))
                       for name, fields in zip(names, camera_fields, strict=True))
     return replace(record, cameras=tuple(zip(names, camera_records, strict=True)))
+
+
+def _accepted_frames(context: RunContext, result: Mapping, series: FieldSeries | None) -> AcceptedFrames:
+    """What the RUN keeps of its frames at the accepted point."""
+    experiment, point = context.experiment, last_accepted(result)["evaluation"]
+    stored = FrameArrays.open(context.store.group(group_name(point, BASE)), "u")
+
+    def motion(frame: int) -> np.ndarray:
+        k = frame - experiment.model.reference
+        return stored.read(k, k + 1)[0]  # (n_nodes, dim) mm
+
+    measured_motions = read_free(context.store, point) if experiment.recording.noise.std_gv else None
+    return AcceptedFrames(shown_frames(experiment), motion, residuals_of(context, last_accepted(result)), series,
+                          measured_motions)
+
+
+def _noise_sources(context: RunContext) -> list[str]:
+    """Where the noise of every channel comes from, in words."""
+    return ["given" if source == "given" else f"{source} of the log"
+            for source in context.settings["channel_noise_source"]]
 
 
 def _seen(context: RunContext, result: Mapping, experiment: Experiment, number: int, parameters: ParameterSet) -> dict:

@@ -15,7 +15,7 @@ from typing import Any
 from idic.errors import InputError
 from idic.experiment_file import locate, read_toml, with_overrides
 from idic.identification import Plan, load_plan
-from idic.run.diagnosis.files import DIAGNOSIS_FILE
+from idic.run.diagnosis.diagnosis_file import DIAGNOSIS_FILE
 from idic.run.prepared.context import open_run
 from idic.run.store.result_file import read_json
 from idic.run.store.schemas.diagnosis import Undecided

@@ -12,10 +12,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from idic.errors import InputError
 from idic.inside import read_inside, write_inside
+from idic.plain_values import finite
 from idic.run.store.schemas.result import Result
 from idic.run.store.schemas.types import refuse_other_types
 
@@ -77,17 +76,6 @@ def _no_number(text: str) -> float:
 def write_json(path: Path, content: dict) -> None:
     """Replace a JSON file atomically; NaN becomes null."""
     write_inside(path.parent, path.name, json.dumps(finite(content), indent=1, allow_nan=False) + "\n", lasting=True)
-
-
-def finite(value):
-    """Plain values for JSON: NaN and infinities become None."""
-    if isinstance(value, dict):
-        return {str(key): finite(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def _digest(content: Mapping) -> str:

@@ -6,10 +6,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
-from idic.identification import (
-    AcceptedPoint, Activation, Ending, EstimatorChoice, IncrementChoice, LoopState, ParallelTrial, SchedulePosition,
-    Trial, TrustRegion,
-)
+from idic.identification import LoopState
 from idic.run.store.checkpoint import from_hex, load_checkpoint, save_checkpoint, to_hex
 
 STATE_FILE = "state.json"
@@ -35,15 +32,7 @@ def load_state(run: str | Path) -> LoopState | None:
     if record is None:
         return None
     _convert_numbers(record, from_hex)
-    trial, accepted, activation, end = (record[name] for name in ("trial", "accepted", "activation", "end"))
-    trial["parallel"] = tuple(ParallelTrial(**step) for step in trial["parallel"])
-    activation |= {name: tuple(activation[name]) for name in ("active", "reactivated")}
-    return LoopState(**record | {
-        "trial": Trial(**trial), "accepted": accepted and AcceptedPoint(**accepted),
-        "trust": TrustRegion(**record["trust"]), "schedule": SchedulePosition(**record["schedule"]),
-        "activation": Activation(**activation), "estimator": EstimatorChoice(**record["estimator"]),
-        "increments": IncrementChoice(**record["increments"]), "history": tuple(record["history"]),
-        "end": end and Ending(**end)})
+    return LoopState.of_content(record)
 
 
 def _convert_numbers(record: dict, convert: Callable) -> None:

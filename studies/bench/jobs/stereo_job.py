@@ -18,10 +18,7 @@ import tifffile
 from scipy.ndimage import zoom
 
 from idic.images import PinholeCamera
-from idic.virtual_tests import Sensor, record
-from idic.virtual_tests.stereo_plate import INCREMENTS, Size, plate_test, speckle_of, write_plate
-from idic.virtual_tests.ray_tracing import Scene, traced_image
-from idic.virtual_tests.stereo_rig import Rig, write_calibration
+from idic.virtual_tests import PlateSize, PlateTest, Rig, Scene, Sensor, record
 
 ENLARGED, NOISE_GV, MANY_FRAMES, MARGIN = 8, 2.0, 20, 4  # MARGIN : px of the traced images
 SHAPE = (125, 250)  # traced; 1000 x 2000 px in the experiment
@@ -34,11 +31,11 @@ def enlarged(camera: PinholeCamera, times: int) -> PinholeCamera:
                    cy=times * camera.cy + shift)
 
 
-def write_image(file: Path, scene: Scene, u: np.ndarray, camera: PinholeCamera, size: Size, times: int,
+def write_image(file: Path, scene: Scene, u: np.ndarray, camera: PinholeCamera, size: PlateSize, times: int,
                 seed: tuple[int, ...]) -> None:
     """One image of the displacements `u` (n_nodes, 3) mm."""
-    texture, rng = speckle_of(np.random.default_rng(0), size), np.random.default_rng(seed)
-    traced = traced_image(scene, u, camera, texture.value, Sensor(SHAPE, background=25.6, supersampling=1))
+    texture, rng = size.speckle(np.random.default_rng(0)), np.random.default_rng(seed)
+    traced = scene.image(u, camera, texture.value, Sensor(SHAPE, background=25.6, supersampling=1))
     large = zoom(traced, times, order=3, grid_mode=True, mode="nearest")
     tifffile.imwrite(file, record(large, sensor(times), rng))
 
@@ -51,9 +48,9 @@ def sensor(times: int) -> Sensor:
 def write(folder: Path, n_frames: int, times: int = ENLARGED, processes: int = 1) -> None:
     """The experiment folder."""
     stages = round(0.3 * n_frames), round(0.2 * n_frames)
-    size = Size(0.125, SHAPE, (*stages, n_frames - sum(stages)), (3, 5, 3, 1), (3, 5, 3, 1))
-    test = plate_test(size, INCREMENTS if n_frames <= MANY_FRAMES else 1)
-    file = write_plate(folder, replace(test, displacements=test.displacements[:1]), 0.0)  # its images are replaced
+    size = PlateSize(0.125, SHAPE, (*stages, n_frames - sum(stages)), (3, 5, 3, 1), (3, 5, 3, 1))
+    test = PlateTest.simulated(size, PlateTest.INCREMENTS if n_frames <= MANY_FRAMES else 1)
+    file = replace(test, displacements=test.displacements[:1]).write(folder, 0.0)  # its images are replaced
     large = replace(test.rig, cameras=tuple(enlarged(camera_of_test, times) for camera_of_test in test.rig.cameras),
                     shape=(times * SHAPE[0], times * SHAPE[1]))
     with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
@@ -69,7 +66,7 @@ def write(folder: Path, n_frames: int, times: int = ENLARGED, processes: int = 1
 def _describe(file: Path, rig: Rig, noise_gv: float, times: int) -> None:
     """The large cameras and their noise in the files of the experiment; nu known; edges, which the enlargement blurs,
     left out."""
-    write_calibration(rig.cameras, rig.shape, file.parent / "calibration.json")
+    rig.write_calibration(file.parent / "calibration.json")
     lines = []
     for line in file.read_text().splitlines():
         if line.startswith("noise_std_gv"):

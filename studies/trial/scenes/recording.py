@@ -1,6 +1,6 @@
 """The recording of a scene: images, log, mesh and experiment.toml, without the truth.
 
-The sub-samples of every pixel are mapped back to the body (`idic.virtual_tests.render`) and take the value of the
+The sub-samples of every pixel are mapped back to the body (`idic.virtual_tests.rendering`) and take the value of the
 texture there. The mesh of the model differs from that of the truth.
 """
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.fe import Mesh, make_mesh
-from idic.virtual_tests import MERGE_DISTANCE, Patch, mesh_patches, strip_with_hole
+from idic.virtual_tests import Patch, mesh_patches, strip_with_hole
 
 Edge = Callable[[np.ndarray], np.ndarray]
 
@@ -36,6 +36,7 @@ class Specimen:
     concentration: float
 
 
+MERGE_DISTANCE = 1e-7  # mm: nodes closer than this are one node
 FINER_FROM_PX = 220  # columns from which meshes are twice as fine
 SPECIMENS: Mapping[str, Specimen] = {
     "hole": Specimen(10.0, 6.0, "x", 1.0, 3.0),

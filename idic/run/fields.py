@@ -20,10 +20,12 @@ from idic.measure import free_motion, in_mm, seen_by
 from idic.identification import Identification, response_of
 from idic.images import AnyCamera, Camera
 from idic.model import Experiment, Model
-from idic.run import (
-    BASE, FrameArrays, RunContext, channels_of, correlation_context, folders_of, group_name, open_run,
-    refuse_passed_point, residuals_of,
-)
+from idic.run.judgement.accepted_point import channels_of, refuse_passed_point
+from idic.run.judgement.residual_maps import residuals_of
+from idic.run.prepared.context import RunContext, correlation_context, open_run
+from idic.run.store.arrays import FrameArrays
+from idic.run.store.layout import BASE, group_name
+from idic.run.store.run_folders import folders_of
 
 
 class Fields(Protocol):
@@ -66,12 +68,12 @@ class FieldsInMemory:
     """The fields of an identification in this process: its simulation is kept, residuals are made when they are asked
     for."""
 
-    found: Identification
+    identification: Identification
 
     @cached_property
     def context(self) -> CorrelationContext:
         """Cameras, reference images and parameters of the accepted point."""
-        return with_all_cameras(context_of(self.found))
+        return with_all_cameras(context_of(self.identification))
 
     @property
     def experiment(self) -> Experiment:
@@ -84,12 +86,13 @@ class FieldsInMemory:
     @cached_property
     def responses(self) -> Mapping[int, FrameResponse]:
         """The simulation of the accepted point, by frame."""
-        if self.found.point is None or self.found.point.system is None:
-            raise nothing_simulated(self.found.state.history)
-        reference = self.found.experiment.model.reference
-        path = self.found.path
+        if self.identification.point is None or self.identification.point.system is None:
+            raise nothing_simulated(self.identification.state.history)
+        reference = self.identification.experiment.model.reference
+        path = self.identification.path
+        march = self.identification.march
         states: Iterable[FrameResponse] = (path.frames if path is not None
-                                           else (response_of(state, reference) for state in self.found.march()))
+                                           else (response_of(state, reference) for state in march()))
         return {response.frame: response for response in states}
 
     def u(self, frame: int) -> np.ndarray:
@@ -105,7 +108,7 @@ class FieldsInMemory:
     def pixels(self, frame: int, number: int = 0) -> ResidualMap:
         """The pixels of a camera in a frame, its brightness removed."""
         response, of = self.responses[frame], self.context.cameras[number]
-        light = {record.frame: record.brightness_of(number) for record in self.found.point.system.frames}
+        light = {record.frame: record.brightness_of(number) for record in self.identification.point.system.frames}
         view = view_of(of.experiment, of.camera).at(frame)
         earlier = self.responses[max(frame - 1, of.experiment.model.reference)]
         u = of.experiment.at_camera_time(of.parameters, frame, response.u, earlier.u)
@@ -114,7 +117,7 @@ class FieldsInMemory:
 
     @cached_property
     def simulated(self) -> np.ndarray:
-        experiment, parameters = self.experiment, self.found.parameters
+        experiment, parameters = self.experiment, self.identification.parameters
         table = np.full((experiment.model.n_frames, len(experiment.model.channels)), np.nan)
         for frame, response in self.responses.items():
             table[frame] = channel_values(experiment, parameters, response.channels, frame)
@@ -122,7 +125,7 @@ class FieldsInMemory:
 
     @property
     def measured(self) -> np.ndarray:
-        return measured_values(self.experiment.model, self.found.parameters)
+        return measured_values(self.experiment.model, self.identification.parameters)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,8 @@ from typing import Protocol
 import numpy as np
 
 from idic.errors import InputError
-from idic.images import Camera, carry, locate
+from idic.images import Camera
+from idic.virtual_tests.rendering.inverse_mapping import carry, locate
 
 STRIP_SAMPLES = 600_000  # samples held at a time: bounds the memory of a 4 Mpx frame to some 50 MB
 BOX_MARGIN = 0.15  # a quad8 edge may bulge out of the box of its nodes

@@ -13,7 +13,10 @@ from idic.diagnose import (
 from idic.fe import cell_type
 from idic.images import picture
 from idic.model import Experiment, Model
-from idic.report import Picture, WhereRecord, pictures, spot_picture, time_label
+from idic.report.diagnosis.spot_figure import spot_picture
+from idic.report.diagnosis.where import WhereRecord, pictures
+from idic.report.figures.picture import Picture
+from idic.report.result.words import time_label
 
 
 def where_pictures(diagnosis: Diagnosis) -> tuple[Picture, ...]:

@@ -1,6 +1,6 @@
 """The pose of the mesh by least squares of what the reference images show, and its covariance.
 
-The residuals (`idic.correlation.placing.observations`) depend on each other within pieces of a contour, which all
+The residuals (`idic.experiment_file.placing.observations`) depend on each other within pieces of a contour, which all
 cameras share: the covariance of the robust fit is H^-1 (sum_pieces g g^T) H^-1.
 """
 
@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from idic.correlation.placing.contours import on_circle
-from idic.correlation.placing.observations import Evidence, Observations
+from idic.experiment_file.placing.contours import on_circle
+from idic.experiment_file.placing.observations import Evidence, Observations
 from idic.errors import InputError
 from idic.images import PlacedCamera, RIGID, rotation_of
 

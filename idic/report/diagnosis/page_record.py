@@ -1,10 +1,9 @@
-"""Page and figures of a finished diagnosis: ``RUN/diagnosis.html`` and ``RUN/figures/diagnosis_*.png``."""
+"""From a finished diagnosis to its page and figures."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -13,28 +12,31 @@ from idic.diagnose import (
     Diagnosis, JUDGEMENT, Notes, ResidualEvidence, SEED, WindowCurve, identification_at, law_pairs, map_of_noise,
     maps_of_evidence, maps_of_identification, thinned, window_curves,
 )
-from idic.inside import folder_inside, write_inside
-from idic.report import (
-    Curve, DiagnosisRecord, KNOWN_ERROR_COUNTED, Picture, draw_diagnosis_sections, render_diagnosis_page, short_names,
-    time_label,
-)
+from idic.report.diagnosis.content import titles_of
+from idic.report.diagnosis.page import draw_diagnosis_sections, render_diagnosis_page
+from idic.report.diagnosis.record import Curve, DiagnosisRecord, KNOWN_ERROR_COUNTED
+from idic.report.diagnosis.where_record import where_pictures
+from idic.report.figures.picture import Picture
+from idic.report.result.words import short_names, time_label
 
-PAGE_FILE = "diagnosis.html"
+
+def diagnosis_page(diagnosis: Diagnosis, content: Mapping, notes: Notes) -> tuple[str, tuple[Picture, ...]] | None:
+    """The HTML text of the page, and its figures; figures that fail are left out and noted, and so is the page.
+
+    content : of diagnosis.json
+    """
+    pictures = notes.attempt("the figures of the place", where_pictures, diagnosis, otherwise=())
+    return notes.attempt("the page", _page, diagnosis, content, notes, pictures, otherwise=None)
 
 
-def write_page(run: Path | str, diagnosis: Diagnosis, content: Mapping, titles: Mapping[str, str], notes: Notes,
-               pictures: tuple[Picture, ...] = ()) -> Path:
-    """Write the page and its figures; returns the page's path. Figures that fail are left out and noted."""
-    run = Path(run)
-    record = record_of(diagnosis, content, titles, notes, pictures)
+def _page(diagnosis: Diagnosis, content: Mapping, notes: Notes,
+          pictures: tuple[Picture, ...]) -> tuple[str, tuple[Picture, ...]]:
+    record = record_of(diagnosis, content, titles_of(diagnosis), notes, pictures)
     sections = draw_diagnosis_sections(record, notes)
     figure_notes = [note for note in notes.texts if note not in content["cautions"]]
     record = replace(record, content={**content, "cautions": [*content["cautions"], *figure_notes]})
-    folder_inside(run, "figures")
-    for section in sections:
-        for picture in section.pictures:
-            write_inside(run, f"figures/{picture.name}.png", picture.png)
-    return write_inside(run, PAGE_FILE, render_diagnosis_page(record, sections))
+    return (render_diagnosis_page(record, sections),
+            tuple(picture for section in sections for picture in section.pictures))
 
 
 def record_of(diagnosis: Diagnosis, content: Mapping, titles: Mapping[str, str], notes: Notes,

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from idic.correlation.pinhole.agreement import Seen
-from idic.correlation.pinhole.ray_map import build_ray_map
+from idic.correlation import Seen
+from idic.correlation import build_ray_map
 from idic.errors import InputError
 from idic.fe import Mesh, surface_cells
 

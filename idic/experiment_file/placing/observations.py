@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from idic.correlation.placing.contours import Contour
-from idic.correlation.placing.surface_points import SurfacePoints
+from idic.experiment_file.placing.contours import Contour
+from idic.experiment_file.placing.surface_points import SurfacePoints
 from idic.errors import InputError
 from idic.images import PlacedCamera, rotation_of
 

@@ -9,7 +9,8 @@ import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 
 from idic.correlation import camera_at
-from idic.diagnose import ExperimentSource, LEFT_OUT, LeftOut, find_spots
+from idic.diagnose.refits.refit_job import ExperimentSource
+from idic.diagnose.residual.spots import LEFT_OUT, LeftOut, find_spots
 from idic.identification import Identification, identify
 
 

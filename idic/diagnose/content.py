@@ -1,63 +1,38 @@
-"""``RUN/diagnosis.json``: a finished diagnosis under the stable keys of schema ``idic.diagnosis/1``."""
+"""A finished diagnosis under the stable keys of schema ``idic.diagnosis/1``."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from pathlib import Path
+from collections.abc import Mapping
 
 import numpy as np
 
-from idic.diagnose import (
-    Diagnosis, Fit, Misfit, Ranked, Rival, Round, better_blocks, cautions, content as courses_content, in_words,
-    left_place, mismatch_content, ratio, refitted_form, unexplained,
-)
+from idic.diagnose.caution_texts import cautions
+from idic.diagnose.diagnosis import Diagnosis
+from idic.diagnose.findings import mismatch_content, refitted_form, unexplained
+from idic.diagnose.locate.left_place import left_place
+from idic.diagnose.locate.place import in_words
+from idic.diagnose.refits.refit import Fit
+from idic.diagnose.residual.heldout import Misfit, better_blocks, ratio
+from idic.diagnose.screen.courses import content as courses_content
+from idic.diagnose.screen.select import Ranked
+from idic.diagnose.selection.rival import Rival, Round
 from idic.experiment_file import to_toml
-from idic.inside import is_inside, read_inside
 from idic.parameters import ParameterSet
-from idic.report import diagnosis_headline, left_over, not_excluded, sentence, with_spots
-from idic.run.store.result_file import RESULT_FILE, finite, read_result, write_json
+from idic.plain_values import finite
 
-DIAGNOSIS_FILE = "diagnosis.json"
 SCHEMA = "idic.diagnosis/1"
 SEPARATE = "idic design --separate RUN PLAN... ranks planned tests by how well they tell these candidates apart"
 MAX_NEAREST = 2  # further candidates that are told beside a remaining residual
 
 
-def write_diagnosis(run: Path | str, verdict: Mapping, enriched: Path | None, wall_s: float,
-                    notes: Sequence[str] = ()) -> dict:
-    """Write ``RUN/diagnosis.json``; returns its content.
+def diagnosis_numbers(diagnosis: Diagnosis, parameters_before: Mapping[str, dict], wall_s: float = 0.0) -> dict:
+    """The numbers of a diagnosis of images without spots, and its cautions.
 
-    verdict : what does not change any more (`diagnosis_content`)
-    notes : parts beside the verdict that failed
+    parameters_before : value, std, unit of the identified model's free parameters (`free_parameters`)
     """
-    run = Path(run)
-    model = verdict["model"] | {"experiment": None if enriched is None else enriched.relative_to(run).as_posix()}
-    content = dict(verdict) | {
-        "model": model, "cost": verdict["cost"] | {"wall_s": wall_s}, "notes": list(notes),
-        "cautions": [*verdict["cautions"], *notes]}
-    write_json(run / DIAGNOSIS_FILE, content)
-    return json.loads(read_inside(run, DIAGNOSIS_FILE))
-
-
-def diagnosis_content(diagnosis: Diagnosis, parameters_before: Mapping[str, Mapping], wall_s: float = 0.0) -> dict:
-    """The content of ``RUN/diagnosis.json`` without what comes after the verdict: the enriched experiment, notes.
-
-    parameters_before : value, std, unit of the identified model's free parameters (`identified_parameters`)
-    """
-    if (spots := diagnosis.spots) is not None:
-        without = free_parameters(spots.result)
-        content = diagnosis_content(replace(diagnosis, spots=None), without, wall_s)
-        return finite(with_spots(content, spots, parameters_before, without,
-                                 diagnosis.identification.experiment.model.length_unit))
     parameters_after = _after(diagnosis)
     real_body = of_real_body(diagnosis, parameters_after or parameters_before)
-    final = {name: real_body.get(name) or parameters_after.get(name) or entry
-             for name, entry in parameters_before.items()}
-    verdict, left_open = diagnosis.verdict, not_excluded(diagnosis, final)
-    margin = diagnosis.state.setting.margin
-    open_names = {entry["name"] for entry in left_open}
+    verdict, margin = diagnosis.verdict, diagnosis.state.setting.margin
     content = {
         "schema": SCHEMA, "verdict": verdict.word, "mismatch": mismatch_content(diagnosis),
         "unexplained": list(unexplained(diagnosis)), "candidates": _candidates(diagnosis),
@@ -68,7 +43,7 @@ def diagnosis_content(diagnosis: Diagnosis, parameters_before: Mapping[str, Mapp
         "model": {"parameters_before": parameters_before, "parameters_after": parameters_after,
                   "parameters_of_real_body": real_body, "experiment": None},
         "fit": _fit(diagnosis),
-        "excluded": [dict(entry) for entry in verdict.excluded if entry["name"] not in open_names],
+        "excluded": [dict(entry) for entry in verdict.excluded],
         "cannot_tell": list(verdict.cannot_tell), "beyond_plausible": list(verdict.beyond_plausible),
         "odds": diagnosis.odds, "chain": diagnosis.chain, "probability": diagnosis.probability,
         "camera_floor_px": None if margin.floor is None else margin.floor.px,
@@ -84,22 +59,14 @@ def diagnosis_content(diagnosis: Diagnosis, parameters_before: Mapping[str, Mapp
                     "values": dict(model.fit.values)} for model in diagnosis.refitted],
         "cost": dict(diagnosis.state.setting.clock.seconds) | {"wall_s": wall_s},
     }
-    content = finite(content)
-    titles = titles_of(diagnosis)
-    content["cautions"] = cautions(diagnosis)
-    content["sentence"] = sentence(content, titles)
-    content["headline"] = diagnosis_headline(content, titles)
-    content["left_over"] = left_over(content, titles)
-    content["not_excluded"] = [entry | {"title": titles.get(entry["name"], entry["name"])}
-                               for entry in left_open]
-    return content
+    return finite(content) | {"cautions": cautions(diagnosis)}
 
 
 def _left(diagnosis: Diagnosis) -> dict:
     """What the last model leaves on the whole recording: motion, channels."""
     excess, experiment = diagnosis.remainder.excesses[0], diagnosis.identification.experiment
-    enriched = diagnosis.enriched
-    place = None if enriched is None else left_place(enriched.residual, diagnosis.identified.grid)
+    residual = None if diagnosis.enriched is None else diagnosis.enriched.residual
+    place = None if residual is None else left_place(residual, diagnosis.identified.grid)
     return {"motion_px": excess.motion_px, "motion_z": excess.after.excess_z,
             "motion_share": excess.share if diagnosis.verdict.selected else None,
             "place_mm": None if place is None else place.tolist(),
@@ -128,14 +95,6 @@ def _courses(diagnosis: Diagnosis) -> list[dict]:
     return courses_content(courses, diagnosis.identification.experiment.model.times)
 
 
-def titles_of(diagnosis: Diagnosis) -> dict[str, str]:
-    """Name of a candidate to its title in standard words."""
-    left_out = {c.name: c.title for selection_round in diagnosis.rounds
-                for c, _ in selection_round.screening.untestable}
-    return left_out | {r.candidate.name: r.candidate.title for selection_round in diagnosis.rounds
-                       for r in selection_round.screening.ranked}
-
-
 def _candidates(diagnosis: Diagnosis) -> list[dict]:
     """Every candidate once, by its standing in the first round, or in the round that selected it."""
     entries = {}
@@ -152,32 +111,26 @@ def _candidates(diagnosis: Diagnosis) -> list[dict]:
 
 
 def _candidate(ranked: Ranked, rival: Rival | None, selection_round: Round) -> dict:
-    usable = rival is not None and rival.refitted.usable
+    refitted = rival if rival is not None and rival.refitted.usable else None
     return {
         "name": ranked.candidate.name, "family": ranked.candidate.family,
-        "form": refitted_form(ranked, rival if usable else None),
+        "form": refitted_form(ranked, refitted),
         "place_mm": None if ranked.variant.place is None else list(ranked.variant.place),
         "label": ranked.label, "score": ranked.statistic, "p_familywise": ranked.p_familywise,
         "expected_change": _expected(ranked), "expected_change_std": ranked.std, "visibility": ranked.visibility,
         "effect_px_rms": ranked.effect_px, "effect_px_local": ranked.local_px,
         "effect_channel_std": ranked.effect_channel, "bias_uncovered": dict(ranked.bias),
         "standing": ranked.standing if rival is None or rival.is_large else "small",
-        "predicted_chi2_drop": ranked.gain, "achieved_chi2_drop": rival.achieved if usable else None,
-        "heldout_chi2_drop": rival.heldout if usable else None,
-        "heldout_copies": rival.copies if usable else None,
-        "heldout_ratio": ratio(*selection_round.heldout_fits(rival)) if usable else None,
-        "refitted": usable, "problem": rival.refitted.problem if rival is not None else ""}
+        "predicted_chi2_drop": ranked.gain, "achieved_chi2_drop": None if refitted is None else refitted.achieved,
+        "heldout_chi2_drop": None if refitted is None else refitted.heldout,
+        "heldout_copies": None if refitted is None else refitted.copies,
+        "heldout_ratio": None if refitted is None else ratio(*selection_round.heldout_fits(refitted)),
+        "refitted": refitted is not None, "problem": rival.refitted.problem if rival is not None else ""}
 
 
 def _expected(ranked: Ranked) -> dict[str, float]:
     """The change that the residual asks for: of the degree of freedom, or as a part of the probe."""
     return {ranked.label: ranked.amplitude}
-
-
-def identified_parameters(run: Path | str) -> dict:
-    """Value, std, unit of the free parameters of a RUN; {} without a result.json."""
-    run = Path(run)
-    return free_parameters(read_result(run) if is_inside(run, RESULT_FILE) else {})
 
 
 def free_parameters(result: Mapping) -> dict[str, dict]:
@@ -202,7 +155,7 @@ def _refitted(refit: Fit, parameters: ParameterSet) -> dict[str, dict]:
     return entries
 
 
-def of_real_body(diagnosis: Diagnosis, entries: Mapping[str, Mapping]) -> dict[str, dict]:
+def of_real_body(diagnosis: Diagnosis, entries: Mapping[str, dict]) -> dict[str, dict]:
     """Value and std of a body of real thickness and finite strains, where the last model neglects them and its
     parameters depend on them; {} elsewhere.
 
@@ -240,7 +193,7 @@ def _by_channel(diagnosis: Diagnosis, misfit: Misfit) -> Mapping[str, float]:
 
 
 def _round(selection_round: Round) -> dict:
-    winner = selection_round.winner
+    winner, judgement = selection_round.winner, selection_round.null.judgement
     added_names = () if winner is None else [name for name in winner.refitted.stds
                                              if name not in selection_round.null.stds]
     return {"winner": winner.name if winner else None,
@@ -248,4 +201,4 @@ def _round(selection_round: Round) -> dict:
             "equals": list(selection_round.equals),
             "passed_over": None if selection_round.passed_over is None else selection_round.passed_over.name,
             "shortlist": [rival.name for rival in selection_round.rivals],
-            "null_excess": selection_round.null.judgement.excess}
+            "null_excess": None if judgement is None else judgement.excess}

@@ -1,0 +1,1 @@
+"""What the terminal shows of a result, a planned test and a diagnosis: sentences and tables without a layout."""
