@@ -86,6 +86,12 @@ def test_a_correction_has_its_own_keys_and_its_own_name(term, tmp_path):
         assert all(term_of_motion(name) is term for name in names) and len({without_knot(name) for name in names}) == 1
 
 
+@pytest.mark.parametrize("name", ["temperature", "temperature#3", "BODY.E", "channel.force_N.drift", "camera.shift",
+                                  "geometry.thickness"])
+def test_what_is_no_motion_of_a_boundary_has_no_such_term(name):
+    assert term_of_motion(name) is None
+
+
 @pytest.mark.parametrize("term", [term for term in TERMS if term.cause], ids=lambda term: term.kind)
 def test_a_correction_is_a_candidate_whose_probes_the_file_takes(term, tmp_path):
     library = {candidate.name: candidate for candidate in candidate_library()}

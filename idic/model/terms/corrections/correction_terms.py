@@ -17,5 +17,5 @@ CORRECTION_TERMS: dict[str, CorrectionTerm] = {
 
 def term_of_motion(name: str) -> CorrectionTerm | None:
     """The term of a degree of freedom ``boundary.SET.COMPONENT.KIND``, with a knot or not; None of another one."""
-    head, *_, word = without_knot(name).split(".")
-    return CORRECTION_TERMS.get(word.rstrip("0123456789")) if head == "boundary" else None
+    stem, _, word = without_knot(name).rpartition(".")
+    return CORRECTION_TERMS.get(word.rstrip("0123456789")) if stem.startswith("boundary.") else None
