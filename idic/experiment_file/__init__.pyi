@@ -20,7 +20,7 @@ __all__ = [
     "BY_EVIDENCE", "EXPERIMENT_FILE", "KIND", "NEIGHBOURS", "ORIGIN", "SPECTRUM", "SPREAD", "SURFACE", "Circle",
     "DesignTable", "ExperimentFile", "ExperimentFolder", "ExperimentTables", "Frames", "Objects", "Points",
     "StatedCurve", "by_evidence", "corners_px", "find_stages", "from_objects", "further_files", "gauges",
-    "initial_experiment", "inputs_of", "load_experiment", "locate", "read_experiment", "read_toml", "recorded",
-    "seen_nodes", "seen_region", "to_toml", "validated", "visible_cells", "with_copied_images", "with_law_files",
-    "with_overrides", "with_stabilised_images",
+    "initial_experiment", "inputs_of", "load_experiment", "locate", "read_experiment",
+    "read_toml", "recorded", "seen_nodes", "seen_region", "to_toml", "validated", "visible_cells",
+    "with_copied_images", "with_law_files", "with_overrides", "with_stabilised_images",
 ]

@@ -36,7 +36,7 @@ from .step.schedule import first_free, seen_in, wants_search
 from .step.stages import resolve_stages
 from .step.state import GENERALISED, HALF_RATE, ORDINARY, AcceptedPoint, Evaluation, LoopState, Trial
 from .systematic.discretisation import discretisation_bias, time_step_bias
-from .systematic.spread import Assessment, determined_values, ratios_of, with_bias, with_spread, with_time_bias
+from .systematic.spread import Assessment, determined_values, ratios_of, with_bias, with_spread
 from .systematic.treatments import Treatment, treatments
 from .weights import noise_weights, paper_weights
 
@@ -57,6 +57,6 @@ __all__ = [
     "rate_dependent_laws", "ratios_of", "reason_against", "recorded_or_planned", "regularisation_of",
     "repeated_readings", "resolve_stages", "response_of", "run_loop", "scaled_system", "search", "seen_in",
     "specimens_content", "spectrum", "start", "starts_from_dic", "time_step_bias", "treatments", "trial_states",
-    "try_remedies", "used_fits", "wants_search", "with_bias", "with_measured_noise", "with_spread", "with_time_bias",
-    "without_edges", "z_text",
+    "try_remedies", "used_fits", "wants_search", "with_bias", "with_measured_noise", "with_spread", "without_edges",
+    "z_text",
 ]

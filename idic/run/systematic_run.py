@@ -18,7 +18,6 @@ from idic.experiment_file import load_experiment, locate, read_toml, with_overri
 from idic.identification import (
     Assessment, LoopState, Treatment, determined_values, discretisation_bias, evaluate_at, experiment_of, identify,
     measured_start, path_dependent_laws, starts_from_dic, time_step_bias, treatments, with_bias, with_spread,
-    with_time_bias,
 )
 from idic.measure import boundary_start, dic_stack, with_boundary_start
 from idic.model import Experiment, Measured, is_mode
@@ -92,10 +91,8 @@ def _assessed(run: str | Path, runner: TaskRunner, bias: bool, spread: bool, pro
         jobs += [AssessmentJob(str(run), treatment) for treatment in treatments(context.experiment, _tables(context))]
     labels = [f"systematic-{number}" for number in range(len(jobs))]
     assessments = runner.map(assess, jobs, labels, progress=progress)
-    if n_biases > 1:
-        result = with_time_bias(result, assessments[1])
     if bias:
-        result = with_bias(result, assessments[0])
+        result = with_bias(result, *assessments[:n_biases])
     if spread:
         result = with_spread(result, assessments[n_biases:])
     write_result(run, result)

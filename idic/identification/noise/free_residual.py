@@ -14,7 +14,9 @@ import numpy as np
 
 from idic.correlation import ReferenceImage
 from idic.measure import dic_stack
-from idic.images import NoiseCovariance, TilesOnMaterial, evaluate, prefilter
+from idic.images import (
+    NoiseCovariance, TilesOnMaterial, evaluate, prefilter,
+)
 from idic.model import Experiment, Recording
 
 MAX_FRAMES = 3  # that are followed, the first ones after the reference

@@ -30,8 +30,14 @@ class Assessment:
     added: Mapping[str, Mapping[str, float | str | None]] = field(default_factory=dict)
 
 
-def with_bias(result: dict, finer: Assessment) -> dict:
-    """The result with `discretisation_bias`, and a warning where it exceeds the standard deviation."""
+def with_bias(result: dict, finer: Assessment, shorter_increments: Assessment | None = None) -> dict:
+    """The result with `discretisation_bias`, and a warning where it exceeds the standard deviation.
+
+    finer : the biases of the mesh; shorter_increments : those of the increments of time, `time_bias`, which replace
+    the estimate of the identification
+    """
+    if shorter_increments is not None:
+        result = _with_time_bias(result, shorter_increments)
     notes = [note for note in result["notes"] if "discretisation bias" not in note]
     for name, bias in finer.values.items():
         entry = result["parameters"][name]
@@ -53,11 +59,8 @@ def _remedy(entry: Mapping) -> str:
     return "shorter increments (substeps)" if by_time else "smaller elements where the strain varies"
 
 
-def with_time_bias(result: dict, finer: Assessment) -> dict:
-    """The result with `time_bias`, the part of `discretisation_bias` that is due to the increments of time.
-
-    finer : the biases of the increments; they replace the estimate of the identification
-    """
+def _with_time_bias(result: dict, finer: Assessment) -> dict:
+    """The result with `time_bias`, the part of `discretisation_bias` that is due to the increments of time."""
     notes = list(result["notes"])
     for name, bias in finer.values.items():
         if result["parameters"][name]["std"] is not None:
