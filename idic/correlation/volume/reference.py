@@ -24,14 +24,15 @@ from idic.correlation.image_equations.grey import MIN_CONTRAST_RATIO, contrast_r
 from idic.correlation.image_equations.reference import Brightness
 from idic.correlation.image_equations.residual import ResidualMap
 from idic.correlation.pixels.blocks import Pattern, block_pattern
+from idic.correlation.volume.eight_taps import LANES
 from idic.correlation.volume.element_sums import element_sums, scatter
 from idic.correlation.volume.solid_cells import N_SOLID_NODES, TRANSFORMS, coefficients_of
 from idic.correlation.volume.volume_kernel import sums_of_values, volume_pass
 from idic.correlation.volume.voxel_map import VoxelMap
 from idic.errors import InputError
 from idic.images import DEGREES, VolumeStack, lowpass_weights, noise_gain_1d
-from idic.correlation.volume.block_filter import REACH, filtered, mirrored_block, slope_taps
-from idic.correlation.volume.spline_block import coefficients_in
+from idic.correlation.volume.block_filter import REACH, filtered, mirrored_block
+from idic.correlation.volume.spline_block import coefficients_in, slopes_in
 from idic.model import Experiment
 
 KEPT_BYTES = 400_000_000  # of one process
@@ -397,26 +398,28 @@ def _voxels(voxel_map: VoxelMap, number: int, stack: VolumeStack, frames: Sequen
             lowpass_px: float, level: float) -> Voxels:
     """The reference at the voxels of a block, from the voxels of the scans around them."""
     low, high = voxel_map.boxes[number][0, ::-1], voxel_map.boxes[number][1, ::-1] + 1
-    slopes, blur = slope_taps(degree), np.array(lowpass_weights(lowpass_px), dtype=np.float32)
-    halo = len(slopes) // 2
-    reach = halo + len(blur) // 2
-    block = np.zeros(high - low + 2 * reach, dtype=np.float32)
+    blur = np.array(lowpass_weights(lowpass_px), dtype=np.float32)
+    taps = (degree - 1) // 2  # beside a voxel, that have a part in its slope
+    begin, stop = _with_reach(low - taps, high + taps, degree, stack.shape, mirrors=len(blur) == 1)
+    halo = len(blur) // 2
+    block: np.ndarray | None = None
     for frame in frames:
-        block += mirrored_block(lambda *at, frame=frame: stack.block(frame, *at), stack.shape, low - reach,
-                                high + reach)
-    block = block / np.float32(len(frames)) - np.float32(level)
+        scan = mirrored_block(lambda *at, frame=frame: stack.block(frame, *at), stack.shape, begin - halo, stop + halo)
+        block = scan if block is None else np.add(block, scan, dtype=np.float32)
+    if len(frames) > 1:
+        block = block / np.float32(len(frames))
     for axis in range(3):
         block = filtered(block, blur, axis)
-    inner = [slice(halo, n - halo) for n in block.shape]
-    begin, end = voxel_map.run_start[voxel_map.blocks[number:number + 2]]
-    values = []
-    for axis in (None, 2, 1, 0):
-        part = block[tuple(inner)] if axis is None else filtered(
-            block[tuple(slice(None) if k == axis else inner[k] for k in range(3))], slopes, axis)
-        out = np.empty(int(voxel_map.run[begin:end, 3].sum()), dtype=np.float32)
-        _gather(np.ascontiguousarray(part), voxel_map.run[begin:end], low[::-1].astype(np.int64), out)
-        values.append(out)
-    return Voxels(*values)
+    inner = tuple(slice(a, b) for a, b in zip(low - begin, high - begin, strict=True))
+    f = np.subtract(block[inner], np.float32(level), dtype=np.float32)
+    slopes = slopes_in(block, level, degree, tuple((low - begin).tolist()), f.shape)
+    first, end = voxel_map.run_start[voxel_map.blocks[number:number + 2]]
+    run = voxel_map.run[first:end]
+    values = [np.empty(int(run[:, 3].sum()) + LANES, dtype=np.float32) for _ in range(4)]  # vectors read beyond the end
+    for part, out in zip((f, *slopes), values, strict=True):
+        out[-LANES:] = 0.0
+        _gather(part.reshape(-1), np.array(part.shape), run, low, out)
+    return Voxels(*(out[:-LANES] for out in values))
 
 
 def _coefficients(voxel_map: VoxelMap, number: int, stack: VolumeStack, frame: int, motion: np.ndarray, degree: int,
@@ -435,18 +438,28 @@ def _coefficients(voxel_map: VoxelMap, number: int, stack: VolumeStack, frame: i
     first = np.clip(np.floor(voxel_map.boxes[number, 0] + low_u) - 1, 0, farthest).astype(np.int64)
     end = np.clip(np.ceil(voxel_map.boxes[number, 1] + high_u) + 1, first, farthest).astype(np.int64)
     blur = np.array(lowpass_weights(lowpass_px), dtype=np.float32)
-    taps_below, taps_above = (degree - 1) // 2, (degree + 1) // 2
-    reach = REACH[degree] + len(blur) // 2
-    low, high = (first - taps_below - reach)[::-1], (end + taps_above + reach + 1)[::-1]
-    block = mirrored_block(lambda *at: stack.block(frame, *at), stack.shape, low, high)
-    block -= np.float32(level)
+    low, high = (first - (degree - 1) // 2)[::-1], (end + (degree + 1) // 2 + 1)[::-1]  # with taps below and above
+    begin, stop = _with_reach(low, high, degree, stack.shape, mirrors=len(blur) == 1)
+    halo = len(blur) // 2
+    block = mirrored_block(lambda *at: stack.block(frame, *at), stack.shape, begin - halo, stop + halo)
     for axis in range(3):
         block = filtered(block, blur, axis)
-    nx, ny = (end - first + degree + 1)[:2].tolist()  # with taps below and above
-    flat = coefficients_in(block, degree, REACH[degree], _TAPS_BEYOND + (degree + 1) * nx)
+    nx, ny = (end - first + degree + 1)[:2].tolist()
+    flat = coefficients_in(block, level, degree, tuple((low - begin).tolist()), tuple((high - low).tolist()),
+                           _TAPS_BEYOND + (degree + 1) * nx)
     box = np.array([*first, *(end - first + 1), nx, nx * ny], dtype=np.int32)
     low_inside, high_inside = np.full(3, border, np.int32), (farthest - border).astype(np.int32)
     return flat, box, low_inside, high_inside
+
+
+def _with_reach(low: np.ndarray, high: np.ndarray, degree: int, shape: tuple[int, int, int], mirrors: bool
+                ) -> tuple[np.ndarray, np.ndarray]:
+    """A block with what its spline filter reaches; mirrors : whether the filter may end with the volume"""
+    begin, stop = low - REACH[degree], high + REACH[degree]
+    if mirrors:
+        begin = np.where(low >= 0, np.maximum(begin, 0), begin)
+        stop = np.where(high <= shape, np.minimum(stop, shape), stop)
+    return begin, stop
 
 
 def _sums_of(voxel_map: VoxelMap, elements: np.ndarray, begin: int, voxels: Voxels, valid: np.ndarray,
@@ -458,14 +471,15 @@ def _sums_of(voxel_map: VoxelMap, elements: np.ndarray, begin: int, voxels: Voxe
 
 
 @njit(cache=True, nogil=True)
-def _gather(block, run, low, out):
-    """Values at the voxels of runs  # block (nz, ny, nx), low (3,) its first column, row and slice -> out (n,)"""
+def _gather(block, shape, run, low, out):
+    """Values at the voxels of runs  # block of `shape` (z, y, x), flat, low (3,) its first slice, row, column"""
     k = 0
     for j in range(run.shape[0]):
-        row = block[run[j, 2] - low[2], run[j, 1] - low[1]]
-        for x in range(run[j, 0] - low[0], run[j, 0] - low[0] + run[j, 3]):
-            out[k] = row[x]
-            k += 1
+        begin = ((run[j, 2] - low[0]) * shape[1] + run[j, 1] - low[1]) * shape[2] + run[j, 0] - low[2]
+        source, to = np.uint64(begin), np.uint64(k)
+        for i in range(run[j, 3]):
+            out[to + np.uint64(i)] = block[source + np.uint64(i)]
+        k += run[j, 3]
 
 
 def volume_reference(voxel_map: VoxelMap, experiment: Experiment) -> VolumeReference:
