@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numba import njit
@@ -25,7 +25,7 @@ from idic.correlation.image_equations.reference import Brightness
 from idic.correlation.image_equations.residual import ResidualMap
 from idic.correlation.pixels.blocks import Pattern, block_pattern
 from idic.correlation.volume.eight_taps import LANES
-from idic.correlation.volume.element_sums import element_sums, scatter
+from idic.correlation.volume.element_sums import element_sums, scatter, scatter_matrix
 from idic.correlation.volume.solid_cells import N_SOLID_NODES, TRANSFORMS, coefficients_of
 from idic.correlation.volume.volume_kernel import sums_of_values, volume_pass
 from idic.correlation.volume.voxel_map import VoxelMap
@@ -242,12 +242,13 @@ class VolumeReference(NodalBasis):
                grey: np.ndarray) -> NodalEquations:
         """The sums of the elements carried to the nodes."""
         pm, n_max = self.pixel_map, self.pixel_map.conn.shape[1]
-        n_dof, data = 3 * pm.n_nodes, np.zeros(len(self.pattern.indices))
+        n_dof = 3 * pm.n_nodes
         q, pairs = np.zeros(n_dof), np.zeros(len(layout.pattern.indices))
         centre = layout.mean.astype(float)[layout.patch] - self.level
-        scatter(pm.conn, pm.kind, N_SOLID_NODES, TRANSFORMS, motion.inverse, sums, hessian, coupling, centre,
-                self.pattern.place, self.pattern.stride, layout.pattern.place, layout.pattern.stride, q, data, pairs)
-        H = sparse.csr_array((data, self.pattern.indices, self.pattern.indptr), shape=(n_dof, n_dof))
+        scatter(pm.conn, pm.kind, N_SOLID_NODES, TRANSFORMS, motion.inverse, sums, coupling, centre,
+                layout.pattern.place, layout.pattern.stride, q, pairs)
+        changed = np.flatnonzero(lost) if hessian is not self.hessian else np.zeros(0, dtype=np.int64)
+        matrix = partial(self.matrix, motion.inverse, changed, hessian[changed])
         nb = layout.n_columns
         hb = sparse.csr_array((pairs, layout.pattern.indices, layout.pattern.indptr),
                               shape=(n_dof, nb)) if nb else sparse.csr_array((n_dof, 0))
@@ -256,9 +257,20 @@ class VolumeReference(NodalBasis):
         n_valid = pm.n_pixels - n_lost
         kappa = float((grey[:, 0] / np.maximum(np.abs(motion.det), 1e-3)).sum() / max(n_valid, 1))
         return NodalEquations(
-            q, H, hb, bb[:nb, :nb], rb[:nb], rr, n_valid, n_lost, lost,
+            q, matrix(), hb, bb[:nb, :nb], rb[:nb], rr, n_valid, n_lost, lost,
             lost_pixels=np.concatenate(lost_pixels) if lost_pixels else np.zeros(0, dtype=np.int64),
-            element_rr=sums[:, 3 * n_max].copy(), kappa=kappa, squares=squares_about_mean(bb, rb, rr), motion=motion)
+            element_rr=sums[:, 3 * n_max].copy(), kappa=kappa, squares=squares_about_mean(bb, rb, rr), motion=motion,
+            matrix=matrix)
+
+    def matrix(self, inverse: np.ndarray, changed: np.ndarray, blocks: np.ndarray) -> sparse.csr_array:
+        """H of a scan; inverse : (n_elements, 3, 3) F^-1; changed : elements that lost voxels, blocks : theirs"""
+        pm, hessian = self.pixel_map, self.hessian
+        if len(changed):
+            hessian = hessian.copy()
+            hessian[changed] = blocks
+        data = np.zeros(len(self.pattern.indices))
+        scatter_matrix(pm.conn, pm.kind, N_SOLID_NODES, inverse, hessian, self.pattern.place, self.pattern.stride, data)
+        return sparse.csr_array((data, self.pattern.indices, self.pattern.indptr), shape=(3 * pm.n_nodes,) * 2)
 
     @cached_property
     def sections(self) -> VolumeReference:
