@@ -1,11 +1,12 @@
-"""Free FE-DVC of idic beside pyxel: CPU time and error on the same two volumes.
+"""Free FE-DVC of idic beside pyxel and the local step of al-dvc: CPU time and error on the same two volumes.
 
 python volume_peers.py PYTHON OUT [SIDE]
 
-PYTHON : an interpreter that has pyxel-dic. Volumes of SIDE voxels cubed: plane waves of 5 to 11 voxels, contrast 32,
-independent noise of 3 grey values, a motion of 1.6 voxels with 1 % strain and a wave of half a voxel over 80. hex8 of
-12 voxels. Error: rms over the nodes that are no surface, per component, in voxels. pyxel runs in a process of its own,
-one thread each; time is CPU time from volumes and mesh to motion, without imports.
+PYTHON : an interpreter that has pyxel-dic and al-dvc. Volumes of SIDE voxels cubed: plane waves of 5 to 11 voxels,
+contrast 32, independent noise of 3 grey values, a motion of 1.6 voxels with 1 % strain and a wave of half a voxel over
+80. hex8 of 12 voxels; subsets of al-dvc every 12 voxels. Error: rms over the nodes that are no surface, per component,
+in voxels. Peers run in processes of their own, one thread each; time is CPU time from volumes and mesh to motion,
+without imports and, of al-dvc and idic, without what the first run compiles.
 """
 
 from __future__ import annotations
@@ -108,17 +109,41 @@ if length:
 else:
     U, _ = px.Correlate(f, g, mesh, camera, U0=U, direct=False, disp=False)
 seconds = time.process_time() - start
-json.dump({"seconds": seconds, "nodes": mesh.n.tolist(), "u": U[mesh.conn].tolist()}, open(folder + "/pyxel.json", "w"))
+json.dump({"seconds": seconds, "nodes": mesh.n.tolist(), "u": U[mesh.conn].tolist()}, open(folder + "/peer.json", "w"))
 """
 
 
-def of_pyxel(python: str, folder: Path, side: int, length_px: float) -> tuple[float, float]:
-    """CPU seconds and error; length_px : of its regularisation, 0: none"""
-    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    subprocess.run([python, "-c", PYXEL, str(folder), *map(str, (side, NODE_PX, RIM_PX, length_px))], check=True,
+AL_DVC = """
+import json, sys, time
+import numpy as np
+import al_dvc
+folder, side, node, rim, subset = sys.argv[1], *map(int, sys.argv[2:])
+scans = [np.load(f"{folder}/scans/scan_{k}.npy") for k in (0, 1)]
+parameters = al_dvc.dvcpara_default(winsize=subset, winstepsize=node, use_global_step=False, backend="numba",
+                                    n_threads=1, verbose=False)
+for _ in range(2):
+    start = time.process_time()
+    result = al_dvc.run_aldvc(parameters, scans, compute_strain=False)
+    seconds = time.process_time() - start
+nodes, frame = result.dvc_mesh.coordinates, result.result_disp[0]
+json.dump({"seconds": seconds, "nodes": nodes.tolist(), "u": np.asarray(frame.U).tolist()},
+          open(folder + "/peer.json", "w"))
+"""
+
+
+PEERS = (("pyxel, length", PYXEL, (0.0, 5.0, 24.0)), ("al-dvc, subset", AL_DVC, (16, 24, 32)))
+
+
+def of_peer(python: str, program: str, folder: Path, side: int, setting: float) -> tuple[float, float]:
+    """CPU seconds and error; setting : of pyxel the length of its regularisation, 0: none, of al-dvc the side of a
+    subset"""
+    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+    subprocess.run([python, "-c", program, str(folder), *map(str, (side, NODE_PX, RIM_PX, setting))], check=True,
                    stdout=subprocess.DEVNULL, env=os.environ | threads)
-    result = json.loads((folder / "pyxel.json").read_text())
-    return result["seconds"], error_of(np.array(result["nodes"]), np.array(result["u"]))
+    result = json.loads((folder / "peer.json").read_text())
+    nodes = np.array(result["nodes"])
+    within = ((nodes > RIM_PX - 1.0) & (nodes < side - RIM_PX)).all(axis=1)
+    return result["seconds"], error_of(nodes[within], np.array(result["u"])[within])
 
 
 def main() -> None:
@@ -127,9 +152,10 @@ def main() -> None:
     for length in LENGTHS_PX:
         seconds, error = of_idic(out, side, length)
         print(f"idic, length {length:g}: {seconds:.2f} CPU s, error {error:.4f} voxels", flush=True)
-    for length in (0.0, 5.0, 24.0):
-        seconds, error = of_pyxel(python, out, side, length)
-        print(f"pyxel, length {length:g}: {seconds:.2f} CPU s, error {error:.4f} voxels", flush=True)
+    for name, program, settings in PEERS:
+        for setting in settings:
+            seconds, error = of_peer(python, program, out, side, setting)
+            print(f"{name} {setting:g}: {seconds:.2f} CPU s, error {error:.4f} voxels", flush=True)
 
 
 if __name__ == "__main__":
