@@ -118,6 +118,10 @@ class VolumeReference(NodalBasis):
                              expected=", ".join(self.layouts), remedy="write one of these names")
         return self.layouts[brightness]
 
+    def seen_by(self, experiment: Experiment) -> VolumeReference:
+        """The same voxels with the options of another experiment, such as its low-pass."""
+        return volume_reference(self.pixel_map, experiment)
+
     def compare(self, experiment: Experiment, frame: int, motion: np.ndarray) -> NodalEquations:
         """Nodal equations of one scan under a nodal motion (n_nodes, 3), voxels."""
         return self.equations(experiment.recording.volumes, frame, motion, experiment.options.brightness)
