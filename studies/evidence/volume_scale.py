@@ -1,12 +1,12 @@
 """Cost of whole identifications from volumes: CPU seconds, wall, and peak memory of all processes.
 
-python volume_scale.py OUT [SIDE:SCANS:ELEMENTS:WORKERS ...]
+python volume_scale.py OUT [SIDE:SCANS:ELEMENTS:WORKERS[:ITERATIONS] ...]
 
 A bar fills a cube of SIDE voxels and is pulled in SCANS scans (8 bit, the first two at rest): elastic-plastic with
 linear hardening, four unknowns, ELEMENTS cubed hex8, the truth on 10 x 10 x 12 bricks. Scans are rendered slice by
 slice as a sum of plane waves at the material point of each voxel. Memory is that of `idic identify` and of all that it
-starts, summed, ten times a second; pages of a file that two processes share count twice. Default: 256 voxels and 4, 8,
-16 scans, 384 and 512 voxels and 8 scans with 31 cubed hex8, two workers.
+starts, summed, ten times a second; pages of a file that two processes share count twice. ITERATIONS: stop after so
+many. Default: 256 voxels and 4, 8, 16 scans, 384 and 512 voxels and 8 scans with 31 cubed hex8, two workers.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from idic.virtual_tests.volume_bar import TRUTH
 
 DEFAULT = ("256:4:20:2", "256:8:20:2", "256:16:20:2", "256:8:31:2", "384:8:31:2", "512:8:31:2")
 VOXEL_MM, RIM_PX, NOISE_GV, FORCE_NOISE_N, STRAIN = 0.01, 6.0, 4.0, 0.05, 0.03
-N_WAVES, WAVELENGTHS_PX, CONTRAST_GV = 24, (5.0, 11.0), 32.0
+N_WAVES, WAVELENGTHS_PX, CONTRAST_GV = 16, (5.0, 11.0), 32.0
 TRUE_ELEMENTS = (10, 10, 12)
-INVERSE_STEPS = 6  # of x -> X, each gains two digits at a strain of 3 %
+INVERSE_STEPS = 4  # of x -> X, each gains one and a half digits at a strain of 3 %
 
 TOML = """\
 [experiment]
@@ -158,12 +158,13 @@ def write(folder: Path, n: int, n_scans: int, elements: int, seed: int = 0) -> N
     (folder / "experiment.toml").write_text(TOML.format(voxel=VOXEL_MM, rim=RIM_PX, noise=FORCE_NOISE_N))
 
 
-def measured(folder: Path, run: Path, workers: int) -> dict[str, float]:
+def measured(folder: Path, run: Path, workers: int, iterations: int | None = None) -> dict[str, float]:
     """Wall and CPU seconds of `idic identify`, and its peak memory: of it alone, of all processes, in GB."""
     shutil.rmtree(run, ignore_errors=True)
     start_s, cpu_s, driver, together = time.perf_counter(), {}, 0, 0
+    limit = [] if iterations is None else ["--set", f"options.max_iterations={iterations}"]
     process = psutil.Popen([sys.executable, "-m", "idic", "identify", str(folder), "--out", str(run), "--workers",
-                            str(workers)], stdout=subprocess.DEVNULL)
+                            str(workers), *limit], stdout=subprocess.DEVNULL)
     while process.poll() is None:
         sizes = []
         for member in (process, *process.children(recursive=True)):
@@ -183,12 +184,12 @@ def measured(folder: Path, run: Path, workers: int) -> dict[str, float]:
 def main() -> None:
     out = Path(sys.argv[1])
     for case in sys.argv[2:] or DEFAULT:
-        n, n_scans, elements, workers = map(int, case.split(":"))
+        n, n_scans, elements, workers, *iterations = map(int, case.split(":"))
         folder = out / "experiment"
         start_s = time.process_time()
         write(folder, n, n_scans, elements)
         rendering = time.process_time() - start_s
-        figures = measured(folder, out / "run", workers)
+        figures = measured(folder, out / "run", workers, *iterations)
         result = json.loads((out / "run" / "result.json").read_text(encoding="utf-8"))
         errors = " ".join(f"{(result['parameters'][name]['value'] - truth) / result['parameters'][name]['std']:+.2f}"
                           for name, truth in TRUTH.items())
