@@ -4,11 +4,15 @@ Elements with straight edges against bent ones, which take the kernel of buffers
 truncated kernel that it took the place of, each in the same run.
 """
 
+import subprocess
+import sys
 import time
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
+from jobs.bench_jobs import brick_px
 from scipy.ndimage import gaussian_filter
 
 from idic.correlation import build_volume_reference, build_voxel_map
@@ -37,11 +41,7 @@ def setting():
     rng = np.random.default_rng(0)
     f = gaussian_filter(rng.normal(size=(SIDE,) * 3).astype(np.float32), 1.5)
     f = np.clip(128.0 + 40.0 * f / f.std(), 0, 255).astype(np.uint8)
-    x = np.linspace(6.0, SIDE - 7.0, ELEMENTS + 1)
-    nodes = np.stack(np.meshgrid(x, x, x, indexing="ij")[::-1], axis=-1).reshape(-1, 3)
-    number = np.arange(len(nodes)).reshape((ELEMENTS + 1,) * 3)
-    corners = [(0, 0, 0), (0, 0, 1), (0, 1, 1), (0, 1, 0), (1, 0, 0), (1, 0, 1), (1, 1, 1), (1, 1, 0)]
-    conn = np.stack([number[c:ELEMENTS + c, b:ELEMENTS + b, a:ELEMENTS + a].ravel() for c, b, a in corners], axis=1)
+    nodes, conn = brick_px(SIDE, ELEMENTS, 6.0)
     volumes = ArrayVolumes([f, np.roll(f, 1, axis=0)])
     voxel_map = build_voxel_map(nodes, [Block("hex8", conn)], f.shape)
     return build_volume_reference(voxel_map, volumes, (0,)), volumes, 0.01 * (nodes - SIDE / 2) + [0.3, -0.2, 1.1]
@@ -64,6 +64,20 @@ def test_a_pass_over_a_scan(monkeypatch, measured):
 
 def pass_over(reference, volumes, u, modes):
     return reference.equations(volumes, 1, u).gram(modes)
+
+
+def test_memory_of_a_pass_hardly_grows_with_the_volume(measured):
+    """Each in a process of its own; 27 000 hex8; above 26 million voxels the reference is made anew in every pass."""
+    grown = []
+    for side in (256, 384, 512):
+        process = subprocess.run([sys.executable, "volume_job.py", str(side), "30"], capture_output=True, text=True,
+                                 cwd=Path(__file__).with_name("jobs"), check=True)
+        voxels, blocks, at_rest, mapping, reference, of_pass, peak = map(float, process.stdout.split())
+        measured(f"{side}³ voxels, 30³ hex8, n = {PARAMETERS}: a pass", f"{1e9 * of_pass / voxels:.1f} ns per voxel",
+                 f"{blocks:.0f} blocks; {peak:.0f} MB, {at_rest:.0f} before; once: voxels "
+                 f"{1e9 * mapping / voxels:.0f}, reference {1e9 * reference / voxels:.0f} ns per voxel")
+        grown.append(peak - at_rest)
+    assert grown[2] < 2.5 * grown[0]  # of nine times the voxels: a byte per voxel, and what is stored up to its limit
 
 
 def spline_taps(degree):
