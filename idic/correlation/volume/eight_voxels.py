@@ -136,6 +136,19 @@ def compare_eight(typing, f, gx, gy, gz, at, n, value, k, weighted):
 
 
 @intrinsic
+def copy_eight(typing, source, begin, target, to):
+    """Copy eight entries of a float32 array."""
+    signature = types.void(FLOATS, types.int64, FLOATS, types.int64)
+
+    def emit(context, builder, signature, arguments):
+        code = _Emitter(context, builder, signature, ("source", "begin", "target", "to"), arguments)
+        code.store(code.load("source", 0, code.values["begin"]), "target", 0, code.values["to"])
+        return context.get_dummy_value()
+
+    return signature, emit
+
+
+@intrinsic
 def fetch_early(typing, values, index):
     """Ask for an entry of a float32 array that is read soon: it comes into the second cache meanwhile."""
     signature = types.void(FLOATS, types.int64)

@@ -25,6 +25,7 @@ from idic.correlation.image_equations.reference import Brightness
 from idic.correlation.image_equations.residual import ResidualMap
 from idic.correlation.pixels.blocks import Pattern, block_pattern
 from idic.correlation.volume.eight_taps import LANES
+from idic.correlation.volume.eight_voxels import copy_eight, fetch_early
 from idic.correlation.volume.element_sums import element_sums, scatter, scatter_matrix
 from idic.correlation.volume.solid_cells import N_SOLID_NODES, TRANSFORMS, coefficients_of
 from idic.correlation.volume.volume_kernel import sums_of_values, volume_pass
@@ -433,8 +434,8 @@ def _voxels(voxel_map: VoxelMap, number: int, stack: VolumeStack, frames: Sequen
     run = voxel_map.run[first:end]
     values = [np.empty(int(run[:, 3].sum()) + LANES, dtype=np.float32) for _ in range(4)]  # vectors read beyond the end
     for part, out in zip((f, *slopes), values, strict=True):
-        out[-LANES:] = 0.0
         _gather(part.reshape(-1), np.array(part.shape), run, low, out)
+        out[-LANES:] = 0.0
     return Voxels(*(out[:-LANES] for out in values))
 
 
@@ -489,13 +490,23 @@ def _sums_of(voxel_map: VoxelMap, elements: np.ndarray, begin: int, voxels: Voxe
 @njit(cache=True, nogil=True)
 def _gather(block, shape, run, low, out):
     """Values at the voxels of runs  # block of `shape` (z, y, x), flat, low (3,) its first slice, row, column"""
-    k = 0
+    k, rows, columns, size = 0, shape[1], shape[2], block.size
+    low_z, low_y, low_x = low[0], low[1], low[2]
     for j in range(run.shape[0]):
-        begin = ((run[j, 2] - low[0]) * shape[1] + run[j, 1] - low[1]) * shape[2] + run[j, 0] - low[2]
-        source, to = np.uint64(begin), np.uint64(k)
-        for i in range(run[j, 3]):
-            out[to + np.uint64(i)] = block[source + np.uint64(i)]
-        k += run[j, 3]
+        source = ((run[j, 2] - low_z) * rows + run[j, 1] - low_y) * columns + run[j, 0] - low_x
+        ahead = min(j + 16, run.shape[0] - 1)
+        early = ((run[ahead, 2] - low_z) * rows + run[ahead, 1] - low_y) * columns + run[ahead, 0] - low_x
+        fetch_early(block, early)
+        fetch_early(block, early + run[ahead, 3])
+        length, i = np.int64(run[j, 3]), 0
+        while i < length:  # what is copied beyond the run is written over by the next one
+            if source + i + LANES <= size:
+                copy_eight(block, source + i, out, k + i)
+            else:
+                for m in range(i, length):
+                    out[k + m] = block[source + m]
+            i += LANES
+        k += length
 
 
 def volume_reference(voxel_map: VoxelMap, experiment: Experiment) -> VolumeReference:

@@ -232,9 +232,10 @@ def _brick(e, n, run_start, run, voxel, middle, inverse, f, gx, gy, gz, mean, mo
         for d in range(3):
             start[d] = inverse[d, 3] + inverse[d, 0] * x + inverse[d, 1] * y + inverse[d, 2] * z
         first = run[j, 0] + run[j, 1] * row + run[j, 2] * plane + shift
-        for i in range(0, run[j, 3], LANES):
+        length, i = np.int64(run[j, 3]), 0
+        while i < length:
             piece = k // LANES
-            pieces[piece, 0], pieces[piece, 1] = voxel, min(LANES, run[j, 3] - i)
+            pieces[piece, 0], pieces[piece, 1] = voxel, min(LANES, length - i)
             pieces[piece, 2] = place_eight(start, slope, coefficients, first + i, row, plane, k, powers, fraction, base)
             for d in range(degree + 1):  # the other rows of taps are those of the rows of voxels before
                 fetch_early(c, first + i + degree * row + d * plane)
@@ -242,6 +243,7 @@ def _brick(e, n, run_start, run, voxel, middle, inverse, f, gx, gy, gz, mean, mo
                 start[d] += np.float32(LANES) * slope[d]
             voxel += pieces[piece, 1]
             k += LANES
+            i += LANES
             if k == BUFFER:
                 _compare_pieces(pieces, k, c, degree, row, plane, f, gx, gy, gz, fraction, base, value, weighted,
                                 keep_residual, residual, fractions)
