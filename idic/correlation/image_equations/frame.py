@@ -10,6 +10,7 @@ together with all other unknowns of the frame.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -54,6 +55,8 @@ class NodalEquations:
         light is unknown.
     motion : ImageMotion, or HeightMotion, SectionMotion of heights; optional
         The motion that the frame was compared under; None of points, which are material.
+    matrix : callable, optional
+        Makes H anew, of volumes: there it is larger than all else of a frame.
     """
 
     q: np.ndarray
@@ -70,6 +73,7 @@ class NodalEquations:
     kappa: float
     squares: tuple[float, float] | None = field(default=None, kw_only=True)
     motion: Any = field(default=None, kw_only=True)
+    matrix: Callable[[], sparse.csr_array] | None = field(default=None, kw_only=True)
 
     @property
     def n_brightness(self) -> int:

@@ -1,55 +1,22 @@
-"""Filters of a volume block by block: low-pass, spline coefficients, slopes at the voxels, as short separable kernels.
+"""A block of a volume and its low-pass.
 
-The recursive filter of a B-spline decays by 0.27 (cubic) or 0.43 (quintic) per voxel: cut after `REACH` voxels it is a
-kernel of finite length, and a block needs no more of the volume than a halo. Low-pass and spline are one kernel. At the
-borders of the volume the grey values are mirrored (d c b | a b c d | c b a).
+The recursive filter of a B-spline decays by 0.27 (cubic) or 0.43 (quintic) per voxel: of the volume around it a block
+needs no more than `REACH` voxels. At the borders of the volume the grey values are mirrored (d c b | a b c d | c b a).
 """
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 from numba import njit
-
-from idic.images import POLES, lowpass_weights, weight_polynomials
 
 REACH = {3: 12, 5: 20}  # voxels, by degree: what is cut off is below 1e-6
 _STRIP = 2048  # entries of a row that pass all taps together: they stay in the first cache
 
 
-@lru_cache(maxsize=16)
-def spline_taps(degree: int, lowpass_px: float = 0.0) -> np.ndarray:
-    """From grey values to spline coefficients of the low-passed volume, along one axis  # (2 r + 1,)"""
-    reach = REACH[degree]
-    distance = np.abs(np.arange(-reach, reach + 1))
-    taps = np.ones(1)
-    for z in POLES[degree]:
-        gain = (1.0 - z) / (1.0 + z)
-        taps = np.convolve(taps, gain * np.asarray(z, float) ** distance)
-    return _cut(np.convolve(taps, lowpass_weights(lowpass_px)), reach)
-
-
-@lru_cache(maxsize=16)
-def slope_taps(degree: int) -> np.ndarray:
-    """From grey values to the slope of their spline at the voxels, along one axis  # (2 r + 1,)"""
-    slopes = weight_polynomials(degree)[1]  # derivative of the weights of the taps at fraction 0
-    taps = np.zeros(2 * len(slopes) + 1)
-    for tap, slope in enumerate(slopes):  # tap j lies j - (degree - 1) / 2 voxels on; correlation, so as it is
-        taps[len(slopes) + tap - (degree - 1) // 2] = slope
-    return _cut(np.convolve(taps, spline_taps(degree)), REACH[degree])
-
-
-def _cut(taps: np.ndarray, reach: int) -> np.ndarray:
-    middle = len(taps) // 2
-    taps = taps[middle - min(reach, middle):middle + min(reach, middle) + 1]
-    return np.ascontiguousarray(taps, dtype=np.float32)
-
-
 def filtered(block: np.ndarray, taps: np.ndarray, axis: int) -> np.ndarray:
     """Correlate a block with a kernel along one axis; it becomes shorter by the reach of the kernel at both ends.
 
-    block : (nz, ny, nx) float32; taps : (2 r + 1,), even or odd
+    block : (nz, ny, nx); taps : (2 r + 1,) float32, symmetric
     """
     if len(taps) == 1:
         return block if taps[0] == 1.0 else block * taps[0]
@@ -57,7 +24,7 @@ def filtered(block: np.ndarray, taps: np.ndarray, axis: int) -> np.ndarray:
     shape = list(block.shape)
     shape[axis] -= 2 * reach
     out = np.empty(shape, dtype=np.float32)
-    block = np.ascontiguousarray(block)
+    block = np.ascontiguousarray(block, dtype=np.float32)
     if axis == 2:
         _along_rows(block.reshape(-1, block.shape[2]), taps, out.reshape(-1, shape[2]))
     else:
@@ -68,7 +35,7 @@ def filtered(block: np.ndarray, taps: np.ndarray, axis: int) -> np.ndarray:
 
 
 def mirrored_block(read, shape: tuple[int, int, int], low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """A block that may reach beyond the volume, mirrored there  # (nz, ny, nx) float32
+    """A block that may reach beyond the volume, mirrored there  # (nz, ny, nx), grey values as they are stored
 
     read : (slices of z, y, x) -> array; shape : of the volume; low, high : first voxel and the one after the last
     """
@@ -78,7 +45,7 @@ def mirrored_block(read, shape: tuple[int, int, int], low: np.ndarray, high: np.
     for k, axis in enumerate(axes):
         if len(axis) != block.shape[k] or axis[0] != inside[k].start or axis[-1] != inside[k].stop - 1:
             block = np.take(block, axis - inside[k].start, axis=k)
-    return np.ascontiguousarray(block, dtype=np.float32)
+    return np.ascontiguousarray(block)
 
 
 def _mirrored(index: np.ndarray, n: int) -> np.ndarray:
@@ -91,7 +58,6 @@ def _mirrored(index: np.ndarray, n: int) -> np.ndarray:
 @njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
 def _along_rows(block, taps, out):
     reach, n = taps.size // 2, out.shape[1]
-    sign = np.float32(-1.0 if taps[reach + 1] * taps[reach - 1] < 0 else 1.0)
     for i in range(block.shape[0]):
         row, target = block[i], out[i]
         middle = taps[reach]
@@ -104,19 +70,18 @@ def _along_rows(block, taps, out):
             w2 = taps[reach + k2] if k + 2 <= reach else np.float32(0.0)
             a0, a1, a2 = row[reach + k:reach + k + n], row[reach + k1:reach + k1 + n], row[reach + k2:reach + k2 + n]
             b0, b1, b2 = row[reach - k:reach - k + n], row[reach - k1:reach - k1 + n], row[reach - k2:reach - k2 + n]
-            _add_taps(target, w0, w1, w2, sign, a0, a1, a2, b0, b1, b2)
+            _add_taps(target, w0, w1, w2, a0, a1, a2, b0, b1, b2)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
-def _add_taps(target, w0, w1, w2, sign, a0, a1, a2, b0, b1, b2):
+def _add_taps(target, w0, w1, w2, a0, a1, a2, b0, b1, b2):
     for j in range(target.size):
-        target[j] += w0 * (a0[j] + sign * b0[j]) + w1 * (a1[j] + sign * b1[j]) + w2 * (a2[j] + sign * b2[j])
+        target[j] += w0 * (a0[j] + b0[j]) + w1 * (a1[j] + b1[j]) + w2 * (a2[j] + b2[j])
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
 def _across_rows(block, taps, out):
     reach, n, width = taps.size // 2, out.shape[1], out.shape[2]
-    sign = np.float32(-1.0 if taps[reach + 1] * taps[reach - 1] < 0 else 1.0)
     for a in range(block.shape[0]):
         for s in range(0, width, _STRIP):
             t = min(s + _STRIP, width)
@@ -131,6 +96,6 @@ def _across_rows(block, taps, out):
                     w1 = taps[reach + k1] if k + 1 <= reach else np.float32(0.0)
                     w2 = taps[reach + k2] if k + 2 <= reach else np.float32(0.0)
                     at = i + reach
-                    _add_taps(target, w0, w1, w2, sign, block[a, at + k, s:t], block[a, at + k1, s:t],
+                    _add_taps(target, w0, w1, w2, block[a, at + k, s:t], block[a, at + k1, s:t],
                               block[a, at + k2, s:t], block[a, at - k, s:t], block[a, at - k1, s:t],
                               block[a, at - k2, s:t])

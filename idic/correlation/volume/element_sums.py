@@ -77,10 +77,9 @@ def _weights(f, gx, gy, gz, valid, weight, slope):
 
 
 @njit(cache=True, nogil=True)
-def scatter(conn, kind, n_nodes, transforms, inverse, sums, hessian, coupling, centre, place, stride, place_b, stride_b,
-            q, data, data_b):
+def scatter(conn, kind, n_nodes, transforms, inverse, sums, coupling, centre, place_b, stride_b, q, data_b):
     """Element sums -> nodes, with the convected gradient: d_new[c] = sum_k inverse[k, c] d[k] (F^-T d)."""
-    D, half, d, n_max = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), conn.shape[1]
+    d, n_max = np.empty(3), conn.shape[1]
     for e in range(conn.shape[0]):
         n = n_nodes[kind[e]]
         t, G = transforms[kind[e]], inverse[e]
@@ -97,6 +96,16 @@ def scatter(conn, kind, n_nodes, transforms, inverse, sums, hessian, coupling, c
                     d[c] = coupling[e, i, c, m] - (centre[e] * coupling[e, i, c, 1] if m == 0 else 0.0)
                 for c in range(3):
                     data_b[place_b[e, i] + c * stride_b[node] + m] -= G[0, c] * d[0] + G[1, c] * d[1] + G[2, c] * d[2]
+
+
+@njit(cache=True, nogil=True)
+def scatter_matrix(conn, kind, n_nodes, inverse, hessian, place, stride, data):
+    """The matrix of the nodes from the blocks of the elements: F^-1 D F^-T of each pair of nodes."""
+    D, half = np.empty((3, 3)), np.empty((3, 3))
+    for e in range(conn.shape[0]):
+        G = inverse[e]
+        for i in range(n_nodes[kind[e]]):
+            node = conn[e, i]
             for j in range(i + 1):
                 xx, xy, yy, xz, yz, zz = hessian[e, i * (i + 1) // 2 + j]
                 D[0, 0], D[0, 1], D[0, 2] = xx, xy, xz

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numba import njit
@@ -24,14 +24,16 @@ from idic.correlation.image_equations.grey import MIN_CONTRAST_RATIO, contrast_r
 from idic.correlation.image_equations.reference import Brightness
 from idic.correlation.image_equations.residual import ResidualMap
 from idic.correlation.pixels.blocks import Pattern, block_pattern
-from idic.correlation.volume.element_sums import element_sums, scatter
+from idic.correlation.volume.eight_taps import LANES
+from idic.correlation.volume.eight_voxels import copy_eight, fetch_early
+from idic.correlation.volume.element_sums import element_sums, scatter, scatter_matrix
 from idic.correlation.volume.solid_cells import N_SOLID_NODES, TRANSFORMS, coefficients_of
 from idic.correlation.volume.volume_kernel import sums_of_values, volume_pass
 from idic.correlation.volume.voxel_map import VoxelMap
 from idic.errors import InputError
 from idic.images import DEGREES, VolumeStack, lowpass_weights, noise_gain_1d
-from idic.correlation.volume.block_filter import REACH, filtered, mirrored_block, slope_taps
-from idic.correlation.volume.spline_block import coefficients_in
+from idic.correlation.volume.block_filter import REACH, filtered, mirrored_block
+from idic.correlation.volume.spline_block import coefficients_in, slopes_in
 from idic.model import Experiment
 
 KEPT_BYTES = 400_000_000  # of one process
@@ -116,6 +118,10 @@ class VolumeReference(NodalBasis):
             raise InputError("no such brightness correction", key="brightness", found=brightness,
                              expected=", ".join(self.layouts), remedy="write one of these names")
         return self.layouts[brightness]
+
+    def seen_by(self, experiment: Experiment) -> VolumeReference:
+        """The same voxels with the options of another experiment, such as its low-pass."""
+        return volume_reference(self.pixel_map, experiment)
 
     def compare(self, experiment: Experiment, frame: int, motion: np.ndarray) -> NodalEquations:
         """Nodal equations of one scan under a nodal motion (n_nodes, 3), voxels."""
@@ -241,12 +247,13 @@ class VolumeReference(NodalBasis):
                grey: np.ndarray) -> NodalEquations:
         """The sums of the elements carried to the nodes."""
         pm, n_max = self.pixel_map, self.pixel_map.conn.shape[1]
-        n_dof, data = 3 * pm.n_nodes, np.zeros(len(self.pattern.indices))
+        n_dof = 3 * pm.n_nodes
         q, pairs = np.zeros(n_dof), np.zeros(len(layout.pattern.indices))
         centre = layout.mean.astype(float)[layout.patch] - self.level
-        scatter(pm.conn, pm.kind, N_SOLID_NODES, TRANSFORMS, motion.inverse, sums, hessian, coupling, centre,
-                self.pattern.place, self.pattern.stride, layout.pattern.place, layout.pattern.stride, q, data, pairs)
-        H = sparse.csr_array((data, self.pattern.indices, self.pattern.indptr), shape=(n_dof, n_dof))
+        scatter(pm.conn, pm.kind, N_SOLID_NODES, TRANSFORMS, motion.inverse, sums, coupling, centre,
+                layout.pattern.place, layout.pattern.stride, q, pairs)
+        changed = np.flatnonzero(lost) if hessian is not self.hessian else np.zeros(0, dtype=np.int64)
+        matrix = partial(self.matrix, motion.inverse, changed, hessian[changed])
         nb = layout.n_columns
         hb = sparse.csr_array((pairs, layout.pattern.indices, layout.pattern.indptr),
                               shape=(n_dof, nb)) if nb else sparse.csr_array((n_dof, 0))
@@ -255,9 +262,20 @@ class VolumeReference(NodalBasis):
         n_valid = pm.n_pixels - n_lost
         kappa = float((grey[:, 0] / np.maximum(np.abs(motion.det), 1e-3)).sum() / max(n_valid, 1))
         return NodalEquations(
-            q, H, hb, bb[:nb, :nb], rb[:nb], rr, n_valid, n_lost, lost,
+            q, matrix(), hb, bb[:nb, :nb], rb[:nb], rr, n_valid, n_lost, lost,
             lost_pixels=np.concatenate(lost_pixels) if lost_pixels else np.zeros(0, dtype=np.int64),
-            element_rr=sums[:, 3 * n_max].copy(), kappa=kappa, squares=squares_about_mean(bb, rb, rr), motion=motion)
+            element_rr=sums[:, 3 * n_max].copy(), kappa=kappa, squares=squares_about_mean(bb, rb, rr), motion=motion,
+            matrix=matrix)
+
+    def matrix(self, inverse: np.ndarray, changed: np.ndarray, blocks: np.ndarray) -> sparse.csr_array:
+        """H of a scan; inverse : (n_elements, 3, 3) F^-1; changed : elements that lost voxels, blocks : theirs"""
+        pm, hessian = self.pixel_map, self.hessian
+        if len(changed):
+            hessian = hessian.copy()
+            hessian[changed] = blocks
+        data = np.zeros(len(self.pattern.indices))
+        scatter_matrix(pm.conn, pm.kind, N_SOLID_NODES, inverse, hessian, self.pattern.place, self.pattern.stride, data)
+        return sparse.csr_array((data, self.pattern.indices, self.pattern.indptr), shape=(3 * pm.n_nodes,) * 2)
 
     @cached_property
     def sections(self) -> VolumeReference:
@@ -397,26 +415,28 @@ def _voxels(voxel_map: VoxelMap, number: int, stack: VolumeStack, frames: Sequen
             lowpass_px: float, level: float) -> Voxels:
     """The reference at the voxels of a block, from the voxels of the scans around them."""
     low, high = voxel_map.boxes[number][0, ::-1], voxel_map.boxes[number][1, ::-1] + 1
-    slopes, blur = slope_taps(degree), np.array(lowpass_weights(lowpass_px), dtype=np.float32)
-    halo = len(slopes) // 2
-    reach = halo + len(blur) // 2
-    block = np.zeros(high - low + 2 * reach, dtype=np.float32)
+    blur = np.array(lowpass_weights(lowpass_px), dtype=np.float32)
+    taps = (degree - 1) // 2  # beside a voxel, that have a part in its slope
+    begin, stop = _with_reach(low - taps, high + taps, degree, stack.shape, mirrors=len(blur) == 1)
+    halo = len(blur) // 2
+    block: np.ndarray | None = None
     for frame in frames:
-        block += mirrored_block(lambda *at, frame=frame: stack.block(frame, *at), stack.shape, low - reach,
-                                high + reach)
-    block = block / np.float32(len(frames)) - np.float32(level)
+        scan = mirrored_block(lambda *at, frame=frame: stack.block(frame, *at), stack.shape, begin - halo, stop + halo)
+        block = scan if block is None else np.add(block, scan, dtype=np.float32)
+    if len(frames) > 1:
+        block = block / np.float32(len(frames))
     for axis in range(3):
         block = filtered(block, blur, axis)
-    inner = [slice(halo, n - halo) for n in block.shape]
-    begin, end = voxel_map.run_start[voxel_map.blocks[number:number + 2]]
-    values = []
-    for axis in (None, 2, 1, 0):
-        part = block[tuple(inner)] if axis is None else filtered(
-            block[tuple(slice(None) if k == axis else inner[k] for k in range(3))], slopes, axis)
-        out = np.empty(int(voxel_map.run[begin:end, 3].sum()), dtype=np.float32)
-        _gather(np.ascontiguousarray(part), voxel_map.run[begin:end], low[::-1].astype(np.int64), out)
-        values.append(out)
-    return Voxels(*values)
+    inner = tuple(slice(a, b) for a, b in zip(low - begin, high - begin, strict=True))
+    f = np.subtract(block[inner], np.float32(level), dtype=np.float32)
+    slopes = slopes_in(block, level, degree, tuple((low - begin).tolist()), f.shape)
+    first, end = voxel_map.run_start[voxel_map.blocks[number:number + 2]]
+    run = voxel_map.run[first:end]
+    values = [np.empty(int(run[:, 3].sum()) + LANES, dtype=np.float32) for _ in range(4)]  # vectors read beyond the end
+    for part, out in zip((f, *slopes), values, strict=True):
+        _gather(part.reshape(-1), np.array(part.shape), run, low, out)
+        out[-LANES:] = 0.0
+    return Voxels(*(out[:-LANES] for out in values))
 
 
 def _coefficients(voxel_map: VoxelMap, number: int, stack: VolumeStack, frame: int, motion: np.ndarray, degree: int,
@@ -435,18 +455,28 @@ def _coefficients(voxel_map: VoxelMap, number: int, stack: VolumeStack, frame: i
     first = np.clip(np.floor(voxel_map.boxes[number, 0] + low_u) - 1, 0, farthest).astype(np.int64)
     end = np.clip(np.ceil(voxel_map.boxes[number, 1] + high_u) + 1, first, farthest).astype(np.int64)
     blur = np.array(lowpass_weights(lowpass_px), dtype=np.float32)
-    taps_below, taps_above = (degree - 1) // 2, (degree + 1) // 2
-    reach = REACH[degree] + len(blur) // 2
-    low, high = (first - taps_below - reach)[::-1], (end + taps_above + reach + 1)[::-1]
-    block = mirrored_block(lambda *at: stack.block(frame, *at), stack.shape, low, high)
-    block -= np.float32(level)
+    low, high = (first - (degree - 1) // 2)[::-1], (end + (degree + 1) // 2 + 1)[::-1]  # with taps below and above
+    begin, stop = _with_reach(low, high, degree, stack.shape, mirrors=len(blur) == 1)
+    halo = len(blur) // 2
+    block = mirrored_block(lambda *at: stack.block(frame, *at), stack.shape, begin - halo, stop + halo)
     for axis in range(3):
         block = filtered(block, blur, axis)
-    nx, ny = (end - first + degree + 1)[:2].tolist()  # with taps below and above
-    flat = coefficients_in(block, degree, REACH[degree], _TAPS_BEYOND + (degree + 1) * nx)
+    nx, ny = (end - first + degree + 1)[:2].tolist()
+    flat = coefficients_in(block, level, degree, tuple((low - begin).tolist()), tuple((high - low).tolist()),
+                           _TAPS_BEYOND + (degree + 1) * nx)
     box = np.array([*first, *(end - first + 1), nx, nx * ny], dtype=np.int32)
     low_inside, high_inside = np.full(3, border, np.int32), (farthest - border).astype(np.int32)
     return flat, box, low_inside, high_inside
+
+
+def _with_reach(low: np.ndarray, high: np.ndarray, degree: int, shape: tuple[int, int, int], mirrors: bool
+                ) -> tuple[np.ndarray, np.ndarray]:
+    """A block with what its spline filter reaches; mirrors : whether the filter may end with the volume"""
+    begin, stop = low - REACH[degree], high + REACH[degree]
+    if mirrors:
+        begin = np.where(low >= 0, np.maximum(begin, 0), begin)
+        stop = np.where(high <= shape, np.minimum(stop, shape), stop)
+    return begin, stop
 
 
 def _sums_of(voxel_map: VoxelMap, elements: np.ndarray, begin: int, voxels: Voxels, valid: np.ndarray,
@@ -458,14 +488,25 @@ def _sums_of(voxel_map: VoxelMap, elements: np.ndarray, begin: int, voxels: Voxe
 
 
 @njit(cache=True, nogil=True)
-def _gather(block, run, low, out):
-    """Values at the voxels of runs  # block (nz, ny, nx), low (3,) its first column, row and slice -> out (n,)"""
-    k = 0
+def _gather(block, shape, run, low, out):
+    """Values at the voxels of runs  # block of `shape` (z, y, x), flat, low (3,) its first slice, row, column"""
+    k, rows, columns, size = 0, shape[1], shape[2], block.size
+    low_z, low_y, low_x = low[0], low[1], low[2]
     for j in range(run.shape[0]):
-        row = block[run[j, 2] - low[2], run[j, 1] - low[1]]
-        for x in range(run[j, 0] - low[0], run[j, 0] - low[0] + run[j, 3]):
-            out[k] = row[x]
-            k += 1
+        source = ((run[j, 2] - low_z) * rows + run[j, 1] - low_y) * columns + run[j, 0] - low_x
+        ahead = min(j + 16, run.shape[0] - 1)
+        early = ((run[ahead, 2] - low_z) * rows + run[ahead, 1] - low_y) * columns + run[ahead, 0] - low_x
+        fetch_early(block, early)
+        fetch_early(block, early + run[ahead, 3])
+        length, i = np.int64(run[j, 3]), 0
+        while i < length:  # what is copied beyond the run is written over by the next one
+            if source + i + LANES <= size:
+                copy_eight(block, source + i, out, k + i)
+            else:
+                for m in range(i, length):
+                    out[k + m] = block[source + m]
+            i += LANES
+        k += length
 
 
 def volume_reference(voxel_map: VoxelMap, experiment: Experiment) -> VolumeReference:

@@ -2,9 +2,10 @@
 
     r = f - g(x + u)
 
-Voxels run through it element by element in buffers of 256, row by row. Neighbours along a row whose motion has the same
-whole part read neighbouring coefficients: eight of them at a time are one vector, and the 64 taps of the cubic spline
-are 64 loads without a gather. The sums of an element are those of the monomials of its cell
+Voxels run through it element by element in buffers of 256, row by row; those of hex8 and tet4 with straight edges
+inside the scan in pieces of eight (`idic.correlation.volume.eight_voxels`). Neighbours along a row whose motion has the
+same whole part read neighbouring coefficients: eight of them at a time are one vector, and the 64 taps of the cubic
+spline are 64 loads without a gather. The sums of an element are those of the monomials of its cell
 (`idic.correlation.volume.solid_cells`) times grad f times r; float32 within a buffer, float64 across buffers. The
 kernel is serial and free of the interpreter lock.
 """
@@ -17,9 +18,11 @@ from numba import njit
 from idic.correlation.image_equations.image_kernel import drop_lost
 from idic.correlation.volume.solid_cells import N_TERMS, fill_monomials, local_places
 from idic.correlation.volume.eight_taps import LANES, eight_cubic, eight_quintic
+from idic.correlation.volume.eight_voxels import N_BRICK, ROW, compare_eight, fetch_early, place_eight
 
 BUFFER = 256  # voxels
 _MAX_MOTION = np.float32(1e6)  # voxels; keeps integers small
+_MAX_PLACE = 1.02  # of a voxel in its cell, along each of its axes
 _FAST = {"contract", "reassoc", "nsz"}  # not nnan: the meaning of nan is kept
 _INT = np.int32
 _ZERO = np.float32(0.0)
@@ -110,13 +113,13 @@ def _residuals(f, value, n, r):
 def volume_pass(elements, kind, n_terms, run_start, run, voxel_start, affine, middle, places, table_start, table,
                 f, gx, gy, gz, mean, motion, c, degree,
                 box, low, high, valid, keep_residual, residual, fractions, sums, n_lost):
-    """Sums of the elements of a block over their voxels that are inside the scan and valid on entry.
+    """Sums of the elements of a block over their voxels that are inside the scan.
 
     elements (n,): numbers of the elements; kind, run_start, voxel_start, affine, middle, places, table_start, mean,
     motion, sums, n_lost: of all elements; run (n_runs, 4) int16|int32: column, row, slice, length;
     f, gx, gy, gz, valid, residual, fractions: of the voxels of the block, which begin at voxel_start[elements[0]];
     motion (n_elements, 3, n_terms): monomial coefficients of the displacement, voxels; c: flat float32 coefficients of
-    the scan;
+    the scan; valid: ones, set to zero where a voxel leaves the scan;
     sums (n_elements, 3 n_terms + 3): monomials times gx r, gy r, gz r; r^2, r, r (f - mean).
     """
     begin = voxel_start[elements[0]]
@@ -129,9 +132,19 @@ def volume_pass(elements, kind, n_terms, run_start, run, voxel_start, affine, mi
     weighted, place = np.empty((3, BUFFER), np.float32), np.empty((3, BUFFER), np.float32)
     steps, coefficients = np.empty(3, np.int32), np.zeros((3, N_TERMS), np.float32)
     row, plane = box[6], box[7]
+    brick_motion, start, slope = np.empty(3 * N_BRICK, np.float32), np.empty(3, np.float32), np.empty(3, np.float32)
+    terms, fractions_of, bases = np.ones(N_BRICK * ROW, np.float32), np.zeros(3 * ROW, np.float32), np.zeros(ROW, _INT)
+    values, products = np.zeros(ROW, np.float32), np.zeros(5 * ROW, np.float32)
+    pieces = np.empty((BUFFER // LANES, 3), np.int64)
     for index in range(elements.size):
         e = elements[index]
         n = n_terms[kind[e]]
+        if affine[e] and n <= N_BRICK and _is_inside(run, run_start[e], run_start[e + 1], motion[e], n, box, low, high):
+            _brick(e, n, run_start, run, voxel_start[e] - begin, middle[e], places[e], f, gx, gy, gz, mean[e],
+                   motion[e], c, degree, box, keep_residual, residual, fractions, sums, brick_motion, start, slope,
+                   terms, fractions_of, bases, values, products, pieces)
+            n_lost[e] = 0
+            continue
         for d in range(3):
             shift = np.rint(min(max(motion[e, d, 0], -1e6), 1e6))
             steps[d] = _INT(shift)
@@ -174,6 +187,119 @@ def volume_pass(elements, kind, n_terms, run_start, run, voxel_start, affine, mi
                     for d in range(3):
                         fractions[d, first + k] = fraction[d, k]
             s = t
+
+
+@njit(cache=True, nogil=True)
+def _is_inside(run, begin, end, motion, n, box, low, high):
+    """Whether all voxels of an element are inside the scan after any motion within its bounds."""
+    for d in range(3):
+        low_px, high_px = run[begin, d], run[begin, d]
+        for j in range(begin, end):
+            low_px = min(low_px, run[j, d])
+            high_px = max(high_px, run[j, d] + (run[j, 3] - 1 if d == 0 else 0))
+        spread = 0.0
+        for m in range(1, n):
+            spread += abs(motion[d, m])
+        spread = _MAX_PLACE * spread + 1e-3
+        if not spread < _MAX_MOTION:
+            return False
+        if not (low_px + motion[d, 0] - spread > max(low[d], box[d])
+                and high_px + motion[d, 0] + spread < min(high[d], box[d] + box[3 + d] - 1)):
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _brick(e, n, run_start, run, voxel, middle, inverse, f, gx, gy, gz, mean, motion, c, degree, box, keep_residual,
+           residual, fractions, sums, coefficients, start, slope, powers, fraction, base, value, weighted, pieces):
+    """`volume_pass` of an element of hex8 or tet4 with straight edges that is inside the scan: runs in pieces of eight
+    voxels, beyond whose end the residual is zero. From `coefficients` on: room to work in."""
+    n_max, row, plane = motion.shape[1], np.int64(box[6]), np.int64(box[7])
+    shift = 0
+    for d in range(3):
+        steps = np.int64(np.rint(motion[d, 0]))
+        for m in range(N_BRICK):
+            coefficients[d * N_BRICK + m] = np.float32(motion[d, m]) if m < n else _ZERO
+        coefficients[d * N_BRICK] = np.float32(motion[d, 0] - steps)
+        slope[d] = inverse[d, 0]
+        shift += (steps - box[d]) * (1 if d == 0 else row if d == 1 else plane)
+    for m in range(sums.shape[1]):
+        sums[e, m] = 0.0
+    k = 0
+    for j in range(run_start[e], run_start[e + 1]):
+        x, y, z = (np.float32(run[j, 0] - middle[0]), np.float32(run[j, 1] - middle[1]),
+                   np.float32(run[j, 2] - middle[2]))
+        for d in range(3):
+            start[d] = inverse[d, 3] + inverse[d, 0] * x + inverse[d, 1] * y + inverse[d, 2] * z
+        first = run[j, 0] + run[j, 1] * row + run[j, 2] * plane + shift
+        length, i = np.int64(run[j, 3]), 0
+        while i < length:
+            piece = k // LANES
+            pieces[piece, 0], pieces[piece, 1] = voxel, min(LANES, length - i)
+            pieces[piece, 2] = place_eight(start, slope, coefficients, first + i, row, plane, k, powers, fraction, base)
+            for d in range(degree + 1):  # the other rows of taps are those of the rows of voxels before
+                fetch_early(c, first + i + degree * row + d * plane)
+            for d in range(3):
+                start[d] += np.float32(LANES) * slope[d]
+            voxel += pieces[piece, 1]
+            k += LANES
+            i += LANES
+            if k == BUFFER:
+                _compare_pieces(pieces, k, c, degree, row, plane, f, gx, gy, gz, fraction, base, value, weighted,
+                                keep_residual, residual, fractions)
+                _add_products(powers, weighted, n, k, n_max, mean, sums[e])
+                k = 0
+    if k:
+        _compare_pieces(pieces, k, c, degree, row, plane, f, gx, gy, gz, fraction, base, value, weighted,
+                        keep_residual, residual, fractions)
+        end = (k + 31) // 32 * 32
+        for m in range(5):
+            weighted[m * ROW + k:m * ROW + end] = _ZERO
+        _add_products(powers, weighted, n, end, n_max, mean, sums[e])
+
+
+@njit(cache=True, nogil=True)
+def _compare_pieces(pieces, end, c, degree, row, plane, f, gx, gy, gz, fraction, base, value, weighted, keep_residual,
+                    residual, fractions):
+    """Values and residuals of the pieces of a buffer; pieces (n, 3): first voxel, voxels, how many have neighbouring
+    taps from the first on."""
+    fraction_x, fraction_y, fraction_z = fraction[:ROW], fraction[ROW:2 * ROW], fraction[2 * ROW:]
+    for k in range(0, end, LANES):
+        at, stop, together = k, k + pieces[k // LANES, 1], pieces[k // LANES, 2]
+        while True:
+            if degree == 3:
+                eight_cubic(c, base[at], row, plane, fraction_x, fraction_y, fraction_z, at, value)
+            else:
+                eight_quintic(c, base[at], row, plane, fraction_x, fraction_y, fraction_z, at, value)
+            at += together
+            if at >= stop:
+                break
+            together = 1
+            while at + together < stop and base[at + together] == base[at] + together:
+                together += 1
+    for k in range(0, end, LANES):
+        voxel, size = pieces[k // LANES, 0], pieces[k // LANES, 1]
+        compare_eight(f, gx, gy, gz, voxel, size, value, k, weighted)
+        if keep_residual:
+            for m in range(size):
+                residual[voxel + m] = weighted[3 * ROW + k + m]
+                for d in range(3):
+                    fractions[d, voxel + m] = fraction[d * ROW + k + m]
+
+
+@njit(cache=True, nogil=True)
+def _add_products(powers, weighted, n, size, n_max, mean, sums):
+    """The terms of a buffer times the products of gradient and residual, added to the sums of an element."""
+    x, y, z = weighted[:size], weighted[ROW:ROW + size], weighted[2 * ROW:2 * ROW + size]
+    for m in range(n):
+        a, b, d = _dots3(powers[m * ROW:m * ROW + size], x, y, z)
+        sums[m] += a
+        sums[n_max + m] += b
+        sums[2 * n_max + m] += d
+    rr, r1, rf = _grey_sums(weighted[3 * ROW:3 * ROW + size], weighted[4 * ROW:4 * ROW + size], mean)
+    sums[3 * n_max] += rr
+    sums[3 * n_max + 1] += r1
+    sums[3 * n_max + 2] += rf
 
 
 @njit(cache=True, nogil=True)

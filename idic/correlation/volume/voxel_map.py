@@ -25,6 +25,7 @@ from idic.fe import Block
 from idic.images import picture_places, picture_shape
 
 VOXELS_PER_BLOCK = 4_000_000  # of the bounding box: 100 MB with halo and copies
+HALO_PX = 28  # voxels along each axis that the filters of a block need beside it
 LEAST_BLOCK_PX = 32  # side of a block: below, the halo is most of it
 BESIDE = np.array([1.3e-4, 1.7e-4, 2.3e-4])  # voxels: further than rounding, nearer than any motion that is measured
 MAX_BEND = 1e-4  # voxels that the places of an affine element may be off
@@ -286,14 +287,21 @@ def _block_order(nodes_px: np.ndarray, conn: np.ndarray, kind: np.ndarray) -> tu
     middle = (nodes_px[conn] * used[:, :, None]).sum(axis=1) / used.sum(axis=1)[:, None]  # (n, 3)
     low = nodes_px.min(axis=0)
     extent = np.maximum(np.ptp(nodes_px, axis=0), 1.0)
-    parts = np.ones(3, dtype=int)
-    for d in (2, 1, 0):  # slices first, then rows, then columns
-        while np.prod(extent / parts) > VOXELS_PER_BLOCK and extent[d] / (parts[d] + 1) >= LEAST_BLOCK_PX:
-            parts[d] += 1
+    parts = _parts(extent)
     cell = np.minimum((middle - low) / extent * parts, parts - 1).astype(int)
     group = (cell[:, 2] * parts[1] + cell[:, 1]) * parts[0] + cell[:, 0]
     order = np.argsort(group, kind="stable")
     return order, group[order]
+
+
+def _parts(extent: np.ndarray) -> np.ndarray:
+    """Blocks along each axis: of all that are small enough those with the least voxels and halo  # (3,)"""
+    most = np.maximum(extent // LEAST_BLOCK_PX, 1).astype(int)
+    parts = np.stack(np.meshgrid(*(np.arange(1, n + 1) for n in most), indexing="ij"), axis=-1).reshape(-1, 3)
+    size = (extent / parts).prod(axis=1)
+    allowed = size <= max(VOXELS_PER_BLOCK, size.min())
+    with_halo = (extent / parts + HALO_PX).prod(axis=1) * parts.prod(axis=1)
+    return parts[np.argmin(np.where(allowed, with_halo, np.inf))]
 
 
 def _positions(geometry: np.ndarray, kind: np.ndarray, places: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ frame 1.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -88,13 +88,14 @@ def joined(*parts: Columns) -> Columns:
 class FrameEvidence:
     """One white frame: ``A`` weighs motion (1/sigma^2), unknowns of this frame alone are ready to be eliminated.
 
-    A : (n_seen, n_seen) sum of gradients' products / sigma^2; q : (n_seen,) and channel_q : (n_channels,) right-hand
+    weights : (n_seen, n_seen) sum of gradients' products / sigma^2, or what makes it at each use: those of all scans of
+    a test would fill the memory; q : (n_seen,) and channel_q : (n_channels,) right-hand
     sides, weighted; border : (n_seen + n_channels, m) A times the frame's own columns; inner : (m, m) their block with
     priors, inverted; inner_q : (m,) their right-hand side; light : drop of chi-square by the frame's own gain, offset
     and blur, less what noise gives.
     """
 
-    A: sparse.csr_array
+    weights: sparse.csr_array | Callable[[], sparse.csr_array]
     q: np.ndarray
     channel_q: np.ndarray
     border: np.ndarray
@@ -102,6 +103,16 @@ class FrameEvidence:
     inner_q: np.ndarray
     pixel: PixelPart | None = None
     light: float = 0.0
+
+    @property
+    def A(self) -> sparse.csr_array:
+        return self.weights() if callable(self.weights) else self.weights
+
+    def weights_at(self, places: np.ndarray) -> sparse.csr_array | Callable[[], sparse.csr_array]:
+        """Of some of the seen dofs."""
+        if callable(self.weights):
+            return lambda: self.A[places][:, places]
+        return self.weights[places][:, places]
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +157,8 @@ class Evidence:
         """The same for fields that vanish outside some of the seen dofs, without pixel columns; dofs : sorted."""
         places = np.searchsorted(self.seen, dofs)
         rows = np.concatenate([places, len(self.seen) + np.arange(len(self.channel_weight))])
-        parts = tuple(replace(part, A=part.A[places][:, places], q=part.q[places], border=part.border[rows], pixel=None)
+        parts = tuple(replace(part, weights=part.weights_at(places), q=part.q[places], border=part.border[rows],
+                              pixel=None)
                       for part in self.parts)
         return replace(self, seen=np.asarray(dofs), parts=parts, pixel_names=())
 

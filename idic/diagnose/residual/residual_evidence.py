@@ -28,6 +28,7 @@ from idic.identification import Identification, Path, response_of
 from idic.model import MotionError
 
 MAX_KEPT_BYTES = 300e6  # of residual maps, at most
+_NO_MATRIX = sparse.csr_array((0, 0))
 MAX_LOST_SHARE = 0.5  # of the pixels: where frames lose more, each counts what it sees
 
 
@@ -177,6 +178,25 @@ def _at_camera_time(context: CorrelationContext, responses: Sequence[FrameRespon
     return shifted
 
 
+class _SeenPart:
+    """Rows and columns of the seen dofs of matrices. Frames whose matrices have one pattern share its indices: of a
+    volume they are as large as the values."""
+
+    def __init__(self, seen: np.ndarray):
+        self.seen = seen
+        self.pattern: tuple[np.ndarray, sparse.csr_array] | None = None
+
+    def part(self, H: sparse.csr_array, factor: float) -> sparse.csr_array:
+        """Of H, times a factor."""
+        pattern = self.pattern
+        if pattern is None or pattern[0] is not H.indices:
+            numbers = np.arange(H.nnz, dtype=np.int32 if H.nnz < np.iinfo(np.int32).max else np.int64)
+            entries = sparse.csr_array((numbers, H.indices, H.indptr), shape=H.shape)
+            pattern = self.pattern = H.indices, sparse.csr_array(entries[self.seen][:, self.seen])
+        places = pattern[1]
+        return sparse.csr_array((H.data[places.data] * factor, places.indices, places.indptr), shape=places.shape)
+
+
 class _CameraPasses:
     """Both passes of one camera over its images: its sums in every frame, and what all frames share."""
 
@@ -193,9 +213,13 @@ class _CameraPasses:
         self.views = [self.view.at(response.frame) for response in responses]
         motions = [view.motion(nodes, response.u) for view, response in zip(self.views, self.responses, strict=True)]
         self.maps = _ResidualMaps(context, [response.frame for response in responses], motions)
-        self.sums = [self.maps.compare(t) for t in range(len(self.maps))]
-        self.seen = _seen_dofs(self.sums[0])
-        self.pattern: tuple[np.ndarray, sparse.csr_array] | None = None
+        self.sums = []
+        for t in range(len(self.maps)):
+            sums = self.maps.compare(t)
+            if t == 0:
+                self.seen = _seen_dofs(sums)
+                self.at_seen = _SeenPart(self.seen)
+            self.sums.append(sums if sums.matrix is None else replace(sums, H=_NO_MATRIX))
         self.back = np.array([context.reference.pull_back(equations) for equations in self.sums])
         self.inverse_variance = 1.0 / context.weights.image_noise**2
         self.local_columns = [view.columns(nodes, response.u, response.local_du)
@@ -253,18 +277,14 @@ class _CameraPasses:
             return 0
         return grey_image(self.context).layout(brightness).n_columns
 
-    def taken_matrix(self, t: int) -> sparse.csr_array:
-        """H of a frame at the seen dofs, which its sums hold no longer.
-
-        Frames whose matrices have one pattern share its indices: of a volume they are larger than the values.
-        """
-        H = self.sums[t].H
-        self.sums[t] = replace(self.sums[t], H=sparse.csr_array((0, 0)))
-        if self.pattern is None or self.pattern[0] is not H.indices:
-            entries = sparse.csr_array((np.arange(H.nnz), H.indices, H.indptr), shape=H.shape)
-            self.pattern = H.indices, sparse.csr_array(entries[self.seen][:, self.seen])
-        places = self.pattern[1]
-        return sparse.csr_array((H.data[places.data], places.indices, places.indptr), shape=places.shape)
+    def weights(self, t: int) -> sparse.csr_array | Callable[[], sparse.csr_array]:
+        """H / sigma^2 of a frame at the seen dofs, or what makes it; the sums of the frame hold it no longer."""
+        sums, at_seen, inverse_variance = self.sums[t], self.at_seen, self.inverse_variance
+        self.sums[t] = replace(sums, H=_NO_MATRIX, matrix=None)
+        matrix = sums.matrix
+        if matrix is None:
+            return at_seen.part(sums.H, inverse_variance)
+        return lambda: at_seen.part(matrix(), inverse_variance)
 
     def white(self, t: int, root: float, c: float) -> tuple[np.ndarray, np.ndarray]:
         """Right-hand sides of the nodes and of brightness in a white frame."""
@@ -334,15 +354,15 @@ def _part(passes: Sequence[_CameraPasses], t: int, root: float, c: float, rows, 
     n_seen, size = sum(sizes), m + sum(n_light)
     border, inner, q, inner_q = np.zeros((n_seen + len(weight), size)), np.zeros((size, size)), [], np.zeros(size)
     border[n_seen:, :m] = weight[:, None] * rows.d_local
-    matrices, row, column, light = [], 0, m, 0.0
+    weights_of: list[sparse.csr_array | Callable[[], sparse.csr_array]] = []
+    row, column, light = 0, m, 0.0
     for camera, n, nb in zip(passes, sizes, n_light, strict=True):
         share, dofs, local_columns = camera.sums[t], camera.seen, camera.local_columns[t][camera.seen]
-        matrix = camera.taken_matrix(t)
+        weights_of.append(camera.weights(t))
         at, levels = slice(row, row + n), slice(column, column + nb)
         right, bright = camera.white(t, root, c)
-        matrix.data *= camera.inverse_variance
-        matrices.append(matrix)
-        border[at, :m] = matrices[-1] @ local_columns
+        if m:
+            border[at, :m] = _matrix(weights_of[-1]) @ local_columns
         border[at, levels] = share.hb[dofs].toarray() * camera.inverse_variance
         q.append(right[dofs] * camera.inverse_variance)
         inner[:m, :m] += local_columns.T @ border[at, :m]
@@ -357,9 +377,16 @@ def _part(passes: Sequence[_CameraPasses], t: int, root: float, c: float, rows, 
     inner[:m, :m] += context.local_precision
     channel_q = weight * rows.residual
     inner_q[:m] += rows.d_local.T @ channel_q - context.local_precision @ local
-    A = matrices[0] if len(matrices) == 1 else sparse.csr_array(sparse.block_diag(matrices, format="csr"))
-    return FrameEvidence(A, np.concatenate(q), channel_q, border, np.linalg.pinv(inner, hermitian=True), inner_q,
+    weights = weights_of[0]
+    if len(weights_of) > 1:
+        weights = sparse.csr_array(sparse.block_diag([_matrix(camera_weights) for camera_weights in weights_of],
+                                                     format="csr"))
+    return FrameEvidence(weights, np.concatenate(q), channel_q, border, np.linalg.pinv(inner, hermitian=True), inner_q,
                          light=light)
+
+
+def _matrix(weights: sparse.csr_array | Callable[[], sparse.csr_array]) -> sparse.csr_array:
+    return weights() if callable(weights) else weights
 
 
 def _light(context: CorrelationContext, bb: np.ndarray, rb: np.ndarray) -> float:

@@ -26,10 +26,11 @@ POISSON_RATIO = 0.3  # of the elastic body; the result hardly depends on it
 BLUR_PX = 3.0  # of the volumes that the affine motion is found on
 MAX_ITERATIONS = 30
 TOLERANCE_PX = 1e-3  # rms step
-AFFINE_TOLERANCE_PX = 0.02
+AFFINE_TOLERANCE_PX, START_TOLERANCE_PX = 0.02, 0.2  # of an affine motion: the result, where the nodes begin
 MAX_STEP_PX = 30.0  # rms: no convergence from there
 MIN_LENGTH_PX = 24.0
 SOLVER_TOLERANCE = 1e-4  # of a step, which the next one corrects
+MAX_INNER_FORCE = 1e-10  # of an affine motion over the stiffness of its node: rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +76,8 @@ def volume_motion(experiment: Experiment, length_px: float | None = None,
     model, options = experiment.model, experiment.options
     blurred = replace(experiment, options=replace(options, lowpass_px=max(options.lowpass_px, BLUR_PX)))
     is_affine = length_px is not None and np.isinf(length_px)
-    references = [(view, build_experiment_reference(view, model.camera))
-                  for view in ((blurred,) if is_affine else (blurred, experiment))]
+    reference = build_experiment_reference(blurred if is_affine else experiment, model.camera)
+    references = [(blurred, reference if is_affine else reference.seen_by(blurred)), (experiment, reference)]
     nodes_px = model.camera.project(model.mesh.nodes)
     smoother = None if is_affine else solid_smoother(nodes_px, model.mesh.blocks, length_px)
     n_frames, shape = model.n_frames, nodes_px.shape
@@ -86,7 +87,8 @@ def volume_motion(experiment: Experiment, length_px: float | None = None,
         frames = [k for k in range(model.reference + 1, n_frames) if k not in experiment.recording.excluded]
     back = np.linalg.inv(model.camera.matrix)
     for n_done, frame in enumerate(frames, 1):
-        u, count[frame], converged = _affine(*references[0], frame, start, nodes_px)
+        u, count[frame], converged = _affine(*references[0], frame, start, nodes_px,
+                                              AFFINE_TOLERANCE_PX if is_affine else START_TOLERANCE_PX)
         if smoother is not None:
             u, rms[frame], count[frame], converged = _nodal(*references[1], frame, u if converged else start, smoother)
         if converged:
@@ -107,7 +109,7 @@ def solid_smoother(nodes_px: np.ndarray, blocks: Sequence[Block], length_px: flo
 
 
 def _affine(experiment: Experiment, reference: VolumeReference, frame: int, start: np.ndarray,
-            nodes_px: np.ndarray) -> tuple[np.ndarray, int, bool]:
+            nodes_px: np.ndarray, tolerance_px: float) -> tuple[np.ndarray, int, bool]:
     """The motion (n_nodes, 3) px after an affine one is added that makes the residual of blurred volumes small,
     iterations, whether it stayed within reach."""
     centred = (nodes_px - nodes_px.mean(axis=0)) / np.ptp(nodes_px, axis=0).max()
@@ -123,7 +125,7 @@ def _affine(experiment: Experiment, reference: VolumeReference, frame: int, star
         if not size < MAX_STEP_PX:
             return u, count, False
         u += change
-        if size < AFFINE_TOLERANCE_PX:
+        if size < tolerance_px:
             break
     return u, count, True
 
@@ -201,8 +203,15 @@ def _without_affine(stiffness: sparse.csr_array, x: np.ndarray, volume: np.ndarr
     coefficients: inside they are so already."""
     stiffness = sparse.csr_array(stiffness)
     stiffness.sort_indices()
-    data = np.zeros_like(stiffness.data)
-    for i in np.flatnonzero(volume > 0):
+    roots = np.sqrt(np.repeat(volume, 3))
+    data = np.divide(stiffness.data, np.repeat(roots, np.diff(stiffness.indptr)), out=np.zeros_like(stiffness.data),
+                     where=np.repeat(roots > 0, np.diff(stiffness.indptr)))
+    offsets = x - x.mean(axis=0)
+    fields = np.column_stack([np.ones(len(x)), offsets / max(np.abs(offsets).max(), 1e-300)])
+    modes = np.einsum("nk,cd->nckd", fields, np.eye(3)).reshape(3 * len(x), -1)
+    forces = np.abs(stiffness @ modes).max(axis=1).reshape(-1, 3).max(axis=1)  # of affine motions on each node
+    on_surface = forces > MAX_INNER_FORCE * np.abs(stiffness.diagonal()).reshape(-1, 3).max(axis=1)
+    for i in np.flatnonzero(on_surface & (volume > 0)):
         first, end = stiffness.indptr[3 * i], stiffness.indptr[3 * i + 1]
         columns = stiffness.indices[first:end]  # the same of the three rows of a node
         node, component = np.divmod(columns, 3)

@@ -36,6 +36,16 @@ def brick(nx: int, ny: int, nz: int) -> Mesh:
     return Mesh(nodes, (Block("hex8", conn, 0),), sets, {"body": np.arange(len(conn))})
 
 
+def brick_px(side: int, elements: int, rim: float) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (column, row, slice) and cells of cubed hex8 in a volume of `side` voxels cubed, `rim` from its borders."""
+    x = np.linspace(rim, side - 1.0 - rim, elements + 1)
+    nodes = np.stack(np.meshgrid(x, x, x, indexing="ij")[::-1], axis=-1).reshape(-1, 3)
+    number = np.arange(len(nodes)).reshape((elements + 1,) * 3)
+    corners = [(0, 0, 0), (0, 0, 1), (0, 1, 1), (0, 1, 0), (1, 0, 0), (1, 0, 1), (1, 1, 1), (1, 1, 0)]
+    cells = [number[c:elements + c, b:elements + b, a:elements + a].ravel() for c, b, a in corners]
+    return nodes, np.stack(cells, axis=1)
+
+
 def stretched(mesh: Mesh, kind: str, length: float, n_frames: int) -> tuple[Body, dict, np.ndarray]:
     """A body clamped at LEFT and pulled by 1.2 % at RIGHT, half of the frames beyond yielding: model, values, times."""
     dim = mesh.nodes.shape[1]
