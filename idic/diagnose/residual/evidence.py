@@ -16,7 +16,7 @@ frame 1.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -76,6 +76,11 @@ class Columns:
         of_pixels = np.atleast_1d(self.pixels.any(axis=(0, 1)))
         first = self.n - int(np.argmin(of_pixels[::-1])) if not of_pixels.all() else 0
         return None if first == self.n or self.fields[..., first:].any() else first
+
+    def frame(self, t: int) -> Columns:
+        """These columns in one frame alone."""
+        return Columns(self.names, self.fields[t:t + 1], self.channels[t:t + 1],
+                       None if self.pixels is None else self.pixels[t:t + 1])
 
     def pick(self, indices: Sequence[int]) -> Columns:
         """Some of the columns, in this order."""
@@ -162,16 +167,31 @@ class Evidence:
 
     def whiten(self, columns: Columns) -> Columns:
         """V^-1/2 applied to columns; channels are independent from frame to frame already."""
-        white = self._white_fields(columns.fields) if columns.moves else columns.fields
-        if columns.pixels is None:
-            return Columns(columns.names, white, columns.channels)
-        kappa = self.kappa[:, None, None]
-        mean = (columns.pixels / kappa).sum(axis=0)
-        return Columns(columns.names, white, columns.channels,
-                       (columns.pixels - self.share * mean) / np.sqrt(kappa))
+        fields, pixels = np.empty(columns.fields.shape), None if columns.pixels is None else np.empty_like(
+            columns.pixels)
+        for t, white in enumerate(self.white_frames(columns)):
+            fields[t] = white.fields[0]
+            if pixels is not None:
+                pixels[t] = white.pixels[0]
+        return Columns(columns.names, fields, columns.channels, pixels)
 
-    def _white_fields(self, fields: np.ndarray) -> np.ndarray:
-        """`whiten` of the motions  # (T, n_seen, K)"""
+    def white_frames(self, columns: Columns) -> Iterator[Columns]:
+        """The frames of `whiten` one after the other, each as columns of one frame."""
+        pixels = columns.pixels
+        if pixels is not None:
+            kappa = self.kappa[:, None, None]
+            pixels = (pixels - self.share * (pixels / kappa).sum(axis=0)) / np.sqrt(kappa)
+        fields = self._white_fields(columns.fields) if columns.moves else iter(columns.fields)
+        for t, white in enumerate(fields):
+            yield Columns(columns.names, white[None], columns.channels[t:t + 1],
+                          None if pixels is None else pixels[t:t + 1])
+
+    def frame(self, t: int) -> Evidence:
+        """One white frame alone, for products of its columns (`white_frames`)."""
+        return replace(self, parts=(self.parts[t],))
+
+    def _white_fields(self, fields: np.ndarray) -> Iterator[np.ndarray]:
+        """The motions of `white_frames`  # T times (n_seen, K)"""
         c, n = self.n_components, fields.shape[2]
         nodes = np.unique(self.seen // c)
         is_complete = len(nodes) * c == len(self.seen)  # of every node all components are seen, or none
@@ -181,15 +201,12 @@ class Evidence:
         shared = np.zeros(spread.shape[1:])
         for t, back in enumerate(backs):
             _add_turned(back, np.ascontiguousarray(spread[t]), 1.0 / self.kappa[t], shared)
-        white = np.empty(fields.shape)
-        common = np.empty(() if is_complete else shared.shape)
         for t, back in enumerate(backs):
-            common = white[t].reshape(shared.shape) if is_complete else common
+            white = np.empty(shared.shape)
             _without_common(np.ascontiguousarray(inverse_at_nodes(back)), np.ascontiguousarray(spread[t]), shared,
-                            self.share, 1.0 / np.sqrt(self.kappa[t]), common)
-            if not is_complete:
-                white[t] = common.reshape(-1, n)[self.seen]
-        return white
+                            self.share, 1.0 / np.sqrt(self.kappa[t]), white)
+            white = white.reshape(-1, n)
+            yield white if is_complete else white[self.seen]
 
     def weighed(self, white: Columns) -> Columns:
         """The white columns times the weights, frame-local unknowns projected out; of columns without fields the part
