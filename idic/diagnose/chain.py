@@ -174,7 +174,8 @@ def _neglected(identified: Identified, state: State, corrected: FittedModel | No
         of_bricks = corrected if model.error is not None and model.error.thickness is not None else None
         final = final or of_bricks
         if final is not None:
-            return neglected(final.residual, neglected_errors(final.identification()))
+            errors = neglected_errors(final.identification()) if final.neglected is None else final.neglected
+            return neglected(final.residual, errors)
         errors = identified.neglected
         return neglected(identified.residual, neglected_errors(identified.identification) if errors is None else errors)
 

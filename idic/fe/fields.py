@@ -7,15 +7,17 @@ point values (a plastic strain never turns negative); next to an edge the averag
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from idic.errors import InputError
 from idic.fe.assembly.point_means import add_point_values, quotient
 from idic.fe.time_march import FrameState, PointValues
 from idic.fe.mesh.element import cell_type, shape_gradients
-from idic.fe.mesh.mesh import Mesh
+from idic.fe.mesh.mesh import Mesh, PerMesh
 from idic.fe.body.body import Body
 
 QUANTITIES = ("F", "strain", "stress", "plastic_strain")
+_NODAL_SLOPES = PerMesh()
 
 
 def nodal_field(body: Body, frame: FrameState, quantity: str) -> np.ndarray:
@@ -101,16 +103,28 @@ def nodal_deformation(mesh: Mesh, u: np.ndarray) -> np.ndarray:
     -------
     (n_nodes, components, d); NaN at nodes of no element
     """
+    slopes, count = _NODAL_SLOPES.once(mesh, (), lambda: _nodal_slopes(mesh))
     d, components = mesh.n_dim, u.shape[1]
-    total, count = np.zeros((mesh.n_nodes, components, d)), np.zeros(mesh.n_nodes)
+    total = (slopes @ u).reshape(mesh.n_nodes, d, components).transpose(0, 2, 1)
+    return quotient(total + count[:, None, None] * np.eye(components, d), count)
+
+
+def _nodal_slopes(mesh: Mesh) -> tuple[csr_array, np.ndarray]:
+    """Sum over the elements around a node of the slopes there of a nodal field, and their number
+
+    # (n_nodes d, n_nodes) 1/mm, (n_nodes,)
+    """
+    d, n, count = mesh.n_dim, mesh.n_nodes, np.zeros(mesh.n_nodes)
+    total = csr_array((n * d, n))
     for block in mesh.blocks:
         cell = cell_type(block.cell)
         if cell.dim != d:
             continue
         slopes = shape_gradients(block.cell, cell.reference_nodes)  # (nodes: where, nodes: whose, d)
         jac = np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], slopes)
-        grads = np.einsum("qai,eqik->eqak", slopes, np.linalg.inv(jac))
-        np.add.at(total, block.connectivity,
-                  np.eye(components, d) + np.einsum("eai,eqaj->eqij", u[block.connectivity], grads))
+        grads = np.einsum("qai,eqik->eqka", slopes, np.linalg.inv(jac))
+        rows = block.connectivity[:, :, None, None] * d + np.arange(d)[:, None]
+        rows, columns = np.broadcast_arrays(rows, block.connectivity[:, None, None, :])
+        total = total + csr_array((grads.ravel(), (rows.ravel(), columns.ravel())), shape=total.shape)
         np.add.at(count, block.connectivity, 1.0)
-    return quotient(total, count)
+    return total, count

@@ -46,6 +46,20 @@ def test_fronts_solve_as_superlu_does(mesh, prescribed, way):
         np.testing.assert_allclose(own, theirs, rtol=0, atol=1e-12 * np.abs(theirs).max())  # condition below 1e3
 
 
+@pytest.mark.parametrize("shift", [20.0, 2.0], ids=["as numbered", "rows exchanged"])
+@pytest.mark.parametrize("n", [8, 131])
+def test_columns_side_by_side_are_solved_as_one_by_one(n, shift):
+    pattern, values, _ = assembled(plate(12, 9), range(40), shift)
+    factor = small_fronts.factor(pattern.small_fronts, values)
+    own_row = np.arange(pattern.n) - np.repeat(pattern.small_fronts.first, np.diff([*pattern.small_fronts.first,
+                                                                                    pattern.n]))
+    assert (factor.exchanges != own_row).any() == (shift == 2.0)
+    rhs = np.random.default_rng(0).random((pattern.n, n))
+    for transposed in (False, True):
+        one_by_one = np.hstack([factor.solve(column[:, None], transposed) for column in rhs.T])
+        np.testing.assert_array_equal(factor.solve(rhs, transposed), one_by_one)
+
+
 def test_every_free_equation_is_the_pivot_of_one_front():
     pattern, _, _ = assembled(plate(9, 7), range(0, 200, 3))
     ends = [front.end for front in pattern.fronts]

@@ -71,6 +71,13 @@ class PixelMap:
     def n_nodes(self) -> int:
         return len(self.nodes_px)
 
+    @cached_property
+    def around_nodes(self) -> sparse.csr_array:
+        """1 where an element of the map has a node  # (n_nodes, n_elements)"""
+        used = np.arange(self.conn.shape[1]) < N_NODES[self.kind][:, None]
+        nodes, owner = self.conn[used], np.nonzero(used)[0]
+        return sparse.csr_array((np.ones(len(nodes)), (nodes, owner)), shape=(self.n_nodes, len(self.conn)))
+
     @property
     def n_elements(self) -> int:
         return len(self.element)
@@ -176,12 +183,9 @@ def element_curvature(pixel_map: PixelMap, coefficients: np.ndarray, inverse: np
 
 def at_nodes(pixel_map: PixelMap, matrices: np.ndarray) -> np.ndarray:
     """Mean over the elements around each node, the identity where there is none  # (nel, c, c) -> (n_nodes, c, c)"""
-    used = np.arange(pixel_map.conn.shape[1]) < N_NODES[pixel_map.kind][:, None]
-    nodes, owner = pixel_map.conn[used], np.nonzero(used)[0]
-    size = matrices.shape[1]
-    total = np.zeros((pixel_map.n_nodes, size, size))
-    np.add.at(total, nodes, matrices[owner])
-    count = np.bincount(nodes, minlength=pixel_map.n_nodes)
+    around, size = pixel_map.around_nodes, matrices.shape[1]
+    total = (around @ matrices.reshape(len(matrices), -1)).reshape(-1, size, size)
+    count = np.diff(around.indptr)
     return np.where(count[:, None, None] > 0, total / np.maximum(count, 1)[:, None, None], np.eye(size))
 
 

@@ -74,7 +74,7 @@ def with_thickness(source: ExperimentSource, identification: Identification, res
 
 
 def with_bricks(identification: Identification, residual: ResidualEvidence, grid: Grid,
-                settled: bool = True) -> tuple[MotionError, Identification] | None:
+                errors: Mapping[str, MotionError], settled: bool = True) -> tuple[MotionError, Identification] | None:
     """The known error with that of plane stress, where a model with a cause leaves what bricks explain, and the model
     at the values that it is of: as `with_thickness`, to first order; None elsewhere.
 
@@ -82,12 +82,10 @@ def with_bricks(identification: Identification, residual: ResidualEvidence, grid
     cause may still be unknown and make a mismatch of its own. A quarter of the mismatch is then enough, if the
     recording shows the difference of bricks with an amplitude near 1; no parameter was fitted to that amplitude.
 
+    errors : that the model neglects (`neglected_errors`)
     settled : with the parameters in turns; otherwise at the present ones, for a further round
     """
     former_error = residual.context.experiment.model.motion_error
-    if former_error is not None and former_error.thickness is not None:
-        return None
-    errors = neglected_errors(identification)
     if BRICKS not in errors or not are_shown(_tried(residual, errors), _room(residual, misfit_of(residual, grid))):
         return None
     mesh, bricks = former_error, errors[BRICKS]

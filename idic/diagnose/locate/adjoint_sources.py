@@ -22,7 +22,7 @@ from scipy.sparse import csr_array, dia_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from idic.diagnose.locate.tangents import Tangent, tangents
-from idic.diagnose.residual.evidence import Evidence, FrameEvidence
+from idic.diagnose.residual.evidence import Evidence, FrameEvidence, inverse_at_nodes
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.score import NullModel, symmetric_inverse
 from idic.fe import transposed_stiffness_times
@@ -141,7 +141,7 @@ def recorded_residual(evidence: Evidence, q: np.ndarray) -> np.ndarray:
     nodal = np.zeros((n * c, q.shape[2]))
     for t, back in enumerate(evidence.back):
         nodal[dofs] = q[t]
-        shared += np.einsum("nji,njm->nim", np.linalg.inv(back), nodal.reshape(n, c, -1)) / np.sqrt(kappa[t])
+        shared += np.einsum("nji,njm->nim", inverse_at_nodes(back), nodal.reshape(n, c, -1)) / np.sqrt(kappa[t])
     out = np.empty_like(q)
     for t, back in enumerate(evidence.back):
         carried = np.einsum("nji,njm->nim", back, shared).reshape(n * c, -1)[dofs]

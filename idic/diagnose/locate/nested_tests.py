@@ -34,7 +34,7 @@ from idic.diagnose.residual.heldout import grid_of
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.score import NullModel, null_model
-from idic.diagnose.residual.subspace import MIN_EIGENVALUE_SHARE, hats
+from idic.diagnose.residual.subspace import MIN_EIGENVALUE_SHARE, gram_of_fields, hats
 from idic.identification import Identification
 
 HAT_SPACING_ELEMENTS = 4.0  # element sizes between the grid points of the free motion
@@ -166,9 +166,7 @@ def normal(evidence: Evidence, part: FrameEvidence, fields, null: NullModel, t: 
     """Of image motions (n_seen, p) in frame t, its frame-local unknowns projected out."""
     n = len(part.q)
     border = np.asarray(fields.T @ part.border[:n])
-    heavy = fields.T @ (part.A @ fields)
-    heavy = heavy.toarray() if sparse.issparse(heavy) else np.asarray(heavy)
-    matrix = heavy - border @ part.inner @ border.T
+    matrix = gram_of_fields(part.A, fields) - border @ part.inner @ border.T
     q, _ = evidence.residual(part)
     return Normal(0.5 * (matrix + matrix.T), np.asarray(fields.T @ q), np.asarray(fields.T @ null.weighed.fields[t]))
 

@@ -18,7 +18,7 @@ import numpy as np
 from scipy import sparse
 
 from idic.diagnose.locate.nested_tests import Normal, normal
-from idic.diagnose.residual.evidence import Evidence
+from idic.diagnose.residual.evidence import Evidence, inverse_at_nodes
 from idic.diagnose.residual.score import NullModel
 from idic.diagnose.residual.subspace import Basis
 
@@ -103,7 +103,7 @@ def recorded_frames(evidence: Evidence, white: np.ndarray) -> np.ndarray:
 def convected(evidence: Evidence, fields: sparse.csr_array, t: int) -> sparse.csr_array:
     """Fields of the reference image as motions of frame t: back^-1 at every node."""
     c, dofs = evidence.n_components, evidence.seen
-    forth = np.linalg.inv(evidence.back[t])
+    forth = inverse_at_nodes(evidence.back[t])
     n = len(forth)
     rows = np.repeat(np.arange(c * n).reshape(n, c, 1), c, axis=2)
     columns = np.repeat(np.arange(c * n).reshape(n, 1, c), c, axis=1)

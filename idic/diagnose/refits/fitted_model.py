@@ -23,12 +23,14 @@ class FittedModel:
 
     source : its experiment with every edit and the known error; fit : values, standard deviations, frame-local
     unknowns, increments, chi-square on both copies; residual : on the recording itself, None where it was not simulated
-    or finds no equilibrium from rest
+    or finds no equilibrium from rest; neglected : errors by effects that it neglects at the end of its fit, None where
+    they have not been computed
     """
 
     source: ExperimentSource
     fit: Fit
     residual: ResidualEvidence | None = None
+    neglected: Mapping[str, MotionError] | None = None
 
     @property
     def error(self) -> MotionError | None:

@@ -16,10 +16,12 @@ frame 1.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from numba import njit
 from scipy import sparse
 
 from idic.diagnose.residual.grey_value_effects import PixelPart
@@ -55,19 +57,30 @@ class Columns:
 
     def apart(self) -> tuple[Columns, ...]:
         """These columns as one part, or as two where the last ones are of grey values alone: those without fields."""
-        if self.pixels is None or not self.moves:
-            return (self,)
-        of_pixels = np.atleast_1d(self.pixels.any(axis=(0, 1)))
-        first = self.n - int(np.argmin(of_pixels[::-1])) if not of_pixels.all() else 0
-        if first == self.n or self.fields[..., first:].any():
+        first = self._first_still
+        if first is None:
             return (self,)
         moving, still = (Columns(self.names[members], self.fields[..., members], self.channels[..., members],
                                  self.pixels[..., members])
                          for members in (slice(first), slice(first, None)))
         still = replace(still, fields=np.zeros((len(self.fields), 0, still.n)))
-        if not of_pixels[:first].any():
+        if not moving.pixels.any():
             moving = replace(moving, pixels=None)
         return (moving, still) if first else (still,)
+
+    @cached_property
+    def _first_still(self) -> int | None:
+        """Where columns of grey values alone begin; None where there are none, or where they have no fields anyway."""
+        if self.pixels is None or not self.moves:
+            return None
+        of_pixels = np.atleast_1d(self.pixels.any(axis=(0, 1)))
+        first = self.n - int(np.argmin(of_pixels[::-1])) if not of_pixels.all() else 0
+        return None if first == self.n or self.fields[..., first:].any() else first
+
+    def frame(self, t: int) -> Columns:
+        """These columns in one frame alone."""
+        return Columns(self.names, self.fields[t:t + 1], self.channels[t:t + 1],
+                       None if self.pixels is None else self.pixels[t:t + 1])
 
     def pick(self, indices: Sequence[int]) -> Columns:
         """Some of the columns, in this order."""
@@ -77,7 +90,9 @@ class Columns:
 
 
 def joined(*parts: Columns) -> Columns:
-    """Columns side by side."""
+    """Columns side by side; of one part itself."""
+    if len(parts) == 1:
+        return parts[0]
     k = max((part.pixels.shape[1] for part in parts if part.pixels is not None), default=0)
     return Columns(sum((part.names for part in parts), ()), np.concatenate([part.fields for part in parts], axis=2),
                    np.concatenate([part.channels for part in parts], axis=2),
@@ -164,16 +179,31 @@ class Evidence:
 
     def whiten(self, columns: Columns) -> Columns:
         """V^-1/2 applied to columns; channels are independent from frame to frame already."""
-        white = self._white_fields(columns.fields) if columns.moves else columns.fields
-        if columns.pixels is None:
-            return Columns(columns.names, white, columns.channels)
-        kappa = self.kappa[:, None, None]
-        mean = (columns.pixels / kappa).sum(axis=0)
-        return Columns(columns.names, white, columns.channels,
-                       (columns.pixels - self.share * mean) / np.sqrt(kappa))
+        fields, pixels = np.empty(columns.fields.shape), None if columns.pixels is None else np.empty_like(
+            columns.pixels)
+        for t, white in enumerate(self.white_frames(columns)):
+            fields[t] = white.fields[0]
+            if pixels is not None:
+                pixels[t] = white.pixels[0]
+        return Columns(columns.names, fields, columns.channels, pixels)
 
-    def _white_fields(self, fields: np.ndarray) -> np.ndarray:
-        """`whiten` of the motions  # (T, n_seen, K)"""
+    def white_frames(self, columns: Columns) -> Iterator[Columns]:
+        """The frames of `whiten` one after the other, each as columns of one frame."""
+        pixels = columns.pixels
+        if pixels is not None:
+            kappa = self.kappa[:, None, None]
+            pixels = (pixels - self.share * (pixels / kappa).sum(axis=0)) / np.sqrt(kappa)
+        fields = self._white_fields(columns.fields) if columns.moves else iter(columns.fields)
+        for t, white in enumerate(fields):
+            yield Columns(columns.names, white[None], columns.channels[t:t + 1],
+                          None if pixels is None else pixels[t:t + 1])
+
+    def frame(self, t: int) -> Evidence:
+        """One white frame alone, for products of its columns (`white_frames`)."""
+        return replace(self, parts=(self.parts[t],))
+
+    def _white_fields(self, fields: np.ndarray) -> Iterator[np.ndarray]:
+        """The motions of `white_frames`  # T times (n_seen, K)"""
         c, n = self.n_components, fields.shape[2]
         nodes = np.unique(self.seen // c)
         is_complete = len(nodes) * c == len(self.seen)  # of every node all components are seen, or none
@@ -182,27 +212,37 @@ class Evidence:
         backs = self.back[:, nodes] if is_complete else self.back
         shared = np.zeros(spread.shape[1:])
         for t, back in enumerate(backs):
-            shared += _turned(back, spread[t]) / self.kappa[t]
-        white = np.empty(fields.shape)
+            _add_turned(back, np.ascontiguousarray(spread[t]), 1.0 / self.kappa[t], shared)
         for t, back in enumerate(backs):
-            common = _turned(np.linalg.inv(back), shared)
-            np.subtract(spread[t], np.multiply(common, self.share, out=common), out=common)
-            common = common.reshape(common.shape[0] * c, n)
-            np.divide(common if is_complete else common[self.seen], np.sqrt(self.kappa[t]), out=white[t])
-        return white
+            white = np.empty(shared.shape)
+            _without_common(np.ascontiguousarray(inverse_at_nodes(back)), np.ascontiguousarray(spread[t]), shared,
+                            self.share, 1.0 / np.sqrt(self.kappa[t]), white)
+            white = white.reshape(-1, n)
+            yield white if is_complete else white[self.seen]
 
     def weighed(self, white: Columns) -> Columns:
         """The white columns times the weights, frame-local unknowns projected out; of columns without fields the part
         in channels and grey values, which is all that `products` asks for."""
         if not white.moves:
             return self._weighed_still(white)
-        fields, channels = np.empty_like(white.fields), np.empty_like(white.channels)
+        fields, channels = np.empty(white.fields.shape), np.empty_like(white.channels)
         k = len(self.pixel_names)
         pixels = np.zeros((len(fields), k, white.n)) if k else None
         for t, part in enumerate(self.parts):
-            fields[t], channels[t] = self.weigh(part, white.fields[t], white.channels[t])
-            if part.pixel is not None:
-                fields[t], channels[t], pixels[t] = self._with_pixels(part, white, t, fields[t], channels[t])
+            n, pixel, amplitudes = len(part.q), part.pixel, None if white.pixels is None else white.pixels[t]
+            motion, rows = white.fields[t], white.channels[t]
+            bordered = part.border[:n].T @ motion + part.border[n:].T @ rows
+            local = part.inner @ (bordered if amplitudes is None or pixel is None
+                                  else bordered + pixel.border.T @ amplitudes)
+            np.subtract(part.A @ motion, part.border[:n] @ local, out=fields[t])
+            channels[t] = self.channel_weight[:, None] * rows - part.border[n:] @ local
+            if pixel is None:
+                continue
+            pixels[t] = pixel.coupling.T @ motion - pixel.border @ (part.inner @ bordered)
+            if amplitudes is not None:
+                fields[t] += pixel.coupling @ amplitudes
+                pixels[t] += (pixel.gram @ amplitudes
+                              - pixel.among @ (part.inner @ (pixel.among.T @ amplitudes)))
         return Columns(white.names, fields, channels, pixels)
 
     def _weighed_still(self, white: Columns) -> Columns:
@@ -221,34 +261,14 @@ class Evidence:
             channels[t] = self.channel_weight[:, None] * rows - part.border[n:] @ (part.inner @ bordered)
         return Columns(white.names, white.fields, channels, pixels)
 
-    def _with_pixels(self, part: FrameEvidence, white: Columns, t: int, fields: np.ndarray, channels: np.ndarray):
-        """One frame of `weighed` with the contribution of pixel columns; fields, channels : without them."""
-        n, pixel = len(fields), part.pixel
-        heavy = pixel.coupling.T @ white.fields[t]
-        bordered = part.border[:n].T @ white.fields[t] + part.border[n:].T @ white.channels[t]
-        if white.pixels is None:
-            return fields, channels, heavy - pixel.border @ (part.inner @ bordered)
-        amplitudes = white.pixels[t]
-        heavy = heavy + pixel.gram @ amplitudes
-        local = part.inner @ (pixel.border.T @ amplitudes)
-        return (fields + pixel.coupling @ amplitudes - part.border[:n] @ local, channels - part.border[n:] @ local,
-                heavy - pixel.border @ (part.inner @ bordered)
-                - pixel.among @ (part.inner @ (pixel.among.T @ amplitudes)))
-
-    def weigh(self, part: FrameEvidence, fields: np.ndarray, channels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """One frame of `weighed`  # (n_seen, K), (n_channels, K)"""
-        n = len(fields)
-        heavy, weighted = part.A @ fields, self.channel_weight[:, None] * channels
-        local = part.inner @ (part.border[:n].T @ fields + part.border[n:].T @ channels)
-        return heavy - part.border[:n] @ local, weighted - part.border[n:] @ local
-
     def products(self, white: Columns, weighed: Columns) -> np.ndarray:
         """The Gram matrix of two sets of columns  # (K, L); weighed : with fields, unless neither has them"""
         if white.moves and not weighed.moves:
             raise ValueError("columns without fields, weighed, against columns with fields")
         total = np.tensordot(white.channels, weighed.channels, axes=((0, 1), (0, 1)))
         if white.moves:
-            total += np.tensordot(white.fields, weighed.fields, axes=((0, 1), (0, 1)))
+            for fields, heavy in zip(white.fields, weighed.fields, strict=True):  # a product of all frames is copied
+                total += fields.T @ heavy
         if white.pixels is not None and weighed.pixels is not None:
             total += np.tensordot(white.pixels, weighed.pixels, axes=((0, 1), (0, 1)))
         return total
@@ -277,12 +297,40 @@ def noise_share(kappa: np.ndarray, n_images: int) -> float:
     return (1.0 - 1.0 / np.sqrt(1.0 + k / n_images)) / k
 
 
-def _turned(back: np.ndarray, fields: np.ndarray) -> np.ndarray:
-    """A matrix per node (n, c, c) times the fields there (n, c, K)."""
-    out = back[:, :, 0, None] * fields[:, None, 0]
-    for j in range(1, fields.shape[1]):
-        out += back[:, :, j, None] * fields[:, None, j]
-    return out
+def inverse_at_nodes(matrices: np.ndarray) -> np.ndarray:
+    """Inverses of a matrix per node  # (n, c, c)"""
+    if matrices.shape[1] != 2:
+        return np.linalg.inv(matrices)
+    (a, b), (c, d) = matrices.transpose(1, 2, 0)
+    return (np.array([[d, -b], [-c, a]]) / (a * d - b * c)).transpose(2, 0, 1)
+
+
+@njit(cache=True, nogil=True)
+def _add_turned(back, fields, factor, total):
+    """total (n, c, K) and a matrix per node (n, c, c) times the fields there (n, c, K) and a factor, in place."""
+    n, c, n_fields = fields.shape
+    for node in range(n):
+        for i in range(c):
+            for j in range(c):
+                weight = factor * back[node, i, j]
+                for k in range(n_fields):
+                    total[node, i, k] += weight * fields[node, j, k]
+
+
+@njit(cache=True, nogil=True)
+def _without_common(inverse, fields, shared, share, factor, out):
+    """(fields - share inverse shared) factor, node by node  # (n, c, c), (n, c, K) -> out (n, c, K)"""
+    n, c, n_fields = fields.shape
+    for node in range(n):
+        for i in range(c):
+            for k in range(n_fields):
+                out[node, i, k] = fields[node, i, k]
+            for j in range(c):
+                weight = share * inverse[node, i, j]
+                for k in range(n_fields):
+                    out[node, i, k] -= weight * shared[node, j, k]
+            for k in range(n_fields):
+                out[node, i, k] *= factor
 
 
 def _spread_out(fields: np.ndarray, dofs: np.ndarray, n_nodes: int, c: int) -> np.ndarray:

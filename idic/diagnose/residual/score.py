@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
@@ -184,18 +185,30 @@ class Scores:
 def score(evidence: Evidence, null: NullModel, *columns: Columns) -> Scores:
     """Test columns (not yet white) against the identified model, of one set or of several behind each other.
 
-    Columns of grey values alone, which move nothing, take no part in the products of motions (`Columns.apart`).
+    Columns of grey values alone, which move nothing, take no part in the products of motions (`Columns.apart`). Frames
+    are made white and weighed one at a time: all of them together take three times the memory of the columns.
     """
-    white = [evidence.whiten(part) for group in columns for part in group.apart()]
-    weighed = [evidence.weighed(part) for part in white]
-    # the weights are symmetric: what moves nothing stands on the left, without its fields
-    cross = np.hstack([evidence.products(null.white, heavy) if heavy.moves else evidence.products(part, null.weighed).T
-                       for part, heavy in zip(white, weighed, strict=True)])  # (n, K)
-    gross = np.block([[evidence.products(left_part, heavy) if heavy.moves or not left_part.moves
-                       else evidence.products(right_part, weighed[i]).T
-                       for right_part, heavy in zip(white, weighed, strict=True)] for i, left_part in enumerate(white)])
+    parts = [part for group in columns for part in group.apart()]
+    ends = np.cumsum([0, *(part.n for part in parts)])
+    at = [slice(begin, end) for begin, end in pairwise(ends.tolist())]
+    cross, gross, scored = np.zeros((null.white.n, ends[-1])), np.zeros((ends[-1], ends[-1])), np.zeros(ends[-1])
+    for t, white in enumerate(zip(*map(evidence.white_frames, parts), strict=True)):
+        frame = evidence.frame(t)
+        weighed, null_white, null_weighed = [frame.weighed(part) for part in white], null.white.frame(
+            t), null.weighed.frame(t)
+        for i, (left_part, left_heavy) in enumerate(zip(white, weighed, strict=True)):
+            # the weights are symmetric: what moves nothing stands on the left, without its fields
+            cross[:, at[i]] += (frame.products(null_white, left_heavy) if left_heavy.moves
+                                else frame.products(left_part, null_weighed).T)
+            scored[at[i]] += frame.scores(left_part)
+            for k in range(i, len(parts)):
+                gross[at[i], at[k]] += (frame.products(left_part, weighed[k])
+                                        if weighed[k].moves or not left_part.moves
+                                        else frame.products(white[k], left_heavy).T)
+    for i, k in combinations(range(len(parts)), 2):
+        gross[at[k], at[i]] = gross[at[i], at[k]].T
     moves = -null.covariance @ cross
-    U = np.concatenate([evidence.scores(part) for part in white]) + moves.T @ null.b
+    U = scored + moves.T @ null.b
     information = gross + cross.T @ moves
     names = sum((group.names for group in columns), ())
     return Scores(names, null.names, U, gross, 0.5 * (information + information.T), moves)

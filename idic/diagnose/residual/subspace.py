@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from numba import njit
 from scipy import sparse
 from scipy.linalg import cholesky, solve_triangular
 
@@ -168,10 +169,42 @@ def projected(evidence: Evidence, part: FrameEvidence, fields) -> tuple[np.ndarr
     """Normal equations of free fields in one frame, its own unknowns eliminated  # (p, p), (p,)"""
     n = len(part.q)
     border = np.asarray(fields.T @ part.border[:n])  # (p, m)
-    heavy = fields.T @ (part.A @ fields)
-    matrix = heavy.toarray() if sparse.issparse(heavy) else np.asarray(heavy)
     q, _ = evidence.residual(part)
-    return matrix - border @ part.inner @ border.T, np.asarray(fields.T @ q)
+    return gram_of_fields(part.A, fields) - border @ part.inner @ border.T, np.asarray(fields.T @ q)
+
+
+def gram_of_fields(A: sparse.csr_array, fields) -> np.ndarray:
+    """fields^T A fields of sparse or dense fields (n_seen, p)  # (p, p)"""
+    if not sparse.issparse(fields):
+        return np.asarray(fields.T @ (A @ fields))
+    fields, gram = sparse.csr_array(fields), np.zeros((fields.shape[1], fields.shape[1]))
+    _add_gram(A.indptr, A.indices, A.data, fields.indptr, fields.indices, fields.data, gram)
+    return gram
+
+
+@njit(cache=True, nogil=True)
+def _add_gram(starts, columns, values, field_starts, field_columns, field_values, gram):
+    """Row by row of A: row of A times the fields, then every field of that dof times it  # gram (p, p), in place"""
+    n_fields = gram.shape[0]
+    row, is_touched, touched = np.zeros(n_fields), np.zeros(n_fields, np.bool_), np.empty(n_fields, np.int64)
+    for i in range(len(starts) - 1):
+        if field_starts[i] == field_starts[i + 1]:
+            continue
+        n = 0
+        for k in range(starts[i], starts[i + 1]):
+            value, j = values[k], columns[k]
+            for m in range(field_starts[j], field_starts[j + 1]):
+                b = field_columns[m]
+                if not is_touched[b]:
+                    is_touched[b], touched[n] = True, b
+                    n += 1
+                row[b] += value * field_values[m]
+        for m in range(field_starts[i], field_starts[i + 1]):
+            weight, a = field_values[m], field_columns[m]
+            for c in range(n):
+                gram[a, touched[c]] += weight * row[touched[c]]
+        for c in range(n):
+            row[touched[c]], is_touched[touched[c]] = 0.0, False
 
 
 def spectrum(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

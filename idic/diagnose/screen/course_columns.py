@@ -91,7 +91,8 @@ def times_courses(variants: Sequence[TimedVariant], patterns: Sequence[Pattern],
     """
     indices = [patterns.index(variant.pattern) for variant in variants for _ in variant.names]
     courses = np.concatenate([variant.courses[frames] for variant in variants], axis=1)  # (T, K)
-    return fields[..., indices] * courses[:, None, :], channels[..., indices] * courses[:, None, :]
+    return tuple(np.multiply(part := np.take(answers, indices, axis=2), courses[:, None, :], out=part)
+                 for answers in (fields, channels))
 
 
 def _correction(model: Model, name: str) -> tuple[int, Correction] | None:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from idic.diagnose.residual.evidence import Columns, Evidence, FrameEvidence
 from idic.diagnose.residual.excess import power, seen_planes
@@ -73,14 +74,17 @@ def effects(evidence: Evidence, parameters: Columns, columns: Columns, scores: S
     moving = np.concatenate([np.arange(n_moving), n + summed]).astype(int)
     still = np.setdiff1d(np.arange(n + len(groups)), moving)
     images, fourth, channels = (np.zeros(n + len(groups)) for _ in range(3))
+    nodal = _NodalSquares(evidence)
     for t, part in enumerate(evidence.parts):
-        fields = columns.fields[t][:, :n_moving]
-        fields = np.hstack([fields, fields @ ways[:n_moving, summed]]) + parameters.fields[t] @ moves[:, moving]
+        fields = parameters.fields[t] @ moves[:, moving]
+        fields[:, :n_moving] += columns.fields[t][:, :n_moving]
+        if len(summed):
+            fields[:, n_moving:] += columns.fields[t][:, :n_moving] @ ways[:n_moving, summed]
         images[moving] += np.einsum("ik,ik->k", fields, part.A @ fields)
         # of columns that move nothing the parameters alone move
         gram = parameters.fields[t].T @ (part.A @ parameters.fields[t])
         images[still] += np.einsum("ik,ij,jk->k", moves[:, still], gram, moves[:, still])
-        fourth[moving] += _fourth_powers(evidence, part, fields)
+        fourth[moving] += nodal.fourth_powers(part, fields)
         if columns.pixels is not None:
             grey = np.hstack([columns.pixels[t], columns.pixels[t] @ ways])
             images += np.einsum("ik,ik->k", grey, part.pixel.gram @ grey)
@@ -92,13 +96,22 @@ def effects(evidence: Evidence, parameters: Columns, columns: Columns, scores: S
     return EffectSizes(px, np.maximum(local_px, px), np.sqrt(channels / n_rows))
 
 
-def _fourth_powers(evidence: Evidence, part: FrameEvidence, fields: np.ndarray) -> np.ndarray:
-    """Sum over the nodes of one frame of |u|^4, weighed by how well pixels see a motion there  # (K,)"""
-    node, component = np.divmod(evidence.seen, evidence.n_components)
-    planes = seen_planes(evidence)
-    weights, squares = np.zeros(node.max() + 1), np.zeros((node.max() + 1, fields.shape[1]))
-    for k in planes:
-        members = component == k
-        weights[node[members]] += (part.A @ members.astype(float))[members] / len(planes)
-        squares[node[members]] += fields[members] ** 2
-    return np.maximum(weights, 0.0) @ squares**2
+class _NodalSquares:
+    """Squares of motions at the nodes that pixels see: the same nodes in all frames."""
+
+    def __init__(self, evidence: Evidence):
+        node, component = np.divmod(evidence.seen, evidence.n_components)
+        planes = seen_planes(evidence)
+        self.members = [component == k for k in planes]
+        self.node = np.unique(node, return_inverse=True)[1]
+        counted = np.isin(component, planes)
+        self.sums = csr_array((np.ones(int(counted.sum())), (self.node[counted], np.flatnonzero(counted))),
+                              shape=(int(self.node.max(initial=-1)) + 1, len(node)))
+
+    def fourth_powers(self, part: FrameEvidence, fields: np.ndarray) -> np.ndarray:
+        """Sum over the nodes of one frame of |u|^4, weighed by how well pixels see a motion there  # (K,)"""
+        weights = np.zeros(self.sums.shape[0])
+        for members in self.members:
+            weights[self.node[members]] += (part.A @ members.astype(float))[members] / len(self.members)
+        squares = self.sums @ np.square(fields, out=fields)
+        return np.maximum(weights, 0.0) @ np.square(squares, out=squares)

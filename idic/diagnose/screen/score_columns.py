@@ -61,7 +61,7 @@ def score_columns(identification: Identification, residual: ResidualEvidence,
     if stepped:
         stepped_labels, columns = _stepped(identification, residual, stepped, load, gradients)
         labels += stepped_labels
-        parts.append(columns)
+        parts += columns
     for c, v in straight:
         labels += [ScoreColumn(c, v, name) for name in v.new]
         parts.append(_direct(identification, residual, v, load, gradients))
@@ -82,14 +82,15 @@ def _of_grey_values(residual: ResidualEvidence, variant: Variant) -> Columns:
     pixels = np.einsum("ct,kn->tkcn", courses[:, evidence.frames], ways).reshape(len(evidence.frames), len(ways), -1)
     n, shape = pixels.shape[2], residual.channels.shape
     names = tuple(f"{variant.label}, place {i + 1} of {ways.shape[1]}" for _ in courses for i in range(ways.shape[1]))
-    return Columns(names, np.zeros((shape[0], len(evidence.seen), n)), np.zeros((*shape, n)), pixels)
+    return Columns(names, np.broadcast_to(0.0, (shape[0], len(evidence.seen), n)), np.zeros((*shape, n)), pixels)
 
 
 def _stepped(identification: Identification, residual: ResidualEvidence, trials: Sequence[tuple[Candidate, Variant]],
              load: Load,
-             gradients: Gradients) -> tuple[list[ScoreColumn], Columns]:
+             gradients: Gradients) -> tuple[list[ScoreColumn], list[Columns]]:
     """Columns of the variants that have an answer: one-step responses of their probes less those of their null
-    embeddings; of patterns times courses (`idic.diagnose.screen.course_columns`) one response per pattern."""
+    embeddings; of patterns times courses (`idic.diagnose.screen.course_columns`), behind them, one response per
+    pattern."""
     answers, moved, untimed, shared, idle = _Answers(identification), [], [], [], {}
     for candidate, variant in trials:
         experiment = load(variant.edits)
@@ -113,32 +114,33 @@ def _stepped(identification: Identification, residual: ResidualEvidence, trials:
                    if not variant.new and (moved_to := _simulated(load(variant.edits), identification)) is not None}
     error = identification.experiment.model.motion_error
     solved = residual.channels if error is None else residual.channels - error.channels[residual.evidence.frames]
-    fields, channels = [], []
+    n, n_columns = len(untimed), len(picked)
+    fields = np.empty((len(frames), len(residual.evidence.seen), n_columns))
+    channels = np.empty((len(frames), residual.channels.shape[1], n_columns))
+    answered = np.ones(n_columns, dtype=bool)
     for t, answer in enumerate(responses):
         read = answers.read(int(residual.evidence.frames[t]), answer)
         du, dchannels = answer.du[..., picked], read[:, picked]
         du[..., nulls] -= answer.du[..., of_nulls]
-        _to_fixed_points(identification.experiment.model, residual.u[t], moved, du)
+        _to_fixed_points(identification.experiment.model, residual, t, moved, du)
         dchannels[:, nulls] -= read[:, of_nulls]
         for k, (u, readings) in simulations.items():
             du[..., k], dchannels[:, k] = u[frames[t]] - residual.solved_u[t], readings[frames[t]] - solved[t]
-        fields.append(in_images(residual, t, du))
-        channels.append(dchannels)
-    n, fields, channels = len(untimed), np.array(fields), np.array(channels)
-    answered = ~(np.isnan(fields).any(axis=(0, 1)) | np.isnan(channels).any(axis=(0, 1)))
+        fields[t], channels[t] = in_images(residual, t, du), dchannels
+        answered &= ~np.isnan(fields[t].sum(axis=0) + channels[t].sum(axis=0))
     answered_trials = [k for k in range(n) if answered[k]]
+    of_trials = slice(n) if len(answered_trials) == n else answered_trials
     labels = [ScoreColumn(untimed[k][0], untimed[k][1], untimed[k][1].label) for k in answered_trials]
     columns = _with_recording(identification, residual, [untimed[k][1] for k in answered_trials], load, Columns(
-        tuple(label.name for label in labels), fields[..., answered_trials], channels[..., answered_trials]), gradients)
+        tuple(label.name for label in labels), fields[..., of_trials], channels[..., of_trials]), gradients)
     labels += [ScoreColumn(candidate, timed_variant.variant, name) for candidate, timed_variant in shared
                for name in timed_variant.names]
     if not shared:
-        return labels, columns
+        return labels, [columns]
     names = tuple(name for _, timed_variant in shared for name in timed_variant.names)
-    return labels, joined(columns,
-                          Columns(names, *times_courses([timed_variant for _, timed_variant in shared], list(first),
-                                                        residual.evidence.frames, fields[..., n:],
-                                                        channels[..., n:])))
+    return labels, [columns, Columns(names, *times_courses([timed_variant for _, timed_variant in shared], list(first),
+                                                           residual.evidence.frames, fields[..., n:],
+                                                           channels[..., n:]))]
 
 
 def _simulated(experiment: Experiment, identification: Identification) -> tuple[np.ndarray, np.ndarray] | None:
@@ -206,14 +208,15 @@ def _node_motion(model: Model, variant: Variant) -> np.ndarray | None:
     return np.sum(motions, axis=0) if motions else None
 
 
-def _to_fixed_points(model: Model, u: np.ndarray, moved: Sequence[np.ndarray | None], du: np.ndarray) -> None:
+def _to_fixed_points(model: Model, residual: ResidualEvidence, t: int, moved: Sequence[np.ndarray | None],
+                     du: np.ndarray) -> None:
     """Responses at nodes that move become those at fixed points of the body, in place (docs/method.md, equation 5.5).
 
-    u : with the thickness change before a lens, (n_nodes, 3); du : (n_nodes, dim, n) without it
+    t : frame of the evidence; du : (n_nodes, dim, n), without the thickness change before a lens
     """
     if all(motion is None for motion in moved):
         return
-    gradient = nodal_gradient(model, u)
+    gradient = nodal_gradient(model, residual.u[t])
     for k, motion in enumerate(moved):
         if motion is not None:
             du[..., k] -= np.einsum("nij,nj->ni", gradient[:, :du.shape[1]], motion) - motion
@@ -221,8 +224,9 @@ def _to_fixed_points(model: Model, u: np.ndarray, moved: Sequence[np.ndarray | N
 
 def _with_recording(identification: Identification, residual: ResidualEvidence, variants: Sequence[Variant], load: Load,
                     stepped: Columns, gradients: Gradients) -> Columns:
-    """What the probes change between simulation and record (camera, scale of a channel, time of the log) on top."""
-    fields, channels = stepped.fields.copy(), stepped.channels.copy()
+    """What the probes change between simulation and record (camera, scale of a channel, time of the log) on top, in
+    place."""
+    fields, channels = stepped.fields, stepped.channels
     stems = ("channel.", "time.", *(f"{view.recording.camera_name}." for view in identification.experiment.views))
     for k, variant in enumerate(variants):
         names = tuple(name for name in variant.new if name.startswith(stems))
@@ -231,7 +235,7 @@ def _with_recording(identification: Identification, residual: ResidualEvidence, 
             straight = _direct(identification, residual, replace(variant, new=names), load, gradients)
             fields[..., k] += straight.fields @ way
             channels[..., k] += straight.channels @ way
-    return Columns(stepped.names, fields, channels)
+    return stepped
 
 
 def _alternative(experiment: Experiment, identification: Identification,

@@ -27,7 +27,7 @@ from idic.diagnose.residual.evidence import Evidence
 from idic.diagnose.residual.heldout import Misfit
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.score import NullModel, null_model
-from idic.diagnose.residual.subspace import Grid, gain_and_rank, hats
+from idic.diagnose.residual.subspace import Grid, gain_and_rank, gram_of_fields, hats
 
 SQUARES_PER_SIDE = 4  # along the longer side of the visible region
 FITTED_FRAME_SHARES = (0.5, 0.75)  # of the frames that fit; the following ones up to the next part judge
@@ -156,7 +156,7 @@ def _judged(evidence: Evidence, null: NullModel, fields, part: Part) -> Misfit |
         frame, n = evidence.parts[t], len(evidence.parts[t].q)
         q, channel_q = evidence.residual(frame)
         border = np.asarray(part_fields.T @ frame.border[:n])
-        matrix = (part_fields.T @ (frame.A @ part_fields)).toarray() - border @ frame.inner @ border.T
+        matrix = gram_of_fields(frame.A, part_fields) - border @ frame.inner @ border.T
         gain, rank = gain_and_rank(matrix, np.asarray(part_fields.T @ (q - null.weighed.fields[t] @ step)))
         gains.append(gain)
         ranks.append(rank)

@@ -10,7 +10,9 @@ import numpy as np
 from idic.fe.solver.linear import Pattern, make_pattern
 
 MAX_KEPT_PATTERNS = 4  # given mesh and finer one, body held in two ways
-MAX_KEPT_ENTRIES = 2_000_000  # of a matrix: a larger pattern takes much memory, and little time beside its factors
+# of their matrices, all together: a body, its finer mesh and its bricks; a larger one takes much memory, and little
+# time beside its factors
+MAX_KEPT_ENTRIES = 8_000_000
 
 _kept: dict[bytes, Pattern] = {}
 
@@ -26,8 +28,11 @@ def known_pattern(coordinates: np.ndarray, element_dofs: Sequence[np.ndarray], p
         pattern = make_pattern(coordinates, element_dofs, prescribed)
     if pattern.n_stored <= MAX_KEPT_ENTRIES:
         _kept[key] = pattern  # the last one used stands last
-        for stale_key in list(_kept)[:-MAX_KEPT_PATTERNS]:
-            _kept.pop(stale_key, None)
+        newest_first = list(_kept.items())[::-1]
+        n_entries = np.cumsum([kept.n_stored for _, kept in newest_first])
+        for number, (stale_key, _) in enumerate(newest_first):
+            if number >= MAX_KEPT_PATTERNS or n_entries[number] > MAX_KEPT_ENTRIES:
+                _kept.pop(stale_key, None)
     return pattern
 
 

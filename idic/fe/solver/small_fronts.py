@@ -19,6 +19,7 @@ from idic.fe.solver.compilation import kernel
 from idic.fe.solver.multifrontal import Front
 
 MIN_PIVOT = 0.1  # of the largest entry of the pivots below it: a smaller diagonal is exchanged
+MIN_TOGETHER, MAX_TOGETHER = 8, 128  # right-hand sides that share one reading of the factors
 _U = np.uint64
 
 
@@ -73,13 +74,27 @@ class SmallFactor:
     exchanges: np.ndarray
 
     def solve(self, rhs: np.ndarray, transposed: bool = False) -> np.ndarray:
-        """Solutions for right-hand sides (n, m)  # (n, m)"""
+        """Solutions for right-hand sides (n, m)  # (n, m), of each the same bits however many there are"""
+        if rhs.shape[1] >= MIN_TOGETHER:
+            return self._solved_together(rhs, transposed)
         x, tree = np.array(rhs.T, dtype=float, order="C"), self.tree
         room = np.empty(tree.highest)
         substitution = solve_transposed if transposed else solve
         substitution(self.entries, self.exchanges, tree.first, tree.end, tree.beginning, tree.boundary, tree.starts, x,
                      room)
         return np.ascontiguousarray(x.T)
+
+    def _solved_together(self, rhs: np.ndarray, transposed: bool) -> np.ndarray:
+        """`solve` by blocks of columns, which read the factors once."""
+        solution, tree = np.empty(rhs.shape), self.tree
+        substitution = solve_many_transposed if transposed else solve_many
+        for begin in range(0, rhs.shape[1], MAX_TOGETHER):
+            x = np.array(rhs[:, begin:begin + MAX_TOGETHER], dtype=float, order="C")
+            width = x.shape[1]
+            substitution(self.entries, self.exchanges, tree.first, tree.end, tree.beginning, tree.boundary, tree.starts,
+                         width, x.ravel(), np.empty(tree.highest * width))
+            solution[:, begin:begin + width] = x
+        return solution
 
 
 def flat(fronts: Sequence[Front]) -> SmallFronts:
@@ -373,3 +388,156 @@ def solve_transposed(entries, exchanges, first, end, beginning, boundary, starts
                 room[i], room[partner] = room[partner], room[i]
             for i in range(s):
                 column[f + i] = room[i]
+
+
+@kernel
+def _less(target, at, source, from_, width, factor_):
+    """target[at:at + width] less a part of source times a number."""
+    o, w = _U(at), _U(from_)
+    for c in range(width):
+        i = _U(c)
+        target[o + i] -= factor_ * source[w + i]
+
+
+@kernel
+def _less_four(target, at, source, a, b, c, d, width, first, second, third, fourth):
+    """`_less` of four parts in turn."""
+    o, w, x, y, z = _U(at), _U(a), _U(b), _U(c), _U(d)
+    for column in range(width):
+        i = _U(column)
+        target[o + i] = (target[o + i] - first * source[w + i] - second * source[x + i] - third * source[y + i]
+                         - fourth * source[z + i])
+
+
+@kernel
+def _less_sum_of_four(target, at, from_, width, first, second, third, fourth):
+    """target[at:at + width] less the sum of the four parts of it from `from_` on, each times a number."""
+    o, w = _U(at), _U(from_)
+    x, y, z = w + _U(width), w + _U(2 * width), w + _U(3 * width)
+    for column in range(width):
+        i = _U(column)
+        target[o + i] -= (target[w + i] * first + target[x + i] * second + target[y + i] * third
+                          + target[z + i] * fourth)
+
+
+@kernel
+def _swap(values, first, second, width):
+    """Exchange two parts."""
+    for c in range(width):
+        values[first + c], values[second + c] = values[second + c], values[first + c]
+
+
+@kernel
+def _copy(source, from_, target, at, size):
+    o, w = _U(at), _U(from_)
+    for k in range(size):
+        target[o + _U(k)] = source[w + _U(k)]
+
+
+@kernel
+def solve_many(entries, exchanges, first, end, beginning, boundary, starts, width, x, room):
+    """`solve` for right-hand sides side by side, x (n width,) row by row, in the same order of operations."""
+    for k in range(first.shape[0]):
+        s, b, start, f = end[k] - first[k], beginning[k + 1] - beginning[k], starts[k], first[k]
+        m = s + b
+        _copy(x, f * width, room, 0, s * width)
+        room[s * width:m * width] = 0.0
+        for i in range(s):
+            if exchanges[f + i] != i:
+                _swap(room, i * width, exchanges[f + i] * width, width)
+        j = 0
+        while j + 4 <= s:
+            a, c, d, e = start + j * m, start + (j + 1) * m, start + (j + 2) * m, start + (j + 3) * m
+            at = j * width
+            _less(room, at + width, room, at, width, entries[a + j + 1])
+            for below in range(2):
+                _less(room, at + 2 * width, room, at + below * width, width, entries[start + (j + below) * m + j + 2])
+            for below in range(3):
+                _less(room, at + 3 * width, room, at + below * width, width, entries[start + (j + below) * m + j + 3])
+            for row in range(j + 4, m):
+                _less_sum_of_four(room, row * width, at, width, entries[a + row], entries[c + row], entries[d + row],
+                                  entries[e + row])
+            j += 4
+        while j < s:
+            for row in range(j + 1, m):
+                _less(room, row * width, room, j * width, width, entries[start + j * m + row])
+            j += 1
+        _copy(room, 0, x, f * width, s * width)
+        for i in range(b):
+            o, w = _U(boundary[beginning[k] + i] * width), _U((s + i) * width)
+            for c in range(width):
+                x[o + _U(c)] += room[w + _U(c)]
+    for k in range(first.shape[0] - 1, -1, -1):
+        s, b, start, f = end[k] - first[k], beginning[k + 1] - beginning[k], starts[k], first[k]
+        m = s + b
+        _copy(x, f * width, room, 0, s * width)
+        j = 0
+        while j + 4 <= b:
+            n, u = beginning[k] + j, start + m * s + j * s
+            for i in range(s):
+                _less_four(room, i * width, x, boundary[n] * width, boundary[n + 1] * width, boundary[n + 2] * width,
+                           boundary[n + 3] * width, width, entries[u + i], entries[u + s + i], entries[u + 2 * s + i],
+                           entries[u + 3 * s + i])
+            j += 4
+        while j < b:
+            for i in range(s):
+                _less(room, i * width, x, boundary[beginning[k] + j] * width, width,
+                      entries[start + m * s + j * s + i])
+            j += 1
+        for j in range(s - 1, -1, -1):
+            pivot = entries[start + j * m + j]
+            for c in range(j * width, (j + 1) * width):
+                room[c] /= pivot
+            for i in range(j):
+                _less(room, i * width, room, j * width, width, entries[start + j * m + i])
+        _copy(room, 0, x, f * width, s * width)
+
+
+@kernel
+def _add(target, at, source, from_, width, factor_):
+    """target[at:at + width] and a part of source times a number."""
+    o, w = _U(at), _U(from_)
+    for c in range(width):
+        i = _U(c)
+        target[o + i] += factor_ * source[w + i]
+
+
+@kernel
+def solve_many_transposed(entries, exchanges, first, end, beginning, boundary, starts, width, x, room):
+    """`solve_transposed` for right-hand sides side by side, x (n width,) row by row, in the same order."""
+    total = np.empty(width)
+    for k in range(first.shape[0]):
+        s, b, start, f = end[k] - first[k], beginning[k + 1] - beginning[k], starts[k], first[k]
+        m = s + b
+        _copy(x, f * width, room, 0, s * width)
+        for j in range(s):
+            total[:] = 0.0
+            for i in range(j):
+                _add(total, 0, room, i * width, width, entries[start + j * m + i])
+            pivot = entries[start + j * m + j]
+            for c in range(width):
+                room[j * width + c] = (room[j * width + c] - total[c]) / pivot
+        for j in range(b):
+            total[:] = 0.0
+            for i in range(s):
+                _add(total, 0, room, i * width, width, entries[start + m * s + j * s + i])
+            at = boundary[beginning[k] + j] * width
+            for c in range(width):
+                x[at + c] -= total[c]
+        _copy(room, 0, x, f * width, s * width)
+    for k in range(first.shape[0] - 1, -1, -1):
+        s, b, start, f = end[k] - first[k], beginning[k + 1] - beginning[k], starts[k], first[k]
+        m = s + b
+        _copy(x, f * width, room, 0, s * width)
+        for i in range(b):
+            _copy(x, boundary[beginning[k] + i] * width, room, (s + i) * width, width)
+        for j in range(s - 1, -1, -1):
+            total[:] = 0.0
+            for i in range(j + 1, m):
+                _add(total, 0, room, i * width, width, entries[start + j * m + i])
+            for c in range(width):
+                room[j * width + c] -= total[c]
+        for i in range(s - 1, -1, -1):
+            if exchanges[f + i] != i:
+                _swap(room, i * width, exchanges[f + i] * width, width)
+        _copy(room, 0, x, f * width, s * width)

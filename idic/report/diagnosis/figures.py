@@ -56,7 +56,7 @@ def _residual_maps(record: DiagnosisRecord, camera: str, maps: Sequence[tuple[st
                              if KNOWN_ERROR_COUNTED in dict(maps) else
                              "before and after the enrichment, " if len(maps) > 2 else "")
                           + "and a draw of noise with an rms of 1 (independent from pixel to pixel; interpolation "
-                          "smooths the noise of a residual).")
+                          "smooths the noise of a residual).", as_photo=True)
 
 
 def excess_course(record: DiagnosisRecord) -> Picture:

@@ -122,7 +122,8 @@ def source_map(record: WhereRecord) -> Picture | None:
         figure.legend(loc="outside upper left", ncols=max(int(width / LEGEND_ENTRY_WIDTH_INCH), 1))
         figure.colorbar(cloud, ax=axis, label="Σ z² of the stiffness score of an element", shrink=0.8, aspect=30,
                         pad=0.01)
-        return to_picture(figure, "diagnosis_where", "Adjoint source map", record.words.get("where", ""))
+        return to_picture(figure, "diagnosis_where", "Adjoint source map", record.words.get("where", ""),
+                          as_photo=record.reference is not None)
 
 
 def _extent(record: WhereRecord, required: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
@@ -175,7 +176,7 @@ def active_map(record: WhereRecord) -> Picture | None:
                         ticks=MaxNLocator(8, integer=True))
         return to_picture(figure, "diagnosis_active", "Active elements of the selected law",
                       f"The law acts in {len(acting)} of {len(record.since_active)} elements of the enriched model, in "
-                      f"the first ones from frame {earliest} on.")
+                      f"the first ones from frame {earliest} on.", as_photo=record.reference is not None)
 
 
 def amplitude_course(record: WhereRecord) -> Picture | None:

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic.diagnose.discretisation.known_error import known_error
-from idic.diagnose.discretisation.thickness_error import with_bricks
+from idic.diagnose.discretisation.thickness_error import neglected_errors, with_bricks
 from idic.diagnose.discretisation.weight import ErrorWeight, weighed
 from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.refits.refit_job import refit_of_one
@@ -56,7 +56,7 @@ def new_error(state: State) -> tuple[MotionError, ErrorWeight] | None:
     where it is the known one."""
     residual, former_error, identified = state.model.residual, state.model.error, state.model.identification()
     if former_error is None or former_error.thickness is None:
-        bricks = with_bricks(identified, residual, state.setting.grid, settled=False)
+        bricks = with_bricks(identified, residual, state.setting.grid, neglected_errors(identified), settled=False)
         if bricks is not None:
             return bricks[0], weighed(residual, bricks[0].less(former_error))
     error = known_error(identified, former_error)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from idic.correlation import FrameResponse
 from idic.diagnose.discretisation.weight import error_column, error_columns
@@ -19,7 +21,7 @@ from idic.diagnose.residual.subpixel_columns import RELATIVE_STD, subpixel_colum
 from idic.diagnose.residual.thinning import COPY_VARIANCE_FACTOR
 from idic.diagnose.screen.free_courses import with_free_courses
 from idic.diagnose.screen.misregistration import reason_to_wait
-from idic.diagnose.screen.score_columns import score_columns
+from idic.diagnose.screen.score_columns import Load, score_columns
 from idic.diagnose.screen.practical import MIN_CHANNEL_EFFECT_STD, PracticalSize
 from idic.diagnose.screen.select import Screening, screen_candidates
 from idic.diagnose.screen.situation import situation
@@ -27,7 +29,7 @@ from idic.diagnose.selection import stages
 from idic.diagnose.selection.move import Move, itself
 from idic.diagnose.selection.rival import Round
 from idic.diagnose.selection.state import State, Watch, unwatched
-from idic.model import MotionError
+from idic.model import Experiment, MotionError
 
 CAMERA = "camera"  # the family that is left out where another system has measured the fields
 
@@ -60,13 +62,12 @@ def screened(model: FittedModel, library: Sequence[Candidate], watch: Watch = un
     responses : of the null, where it has been simulated; small_errors : of the simulation, that no model counts;
     is_located : whether free motions or channels show a mismatch
     """
-    source, null, identification = model.source, model.fit, model.identification()
+    source, null, identification, load = model.source, model.fit, model.identification(), each_once(model.source.load)
     residual = residual_evidence(identification, responses=responses)
     place = situation(identification, residual, source.document())
     trials, untestable = _trials(library, identification.experiment.recording.points is not None, place, residual, null)
-    trials += with_free_courses(trials, place.document, identification.parameters.free, source.load)
-    labels, columns = score_columns(identification, residual, trials,
-                                    source.load) if trials else ((), residual.null.pick([]))
+    trials += with_free_courses(trials, place.document, identification.parameters.free, load)
+    labels, columns = score_columns(identification, residual, trials, load) if trials else ((), residual.null.pick([]))
     watch(residual, labels, columns)
     error = source.motion_error
     blurs = subpixel_columns(residual) if any(variant.pixels is not None for _, variant in trials) else None
@@ -80,6 +81,19 @@ def screened(model: FittedModel, library: Sequence[Candidate], watch: Watch = un
     untestable += [(ranked.candidate, ranked.variant.unresolved) for ranked in unresolved]
     return replace(scored, ranked=tuple(ranked for ranked in scored.ranked if ranked not in unresolved),
                    untestable=tuple(untestable))
+
+
+def each_once(load: Load) -> Load:
+    """`load`, asked once for each set of edits: variants of a candidate share theirs."""
+    experiments: dict[str, Experiment] = {}
+
+    def experiment_of(edits: Mapping[str, Any]) -> Experiment:
+        key = json.dumps(dict(edits), sort_keys=True, default=repr)
+        if key not in experiments:
+            experiments[key] = load(edits)
+        return experiments[key]
+
+    return experiment_of
 
 
 def practical_size(residual: ResidualEvidence, margin: Margin, is_located: bool) -> PracticalSize:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from idic.diagnose.discretisation.following import is_at
 from idic.diagnose.discretisation.known_error import renewed_error
 from idic.diagnose.discretisation.sheet import sheet_and_bricks_at
-from idic.diagnose.discretisation.thickness_error import with_bricks
+from idic.diagnose.discretisation.thickness_error import neglected_errors, with_bricks
 from idic.diagnose.discretisation.thickness_std import std_factors
 from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.refits.refit import Fit
@@ -110,7 +110,10 @@ def with_renewed_errors(recorded: OnRecording) -> State:
             break
         identified = final.identification()
         residual = final.residual
-        bricks = with_bricks(identified, residual, setting.grid) if turn == 0 else None
+        bricks = None
+        if turn == 0 and (final.error is None or final.error.thickness is None):
+            final = replace(final, neglected=neglected_errors(identified))
+            bricks = with_bricks(identified, residual, setting.grid, final.neglected)
         renewed = bricks or renewed_error(identified, residual, setting.grid)
         if renewed is None:
             break
