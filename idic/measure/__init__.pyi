@@ -4,7 +4,7 @@ from .dic.camera_floor import CameraFloor, camera_floor
 from .dic.field import field_frame, field_variance
 from .dic.frame import dic_frame, measured_nodes
 from .dic.noise import fitted_dof, residual_noise
-from .dic.regularisation import SMOOTH, Regularisation, build_smoother
+from .dic.regularisation import Regularisation, build_smoother
 from .dic.section import section_field, smoothing_length
 from .dic.stack import DicStack, dic_stack
 from .dic.stereo import surface_motion
@@ -20,7 +20,7 @@ from .fields.strain import MEASURES, rotated, strain
 from .fields.surface import surface_of
 
 __all__ = [
-    "MEASURES", "SMOOTH", "AffineMotions", "BoundaryStart", "CameraFloor", "DicStack", "FieldSeries", "FrameSequence",
+    "MEASURES", "AffineMotions", "BoundaryStart", "CameraFloor", "DicStack", "FieldSeries", "FrameSequence",
     "Reading", "Regularisation", "Seen", "SeenInSpace", "affine_motions", "boundary_start", "build_smoother",
     "camera_floor", "declared_stack", "dic_frame", "dic_stack", "edge_modes", "field_columns", "field_frame",
     "field_variance", "find_still_frames", "fitted_dof", "free_motion", "in_mm", "measured_nodes", "noise_samples",

@@ -8,7 +8,7 @@ from dic_cases import grid
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
-from idic.measure import SMOOTH, Regularisation, build_smoother
+from idic.measure import Regularisation, build_smoother
 from idic.errors import InputError
 from idic.readers import roi_mesh
 
@@ -65,7 +65,7 @@ def test_a_search_smooths_over_two_nodes_and_a_measurement_over_half_of_their_di
     for size, cell, search, measurement in ((20, "quad4", 40.0, 10.0), (40, "quad8", 40.0, 10.0),
                                             (5, "quad4", 24.0, 8.0)):
         mesh = grid(0, 0, 200, 160, size, cell)
-        for regularisation, length in ((SMOOTH, search), (Regularisation(), measurement)):
+        for regularisation, length in ((Regularisation.smooth(), search), (Regularisation(), measurement)):
             assert build_smoother(mesh.nodes, mesh.blocks, regularisation).length_px == pytest.approx(length)
 
 

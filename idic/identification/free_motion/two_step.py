@@ -14,15 +14,13 @@ free FE-DIC, which has many unknowns in every single frame.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from scipy import sparse
 
 from idic.correlation import GreyReference, MeasuredReference, mean_information
 from idic.errors import InputError
 from idic.fe import surface_cells
-from idic.measure import SMOOTH, Regularisation, build_smoother, dic_stack, measured_nodes
+from idic.measure import Regularisation, build_smoother, dic_stack, measured_nodes
 from idic.model import Experiment, Options
 
 INTEGRATED, WEIGHTED, UNWEIGHTED = "integrated", "two_step", "two_step_unweighted"
@@ -40,7 +38,7 @@ def regularisation_of(options: Options) -> Regularisation:
     regularisation = options.dic_regularisation
     if regularisation == "auto":
         regularisation = "none" if is_two_step(options) else "mechanical"
-    return replace(SMOOTH, kind=regularisation)
+    return Regularisation.smooth(regularisation)
 
 
 def check_method(experiment: Experiment) -> None:

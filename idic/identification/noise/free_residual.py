@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 
 from idic.correlation import ReferenceImage
-from idic.measure import SMOOTH, dic_stack
+from idic.measure import Regularisation, dic_stack
 from idic.images import (
     MARGIN_PX, MIN_GOOD_TILES, NoiseCovariance, TileNoise, evaluate, pooled, prefilter, tile_corners, tile_noise,
 )
@@ -39,7 +39,8 @@ def free_residual_noise(view: Experiment, reference: ReferenceImage, region: np.
         return None
     unused_frames = set(range(view.model.n_frames)) - {view.model.reference, *chosen}
     excluded = tuple(sorted(unused_frames | set(view.recording.excluded)))
-    motion = dic_stack(replace(view, recording=replace(view.recording, excluded=excluded)), SMOOTH)
+    motion = dic_stack(replace(view, recording=replace(view.recording, excluded=excluded)),
+                       Regularisation.smooth())
     followed = [k for k in chosen if motion.status[k] == "ok"]
     rng, still = np.random.default_rng(0), _raw(view.recording, view.model.reference)
     return pooled([_tiles(view, reference, frame, motion.u_px[frame], still, corners, side, rng) for frame in followed])

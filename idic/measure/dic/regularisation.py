@@ -56,13 +56,15 @@ class Regularisation:
                              found=self.length_px, remedy="give a length of one to some elements, in pixels")
 
 
+    @classmethod
+    def smooth(cls, kind: str = "mechanical") -> Regularisation:
+        """Where a motion is searched for, judged, or shown on the fine mesh of a model: over twice the distance of the
+        nodes, the length of the shortest wave on the mesh, and 24 px at least."""
+        return cls(kind, per_node=2.0, least_px=24.0)
+
     def of_nodes(self, distance_px: float) -> float:
         """The length on a mesh with this distance of the nodes (px)."""
         return max(self.per_node * distance_px, self.least_px) if self.length_px is None else self.length_px
-
-
-# where a motion is searched for, or shown on the fine mesh of a model: the length of the shortest wave on the mesh
-SMOOTH = Regularisation(per_node=2.0, least_px=24.0)
 
 
 @dataclass(frozen=True, eq=False)

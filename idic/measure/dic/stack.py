@@ -12,7 +12,7 @@ from idic.correlation import ReferenceImage, build_experiment_reference, frame_s
 from idic.measure.dic.field import field_motion
 from idic.measure.dic.frame import DicFrame, Factorisation, dic_frame
 from idic.measure.dic.noise import fitted_dof, noise_of_frames, residual_noise
-from idic.measure.dic.regularisation import SMOOTH, Regularisation, Smoother, build_smoother
+from idic.measure.dic.regularisation import Regularisation, Smoother, build_smoother
 from idic.measure.dic.start import Level, build_pyramid, coarse_motion, descend, feature_motion
 from idic.measure.dic.status import (
     MAX_MISMATCHED_PART, is_recognised, mismatched_elements, nodes_of, pixels_of, unexplained, unlikeness,
@@ -184,8 +184,8 @@ def _set_up(experiment: Experiment, regularisation) -> _Setting:
     cells = surface_cells(model.mesh, model.surface)
     reference = build_experiment_reference(experiment, model.camera)
     smoother = build_smoother(reference.pixel_map.nodes_px, cells, regularisation)
-    longer = replace(smoother, length_px=SMOOTH.of_nodes(smoother.size_px))
-    if regularisation.kind == SMOOTH.kind and smoother.length_px < longer.length_px:
+    longer = replace(smoother, length_px=Regularisation.smooth().of_nodes(smoother.size_px))
+    if regularisation.kind == "mechanical" and smoother.length_px < longer.length_px:
         return _Setting(experiment, reference, longer, smoother, cells, experiment.options.brightness, [])
     return _Setting(experiment, reference, smoother, None, cells, experiment.options.brightness, [])
 

@@ -16,7 +16,7 @@ from scipy import sparse
 
 from idic.correlation import PixelMap, ReferenceImage, build_reference
 from idic.measure.dic.frame import dic_frame
-from idic.measure.dic.regularisation import SMOOTH, Smoother, build_smoother
+from idic.measure.dic.regularisation import Regularisation, Smoother, build_smoother
 from idic.measure.far.consensus import agreed_motion
 from idic.measure.far.features import match_features
 from idic.fe import Block
@@ -47,7 +47,7 @@ def build_pyramid(pixel_map: PixelMap, image: np.ndarray, cells: Sequence[Block]
 
     image : (ny, nx) reference image; least_length_px : regularisation length of the full images.
     """
-    smoother = build_smoother(pixel_map.nodes_px, cells, SMOOTH)
+    smoother = build_smoother(pixel_map.nodes_px, cells, Regularisation.smooth())
     levels = []
     for blur in BLURS_PX:
         blurred = scipy.ndimage.gaussian_filter(np.asarray(image, dtype=np.float32), blur)
