@@ -115,21 +115,22 @@ def sample_14(folder: Path) -> Test:
 
 
 def resolution(test: Test, fields: list[np.ndarray]) -> float:
-    """Period at which `KEPT` of the amplitude is left, the longest one; NaN outside of the test  # fields (ny, nx)"""
+    """Shortest period of which `KEPT` of the amplitude is left; NaN outside of the test.
+
+    fields : (ny, nx), NaN where not measured
+    """
     moved = [np.isfinite(field) & np.isfinite(exact) for field, exact in zip(fields, test.exact, strict=True)]
-    period = np.concatenate([values[mask] for values, mask in zip(test.period, moved, strict=True)])
-    exact = np.concatenate([values[mask] for values, mask in zip(test.exact, moved, strict=True)])
-    measured = np.concatenate([field[mask] for field, mask in zip(fields, moved, strict=True)])
+    period, exact, values = (np.concatenate([array[mask] for array, mask in zip(arrays, moved, strict=True)])
+                             for arrays in (test.period, test.exact, fields))
     order = np.argsort(period)
-    sums = [np.concatenate([[0.0], np.cumsum(part[order])]) for part in (measured * exact, exact * exact)]
+    work, power = (np.concatenate([[0.0], np.cumsum(part[order])]) for part in (values * exact, exact * exact))
     periods = np.geomspace(period.min() * (1 + WINDOW), period.max() / (1 + WINDOW), 300)
     first, end = (np.searchsorted(period[order], periods * factor) for factor in (1 - WINDOW, 1 + WINDOW))
-    gain = (sums[0][end] - sums[0][first]) / np.maximum(sums[1][end] - sums[1][first], 1e-12)
-    lost = np.flatnonzero(gain < KEPT)
-    if not len(lost) or lost[-1] == len(periods) - 1:
+    gain = (work[end] - work[first]) / np.maximum(power[end] - power[first], 1e-12)
+    kept = int(np.argmax(gain >= KEPT))
+    if kept == 0:  # all waves, or none
         return float("nan")
-    k = lost[-1]
-    return float(np.exp(np.interp(KEPT, gain[k:k + 2], np.log(periods[k:k + 2]))))
+    return float(np.exp(np.interp(KEPT, gain[kept - 1:kept + 1], np.log(periods[kept - 1:kept + 1]))))
 
 
 def inside(field: np.ndarray) -> np.ndarray:
