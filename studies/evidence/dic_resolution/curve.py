@@ -33,6 +33,7 @@ import idic
 from idic.correlation import build_experiment_reference
 
 KEPT, WINDOW = 0.9, 0.05  # of the amplitude; half width of the window of periods, relative
+AFFINE, QUADRATIC = "subsets, affine", "subsets, quadratic"
 MARGIN, STEP, STILL_STEP = 60, 8, 16  # px: all codes are compared inside the margin
 AMPLITUDE, PERIODS, COLUMNS = 0.5, (10.0, 300.0), 4000  # of the star
 STAR_COLUMNS = 2000  # periods to 155 px
@@ -53,7 +54,7 @@ WIDE_PEERS = [("pyvale-AFFINE", 27), ("pyvale-AFFINE", 31), ("pyvale-QUAD", 73),
 class Test:
     """images : (ny, nx) GV, the reference, the moved ones, a still one; exact, period : of the moved ones, (ny, nx)
 
-    component : 0 column, 1 row, which the motion has
+    component : 0 column, 1 row, which the motion has; few_waves : see `resolution`
     """
 
     name: str
@@ -62,6 +63,7 @@ class Test:
     period: list[np.ndarray]
     component: int
     noise_gv: float
+    few_waves: bool
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ def with_still(name: str, images: list, exact: list, period: list, component: in
     inner = (slice(MARGIN, -MARGIN), slice(MARGIN, -MARGIN))
     noise = float(np.median(np.abs(left[inner] - np.median(left[inner])))) / 0.6745 / np.sqrt(1.0 + KAPPA)
     still = images[0] + np.sqrt(2.0) * noise * np.random.default_rng(0).standard_normal(images[0].shape)
-    return Test(name, [*images, np.clip(np.rint(still), 0, 255)], exact, period, component, noise)
+    return Test(name, [*images, np.clip(np.rint(still), 0, 255)], exact, period, component, noise, len(exact) > 1)
 
 
 def star(folder: Path) -> Test:
@@ -114,18 +116,24 @@ def sample_14(folder: Path) -> Test:
     return with_still("sample 14", images, exact, period, 0)
 
 
-def resolution(test: Test, fields: list[np.ndarray]) -> float:
+def resolution(test: Test, fields: list[np.ndarray], order: int) -> float:
     """Shortest period of which `KEPT` of the amplitude is left; NaN outside of the test.
 
-    fields : (ny, nx), NaN where not measured
+    Where the waves are few, by the loss (l/period)^order that fits those longer than the shortest best.
+
+    fields : (ny, nx), NaN where not measured; order : 2 of affine subsets, 4 of what reproduces quadratic motion
     """
     moved = [np.isfinite(field) & np.isfinite(exact) for field, exact in zip(fields, test.exact, strict=True)]
     period, exact, values = (np.concatenate([array[mask] for array, mask in zip(arrays, moved, strict=True)])
                              for arrays in (test.period, test.exact, fields))
-    order = np.argsort(period)
-    work, power = (np.concatenate([[0.0], np.cumsum(part[order])]) for part in (values * exact, exact * exact))
+    if test.few_waves:
+        x, power = period ** -float(order), exact * exact
+        loss = float(((power - values * exact) * x).sum() / (power * x * x).sum())
+        return float((max(loss, 0.0) / (1.0 - KEPT)) ** (1.0 / order))
+    ranks = np.argsort(period)
+    work, power = (np.concatenate([[0.0], np.cumsum(part[ranks])]) for part in (values * exact, exact * exact))
     periods = np.geomspace(period.min() * (1 + WINDOW), period.max() / (1 + WINDOW), 300)
-    first, end = (np.searchsorted(period[order], periods * factor) for factor in (1 - WINDOW, 1 + WINDOW))
+    first, end = (np.searchsorted(period[ranks], periods * factor) for factor in (1 - WINDOW, 1 + WINDOW))
     gain = (work[end] - work[first]) / np.maximum(power[end] - power[first], 1e-12)
     kept = int(np.argmax(gain >= KEPT))
     if kept == 0:  # all waves, or none
@@ -145,7 +153,8 @@ def measured(test: Test, code: str, size: str, fields: Callable[[], list[np.ndar
     """fields : makes those of the moved images and, last, of the still one  # (ny, nx) px, of the test's component"""
     began = time.process_time()
     *moved, still = [inside(field) for field in fields()]
-    return Row(code, size, float(np.nanstd(still)), resolution(test, moved), time.process_time() - began)
+    order = 2 if code in ("al-dic", "pyvale-AFFINE", AFFINE) else 4
+    return Row(code, size, float(np.nanstd(still)), resolution(test, moved, order), time.process_time() - began)
 
 
 def fe_dic(test: Test, element: float, order: str, kind: str, length: float | None) -> Row:
@@ -175,14 +184,14 @@ def subsets(test: Test, half: int, quadratic: bool) -> Row:
         ny, nx = test.images[0].shape
         motions = []
         for k, image in enumerate(test.images[1:], 1):
-            step = STILL_STEP if k == len(test.images) - 1 else STEP
+            step = max(STILL_STEP if k == len(test.images) - 1 else STEP, half // 2)
             grid = np.mgrid[MARGIN:ny - MARGIN:step, MARGIN:nx - MARGIN:step]
             centres = grid[::-1].reshape(2, -1).T.copy()
             motion = subset_motion(test.images[0], image, centres, half, quadratic)
             motions.append(on_pixels(test, *centres.T, motion[:, test.component]))
         return motions
 
-    return measured(test, f"subsets, {'quadratic' if quadratic else 'affine'}", str(2 * half + 1), fields)
+    return measured(test, QUADRATIC if quadratic else AFFINE, str(2 * half + 1), fields)
 
 
 def peer(test: Test, python: str, code: str, size: int) -> Row | None:
@@ -203,7 +212,7 @@ def peer(test: Test, python: str, code: str, size: int) -> Row | None:
 
 
 def rows_of(test: Test, python: str | None) -> list[Row]:
-    wide = test.name == "sample 14"  # its waves begin at 100 px
+    wide = test.few_waves  # they begin at 100 px
     rows: list[Row] = []
 
     def add(row: Row | None) -> None:

@@ -75,7 +75,10 @@ def _matched(reference, slopes, spline, centres, half, quadratic):
                 first_x, first_y = int(np.floor(at_x)), int(np.floor(at_y))
                 _weights(at_x - first_x, along)
                 _weights(at_y - first_y, down)
-                g[i] = down @ (spline[first_y - 2:first_y + 4, first_x - 2:first_x + 4].copy() @ along)
+                g[i] = 0.0
+                for k in range(6):
+                    for j in range(6):
+                        g[i] += down[k] * along[j] * spline[first_y - 2 + k, first_x - 2 + j]
             g -= g.mean()
             step = inverse @ (jacobian.T @ (f - g * (size / np.sqrt((g**2).sum()))))
             p += step
