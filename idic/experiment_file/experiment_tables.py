@@ -176,6 +176,38 @@ class ExperimentTables:
             return self._on_images_of(self.original, experiment)
         return checked_heights(with_notes_on_references(with_stabilised_images(experiment), self.file), self.file)
 
+    def recorded(self) -> Experiment:
+        """The recording and its mesh in the view of the main camera, without law, drive and parameter: what a free
+        FE-DIC needs (docs/method.md, equation 13.1).
+
+        Raises
+        ------
+        InputError
+            Images of heights or several cameras, whose motion in space is no motion in one image; a mesh out of view.
+        """
+        table, scale, frames = self.config.experiment, self.placed.scale, self.recording.frames
+        problems = {f"quantity = {table.quantity!r}": table.quantity != "grey",
+                    f"{1 + len(self.config.further_cameras)} cameras": bool(self.config.further_cameras)}
+        for problem, applies in problems.items():
+            if applies:
+                raise InputError("no free motion of these images", file=self.file, key="experiment.images",
+                                 expected="grey images of one camera", found=problem,
+                                 remedy="add a material and a boundary, and identify")
+        check_visible(self.placed.mesh, table.kind, table.surface, scale.camera, frames.shape, frames.mask, self.file)
+        mesh, order_notes = self.element_order(self.placed.mesh, scale.camera, frames)
+        noise, points, noise_notes = self.noise(frames, mesh, scale)
+        times = self.recording.times
+        model = Model(kind=table.kind, mesh=mesh, thickness=None, materials=(), parameters=ParameterSet(()),
+                      prescribed=(), loads=(), channels=(), camera=scale.camera,
+                      times=np.arange(frames.stack.n_frames, dtype=float) if times is None else times,
+                      reference=frames.reference, has_times=times is not None, surface=table.surface,
+                      length_unit=scale.unit)
+        return with_stabilised_images(Experiment(
+            title=table.title or self.recording.folder.name, folder=str(self.recording.folder),
+            recording=self.compared(frames, self.recording.log, noise, points), model=model, options=self.options(),
+            notes=(*scale.notes, *frames.notes, *self.placed.notes, *order_notes, *noise_notes),
+            written=Remedies.written(self.raw)))
+
     def _on_images_of(self, original: Experiment, experiment: Experiment) -> Experiment:
         """The edited experiment with the images that the original one compares; it is not stored under a name."""
         cameras = tuple(replace(camera, stack=original_camera.stack)

@@ -36,12 +36,15 @@ class Objects:
 def from_objects(tables: Mapping, objects: Objects, folder: Path) -> Experiment:
     """The experiment of these tables and objects; what else they name (further cameras) lies in `folder`.
 
+    Without a material it is the recording on its mesh (`ExperimentTables.recorded`).
+
     Raises
     ------
     InputError
         At the first error, as `idic.experiment_file.load.load_experiment`.
     """
-    return _folder(tables, objects, folder).experiment()
+    read = _folder(tables, objects, folder).tables()
+    return read.experiment() if read.config.material else read.recorded()
 
 
 def further_files(tables: Mapping, objects: Objects, folder: Path) -> list[Path]:

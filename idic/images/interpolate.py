@@ -107,7 +107,13 @@ def noise_gain(fraction_x: np.ndarray, fraction_y: np.ndarray, degree: int = 3, 
     On average 0.764 for the cubic, 0.843 for the quintic spline: a residual f - g(x + u) of pure noise has the variance
     ``sigma^2 (1 + w^2)``, not ``2 sigma^2``.
     """
-    return noise_gain_1d(fraction_x, degree, lowpass_px) * noise_gain_1d(fraction_y, degree, lowpass_px)
+    x, y = np.broadcast_arrays(fraction_x, fraction_y)
+    gain = np.empty(x.shape)
+    parts = [array.reshape(-1) for array in (x, y, gain)]
+    for first in range(0, gain.size, _PIXELS_AT_A_TIME):  # a value takes some arrays of 8 bytes
+        of_x, of_y, product = (part[first:first + _PIXELS_AT_A_TIME] for part in parts)
+        product[:] = noise_gain_1d(of_x, degree, lowpass_px) * noise_gain_1d(of_y, degree, lowpass_px)
+    return gain
 
 
 def _sample(spline, points):
@@ -185,3 +191,4 @@ def _gain_table(degree, lowpass_px):
 
 _WEIGHTS = {degree: weight_polynomials(degree) for degree in POLES}
 _GAIN_FRACTIONS = np.linspace(0.0, 1.0, 513)
+_PIXELS_AT_A_TIME = 2**16

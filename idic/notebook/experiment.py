@@ -18,7 +18,9 @@ from idic.experiment_file import (
     with_law_files, with_overrides,
 )
 from idic.fe import inp_text
+from idic.measure import Regularisation
 from idic.model import Experiment as Record
+from idic.notebook.free_motion import FreeMotion, measured_motion
 from idic.notebook.saved_folder import saved_in_run
 from idic.parameters import ParameterSet
 from idic.readers import (
@@ -43,8 +45,8 @@ class Experiment:
         Grey values; rows count downwards. A path may be a folder, a pattern, a multi-page TIFF or a video.
     mesh : meshio.Mesh, path, or mapping
         In `mesh_unit` (default mm), or ``{"roi_px": [x0, y0, x1, y1], "element_px": 20}``: a mesh made on the image.
-    kind : "plane_stress", "plane_strain" or "solid"
-    materials : {element set: {"law": …, parameter: value}}
+    kind : "plane_stress", "plane_strain" or "solid"; needed where anything is simulated
+    materials : {element set: {"law": …, parameter: value}}; without, the experiment has a `free_motion` and no more
     camera : mapping, or a list of mappings
         ``pixel_size_mm``, ``origin_px``, ``axes``, ``noise_std_gv``, …; further cameras name their images as paths.
     loads : pandas.DataFrame, {column: (n_frames,) values}, or path of a CSV, optional
@@ -81,7 +83,8 @@ class Experiment:
     2000.0
     """
 
-    def __init__(self, *, images: Any, mesh: Any, kind: str, materials: Mapping[str, Mapping],
+    def __init__(self, *, images: Any, mesh: Any, kind: str | None = None,
+                 materials: Mapping[str, Mapping] | None = None,
                  camera: Mapping | Sequence[Mapping] | None = None, loads: Any = None,
                  boundaries: Sequence[Mapping] = (), channels: Sequence[Mapping] = (),
                  units: Mapping[str, str] | None = None, mask: Any = None, sets: Mapping[str, Mapping] | None = None,
@@ -97,7 +100,8 @@ class Experiment:
             named["mesh"] = mesh
         elif isinstance(mesh, (str, os.PathLike)):
             named["mesh"] = Path(mesh).name
-        tables = {"experiment": {"kind": kind} | settings | named, "material": materials, "camera": camera,
+        shape = {"kind": kind or "plane_stress"} if kind or not materials else {}
+        tables = {"experiment": shape | settings | named, "material": materials, "camera": camera,
                   "sets": sets, "boundary": boundaries, "channel": channels, "dof": dofs, "stage": stages,
                   "heterogeneity": heterogeneities, "options": options, "solver": solver, "setup": setup,
                   "probe": probes, "extensometer": extensometers, "line": lines, "circle": circles}
@@ -153,6 +157,21 @@ class Experiment:
     def title(self) -> str:
         return self.record.title
 
+    def free_motion(self, regularisation: str = "mechanical", length_px: float | None = None) -> FreeMotion:
+        """Measure the motion of all images on the mesh, from the images alone (docs/method.md, equation 13.1).
+
+        Parameters
+        ----------
+        regularisation : "mechanical" | "gradient" | "none"
+        length_px : waves of this length are damped by half; default: `idic.measure.Regularisation`
+
+        Raises
+        ------
+        InputError
+            No such regularisation, or images whose motion in space is no motion in one image.
+        """
+        return measured_motion(self.record, Regularisation(regularisation, length_px))
+
     def save(self, folder: str | os.PathLike) -> Path:
         """Write the experiment as a folder that `idic identify` reads: experiment.toml, images, mesh, log, mask.
 
@@ -176,8 +195,11 @@ class Experiment:
         Raises
         ------
         InputError
-            The RUN began with another experiment.
+            The RUN began with another experiment, or the experiment has no material to identify.
         """
+        if not self.record.model.materials:
+            raise InputError("nothing to identify", file=ORIGIN, key="materials", found="no material",
+                             expected="a law with a parameter that is free", remedy="add materials, or use free_motion")
         if isinstance(self._source, _File):
             return self._source.file, dict(self._source.overrides)
         return saved_in_run(lambda place: self._source.save(place, self.record, link=True), folder), {}

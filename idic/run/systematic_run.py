@@ -19,7 +19,7 @@ from idic.identification import (
     Assessment, LoopState, Treatment, determined_values, discretisation_bias, evaluate_at, experiment_of, identify,
     measured_start, path_dependent_laws, starts_from_dic, time_step_bias, treatments, with_bias, with_spread,
 )
-from idic.measure import boundary_start, dic_stack, with_boundary_start
+from idic.measure import Regularisation, boundary_start, dic_stack, with_boundary_start
 from idic.model import Experiment, Measured, is_mode
 from idic.run.orchestrator import DIRECT, Command, Console, Hooks, Orchestrator
 from idic.run.prepared.context import RunContext, experiments_of, open_run
@@ -158,7 +158,7 @@ def _treated(context: RunContext, state: LoopState, treatment: Treatment) -> tup
     if not measured and not starts_from_dic(experiment):
         as_given = "boundary" not in treatment.overrides
         return experiment, _local(context, state) if as_given and original.model.prescribed else None
-    u_px = dic_stack(experiment).u_px
+    u_px = dic_stack(experiment, Regularisation.smooth()).u_px
     local = measured_start(experiment, u_px, experiment.recording.excluded)
     return with_boundary_start(experiment, boundary_start(experiment, u_px, experiment.recording.excluded)), local
 

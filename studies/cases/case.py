@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.measure import boundary_start, dic_stack, with_boundary_start
+from idic.measure import Regularisation, boundary_start, dic_stack, with_boundary_start
 from idic.experiment_file import load_experiment
 from idic.identification import (
     Identification, coarse_fit, identify, measured_start, search, starts_from_dic, wants_search, with_measured_noise,
@@ -142,7 +142,7 @@ def with_searched_start(experiment: Experiment) -> tuple[Experiment, bool]:
     """The experiment with the start of the global search, where a run would search; and whether the start moved."""
     if not wants_search(experiment):
         return experiment, False
-    u_px = dic_stack(experiment).u_px if experiment.recording.quantity != "height" else None
+    u_px = dic_stack(experiment, Regularisation.smooth()).u_px if experiment.recording.quantity != "height" else None
     bare = replace(experiment, recording=replace(experiment.recording, stack=None))
     outcome = search(experiment, lambda trials: [coarse_fit(bare, u_px, t.values, t.evaluations, t.simplified)
                                              for t in trials])
@@ -160,7 +160,7 @@ def with_measured_start(experiment: Experiment) -> tuple[Experiment, np.ndarray 
     measured = any(isinstance(entry.drive, Measured) for entry in experiment.model.prescribed)
     if not measured and not starts_from_dic(experiment):
         return experiment, None
-    u_px = dic_stack(experiment).u_px
+    u_px = dic_stack(experiment, Regularisation.smooth()).u_px
     local = measured_start(experiment, u_px, experiment.recording.excluded)
     return with_boundary_start(experiment, boundary_start(experiment, u_px, experiment.recording.excluded)), local
 

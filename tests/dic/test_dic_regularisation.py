@@ -61,10 +61,12 @@ def test_affine_motions_cost_nothing(shape):
     assert np.abs(smoother.operator @ affine.ravel()).max() < 1e-9 * np.abs(smoother.operator @ rough.ravel()).max()
 
 
-def test_the_default_length_is_twice_the_distance_of_the_nodes_but_24_px_at_least():
-    for size, cell, length in ((20, "quad4", 40.0), (40, "quad8", 40.0), (5, "quad4", 24.0)):
+def test_a_search_smooths_over_two_nodes_and_a_measurement_over_half_of_their_distance():
+    for size, cell, search, measurement in ((20, "quad4", 40.0, 10.0), (40, "quad8", 40.0, 10.0),
+                                            (5, "quad4", 24.0, 8.0)):
         mesh = grid(0, 0, 200, 160, size, cell)
-        assert build_smoother(mesh.nodes, mesh.blocks, Regularisation()).length_px == pytest.approx(length)
+        for regularisation, length in ((Regularisation.smooth(), search), (Regularisation(), measurement)):
+            assert build_smoother(mesh.nodes, mesh.blocks, regularisation).length_px == pytest.approx(length)
 
 
 def test_a_wrong_regularisation_is_refused_by_name():

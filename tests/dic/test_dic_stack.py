@@ -7,9 +7,9 @@ from functools import partial
 
 import numpy as np
 import pytest
-from dic_cases import experiment, grid, pictures
+from dic_cases import experiment, grid, pictures, rest
 
-from idic.measure import dic_stack
+from idic.measure import Regularisation, dic_stack
 from idic.model import Noise, Options
 
 SHAPE = (370, 240)
@@ -112,3 +112,31 @@ def test_progress_and_quintic_interpolation(images):
     found = dic_stack(quintic, "none", progress=lambda done, n: seen.append((done, n)))
     assert seen == [(1, 3), (2, 3)] and found.length_px == 0.0
     assert np.sqrt(np.mean((found.u_px[2] - motion(2)) ** 2)) < ACCURACY
+
+
+def bent(nodes: np.ndarray) -> np.ndarray:
+    """Waves over four elements, upright ones across and lying ones along  # (n_nodes, 2)"""
+    x, y = 2 * np.pi * (nodes - 40.0).T / 80.0
+    return 0.3 * np.column_stack([np.sin(x), np.sin(y)])
+
+
+def test_a_frame_is_judged_smooth_and_measured_with_the_length_of_the_mesh(images):
+    """Half the distance of the nodes keeps waves that the search, over two nodes, damps; noise grows by what the
+    shorter length lets through, and no frame is judged otherwise."""
+    wave = pictures(FRAME, [rest, bent], SHAPE, noise=NOISE)
+    measured, smooth = (dic_stack(experiment(MESH, wave), length) for length in (Regularisation(),
+                                                                                 Regularisation.smooth()))
+    assert (measured.length_px, smooth.length_px) == (10.0, 40.0)
+    inner = ((MESH.nodes > 50) & (MESH.nodes < (190, 170))).all(axis=1)
+    kept = [float((stack.u_px[1] * bent(MESH.nodes))[inner].sum() / (bent(MESH.nodes)[inner] ** 2).sum())
+            for stack in (measured, smooth)]
+    assert kept[0] > 0.96 and kept[1] < 0.93
+    still = pictures(FRAME, [rest], SHAPE, noise=NOISE)[0], pictures(FRAME, [rest], SHAPE, noise=NOISE, seed=2)[0]
+    noise = [dic_stack(experiment(MESH, still), length).u_px[1].std() for length in (Regularisation(),
+                                                                                     Regularisation.smooth())]
+    assert 1.2 < noise[0] / noise[1] < 4.0
+    cracked = images[1].copy()
+    cracked[120:150, :] = np.random.default_rng(11).normal(120.0, 40.0, (30, SHAPE[1]))
+    stacks = [dic_stack(experiment(MESH, [images[0], cracked, images[2]]), length)
+              for length in (Regularisation(), Regularisation.smooth())]
+    assert stacks[0].status == stacks[1].status and np.array_equal(stacks[0].mismatched, stacks[1].mismatched)

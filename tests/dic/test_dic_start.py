@@ -53,4 +53,4 @@ def test_the_smoother_of_a_level_has_the_length_of_its_blur(moved):
     reference, _ = set_up(mesh, f)
     lengths = [level.smoother.length_px for level in build_pyramid(reference.pixel_map, f, mesh.blocks, 40.0)]
     assert lengths == sorted(lengths, reverse=True) and lengths[-1] == 40.0
-    assert build_smoother(mesh.nodes, mesh.blocks, Regularisation()).length_px == 40.0
+    assert build_smoother(mesh.nodes, mesh.blocks, Regularisation.smooth()).length_px == 40.0

@@ -249,12 +249,14 @@ def test_a_missing_package_is_named_with_the_command_that_installs_it():
 def test_the_page_on_python_runs_as_it_is_printed():
     """docs/python.md: its code, and the values below the first block."""
     page = (Path(__file__).parents[2] / "docs" / "python.md").read_text(encoding="utf-8")
-    code, further, flow = re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+    code, free, further, flow = re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
     (printed,) = re.findall(r"^```text\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
     data = arrays.recorded()
     names = {"images": data.images, "mesh": data.mesh, "loads": data.loads}
     exec(compile(code, "docs/python.md", "exec"), names)
     assert repr(names["result"].parameters) == printed.strip()
+    exec(compile(free, "docs/python.md", "exec"), names)
+    assert names["motion"].status == ["ok"] * len(data.images)
     pytest.importorskip("xarray")
     exec(compile(further, "docs/python.md", "exec"), names)
     exec(compile(flow, "docs/python.md", "exec"), names)

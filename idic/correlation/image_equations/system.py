@@ -299,8 +299,9 @@ def _open_sums(equations: FrameEquations, weight: float, matrix: np.ndarray, rhs
     basis, rhs, n = equations.basis, rhs - matrix @ step, equations.channels.d_global.shape[1]
     assert isinstance(equations.shared, np.ndarray)  # as wherever there is a basis
     columns, product = weight * equations.shared, weight * basis.product
-    local = LocalEquations(matrix[n:, n:], matrix[n:, :n], rhs[n:], noise[n:, n:], noise[n:, :n], columns[:, n:],
-                           product[:, n:], basis.kappa, readings[:, n:], readings[:, :n])
+    of_frame = (matrix[n:, n:], matrix[n:, :n], rhs[n:], noise[n:, n:], noise[n:, :n], columns[:, n:], product[:, n:],
+                basis.kappa, readings[:, n:], readings[:, :n])
+    local = LocalEquations(*(part.copy() for part in of_frame))  # a view would keep all columns of every frame
     return OpenSums(weight * basis.rhs - product @ step, columns[:, :n], product[:, :n],
                     basis.kappa[:, None] * product[:, :n], basis.visible, basis.kappa * basis.visible, matrix[:n, :n],
                     rhs[:n], noise[:n, :n], (local,))

@@ -6,9 +6,8 @@ docs/experiment-file.md names every key with its default.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from idic.experiment_file.schema.base import Strict, refuse
 from idic.experiment_file.schema.boundary import BoundaryTable, ChannelTable, SetTable
@@ -33,7 +32,7 @@ class ExperimentFile(Strict):
     camera: CameraTable | None = None  # the main one
     scanner: ScannerTable | None = None  # of volumes
     further_cameras: list[FurtherCameraTable] = []  # further [[camera]] tables
-    material: Annotated[dict[str, MaterialTable], Field(min_length=1)]
+    material: dict[str, MaterialTable] = {}  # none: the motion is measured, and nothing simulated
     sets: dict[str, SetTable] = {}
     heterogeneity: list[HeterogeneityTable] = []
     crack: list[CrackTable] = []

@@ -38,7 +38,7 @@ def regularisation_of(options: Options) -> Regularisation:
     regularisation = options.dic_regularisation
     if regularisation == "auto":
         regularisation = "none" if is_two_step(options) else "mechanical"
-    return Regularisation(regularisation)
+    return Regularisation.smooth(regularisation)
 
 
 def check_method(experiment: Experiment) -> None:

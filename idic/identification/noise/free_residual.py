@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic.correlation import ReferenceImage
-from idic.measure import dic_stack
+from idic.measure import Regularisation, dic_stack
 from idic.images import (
     NoiseCovariance, TilesOnMaterial, evaluate, prefilter,
 )
@@ -38,7 +38,8 @@ def free_residual_noise(view: Experiment, reference: ReferenceImage, region: np.
         return None
     unused_frames = set(range(view.model.n_frames)) - {view.model.reference, *chosen}
     excluded = tuple(sorted(unused_frames | set(view.recording.excluded)))
-    motion = dic_stack(replace(view, recording=replace(view.recording, excluded=excluded)))
+    motion = dic_stack(replace(view, recording=replace(view.recording, excluded=excluded)),
+                       Regularisation.smooth())
     followed = [k for k in chosen if motion.status[k] == "ok"]
     rng, still = np.random.default_rng(0), _raw(view.recording, view.model.reference)
     frames = (_on_material(view, reference, frame, motion.u_px[frame], rng) for frame in followed)

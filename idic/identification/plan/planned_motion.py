@@ -13,7 +13,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.experiment_file import ExperimentFile
 from idic.identification.free_motion.free_motion_start import measured_start, motion_in_space
-from idic.measure import boundary_start, dic_stack, with_boundary_start
+from idic.measure import Regularisation, boundary_start, dic_stack, with_boundary_start
 from idic.model import COMPONENTS, Experiment, Measured, Model, Parametrised, Prescribed, build_drives, set_nodes
 
 Courses = Mapping[str, Sequence[Sequence[float]]]
@@ -48,7 +48,7 @@ def edge_motion(experiment: Experiment, courses: Courses, recorded: bool,
         motion, notes = _prescribed_motion(experiment.model, driven_edges, courses), ()
         motion = motion if is_volume else _in_images(experiment.model, motion)
     elif unknown and recorded:
-        motion = motion_in_space(experiment) if is_volume else dic_stack(experiment).u_px
+        motion = motion_in_space(experiment) if is_volume else dic_stack(experiment, Regularisation.smooth()).u_px
         notes = ("ends of unknown motion move as a free FE-DVC of the scans measures" if is_volume else
                  "edges of unknown motion move as a free FE-DIC of the images measures",)
     else:

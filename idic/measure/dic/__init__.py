@@ -11,5 +11,6 @@ from idic.measure.dic.regularisation import Regularisation, Smoother, build_smoo
 from idic.measure.dic.stack import DicStack, dic_stack
 from idic.measure.dic.start import build_pyramid, coarse_motion, descend
 
-__all__ = ["BoundaryStart", "DicFrame", "DicStack", "Regularisation", "Smoother", "boundary_start", "build_pyramid",
-           "build_smoother", "coarse_motion", "descend", "dic_frame", "dic_stack", "node_std", "with_boundary_start"]
+__all__ = ["BoundaryStart", "DicFrame", "DicStack", "Regularisation", "Smoother", "boundary_start",
+           "build_pyramid", "build_smoother", "coarse_motion", "descend", "dic_frame", "dic_stack", "node_std",
+           "with_boundary_start"]

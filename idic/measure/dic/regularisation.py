@@ -36,12 +36,16 @@ class Regularisation:
     ----------
     kind : "none" | "mechanical" | "gradient"
     length_px : float or None
-        Waves of this length are damped by half. None: twice the distance of the nodes, at least 24 px; the shortest
-        wave on the mesh has that length, so the field keeps what its elements can describe.
+        Waves of this length are damped by half. None: `per_node` times the distance of the nodes, at least `least_px`.
+    per_node, least_px : float
+        By default the field keeps what its elements can describe: there noise times resolution is smallest
+        (docs/dic-resolution.md).
     """
 
     kind: str = "mechanical"
     length_px: float | None = None
+    per_node: float = 0.5
+    least_px: float = 8.0
 
     def __post_init__(self):
         if self.kind not in KINDS:
@@ -50,6 +54,17 @@ class Regularisation:
         if self.length_px is not None and not self.length_px > 0:
             raise InputError("not a regularisation length", key="length_px", expected="px, above 0",
                              found=self.length_px, remedy="give a length of one to some elements, in pixels")
+
+
+    @classmethod
+    def smooth(cls, kind: str = "mechanical") -> Regularisation:
+        """Where a motion is searched for, judged, or shown on the fine mesh of a model: over twice the distance of the
+        nodes, the length of the shortest wave on the mesh, and 24 px at least."""
+        return cls(kind, per_node=2.0, least_px=24.0)
+
+    def of_nodes(self, distance_px: float) -> float:
+        """The length on a mesh with this distance of the nodes (px)."""
+        return max(self.per_node * distance_px, self.least_px) if self.length_px is None else self.length_px
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,9 +132,7 @@ def build_smoother(nodes_px: np.ndarray, cells: Sequence[Block], regularisation:
     nodes_px = np.asarray(nodes_px, dtype=float)
     neighbours = _neighbours(len(nodes_px), cells)
     size = _node_distance(nodes_px, cells)
-    length = regularisation.length_px
-    if length is None:
-        length = max(2.0 * size, 24.0)
+    length = regularisation.of_nodes(size)
     if regularisation.kind == "gradient":
         operator, row_node = _gradient_rows(nodes_px, cells)
     else:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -85,6 +85,7 @@ class _Setting:
     experiment: Experiment
     reference: ReferenceImage
     smoother: Smoother
+    measuring: Smoother | None  # the shorter one, with which frames are measured that the other one has found
     cells: list[Block]
     brightness: str
     pyramid: list[Level]  # filled when first needed
@@ -118,7 +119,8 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
     experiment : Experiment
         Mesh, camera, stack, reference frame, mask, excluded frames and the image options are used; no law, no force.
     regularisation : Regularisation | "mechanical" | "gradient" | "none" | None
-        A name takes its default length (twice the distance of the nodes, at least 24 px).
+        A name takes its default length. Frames are searched for and judged with a mechanical one of twice the distance
+        of the nodes, at least 24 px; where the given length is shorter, the motion is then measured with it.
     progress : callable, optional
         Called with (frames done, frames in all).
     keep : callable, optional
@@ -145,20 +147,20 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
     pixels, lost, iterations, attempts = (np.zeros(n, dtype=int) for _ in range(4))
     converged = np.zeros(n, dtype=bool)
     recognised, mismatched, moved_px, unlike = np.zeros(n, dtype=bool), np.zeros(n), np.zeros(n), np.zeros(n)
-    for n_done, (k, frame, tried, noise) in enumerate(_frames(setting), 1):
+    searched_rms = np.full(n, np.nan)
+    for n_done, (k, frame, measured, tried, noise) in enumerate(_frames(setting), 1):
         recognised[k] = is_recognised(setting.reference, frame)
-        rms[k], pixels[k], lost[k] = frame.rms_gv, frame.n_pixels, frame.n_lost
-        iterations[k], converged[k], attempts[k] = frame.iterations, frame.converged, tried
+        rms[k], pixels[k], lost[k] = measured.rms_gv, measured.n_pixels, measured.n_lost
+        iterations[k], converged[k], attempts[k] = measured.iterations, measured.converged, tried
         if recognised[k]:
             wrong = mismatched_elements(setting.reference, frame)
-            moved_px[k] = np.sqrt(np.nanmean(frame.u_px**2))
+            moved_px[k], searched_rms[k] = np.sqrt(np.nanmean(frame.u_px**2)), frame.rms_gv
             unlike[k] = unlikeness_of(setting.reference, frame)
             mismatched[k], variance[k], local[k] = wrong.mean(), noise.variance, noise.local_variance
-            u_px[k] = np.where(nodes_of(setting.reference, wrong)[:, None], np.nan, frame.u_px)
+            u_px[k] = np.where(nodes_of(setting.reference, wrong)[:, None], np.nan, measured.u_px)
         if progress is not None:
             progress(n_done, n)
-    status = _status(experiment, recognised, unexplained(np.where(recognised, rms, np.nan), mismatched,
-                                                         moved_px, unlike))
+    status = _status(experiment, recognised, unexplained(searched_rms, mismatched, moved_px, unlike))
     good = np.array([s == "ok" and k not in recording.averaged for k, s in enumerate(status)])  # part of the reference
     noise_gv = noise_of_frames(np.where(good, local, np.nan))
     if keep is not None:
@@ -166,7 +168,8 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
             keep(motion)
         u_px = u_px[:0].copy()
     return DicStack(u_px, status, rms, variance / (recording.noise.std_gv or noise_gv) ** 2, noise_gv, np.sqrt(local),
-                    pixels, lost, mismatched, iterations, converged, attempts, setting.smoother.length_px)
+                    pixels, lost, mismatched, iterations, converged, attempts,
+                    (setting.measuring or setting.smoother).length_px)
 
 
 def _named(regularisation: Regularisation | str | None) -> Regularisation:
@@ -181,14 +184,19 @@ def _set_up(experiment: Experiment, regularisation) -> _Setting:
     cells = surface_cells(model.mesh, model.surface)
     reference = build_experiment_reference(experiment, model.camera)
     smoother = build_smoother(reference.pixel_map.nodes_px, cells, regularisation)
-    return _Setting(experiment, reference, smoother, cells, experiment.options.brightness, [])
+    longer = replace(smoother, length_px=Regularisation.smooth().of_nodes(smoother.size_px))
+    if regularisation.kind == "mechanical" and smoother.length_px < longer.length_px:
+        return _Setting(experiment, reference, longer, smoother, cells, experiment.options.brightness, [])
+    return _Setting(experiment, reference, smoother, None, cells, experiment.options.brightness, [])
 
 
-def _frames(setting: _Setting) -> Iterator[tuple[int, DicFrame, int, Any]]:
-    """Forward from the reference frame to the last, then backward to the first."""
+def _frames(setting: _Setting) -> Iterator[tuple[int, DicFrame, DicFrame, int, Any]]:
+    """Forward from the reference frame to the last, then backward to the first: how each frame is judged and how it is
+    measured."""
     experiment = setting.experiment
     zero = np.zeros((experiment.model.mesh.n_nodes, 2))
     dof_of: tuple[Factorisation | None, float] = (None, 0.0)
+    factor: Factorisation | None = None
     for order in (range(experiment.model.reference + 1, experiment.model.n_frames),
                   range(experiment.model.reference - 1, -1, -1)):
         start = _LastFrame(experiment.model.reference, experiment.model.times[experiment.model.reference], zero, None,
@@ -199,14 +207,25 @@ def _frames(setting: _Setting) -> Iterator[tuple[int, DicFrame, int, Any]]:
             image = experiment.recording.stack.frame(k)
             spline = frame_spline(experiment, k)
             frame, tried = _measure(setting, k, image, spline, start)
-            noise = None
+            noise, measured = None, frame
             if is_recognised(setting.reference, frame):
-                if dof_of[0] is not frame.factorisation:
-                    dof_of = (frame.factorisation, fitted_dof(frame))
-                noise = residual_noise(setting.reference, spline, frame, setting.brightness, dof_of[1])
+                measured = _remeasured(setting, spline, frame, factor)
+                factor = measured.factorisation
+                if dof_of[0] is not factor:
+                    dof_of = (factor, fitted_dof(measured))
+                noise = residual_noise(setting.reference, spline, measured, setting.brightness, dof_of[1])
                 if not _suspicious(setting, frame, 2 * start.rms):
                     start = _follow(start, k, experiment.model.times[k], frame)
-            yield k, frame, tried, noise
+            yield k, frame, measured, tried, noise
+
+
+def _remeasured(setting: _Setting, spline: Spline, frame: DicFrame, factor: Factorisation | None) -> DicFrame:
+    """A frame with the shorter regularisation; as it was searched for where that does not converge, or is none."""
+    if setting.measuring is None:
+        return frame
+    measured = dic_frame(setting.reference, spline, frame.u_full_px, setting.measuring, setting.brightness,
+                         factorisation=factor)
+    return measured if measured.converged else frame
 
 
 def _follow(start: _LastFrame, k: int, time: float, frame: DicFrame) -> _LastFrame:

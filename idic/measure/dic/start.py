@@ -47,7 +47,7 @@ def build_pyramid(pixel_map: PixelMap, image: np.ndarray, cells: Sequence[Block]
 
     image : (ny, nx) reference image; least_length_px : regularisation length of the full images.
     """
-    smoother = build_smoother(pixel_map.nodes_px, cells, Regularisation("mechanical"))
+    smoother = build_smoother(pixel_map.nodes_px, cells, Regularisation.smooth())
     levels = []
     for blur in BLURS_PX:
         blurred = scipy.ndimage.gaussian_filter(np.asarray(image, dtype=np.float32), blur)

@@ -42,11 +42,11 @@ def seen_by(experiment: Experiment, reference) -> Seen | None:
     """None where there is none of this kind: height images (sections have their own), meshes too large for a report."""
     model = experiment.model
     if isinstance(reference, FieldReference):
-        return Seen(experiment, reference.in_plane, smoother_of(model, reference, Regularisation()))
+        return Seen(experiment, reference.in_plane, smoother_of(model, reference, Regularisation.smooth()))
     if experiment.recording.quantity != "grey" or is_section(model) or model.mesh.n_nodes > MAX_FREE_DIC_NODES:
         return None
     cells = surface_cells(model.mesh, model.surface)
-    return Seen(experiment, reference, build_smoother(reference.pixel_map.nodes_px, cells, Regularisation()))
+    return Seen(experiment, reference, build_smoother(reference.pixel_map.nodes_px, cells, Regularisation.smooth()))
 
 
 def free_frame(view: Seen, frame: int, start: np.ndarray,

@@ -26,7 +26,6 @@ from idic.report.evidence.plausible import (
     pattern_warnings, separate_pieces, start_values, sums_of_all_reactions, without_pattern,
 )
 from idic.report.evidence.rig import rig_warnings
-from idic.report.evidence.volumes.facts import volume_facts, volume_overlay
 from idic.report.figures.mesh.overlay import mesh_on_points, mesh_overlay
 from idic.report.figures.picture import Picture
 from idic.windows import away_from_edges
@@ -243,6 +242,8 @@ def _check_camera(experiment: Experiment, draw: bool, is_main: bool) -> tuple[Ch
 
 def _check_volume(experiment: Experiment, draw: bool) -> CheckReport:
     """The facts on volumes."""
+    from idic.report.evidence.volumes.facts import volume_facts
+
     model, recording = experiment.model, experiment.recording
     facts, labels = volume_facts(experiment), recording.labels
     check_volume_axes(experiment)
@@ -262,6 +263,8 @@ def overlay(experiment: Experiment) -> Picture:
     """The mesh of a view, drawn on its reference image, on the measured points or on sections of a volume."""
     model, recording = experiment.model, experiment.recording
     if recording.quantity == "volume":
+        from idic.report.evidence.volumes.facts import volume_overlay
+
         return volume_overlay(experiment)
     points, cells = seen_nodes(model.mesh, model.kind, model.surface)
     camera, shape = model.camera, recording.image_shape

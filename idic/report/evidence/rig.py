@@ -11,7 +11,6 @@ import numpy as np
 from idic.correlation import determined_by_texture
 from idic.errors import InputError, NotConverged
 from idic.fe import followed, normal_axis, seen_first
-from idic.identification import design_test
 from idic.images import PLACEMENT_STEM, PlacedCamera
 from idic.model import Experiment, Measured, Model, Noise, Remedies, set_nodes
 
@@ -42,6 +41,8 @@ def rig_warnings(experiment: Experiment, time_s: float) -> Iterator[str]:
         yield (f"whether {', '.join(rig_parameters)} can be separated is not checked here, because it takes minutes: "
                "idic design reports it")
         return
+    from idic.identification import design_test  # a fifth of the start of a check, where no rig is to be judged
+
     try:
         summary = design_test("check", _thinned(experiment)).full.summary()
     except (InputError, NotConverged) as problem:

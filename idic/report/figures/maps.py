@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -68,7 +68,8 @@ def local_chi2(record: RunRecord) -> Picture | None:
     window = residual_window(data.identified)
     size = 2 * (int(min(window[1] - window[0], window[3] - window[2]) / MIN_CHI2_WINDOWS) // 2) + 1
     size = max(size, 9)
-    stacks = [_window_mean((stack / units[:, None, None]) ** 2, size) for stack in (data.start, data.identified)]
+    stacks = [_window_mean(((part / unit) ** 2 for part, unit in zip(stack, units, strict=True)), size)
+              for stack in (data.start, data.identified)]
     caption = (
         f"Residual² / noise², averaged over {size} × {size} px. 1 (white) is noise; red is motion or brightness "
         "(height) that the simulation lacks. "
@@ -165,20 +166,23 @@ def residual_window(stack: np.ndarray) -> tuple[float, float, float, float]:
     return columns.min() - 1.5, columns.max() + 1.5, rows.min() - 1.5, rows.max() + 1.5
 
 
-def _window_mean(stack: np.ndarray, size: int) -> np.ndarray:
+def _window_mean(stack: Iterable[np.ndarray], size: int) -> np.ndarray:
     """Mean over size x size windows of the finite values; NaN stays NaN, and so does a window with less than half of
-    them."""
-    is_finite = np.isfinite(stack)
-    total, count = (_window_sum(np.where(is_finite, part, 0.0), size) for part in (stack, 1.0))
-    well_filled = is_finite & (count >= 0.5 * size**2)
-    return np.where(well_filled, total / np.maximum(count, 1.0), np.nan)
+    them. One map at a time: it takes some arrays of its size  # maps (ny, nx) -> (n, ny, nx)"""
+    def mean(values: np.ndarray) -> np.ndarray:
+        is_finite = np.isfinite(values)
+        total, count = (_window_sum(np.where(is_finite, part, 0.0), size) for part in (values, 1.0))
+        well_filled = is_finite & (count >= 0.5 * size**2)
+        return np.where(well_filled, total / np.maximum(count, 1.0), np.nan)
+
+    return np.stack([mean(values) for values in stack])
 
 
-def _window_sum(stack: np.ndarray, size: int) -> np.ndarray:
-    """Sum over size x size windows (odd), zero beyond the image, through running sums."""
+def _window_sum(values: np.ndarray, size: int) -> np.ndarray:
+    """Sum over size x size windows (odd), zero beyond the image, through running sums  # (ny, nx)"""
     half = size // 2
-    sums = np.pad(stack.astype(float), ((0, 0), (half + 1, half), (half + 1, half))).cumsum(axis=1).cumsum(axis=2)
-    return sums[:, size:, size:] - sums[:, :-size, size:] - sums[:, size:, :-size] + sums[:, :-size, :-size]
+    sums = np.pad(values.astype(float), half + 1)[:-1, :-1].cumsum(axis=0).cumsum(axis=1)
+    return sums[size:, size:] - sums[:-size, size:] - sums[size:, :-size] + sums[:-size, :-size]
 
 
 def displacements(record: RunRecord) -> Picture | None:

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic import load_experiment
-from idic.measure import dic_stack
+from idic.measure import Regularisation, dic_stack
 from idic.identification import Evaluation, evaluate_at, identify, measured_start
 from idic.model import Experiment, Noise
 
@@ -29,7 +29,7 @@ def residuals(point: Evaluation, n_frames: int) -> np.ndarray:
 
 def judged(experiment: Experiment, withheld: tuple[int, ...]) -> tuple[np.ndarray, list[dict]]:
     """Residuals (n_frames, 3) of free FE-DIC, fit to all, fit without `withheld`; and the two fits' results."""
-    free_dic = dic_stack(experiment)
+    free_dic = dic_stack(experiment, Regularisation.smooth())
     excluded = [k for k, status in enumerate(free_dic.status) if status != "ok"]
     if experiment.recording.noise.std_gv is None:
         experiment = replace(experiment, recording=replace(experiment.recording,
