@@ -269,7 +269,7 @@ def _increments(system: System, params, times, rest_state: Converged, differenti
                     state = replace(state, factor=None)
                     solved = solved if serves(system, solved) else replace(solved, factor=None)
                     factor = consistent_factor(system, solved)
-                    solved = replace(solved, factor=factor, symmetric=factor.of_symmetric_part,
+                    solved = replace(solved, factor=factor, kind=factor.kind,
                                      gain=solved.gain if factor.of_earlier_tangent else np.inf)
                 factor = solved.factor
             if warm is not None:
