@@ -38,6 +38,7 @@ from .mesh.surface_edges import (
     CORNER_COSINE, followed, inner_second_differences, normal_axis, rim_second_differences, second_difference,
     seen_first,
 )
+from .products import linearised
 from .response import Alternative, Responses, first_responses
 from .solver.factorisation_cost import Fill, dissected
 from .solver.linear import Factor
@@ -141,6 +142,7 @@ __all__ = [
     "is_extrapolated",
     "is_linear",
     "is_raised_by_default",
+    "linearised",
     "make_mesh",
     "march",
     "march_extrapolated",

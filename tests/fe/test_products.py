@@ -1,0 +1,100 @@
+"""J v and J^T w without J: the same as with the derivatives of the march, and each the transpose of the other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fe_bodies import PARAMETERS, body, grid, held, where
+from test_sensitivity import BODIES, TIMES, model_of
+
+from idic.errors import InputError
+from idic.fe import Direction, PathControl, Reaction, Variation, dofs_of, linearised, march
+from idic.fe import products
+
+MEMORY = {"maxwell": np.array([200.0, 0.3, 0.3, 0.5, 0.2, 2.0, 0.0, 10.0]),
+          "j2_kinematic": np.array([200.0, 0.3, 1.0, 10.0, 20.0, 5.0])}
+
+
+def with_fields(model, n_histories=2):
+    """The model with two factor fields, and directions of every kind that has products."""
+    nodes = model.mesh.nodes
+    spot = Variation("BODY", "spot", {"amount": 1.3, "x": 0.4, "y": 0.6, "radius": 0.3})
+    slope = Variation("BODY", "gradient", {"along_x": 0.2, "along_y": -0.1}, nodes.mean(axis=0),
+                      np.ptp(nodes, axis=0) / 2)
+    histories, rng = model.constraints.histories, np.random.default_rng(5)
+    directions = [Direction("spot", variation=(0, "amount")),
+                  *(Direction(f"m{i}", material=(0, i))
+                    for i in range(len(model.sections[0].law.spec.parameter_names))),
+                  Direction("radius", variation=(0, "radius")), Direction("slope", variation=(1, "along_y")),
+                  *(Direction(f"h{k}", d_histories=rng.standard_normal(histories.shape)) for k in range(n_histories))]
+    if model.loads.dead is not None:
+        n_pressure = len(model.loads.pressure_faces)
+        changes = np.hstack([rng.standard_normal(model.loads.dead_histories.shape),
+                             np.zeros((len(histories), n_pressure))])
+        directions.append(Direction("load", d_loads=changes, d_histories=0.1 * histories))
+    return replace(model, variations=(spot, slope)), directions
+
+
+def check(model, params, times=TIMES, **more):
+    model, directions = with_fields(model)
+    states = list(march(model, {"BODY": params}, times, directions, **more))
+    at, rng = linearised(model, {"BODY": params}, times, directions, **more), np.random.default_rng(0)
+    assert np.array_equal(at.motion.u, [state.u for state in states]) and at.steps == states[-1].steps
+    assert np.array_equal(at.motion.channels, [state.channels for state in states])
+    du, dchannels = (np.array([getattr(state, name) for state in states]) for name in ("du", "dchannels"))
+    v = rng.standard_normal(len(directions)) / np.maximum(np.abs(du).max(axis=(0, 1, 2)), 1e-300)
+    w = products.Motion(rng.standard_normal(at.motion.u.shape),
+                        rng.standard_normal(at.motion.channels.shape) / np.maximum(np.abs(dchannels @ v).max(), 1e-300))
+    moved, gradient = at.tangent(v), at.adjoint(w)
+    for product, exact in ((moved.u, du @ v), (moved.channels, dchannels @ v),
+                           (gradient, np.tensordot(w.u, du, 3) + np.tensordot(w.channels, dchannels, 2))):
+        np.testing.assert_allclose(product, exact, rtol=0, atol=1e-9 * np.abs(exact).max())
+    size = np.linalg.norm(w.u) * np.linalg.norm(moved.u) + np.linalg.norm(w.channels) * np.linalg.norm(moved.channels)
+    assert abs(w.dot(moved) - gradient @ v) < 1e-10 * size
+    return at, v, w, moved, gradient
+
+
+@pytest.mark.parametrize("law", ["elastic", "neo_hookean", "j2_linear"])
+@pytest.mark.parametrize("shape", BODIES)
+def test_products_are_those_with_the_derivatives(shape, law):
+    check(model_of(*BODIES[shape], law), PARAMETERS[law])
+
+
+@pytest.mark.parametrize("law", MEMORY)
+@pytest.mark.parametrize("shape", ["plane stress", "plane strain F-bar"])
+def test_laws_that_remember_more_have_products_too(shape, law):
+    check(model_of(*BODIES[shape], law), MEMORY[law])
+
+
+def test_increments_inside_of_a_frame_interval_are_gone_through():
+    check(model_of(*BODIES["plane stress"], "j2_linear"), PARAMETERS["j2_linear"], substeps=3)
+
+
+def test_what_is_not_kept_is_made_again(monkeypatch):
+    model, params = model_of(*BODIES["solid F-bar"], "j2_linear"), PARAMETERS["j2_linear"]
+    *_, moved, gradient = check(model, params)
+    monkeypatch.setattr(products, "MAX_KEPT_BYTES", 0)
+    at, v, w, again, gradient_again = check(model, params)
+    assert all(linear is None for linear in at._linear)
+    np.testing.assert_allclose(again.u, moved.u, rtol=0, atol=1e-9 * np.abs(moved.u).max())
+    np.testing.assert_allclose(gradient_again, gradient, rtol=0, atol=1e-9 * np.abs(gradient).max())
+
+
+def test_what_has_no_products_is_said():
+    model = model_of(*BODIES["plane stress"], "elastic")
+    for direction, word in ((Direction("t", thickness=True), "thickness"),
+                            (Direction("p", d_loads=np.ones((len(TIMES), 2))), "pressure")):
+        with pytest.raises(InputError, match="no products") as problem:
+            linearised(model, {"BODY": PARAMETERS["elastic"]}, TIMES, [direction])
+        assert word in problem.value.found
+    mesh = grid("quad4", (2, 2))
+    left, right = (where(mesh, lambda x, *_, s=s: np.abs(x - s) < 1e-9) for s in (0, 1))
+    drives = held(mesh, [(left, "x", 0.0), (left, "y", 0.0), (right, "x", np.zeros(2))])
+    gauge = np.zeros(2 * mesh.n_nodes)
+    gauge[dofs_of(right, "x", 2)[0]] = 1.0
+    model = body(mesh, "plane_stress", "elastic", None, drives, channels=(Reaction(dofs_of(right, "x", 2)),),
+                 control=PathControl(gauge, np.array([0.0, 0.01]), drive=0))
+    with pytest.raises(InputError, match="gauge"):
+        linearised(model, {"BODY": PARAMETERS["elastic"]}, np.arange(2.0), [])
