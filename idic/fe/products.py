@@ -39,14 +39,12 @@ COLUMNS_AT_A_TIME = 32  # of factor fields, when their values at the points are 
 
 
 @dataclass(frozen=True)
-class Motion:
-    """A motion and its channels, or weights of them: u (n_frames, n_nodes, d), channels (n_frames, n_channels)."""
+class MotionSeries:
+    """The motion and the channels of all frames, or a change of them: u (n_frames, n_nodes, d) mm, channels (n_frames,
+    n_channels)."""
 
     u: np.ndarray
     channels: np.ndarray
-
-    def dot(self, other: Motion) -> float:
-        return float(np.vdot(self.u, other.u) + np.vdot(self.channels, other.channels))
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,19 +133,32 @@ class Linearisation:
             checkpoint = replace(increment, factor=None, start=_checkpoint(increment.start), end=_checkpoint(end))
             self._increments.append(checkpoint)
             self.steps = StepList(increment.step_ends) if increment.step_ends else self.steps
-        self.motion = Motion(np.array(u), np.array(channels))
+        self.motion = MotionSeries(np.array(u), np.array(channels))
 
-    @property
-    def n_unknowns(self) -> int:
-        return self._unknowns.n
+    @classmethod
+    def of(cls, body: Body, params: Mapping[str, np.ndarray], times: np.ndarray, directions: Sequence[Direction],
+           steps: StepList | None = None, substeps: int = 1, control: Control | None = None,
+           warm_start: Iterable[np.ndarray] | None = None, may_cut: bool = False) -> Linearisation:
+        """Simulate the whole test; parameters and errors as of `idic.fe.march`.
 
-    def tangent(self, v: np.ndarray) -> Motion:
+        Raises
+        ------
+        InputError
+            As `march`; for a direction that is no material parameter, factor field, history or dead load, and for a
+            body that a gauge controls.
+        """
+        _check(body, directions)
+        system, increments = solved_increments(body, params, times, directions, steps, substeps, control, warm_start,
+                                               may_cut)
+        return cls(system, params, np.asarray(times, dtype=float), directions, increments)
+
+    def tangent(self, v: np.ndarray) -> MotionSeries:
         """J v, the change of the motion along the unknowns v (n,)."""
         system, unknowns, shape = self.system, self._unknowns, self.system.body.mesh.nodes.shape
         states = [np.zeros((g.n_points, _n_state(g))) for g in system.groups]
         weights = [shapes @ v[unknowns.variation] for shapes in unknowns.shapes]
         material, histories = v[unknowns.material], unknowns.histories @ v[unknowns.drive]
-        moved = Motion(np.zeros_like(self.motion.u), np.zeros_like(self.motion.channels))
+        moved = MotionSeries(np.zeros_like(self.motion.u), np.zeros_like(self.motion.channels))
         edge, free_dofs = np.asarray(system.body.constraints.dofs), system.pattern.dofs
         for increment, linear in self._forwards():
             forces, du = np.zeros(shape), np.zeros(system.body.n_dof)
@@ -180,8 +191,11 @@ class Linearisation:
                 moved.channels[increment.ends_frame] = self._readings[edge].T @ forces[edge]
         return moved
 
-    def adjoint(self, w: Motion) -> np.ndarray:
-        """J^T w, the derivative of the weighted sum of motion and channels by the unknowns  # (n,)"""
+    def adjoint(self, u: np.ndarray, channels: np.ndarray) -> np.ndarray:
+        """J^T w, the derivative of a weighted sum of motion and channels by the unknowns  # (n,)
+
+        u (n_frames, n_nodes, d), channels (n_frames, n_channels) : the weights
+        """
         system, unknowns, shape = self.system, self._unknowns, self.system.body.mesh.nodes.shape
         states = [np.zeros((g.n_points, _n_state(g))) for g in system.groups]
         weights = [np.zeros(g.n_points) for g in system.groups]
@@ -190,8 +204,8 @@ class Linearisation:
         for increment, linear in self._backwards():
             p, wanted = np.zeros(system.body.n_dof), np.zeros(shape)
             if increment.ends_frame is not None:
-                wanted += w.u[increment.ends_frame]
-                p[edge] = self._readings[edge] @ w.channels[increment.ends_frame]
+                wanted += u[increment.ends_frame]
+                p[edge] = self._readings[edge] @ channels[increment.ends_frame]
             for group, g, slopes, state in zip(system.groups, linear.groups, linear.slopes, states, strict=True):
                 if _n_state(group):
                     by_F = np.einsum("pij,pi->pj", slopes.state_by_F, state).reshape(g.F.shape)
@@ -260,23 +274,6 @@ class Linearisation:
         at_edge = _stiffness_at_edge(system, end)
         groups = tuple(replace(g, A=None, Ke=None, b=None) for g in end.evaluation.groups)
         return _Linear(factor, at_edge, groups, slopes)
-
-
-def linearised(body: Body, params: Mapping[str, np.ndarray], times: np.ndarray, directions: Sequence[Direction],
-               steps: StepList | None = None, substeps: int = 1, control: Control | None = None,
-               warm_start: Iterable[np.ndarray] | None = None, may_cut: bool = False) -> Linearisation:
-    """Simulate the whole test for products with its derivatives; parameters and errors as of `idic.fe.march`.
-
-    Raises
-    ------
-    InputError
-        As `march`; for a direction that is no material parameter, factor field, history or dead load, and for a body
-        that a gauge controls.
-    """
-    _check(body, directions)
-    system, increments = solved_increments(body, params, times, directions, steps, substeps, control, warm_start,
-                                           may_cut)
-    return Linearisation(system, params, np.asarray(times, dtype=float), directions, increments)
 
 
 def _check(body: Body, directions: Sequence[Direction]) -> None:

@@ -396,15 +396,20 @@ def _in_parts(group: Group, work) -> list:
     return in_parts.in_parts(len(group.elements), group.n_points, work)
 
 
-def stiffness_times(system: System, ev: Evaluation, fields: np.ndarray) -> np.ndarray:
-    """K fields, prescribed dofs included on both sides  # fields (n_dof, m) -> (n_dof, m)"""
+def stiffness_times(system: System, ev: Evaluation, fields: np.ndarray, transposed: bool = False) -> np.ndarray:
+    """K fields, or K^T fields, prescribed dofs included on both sides  # fields (n_dof, m) -> (n_dof, m)"""
     fields = np.ascontiguousarray(fields)
     out = np.zeros_like(fields)
+
+    def add(matrices: np.ndarray, dofs: np.ndarray) -> None:
+        matrices = np.ascontiguousarray(matrices.transpose(0, 2, 1)) if transposed else matrices
+        kernels.add_stiffness_times(matrices, dofs, fields, out)
+
     for group, g in zip(system.groups, ev.groups, strict=True):
         element_matrices(group, g)
-        kernels.add_stiffness_times(g.Ke, group.dofs, fields, out)
+        add(g.Ke, group.dofs)
     for K, dofs in further_matrices(system, ev):
-        kernels.add_stiffness_times(K, dofs, fields, out)
+        add(K, dofs)
     return out
 
 
@@ -423,18 +428,6 @@ def held_stiffness_times(system: System, ev: Evaluation, fields: np.ndarray) -> 
         kernels.add_stiffness_times(g.Ke[group.holding], group.dofs[group.holding], fields, out)
     for K, dofs in further_matrices(system, ev):
         kernels.add_stiffness_times(K, dofs, fields, out)
-    return out
-
-
-def transposed_stiffness_times(system: System, ev: Evaluation, fields: np.ndarray) -> np.ndarray:
-    """K^T fields, prescribed dofs included on both sides  # fields (n_dof, m) -> (n_dof, m)"""
-    fields = np.ascontiguousarray(fields)
-    out = np.zeros_like(fields)
-    for group, g in zip(system.groups, ev.groups, strict=True):
-        element_matrices(group, g)
-        kernels.add_stiffness_times(np.ascontiguousarray(g.Ke.transpose(0, 2, 1)), group.dofs, fields, out)
-    for K, dofs in further_matrices(system, ev):
-        kernels.add_stiffness_times(np.ascontiguousarray(K.transpose(0, 2, 1)), dofs, fields, out)
     return out
 
 
