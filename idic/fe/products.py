@@ -336,12 +336,12 @@ def _point_slopes(system: System, k: int, g: GroupEvaluation, params: np.ndarray
     state_by_parameter = np.zeros((n, n_state, n_material))
     if dparams is not None:
         changes = point_changes(system, k, g, params, states, dt, None, np.zeros((n, n_material, n_stored)), dparams)
-        by_parameter, state_by_parameter = _on_true_stress(group, g, *changes, n_state)
+        by_parameter, state_by_parameter = _on_true_stress(group, g, *changes)
     if n_state:
         unit = np.zeros((n, n_state, n_stored))
         unit[:, np.arange(n_state), np.arange(n_state)] = 1.0
         by_state, state_by_state = _on_true_stress(
-            group, g, *point_changes(system, k, g, params, states, dt, None, unit, None), n_state)
+            group, g, *point_changes(system, k, g, params, states, dt, None, unit, None))
         unit_F = np.tile(np.eye(d * d).reshape(-1, d, d), (n, 1, 1, 1))
         guess = np.ascontiguousarray(g.state[:, -1]) if system.body.mode == 2 else None
         _, changed_state, _ = expansion.directional(
@@ -351,13 +351,13 @@ def _point_slopes(system: System, k: int, g: GroupEvaluation, params: np.ndarray
     return _PointSlopes(by_state, by_parameter, state_by_F, state_by_state, state_by_parameter)
 
 
-def _on_true_stress(group: Group, g: GroupEvaluation, dP: np.ndarray, changed_state: np.ndarray,
-                    n_state: int) -> tuple[np.ndarray, np.ndarray]:
+def _on_true_stress(group: Group, g: GroupEvaluation, dP: np.ndarray,
+                    changed_state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Changes (n_points, m, ...) of stress, acting on F, and state as columns; the mean over an element that small
     strains need is left for the product."""
     if g.scale is not None:
         locking.stress_finite(g.scale, dP.shape[-1], dP)
-    return _columns_last(dP.reshape(*dP.shape[:2], -1)), _columns_last(changed_state[:, :, :n_state])
+    return _columns_last(dP.reshape(*dP.shape[:2], -1)), _columns_last(changed_state[:, :, :_n_state(group)])
 
 
 def _columns_last(changes: np.ndarray) -> np.ndarray:

@@ -21,6 +21,7 @@ from scipy.sparse import block_array, coo_array, csr_array
 from idic.correlation import CorrelationContext, FrameResponse, channel_equations, view_of
 
 TOLERANCE = 1e-4  # residual of the step over its right-hand side
+MAX_INFORMATION_LEFT = 0.5  # of the prior: what the test tells along the last vectors of a covariance
 MAX_ITERATIONS = 150  # of a product each: a few per cent of a simulation
 MIN_GROWTH = 1e-12  # of a new Lanczos vector over its image: the space is exhausted
 
@@ -39,8 +40,11 @@ class LanczosStep:
     error: float
 
 
-def lanczos_step(product: Callable[[np.ndarray], np.ndarray], rhs: np.ndarray) -> LanczosStep:
-    """The step, to within `TOLERANCE`; product : H times a vector (n,)"""
+def lanczos_step(product: Callable[[np.ndarray], np.ndarray], rhs: np.ndarray, complete: bool = False) -> LanczosStep:
+    """The step, to within `TOLERANCE`.
+
+    product : H times a vector (n,); complete : go on until the vectors hold what H tells beyond the prior
+    """
     size = float(np.linalg.norm(rhs))
     if size == 0.0:
         return LanczosStep(np.zeros_like(rhs), np.zeros((len(rhs), 0)), (np.zeros(0), np.zeros(0)), 0.0)
@@ -55,7 +59,9 @@ def lanczos_step(product: Callable[[np.ndarray], np.ndarray], rhs: np.ndarray) -
         values, turns = eigh_tridiagonal(np.array(diagonal), np.array(beside))
         coefficients = turns @ (size * turns[0] / (1.0 + values))
         error = growth * abs(float(coefficients[-1])) / size
-        if error <= TOLERANCE or growth <= MIN_GROWTH * scale or len(diagonal) == MAX_ITERATIONS:
+        is_little = diagonal[-1] + growth + (beside[-1] if beside else 0.0) <= MAX_INFORMATION_LEFT
+        if ((error <= TOLERANCE and (is_little or not complete)) or growth <= MIN_GROWTH * scale
+                or len(diagonal) == min(MAX_ITERATIONS, len(rhs))):
             return LanczosStep(basis @ coefficients, basis, (np.array(diagonal), np.array(beside)), error)
         beside.append(growth)
         vectors.append(image / growth)

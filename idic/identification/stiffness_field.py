@@ -86,6 +86,8 @@ def stiffness_field(forward: ForwardModel, parameters: ParameterSet, context: Co
         if following is None:
             break
         at = following
+    step = lanczos_step(at.curvature, at.pull if at.pull.any() else np.ones(len(places)), complete=True)
+    n_products += 3 * step.vectors.shape[1]
     deviations, values = root @ at.deviations(step), root @ at.x
     elements, middles = _middles(body, element_set)
     number, hats = field.hats(middles)
@@ -243,7 +245,7 @@ class _Point:
     def deviations(self, step: LanczosStep) -> np.ndarray:
         """R with R R^T the covariance of the unknowns  # (n, n)
 
-        Deformed images have noise of their own, and that of the reference in common (docs/method.md, section 8).
+        Deformed images have noise of their own, and that of the reference in common (docs/method.md, section 7).
         """
         basis, n_references = step.vectors, self.problem.context.experiment.recording.n_references
         k = basis.shape[1]

@@ -100,6 +100,28 @@ def test_a_soft_spot_is_found_with_its_error_bars():
     assert (result.element_std < 0.3).all() and result.element_std.max() > 0.02
 
 
+def test_the_error_bars_are_the_scatter_of_noise():
+    """Of 24 draws, the noise of the reference among it; without the prior, whose part is no scatter."""
+    even = twin_bodies.experiment(prescribed=twin_bodies.pulled(0.08, False))
+    even = replace(even, model=replace(even.model, channels=()))
+    stack, noise, steps = twin_bodies.photographed(even).recording.stack, 0.5, []
+    clean = np.array([stack.frame(k) for k in range(len(twin_bodies.TIMES))], dtype=float)
+    rng = np.random.default_rng(2)
+    for _ in range(24):
+        images = (clean + noise * rng.standard_normal(clean.shape)).astype(np.float32)
+        drawn = problem(replace(even, recording=replace(even.recording, stack=type(stack)(images))), 0.8, 1.5)
+        drawn = replace(drawn, context=replace(drawn.context, weights=Weights(0.5 / noise**2, noise, NONE, NONE)))
+        at = drawn.at(np.zeros(drawn.root.shape[1]))
+        steps.append(drawn.root @ many_unknowns.lanczos_step(at.curvature, at.pull).x)
+    step = many_unknowns.lanczos_step(at.curvature, at.pull, complete=True)
+    deviations, basis = at.deviations(step), step.vectors
+    prior = np.linalg.inv(np.eye(basis.shape[1]) + basis.T @ np.array([at.curvature(v) for v in basis.T]).T)
+    within = basis.T @ deviations @ deviations.T @ basis - prior @ prior
+    predicted = np.einsum("ni,ij,nj->n", drawn.root @ basis, within, drawn.root @ basis)
+    ratio = np.var(steps, axis=0, ddof=1) / predicted
+    assert 0.7 < ratio.mean() < 1.4  # some ten fields are determined: 24 draws, 10 %
+
+
 def test_what_has_no_field_is_said():
     body = twin_bodies.photographed(twin_bodies.experiment())
     forward, parameters = build_forward(body), body.model.parameters
