@@ -1,5 +1,5 @@
 from .assembly.assembly import (
-    Evaluation, System, discretise, evaluate_system, stiffness_times, transposed_stiffness_times,
+    Evaluation, System, discretise, evaluate_system, stiffness_times,
 )
 from .body.boundary import constrain, dead_pressure, dofs_of, drives_at, face_area, traction
 from .body.body import Constraints, Direction, Loads, Body, PathControl, Reaction, Section, validate
@@ -38,6 +38,7 @@ from .mesh.surface_edges import (
     CORNER_COSINE, followed, inner_second_differences, normal_axis, rim_second_differences, second_difference,
     seen_first,
 )
+from .products import Linearisation
 from .response import Alternative, Responses, first_responses
 from .solver.factorisation_cost import Fill, dissected
 from .solver.linear import Factor
@@ -76,6 +77,7 @@ __all__ = [
     "FrameState",
     "FreePart",
     "Hole",
+    "Linearisation",
     "Loads",
     "Mesh",
     "Morph",
@@ -173,7 +175,6 @@ __all__ = [
     "sweep",
     "tip_load",
     "traction",
-    "transposed_stiffness_times",
     "unreached",
     "validate",
     "velocities",

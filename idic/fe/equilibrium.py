@@ -12,7 +12,7 @@ from idic.fe.assembly.assembly import element_matrices, evaluate_system, stiffne
 from idic.fe.assembly.assembly import Evaluation, System
 from idic.fe.body.boundary import Drives
 from idic.fe.solver.krylov import correction as iterated
-from idic.fe.solver.linear import Factor, SingularMatrix, factorise
+from idic.fe.solver.linear import Factor, FactorKind, SingularMatrix, factorise
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Converged:
 
     ``force_scale`` (N) is the largest nodal reaction or load so far; ``factor`` is the last factorisation used,
     ``gain`` the part of the error that an iteration with it left in the last correction, inf where none was made;
-    ``symmetric``: the symmetric part of the tangent was sufficient wherever it was tried;
+    ``kind``: the cheapest kind of factors that served;
     ``bend`` of a path that a gauge controls: how far the increment left its tangent, relative to its length.
     """
 
@@ -72,7 +72,7 @@ class Converged:
     factor_matrices: tuple[np.ndarray, ...] = ()
     bend: float = 0.0
     gain: float = np.inf
-    symmetric: bool = True
+    kind: FactorKind = FactorKind.SINGLE
 
     @property
     def time(self) -> float:
@@ -123,7 +123,7 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
         if unbalanced <= control.tolerance * scale + rounding or unbalanced <= coarseness:
             states = tuple(g.state for g in ev.groups)
             return Converged(drives, ev.u, states, scale, ev, iterations, tangent.factor, tangent.matrices,
-                             gain=tangent.gain, symmetric=tangent.symmetric)
+                             gain=tangent.gain, kind=tangent.kind)
         first = unbalanced if first is None else first
         if iterations >= control.max_iterations or not unbalanced < 1e6 * max(first, scale):
             raise NotConverged(where_unbalanced(system, ev, unbalanced, scale, iterations))
@@ -160,11 +160,11 @@ class _Tangent:
     factor: Factor | None
     matrices: tuple[np.ndarray, ...] = ()
     gain: float = np.inf
-    symmetric: bool = True
+    kind: FactorKind = FactorKind.SINGLE
 
     @classmethod
     def of(cls, start: Converged) -> _Tangent:
-        return cls(start.factor, start.factor_matrices, start.gain, start.symmetric)
+        return cls(start.factor, start.factor_matrices, start.gain, start.kind)
 
     @property
     def is_reused(self) -> bool:
@@ -189,8 +189,8 @@ def _solution(system: System, ev: Evaluation, rhs: np.ndarray, tangent: _Tangent
         iterated_solution = iterated(system.pattern.matrix(stiffness_values(system, ev)), tangent.factor, rhs)
         if iterated_solution is not None:
             return iterated_solution.x, replace(tangent, gain=iterated_solution.gain)
-    factor, matrices = _factor(system, ev, tangent.factor, tangent.matrices, tangent.symmetric)
-    tangent = _Tangent(factor, matrices, symmetric=factor.of_symmetric_part)
+    factor, matrices = _factor(system, ev, tangent.factor, tangent.matrices, tangent.kind)
+    tangent = _Tangent(factor, matrices, kind=factor.kind)
     if factor.of_symmetric_part and not matrices:
         iterated_solution = iterated(factor.matrix, factor, rhs)
         if iterated_solution is not None:
@@ -280,7 +280,7 @@ def _clamped(move: np.ndarray, held_dofs: np.ndarray, limit: float) -> np.ndarra
 
 
 def _factor(system: System, ev: Evaluation, factor: Factor | None, matrices,
-            symmetric: bool = True) -> tuple[Factor, tuple]:
+            kind: FactorKind = FactorKind.SINGLE) -> tuple[Factor, tuple]:
     """Factorise the stiffness; small-strain laws without memory keep the factor while nothing changed."""
     constant = all(g.law.small and g.law.spec.n_state == 0 for g in system.groups) and not system.pressures
     if constant:
@@ -292,7 +292,7 @@ def _factor(system: System, ev: Evaluation, factor: Factor | None, matrices,
             return factor, matrices
     try:
         values = stiffness_values(system, ev)
-        return factorise(system.pattern, values, symmetric), current_matrices if constant else ()
+        return factorise(system.pattern, values, kind), current_matrices if constant else ()
     except SingularMatrix as error:
         raise NotConverged(f"the stiffness is singular ({error}): check material parameters and supports") from None
 
@@ -312,7 +312,7 @@ def consistent_factor(system: System, at: Converged) -> Factor:
     if serves(system, at):
         return replace(at.factor, matrix=system.pattern.matrix(stiffness_values(system, at.evaluation)),
                        of_earlier_tangent=True)
-    return _factor(system, at.evaluation, at.factor, at.factor_matrices, at.symmetric)[0]
+    return _factor(system, at.evaluation, at.factor, at.factor_matrices, at.kind)[0]
 
 
 def factorise_tangent(system: System, evaluation: Evaluation) -> Factor:

@@ -22,7 +22,7 @@ import numpy as np
 from idic.errors import NotConverged
 from idic.fe.assembly import kernels
 from idic.fe.assembly.assembly import (
-    Evaluation, evaluate_system, external_force, stiffness_times, transposed_stiffness_times, weight_factor,
+    Evaluation, evaluate_system, external_force, stiffness_times, weight_factor,
 )
 from idic.fe.assembly.assembly import System, discretise
 from idic.fe.assembly.linear import kept_response
@@ -200,7 +200,7 @@ def solved_responses(system: System, evaluation: Evaluation, factor, forces: np.
     readings = np.zeros((len(forces), len(channels)))
     for k, channel in enumerate(channels):
         np.add.at(readings[:, k], np.asarray(channel.dofs, dtype=np.int64), channel.factor)
-    channel_changes = readings.T @ forces + transposed_stiffness_times(system, evaluation, readings).T @ moved
+    channel_changes = readings.T @ forces + stiffness_times(system, evaluation, readings, transposed=True).T @ moved
     moved = motions + moved
     if system.body.control is not None:  # the gauge stays on its course
         gauge, (with_it, felt) = system.body.control.gauge, answer_to_control(system, evaluation, factor)

@@ -103,7 +103,7 @@ def differentiate(system: System, params: Mapping[str, np.ndarray], directions: 
     """Derivatives at `end` from those at `start` (`start_changes`), with the factorised consistent tangent at `end`."""
     nd, dt, shape = len(directions), end.time - start.time, end.u.shape
     forces = np.zeros((*shape, nd))
-    dparams = _parameter_changes(system, directions, params, times, end)
+    dparams = parameter_changes(system, directions, params, times, end)
     expansions = _expansion_changes(system, directions, times, end)
     _add_variations(system, directions, end, forces)
     for k, g in enumerate(end.evaluation.groups):
@@ -250,7 +250,7 @@ def _params(system: System, k: int, params: Mapping[str, np.ndarray]) -> np.ndar
     return params[system.body.sections[system.groups[k].section].name]
 
 
-def _parameter_changes(system: System, directions, params, times: np.ndarray,
+def parameter_changes(system: System, directions, params, times: np.ndarray,
                        end: Converged) -> list[np.ndarray | None]:
     """Changes of the parameters of each group, of its points where they depend on the temperature
 

@@ -142,14 +142,30 @@ def march(body: Body, params: Mapping[str, np.ndarray], times: np.ndarray, direc
     GaveUp
         While iterating, where the test takes more than `Control.most_evaluations`.
     """
+    system, increments = solved_increments(body, params, times, directions, steps, substeps, control, warm_start,
+                                           may_cut)
+    return _frames(system, params, np.asarray(times, dtype=float), tuple(directions), increments)
+
+
+def solved_increments(body: Body, params: Mapping[str, np.ndarray], times: np.ndarray, directions: Sequence[Direction],
+                      steps: StepList | None, substeps: int, control: Control | None,
+                      warm_start: Iterable[np.ndarray] | None, may_cut: bool) -> tuple[System, Iterator[Increment]]:
+    """The body made ready to be solved, and its increments one after the other; parameters and errors as of `march`."""
     times = np.asarray(times, dtype=float)
     control = Control() if control is None else control
     _check_run(body, params, times, substeps)
     validate(body, len(times))
     check_directions(body, directions, len(times))
     frozen = None if steps is None else _frozen_targets(steps, times)
-    return _frames(discretise(body), params, times, tuple(directions), frozen, substeps, control,
-                   None if warm_start is None else WarmStart(u[:, :body.mesh.n_dim] for u in warm_start), may_cut)
+    warm = None if warm_start is None else WarmStart(u[:, :body.mesh.n_dim] for u in warm_start)
+    system = discretise(body)
+    return system, _increments(system, params, times, _rest_state(system, times), bool(directions), frozen, substeps,
+                               control, warm, may_cut)
+
+
+def _rest_state(system: System, times: np.ndarray) -> Converged:
+    drives = drives_at(system.body, times, times[0])
+    return Converged(drives, np.zeros_like(system.body.mesh.nodes), system.rest_states())
 
 
 def _check_run(body: Body, params, times: np.ndarray, substeps: int) -> None:
@@ -188,7 +204,7 @@ def _frozen_targets(steps: StepList, times: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class _Increment:
+class Increment:
     """A converged increment, from `start` to `end`.
 
     factor : of the consistent tangent at `end` where the next increment begins with it, else None
@@ -203,15 +219,10 @@ class _Increment:
     step_ends: tuple[float, ...]
 
 
-def _frames(system: System, params, times, directions, frozen, substeps, control, warm,
-            may_cut) -> Iterator[FrameState]:
+def _frames(system: System, params, times, directions, increments: Iterator[Increment]) -> Iterator[FrameState]:
     """Each increment is differentiated while the next one is solved, where a second thread may do that."""
-    drives = drives_at(system.body, times, times[0])
-    rest_state = Converged(drives, np.zeros_like(system.body.mesh.nodes), system.rest_states())
-    yield _reference_frame(system, times, directions, rest_state)
+    yield _reference_frame(system, times, directions, _rest_state(system, times))
     changes, influence = at_rest(system, len(directions)), None
-    increments = _increments(system, params, times, rest_state, bool(directions), frozen, substeps, control, warm,
-                             may_cut)
     second = bool(directions) and not system.pattern.costs_much and pool_of_threads() is not None
     with looked_ahead(increments, second) as solved:
         for increment in solved:
@@ -229,7 +240,7 @@ def _frames(system: System, params, times, directions, frozen, substeps, control
 
 
 def _increments(system: System, params, times, rest_state: Converged, differentiated: bool, frozen, substeps, control,
-                warm, may_cut) -> Iterator[_Increment]:
+                warm, may_cut) -> Iterator[Increment]:
     state, earlier, step_ends, size, effort = rest_state, None, [], IncrementSize(), Effort()
     most = np.inf if control.most_evaluations is None else control.most_evaluations * substeps * (len(times) - 1)
     for frame in range(1, len(times)):
@@ -269,7 +280,7 @@ def _increments(system: System, params, times, rest_state: Converged, differenti
                     state = replace(state, factor=None)
                     solved = solved if serves(system, solved) else replace(solved, factor=None)
                     factor = consistent_factor(system, solved)
-                    solved = replace(solved, factor=factor, symmetric=factor.of_symmetric_part,
+                    solved = replace(solved, factor=factor, kind=factor.kind,
                                      gain=solved.gain if factor.of_earlier_tangent else np.inf)
                 factor = solved.factor
             if warm is not None:
@@ -280,7 +291,7 @@ def _increments(system: System, params, times, rest_state: Converged, differenti
             ends = None if solved.time < times[frame] else frame
             previous, earlier, state = state, replace(state, states=(), evaluation=None, factor=None,
                                                       factor_matrices=()), solved
-            yield _Increment(previous, state, factor, ends, newton, tuple(step_ends) if ends else ())
+            yield Increment(previous, state, factor, ends, newton, tuple(step_ends) if ends else ())
             del previous, solved
 
 
@@ -322,7 +333,7 @@ def _gave_up(error: NotConverged, state: Converged, frame: int, target: float, f
     return stop
 
 
-def _channels(reactions: Sequence[Reaction], forces: np.ndarray) -> np.ndarray:
+def channel_values(reactions: Sequence[Reaction], forces: np.ndarray) -> np.ndarray:
     """Sums over the dofs of each channel; forces (n_dof,) or (n_dof, m)."""
     rows = [r.factor * forces[np.asarray(r.dofs, dtype=np.int64)].sum(axis=0) for r in reactions]
     return np.array(rows).reshape(len(reactions), *forces.shape[1:])
@@ -334,9 +345,9 @@ def _frame_state(system: System, frame: int, end: Converged, changes: Changes, i
     values = tuple(PointValues(group.section, group.cell, group.elements, g.F, g.P, g.state)
                    for group, g in zip(system.groups, end.evaluation.groups, strict=True))
     rises = surface_rise(system, end, changes.states, directions) if body.surface_side else (None, None)
-    return FrameState(frame, end.time, end.u, _channels(body.channels, end.evaluation.residual.ravel()),
-                      changes.du.reshape(*shape, -1), _channels(body.channels, changes.forces),
-                      influence.du, _channels(body.channels, influence.forces), newton, values,
+    return FrameState(frame, end.time, end.u, channel_values(body.channels, end.evaluation.residual.ravel()),
+                      changes.du.reshape(*shape, -1), channel_values(body.channels, changes.forces),
+                      influence.du, channel_values(body.channels, influence.forces), newton, values,
                       StepList(step_ends), *rises, influence.rise)
 
 

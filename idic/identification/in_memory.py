@@ -40,6 +40,7 @@ from idic.identification.step.state import (
     LoopState,
     Trial,
 )
+from idic.identification.stiffness_field import StiffnessField, stiffness_field
 from idic.identification.systematic.discretisation import is_coarse, with_mesh_error
 from idic.identification.weights import noise_weights
 from idic.images import Camera
@@ -113,6 +114,27 @@ class Identification:
         result.json."""
         return build_result(self.experiment, self.state, self.point, self.weights.image_noise, {}, [],
                             {"forward_runs": self.state.evaluations}, self.discrepancy)
+
+    def stiffness_field(self, element_set: str, spacing_mm: float, length_mm: float,
+                        std: float = 0.3) -> StiffnessField:
+        """Where an element set is stiffer or softer than the accepted point says, which stays as it is.
+
+        Parameters
+        ----------
+        spacing_mm : of the grid of the field, hundreds of whose values cost a few simulations
+        length_mm : within which the field is alike; std : of its logarithm before the test
+
+        Raises
+        ------
+        InputError, NotConverged
+            As `idic.identification.stiffness_field`.
+        """
+        experiment = experiment_of(self.experiment, self.state)
+        setup = _Setup(experiment, self.forward, (), self.weights, {}, {})
+        steps = self.steps if self.state.increments.per_frame is None else None
+        return stiffness_field(self.forward, self.parameters, _context(setup, self.parameters, False),
+                               correlated_frames(experiment, range(experiment.model.n_frames)), steps, element_set,
+                               spacing_mm, length_mm, std)
 
     @property
     def discrepancy(self) -> DiscrepancySystem | str:

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from idic.errors import InputError
 from idic.notebook.estimates import Estimates, covariance
-from idic.run import Fields
 from idic.notebook.optional import optional
+from idic.run import Fields, FieldsInMemory
 
 if TYPE_CHECKING:  # heavy, and perhaps not installed
     import arviz
@@ -108,6 +109,30 @@ class Result:
         from idic.notebook.dataset import strain_tensor
 
         return strain_tensor(self.fields, frame, measure, angle_deg, source)
+
+    def stiffness_field(self, element_set: str, spacing_mm: float, length_mm: float, std: float = 0.3) -> Any:
+        """Where a part is stiffer or softer than identified: factors on its stress, by the hundred.
+
+        Parameters
+        ----------
+        element_set : of a material
+        spacing_mm : of the grid of the factors
+        length_mm : within which they are alike; std : of their logarithm before the test
+
+        Returns
+        -------
+        ``factor`` and ``std`` at ``places`` (n, d) mm, ``element_factor`` and ``element_std`` of ``elements``
+        (`idic.identification.stiffness_field.StiffnessField`)
+
+        Raises
+        ------
+        InputError
+            The result is not of this process, or the test is one without such a field.
+        """
+        if not isinstance(self.fields, FieldsInMemory):
+            raise InputError("a field of the stiffness of a RUN", expected="an identification in memory", found="a RUN",
+                             remedy="idic.identify(experiment) without out")
+        return self.fields.found.stiffness_field(element_set, spacing_mm, length_mm, std)
 
     def to_xarray(self, frames: Sequence[int] | None = None, residual: bool = True,
                   measured: bool = False) -> xarray.Dataset:

@@ -6,7 +6,7 @@ from .design import PAGE_FILE, write_design
 from .diagnosis.diagnose import diagnose_run
 from .diagnosis.refits import run_refits
 from .diagnosis.source import open_source
-from .fields import Fields, FieldsOfRun, checked_frame
+from .fields import Fields, FieldsInMemory, FieldsOfRun, checked_frame
 from .identify import identify_run
 from .judgement.residual_maps import residuals_of
 from .memory import identify_in_memory
@@ -45,8 +45,8 @@ from .workers.workplace import Workplace
 
 __all__ = [
     "BASE", "DIRECT", "FROM_PYTHON", "PAGE_FILE", "PASSWORD", "RESULT_FILE", "STATE_FILE", "CalibrationRun", "Command",
-    "Console", "CorrelationJob", "Fields", "FieldsOfRun", "Folders", "FrameArrays", "Hooks", "Orchestrator",
-    "PrefectServer", "RunPoints", "RunStore", "SecondProcess", "SerialRunner", "SimulationJob", "TaskRunner",
+    "Console", "CorrelationJob", "Fields", "FieldsInMemory", "FieldsOfRun", "Folders", "FrameArrays", "Hooks",
+    "Orchestrator", "PrefectServer", "RunPoints", "RunStore", "SecondProcess", "SerialRunner", "SimulationJob", "TaskRunner",
     "Workplace", "ZarrStack", "accepted_residual", "check_scheduler", "checked_frame", "checked_memory_limit",
     "clean_run", "compare_runs", "compiling_meanwhile", "configured_url", "cpu_seconds", "diagnose_run",
     "drawing_beside", "empty_folder", "export_fields", "export_laws", "folders_of", "group_name", "identify_batch",

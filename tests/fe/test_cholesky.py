@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.sparse import csc_array
@@ -9,6 +11,8 @@ from scipy.sparse.linalg import splu
 from test_factorisation_cost import brick, dofs_of, plate
 
 from idic.fe.assembly import in_parts
+from idic.fe.assembly.assembly import discretise, evaluate_system, stiffness_values
+from idic.fe.body.boundary import drives_at
 from idic.fe import Direction, march, solver_threads
 from idic.fe.solver import cholesky, known_pattern, linear, storage
 
@@ -54,6 +58,37 @@ def test_its_factor_is_that_of_lapack():
     np.testing.assert_allclose(own.solve(rhs), np.linalg.solve(matrix.toarray(), rhs), rtol=0, atol=1e-13)
 
 
+@pytest.mark.parametrize("size", [1.0, 1e-30, 1e30], ids=["of order 1", "tiny", "huge"])
+def test_single_precision_is_iterated_to_the_accuracy_of_double_precision(size):
+    """Half the memory; sizes beyond the range of single precision do not matter."""
+    pattern, values, matrix = nearly_symmetric(brick(5, 4, 4), skew=0.0)
+    factor, rhs = linear.factorise(pattern, size * values), size**2 * np.random.default_rng(1).random((pattern.n, 3))
+    assert factor.kind is linear.FactorKind.SINGLE and factor.lu.entries.dtype == np.float32
+    exact = size * splu(matrix).solve(rhs / size**2)
+    for solution in (factor.solve(rhs), factor.solve_transposed(rhs)):
+        np.testing.assert_allclose(solution, exact, rtol=0, atol=1e-11 * np.abs(exact).max())
+
+
+def test_double_precision_takes_over_where_single_precision_is_not_accurate(monkeypatch):
+    """A slender cantilever: condition 1e9."""
+    mesh = brick(60, 1, 1)
+    nodes = mesh.nodes * [5.0, 0.02, 0.02]
+    clamped = where(replace(mesh, nodes=nodes), lambda x, *_: x < 1e-9)
+    constraints = held(replace(mesh, nodes=nodes), [(clamped, i, 0.0) for i in range(3)], 2)
+    system = discretise(body(replace(mesh, nodes=nodes), "solid", "elastic", "small", constraints))
+    drives = drives_at(system.body, np.arange(2.0), 1.0)
+    at_rest = evaluate_system(system, {"BODY": PARAMETERS["elastic"]}, np.zeros_like(nodes), system.rest_states(), 1.0,
+                              drives)
+    values, made = stiffness_values(system, at_rest), []
+    monkeypatch.setattr(cholesky, "factor", lambda *a, **k: made.append(k) or original_cholesky(*a, **k))
+    factor, rhs = linear.factorise(system.pattern, values), np.ones(system.pattern.n)
+    assert factor.kind is linear.FactorKind.DOUBLE and len(made) == 2
+    solution = factor.solve(rhs)
+    assert np.linalg.norm(factor.matrix @ solution - rhs) < 1e-9 * np.abs(values).max() * np.linalg.norm(solution)
+    linear.factorise(system.pattern, values, factor.kind)  # what served is tried first from then on
+    assert len(made) == 3
+
+
 @pytest.mark.parametrize("given", [{"shift": -3.0}, {"skew": 2.0}], ids=["indefinite", "far from symmetric"])
 def test_an_lu_takes_over(given):
     pattern, values, matrix = nearly_symmetric(brick(4, 3, 3), **given)
@@ -63,6 +98,7 @@ def test_an_lu_takes_over(given):
 
 
 original = linear.factorise
+original_cholesky = cholesky.factor
 
 
 @pytest.mark.parametrize("orders, again", [(0.02, False), (2.0, True)], ids=["near", "far"])

@@ -114,7 +114,7 @@ def test_small_fronts_and_those_of_lapack_solve_the_same_system(cell, n, monkeyp
         stiffness_values(system, ev)
         storage.scatter(ev.groups[0].Ke, pattern.positions(dofs[0]), values)
         full = np.zeros((model.n_dof, 3))
-        factor = linear.factorise(pattern, values, symmetric=False)
+        factor = linear.factorise(pattern, values, kind=linear.FactorKind.LU)
         full[pattern.dofs] = factor.solve(rhs[system.pattern.equation[pattern.dofs]])
         solutions.append(full)
     assert np.allclose(*solutions, rtol=1e-9)

@@ -9,7 +9,7 @@ from scipy.sparse.linalg import SuperLU, splu
 from test_factorisation_cost import brick, dofs_of, plate
 
 from idic.fe.solver import linear, multifrontal, small_fronts, storage, substitution
-from idic.fe.solver.linear import SingularMatrix, factorise, make_pattern
+from idic.fe.solver.linear import FactorKind, SingularMatrix, factorise, make_pattern
 from idic.fe import solver_threads
 
 WAYS = {"small": (np.inf, small_fronts.SmallFactor), "by LAPACK": (0, tuple)}
@@ -37,7 +37,7 @@ def assembled(mesh, prescribed=(), shift=20.0):
                          ids=["plate", "brick", "one element"])
 def test_fronts_solve_as_superlu_does(mesh, prescribed, way):
     pattern, values, matrix = assembled(mesh, prescribed)
-    factor, reference = factorise(pattern, values, symmetric=False), splu(matrix)
+    factor, reference = factorise(pattern, values, kind=FactorKind.LU), splu(matrix)
     rhs = np.random.default_rng(0).random((pattern.n, 3))
     assert isinstance(factor.lu, way)
     for own, theirs in ((factor.solve(rhs), reference.solve(rhs)),
@@ -78,7 +78,7 @@ def test_pivots_that_must_come_from_another_front_are_left_to_superlu(pivots, wa
     touching = np.unique(row[~inside & (row < leaf.end)])[:4]
     values[np.isin(row, touching) & inside] *= pivots
     matrix = csc_array((values.copy(), pattern.indices, pattern.indptr), shape=matrix.shape)
-    factor, rhs = factorise(pattern, values, symmetric=False), np.ones(pattern.n)
+    factor, rhs = factorise(pattern, values, kind=FactorKind.LU), np.ones(pattern.n)
     assert isinstance(factor.lu, SuperLU)
     solution = factor.solve(rhs)
     assert np.abs(matrix @ solution - rhs).max() < 1e-9 * np.abs(matrix).max() * np.abs(solution).max()
@@ -98,12 +98,12 @@ def test_threads_give_the_same_bits(monkeypatch):
     monkeypatch.setattr(linear, "MIN_OPERATIONS_PER_ENTRY", 0)
     pattern, values, _ = assembled(brick(8, 7, 6), range(0, 300, 7))
     rhs = np.random.default_rng(0).random((pattern.n, 3))
-    alone = factorise(pattern, values.copy(), symmetric=False)
+    alone = factorise(pattern, values.copy(), kind=FactorKind.LU)
     expected = alone.solve(rhs)
     for n in (2, 3):
         assert len(multifrontal.independent_parts(pattern.fronts, n)) >= n
         with solver_threads(n):
-            together = factorise(pattern, values.copy(), symmetric=False)
+            together = factorise(pattern, values.copy(), kind=FactorKind.LU)
             for own, theirs in zip(together.lu, alone.lu, strict=True):
                 assert np.array_equal(own.blocks, theirs.blocks) and np.array_equal(own.numbers, theirs.numbers)
             assert np.array_equal(together.solve(rhs), expected)

@@ -59,6 +59,14 @@ def test_the_truth_lies_within_four_standard_deviations(in_memory):
     assert [frame["status"] for frame in in_memory["frames"]] == ["ok"] * 4
 
 
+def test_a_field_of_the_stiffness_is_even_where_the_sheet_is(in_memory, from_run):
+    field = in_memory.stiffness_field("sheet", spacing_mm=2.0, length_mm=3.0)
+    assert field.converged and len(field.factor) == len(field.places) > 20
+    assert np.abs(np.log(field.factor)).max() < 4.0 * field.std.max() and (field.std < 0.3).all()
+    with pytest.raises(InputError, match="field of the stiffness"):
+        from_run.stiffness_field("sheet", 2.0, 3.0)
+
+
 def test_a_run_folder_gives_the_numbers_of_the_memory(in_memory, from_run, run):
     """To the 9 digits of the coordinates in the mesh file that the run reads."""
     for name, estimate in in_memory.parameters.items():

@@ -25,7 +25,7 @@ from idic.diagnose.locate.tangents import Tangent, tangents
 from idic.diagnose.residual.evidence import Evidence, FrameEvidence, inverse_at_nodes
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.score import NullModel, symmetric_inverse
-from idic.fe import transposed_stiffness_times
+from idic.fe import stiffness_times
 from idic.identification import Identification
 
 N_WINDOWS = 6
@@ -112,7 +112,7 @@ def element_scores(residual: ResidualEvidence, tangent: Tangent, p: np.ndarray, 
     readings = np.zeros_like(load)
     for channel, row in zip(tangent.system.body.channels, channel_p, strict=True):
         readings[np.asarray(channel.dofs, dtype=np.int64)] += channel.factor * row
-    load = load + transposed_stiffness_times(tangent.system, tangent.evaluation, readings)
+    load = load + stiffness_times(tangent.system, tangent.evaluation, readings, transposed=True)
     if tangent.readings is not None:  # an extensometer moves with its nodes
         load = load + tangent.readings.motion.T @ channel_p
     return tangent.element_work(readings - tangent.adjoint(load))

@@ -330,14 +330,18 @@ def points_of(system: System, group: Group, nodal: np.ndarray) -> np.ndarray:
 
 def stress_variations(system: System, group: Group, directions) -> np.ndarray | None:
     """Relative change of the weights of the points along each direction; None: none concerns the group  # (n, nd)"""
-    body, changes = system.body, np.zeros((group.n_points, len(directions)))
-    for k, direction in enumerate(directions):
-        if direction.variation is not None:
-            variation, name = body.variations[direction.variation[0]], direction.variation[1]
-            if variation.section == body.sections[group.section].name:
-                places = points_of(system, group, body.mesh.nodes)
-                changes[:, k] = variation.slope(places, name) / variation.factor(places)
-    return changes if changes.any() else None
+    body, section = system.body, system.body.sections[group.section].name
+    concerned = [k for k, direction in enumerate(directions)
+                 if direction.variation is not None and body.variations[direction.variation[0]].section == section]
+    if not concerned:
+        return None
+    changes, places = np.zeros((group.n_points, len(directions))), points_of(system, group, body.mesh.nodes)
+    numbers = {directions[k].variation[0] for k in concerned}
+    factors = {number: body.variations[number].factor(places) for number in numbers}
+    for k in concerned:
+        number, name = directions[k].variation
+        changes[:, k] = body.variations[number].slope(places, name) / factors[number]
+    return changes
 
 
 def _effective_stress(group: Group, g: GroupEvaluation) -> None:
@@ -392,19 +396,24 @@ def _in_parts(group: Group, work) -> list:
     return in_parts.in_parts(len(group.elements), group.n_points, work)
 
 
-def stiffness_times(system: System, ev: Evaluation, fields: np.ndarray) -> np.ndarray:
-    """K fields, prescribed dofs included on both sides  # fields (n_dof, m) -> (n_dof, m)"""
+def stiffness_times(system: System, ev: Evaluation, fields: np.ndarray, transposed: bool = False) -> np.ndarray:
+    """K fields, or K^T fields, prescribed dofs included on both sides  # fields (n_dof, m) -> (n_dof, m)"""
     fields = np.ascontiguousarray(fields)
     out = np.zeros_like(fields)
+
+    def add(matrices: np.ndarray, dofs: np.ndarray) -> None:
+        matrices = np.ascontiguousarray(matrices.transpose(0, 2, 1)) if transposed else matrices
+        kernels.add_stiffness_times(matrices, dofs, fields, out)
+
     for group, g in zip(system.groups, ev.groups, strict=True):
         element_matrices(group, g)
-        kernels.add_stiffness_times(g.Ke, group.dofs, fields, out)
-    for K, dofs in _further_matrices(system, ev):
-        kernels.add_stiffness_times(K, dofs, fields, out)
+        add(g.Ke, group.dofs)
+    for K, dofs in further_matrices(system, ev):
+        add(K, dofs)
     return out
 
 
-def _further_matrices(system: System, ev: Evaluation) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def further_matrices(system: System, ev: Evaluation) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Matrices of follower pressures and tied faces of cracks, and their dofs  # (n, m, m), (n, m)"""
     yield from ((K, faces.dofs) for K, faces in zip(ev.pressure_K, system.pressures, strict=True))
     yield from zip(ev.seam_K, system.seam_dofs, strict=True)
@@ -417,20 +426,8 @@ def held_stiffness_times(system: System, ev: Evaluation, fields: np.ndarray) -> 
     for group, g in zip(system.groups, ev.groups, strict=True):
         element_matrices(group, g)
         kernels.add_stiffness_times(g.Ke[group.holding], group.dofs[group.holding], fields, out)
-    for K, dofs in _further_matrices(system, ev):
+    for K, dofs in further_matrices(system, ev):
         kernels.add_stiffness_times(K, dofs, fields, out)
-    return out
-
-
-def transposed_stiffness_times(system: System, ev: Evaluation, fields: np.ndarray) -> np.ndarray:
-    """K^T fields, prescribed dofs included on both sides  # fields (n_dof, m) -> (n_dof, m)"""
-    fields = np.ascontiguousarray(fields)
-    out = np.zeros_like(fields)
-    for group, g in zip(system.groups, ev.groups, strict=True):
-        element_matrices(group, g)
-        kernels.add_stiffness_times(np.ascontiguousarray(g.Ke.transpose(0, 2, 1)), group.dofs, fields, out)
-    for K, dofs in _further_matrices(system, ev):
-        kernels.add_stiffness_times(np.ascontiguousarray(K.transpose(0, 2, 1)), dofs, fields, out)
     return out
 
 

@@ -2,6 +2,7 @@
 
     spot       1 + (amount - 1) w,   w = (1 - tanh((|X - centre| / radius - 1) / TRANSITION_HALF_WIDTH)) / 2
     gradient   1 + sum_i along_i (X_i - middle_i) / half_i
+    field      exp(sum_k value_k hat_k(X)),   bilinear (3D: trilinear) hats on a regular grid over the box
     layers     ratio^(s / 2),   s = tanh((cos(phase) - cos(pi share)) / LAYER_EDGE),
                phase = 2 pi ((X - middle) . n - offset) / period,   n = (cos direction, sin direction)
 
@@ -34,9 +35,11 @@ class Variation:
     kind : "spot" (values amount, x, y, (z), radius; without z a column through the thickness), "gradient" (values
         along_x, along_y, (along_z): relative change from the middle to either end) or "layers" (values stiffness_ratio,
         of stiff over soft; period, offset of the middle of a stiff layer from that of the body; direction across the
-        layers, from x to y; share of the stiff layers). The nominal stiffness is the geometric mean of both layers
+        layers, from x to y; share of the stiff layers; the nominal stiffness is the geometric mean of both layers);
+        "field" (values "0", "1", … of the grid points, the last axis fastest)
     values : mm, mm per mm, degrees
-    middle, half : (d,) mm, of the body, for a gradient or layers
+    middle, half : (d,) mm, of the body, for a gradient, layers or a field
+    cells : per axis, of the grid of a field
     """
 
     section: str
@@ -44,6 +47,7 @@ class Variation:
     values: Mapping[str, float]
     middle: np.ndarray | None = None
     half: np.ndarray | None = None
+    cells: tuple[int, ...] = ()
 
     def factor(self, points: np.ndarray) -> np.ndarray:
         """The factor at points (n, d) mm  # (n,)
@@ -55,6 +59,10 @@ class Variation:
         """
         if self.kind == "spot":
             factor = 1.0 + (self.values["amount"] - 1.0) * self._weight(points)[0]
+        elif self.kind == "field":
+            number, hats = self.hats(points)
+            values = np.array([self.values[str(k)] for k in range(len(self.values))])
+            factor = np.exp((values[number] * hats).sum(axis=1))
         elif self.kind == "layers":
             factor = self.values["stiffness_ratio"] ** (0.5 * self._layer(points)[0])
         else:
@@ -70,6 +78,9 @@ class Variation:
             return self._along(points, name)
         if self.kind == "layers":
             return self._slope_of_layers(points, name)
+        if self.kind == "field":
+            number, hats = self.hats(points)
+            return (hats * (number == int(name))).sum(axis=1) * self.factor(points)
         weight, distance, fall, away = self._weight(points)
         if name == "amount":
             return weight
@@ -78,6 +89,15 @@ class Variation:
             return -change * fall * distance / radius
         direction = away[:, AXES.index(name)] / np.maximum(distance * radius, 1e-300)  # of X - centre
         return -change * fall * direction / radius
+
+    def hats(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Grid points around points (n, d) mm and the hats of these there  # (n, 2^d) int, (n, 2^d)"""
+        cells = np.asarray(self.cells)
+        at = np.clip((points - self.middle + self.half) / (2.0 * self.half), 0.0, 1.0) * cells
+        low = np.minimum(at.astype(int), cells - 1)
+        corners = np.indices((2,) * len(cells)).reshape(len(cells), -1).T
+        hats = np.prod(np.where(corners == 1, (at - low)[:, None], 1.0 - (at - low)[:, None]), axis=2)
+        return np.ravel_multi_index(np.moveaxis(low[:, None] + corners, 2, 0), cells + 1), hats
 
     def _along(self, points: np.ndarray, name: str) -> np.ndarray:
         axis = AXES.index(name[-1])

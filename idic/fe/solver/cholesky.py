@@ -2,7 +2,8 @@
 
 Half the work and the memory of an LU. The tangent of most laws is nearly symmetric (F-bar and follower loads are not,
 by parts of the order of stress over stiffness), and a few iterations correct the remaining error
-(`idic.fe.solver.krylov`).
+(`idic.fe.solver.krylov`). They correct the rounding of single precision as well, which takes half the work and the
+memory once more.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from idic.fe.solver.compilation import kernel
 from idic.fe.solver.lapack import factorise_lower, solve_triangle, subtract_square
@@ -49,14 +51,27 @@ class Tree:
 
 @dataclass(frozen=True)
 class SymmetricFactor:
-    """Front after front, (s + b, s) column by column: L11 in the lower triangle, below it F21 L11^-T."""
+    """Front after front, (s + b, s) column by column: L11 in the lower triangle, below it F21 L11^-T.
+
+    entries : float64, or float32 of the matrix times `scale`, a power of two, so that no entry leaves its range
+    """
 
     tree: Tree
     entries: np.ndarray
+    scale: float = 1.0
+
+    @property
+    def is_single(self) -> bool:
+        return self.entries.dtype == np.float32
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:
         """Solutions for right-hand sides (n, m)  # (n, m)"""
         x, pool = np.array(rhs.T, dtype=float, order="C"), pool_of_threads()
+        sizes = np.ones((len(x), 1))
+        if self.is_single:
+            largest = np.abs(x).max(axis=1, keepdims=True, initial=0.0)
+            sizes[largest > 0.0] = largest[largest > 0.0]
+            x /= sizes
         run = map if pool is None else pool.map
         tree, beyond = self.tree, np.zeros((len(self.tree.parts), *x.shape))
 
@@ -76,10 +91,12 @@ class SymmetricFactor:
         for span in reversed(tree.above):
             up(span)
         list(run(up, tree.parts))
+        if self.is_single:
+            x *= self.scale * sizes
         return np.ascontiguousarray(x.T)
 
     def _room(self, x: np.ndarray) -> np.ndarray:
-        return np.empty((len(x), self.tree.highest))
+        return np.empty((len(x), self.tree.highest), dtype=self.entries.dtype)
 
 
 def tree_of(fronts: Sequence[Front]) -> Tree:
@@ -94,24 +111,29 @@ def tree_of(fronts: Sequence[Front]) -> Tree:
                 np.concatenate([front.boundary for front in fronts]).astype(np.int64), beginning, tuple(parts), above)
 
 
-def factor(fronts: Sequence[Front], tree: Tree, values: np.ndarray) -> SymmetricFactor | None:
-    """Factors of the symmetric part of the matrix with these stored values; None where it is not positive definite."""
-    work = _Elimination(fronts, values, tree)
-    return None if eliminated(fronts, work) is None else SymmetricFactor(tree, work.entries)
+def factor(fronts: Sequence[Front], tree: Tree, values: np.ndarray, single: bool = False) -> SymmetricFactor | None:
+    """Factors of the symmetric part of the matrix with these stored values; None where it is not positive definite.
+
+    single : in single precision
+    """
+    scale = float(np.exp2(-np.round(np.log2(np.abs(values).max())))) if single and values.any() else 1.0
+    work = _Elimination(fronts, values, tree, scale, np.float32 if single else np.float64)
+    return None if eliminated(fronts, work) is None else SymmetricFactor(tree, work.entries, scale)
 
 
 class _Elimination(Elimination):
     """As its base, with lower triangles only."""
 
-    def __init__(self, fronts: Sequence[Front], values: np.ndarray, tree: Tree):
+    def __init__(self, fronts: Sequence[Front], values: np.ndarray, tree: Tree, scale: float, dtype: DTypeLike):
         super().__init__(fronts, values)
-        self.tree, self.entries = tree, np.zeros(int(tree.starts[-1]))
+        self.tree, self.scale, self.entries = tree, scale, np.zeros(int(tree.starts[-1]), dtype)
 
     def eliminate(self, k: int) -> bool:
         front = self.fronts[k]
         s, b = front.end - front.first, len(front.boundary)
-        blocks, update = self.entries[self.tree.starts[k]:self.tree.starts[k + 1]], np.zeros(b * b)
-        gather(blocks, s, b, front.sources, front.targets, self.values)
+        blocks = self.entries[self.tree.starts[k]:self.tree.starts[k + 1]]
+        update = np.zeros(b * b, dtype=blocks.dtype)
+        gather(blocks, s, b, front.sources, front.targets, self.values, self.scale)
         for child, places in zip(front.children, front.embeddings, strict=True):
             extend(blocks, update, s, b, self.updates.pop(child), places)
         front_columns = columns(blocks, s + b)
@@ -172,11 +194,11 @@ def backward(entries, starts, first, end, boundary, beginning, begin, stop, x, r
 
 
 @kernel
-def gather(blocks, s, b, sources, targets, values):
-    """Add the symmetric part of the stored entries of a front into its lower triangle, (s + b, s)."""
+def gather(blocks, s, b, sources, targets, values, scale):
+    """Add the symmetric part of the stored entries of a front, times `scale`, into its lower triangle, (s + b, s)."""
     corner = s * s + s * b
     for n in range(sources.shape[0]):
-        place, value = targets[n], values[sources[n]]
+        place, value = targets[n], scale * values[sources[n]]
         if place < s * s:
             i, j = place % s, place // s
             if i == j:

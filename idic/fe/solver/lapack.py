@@ -18,14 +18,20 @@ def _routine(library: str, name: str, n_arguments: int):
 
 
 _dgemm, _dgemv = _routine("blas", "dgemm", 13), _routine("blas", "dgemv", 11)
-_dtrsm, _dtrsv, _dsyrk = _routine("blas", "dtrsm", 11), _routine("blas", "dtrsv", 8), _routine("blas", "dsyrk", 10)
-_dgetrf, _dpotrf = _routine("lapack", "dgetrf", 6), _routine("lapack", "dpotrf", 5)
-_dlaswp = _routine("lapack", "dlaswp", 7)
+_dtrsm, _dtrsv = _routine("blas", "dtrsm", 11), _routine("blas", "dtrsv", 8)
+_dgetrf, _dlaswp = _routine("lapack", "dgetrf", 6), _routine("lapack", "dlaswp", 7)
+# by the bytes of a number
+_trsm, _trsv = {4: _routine("blas", "strsm", 11), 8: _dtrsm}, {4: _routine("blas", "strsv", 8), 8: _dtrsv}
+_syrk = {4: _routine("blas", "ssyrk", 10), 8: _routine("blas", "dsyrk", 10)}
+_potrf = {4: _routine("lapack", "spotrf", 5), 8: _routine("lapack", "dpotrf", 5)}
 
 _kept_letters = {letter: ctypes.c_char(letter.encode()) for letter in "LRUNT"}
 _letter = {letter: ctypes.addressof(stored) for letter, stored in _kept_letters.items()}
 _kept_numbers = (ctypes.c_double * 3)(1.0, -1.0, 0.0)
 _ONE, _MINUS_ONE, _ZERO = (ctypes.addressof(_kept_numbers) + 8 * k for k in range(3))
+_kept_singles = (ctypes.c_float * 2)(1.0, -1.0)
+_plus = {4: ctypes.addressof(_kept_singles), 8: _ONE}
+_minus = {4: ctypes.addressof(_kept_singles) + 4, 8: _MINUS_ONE}
 _kept_step = ctypes.c_int(1)
 _STEP = ctypes.addressof(_kept_step)
 _L, _R, _U, _N = (_letter[letter] for letter in "LRUN")
@@ -33,12 +39,12 @@ _L, _R, _U, _N = (_letter[letter] for letter in "LRUN")
 
 def _leading(matrix: np.ndarray) -> int:
     """Entries from one column to the next."""
-    return max(1, matrix.strides[1] // 8 if matrix.shape[1] > 1 else matrix.shape[0])
+    return max(1, matrix.strides[1] // matrix.itemsize if matrix.shape[1] > 1 else matrix.shape[0])
 
 
 def solve_triangle(triangle: np.ndarray, block: np.ndarray, *, right: bool, lower: bool, unit: bool,
                    transposed: bool = False) -> None:
-    """Overwrite a block (m, n) by the solution with a triangle.
+    """Overwrite a block (m, n) by the solution with a triangle, both float64 or both float32.
 
     Parameters
     ----------
@@ -50,11 +56,12 @@ def solve_triangle(triangle: np.ndarray, block: np.ndarray, *, right: bool, lowe
     at = ctypes.addressof(sizes)
     part, turned, diagonal = _letter["L" if lower else "U"], _letter["T" if transposed else "N"], _letter[
         "U" if unit else "N"]
+    width = block.itemsize
     if n == 1 and not right:
-        _dtrsv(part, turned, diagonal, at, triangle.ctypes.data, at + 8, block.ctypes.data, _STEP)
+        _trsv[width](part, turned, diagonal, at, triangle.ctypes.data, at + 8, block.ctypes.data, _STEP)
     else:
-        _dtrsm(_letter["R" if right else "L"], part, turned, diagonal, at, at + 4, _ONE, triangle.ctypes.data, at + 8,
-               block.ctypes.data, at + 12)
+        _trsm[width](_letter["R" if right else "L"], part, turned, diagonal, at, at + 4, _plus[width],
+                     triangle.ctypes.data, at + 8, block.ctypes.data, at + 12)
 
 
 def product(a: np.ndarray, b: np.ndarray, transposed: bool = False) -> np.ndarray:
@@ -75,17 +82,22 @@ def product(a: np.ndarray, b: np.ndarray, transposed: bool = False) -> np.ndarra
 
 
 def subtract_square(a: np.ndarray, out: np.ndarray) -> None:
-    """Lower triangle of out (m, m) less a a^T."""
+    """Lower triangle of out (m, m) less a a^T, both float64 or both float32."""
     sizes = (ctypes.c_int * 4)(len(out), a.shape[1], _leading(a), _leading(out))
     at = ctypes.addressof(sizes)
-    _dsyrk(_letter["L"], _letter["N"], at, at + 4, _MINUS_ONE, a.ctypes.data, at + 8, _ONE, out.ctypes.data, at + 12)
+    width = out.itemsize
+    _syrk[width](_letter["L"], _letter["N"], at, at + 4, _minus[width], a.ctypes.data, at + 8, _plus[width],
+                 out.ctypes.data, at + 12)
 
 
 def factorise_lower(matrix: np.ndarray) -> bool:
-    """Overwrite the lower triangle of a matrix (n, n) by its Cholesky factor; False: it is not positive definite."""
+    """Overwrite the lower triangle of a matrix (n, n), float64 or float32, by its Cholesky factor.
+
+    False: it is not positive definite.
+    """
     sizes = (ctypes.c_int * 3)(len(matrix), _leading(matrix), 0)
     at = ctypes.addressof(sizes)
-    _dpotrf(_letter["L"], at, matrix.ctypes.data, at + 4, at + 8)
+    _potrf[matrix.itemsize](_letter["L"], at, matrix.ctypes.data, at + 4, at + 8)
     return sizes[2] == 0
 
 

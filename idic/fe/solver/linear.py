@@ -2,14 +2,16 @@
 
 An LU by dense fronts, numbered by nested dissection: compiled where fronts are small, by LAPACK where it costs much.
 Matrices are unsymmetric in general (F-bar, follower loads, non-associated laws). Where an LU costs much, the symmetric
-part is factorised for half of it, if it is positive definite and near the matrix; iterations correct the rest. Where
-that too costs much, multigrid takes the place of the factor.
+part is factorised for half of it, if it is positive definite and near the matrix, and for a quarter in single
+precision, if that is accurate enough; iterations correct the rest. Where that too costs much, multigrid takes the place
+of the factor.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from enum import IntEnum
 from functools import cached_property
 
 import numpy as np
@@ -27,10 +29,22 @@ MAX_FACTOR_ENTRIES = 5e8
 MAX_BACKWARD_ERROR = 1e-13  # of an LU by fronts; beyond, its row exchanges were not enough and SuperLU takes over
 
 MAX_LEFT_BY_SYMMETRIC_PART = 0.1  # of a right-hand side: beyond, an LU is worth its work
+# of a right-hand side of the symmetric part: six iterations to 1e-12. Cubes leave 1e-6, and slender or nearly
+# incompressible bodies more
+MAX_LEFT_BY_SINGLE_PRECISION = 0.01
 
 
 class SingularMatrix(Exception):
     """The matrix has no inverse to working accuracy."""
+
+
+class FactorKind(IntEnum):
+    """How a matrix that costs much is factorised, the cheapest first: its symmetric part in single or in double
+    precision, or an LU."""
+
+    SINGLE = 0
+    DOUBLE = 1
+    LU = 2
 
 
 @dataclass(frozen=True)
@@ -128,6 +142,13 @@ class Factor:
     of_earlier_tangent: bool = False
 
     @property
+    def kind(self) -> FactorKind:
+        """Levels of multigrid count as double precision: if they do not serve, an LU does."""
+        if not self.of_symmetric_part:
+            return FactorKind.LU
+        return FactorKind.SINGLE if getattr(self.lu, "is_single", False) else FactorKind.DOUBLE
+
+    @property
     def of_symmetric_part(self) -> bool:
         return isinstance(self.lu, (cholesky.SymmetricFactor, multigrid.Hierarchy))
 
@@ -139,8 +160,13 @@ class Factor:
             return self.approximate(rhs)
         solution = krylov.solution(self.matrix, self.approximate, rhs.reshape(self.pattern.n, -1))
         if solution is None:
-            return factorise(self.pattern, self.matrix.data, symmetric=self.of_earlier_tangent).solve(rhs)
+            return self._replaced().solve(rhs)
         return solution.reshape(rhs.shape)
+
+    def _replaced(self) -> Factor:
+        """Factors of the matrix itself, of a better kind where these are not of an earlier one."""
+        kind = FactorKind.SINGLE if self.of_earlier_tangent else FactorKind(min(self.kind + 1, FactorKind.LU))
+        return factorise(self.pattern, self.matrix.data, kind)
 
     def approximate(self, rhs: np.ndarray) -> np.ndarray:
         """Solutions with the matrix of the factors itself."""
@@ -157,8 +183,7 @@ class Factor:
         if self.matrix is not None:
             solution = krylov.solution(self.matrix.T, self._approximate_transposed, columns)
             if solution is None:
-                return factorise(self.pattern, self.matrix.data,
-                                 symmetric=self.of_earlier_tangent).solve_transposed(rhs)
+                return self._replaced().solve_transposed(rhs)
             return solution.reshape(rhs.shape)
         return self._approximate_transposed(columns).reshape(rhs.shape)
 
@@ -214,26 +239,36 @@ def _compressed_columns(n: int, equations: Sequence[np.ndarray]) -> tuple[np.nda
     return total.indptr.astype(np.int32), total.indices.astype(np.int32)
 
 
-def factorise(pattern: Pattern, values: np.ndarray, symmetric: bool = True) -> Factor:
+def factorise(pattern: Pattern, values: np.ndarray, kind: FactorKind = FactorKind.SINGLE) -> Factor:
     """Factors of the matrix with these stored values; raises SingularMatrix.
 
-    symmetric : try the symmetric part where an LU costs much
+    kind : the cheapest one to try where an LU costs much
     """
     if not np.isfinite(values.sum()):  # one pass without a mask
         raise SingularMatrix("the stiffness is not finite")
-    similar = _symmetric_factor(pattern, values) if symmetric and pattern.costs_much else None
+    similar = _symmetric_factor(pattern, values, kind) if kind < FactorKind.LU and pattern.costs_much else None
     return _sparse_factor(pattern, values) if similar is None else similar
 
 
-def _symmetric_factor(pattern: Pattern, values: np.ndarray) -> Factor | None:
+def _symmetric_factor(pattern: Pattern, values: np.ndarray, kind: FactorKind) -> Factor | None:
     """Levels or factors of the symmetric part; None where it is not positive definite or not near the matrix."""
     matrix = pattern.matrix(values)
     if pattern.factor_entries > MAX_FACTOR_ENTRIES and (np.asarray(matrix.diagonal()) > 0.0).all():
         levels = multigrid.hierarchy(pattern.coordinates, pattern.dofs, pattern.indptr, pattern.indices, values)
         if levels is not None and _is_near(factor := Factor(pattern, levels, matrix)):
             return factor
+    if kind is FactorKind.SINGLE:
+        factor = _single_factor(pattern, values, matrix)
+        if factor is not None:
+            return factor if _is_near(factor) else None
     fronts = cholesky.factor(pattern.fronts, pattern.tree, values)
     return factor if fronts is not None and _is_near(factor := Factor(pattern, fronts, matrix)) else None
+
+
+def _single_factor(pattern: Pattern, values: np.ndarray, matrix: csc_array) -> Factor | None:
+    """Factors of the symmetric part in single precision; None where that cannot be or is not accurate enough."""
+    fronts = cholesky.factor(pattern.fronts, pattern.tree, values, single=True)
+    return factor if fronts is not None and _is_accurate(factor := Factor(pattern, fronts, matrix)) else None
 
 
 def _is_near(factor: Factor) -> bool:
@@ -241,6 +276,14 @@ def _is_near(factor: Factor) -> bool:
     rhs = np.cos(np.arange(factor.pattern.n, dtype=float))
     remainder = rhs - factor.matrix @ factor.approximate(rhs)
     return bool(np.linalg.norm(remainder) <= MAX_LEFT_BY_SYMMETRIC_PART * np.linalg.norm(rhs))
+
+
+def _is_accurate(factor: Factor) -> bool:
+    """Whether the rounding of single precision leaves little of a right-hand side of the symmetric part."""
+    rhs = np.cos(np.arange(factor.pattern.n, dtype=float))
+    solution = factor.approximate(rhs)
+    remainder = rhs - 0.5 * (factor.matrix @ solution + factor.matrix.T @ solution)
+    return bool(np.linalg.norm(remainder) <= MAX_LEFT_BY_SINGLE_PRECISION * np.linalg.norm(rhs))
 
 
 def _sparse_factor(pattern: Pattern, values: np.ndarray) -> Factor:

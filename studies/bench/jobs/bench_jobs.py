@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 
-from idic.fe import Block, Constraints, Direction, Mesh, Body, Reaction, Section, march
+from idic.fe import Block, Constraints, Direction, Mesh, Body, Reaction, Section, Variation, march
 from idic.laws import compile as compile_law
 
 PLASTIC = {"E": 70000.0, "nu": 0.3, "yield_stress": 200.0, "hardening_modulus": 1500.0}
@@ -44,6 +45,25 @@ def brick_px(side: int, elements: int, rim: float) -> tuple[np.ndarray, np.ndarr
     corners = [(0, 0, 0), (0, 0, 1), (0, 1, 1), (0, 1, 0), (1, 0, 0), (1, 0, 1), (1, 1, 1), (1, 1, 0)]
     cells = [number[c:elements + c, b:elements + b, a:elements + a].ravel() for c, b, a in corners]
     return nodes, np.stack(cells, axis=1)
+
+
+def many_fields(law: str, cells: tuple[int, int]) -> tuple[Body, dict, np.ndarray]:
+    """A sheet of 60 x 40 quad4, pulled as `stretched`, with a field of the stiffness: model, values, times."""
+    i, j = np.meshgrid(np.arange(61), np.arange(41), indexing="ij")
+    nodes, number = np.stack([i, j], axis=-1).reshape(-1, 2).astype(float), np.arange(i.size).reshape(i.shape)
+    corners = [number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]]
+    conn = np.stack([c.ravel() for c in corners], axis=1)
+    sets = {"LEFT": np.flatnonzero(nodes[:, 0] == 0), "RIGHT": np.flatnonzero(nodes[:, 0] == 60)}
+    mesh = Mesh(nodes, (Block("quad4", conn, 0),), sets, {"body": np.arange(len(conn))})
+    model, values, times = stretched(mesh, "plane_stress", 60.0, 9)
+    half = np.array([30.0, 20.0])
+    n = (cells[0] + 1) * (cells[1] + 1)
+    field = Variation("body", "field", {str(k): 0.1 * float(np.sin(k)) for k in range(n)}, half, half, cells)
+    if law != "j2_linear":
+        compiled = compile_law(law, "finite")
+        model = replace(model, sections=(Section("body", compiled, np.arange(len(conn))),))
+        values = {"body": np.full(len(compiled.spec.parameters), 1000.0)}
+    return replace(model, variations=(field,)), values, times
 
 
 def stretched(mesh: Mesh, kind: str, length: float, n_frames: int) -> tuple[Body, dict, np.ndarray]:
