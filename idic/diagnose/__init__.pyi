@@ -38,8 +38,8 @@ from .selection.verdict import Verdict
 __all__ = [
     "DUST", "FAMILIES", "HIDDEN_BY_MOTION", "JUDGEMENT", "LEFT_OUT", "MARGIN_PX", "MAX_FAMILYWISE_P",
     "MAX_HIDDEN_VISIBILITY", "MESH_TOO_COARSE", "MIN_EXCESS_Z", "MOTION", "NO_CAUSE", "PAINT",
-    "SEED", "SUPPOSED_EXPANSION_PER_K", "Candidate", "Columns", "Diagnosis", "Evidence", "ExperimentSource", "Fit",
-    "LawPair", "LeftOut", "Margin", "Misfit", "Mismatch", "Notes", "OutOfRegister", "Ranked", "RefitJob",
+    "SEED", "SUPPOSED_EXPANSION_PER_K", "Candidate", "Columns", "Diagnosis", "Evidence", "ExperimentSource",
+    "Fit", "LawPair", "LeftOut", "Margin", "Misfit", "Mismatch", "Notes", "OutOfRegister", "Ranked", "RefitJob",
     "ResidualEvidence", "Rival", "Round", "ScoreColumn", "SelectedEffect", "Spot", "Stage", "Variant", "Verdict",
     "WindowCurve", "better_blocks", "by_motion", "candidate_library", "cautions", "content", "context_of",
     "decoy_scores", "diagnose", "element_centres", "find_spots", "holds", "holds_motion", "identification_at",

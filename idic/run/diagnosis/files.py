@@ -17,6 +17,7 @@ from idic.experiment_file import to_toml
 from idic.inside import is_inside, read_inside
 from idic.parameters import ParameterSet
 from idic.report import diagnosis_headline, left_over, not_excluded, sentence, with_spots
+from idic.run.diagnosis.crack import cracks_content
 from idic.run.store.result_file import RESULT_FILE, finite, read_result, write_json
 
 DIAGNOSIS_FILE = "diagnosis.json"
@@ -73,7 +74,7 @@ def diagnosis_content(diagnosis: Diagnosis, parameters_before: Mapping[str, Mapp
         "odds": diagnosis.odds, "chain": diagnosis.chain, "probability": diagnosis.probability,
         "camera_floor_px": None if margin.floor is None else margin.floor.px,
         "left": _left(diagnosis),
-        "courses": _courses(diagnosis),
+        "courses": _courses(diagnosis), "cracks": cracks_content(diagnosis),
         "free_end": None if diagnosis.state.end is None else diagnosis.state.end.content(
             list(parameters_before), diagnosis.identification.experiment.model.parameters),
         "free_form": None if diagnosis.free_form is None else diagnosis.free_form.content(),
