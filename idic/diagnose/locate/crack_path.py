@@ -226,7 +226,7 @@ class _Field:
         inside = np.flatnonzero(self._is_inside(lines))
         if not len(inside):
             return z
-        matrix = vstack([self._row(lines[k]) for k in inside], format="csr")
+        matrix = vstack([self._row(lines[int(k)]) for k in inside], format="csr")
         for adjoint in self.adjoint:
             scores = matrix @ adjoint.reshape(-1, adjoint.shape[2])
             std = np.sqrt(np.mean(scores[:, 1:] ** 2, axis=1))
@@ -260,7 +260,7 @@ class _Field:
         share = np.linspace(0.0, 1.0, N_POINTS)
         along = low[:, None] + share * (length + room - low)[:, None]
         points = starts[:, None] + along[..., None] * way[:, None]
-        return self.cells.holds(points.reshape(-1, 2)).reshape(len(lines), -1).all(axis=1)
+        return np.all(self.cells.holds(points.reshape(-1, 2)).reshape(len(lines), -1), axis=1)
 
     def _row(self, line: Line) -> csr_array:
         """Weights of the adjoint stress: the work of the jump  # (1, 3 n_elements)"""
@@ -303,6 +303,7 @@ def _stresses(tangent: Tangent, fields: np.ndarray) -> tuple[np.ndarray, np.ndar
         weights = group.weights.reshape(n_el, per)
         weights = weights / weights.sum(axis=1, keepdims=True)
         stress[group.elements] = np.einsum("ep,epij->eij", weights, at.P.reshape(n_el, per, 2, 2))
+        assert at.A is not None  # evaluated with its stiffness
         A = at.A.reshape(n_el, per, 2, 2, 2, 2)
         grads = group.grads.reshape(n_el, per, -1, 2)
         tensor = np.einsum("ep,epijkl,epal->eijak", weights, A, grads).reshape(n_el, 2, 2, -1)
@@ -354,7 +355,7 @@ def _refined(field: _Field, line: Line, z: float, size: float) -> tuple[Line, fl
         across = np.array([-way[1], way[0]])
         shifts = [0.0 * way, *(sign * step * size * axis for sign in (-1.0, 1.0)
                                for axis in ((across, way) if line.inner else (across,)))]
-        lines = [line.turned(turn).moved(*shift, longer) for shift in shifts
+        lines = [line.turned(turn).moved(float(shift[0]), float(shift[1]), longer) for shift in shifts
                  for turn in (-0.6 * TURN_DEG * step, 0.0, 0.6 * TURN_DEG * step)
                  for longer in (1.0 - 0.3 * step, 1.0, 1.0 + 0.3 * step)]
         scored = field.scored(lines)
