@@ -17,6 +17,8 @@ from functools import partial
 
 import numpy as np
 
+from idic.diagnose.candidates.crack import CRACK
+from idic.diagnose.cut_mesh import as_cut
 from idic.diagnose.diagnosis import Diagnosis
 from idic.diagnose.discretisation.neglected import Neglected, neglected
 from idic.diagnose.discretisation.thickness_error import neglected_errors
@@ -76,9 +78,13 @@ def diagnose(source: ExperimentSource, identification: Identification, refits: R
         If the identified model finds no equilibrium on a copy of the recording.
     """
     clock = Clock()
+    candidates = candidate_library() if library is None else library
     identified = as_identified(source, identification, margin, quick, stage, clock)
-    setting = Setting(refits, partial(screened, margin=margin), identified.grid, seed,
-                      candidate_library() if library is None else library, stage, clock, watch, margin, quick)
+    if any(candidate.name == CRACK for candidate in candidates):
+        cut = as_cut(identified, margin, quick, stage, clock)
+        identified, identification = cut, identification if cut is identified else cut.identification
+    setting = Setting(refits, partial(screened, margin=margin), identified.grid, seed, candidates, stage, clock, watch,
+                      margin, quick)
     state = fitted_to_recording(selected(compared_with(identified, setting)))
     active = _active(state)
     remainder = remainder_of(state, identified.misfit)

@@ -9,14 +9,15 @@ them (`idic.identification.specimens`).
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 
 import numpy as np
 
 from idic.identification import (
     DiscrepancySystem, Evaluation, Joint, LoopState, build_result, joined, specimens_content,
 )
+from idic.run.judgement.cracks import crack_results
 from idic.run.postprocess import INTERRUPTED
+from idic.run.prepared.context import RunContext
 from idic.run.store.result_file import write_result
 from idic.run.store.run_folders import RunFolders
 
@@ -26,13 +27,15 @@ OF_ALL = ("std", "std_noise", "std_model", "ci95", "value", "value_relative", "s
 
 def write_joint_result(folders: RunFolders, joint: Joint, state: LoopState, point: Evaluation | None,
                        noises: Mapping[str, float], results: Mapping[str, dict],
-                       discrepancies: Mapping[str, DiscrepancySystem | str] | None) -> dict:
+                       discrepancies: Mapping[str, DiscrepancySystem | str] | None,
+                       contexts: Mapping[str, RunContext]) -> dict:
     """Write ``RUN/result.json``, and into the results of the experiments what only all of them say.
 
     Parameters
     ----------
     noises : of the images of each experiment, GV; results : of each
     discrepancies : of each; None: the run was interrupted, and the scatter between experiments is not estimated
+    contexts : of each, whose cracks are judged again with the covariance of all
     """
     frames = [dict(frame) | {"experiment": name} for name, result in results.items() for frame in result["frames"]]
     costs = [result["cost"] for result in results.values()]
@@ -52,13 +55,22 @@ def write_joint_result(folders: RunFolders, joint: Joint, state: LoopState, poin
         content["specimens"] = specimens_content(joint, state, point.parts, noises, discrepancies)
     content["has_force"] = any(result.get("has_force", True) for result in results.values())
     content["sensitivity"] = next(iter(results.values())).get("sensitivity")
+    cracks = {}
+    for name, result in results.items():
+        result_of_part(result, content, name, joint.names[name])
+        accepted = joint.state_of(name, state).accepted
+        if accepted is not None and result.get("cracks"):
+            result["cracks"] = crack_results(contexts[name], accepted.number, accepted.values, result)
+            cracks |= {f"{name}.{crack}": entry for crack, entry in result["cracks"].items()}
+    if cracks:
+        content["cracks"] = cracks
     write_result(folders.run, content)
     for name, folder in folders.parts.items():
-        result_of_part(folder, results[name], content, name, joint.names[name])
+        write_result(folder, results[name])
     return content
 
 
-def result_of_part(folder: Path, result: dict, content: Mapping, experiment: str, names: Mapping[str, str]) -> None:
+def result_of_part(result: dict, content: Mapping, experiment: str, names: Mapping[str, str]) -> None:
     """Give the result of one experiment the standard deviations that all of them have together."""
     for name, entry in result["parameters"].items():
         shared = content["parameters"][names[name]]
@@ -77,7 +89,6 @@ def result_of_part(folder: Path, result: dict, content: Mapping, experiment: str
     result["notes"] = [*result["notes"], "Identified together with other experiments ("
                        + ", ".join(content["experiments"])
                        + "): standard deviations and correlations are those of all."]
-    write_result(folder, result)
 
 
 def derived_of_part(derived: Mapping[str, dict], experiment: str, experiments: Iterable[str]) -> dict[str, dict]:

@@ -115,7 +115,7 @@ class RunPoints:
         from idic.run.joint_result import write_joint_result  # here: most runs are of one experiment
 
         return write_joint_result(self.folders, self.joint, state, self.accepted(state), self.noises, results,
-                                  discrepancies)
+                                  discrepancies, {name: part.session.context for name, part in self.parts.items()})
 
     def _save(self, state: LoopState) -> None:
         save_state(self.folders.run, state)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -54,6 +56,16 @@ def test_a_cut_mesh_is_whole_and_open_along_the_path(path):
     assert len(boundary_edges(mesh)) == (2 if inside else 1)
     faces = len(boundary_faces(mesh)) - len(boundary_faces(before))
     assert faces == 2 * (len(cut.left_nodes) - 1) + int(not inside and cut.left_nodes[0] >= before.n_nodes)
+
+
+def test_a_set_of_all_nodes_is_no_reason_to_look_at_edges_that_are_doubled():
+    plain = sheet()
+    plain = replace(plain, node_sets={**plain.node_sets, "ALL": np.arange(plain.n_nodes)})
+    for path in ([[-1.0, 7.4], [8.0, 5.2]], [[-1.0, 5.45], [9.0, 4.2]], [[-1.0, 6.43], [9.5, 6.05]]):
+        mesh, cut = cut_along(plain, np.array(path))
+        doubled = cut.right_nodes[cut.right_nodes != cut.left_nodes]
+        assert set(range(plain.n_nodes)) <= set(mesh.node_sets["ALL"].tolist())
+        assert {cut.left_nodes[0], doubled[0]} <= set(mesh.node_sets["LEFT"].tolist())
 
 
 def test_the_sets_of_the_edge_where_it_begins_hold_both_sides():

@@ -141,6 +141,9 @@ def test_a_run_names_no_other_file_as_its_experiment(copied, tmp_path):
 
 @pytest.mark.parametrize(("change", "words"), [
     ({"discrepancy": {"significant": True, "likelihood_ratio": 9.0, "std": {}, "motion_px": {}}}, "without its size"),
+    ({"cracks": {"edge": {"frames": [0, 1], "why_not": ""} | dict.fromkeys(
+        ("length_mm", "length_mm_std", "K_I", "K_II", "J", "K_I_std", "K_II_std", "J_std"), [1.0])}},
+     "not one value per frame"),
     ({"discrepancy": {"significant": True, "likelihood_ratio": None, "motion_px": {"a": 0.1}}}, "without its size"),
     ({"discrepancy": {"significant": True, "likelihood_ratio": 9.0, "std": {"motion": None}, "motion_px": {"a": 0.1}}},
      "without its size"),

@@ -59,6 +59,22 @@ name = "edge"
 path_mm = [[-1.0, {ACROSS}], [11.0, {ACROSS}]]
 length_mm = {{ value = 3.0, identify = true }}
 """
+CLAMPED_PIXEL, CLAMPED_ORIGIN, CLAMPED_SHAPE = 0.2, (5.6, 124.6), (130, 112)
+GRIP, GRIP_NOISE, FORCE_NOISE = 0.08 * np.array([0.0, 0.25, 0.5, 0.75, 1.0, 1.0]), 3e-4, 0.5  # mm, mm, N
+GRIPS = """[[boundary]]
+nodes = "BOTTOM"
+ux = 0.0
+uy = 0.0
+[[boundary]]
+nodes = "TOP"
+ux = 0.0
+uy = { column = "grip_mm", noise_std = 3e-4 }
+
+[[channel]]
+column = "force_N"
+simulated = { reaction = "TOP", component = "y" }
+noise_std = 0.5
+"""
 GROWING = "knots = [1, 2, 3, 4, 5]\n"
 
 DECK = """*MATERIAL, NAME=M
@@ -70,10 +86,11 @@ DECK = """*MATERIAL, NAME=M
 BOTTOM, 1, 2, 0
 *STEP
 *STATIC
-*CLOAD
 {loads}
 *NODE PRINT, NSET=ALL
 U
+*NODE PRINT, NSET=TOP, TOTALS=ONLY
+RF
 *END STEP
 """
 
@@ -113,6 +130,10 @@ def truth_mesh(length: float) -> Mesh:
                      node_sets={"BOTTOM": np.flatnonzero(nodes[:, 1] < 1e-9), "ALL": np.arange(len(nodes))})
 
 
+def top_nodes(mesh: Mesh) -> np.ndarray:
+    return np.flatnonzero(mesh.nodes[:, 1] > HEIGHT - 1e-9)
+
+
 def top_forces(mesh: Mesh) -> np.ndarray:
     """Nodal forces of a uniform pull of 1 N along y  # (n_nodes,)"""
     forces = np.zeros(mesh.n_nodes)
@@ -124,25 +145,32 @@ def top_forces(mesh: Mesh) -> np.ndarray:
     return forces
 
 
-def solved(folder: Path, length: float) -> tuple[Mesh, np.ndarray, float]:
-    """Mesh, motion under 1 N (n_nodes, 2) mm, and the work of the force (N mm), by CalculiX."""
+def solved(folder: Path, length: float, clamped: bool = False) -> tuple[Mesh, np.ndarray, float]:
+    """Mesh, motion under 1 N (n_nodes, 2) mm, and the work of the force (N mm), by CalculiX; clamped : under 1 mm of a
+    stiff grip, whose force in N is twice that work."""
     folder.mkdir(parents=True, exist_ok=True)
     mesh = truth_mesh(length)
     forces = top_forces(mesh)
-    loads = "\n".join(f"{k + 1}, 2, {force:.12g}" for k, force in enumerate(forces) if force)
+    loads = "*CLOAD\n" + "\n".join(f"{k + 1}, 2, {force:.12g}" for k, force in enumerate(forces) if force)
+    if clamped:
+        loads = "*BOUNDARY\nTOP, 1, 1, 0\nTOP, 2, 2, 1.0"
     lines = ["*NODE, NSET=ALL", *(f"{k + 1}, {x:.12g}, {y:.12g}, 0" for k, (x, y) in enumerate(mesh.nodes)),
              "*ELEMENT, TYPE=CPS8, ELSET=SHEET",
              *(f"{k + 1}, " + ", ".join(map(str, cell + 1)) for k, cell in enumerate(mesh.blocks[0].connectivity)),
-             "*NSET, NSET=BOTTOM", *(f"{k + 1}," for k in mesh.node_sets["BOTTOM"])]
+             "*NSET, NSET=BOTTOM", *(f"{k + 1}," for k in mesh.node_sets["BOTTOM"]),
+             "*NSET, NSET=TOP", *(f"{k + 1}," for k in top_nodes(mesh))]
     (folder / "sheet.inp").write_text("\n".join(lines) + "\n" + DECK.format(E=E, nu=NU, thickness=THICKNESS,
                                                                             loads=loads))
     done = subprocess.run(["ccx", "-i", "sheet"], cwd=folder, capture_output=True, text=True, timeout=600, check=False,
                           env={"OMP_NUM_THREADS": "1", "PATH": "/usr/bin:/bin"})
     assert done.returncode == 0, done.stdout[-2000:]
-    rows = np.array([line.split() for line in (folder / "sheet.dat").read_text().splitlines()
-                     if len(line.split()) == 4 and line.split()[0].isdigit()], dtype=float)
+    entries = [line.split() for line in (folder / "sheet.dat").read_text().splitlines()]
+    rows = np.array([entry for entry in entries if len(entry) == 4 and entry[0].isdigit()], dtype=float)
     u = np.zeros((mesh.n_nodes, 2))
     u[rows[:, 0].astype(int) - 1] = rows[:, 1:3]
+    if clamped:
+        (total,) = [entry for entry in entries if len(entry) == 3 and entry[0][-1].isdigit()]
+        return mesh, u, 0.5 * float(total[1])
     return mesh, u, 0.5 * float(forces @ u[:, 1])
 
 
@@ -171,6 +199,31 @@ def write_sheet(folder: Path, ccx: Path, tables: str = CRACK + GROWING, n_across
     return folder / "experiment.toml"
 
 
+def clamped_sheet(folder: Path, ccx: Path, lengths: tuple, n_across: int = 14, seed: int = 3) -> Path:
+    """The experiment folder of the same sheet between stiff grips, in small images and without a [[crack]]."""
+    camera = Camera.from_table(CLAMPED_PIXEL, CLAMPED_ORIGIN)
+    empty_folder(folder)
+    rng, sensor = np.random.default_rng(seed), Sensor(CLAMPED_SHAPE, bits=8, noise_std=np.sqrt(NOISE**2 - 1.0 / 12.0),
+                                                      background=10.0)
+    texture = medium_speckle(camera, CLAMPED_SHAPE)(rng, 255.0)
+    known = {length: solved(ccx / f"{length:.3f}", length, clamped=True) for length in set(lengths)}
+    images, force = [], []
+    for length, grip in zip(lengths, GRIP, strict=True):
+        mesh, u, work = known[length]
+        images.append(record(clean_image(grip * u, mesh.nodes, mesh.blocks, camera, texture, sensor), sensor, rng))
+        force.append(2.0 * work * grip)
+    write_images(folder, images)
+    loaded = GRIP > 0.0
+    write_loads(folder, np.arange(len(GRIP), dtype=float), {
+        "force_N": np.array(force) + FORCE_NOISE * loaded * rng.standard_normal(len(GRIP)),
+        "grip_mm": GRIP + GRIP_NOISE * loaded * rng.standard_normal(len(GRIP))})
+    write_inp(plain_mesh(n_across), folder / "mesh.inp", "sheet")
+    head = HEAD[:HEAD.index("[[boundary]]")].replace(f"= {PIXEL}", f"= {CLAMPED_PIXEL}").replace(
+        "[14.6, 254.3]", f"[{CLAMPED_ORIGIN[0]}, {CLAMPED_ORIGIN[1]}]")
+    (folder / "experiment.toml").write_text(head + GRIPS)
+    return folder
+
+
 def plain_mesh(n_across: int) -> Mesh:
     """Four-node squares, without a crack."""
     n, m = n_across, round(n_across * HEIGHT / WIDTH)
@@ -179,4 +232,5 @@ def plain_mesh(n_across: int) -> Mesh:
     cells = np.stack([first, first + 1, first + n + 2, first + n + 1], axis=1)
     top = np.stack([np.arange(n * (m - 1), n * m), np.full(n, 2)], axis=1)
     return make_mesh(nodes, [("quad4", cells)], element_sets={"SHEET": np.arange(len(cells))},
-                     node_sets={"BOTTOM": np.arange(n + 1)}, edge_sets={"TOP": top})
+                     node_sets={"BOTTOM": np.arange(n + 1), "TOP": np.arange((n + 1) * m, len(nodes))},
+                     edge_sets={"TOP": top})

@@ -88,7 +88,7 @@ def adjoint_source_map(identification: Identification, residual: ResidualEvidenc
         If a law finds no answer along the path of the identified model.
     """
     evidence = residual.evidence
-    q, channel_q = _residuals(evidence, null, rng, draws, sound_frames)
+    q, channel_q = residuals_with_draws(evidence, null, rng, draws, sound_frames)
     p = recorded_residual(evidence, q)
     windows = tuple(np.array_split(np.arange(len(p)), min(N_WINDOWS, len(p))))
     score = np.zeros((identification.experiment.model.mesh.n_elements, len(windows), draws + 1))
@@ -149,7 +149,8 @@ def recorded_residual(evidence: Evidence, q: np.ndarray) -> np.ndarray:
     return out
 
 
-def _residuals(evidence: Evidence, null: NullModel, rng: np.random.Generator, draws: int, sound_frames):
+def residuals_with_draws(evidence: Evidence, null: NullModel, rng: np.random.Generator, draws: int,
+                         sound_frames: tuple[int, np.ndarray] | None = None) -> tuple[np.ndarray, np.ndarray]:
     """The recording's residual first, then draws, all projected  # (T, n_seen, 1 + D), (T, n_channels, 1 + D)"""
     q, channel_q, factor = [], [], None
     total = np.zeros((null.white.n, draws + 1))

@@ -41,7 +41,7 @@ class ExperimentSource(Protocol):
         """The same source with more edits in its null model."""
         ...
 
-    def with_motion_error(self, error: MotionError) -> ExperimentSource:
+    def with_motion_error(self, error: MotionError | None) -> ExperimentSource:
         """The same source whose experiments know what their simulation lacks."""
         ...
 

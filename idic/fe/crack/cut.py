@@ -110,6 +110,7 @@ class _Cells:
     node_cells: dict[int, set[int]]
     tolerance: float
     halves: dict[tuple[int, int], int] = field(default_factory=dict)  # new node of an edge that was split
+    outer_halves: set[int] = field(default_factory=set)  # of these, nodes on an edge of the body, before it is cut
     source: dict[int, int] = field(default_factory=dict)  # node that a further one doubles
 
     @classmethod
@@ -302,6 +303,7 @@ class _Cells:
         if any(len(self.edge_cells[edge]) != 2 for edge in along) or any(map(self.is_outer, chain[1:])):
             raise _outside(self.nodes[chain[-1]])
         begins_inside = not self.is_outer(chain[0])
+        self.outer_halves = {node for node in self.halves.values() if self.is_outer(node)}
         parts = [self._right_of(node, chain[k + 1], along) for k, node in enumerate(chain[:-1])]
         right = list(chain)
         for k, (node, cells) in enumerate(zip(chain[:-1], parts, strict=True)):
@@ -354,7 +356,7 @@ class _Cells:
         for name, members in plain.node_sets.items():
             joined = set(np.asarray(members).tolist())
             for (a, b), node in self.halves.items():
-                if a in joined and b in joined and self.is_outer(node):
+                if a in joined and b in joined and node in self.outer_halves:
                     joined.add(node)
             more = [node for node, source in self.source.items() if source in joined]
             fresh = sorted((joined | set(more)) - set(np.asarray(members).tolist()))

@@ -13,17 +13,20 @@ from idic.report.diagnosis.spots import with_spots
 from idic.report.diagnosis.words import sentence
 
 
-def diagnosis_content(diagnosis: Diagnosis, parameters_before: Mapping[str, dict], wall_s: float = 0.0) -> dict:
+def diagnosis_content(diagnosis: Diagnosis, parameters_before: Mapping[str, dict], wall_s: float = 0.0,
+                      cracks: Mapping[str, dict] | None = None) -> dict:
     """The content of ``RUN/diagnosis.json`` without what comes after the verdict: the enriched experiment, notes.
 
     parameters_before : value, std, unit of the identified model's free parameters (`idic.diagnose.free_parameters`)
+    cracks : the entry ``cracks``: what a candidate has added
     """
     if (spots := diagnosis.spots) is not None:
         without = free_parameters(spots.result)
-        content = diagnosis_content(replace(diagnosis, spots=None), without, wall_s)
+        content = diagnosis_content(replace(diagnosis, spots=None), without, wall_s, cracks)
         return finite(with_spots(content, spots, parameters_before, without,
                                  diagnosis.identification.experiment.model.length_unit))
     content, titles = diagnosis_numbers(diagnosis, parameters_before, wall_s), titles_of(diagnosis)
+    content["cracks"] = dict(cracks or {})
     model = content["model"]
     final = {name: model["parameters_of_real_body"].get(name) or model["parameters_after"].get(name) or entry
              for name, entry in parameters_before.items()}

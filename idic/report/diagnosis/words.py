@@ -169,7 +169,9 @@ def new_values(content: Mapping, names: Sequence[str] | None, number: int) -> st
     identified, enriched = content["model"]["parameters_before"], content["model"]["parameters_after"]
     if names is None:
         names = () if number else [n for n in enriched if n not in identified]
-    added = {n: enriched[n] for n in names if n in enriched}
+    cracks = [crack_words(content["cracks"][name]) for name in dict.fromkeys(_crack_of(n) for n in names)
+              if name in (content.get("cracks") or {})]
+    added = {n: enriched[n] for n in names if n in enriched and not (cracks and _crack_of(n))}
     labels = {n: _of_cause(label) for n, label in short_names(enriched).items()}
     stems = dict.fromkeys(_stem(n) for n in added if n.endswith("]"))
     courses = {stem: {n: p for n, p in enriched.items() if n.endswith("]") and _stem(n) == stem} for stem in stems}
@@ -180,8 +182,34 @@ def new_values(content: Mapping, names: Sequence[str] | None, number: int) -> st
              for n, p in added.items() if _stem(n) not in courses and not _is_open(n, p)]
     left_open = [f"{labels[n]} ≈ {with_std(_two_digits(p['value']), None, p['unit'])}"
                  for n, p in added.items() if _stem(n) not in courses and _is_open(n, p)]
-    parts = [*texts, *(_course(stem, course) for stem, course in courses.items())]
+    parts = [*cracks, *texts, *(_course(stem, course) for stem, course in courses.items())]
     return ", ".join([*parts, *([f"{', '.join(left_open)}, not determined"] if left_open else [])])
+
+
+def _crack_of(name: str) -> str:
+    """The crack that a degree of freedom is the length of, "" of another one."""
+    head, _, tail = name.partition(".")
+    return tail.partition(".")[0] if head == "crack" else ""
+
+
+def crack_words(entry: Mapping) -> str:
+    """Where a crack begins, its direction, its length in the first frame with one and in the last, and K there."""
+    identified = [k for k, std in enumerate(entry["length_mm_std"]) if std and k]  # the reference is at rest
+    place = f"({entry['start_mm'][0]:.3g}, {entry['start_mm'][1]:.3g}) mm"
+    head = f"from {place}{' inside the body' if entry['inner'] else ' at an edge'} at {entry['direction_deg']:.0f}°"
+    if not identified:
+        return f"{head}, length not determined"
+    lengths = [f"{with_std(entry['length_mm'][k], entry['length_mm_std'][k], 'mm')} in frame {entry['frames'][k]}"
+               for k in (identified[0], identified[-1])]
+    grows = (abs(entry["length_mm"][identified[-1]] - entry["length_mm"][identified[0]])
+             > MIN_VALUE_STD * math.hypot(*(entry["length_mm_std"][k] for k in (identified[-1], identified[0]))))
+    length = f"{lengths[0]} to {lengths[1]}" if grows else lengths[1].partition(" in ")[0] + " long"
+    loaded = [k for k in identified if entry["K_I"][k] is not None and entry["K_I_std"][k]]
+    if not loaded:
+        return f"{head}, {length}"
+    modes = ", ".join(f"{name} {with_std(entry[name][loaded[-1]], entry[f'{name}_std'][loaded[-1]], 'MPa √m')}"
+                      for name in ("K_I", "K_II"))
+    return f"{head}, {length}, {modes} in frame {entry['frames'][loaded[-1]]}"
 
 
 def _of_cause(name: str) -> str:
@@ -304,8 +332,8 @@ def when_and_where(content: Mapping, sizes: bool = False, visible: bool = True) 
 
 
 def _has_own_place(content: Mapping) -> bool:
-    """Whether a selected cause has a determined centre among its parameters."""
-    return any(name.endswith(CENTRE) and entry["std"]
+    """Whether a selected cause has a determined centre among its parameters, or begins at a point."""
+    return bool(content.get("cracks")) or any(name.endswith(CENTRE) and entry["std"]
                for name, entry in content["model"].get("parameters_after", {}).items())
 
 

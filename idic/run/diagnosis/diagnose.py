@@ -16,6 +16,7 @@ from idic.diagnose import (
 from idic.report import diagnosis_content, diagnosis_page
 from idic.run.diagnosis.far import judged_by_images, on_measured_motion
 from idic.run.diagnosis.enriched import write_enriched
+from idic.run.diagnosis.crack import cracks_content
 from idic.run.diagnosis.diagnosis_file import identified_parameters, write_diagnosis, write_page
 from idic.run.diagnosis.refits import RefitStore, run_refits
 from idic.run.diagnosis.source import open_source
@@ -105,7 +106,8 @@ def write_all(run: str | Path, diagnosis: Diagnosis, began: float) -> dict:
 
     began : time.perf_counter() at its start
     """
-    notes, verdict = Notes(diagnosis.notes), diagnosis_content(diagnosis, identified_parameters(run))
+    notes = Notes(diagnosis.notes)
+    verdict = diagnosis_content(diagnosis, identified_parameters(run), cracks=cracks_content(diagnosis))
 
     def write(enriched: Path | None = None) -> dict:
         return write_diagnosis(run, verdict, enriched, time.perf_counter() - began, notes.texts)

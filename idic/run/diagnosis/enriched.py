@@ -44,6 +44,7 @@ def write_enriched(source: Source, experiment: Experiment, values: Mapping[str, 
                               {name: value for name, value in start_values.items() if _in_file(document, name)})
     _start_heterogeneities(document, start_values)
     _start_cracks(document, start_values)
+    _without_suspects(document)
     _start_corrections(document, start_values)
     document["experiment"]["title"] = f"{experiment.title}, with {' and '.join(n.replace('_', ' ') for n in named)}"
     file = folder / EXPERIMENT_FILE
@@ -86,6 +87,15 @@ def _start_cracks(document: Mapping, start_values: Mapping[str, float]) -> None:
         lengths = [start_values.get(knot_name(stem, frame)) for frame in table.get("knots", ())]
         if lengths and None not in lengths:
             table["lengths_mm"] = lengths
+
+
+def _without_suspects(document: dict) -> None:
+    """Leave out a suspected crack that no candidate has given a length: a crack of no length is none."""
+    nothing = {"value": 0.0, "identify": False}
+    tables = [table for table in document.get("crack", ()) if table["length_mm"] != nothing]
+    document.pop("crack", None)
+    if tables:
+        document["crack"] = tables
 
 
 def _start_corrections(document: dict, start_values: Mapping[str, float]) -> None:

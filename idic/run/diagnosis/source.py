@@ -60,7 +60,7 @@ class Source:
     def with_edits(self, edits: Mapping[str, Any]) -> Source:
         return replace(self, edits={**self.edits, **edits})
 
-    def with_motion_error(self, error: MotionError) -> Source:
+    def with_motion_error(self, error: MotionError | None) -> Source:
         return replace(self, motion_error=error)
 
 

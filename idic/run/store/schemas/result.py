@@ -121,6 +121,28 @@ class _Frame(Part):
     n_pixels: Count | None
 
 
+class _Crack(Part):
+    """Length and loads of a tip, per frame."""
+
+    frames: list[Count]
+    length_mm: list[float]
+    length_mm_std: list[Std]
+    K_I: list[Number]
+    K_II: list[Number]
+    J: list[Number]
+    K_I_std: list[Std]
+    K_II_std: list[Std]
+    J_std: list[Std]
+    why_not: str
+
+    @model_validator(mode="after")
+    def _of_all_frames(self) -> _Crack:
+        lengths = {name: len(values) for name, values in self if isinstance(values, list)}
+        if set(lengths.values()) != {len(self.frames)}:
+            raise ValueError(f"not one value per frame: {lengths}")
+        return self
+
+
 class _ShownEntry(Evaluated):
     values: Values
 
@@ -159,6 +181,7 @@ class Result(Part):
     discrepancy: _Discrepancy | str | None = None
     camera_floor: _CameraFloor | None = None
     remedies: list[_Remedy] = []
+    cracks: dict[str, _Crack] = {}
     experiments: dict[str, dict[str, Any]] = {}
 
     @model_validator(mode="after")
