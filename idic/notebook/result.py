@@ -132,7 +132,7 @@ class Result:
         if not isinstance(self.fields, FieldsInMemory):
             raise InputError("a field of the stiffness of a RUN", expected="an identification in memory", found="a RUN",
                              remedy="idic.identify(experiment) without out")
-        return self.fields.found.stiffness_field(element_set, spacing_mm, length_mm, std)
+        return self.fields.identification.stiffness_field(element_set, spacing_mm, length_mm, std)
 
     def to_xarray(self, frames: Sequence[int] | None = None, residual: bool = True,
                   measured: bool = False) -> xarray.Dataset:
