@@ -7,6 +7,7 @@ from .interpolate import DEGREES, Spline, evaluate, gradient_at_pixels, noise_ga
 from .lens_camera import LensCamera, POSE_PARAMETERS, left_jacobian, rotation_of
 from .lenses.brown import PinholeCamera
 from .lenses.lens_models import LENS_MODELS, LENS_PARAMETERS
+from .matched_blur import PIXEL_BLUR_PX, derivative_maps, fineness_of, matched_gain, matching_weights, mean_shift
 from .pattern import DOT_RADIUS, Pattern, dense_speckle, sparse_speckle
 from .placed_camera import PLACED_TURNS, PLACEMENT_STEM, PlacedCamera
 from .quality.compression import BLOCK_PX, compressed_at
@@ -37,15 +38,16 @@ from .taps import cubic_value, quintic_value, weight_polynomials
 
 __all__ = [
     "BLOCK_PX", "CAMERA_PARAMETERS", "COLUMN", "DEGREES", "DOT_RADIUS", "GAP_PX", "LENS_MODELS", "LENS_PARAMETERS",
-    "MAGNIFICATION", "MIN_POINTS", "MIN_STAGES", "MIN_TOLD_SHIFT_PX", "MIRROR_PAD_PX", "PLACED_TURNS", "PLACEMENT_STEM",
-    "POLES", "POSE_PARAMETERS", "REACH_STDS", "RIGID", "RIGID_UNITS", "ROW", "SCANNER", "SCANNER_MOTIONS", "TURN",
-    "AnyCamera", "ArrayStack", "ArrayVolumes", "Camera", "CameraMotion", "FieldNoise", "LeadingFrames", "LensCamera",
-    "LitStack", "NoiseCovariance", "NoiseModel", "NoisyStack", "Pattern", "PinholeCamera", "PlacedCamera",
-    "RigidMotion", "RoundedStack", "Scanner", "ScannerMotion", "SlicedVolumes", "Slices", "Spline", "StabilisedStack",
-    "Stabiliser", "Stack", "StackView", "TilesOnMaterial", "VolumeStack", "blur_column", "coloured", "compressed_at",
-    "cube_corners", "cubic_value", "dense_speckle", "drift_note", "edge_blur", "evaluate", "field_noise",
-    "filter_block", "fixed_pixel_sensitivity", "gap_mark", "gradient_at_pixels", "gradient_noise_share", "grey_change",
-    "image_noise", "inside", "largest_value", "left_jacobian", "lowpass", "lowpass_weights", "mirrored_rim_px",
+    "MAGNIFICATION", "MIN_POINTS", "MIN_STAGES", "MIN_TOLD_SHIFT_PX", "MIRROR_PAD_PX", "PIXEL_BLUR_PX", "PLACED_TURNS",
+    "PLACEMENT_STEM", "POLES", "POSE_PARAMETERS", "REACH_STDS", "RIGID", "RIGID_UNITS", "ROW", "SCANNER",
+    "SCANNER_MOTIONS", "TURN", "AnyCamera", "ArrayStack", "ArrayVolumes", "Camera", "CameraMotion", "FieldNoise",
+    "LeadingFrames", "LensCamera", "LitStack", "NoiseCovariance", "NoiseModel", "NoisyStack", "Pattern",
+    "PinholeCamera", "PlacedCamera", "RigidMotion", "RoundedStack", "Scanner", "ScannerMotion", "SlicedVolumes",
+    "Slices", "Spline", "StabilisedStack", "Stabiliser", "Stack", "StackView", "TilesOnMaterial", "VolumeStack",
+    "blur_column", "coloured", "compressed_at", "cube_corners", "cubic_value", "dense_speckle", "derivative_maps",
+    "drift_note", "edge_blur", "evaluate", "field_noise", "filter_block", "fineness_of", "fixed_pixel_sensitivity",
+    "gap_mark", "gradient_at_pixels", "gradient_noise_share", "grey_change", "image_noise", "inside", "largest_value",
+    "left_jacobian", "lowpass", "lowpass_weights", "matched_gain", "matching_weights", "mean_shift", "mirrored_rim_px",
     "noise_covariance", "noise_gain", "noise_gain_1d", "noise_share", "normal_sign", "picture", "picture_places",
     "picture_shape", "pixel_gain", "prefilter", "quintic_value", "rotation_of", "saturated_share", "sensor_levels",
     "shifts", "sparse_speckle", "speckle_size", "spline_error", "spline_slopes", "spline_values", "still_gain",
