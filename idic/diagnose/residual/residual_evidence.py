@@ -182,8 +182,8 @@ class _SeenPart:
     """Rows and columns of the seen dofs of matrices. Frames whose matrices have one pattern share its indices: of a
     volume they are as large as the values."""
 
-    def __init__(self, seen: np.ndarray):
-        self.seen = seen
+    def __init__(self, dofs: np.ndarray):
+        self.dofs = dofs
         self.pattern: tuple[np.ndarray, sparse.csr_array] | None = None
 
     def part(self, H: sparse.csr_array, factor: float) -> sparse.csr_array:
@@ -192,7 +192,7 @@ class _SeenPart:
         if pattern is None or pattern[0] is not H.indices:
             numbers = np.arange(H.nnz, dtype=np.int32 if H.nnz < np.iinfo(np.int32).max else np.int64)
             entries = sparse.csr_array((numbers, H.indices, H.indptr), shape=H.shape)
-            pattern = self.pattern = H.indices, sparse.csr_array(entries[self.seen][:, self.seen])
+            pattern = self.pattern = H.indices, sparse.csr_array(entries[self.dofs][:, self.dofs])
         places = pattern[1]
         return sparse.csr_array((H.data[places.data] * factor, places.indices, places.indptr), shape=places.shape)
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from scipy import sparse
@@ -76,7 +77,7 @@ def volume_motion(experiment: Experiment, length_px: float | None = None,
     model, options = experiment.model, experiment.options
     blurred = replace(experiment, options=replace(options, lowpass_px=max(options.lowpass_px, BLUR_PX)))
     is_affine = length_px is not None and np.isinf(length_px)
-    reference = build_experiment_reference(blurred if is_affine else experiment, model.camera)
+    reference = cast(VolumeReference, build_experiment_reference(blurred if is_affine else experiment, model.camera))
     references = [(blurred, reference if is_affine else reference.seen_by(blurred)), (experiment, reference)]
     nodes_px = model.camera.project(model.mesh.nodes)
     smoother = None if is_affine else solid_smoother(nodes_px, model.mesh.blocks, length_px)
