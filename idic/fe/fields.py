@@ -110,12 +110,13 @@ def nodal_deformation(mesh: Mesh, u: np.ndarray) -> np.ndarray:
 
 
 def _nodal_slopes(mesh: Mesh) -> tuple[csr_array, np.ndarray]:
-    """Sum over the elements around a node of the slopes there of a nodal field, and their number
+    """Sum over the elements around a node of the slopes there of a nodal field, and their number; zeros are stored, so
+    that a node without a value leaves none at any node of its elements
 
     # (n_nodes d, n_nodes) 1/mm, (n_nodes,)
     """
-    d, n, count = mesh.n_dim, mesh.n_nodes, np.zeros(mesh.n_nodes)
-    total = csr_array((n * d, n))
+    d, count = mesh.n_dim, np.zeros(mesh.n_nodes)
+    values, rows, columns = [np.zeros(0)], [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     for block in mesh.blocks:
         cell = cell_type(block.cell)
         if cell.dim != d:
@@ -123,8 +124,10 @@ def _nodal_slopes(mesh: Mesh) -> tuple[csr_array, np.ndarray]:
         slopes = shape_gradients(block.cell, cell.reference_nodes)  # (nodes: where, nodes: whose, d)
         jac = np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], slopes)
         grads = np.einsum("qai,eqik->eqka", slopes, np.linalg.inv(jac))
-        rows = block.connectivity[:, :, None, None] * d + np.arange(d)[:, None]
-        rows, columns = np.broadcast_arrays(rows, block.connectivity[:, None, None, :])
-        total = total + csr_array((grads.ravel(), (rows.ravel(), columns.ravel())), shape=total.shape)
+        row, column = np.broadcast_arrays(block.connectivity[:, :, None, None] * d + np.arange(d)[:, None],
+                                          block.connectivity[:, None, None, :])
+        for entries, part in ((values, grads), (rows, row), (columns, column)):
+            entries.append(part.ravel())
         np.add.at(count, block.connectivity, 1.0)
-    return total, count
+    places = np.concatenate(rows), np.concatenate(columns)
+    return csr_array((np.concatenate(values), places), shape=(mesh.n_nodes * d, mesh.n_nodes)), count

@@ -53,3 +53,18 @@ def test_few_are_kept_the_last_ones_used(asked):
     assert len(asked) == n
     known_pattern(nodes, dofs, np.array([1]))
     assert len(asked) == n + 1
+
+
+def test_kept_patterns_have_few_entries_together(asked, monkeypatch):
+    nodes, dofs = mesh_of(2)
+    n_entries = make_pattern(nodes, dofs, np.array([0])).n_stored
+    monkeypatch.setattr(module, "MAX_KEPT_ENTRIES", 2 * n_entries)
+    for k in range(3):
+        known_pattern(nodes, dofs, np.array([2 * k]))
+    assert len(module._kept) == 2
+    known_pattern(nodes, dofs, np.array([4]))
+    assert len(asked) == 3
+    monkeypatch.setattr(module, "MAX_KEPT_ENTRIES", n_entries // 2)
+    known_pattern(nodes, dofs, np.array([6]))
+    known_pattern(nodes, dofs, np.array([6]))
+    assert len(asked) == 5

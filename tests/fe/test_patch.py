@@ -32,6 +32,15 @@ def test_a_uniform_gradient_on_the_boundary_gives_a_uniform_gradient_inside(cell
     assert np.abs(stress - stress[0]).max() < 1e-7 * np.abs(stress).max()  # stress carries ROUNDING / size
 
 
+def test_a_node_without_a_value_leaves_no_deformation_at_the_nodes_of_its_elements():
+    mesh = grid("quad4", (3, 2))
+    u = np.zeros(mesh.nodes.shape)
+    u[0] = np.nan
+    connectivity = mesh.blocks[0].connectivity
+    affected = np.unique(connectivity[(connectivity == 0).any(axis=1)])
+    assert set(np.flatnonzero(np.isnan(nodal_deformation(mesh, u)).any(axis=(1, 2)))) == set(affected)
+
+
 @pytest.mark.parametrize("cell, kind", CASES)
 def test_a_rigid_rotation_by_60_degrees_leaves_no_stress_at_finite_strain(cell, kind):
     mesh, angle = patch(cell), np.pi / 3

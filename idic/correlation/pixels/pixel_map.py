@@ -184,7 +184,7 @@ def element_curvature(pixel_map: PixelMap, coefficients: np.ndarray, inverse: np
 def at_nodes(pixel_map: PixelMap, matrices: np.ndarray) -> np.ndarray:
     """Mean over the elements around each node, the identity where there is none  # (nel, c, c) -> (n_nodes, c, c)"""
     around, size = pixel_map.around_nodes, matrices.shape[1]
-    total = (around @ matrices.reshape(len(matrices), -1)).reshape(-1, size, size)
+    total = (around @ matrices.reshape(len(matrices), size**2)).reshape(pixel_map.n_nodes, size, size)
     count = np.diff(around.indptr)
     return np.where(count[:, None, None] > 0, total / np.maximum(count, 1)[:, None, None], np.eye(size))
 

@@ -217,7 +217,7 @@ class Evidence:
             white = np.empty(shared.shape)
             _without_common(np.ascontiguousarray(inverse_at_nodes(back)), np.ascontiguousarray(spread[t]), shared,
                             self.share, 1.0 / np.sqrt(self.kappa[t]), white)
-            white = white.reshape(-1, n)
+            white = white.reshape(len(white) * c, n)
             yield white if is_complete else white[self.seen]
 
     def weighed(self, white: Columns) -> Columns:

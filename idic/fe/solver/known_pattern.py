@@ -29,7 +29,7 @@ def known_pattern(coordinates: np.ndarray, element_dofs: Sequence[np.ndarray], p
     if pattern.n_stored <= MAX_KEPT_ENTRIES:
         _kept[key] = pattern  # the last one used stands last
         newest_first = list(_kept.items())[::-1]
-        n_entries = np.cumsum([kept.n_stored for _, kept in newest_first])
+        n_entries = np.cumsum([former_pattern.n_stored for _, former_pattern in newest_first])
         for number, (stale_key, _) in enumerate(newest_first):
             if number >= MAX_KEPT_PATTERNS or n_entries[number] > MAX_KEPT_ENTRIES:
                 _kept.pop(stale_key, None)
