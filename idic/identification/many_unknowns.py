@@ -20,7 +20,7 @@ from scipy.sparse import block_array, coo_array, csr_array
 
 from idic.correlation import CorrelationContext, FrameResponse, channel_equations, view_of
 
-TOLERANCE = 1e-4  # residual of the step over its right-hand side
+TOLERANCE = 1e-3  # residual of a step over its right-hand side; the next step corrects it
 MAX_INFORMATION_LEFT = 0.5  # of the prior: what the test tells along the last vectors of a covariance
 MAX_ITERATIONS = 150  # of a product each: a few per cent of a simulation
 MIN_GROWTH = 1e-12  # of a new Lanczos vector over its image: the space is exhausted

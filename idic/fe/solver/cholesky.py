@@ -20,7 +20,7 @@ from idic.fe.solver.lapack import factorise_lower, product, solve_triangle, subt
 from idic.fe.solver.multifrontal import Elimination, Front, columns, eliminated, independent_parts
 from idic.fe.solver.threads import pool_of_threads
 
-MIN_ENTRIES_FOR_BLAS = 4000  # of a front: below, a call takes longer than the loops
+MIN_ENTRIES_FOR_BLAS = 16_000  # of a front: below, calls take longer than loops (one right-hand side; of several 4000)
 PARTS = 4  # of the tree, whatever the number of threads: the bits do not depend on it
 
 
