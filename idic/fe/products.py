@@ -19,12 +19,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array, csr_array, hstack
+from scipy.sparse import coo_array, csc_array, csr_array
 
 from idic.errors import InputError
 from idic.fe.assembly import expansion, kernels, kernels_solid, locking
 from idic.fe.assembly.assembly import (
-    Group, GroupEvaluation, System, evaluate_system, further_matrices, point_changes, stiffness_values,
+    Group, GroupEvaluation, System, element_matrices, evaluate_system, further_matrices, point_changes,
     stress_variations, values_at,
 )
 from idic.fe.body.body import Body, Direction
@@ -35,7 +35,6 @@ from idic.fe.solver.linear import Factor
 from idic.fe.time_march import Increment, StepList, channel_values, solved_increments
 
 MAX_KEPT_BYTES = 1_500_000_000  # of factors and derivatives of points
-COLUMNS_AT_A_TIME = 32  # of factor fields, when their values at the points are made
 
 
 @dataclass(frozen=True)
@@ -202,16 +201,16 @@ class Linearisation:
         material, drive = np.zeros(len(unknowns.material)), np.zeros(len(unknowns.drive))
         edge, free_dofs = np.asarray(system.body.constraints.dofs), system.pattern.dofs
         for increment, linear in self._backwards():
-            p, wanted = np.zeros(system.body.n_dof), np.zeros(shape)
+            p, load = np.zeros(system.body.n_dof), np.zeros(shape)
             if increment.ends_frame is not None:
-                wanted += u[increment.ends_frame]
+                load += u[increment.ends_frame]
                 p[edge] = self._readings[edge] @ channels[increment.ends_frame]
             for group, g, slopes, state in zip(system.groups, linear.groups, linear.slopes, states, strict=True):
                 if _n_state(group):
                     by_F = np.einsum("pij,pi->pj", slopes.state_by_F, state).reshape(g.F.shape)
-                    _add_transposed_gradient(group, g, by_F, wanted)
-            wanted = wanted.ravel()
-            pull = wanted + linear.at_edge.T @ p
+                    _add_transposed_gradient(group, g, by_F, load)
+            load = load.ravel()
+            pull = load + linear.at_edge.T @ p
             p[free_dofs] = -linear.factor.solve_transposed(pull[free_dofs])
             for k, (group, g, slopes) in enumerate(zip(system.groups, linear.groups, linear.slopes, strict=True)):
                 gradient = _plain_gradient(group, p.reshape(shape))
@@ -225,7 +224,7 @@ class Linearisation:
                     states[k] = (np.einsum("pij,pi->pj", slopes.stress_by_state, stress)
                                  + np.einsum("pij,pi->pj", slopes.state_by_state, states[k]))
             if len(drive):
-                by_edge = (wanted + linear.at_edge.T @ p)[edge]
+                by_edge = (load + linear.at_edge.T @ p)[edge]
                 dead = system.body.loads.dead
                 by_history = np.concatenate([system.body.constraints.basis.T @ by_edge,
                                              np.zeros(0) if dead is None else -dead.T @ p])
@@ -314,12 +313,8 @@ def _sorted_unknowns(system: System, directions: Sequence[Direction]) -> _Unknow
 
 def _weight_shapes(system: System, group: Group, directions: Sequence[Direction]) -> csc_array:
     """Relative change of the weights of a group's points by each factor field  # (n_points, n)"""
-    parts = []
-    for first in range(0, len(directions), COLUMNS_AT_A_TIME):
-        part = directions[first:first + COLUMNS_AT_A_TIME]
-        changes = stress_variations(system, group, part)
-        parts.append(csc_array((group.n_points, len(part))) if changes is None else csc_array(changes))
-    return csc_array(hstack(parts)) if parts else csc_array((group.n_points, 0))
+    changes = stress_variations(system, group, directions)
+    return csc_array((group.n_points, len(directions))) if changes is None else changes
 
 
 def _n_state(group: Group) -> int:
@@ -367,7 +362,8 @@ def _columns_last(changes: np.ndarray) -> np.ndarray:
 
 def _stiffness_at_edge(system: System, end: Converged) -> csr_array:
     """The stiffness in the elements with prescribed dofs: right in the rows and the columns of these."""
-    stiffness_values(system, end.evaluation)  # element matrices
+    for group, g in zip(system.groups, end.evaluation.groups, strict=True):
+        element_matrices(group, g)
     parts = [(g.Ke[group.holding], group.dofs[group.holding])
              for group, g in zip(system.groups, end.evaluation.groups, strict=True)]
     parts += list(further_matrices(system, end.evaluation))

@@ -28,6 +28,9 @@ from idic.fe.solver.linear import Factor
 from idic.fe.body.body import Direction, Body
 
 
+COLUMNS_AT_A_TIME = 16  # directions whose changes of the stress at all points are held together
+
+
 @dataclass(frozen=True)
 class Changes:
     """Derivatives along nd directions at one time.
@@ -306,9 +309,15 @@ def _add_variations(system: System, directions, end: Converged, forces: np.ndarr
     """Forces at fixed stress of weights that change; forces (n_nodes, d, nd)."""
     for group, g in zip(system.groups, end.evaluation.groups, strict=True):
         changes = stress_variations(system, group, directions)
-        if changes is not None:
-            kernels.add_internal_force_changes(group.connectivity, group.grads, group.weights,
-                                               np.ascontiguousarray(changes[:, :, None, None] * g.P[:, None]), forces)
+        if changes is None:
+            continue
+        concerned = np.flatnonzero(np.diff(changes.indptr))
+        for first in range(0, len(concerned), COLUMNS_AT_A_TIME):
+            columns = concerned[first:first + COLUMNS_AT_A_TIME]
+            part = np.zeros((*forces.shape[:2], len(columns)))
+            dP = np.ascontiguousarray(changes[:, columns].toarray()[:, :, None, None] * g.P[:, None])
+            kernels.add_internal_force_changes(group.connectivity, group.grads, group.weights, dP, part)
+            forces[..., columns] += part
 
 
 def _add_drive_changes(system: System, directions, times, end: Converged, du: np.ndarray, forces: np.ndarray) -> None:

@@ -20,7 +20,7 @@ from scipy.sparse import block_array, coo_array, csr_array
 
 from idic.correlation import CorrelationContext, FrameResponse, channel_equations, view_of
 
-TOLERANCE = 1e-4  # residual of the step over its right-hand side
+TOLERANCE = 1e-3  # residual of a step over its right-hand side; the next step corrects it
 MAX_INFORMATION_LEFT = 0.5  # of the prior: what the test tells along the last vectors of a covariance
 MAX_ITERATIONS = 150  # of a product each: a few per cent of a simulation
 MIN_GROWTH = 1e-12  # of a new Lanczos vector over its image: the space is exhausted
@@ -48,7 +48,7 @@ def lanczos_step(product: Callable[[np.ndarray], np.ndarray], rhs: np.ndarray, c
     size = float(np.linalg.norm(rhs))
     if size == 0.0:
         return LanczosStep(np.zeros_like(rhs), np.zeros((len(rhs), 0)), (np.zeros(0), np.zeros(0)), 0.0)
-    vectors, diagonal, beside = [rhs / size], [], []
+    vectors, diagonal, off_diagonal = [rhs / size], [], []
     while True:
         image = product(vectors[-1])
         diagonal.append(float(image @ vectors[-1]))
@@ -56,14 +56,14 @@ def lanczos_step(product: Callable[[np.ndarray], np.ndarray], rhs: np.ndarray, c
         for _ in range(2):  # rounding spoils the first pass
             image = image - basis @ (basis.T @ image)
         growth = float(np.linalg.norm(image))
-        values, turns = eigh_tridiagonal(np.array(diagonal), np.array(beside))
+        values, turns = eigh_tridiagonal(np.array(diagonal), np.array(off_diagonal))
         coefficients = turns @ (size * turns[0] / (1.0 + values))
         error = growth * abs(float(coefficients[-1])) / size
-        is_little = diagonal[-1] + growth + (beside[-1] if beside else 0.0) <= MAX_INFORMATION_LEFT
+        is_little = diagonal[-1] + growth + (off_diagonal[-1] if off_diagonal else 0.0) <= MAX_INFORMATION_LEFT
         if ((error <= TOLERANCE and (is_little or not complete)) or growth <= MIN_GROWTH * scale
                 or len(diagonal) == min(MAX_ITERATIONS, len(rhs))):
-            return LanczosStep(basis @ coefficients, basis, (np.array(diagonal), np.array(beside)), error)
-        beside.append(growth)
+            return LanczosStep(basis @ coefficients, basis, (np.array(diagonal), np.array(off_diagonal)), error)
+        off_diagonal.append(growth)
         vectors.append(image / growth)
 
 

@@ -114,10 +114,10 @@ def _checked_body(forward: ForwardModel, parameters: ParameterSet, context: Corr
                  "channels that are no reactions": forward.readings is not None,
                  "a sheet seen from its side": bool(body.surface_side),
                  "a known error of the motion": model.motion_error is not None}
-    present = [word for word, is_there in obstacles.items() if is_there]
-    if present:
+    faults = [word for word, is_there in obstacles.items() if is_there]
+    if faults:
         raise InputError("no field of the stiffness for this test", expected="grey images, known drives, reactions",
-                         found=", ".join(present), remedy="declare [[heterogeneity]] instead")
+                         found=", ".join(faults), remedy="declare [[heterogeneity]] instead")
     return body
 
 

@@ -28,7 +28,7 @@ from idic.diagnose.locate.place import element_centres
 from idic.diagnose.locate.tangents import Tangent, tangents
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.score import null_model
-from idic.fe import Mesh, boundary_edges, cell_type, transposed_stiffness_times
+from idic.fe import Mesh, boundary_edges, cell_type, stiffness_times
 from idic.identification import Identification
 
 N_NEAREST = 6  # elements that are looked at for one that holds a point
@@ -288,7 +288,7 @@ def _adjoint(residual: ResidualEvidence, tangent: Tangent, p: np.ndarray, channe
     readings = np.zeros_like(load)
     for channel, row in zip(tangent.system.body.channels, channel_p, strict=True):
         readings[np.asarray(channel.dofs, dtype=np.int64)] += channel.factor * row
-    load = load + transposed_stiffness_times(tangent.system, tangent.evaluation, readings)
+    load = load + stiffness_times(tangent.system, tangent.evaluation, readings, transposed=True)
     if tangent.readings is not None:
         load = load + tangent.readings.motion.T @ channel_p
     return tangent.adjoint(load) - readings

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_array, csc_array
 
 from idic.errors import InputError
 from idic.fe.assembly import expansion, in_parts, kernels, kernels_solid, locking
@@ -328,20 +329,22 @@ def points_of(system: System, group: Group, nodal: np.ndarray) -> np.ndarray:
                                nodal)
 
 
-def stress_variations(system: System, group: Group, directions) -> np.ndarray | None:
+def stress_variations(system: System, group: Group, directions) -> csc_array | None:
     """Relative change of the weights of the points along each direction; None: none concerns the group  # (n, nd)"""
     body, section = system.body, system.body.sections[group.section].name
     concerned = [k for k, direction in enumerate(directions)
                  if direction.variation is not None and body.variations[direction.variation[0]].section == section]
     if not concerned:
         return None
-    changes, places = np.zeros((group.n_points, len(directions))), points_of(system, group, body.mesh.nodes)
-    numbers = {directions[k].variation[0] for k in concerned}
-    factors = {number: body.variations[number].factor(places) for number in numbers}
-    for k in concerned:
-        number, name = directions[k].variation
-        changes[:, k] = body.variations[number].slope(places, name) / factors[number]
-    return changes
+    places, parts = points_of(system, group, body.mesh.nodes), []
+    for number in sorted({directions[k].variation[0] for k in concerned}):
+        columns = [k for k in concerned if directions[k].variation[0] == number]
+        slopes = coo_array(body.variations[number].relative_slopes(places, [directions[k].variation[1]
+                                                                            for k in columns]))
+        row, column = slopes.coords
+        parts.append((slopes.data, row, np.array(columns)[column]))
+    entries, row, column = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return csc_array(coo_array((entries, (row, column)), shape=(group.n_points, len(directions))))
 
 
 def _effective_stress(group: Group, g: GroupEvaluation) -> None:

@@ -12,10 +12,11 @@ that does where the stress is proportional to it. In a plane model the two are o
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_array, csc_array
 
 from idic.errors import NotConverged
 
@@ -79,8 +80,7 @@ class Variation:
         if self.kind == "layers":
             return self._slope_of_layers(points, name)
         if self.kind == "field":
-            number, hats = self.hats(points)
-            return (hats * (number == int(name))).sum(axis=1) * self.factor(points)
+            return self.relative_slopes(points, [name]).toarray()[:, 0] * self.factor(points)
         weight, distance, fall, away = self._weight(points)
         if name == "amount":
             return weight
@@ -89,6 +89,16 @@ class Variation:
             return -change * fall * distance / radius
         direction = away[:, AXES.index(name)] / np.maximum(distance * radius, 1e-300)  # of X - centre
         return -change * fall * direction / radius
+
+    def relative_slopes(self, points: np.ndarray, names: Sequence[str]) -> csc_array:
+        """Derivatives of the logarithm of the factor by some of `values`  # (n, m)"""
+        if self.kind != "field":
+            factor = self.factor(points)
+            return csc_array(np.stack([self.slope(points, name) / factor for name in names], axis=1))
+        number, hats = self.hats(points)
+        shape = (len(points), len(self.values))
+        rows = np.repeat(np.arange(len(points)), hats.shape[1])
+        return csc_array(coo_array((hats.ravel(), (rows, number.ravel())), shape=shape))[:, [int(n) for n in names]]
 
     def hats(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Grid points around points (n, d) mm and the hats of these there  # (n, 2^d) int, (n, 2^d)"""

@@ -10,15 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import DTypeLike
 
 from idic.fe.solver.compilation import kernel
-from idic.fe.solver.lapack import factorise_lower, solve_triangle, subtract_square
+from idic.fe.solver.lapack import factorise_lower, product, solve_triangle, subtract_square
 from idic.fe.solver.multifrontal import Elimination, Front, columns, eliminated, independent_parts
 from idic.fe.solver.threads import pool_of_threads
 
+MIN_ENTRIES_FOR_BLAS = 16_000  # of a front: below, calls take longer than loops (one right-hand side; of several 4000)
 PARTS = 4  # of the tree, whatever the number of threads: the bits do not depend on it
 
 
@@ -47,6 +49,17 @@ class Tree:
     def highest(self) -> int:
         """Rows of the largest front."""
         return int((self.end - self.first + np.diff(self.beginning)).max(initial=0))
+
+    @cached_property
+    def runs(self) -> dict[tuple[int, int], list[tuple[int, int, bool]]]:
+        """Of each span, runs of fronts one after the other: small ones together, each large one alone."""
+        is_large = np.diff(self.starts) >= MIN_ENTRIES_FOR_BLAS
+        runs = {}
+        for begin, stop in (*self.parts, *self.above):
+            edges = [k for k in range(begin, stop) if is_large[k] or k == begin or is_large[k - 1]]
+            runs[begin, stop] = [(k, following, bool(is_large[k]))
+                                 for k, following in zip(edges, [*edges[1:], stop], strict=True)]
+        return runs
 
 
 @dataclass(frozen=True)
@@ -77,23 +90,53 @@ class SymmetricFactor:
 
         def down(part: int) -> None:
             span = tree.parts[part]
-            forward(self.entries, *tree.arrays, *span, tree.end[span[1] - 1], x, beyond[part], self._room(x))
-
-        def up(span: tuple[int, int]) -> None:
-            backward(self.entries, *tree.arrays, *span, x, self._room(x))
+            self._forward(span, tree.end[span[1] - 1], x, beyond[part])
 
         list(run(down, range(len(tree.parts))))
         for (_, part_end), share in zip(tree.parts, beyond, strict=True):
             reached = tree.boundary[tree.beginning[part_end - 1]:tree.beginning[part_end]]
             x[:, reached] += share[:, reached]
         for span in tree.above:
-            forward(self.entries, *tree.arrays, *span, x.shape[1], x, x, self._room(x))
+            self._forward(span, x.shape[1], x, x)
         for span in reversed(tree.above):
-            up(span)
-        list(run(up, tree.parts))
+            self._backward(span, x)
+        list(run(lambda span: self._backward(span, x), tree.parts))
         if self.is_single:
             x *= self.scale * sizes
         return np.ascontiguousarray(x.T)
+
+    def _forward(self, span: tuple[int, int], limit: int, x: np.ndarray, beyond: np.ndarray) -> None:
+        """Forward substitution in a span; x (m, n); equations from `limit` on change in `beyond`."""
+        for begin, stop, is_large in self.tree.runs[span]:
+            if not is_large:
+                forward(self.entries, *self.tree.arrays, begin, stop, limit, x, beyond, self._room(x))
+                continue
+            pivots, boundary, block, z = self._front(begin, x)
+            solve_triangle(block[:len(z)], z, right=False, lower=True, unit=False)
+            x[:, pivots] = z.T
+            share, inside = product(block[len(z):], z).T, int(np.searchsorted(boundary, limit))
+            x[:, boundary[:inside]] -= share[:, :inside]
+            beyond[:, boundary[inside:]] -= share[:, inside:]
+
+    def _backward(self, span: tuple[int, int], x: np.ndarray) -> None:
+        """Backward substitution in a span; x (m, n)."""
+        for begin, stop, is_large in reversed(self.tree.runs[span]):
+            if not is_large:
+                backward(self.entries, *self.tree.arrays, begin, stop, x, self._room(x))
+                continue
+            pivots, boundary, block, z = self._front(begin, x)
+            if len(boundary):
+                z -= product(block[len(z):], np.array(x[:, boundary], dtype=z.dtype, order="C").T, transposed=True)
+            solve_triangle(block[:len(z)], z, right=False, lower=True, unit=False, transposed=True)
+            x[:, pivots] = z.T
+
+    def _front(self, k: int, x: np.ndarray) -> tuple[slice, np.ndarray, np.ndarray, np.ndarray]:
+        """Pivots, boundary, entries (s + b, s) of a front, and a copy of its part of x (m, n)  # (s, m)"""
+        tree = self.tree
+        pivots = slice(int(tree.first[k]), int(tree.end[k]))
+        boundary = tree.boundary[tree.beginning[k]:tree.beginning[k + 1]]
+        block = columns(self.entries[tree.starts[k]:tree.starts[k + 1]], pivots.stop - pivots.start + len(boundary))
+        return pivots, boundary, block, np.array(x[:, pivots], dtype=self.entries.dtype, order="C").T
 
     def _room(self, x: np.ndarray) -> np.ndarray:
         return np.empty((len(x), self.tree.highest), dtype=self.entries.dtype)

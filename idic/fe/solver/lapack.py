@@ -22,6 +22,7 @@ _dtrsm, _dtrsv = _routine("blas", "dtrsm", 11), _routine("blas", "dtrsv", 8)
 _dgetrf, _dlaswp = _routine("lapack", "dgetrf", 6), _routine("lapack", "dlaswp", 7)
 # by the bytes of a number
 _trsm, _trsv = {4: _routine("blas", "strsm", 11), 8: _dtrsm}, {4: _routine("blas", "strsv", 8), 8: _dtrsv}
+_gemm, _gemv = {4: _routine("blas", "sgemm", 13), 8: _dgemm}, {4: _routine("blas", "sgemv", 11), 8: _dgemv}
 _syrk = {4: _routine("blas", "ssyrk", 10), 8: _routine("blas", "dsyrk", 10)}
 _potrf = {4: _routine("lapack", "spotrf", 5), 8: _routine("lapack", "dpotrf", 5)}
 
@@ -29,9 +30,10 @@ _kept_letters = {letter: ctypes.c_char(letter.encode()) for letter in "LRUNT"}
 _letter = {letter: ctypes.addressof(stored) for letter, stored in _kept_letters.items()}
 _kept_numbers = (ctypes.c_double * 3)(1.0, -1.0, 0.0)
 _ONE, _MINUS_ONE, _ZERO = (ctypes.addressof(_kept_numbers) + 8 * k for k in range(3))
-_kept_singles = (ctypes.c_float * 2)(1.0, -1.0)
+_kept_singles = (ctypes.c_float * 3)(1.0, -1.0, 0.0)
 _plus = {4: ctypes.addressof(_kept_singles), 8: _ONE}
 _minus = {4: ctypes.addressof(_kept_singles) + 4, 8: _MINUS_ONE}
+_nothing = {4: ctypes.addressof(_kept_singles) + 8, 8: _ZERO}
 _kept_step = ctypes.c_int(1)
 _STEP = ctypes.addressof(_kept_step)
 _L, _R, _U, _N = (_letter[letter] for letter in "LRUN")
@@ -65,19 +67,20 @@ def solve_triangle(triangle: np.ndarray, block: np.ndarray, *, right: bool, lowe
 
 
 def product(a: np.ndarray, b: np.ndarray, transposed: bool = False) -> np.ndarray:
-    """a b, or a^T b  # (rows of a or of a^T, columns of b)"""
+    """a b, or a^T b, both float64 or both float32  # (rows of a or of a^T, columns of b)"""
     rows, inner = a.shape[::-1] if transposed else a.shape
-    out = np.empty((rows, b.shape[1]), order="F")
+    out, width = np.empty((rows, b.shape[1]), dtype=a.dtype, order="F"), a.itemsize
     turned = _letter["T" if transposed else "N"]
     sizes = (ctypes.c_int * 6)(rows, b.shape[1], inner, _leading(a), _leading(b), max(1, rows))
     at = ctypes.addressof(sizes)
     if b.shape[1] == 1:
         shape = (ctypes.c_int * 2)(*a.shape)
         by = ctypes.addressof(shape)
-        _dgemv(turned, by, by + 4, _ONE, a.ctypes.data, at + 12, b.ctypes.data, _STEP, _ZERO, out.ctypes.data, _STEP)
+        _gemv[width](turned, by, by + 4, _plus[width], a.ctypes.data, at + 12, b.ctypes.data, _STEP, _nothing[width],
+                     out.ctypes.data, _STEP)
     else:
-        _dgemm(turned, _letter["N"], at, at + 4, at + 8, _ONE, a.ctypes.data, at + 12, b.ctypes.data, at + 16, _ZERO,
-               out.ctypes.data, at + 20)
+        _gemm[width](turned, _letter["N"], at, at + 4, at + 8, _plus[width], a.ctypes.data, at + 12, b.ctypes.data,
+                     at + 16, _nothing[width], out.ctypes.data, at + 20)
     return out
 
 
