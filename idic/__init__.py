@@ -9,8 +9,9 @@ in `idic/correlation/__init__.py`; derivations are in docs/method.md.
 `load_result` reads it again.
 
 `load_experiment` reads a folder, `build_forward` and `solve` simulate it, `write_report` makes the page of a RUN.
-`write_example` writes a folder to try, `write_design` judges a test that is not made yet, `dic_stack` measures the
-displacement of all frames without a model. `flow` holds the Prefect flows. Each is loaded at its first use.
+`write_example` writes a folder to try, `write_design` judges a test that is not made yet. An `Experiment` of images and
+a mesh alone has a `free_motion`; `dic_stack` measures the displacement of all frames of any experiment. `flow` holds
+the Prefect flows. Each is loaded at its first use.
 """
 
 from __future__ import annotations

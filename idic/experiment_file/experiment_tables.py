@@ -294,6 +294,10 @@ class ExperimentTables:
 
     def materials(self, mesh: Mesh) -> tuple[tuple[Material, ...], list[Parameter], Mesh, list[str]]:
         records, parameters, notes = [], [], []
+        if not self.config.material:
+            raise InputError("a key is missing", file=self.file, key="material", found="no such key",
+                             expected="a table [material.SET], or [material.ALL], with its law",
+                             remedy="add the table; idic init writes a commented example")
         for name, table in self.config.material.items():
             if table.sets:
                 mesh = with_joined_sets(mesh, name, table.sets, self.file, f"material.{name}.sets")

@@ -28,8 +28,7 @@ def check_materials(mesh: Mesh, element_sets: list[str], file) -> None:
         if bad.any():
             labels = mesh.element_labels[bad]
             raise InputError(fault, file=file, key="material",
-                             expected="every element in one of " + ", ".join(element_sets) if element_sets
-                             else "a table [material.SET], or [material.ALL], with its law",
+                             expected="every element in one of " + ", ".join(element_sets),
                              found=f"{bad.sum()} elements: {_first_labels(labels)}", remedy=remedy)
 
 
