@@ -27,8 +27,8 @@ from idic.identification import Identification, identify
 from idic.model import Experiment, MotionError
 
 MIN_Z = 8.0  # standard deviations of the score of a path
-MIN_SHARE = 0.15  # of what free motions explain: a crack that explains less is not suspected
-MIN_SHARE_OF_SOFT = 0.9  # of what the best disc of another stiffness explains
+MIN_SHARE = 0.5  # of what free motions explain: a crack that explains less is not suspected
+MIN_SHARE_OF_SOFT = 1.05  # of what the best disc of another stiffness explains (cracks: 1.11 and more)
 MAX_KNOTS = 4
 MIN_LOAD = 0.35  # of the largest motion: from this frame on the length is free
 LONGER, FURTHER = 1.6, 3.0  # times the first length, and sizes of an element: how far the path goes on
