@@ -22,12 +22,13 @@ from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.selection.stages import CRACK_PATH
 from idic.diagnose.selection.state import Clock, Stage
 from idic.errors import InputError, NotConverged
+from idic.fe import Mesh, interpolation
 from idic.identification import Identification, identify
-from idic.model import Experiment
+from idic.model import Experiment, MotionError
 
 MIN_Z = 8.0  # standard deviations of the score of a path
-MIN_SHARE = 0.15  # of what free motions explain: a crack that explains less is not suspected
-MIN_SHARE_OF_SOFT = 0.9  # of what the best disc of another stiffness explains
+MIN_SHARE = 0.5  # of what free motions explain: a crack that explains less is not suspected
+MIN_SHARE_OF_SOFT = 1.05  # of what the best disc of another stiffness explains (cracks: 1.11 and more)
 MAX_KNOTS = 4
 MIN_LOAD = 0.35  # of the largest motion: from this frame on the length is free
 LONGER, FURTHER = 1.6, 3.0  # times the first length, and sizes of an element: how far the path goes on
@@ -70,16 +71,28 @@ def with_cut(identified: Identified, path: CrackPath) -> tuple[ExperimentSource,
     line = _moved(identified, path, knots)
     source = _uncorrected(identified).with_edits(_table(identified, line, knots, None))
     try:
-        experiment = source.load()
+        source = source.with_motion_error(_carried(identified, source.load().model.mesh))
     except InputError:
         return None
-    identification = identify(_from(experiment, identified.identification))
+    identification = identify(_from(source.load(), identified.identification))
     return None if identification.point is None else (source, identification)
 
 
 def _uncorrected(identified: Identified) -> ExperimentSource:
     """The source without the known error, which is of another mesh."""
     return identified.source.with_motion_error(None)
+
+
+def _carried(identified: Identified, mesh: Mesh) -> MotionError | None:
+    """The known error on the mesh that is cut: of a body without a crack, as none can be computed there."""
+    error, plain = identified.source.motion_error, identified.identification.experiment.model.mesh
+    if error is None:
+        return None
+    weights, inside = interpolation(plain.nodes, plain.blocks, mesh.nodes)
+    u = np.stack([weights @ frame for frame in error.u])
+    nearest = np.argmin(np.linalg.norm(plain.nodes - mesh.nodes[~inside, None], axis=2), axis=1)
+    u[:, ~inside] = error.u[:, nearest]  # nodes on an arc, beyond the chord of their element
+    return MotionError(u, error.channels)
 
 
 def _knots(identified: Identified) -> list[int]:

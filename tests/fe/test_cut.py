@@ -90,11 +90,21 @@ def test_a_path_that_crosses_itself_goes_back_or_ends_on_itself_is_refused(path)
         cut_along(sheet(), np.array(path, dtype=float))
 
 
-def test_a_path_of_one_point_and_elements_with_mid_side_nodes_are_refused():
+def test_a_path_of_one_point_and_elements_of_solids_are_refused():
     with pytest.raises(InputError, match="a crack without a path"):
         cut_along(sheet(), np.array([[2.0, 2.0], [2.0, 2.0]]))
+    solid = make_mesh(np.eye(4)[:, :3], [("tet4", np.arange(4)[None])])
     with pytest.raises(InputError, match="elements that cannot be split"):
-        cut_along(raise_order(sheet()), np.array([[0.0, 6.0], [7.0, 6.0]]))
+        cut_along(solid, np.array([[0.0, 6.0], [7.0, 6.0]]))
+
+
+def test_a_mesh_with_mid_side_nodes_is_cut_as_the_same_without_them():
+    path = np.array([[-1.0, 5.3], [6.3, 8.1]])
+    mesh, cut = cut_along(raise_order(sheet()), path)
+    plain, plain_cut = cut_along(sheet(), path)
+    assert np.array_equal(mesh.nodes, plain.nodes) and np.array_equal(cut.right_nodes, plain_cut.right_nodes)
+    assert all(np.array_equal(mesh.node_sets[name], plain.node_sets[name]) for name in plain.node_sets)
+    assert all(np.array_equal(mesh.edge_sets[name], plain.edge_sets[name]) for name in plain.edge_sets)
 
 
 def test_two_cuts_do_not_cross():

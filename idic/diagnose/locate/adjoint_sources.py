@@ -106,6 +106,14 @@ def adjoint_source_map(identification: Identification, residual: ResidualEvidenc
 def element_scores(residual: ResidualEvidence, tangent: Tangent, p: np.ndarray, channel_p: np.ndarray) -> np.ndarray:
     """Derivative of the misfit by a relative change of the stress of every element  # (n_elements, m)
 
+    p, channel_p : as of `adjoint_motion`
+    """
+    return tangent.element_work(-adjoint_motion(residual, tangent, p, channel_p))
+
+
+def adjoint_motion(residual: ResidualEvidence, tangent: Tangent, p: np.ndarray, channel_p: np.ndarray) -> np.ndarray:
+    """Motion whose work on a change of the internal forces is the derivative of the misfit by it  # (n_dof, m)
+
     p : (n_seen, m) weighted residual of one frame; channel_p : (n_channels, m)
     """
     load = image_adjoint(residual, tangent.index, p)
@@ -115,7 +123,7 @@ def element_scores(residual: ResidualEvidence, tangent: Tangent, p: np.ndarray, 
     load = load + stiffness_times(tangent.system, tangent.evaluation, readings, transposed=True)
     if tangent.readings is not None:  # an extensometer moves with its nodes
         load = load + tangent.readings.motion.T @ channel_p
-    return tangent.element_work(readings - tangent.adjoint(load))
+    return tangent.adjoint(load) - readings
 
 
 def image_adjoint(residual: ResidualEvidence, index: int, p: np.ndarray) -> np.ndarray:

@@ -23,11 +23,13 @@ import numpy as np
 from scipy.sparse import csr_array, vstack
 from scipy.spatial import cKDTree
 
-from idic.diagnose.locate.adjoint_sources import image_adjoint, recorded_residual, residuals_with_draws
+from idic.diagnose.locate.adjoint_sources import adjoint_motion, recorded_residual, residuals_with_draws
+from idic.diagnose.locate.freedoms import in_images
 from idic.diagnose.locate.place import element_centres
 from idic.diagnose.locate.tangents import Tangent, tangents
+from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
-from idic.diagnose.residual.score import null_model
+from idic.diagnose.residual.score import NullModel, null_model, score
 from idic.fe import Mesh, boundary_edges, cell_type, stiffness_times
 from idic.identification import Identification
 
@@ -43,6 +45,7 @@ MAX_ALTERNATIVES, MIN_Z_SHARE = 5, 0.75  # further lines, with so much of the be
 MIN_APART, MIN_TURN_DEG = 1.5, 20.0  # sizes of an element between the middles of two of them, or degrees
 MIN_ROOM = 1.0  # sizes of an element between a tip and the next edge
 DRAWS = 40
+N_EXACT = 8  # discs of every radius whose score is computed with its exact standard deviation
 SEED = 41
 SOFT_RADII = (1.0, 1.6, 2.5, 4.0, 6.5)  # sizes of an element: discs of another stiffness that a crack is compared with
 
@@ -118,9 +121,11 @@ def crack_path(identification: Identification, residual: ResidualEvidence) -> Cr
     if not len(scored) or not np.isfinite(scored).any():
         return None
     line, z = starts[int(np.nanargmax(scored))], float(np.nanmax(scored))
-    alternatives = _distinct(starts, scored, size)
-    line, z = _refined(field, line, z, size)
-    return CrackPath(line, alternatives, z, field.softest(size), size)
+    lines = [_refined(field, line, z, size)[0], line, *_distinct(starts, scored, size)]
+    z = field.exact(field.forces_of(lines))
+    order = np.argsort(-z)
+    return CrackPath(lines[int(order[0])], tuple(lines[int(k)] for k in order[1:] if z[k] > MIN_Z_SHARE * z.max()),
+                     float(z.max()), field.softest(size), size)
 
 
 def _distinct(lines: Sequence[Line], z: np.ndarray, size: float) -> tuple[Line, ...]:
@@ -193,13 +198,19 @@ class _Field:
 
     stress : (n_elements, 2, 2) MPa, of the model in the frame with the largest motion; adjoint : (n_courses,
     n_elements, 3, 1 + D) stress xx, yy, xy of the adjoint motions, the first of the residual and the others of noise;
-    work : (n_courses, n_elements, 1 + D) scores of the stiffness
+    work : (n_courses, n_elements, 1 + D) scores of the stiffness; courses : (n_courses, T) of the jumps; stress_of :
+    (3 n_elements, n_dof) stress xx, yy, xy of a motion
     """
 
     cells: Cells
     stress: np.ndarray
     adjoint: np.ndarray
     work: np.ndarray
+    residual: ResidualEvidence
+    null: NullModel
+    tangent: Tangent
+    courses: np.ndarray
+    stress_of: csr_array
 
     @classmethod
     def of(cls, identification: Identification, residual: ResidualEvidence) -> _Field:
@@ -211,14 +222,40 @@ class _Field:
         q, channel_q = residuals_with_draws(evidence, null, np.random.default_rng(SEED), DRAWS)
         p = recorded_residual(evidence, q)
         (tangent,) = tangents(identification, residual, only=peak)
-        fields = np.array([_adjoint(residual, tangent, np.einsum("t,tij->ij", c, p), np.einsum("t,tij->ij", c,
+        courses = np.array([course, course * ramp])
+        fields = np.array([adjoint_motion(residual, tangent, np.einsum("t,tij->ij", c, p), np.einsum("t,tij->ij", c,
                                                                                                channel_q))
-                           for c in (course, course * ramp)])
-        stress, adjoint = _stresses(tangent, fields)
-        mesh = identification.experiment.model.mesh
-        cells = Cells.of(mesh)
+                           for c in courses])
+        stress, stress_of = _stresses(tangent)
+        adjoint = np.array([(stress_of @ field).reshape(len(stress), 3, -1) for field in fields])
         work = np.array([tangent.element_work(-field) for field in fields])
-        return cls(cells, stress, adjoint, work)
+        return cls(Cells.of(identification.experiment.model.mesh), stress, adjoint, work, residual, null, tangent,
+                   courses, stress_of)
+
+    def exact(self, forces: np.ndarray) -> np.ndarray:
+        """Standard deviations by which nodal forces show, each of its better course  # (n_dof, n) -> (n,)
+
+        The body answers to them; what it answers is scored like the column of a candidate.
+        """
+        du = self.tangent.answer(np.zeros_like(forces), forces)
+        system, n = self.tangent.system, forces.shape[1]
+        internal = stiffness_times(system, self.tangent.evaluation, du) - forces
+        readings = np.array([channel.factor * internal[np.asarray(channel.dofs, dtype=np.int64)].sum(axis=0)
+                             for channel in system.body.channels]).reshape(-1, n)
+        if self.tangent.readings is not None:
+            readings = readings + self.tangent.readings.motion @ du
+        motion = du.reshape(-1, system.body.mesh.n_dim, n)
+        z = np.full(n, -np.inf)
+        for course in self.courses:
+            columns = Columns(tuple(map(str, range(n))), np.array([factor * in_images(self.residual, t, motion)
+                                                                  for t, factor in enumerate(course)]),
+                              course[:, None, None] * readings)
+            z = np.fmax(z, score(self.residual.evidence, self.null, columns).z)
+        return z
+
+    def forces_of(self, lines: Sequence[Line]) -> np.ndarray:
+        """Nodal forces of the jumps of lines inside the body  # (n_dof, n)"""
+        return self.stress_of.T @ vstack([self._row(line) for line in lines]).toarray().T
 
     def scored(self, lines: Sequence[Line]) -> np.ndarray:
         """Standard deviations by which each line shows, of its better course; NaN of one that leaves the body"""
@@ -235,18 +272,20 @@ class _Field:
         return z
 
     def softest(self, size: float) -> float:
-        """The same of the best disc of another stiffness."""
-        best = 0.0
+        """The same of the best disc of another stiffness, exactly."""
+        rows = []
         for radius in SOFT_RADII:
             members = self.cells.tree.query_ball_point(self.cells.centres, radius * size)
-            rows = np.repeat(np.arange(len(members)), [len(disc) for disc in members])
-            matrix = csr_array((np.ones(len(rows)), (rows, np.concatenate(members))),
-                               shape=2 * (len(members),))
+            places = np.repeat(np.arange(len(members)), [len(disc) for disc in members])
+            discs = csr_array((np.ones(len(places)), (places, np.concatenate(members))), shape=2 * (len(members),))
+            z = np.zeros(len(members))
             for work in self.work:
-                scores = matrix @ work
+                scores = discs @ work
                 std = np.sqrt(np.mean(scores[:, 1:] ** 2, axis=1))
-                best = max(best, float(np.max(np.abs(scores[:, 0]) / np.maximum(std, 1e-300))))
-        return best
+                z = np.maximum(z, np.abs(scores[:, 0]) / np.maximum(std, 1e-300))
+            rows += [discs[[k]] for k in np.argsort(-z)[:N_EXACT]]
+        softer = -self.tangent.element_forces().T @ vstack(rows).toarray().T
+        return float(np.max(np.abs(self.exact(np.asarray(softer)))))
 
     def _is_inside(self, lines: Sequence[Line]) -> np.ndarray:
         """Whether a line, its start at an edge left out, stays inside with some room beyond its tip  # (n,) bool"""
@@ -282,22 +321,12 @@ class _Field:
         return csr_array((values, (np.zeros(len(columns), dtype=int), columns)), shape=(1, 3 * len(self.stress)))
 
 
-def _adjoint(residual: ResidualEvidence, tangent: Tangent, p: np.ndarray, channel_p: np.ndarray) -> np.ndarray:
-    """Adjoint motion whose work on internal forces is their score  # (n_dof, m)"""
-    load = image_adjoint(residual, tangent.index, p)
-    readings = np.zeros_like(load)
-    for channel, row in zip(tangent.system.body.channels, channel_p, strict=True):
-        readings[np.asarray(channel.dofs, dtype=np.int64)] += channel.factor * row
-    load = load + stiffness_times(tangent.system, tangent.evaluation, readings, transposed=True)
-    if tangent.readings is not None:
-        load = load + tangent.readings.motion.T @ channel_p
-    return tangent.adjoint(load) - readings
 
-
-def _stresses(tangent: Tangent, fields: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean stress of every element: of the model (n, 2, 2), of each motion (n_courses, n, 3, m)."""
-    n = tangent.system.body.mesh.n_elements
-    stress, adjoint = np.zeros((n, 2, 2)), np.zeros((len(fields), n, 3, fields.shape[2]))
+def _stresses(tangent: Tangent) -> tuple[np.ndarray, csr_array]:
+    """Mean stress of every element: of the model (n, 2, 2) MPa, and by the motion of the nodes (3 n, n_dof) MPa/mm."""
+    body = tangent.system.body
+    n = body.mesh.n_elements
+    stress, rows, columns, values = np.zeros((n, 2, 2)), [], [], []
     for group, at in zip(tangent.system.groups, tangent.evaluation.groups, strict=True):
         per, n_el = group.points_per_element, len(group.elements)
         weights = group.weights.reshape(n_el, per)
@@ -307,11 +336,13 @@ def _stresses(tangent: Tangent, fields: np.ndarray) -> tuple[np.ndarray, np.ndar
         A = at.A.reshape(n_el, per, 2, 2, 2, 2)
         grads = group.grads.reshape(n_el, per, -1, 2)
         tensor = np.einsum("ep,epijkl,epal->eijak", weights, A, grads).reshape(n_el, 2, 2, -1)
-        for number, field in enumerate(fields):
-            P = np.einsum("eijb,ebm->eijm", tensor, field[group.dofs])
-            adjoint[number, group.elements] = np.stack([P[:, 0, 0], P[:, 1, 1], 0.5 * (P[:, 0, 1] + P[:, 1, 0])],
-                                                       axis=1)
-    return stress, adjoint
+        parts = np.stack([tensor[:, 0, 0], tensor[:, 1, 1], 0.5 * (tensor[:, 0, 1] + tensor[:, 1, 0])], axis=1)
+        rows.append(np.repeat(3 * np.asarray(group.elements)[:, None] + np.arange(3), parts.shape[2]))
+        columns.append(np.repeat(group.dofs[:, None], 3, axis=1).ravel())
+        values.append(parts.ravel())
+    matrix = csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
+                       shape=(3 * n, body.n_dof))
+    return stress, matrix
 
 
 def _edge_lines(mesh: Mesh, size: float) -> list[Line]:

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.errors import NotConverged
@@ -49,6 +50,18 @@ class Tangent:
         dofs, solution = self.system.pattern.dofs, np.zeros_like(load)
         solution[dofs] = self.factor.solve_transposed(load[dofs])
         return solution
+
+    def element_forces(self) -> csr_array:
+        """Internal forces of every element  # (n_elements, n_dof) N"""
+        parts = []
+        for group, at in zip(self.system.groups, self.evaluation.groups, strict=True):
+            forces = np.einsum("p,pij,paj->pai", group.weights, at.P, group.grads)
+            forces = forces.reshape(len(group.elements), group.points_per_element, -1).sum(axis=1)
+            rows = np.repeat(np.asarray(group.elements), forces.shape[1])
+            parts.append((forces.ravel(), rows, group.dofs.ravel()))
+        values, rows, columns = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        body = self.system.body
+        return csr_array((values, (rows, columns)), shape=(body.mesh.n_elements, body.n_dof))
 
     def element_work(self, fields: np.ndarray) -> np.ndarray:
         """Work of the internal forces of every element on nodal fields  # (n_dof, m) -> (n_elements, m) N mm"""

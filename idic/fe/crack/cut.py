@@ -15,6 +15,7 @@ from idic.errors import InputError
 from idic.fe.mesh.element import cell_edges, cell_type
 from idic.fe.mesh.mesh import Block, Mesh, boundary_faces
 
+LINEAR = {"tri6": "tri3", "quad8": "quad4"}  # kinds with mid-side nodes, and the same without
 MAX_MOVE_SHARE = 0.3  # of the shortest edge at a node: how far it is moved onto the path
 MIN_AREA_SHARE = 0.4  # of the area at a corner before, kept by every corner of an element whose node is moved
 ON_EDGE_SHARE = 0.15  # of an edge: a point of the path nearer than this to it splits the edge
@@ -40,7 +41,7 @@ class Cut:
 
 
 def cut_along(mesh: Mesh, path: np.ndarray, nodes_of_cuts: np.ndarray | None = None) -> tuple[Mesh, Cut]:
-    """The mesh of tri3 and quad4 elements cut along a polyline (m, 2) mm.
+    """A plane mesh cut along a polyline (m, 2) mm, of tri3 and quad4 elements: mid-side nodes are left out.
 
     nodes_of_cuts : nodes of earlier cuts, which stay where they are and are not reached
     A path that begins outside of the body, or within half an element of its edge, begins at the edge.
@@ -51,10 +52,11 @@ def cut_along(mesh: Mesh, path: np.ndarray, nodes_of_cuts: np.ndarray | None = N
         Elements of another kind; a path that leaves the body, meets itself, crosses a cut or ends outside.
     """
     kinds = {block.cell for block in mesh.blocks}
-    if not kinds <= {"tri3", "quad4"}:
+    if not kinds <= {"tri3", "quad4", *LINEAR}:
         raise InputError("a cut through elements that cannot be split", key="experiment.mesh",
-                         expected="tri3 and quad4 elements (their order is raised afterwards)",
-                         found=", ".join(sorted(kinds)), remedy="give a mesh without mid-side nodes")
+                         expected=f"elements tri3, quad4, {', '.join(LINEAR)}", found=", ".join(sorted(kinds)),
+                         remedy="give a plane mesh of triangles and quadrilaterals")
+    mesh = _of_corners(mesh) if kinds & set(LINEAR) else mesh
     work = _Cells.of(mesh)
     path = _from_the_edge(work, np.asarray(path, dtype=float))
     work.move_to(path)
@@ -71,6 +73,19 @@ def cut_along(mesh: Mesh, path: np.ndarray, nodes_of_cuts: np.ndarray | None = N
     right_nodes = work.separated(chain)
     steps = np.linalg.norm(np.diff(np.array([work.nodes[node] for node in chain]), axis=0), axis=1)
     return work.mesh(mesh), Cut(path, np.array(chain), right_nodes, np.concatenate([[0.0], np.cumsum(steps)]))
+
+
+def _of_corners(mesh: Mesh) -> Mesh:
+    """The mesh without its mid-side nodes."""
+    blocks = [(LINEAR.get(block.cell, block.cell), block) for block in mesh.blocks]
+    corners = [block.connectivity[:, :cell_type(cell).n_corners] for cell, block in blocks]
+    used = np.unique(np.concatenate([part.ravel() for part in corners]))
+    place = np.full(mesh.n_nodes, -1)
+    place[used] = np.arange(len(used))
+    sets = {name: place[members][place[members] >= 0] for name, members in mesh.node_sets.items()}
+    return replace(mesh, nodes=mesh.nodes[used], node_sets=sets, node_labels=mesh.node_labels[used],
+                   blocks=tuple(Block(cell, place[part], block.first)
+                                for (cell, block), part in zip(blocks, corners, strict=True)))
 
 
 def side_pairs(mesh: Mesh, cut: Cut) -> list[np.ndarray]:
