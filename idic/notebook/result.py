@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from idic.errors import InputError
 from idic.notebook.estimates import Estimates, covariance
 from idic.notebook.optional import optional
-from idic.run import Fields, FieldsInMemory
+from idic.run import Fields
 
 if TYPE_CHECKING:  # heavy, and perhaps not installed
     import arviz
@@ -129,10 +128,7 @@ class Result:
         InputError
             The result is not of this process, or the test is one without such a field.
         """
-        if not isinstance(self.fields, FieldsInMemory):
-            raise InputError("a field of the stiffness of a RUN", expected="an identification in memory", found="a RUN",
-                             remedy="idic.identify(experiment) without out")
-        return self.fields.identification.stiffness_field(element_set, spacing_mm, length_mm, std)
+        return self.fields.identified_in_memory().stiffness_field(element_set, spacing_mm, length_mm, std)
 
     def to_xarray(self, frames: Sequence[int] | None = None, residual: bool = True,
                   measured: bool = False) -> xarray.Dataset:

@@ -6,7 +6,7 @@ from .design import PAGE_FILE, write_design
 from .diagnosis.diagnose import diagnose_run
 from .diagnosis.refits import run_refits
 from .diagnosis.source import open_source
-from .fields import Fields, FieldsInMemory, FieldsOfRun, checked_frame
+from .fields import Fields, FieldsOfRun, checked_frame
 from .identify import identify_run
 from .judgement.residual_maps import residuals_of
 from .memory import identify_in_memory
@@ -45,14 +45,14 @@ from .workers.workplace import Workplace
 
 __all__ = [
     "BASE", "DIRECT", "FROM_PYTHON", "PAGE_FILE", "PASSWORD", "RESULT_FILE", "STATE_FILE", "CalibrationRun", "Command",
-    "Console", "CorrelationJob", "Fields", "FieldsInMemory", "FieldsOfRun", "Folders", "FrameArrays", "Hooks",
-    "Orchestrator", "PrefectServer", "RunPoints", "RunStore", "SecondProcess", "SerialRunner", "SimulationJob",
-    "TaskRunner", "Workplace", "ZarrStack", "accepted_residual", "check_scheduler", "checked_frame",
-    "checked_memory_limit", "clean_run", "compare_runs", "compiling_meanwhile", "configured_url", "cpu_seconds",
-    "diagnose_run", "drawing_beside", "empty_folder", "export_fields", "export_laws", "folders_of", "group_name",
-    "identify_batch", "identify_in_memory", "identify_run", "import_meanwhile", "in_empty_folder", "ingest", "is_held",
-    "open_cluster", "open_run", "open_source", "peak_memory_mb", "prepare_in_memory", "process_lives", "read_array",
-    "read_batch", "read_result", "refuse_store", "residuals_of", "run_calibration", "run_lock", "run_refits",
-    "start_server", "systematic", "this_process", "use_one_thread", "with_starts", "write_array", "write_comparison",
-    "write_design", "write_json", "write_report",
+    "Console", "CorrelationJob", "Fields", "FieldsOfRun", "Folders", "FrameArrays", "Hooks", "Orchestrator",
+    "PrefectServer", "RunPoints", "RunStore", "SecondProcess", "SerialRunner", "SimulationJob", "TaskRunner",
+    "Workplace", "ZarrStack", "accepted_residual", "check_scheduler", "checked_frame", "checked_memory_limit",
+    "clean_run", "compare_runs", "compiling_meanwhile", "configured_url", "cpu_seconds", "diagnose_run",
+    "drawing_beside", "empty_folder", "export_fields", "export_laws", "folders_of", "group_name", "identify_batch",
+    "identify_in_memory", "identify_run", "import_meanwhile", "in_empty_folder", "ingest", "is_held", "open_cluster",
+    "open_run", "open_source", "peak_memory_mb", "prepare_in_memory", "process_lives", "read_array", "read_batch",
+    "read_result", "refuse_store", "residuals_of", "run_calibration", "run_lock", "run_refits", "start_server",
+    "systematic", "this_process", "use_one_thread", "with_starts", "write_array", "write_comparison", "write_design",
+    "write_json", "write_report",
 ]

@@ -62,6 +62,16 @@ class Fields(Protocol):
         """
         ...
 
+    def identified_in_memory(self) -> Identification:
+        """The identification of this process.
+
+        Raises
+        ------
+        InputError
+            The fields are those of a RUN.
+        """
+        ...
+
 
 @dataclass(frozen=True, eq=False)
 class FieldsInMemory:
@@ -94,6 +104,9 @@ class FieldsInMemory:
         states: Iterable[FrameResponse] = (path.frames if path is not None
                                            else (response_of(state, reference) for state in march()))
         return {response.frame: response for response in states}
+
+    def identified_in_memory(self) -> Identification:
+        return self.identification
 
     def u(self, frame: int) -> np.ndarray:
         return self.responses[checked_frame(self.experiment.model, frame)].u
@@ -146,6 +159,11 @@ class FieldsOfRun:
         _ = self._accepted
         refuse_passed_point(context, self.result)
         return context
+
+    def identified_in_memory(self) -> Identification:
+        raise InputError("a RUN holds no identification of this process", file=self.run,
+                         expected="an identification in memory", found="a RUN",
+                         remedy="idic.identify(experiment) without out")
 
     @cached_property
     def _accepted(self) -> Mapping:

@@ -20,7 +20,7 @@ BANNED = {  # as the whole name of a value; the noun is the residual, the candid
 # Bindings of these names, by room; a number only goes down. The bar is 1 % of all bindings.
 MOST = {
     "idic.correlation": 1, "idic.diagnose": 10, "idic.draw": 1, "idic.errors": 4, "idic.experiment_file": 4,
-    "idic.identification": 1, "idic.model": 1, "idic.notebook": 3, "idic.parameters": 1, "idic.report": 1,
+    "idic.identification": 1, "idic.model": 1, "idic.notebook": 1, "idic.parameters": 1, "idic.report": 1,
     "idic.run": 10, "idic_studies": 22,
 }
 

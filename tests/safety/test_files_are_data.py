@@ -18,7 +18,6 @@ from quality.sources import modules
 from idic.errors import InputError
 from idic.path_names import path_inside
 from idic.readers import existing_file, matching_files, open_stack, read_mesh_file
-from idic.run.store.arrays import open_array
 from idic.run import FrameArrays, read_array, write_array
 
 ROOT = Path(__file__).parents[2]
@@ -103,7 +102,7 @@ def test_an_array_of_pickled_objects_is_refused_before_it_is_read(tmp_path):
     pickle.loads((folder / "0").read_bytes())
     assert mark.exists(), "the trap works"
     mark.rmdir()
-    for read in (open_array, read_array, FrameArrays.open):
+    for read in (read_array, FrameArrays.open):
         with pytest.raises(InputError):
             read(tmp_path / "group", "M")
     assert not mark.exists()

@@ -62,9 +62,9 @@ def directions(plan: Program) -> tuple[Direction, ...]:
 
 def menu(plan: Program) -> Iterator[Course]:
     """The courses that a search begins with: every shape in all columns, and a load and unload in other directions."""
-    together, *others = directions(plan)
+    together, *further_directions = directions(plan)
     yield from (_course(together, shape, plan) for shape in MENU.values())
-    yield from (_course(direction, MENU["load, then unload"], plan) for direction in others)
+    yield from (_course(direction, MENU["load, then unload"], plan) for direction in further_directions)
 
 
 def neighbours(course: Course, plan: Program) -> Iterator[Course]:
@@ -89,7 +89,7 @@ def direction_words(direction: Direction, plan: Program) -> str:
     """What moves, before the words of a shape; nothing where all columns move as planned."""
     if direction == directions(plan)[0]:
         return ""
-    forward, against = (" and ".join(column for column, sign in direction if sign == wanted) for wanted in (1, -1))
+    forward, against = (" and ".join(column for column, sign in direction if sign == way) for way in (1, -1))
     return f"{forward} against {against}, " if against else f"{forward} alone, "
 
 
