@@ -76,7 +76,7 @@ def test_a_suspected_crack_that_is_none_is_not_in_the_enriched_experiment():
 
 
 def test_its_words_tell_where_it_begins_how_it_grows_and_what_loads_its_tip():
-    entry = {"start_mm": [0.0, 14.3], "direction_deg": 1.6, "inner": False, "frames": [0, 1, 2],
+    entry = {"start_mm": [-2e-16, 14.3], "direction_deg": 1.6, "inner": False, "frames": [0, 1, 2],
              "length_mm": [3.0, 3.0, 6.6], "length_mm_std": [0.1, 0.1, 0.05], "K_I": [None, 1.2, 3.45],
              "K_I_std": [None, 0.1, 0.02], "K_II": [None, 0.0, 0.1], "K_II_std": [None, 0.1, 0.03]}
     assert crack_words(entry) == (
