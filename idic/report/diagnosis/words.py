@@ -195,7 +195,7 @@ def _crack_of(name: str) -> str:
 def crack_words(entry: Mapping) -> str:
     """Where a crack begins, its direction, its length in the first frame with one and in the last, and K there."""
     identified = [k for k, std in enumerate(entry["length_mm_std"]) if std and k]  # the reference is at rest
-    place = f"({entry['start_mm'][0]:.3g}, {entry['start_mm'][1]:.3g}) mm"
+    place = "({:.3g}, {:.3g}) mm".format(*(round(x, 6) + 0.0 for x in entry["start_mm"]))  # an edge at 0 is at 0
     head = f"from {place}{' inside the body' if entry['inner'] else ' at an edge'} at {entry['direction_deg']:.0f}°"
     if not identified:
         return f"{head}, length not determined"
