@@ -133,7 +133,7 @@ def edge_modes(experiment: Experiment, entry: Prescribed, u_px: np.ndarray, max_
     motion = edge_motion(experiment.model, entry, u_px, excluded) / pixel_size(experiment)
     motion = motion[:, np.isfinite(motion).all(axis=0)]
     strength = np.linalg.svd(motion, compute_uv=False) ** 2
-    residual_px = np.sqrt((strength.sum() - np.cumsum(strength)) / max(motion.size, 1))
+    residual_px = np.sqrt(np.maximum(strength.sum() - np.cumsum(strength), 0.0) / max(motion.size, 1))
     return 1 + int(np.argmax(residual_px <= max_residual_px)) if len(residual_px) else 1
 
 
