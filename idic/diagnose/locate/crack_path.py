@@ -321,7 +321,6 @@ class _Field:
         return csr_array((values, (np.zeros(len(columns), dtype=int), columns)), shape=(1, 3 * len(self.stress)))
 
 
-
 def _stresses(tangent: Tangent) -> tuple[np.ndarray, csr_array]:
     """Mean stress of every element: of the model (n, 2, 2) MPa, and by the motion of the nodes (3 n, n_dof) MPa/mm."""
     body = tangent.system.body
