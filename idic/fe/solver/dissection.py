@@ -125,7 +125,8 @@ def _upper_half(centres: np.ndarray, part: np.ndarray) -> np.ndarray:
     starts = np.cumsum(counts) - counts
     extents = np.maximum.reduceat(centres[order], starts) - np.minimum.reduceat(centres[order], starts)
     along = centres[np.arange(len(centres)), np.argmax(extents, axis=1)[part]]
-    along = np.round(along / np.maximum(extents.max(axis=1), 1e-300)[part], 9)  # a layer of elements has one place
+    extent = extents.max(axis=1)
+    along = np.round(along / np.where(extent > 0.0, extent, 1.0)[part], 9)  # a layer of elements has one place
     order = np.lexsort((along, part))
     upper = np.empty(len(part), dtype=np.int64)
     upper[order] = 2 * (np.arange(len(part)) - np.repeat(starts, counts)) >= np.repeat(counts, counts)

@@ -46,6 +46,7 @@ class WhereRecord:
     load : (T,) or None, load_label : its words
     onset : abscissa, or None; interval : (low, high) abscissa, or None
     shares : level -> part of the explainable excess; excess : level -> drop of chi-square beyond noise, all levels
+    cracks : (m, 2) px, faces of the cracks of the enriched model in the last frame, from their beginning to the tip
     side : str; words : dict of a sentence per figure ("where", "when", "course", "side")
     """
 
@@ -70,6 +71,7 @@ class WhereRecord:
     words: dict[str, str]
     section: bool = False
     since_active: np.ndarray | None = None
+    cracks: tuple[np.ndarray, ...] = ()
 
     @staticmethod
     def sections(mesh: Mesh, nodes_px: np.ndarray, shape: tuple[int, int, int],
@@ -114,6 +116,9 @@ def source_map(record: WhereRecord) -> Picture | None:
             axis.add_collection(PolyCollection(record.cells(record.source_elements[since == frame]),
                                                facecolors="none", edgecolors=colour, linewidths=1.6,
                                                label=f"source element, from frame {int(frame)}"))
+        for crack in record.cracks:
+            axis.plot(*crack.T, color="black", linewidth=2.4, label="crack, last frame")
+            axis.plot(*crack[-1], "o", color="black", markersize=6)
         if record.blind.any():
             axis.add_collection(PolyCollection(record.cells(np.flatnonzero(record.blind)),
                                                facecolors="none", edgecolors=GREY, hatch="////", linewidths=0.0,

@@ -12,7 +12,7 @@ from idic.diagnose import (
 )
 from idic.fe import cell_type
 from idic.images import picture
-from idic.model import Experiment, Model
+from idic.model import Experiment, Model, tips_at
 from idic.report.diagnosis.spot_figure import spot_picture
 from idic.report.diagnosis.where import WhereRecord, pictures
 from idic.report.figures.picture import Picture
@@ -29,7 +29,26 @@ def where_pictures(diagnosis: Diagnosis) -> tuple[Picture, ...]:
     active = diagnosis.active
     if active is not None:
         record = replace(record, since_active=active.since, words=record.words | {"active": active.verb})
-    return (*of_spots, *pictures(record))
+    return (*of_spots, *pictures(replace(record, cracks=_cracks(diagnosis))))
+
+
+def _cracks(diagnosis: Diagnosis) -> tuple[np.ndarray, ...]:
+    """The cracks of the enriched model in the last frame, from their beginning to the tip  # (m, 2) px each"""
+    fitted = diagnosis.enriched
+    if fitted is None or fitted.residual is None:
+        return ()
+    context = fitted.residual.context
+    model = context.experiment.model
+    if not model.cracks:
+        return ()
+    lines = []
+    for crack, length in zip(model.cracks, tips_at(model, model.parameters.with_values(fitted.fit.values))[-1],
+                             strict=True):
+        nodes, place = model.mesh.nodes[crack.cut.left_nodes], crack.cut.place
+        along = np.append(place[place < length], length)
+        points = np.column_stack([np.interp(along, place, component) for component in nodes.T])
+        lines.append(context.camera.project(fitted.residual.view.points(points)))
+    return tuple(line for line in lines if len(line) > 1)
 
 
 def where_record(residual: ResidualEvidence, mismatch: Mismatch, selected: SelectedEffect | None = None) -> WhereRecord:
