@@ -57,3 +57,13 @@ def test_only_the_side_that_is_held_responsible_is_outlined():
 def test_a_place_far_from_the_origin_is_said_in_whole_units():
     assert in_words((417.24, 1268.74), (0.12, 0.55)) == "(417 ± 0.1, 1269 ± 0.6)"
     assert in_words((0.04891, -12.0)) == "(0.0489, -12)"
+
+
+def test_a_crack_is_drawn_from_its_beginning_to_its_tip():
+    """On a white page, three elements long: black pixels where it is, and none without it."""
+    sheet = record(6, 4)
+    sheet = replace(sheet, reference=None)
+    images = [imread(io.BytesIO(source_map(replace(sheet, cracks=cracks)).png))[..., :3]
+              for cracks in ((), (np.array([[0.0, 60.0], [120.0, 60.0]]),))]
+    black = [int((image.max(axis=-1) < 0.02).sum()) for image in images]
+    assert black[1] > black[0] + 100
