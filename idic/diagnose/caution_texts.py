@@ -12,7 +12,7 @@ import numpy as np
 from scipy import stats
 
 from idic.diagnose.diagnosis import Diagnosis
-from idic.diagnose.discretisation.combinations import BRICKS, FINITE_STRAINS
+from idic.diagnose.discretisation.combinations import FINITE_STRAINS
 from idic.diagnose.locate.place import in_words
 from idic.diagnose.next_test import reason_against_continuation
 from idic.diagnose.physics.candidate import MESH_TOO_COARSE
@@ -24,7 +24,7 @@ from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
 from idic.diagnose.selection.rival import NO_CAUSE, Round, lead_of, winners, with_winners
 from idic.identification import Identification, z_text
 from idic.laws import get_law
-from idic.model import pixel_size
+from idic.model import Model, pixel_size
 from idic.parameters import Parameter
 from idic.simulation_error import gripped_ends, reason_against_bricks
 
@@ -173,13 +173,6 @@ def neglected_cautions(diagnosis: Diagnosis) -> list[str]:
     if neglected is None:
         return []
     parameters = diagnosis.last_parameters
-    ends = " with ends that keep theirs" if gripped_ends(experiment.model) else ""
-    assumptions = {
-        BRICKS: (f"Plane stress is an assumption: bricks of the specimen's thickness "
-                     f"({experiment.model.thickness:.3g} "
-                 f"mm){ends}", 'a mesh of bricks (kind = "solid")'),
-        FINITE_STRAINS: ("Small strains are an assumption: the same law with finite strains and rotations",
-                         'finite strains (kinematics = "finite")')}
     texts = []
     for effect, moves in neglected.full.items():
         values = {name: move for name, move in moves.items() if name in parameters}
@@ -188,11 +181,21 @@ def neglected_cautions(diagnosis: Diagnosis) -> list[str]:
         if len(changes) < len(values):
             changes.append("the course of " + ", ".join(dict.fromkeys(name.split("[")[0].removesuffix("_knot")
                                                                       for name in values if "[" in name)))
-        assumption, remedy = assumptions[effect]
+        assumption, remedy = _assumption(effect, experiment.model)
         texts.append(f"{assumption} would move {', '.join(changes)}. By the recording it is so with a probability "
                      f"{_probability(neglected.probability[effect])}; no error bar counts it "
                      f"(model.parameters_of_real_body does). Identify again with {remedy}.")
     return texts
+
+
+def _assumption(effect: str, model: Model) -> tuple[str, str]:
+    """What a model assumes where it neglects an effect, and the words of what has it."""
+    if effect == FINITE_STRAINS:
+        return ("Small strains are an assumption: the same law with finite strains and rotations",
+                'finite strains (kinematics = "finite")')
+    ends = " with ends that keep theirs" if gripped_ends(model) else ""
+    return (f"Plane stress is an assumption: bricks of the specimen's thickness ({model.thickness:.3g} mm){ends}",
+            'a mesh of bricks (kind = "solid")')
 
 
 def _probability(p: float) -> str:

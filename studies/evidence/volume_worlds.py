@@ -4,7 +4,8 @@ python volume_worlds.py OUT [SEED ...]
 
 Seed k is a world of kind k modulo the number of kinds. All are the bar of tests/volumes/tomograms.py (56 voxels cubed,
 six scans, blobs carried by another mesh), identified with a linear elastic law. Prints verdict, side, names and whether
-they are right: of a clean test no name; else the effect among the names or those that it cannot be told from.
+they are right: of a clean test no name; else the effect among the names or those that it cannot be told from, and no
+formal fit.
 """
 
 from __future__ import annotations
@@ -122,12 +123,13 @@ def main() -> None:
         experiment = replace(world.test).write(folder / "experiment")
         world.spoil(experiment)
         identify_run(experiment, folder / "run")
-        verdict = diagnose_run(folder / "run", quick=True)
-        names = (*verdict["named"], *verdict["indistinguishable"])
-        is_right = not verdict["named"] if not world.names else any(name in names for name in world.names)
+        verdict = diagnose_run(folder / "run")
+        names = {*verdict["named"], *(name for group in verdict["indistinguishable"] for name in group)}
+        is_formal = verdict["verdict"] == "outside_library"
+        is_right = verdict["verdict"] == "none" if not world.names else not is_formal and bool(names & {*world.names})
         print(f"{seed:3d} {'right' if is_right else 'WRONG'}  {world.kind}: {verdict['verdict']}, "
               f"{verdict['mismatch'].get('side')}, {', '.join(verdict['named']) or 'no name'}"
-              f"{' or ' + ', '.join(verdict['indistinguishable']) if verdict['indistinguishable'] else ''}; "
+              f"{' or ' + ', '.join(sorted(names - {*verdict['named']})) if names - {*verdict['named']} else ''}; "
               f"{time.process_time() - start_s:.0f} CPU s", flush=True)
 
 

@@ -175,7 +175,17 @@ def test_bends_are_refitted_where_another_law_passes_and_leaves_a_good_part(left
     flow = replace(flow, refitted=replace(flow.refitted, choice=replace(flow.refitted.choice, gain=np.array([left]),
                                                                         rank=np.array([0]))))
     assert (bend in same_family_rivals(screening(bend), [flow], bends=True)) is asked
-    assert bend not in same_family_rivals(screening(bend), [flow])
+
+
+@pytest.mark.parametrize("left, asked", [(400.0, True), (1.0, False)])
+def test_rivals_of_other_families_are_refitted_where_a_law_leaves_a_good_part(left, asked):
+    """Nonlinear elasticity explained 92 % of a flow that its score did not promise."""
+    flow, drift = ranked("plasticity"), ranked("force_drift", direct=True)
+    bent = rival("nonlinear_elasticity", 1000.0, achieved=1000.0)
+    bent = replace(bent, refitted=replace(bent.refitted, choice=replace(bent.refitted.choice, gain=np.array([left]),
+                                                                        rank=np.array([0]))))
+    assert (flow in same_family_rivals(screening(flow, drift), [bent])) is asked
+    assert drift not in same_family_rivals(screening(flow, drift), [bent])
 
 
 def test_the_family_of_the_best_fit_is_refitted_before_both_copies_judge():
