@@ -25,7 +25,7 @@ from idic.run.store.layout import BASE
 MPA_SQRT_M = 1000.0**0.5  # MPa sqrt(mm) in one MPa sqrt(m)
 STEP_SHARE = 1e-3  # of a standard deviation: step of a difference quotient, each way
 # what the mesh adds to noise (tests/fe/test_crack_tip.py, tests/twins/test_cracked_sheet.py)
-TIP_STD_ELEMENTS = 0.03  # edges of the path: place of a tip
+TIP_STD_ELEMENTS = 0.06  # edges of the path: rms error of 14 tips in sheets by CalculiX (0.003 to 0.13)
 MESH_STD_SHARES = np.array([0.005, 0.005, 0.01])  # of K_I, K_II and J
 ISOTROPIC = 1e-6  # relative: how far a tangent may be from that of an isotropic material
 NOT_LINEAR = "K and J need a law of small strains that is linear (elastic, orthotropic)"
