@@ -5,7 +5,7 @@ python volume_worlds.py OUT [SEED ...]
 Seed k is a world of kind k modulo the number of kinds. All are the bar of tests/volumes/tomograms.py (56 voxels cubed,
 six scans, blobs carried by another mesh), identified with a linear elastic law. Prints verdict, side, names and whether
 they are right: of a clean test no name; else the effect among the names or those that it cannot be told from, and no
-formal fit.
+formal fit. Seeds 200 to 206: 6 of 7 right; a magnification is told as a formal fit, with a slip and warmth beside it.
 """
 
 from __future__ import annotations

@@ -34,14 +34,14 @@ def flowing(law_name, **values):
                               **values}}
 
 
-RELAXING = flowing("maxwell", g_1={"value": 0.1, "identify": True},
+RELAXING = flowing("maxwell", g_1={"value": 0.2, "identify": True},
                    tau_1={"value": 6.0, "unit": "s", "identify": True})
 CREEPING = flowing("creep", rate={"value": 1e-4, "unit": "1/s", "identify": True}, n={"value": 3.0, "identify": True},
                    stress={"value": 10.0, "unit": "MPa"})
 DAMAGING = flowing("elastic_damage", threshold={"value": 0.006, "identify": True},
                    softening={"value": 25.0, "identify": True})
 VISCOUS = {"material.BODY": PLASTIC["material.BODY"] | {
-    "law": "viscoplastic", "eta": {"value": 200.0, "unit": "MPa*s", "identify": True}, "m": 1.0}}
+    "law": "viscoplastic", "eta": {"value": 2000.0, "unit": "MPa*s", "identify": True}, "m": 1.0}}
 SETS = {  # the truth, its rival, the largest motion of the recording, mm
     "a softening material, a bent load cell": (NONLINEAR, LINEAR | CURVED, 0.09),
     "a softening material, a drift": (NONLINEAR, LINEAR | DRIFTING, 0.09),
