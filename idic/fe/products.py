@@ -98,7 +98,7 @@ class _Linear:
     slopes: tuple[_PointSlopes, ...]
 
     def n_bytes(self, previous: _Linear | None) -> int:
-        """What it takes beside the one of the increment before, whose factor it may share."""
+        """Memory of this increment; a factor that the increment before has too is not counted again."""
         points = sum(g.F.nbytes + g.P.nbytes for g in self.groups) + sum(slopes.n_bytes for slopes in self.slopes)
         if previous is not None and previous.factor is self.factor:
             return points

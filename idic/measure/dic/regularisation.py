@@ -55,7 +55,6 @@ class Regularisation:
             raise InputError("not a regularisation length", key="length_px", expected="px, above 0",
                              found=self.length_px, remedy="give a length of one to some elements, in pixels")
 
-
     @classmethod
     def smooth(cls, kind: str = "mechanical") -> Regularisation:
         """Where a motion is searched for, judged, or shown on the fine mesh of a model: over twice the distance of the

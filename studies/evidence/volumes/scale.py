@@ -1,6 +1,6 @@
 """Cost of whole identifications from volumes: CPU seconds, wall, and peak memory of all processes.
 
-python volume_scale.py OUT [SIDE:SCANS:ELEMENTS:WORKERS[:ITERATIONS] ...]
+python studies/evidence/volumes/scale.py OUT [SIDE:SCANS:ELEMENTS:WORKERS[:ITERATIONS] ...]
 
 A bar fills a cube of SIDE voxels and is pulled in SCANS scans (8 bit, the first two at rest): elastic-plastic with
 linear hardening, four unknowns, ELEMENTS cubed hex8, the truth on 10 x 10 x 12 bricks. Scans are rendered slice by

@@ -1,6 +1,6 @@
 """How often intervals of 95 % of an identification from volumes hold the truth.
 
-python volume_intervals.py [DRAWS] [FIRST SEED]
+python studies/evidence/volumes/intervals.py [DRAWS] [FIRST SEED]
 
 Reduced `idic example volume`: truth in hex20 of another size, rendered plane by plane at material points, noise of a
 filtered back-projection (correlated), rings, drift of grey values and of the scanner; identified with hex8. Every draw

@@ -1,6 +1,6 @@
 """Free FE-DVC of idic beside pyxel and the local step of al-dvc: CPU time and error on the same two volumes.
 
-python volume_peers.py PYTHON OUT [SIDE]
+python studies/evidence/volumes/peers.py PYTHON OUT [SIDE]
 
 PYTHON : an interpreter that has pyxel-dic and al-dvc. Volumes of SIDE voxels cubed: plane waves of 5 to 11 voxels,
 contrast 32, independent noise of 3 grey values, a motion of 1.6 voxels with 1 % strain and a wave of half a voxel over
@@ -23,7 +23,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from volume_scale import TOML, brick
+from scale import TOML, brick
 
 from idic.experiment_file import load_experiment
 from idic.measure import volume_motion

@@ -1,6 +1,6 @@
 """The figure of docs/evidence/polycarbonate.md: stress over stretch of the polymer at three rates, and its two parts.
 
-Run with ``python studies/evidence/polycarbonate_curves.py``; writes docs/evidence/polycarbonate.png.
+Run with ``python studies/evidence/polycarbonate/curves.py``; writes docs/evidence/polycarbonate.png.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def main() -> None:
         stress_axis.set(xlabel="strain [%]", ylabel="true stress [MPa]", title="one mode", ylim=(0, 90))
         stress_axis.legend()
         yield_axis.set(xlabel="strain [%]", title="yield: one mode (-), seventeen (--)", ylim=(0, 70))
-        figure.savefig(Path(__file__).parents[2] / "docs" / "evidence" / "polycarbonate.png", dpi=110)
+        figure.savefig(Path(__file__).parents[3] / "docs" / "evidence" / "polycarbonate.png", dpi=110)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Numbers of evidence/polycarbonate.md that the study does not give: time steps, forward runs, first-order results.
 
-Run with ``python studies/evidence/polycarbonate_numbers.py steps|starts [elements along] [across]``, or with
-``python studies/evidence/polycarbonate_numbers.py causes|bits|misfit [reduced|full]``; prints tables.
+Run with ``python studies/evidence/polycarbonate/numbers.py steps|starts [elements along] [across]``, or with
+``python studies/evidence/polycarbonate/numbers.py causes|bits|misfit [reduced|full]``; prints tables.
 """
 
 from __future__ import annotations

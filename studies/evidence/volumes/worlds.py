@@ -1,6 +1,6 @@
 """Diagnoses of drawn tests in a scanner whose truth is known.
 
-python volume_worlds.py OUT [SEED ...]
+python studies/evidence/volumes/worlds.py OUT [SEED ...]
 
 Seed k is a world of kind k modulo the number of kinds. All are the bar of tests/volumes/tomograms.py (56 voxels cubed,
 six scans, blobs carried by another mesh), identified with a linear elastic law. Prints verdict, side, names and whether
@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[3] / "tests"))
 
 from volumes.tomograms import FINE, Tomograms
 
