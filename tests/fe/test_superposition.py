@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idic.fe import Direction, Loads, Reaction, StepList, march, superposed, traction
-from tests.fe.fe_bodies import PARAMETERS, SHARP, body, faces_where, grid, held, where
+from fe_bodies import PARAMETERS, SHARP, body, faces_where, grid, held, where
 
 N_FRAMES = 12
 FIELDS = ("u", "channels", "du", "dchannels", "local_du", "local_dchannels", "rise", "d_rise")
