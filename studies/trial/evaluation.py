@@ -102,7 +102,7 @@ def evaluated(folder: Folder, number: str, truth: Truth, answer: Mapping) -> Tri
     bias = _bias(truth, identified, answer.get("model", {}).get("parameters_after", {}))
     first = named[0] if named else None
     as_cut = told_as_cut(scene_of(truth), answer)
-    true = {effect.name for effect in effects} | _implied(truth) | ({"heterogeneity"} if as_cut else set())
+    true = {effect.name for effect in effects} | _implied(truth) | ({"heterogeneity", "crack"} if as_cut else set())
     bulk = [name for name in named if name in families and FAMILIES[families[name]].side == "bulk"]  # no spots
     is_named = answer["verdict"] not in NOT_NAMED
     return TrialRecord(
@@ -121,18 +121,30 @@ def evaluated(folder: Folder, number: str, truth: Truth, answer: Mapping) -> Tri
 
 
 def told_as_cut(scene: Scene, answer: Mapping) -> bool:
-    """Whether a slit is named "a void, a cut or a crack" at its place: the centre of the void is no farther from the
-    slit than its radius. It has no candidate of its own; an inclusion of some stiffness is a wrong name.
+    """Whether a slit is named at its place: a crack whose middle is no farther from the slit than half of the crack's
+    length, or "a void, a cut or a crack" whose centre is no farther from it than its radius. An inclusion of some
+    stiffness is a wrong name.
     """
-    named = any(c["name"] == "heterogeneity" and c.get("named") and c.get("form") == "void"
-                for c in answer.get("candidates", ()))
+    return bool(scene.slit) and any(_from_slit(scene, place) <= reach for place, reach in _cuts(answer))
+
+
+def _cuts(answer: Mapping) -> list[tuple[np.ndarray, float]]:
+    """Middle (mm) and half length of every crack and void that an answer names."""
+    named = {c["name"]: c for c in answer.get("candidates", ()) if c.get("named")}
     values = {name.rpartition(".")[2]: entry["value"] for name, entry in _last(answer.get("model", {})).items()
               if ".inclusion." in name}
-    if not scene.slit or not named or not {"x", "y", "radius"} <= set(values):
-        return False
+    cuts = []
+    if named.get("heterogeneity", {}).get("form") == "void" and {"x", "y", "radius"} <= set(values):
+        cuts.append((np.array([values["x"], values["y"]]), values["radius"]))
+    for crack in answer.get("cracks", {}).values() if "crack" in named else ():
+        turn, half = np.radians(crack["direction_deg"]), 0.5 * max(crack["length_mm"])
+        cuts.append((np.array(crack["start_mm"]) + half * np.array([np.cos(turn), np.sin(turn)]), half))
+    return cuts
+
+
+def _from_slit(scene: Scene, place: np.ndarray) -> float:
     edge = scene.geometry.radius
-    off = values["y"] - np.clip(values["y"], edge, edge + scene.slit)
-    return bool(np.hypot(values["x"], off) <= values["radius"])
+    return float(np.hypot(place[0], place[1] - np.clip(place[1], edge, edge + scene.slit)))
 
 
 def _last(model: Mapping) -> Mapping:

@@ -21,7 +21,7 @@ from idic.identification import Identification, identify, measured_noise
 from idic.images import ArrayStack, Stack
 from idic.model import Experiment, MotionError
 from idic.report import diagnosis_content
-from idic.run import SerialRunner, run_refits
+from idic.run import SerialRunner, cracks_content, run_refits
 from idic_studies.trial.ablations import ablations, omnibus
 from idic_studies.trial.scenes.recording import IMAGES
 
@@ -96,7 +96,7 @@ def run_tool(folder: Path, library: Sequence[Candidate] | None = None, with_abla
                          watch=watch)
     diagnosis = replace(diagnosis, spots=spots, notes=(*notes.texts, *diagnosis.notes))
     parameters_before = free_parameters(identification.result)
-    content = diagnosis_content(diagnosis, parameters_before, time.process_time() - began)
+    content = diagnosis_content(diagnosis, parameters_before, time.process_time() - began, cracks_content(diagnosis))
     content["cost"] = {name: round(seconds, 2) for name, seconds in content["cost"].items()}
     content["cost"] |= {"identify_cpu_s": round(identified, 2), "cpu_s": round(time.process_time() - began, 2)}
     if ablated:

@@ -226,3 +226,13 @@ def test_a_slit_that_is_called_a_cut_at_its_place_is_no_false_physics(form, at, 
               "model": {"parameters_after": {f"BODY.inclusion.{name}": {"value": v} for name, v in found.items()}}}
     assert told_as_cut(scene, answer) is right
     assert not told_as_cut(replace(scene, slit=0.0), answer)
+
+
+@pytest.mark.parametrize(("start", "direction", "right"), [((0.0, 1.2), 90.0, True), ((0.2, 1.3), 110.0, True),
+                                                           ((0.0, 1.2), 0.0, True), ((0.0, -1.2), -90.0, False)])
+def test_a_slit_that_is_called_a_crack_at_its_place_is_no_false_physics(start, direction, right):
+    """The same slit; the crack is 1.5 mm long. Its direction is not judged, its place is."""
+    scene = replace(plain_scene("elastic", Geometry(radius=1.2), NULLS["elastic"].truth), slit=1.2)
+    crack = {"start_mm": list(start), "direction_deg": direction, "length_mm": [0.0, 0.9, 1.5]}
+    answer = {"candidates": [{"name": "crack", "named": True}], "cracks": {"suspect": crack}, "model": {}}
+    assert told_as_cut(scene, answer) is right
