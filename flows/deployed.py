@@ -50,11 +50,11 @@ def batch(experiments: list[str], out: str, starts: int | None = None, spread: f
           overrides: dict[str, str] | None = None) -> State:
     """``idic batch FILE_OR_EXPERIMENT... --out DIR --resume`` on the worker; paths and states as of `identify`."""
     from idic.report import batch_headline
-    from idic.run import read_batch
+    from idic.run import batch_runs
     from idic_flows.public import batch as conducted
 
     paths, folder = [data_path(path, "experiments") for path in experiments], data_path(out, "out")
-    for entry in read_batch(paths, overrides):  # a list may name any place
+    for entry in batch_runs(paths, overrides):  # a list may name any place
         data_path(entry.experiment, "experiments")
     content = conducted(paths, folder, starts=starts, spread=spread, seed=seed, resume=True, workers=workers,
                         scheduler=scheduler, sensitivity=sensitivity, overrides=overrides)

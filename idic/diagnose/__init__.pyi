@@ -32,7 +32,7 @@ from .selection.rival import NO_CAUSE, Round
 from .selection.stages import stages
 from .selection.state import Stage, silent
 from .selection.verdict import Verdict
-from .spotless import without_spots
+from .spotless import diagnose_without_spots
 
 __all__ = [
     "DUST", "FAMILIES", "HIDDEN_BY_MOTION", "JUDGEMENT", "MARGIN_PX", "MAX_FAMILYWISE_P", "MAX_HIDDEN_VISIBILITY",
@@ -40,9 +40,9 @@ __all__ = [
     "Columns", "Diagnosis", "Evidence", "Fit", "LawPair", "LeftOut", "Margin", "Misfit", "Mismatch", "Notes",
     "OutOfRegister", "Ranked", "RefitJob", "ResidualEvidence", "Round", "ScoreColumn", "SelectedEffect", "Situation",
     "Spot", "Stage", "Variant", "Verdict", "WindowCurve", "by_motion", "candidate_library", "context_of",
-    "decoy_scores", "diagnose", "diagnosis_numbers", "element_centres", "free_parameters", "holds", "holds_motion",
-    "identification_at", "image_chi2", "in_words", "law_pairs", "map_of_noise", "maps_of_evidence",
-    "maps_of_identification", "may_be_out_of_register", "null_model", "out_of_register", "place_words",
-    "residual_evidence", "run_refit", "score", "screen_candidates", "silent", "stages", "thinned", "window_curves",
-    "with_edge_modes", "without_spots",
+    "decoy_scores", "diagnose", "diagnose_without_spots", "diagnosis_numbers", "element_centres", "free_parameters",
+    "holds", "holds_motion", "identification_at", "image_chi2", "in_words", "law_pairs", "map_of_noise",
+    "maps_of_evidence", "maps_of_identification", "may_be_out_of_register", "null_model", "out_of_register",
+    "place_words", "residual_evidence", "run_refit", "score", "screen_candidates", "silent", "stages", "thinned",
+    "window_curves", "with_edge_modes",
 ]

@@ -1,29 +1,75 @@
-"""Spots are found before a diagnosis, left out of the images, and the model is identified without them."""
+"""Spots are found before a diagnosis, left out of the images, and the model is identified without them.
+
+What its causes explain is no spot: between the faces of a crack, or where a void closes, the pattern is lost under the
+identified model, and is back under the last one.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 
 from idic.correlation import camera_at
-from idic.diagnose.refits.refit_job import ExperimentSource
-from idic.diagnose.residual.spots import LEFT_OUT, LeftOut, find_spots
+from idic.diagnose.chain import diagnose
+from idic.diagnose.diagnosis import Diagnosis
+from idic.diagnose.refits.fitted_model import FittedModel
+from idic.diagnose.refits.refit_job import ExperimentSource, Refits
+from idic.diagnose.residual.spots import LEFT_OUT, LeftOut, Spot, find_spots
+from idic.diagnose.selection.notes import Notes
+from idic.diagnose.selection.state import Stage, silent
 from idic.identification import Identification, identify
 
 
+def diagnose_without_spots(source: ExperimentSource, identification: Identification, refits: Refits,
+                           stage: Stage = silent, **options: Any) -> Diagnosis:
+    """A diagnosis of images without their spots; it holds those that its last model leaves.
+
+    options : of `idic.diagnose.chain.diagnose`
+    """
+    notes, as_found = Notes(), (source, identification, None)
+    source, identification, found = notes.attempt(
+        "the search for spots in the images", without_spots, source, identification, stage, otherwise=as_found)
+    diagnosis = diagnose(source, identification, refits, stage, **options)
+    spots = notes.attempt("the second look at spots in the images", left_by, diagnosis.enriched, found, otherwise=found)
+    return replace(diagnosis, spots=spots, notes=(*notes.texts, *diagnosis.notes))
+
+
+def left_by(model: FittedModel | None, found: LeftOut | None) -> LeftOut | None:
+    """The spots that a model leaves when their pixels are back; None where it leaves none, all without a model."""
+    if model is None or found is None:
+        return found
+    circles = _circles(found.spots)
+    experiment = model.source.load()
+    others = [list(circle) for circle in experiment.options.left_out_px if list(circle) not in circles]
+    seen = replace(model, source=model.source.with_edits({LEFT_OUT: others}))
+    again = find_spots(seen.identification())
+    stay = [k for k, spot in enumerate(found.spots) if any(_overlap(spot, other) for other in again)]
+    return replace(found, spots=tuple(found.spots[k] for k in stay),
+                   place_mm=tuple(found.place_mm[k] for k in stay)) if stay else None
+
+
+def _overlap(spot: Spot, other: Spot) -> bool:
+    apart = np.hypot(spot.column - other.column, spot.row - other.row)
+    return bool(apart < spot.radius_px + other.radius_px)
+
+
+def _circles(spots: tuple[Spot, ...]) -> list[list[float]]:
+    """As they are written into the experiment  # (column, row, radius) px"""
+    return [[round(x, 2) for x in circle] for spot in spots for circle in spot.left_out]
+
+
 def without_spots(source: ExperimentSource, identification: Identification,
-                  stage: Callable[[str], None]) -> tuple[ExperimentSource, Identification, LeftOut | None]:
+                  stage: Stage) -> tuple[ExperimentSource, Identification, LeftOut | None]:
     """The source and the identification without the pixels of spots; as they are, and None, where there is none."""
     spots = find_spots(identification)
     if not spots:
         return source, identification, None
     stage(f"fit of the identified model without {len(spots)} spot{'s' if len(spots) > 1 else ''} in the images")
     earlier_circles = [list(circle) for circle in identification.experiment.options.left_out_px]
-    circles = [[round(x, 2) for x in circle] for spot in spots for circle in spot.left_out]
-    spotless_source = source.with_edits({LEFT_OUT: earlier_circles + circles})
+    spotless_source = source.with_edits({LEFT_OUT: earlier_circles + _circles(spots)})
     experiment = spotless_source.load()
     values = experiment.model.parameters.own_of(identification.parameters.as_values())
     refit = identify(replace(experiment, model=replace(experiment.model,

@@ -1,6 +1,5 @@
-from .batch.entries import read_batch
 from .batch.identify import identify_batch
-from .batch.starts import with_starts
+from .batch.starts import batch_runs
 from .calibration.run import CalibrationRun, run_calibration
 from .design import PAGE_FILE, write_design
 from .diagnosis.crack import cracks_content
@@ -16,6 +15,7 @@ from .points import RunPoints
 from .prepared.context import open_run
 from .prepared.in_memory import prepare_in_memory
 from .prepared.tasks import CorrelationJob, SimulationJob
+from .reporting.accepted_residual import accepted_residual
 from .reporting.compare import compare_runs, write_comparison
 from .reporting.export import export_fields
 from .reporting.law_files import export_laws
@@ -27,7 +27,7 @@ from .store.clean import clean_run
 from .store.layout import BASE, FROM_PYTHON, group_name
 from .store.result_file import RESULT_FILE, read_result, write_json
 from .store.run_folders import folders_of
-from .store.run_lock import is_held, run_lock
+from .store.run_lock import is_held, process_lives, run_lock, this_process
 from .store.run_store import RunStore
 from .store.stack import ZarrStack, ingest
 from .store.state_file import STATE_FILE
@@ -47,11 +47,12 @@ __all__ = [
     "BASE", "DIRECT", "FROM_PYTHON", "PAGE_FILE", "PASSWORD", "RESULT_FILE", "STATE_FILE", "CalibrationRun", "Command",
     "Console", "CorrelationJob", "Fields", "FieldsOfRun", "Folders", "FrameArrays", "Hooks", "Orchestrator",
     "PrefectServer", "RunPoints", "RunStore", "SecondProcess", "SerialRunner", "SimulationJob", "TaskRunner",
-    "Workplace", "ZarrStack", "check_scheduler", "checked_frame", "checked_memory_limit", "clean_run", "compare_runs",
-    "compiling_meanwhile", "configured_url", "cpu_seconds", "cracks_content", "diagnose_run", "drawing_beside",
-    "empty_folder", "export_fields", "export_laws", "folders_of", "group_name", "identify_batch", "identify_in_memory",
-    "identify_run", "import_meanwhile", "in_empty_folder", "ingest", "is_held", "open_cluster", "open_run",
-    "open_source", "peak_memory_mb", "prepare_in_memory", "read_array", "read_batch", "read_result", "refuse_store",
-    "residuals_of", "run_calibration", "run_lock", "run_refits", "start_server", "systematic", "use_one_thread",
-    "with_starts", "write_array", "write_comparison", "write_design", "write_json", "write_report",
+    "Workplace", "ZarrStack", "accepted_residual", "batch_runs", "check_scheduler", "checked_frame",
+    "checked_memory_limit", "clean_run", "compare_runs", "compiling_meanwhile", "configured_url", "cpu_seconds",
+    "cracks_content", "diagnose_run", "drawing_beside", "empty_folder", "export_fields", "export_laws", "folders_of",
+    "group_name", "identify_batch", "identify_in_memory", "identify_run", "import_meanwhile", "in_empty_folder",
+    "ingest", "is_held", "open_cluster", "open_run", "open_source", "peak_memory_mb", "prepare_in_memory",
+    "process_lives", "read_array", "read_result", "refuse_store", "residuals_of", "run_calibration", "run_lock",
+    "run_refits", "start_server", "systematic", "this_process", "use_one_thread", "write_array", "write_comparison",
+    "write_design", "write_json", "write_report",
 ]

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from idic.diagnose import Candidate, Diagnosis, Notes, diagnose, free_parameters, silent, without_spots
+from idic.diagnose import Candidate, Diagnosis, diagnose_without_spots, free_parameters
 from idic.experiment_file import ExperimentTables, read_experiment, with_overrides
 from idic.identification import Identification, identify, measured_noise
 from idic.images import ArrayStack, Stack
@@ -89,12 +89,8 @@ def run_tool(folder: Path, library: Sequence[Candidate] | None = None, with_abla
         if with_ablations and not ablated:
             ablated.append(ablations(*screening))
 
-    notes, as_found = Notes(), (source, identification, None)
-    cleaned_source, cleaned_fit, spots = notes.attempt(
-        "the search for spots in the images", without_spots, source, identification, silent, otherwise=as_found)
-    diagnosis = diagnose(cleaned_source, cleaned_fit, partial(run_refits, SerialRunner(), None), library=library,
-                         watch=watch)
-    diagnosis = replace(diagnosis, spots=spots, notes=(*notes.texts, *diagnosis.notes))
+    diagnosis = diagnose_without_spots(source, identification, partial(run_refits, SerialRunner(), None),
+                                       library=library, watch=watch)
     parameters_before = free_parameters(identification.result)
     content = diagnosis_content(diagnosis, parameters_before, time.process_time() - began, cracks_content(diagnosis))
     content["cost"] = {name: round(seconds, 2) for name, seconds in content["cost"].items()}

@@ -10,7 +10,7 @@ import pytest
 
 from idic.errors import InputError
 from idic.parameters import Parameter
-from idic.run import read_batch, with_starts
+from idic.run import batch_runs
 from idic.parameters import drawn_start
 
 
@@ -39,7 +39,7 @@ def test_a_toml_list_gives_runs_with_common_and_own_settings(top):
         name = "stiff"
         set = { "sheet.E" = 80e3, "sheet.nu" = 0.4 }
         """)
-    plain, stiff = read_batch([file], {"sheet.nu": "0.2", "options.lowpass_px": "0"})
+    plain, stiff = batch_runs([file], {"sheet.nu": "0.2", "options.lowpass_px": "0"})
     assert (plain.name, stiff.name) == ("strip", "stiff")
     assert plain.experiment == stiff.experiment == str(top / "strip" / "experiment.toml")
     assert plain.overrides == {"sheet.nu": 0.3, "options.lowpass_px": "0", "options.max_iterations": 9}
@@ -48,14 +48,14 @@ def test_a_toml_list_gives_runs_with_common_and_own_settings(top):
 
 def test_a_csv_list_says_the_same_and_an_empty_cell_is_no_setting(top):
     file = write(top, "list.csv", "\ufeffexperiment,name,sheet.E\nstrip,soft,60e3\n\nother strip,,\n")
-    soft, other = read_batch([file])
+    soft, other = batch_runs([file])
     assert (soft.name, dict(soft.overrides)) == ("soft", {"sheet.E": "60e3"})
     assert (other.name, dict(other.overrides)) == ("other_strip", {})
 
 
 def test_experiments_and_lists_mix_and_no_name_is_used_twice(top):
     file = write(top, "mix.csv", "experiment,name\nstrip,strip-2\n")
-    names = [run.name for run in read_batch([top / "strip", top / "strip" / "experiment.toml", file, top / "strip"])]
+    names = [run.name for run in batch_runs([top / "strip", top / "strip" / "experiment.toml", file, top / "strip"])]
     assert names == ["strip", "strip-3", "strip-2", "strip-4"]
 
 
@@ -69,13 +69,13 @@ def test_experiments_and_lists_mix_and_no_name_is_used_twice(top):
     ('run = []', "empty batch"), ('[[run', "not valid TOML")])
 def test_a_list_that_is_not_one_is_refused(top, text, words):
     with pytest.raises(InputError, match=words):
-        read_batch([write(top, "bad.toml", text)])
+        batch_runs([write(top, "bad.toml", text)])
 
 
 @pytest.mark.parametrize("name", ["../outside", "a/b", "..", "/tmp/x", "-x", ".hidden", "a\\b", "x" * 200])
 def test_a_name_that_would_leave_the_folder_is_refused(top, name):
     with pytest.raises(InputError, match="not a usable name"):
-        read_batch([write(top, "bad.csv", f'experiment,name\nstrip,"{name}"\n')])
+        batch_runs([write(top, "bad.csv", f'experiment,name\nstrip,"{name}"\n')])
 
 
 @pytest.mark.parametrize("text, words", [("", "no usable header"), ("name,sheet.E\na,1\n", "no usable header"),
@@ -84,16 +84,16 @@ def test_a_name_that_would_leave_the_folder_is_refused(top, name):
                                          ("name,experiment\nsoft\n", "row 2: a run without an experiment")])
 def test_a_table_that_is_none_is_refused(top, text, words):
     with pytest.raises(InputError, match=words):
-        read_batch([write(top, "bad.csv", text)])
+        batch_runs([write(top, "bad.csv", text)])
 
 
 # starts ---------------------------------------------------------------------------------------------
 def test_starts_vary_free_parameters_only_and_can_be_repeated(top):
-    runs = with_starts(read_batch([top / "strip"], {"material.sheet.nu.identify": "false"}), 4, 0.3, seed=5)
+    runs = batch_runs([top / "strip"], {"material.sheet.nu.identify": "false"}, 4, 0.3, seed=5)
     assert [run.name for run in runs] == [f"strip-start{k:02d}" for k in range(4)]
     changed = {"sheet.E", "sheet.yield_stress", "sheet.hardening_modulus"}
     assert all(set(run.overrides) == changed | {"material.sheet.nu.identify"} for run in runs)
-    more = with_starts(read_batch([top / "strip"], {"material.sheet.nu.identify": "false"}), 9, 0.3, seed=5)
+    more = batch_runs([top / "strip"], {"material.sheet.nu.identify": "false"}, 9, 0.3, seed=5)
     assert [run.overrides for run in more[:4]] == [run.overrides for run in runs], "start k does not depend on N"
     assert len({run.overrides["sheet.E"] for run in more}) == 9
 
@@ -112,7 +112,7 @@ def test_a_start_is_log_uniform_around_the_value_and_inside_the_bounds():
 def test_an_experiment_that_cannot_be_read_stays_one_run(top, tmp_path):
     text = (top / "strip" / "experiment.toml").read_text().replace('images = "images/*.tif"', 'images = "none/*.tif"')
     (tmp_path / "experiment.toml").write_text(text)
-    runs = with_starts(read_batch([tmp_path, top / "strip"]), 2, 0.3)
+    runs = batch_runs([tmp_path, top / "strip"], None, 2, 0.3)
     assert [run.name for run in runs] == [tmp_path.name, "strip-start00", "strip-start01"]
 
 
@@ -120,10 +120,10 @@ def test_an_experiment_that_cannot_be_read_stays_one_run(top, tmp_path):
                          [(2, 0.0, "--spread"), (2, math.nan, "--spread"), (0, 0.3, "--starts")])
 def test_numbers_that_are_no_starts_are_refused(top, starts, spread, words):
     with pytest.raises(InputError, match=words):
-        with_starts(read_batch([top / "strip"]), starts, spread)
+        batch_runs([top / "strip"], None, starts, spread)
 
 
 def test_starts_of_nothing_free_are_refused(top):
     locked = {f"material.sheet.{name}.identify": "false" for name in ("E", "nu", "yield_stress", "hardening_modulus")}
     with pytest.raises(InputError, match="no start value to vary"):
-        with_starts(read_batch([top / "strip"], locked), 2, 0.3)
+        batch_runs([top / "strip"], locked, 2, 0.3)

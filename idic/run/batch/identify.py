@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from idic.run.batch.entries import read_batch
 from idic.run.batch.runs import ERROR, BatchJob, BatchOutcome, identify_job, identify_whole
-from idic.run.batch.starts import with_starts
+from idic.run.batch.starts import batch_runs
 from idic.run.batch.store import Batch
 from idic.run.orchestrator import DIRECT, Command, Console, Hooks, Orchestrator
 from idic.run.workers.runner import JobKillsWorkers
@@ -43,9 +42,7 @@ def identify_batch(paths: Sequence[str | Path], out: str | Path, *, starts: int 
         an experiment itself becomes the status of its runs.
     """
     console = console or Console()
-    runs = read_batch(paths, overrides)
-    if starts is not None:
-        runs = with_starts(runs, starts, spread, seed)
+    runs = batch_runs(paths, overrides, starts, spread, seed)
     batch = Batch(out, runs, sensitivity)
     workplace.check(out, say=console.stage)
     with (orchestrator.opened(), batch.claim(resume), _kept_when_interrupted(batch),

@@ -1,19 +1,27 @@
-"""Random starts of an identification: do they all end in the same place?"""
+"""The runs of a batch, and random starts of each: do they all end in the same place?"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file import load_experiment, read_toml, with_overrides
 from idic.parameters import ParameterSet, drawn_start
-from idic.run.batch.entries import BatchRun
+from idic.run.batch.entries import BatchRun, read_batch
 
 
-def with_starts(runs: Sequence[BatchRun], starts: int, spread: float, seed: int = 0) -> tuple[BatchRun, ...]:
+def batch_runs(paths: Sequence[str | Path], overrides: Mapping[str, Any] | None = None, starts: int | None = None,
+               spread: float = 0.3, seed: int = 0) -> tuple[BatchRun, ...]:
+    """The runs of experiments and lists (`idic.run.batch.entries.read_batch`), each from so many random starts."""
+    runs = read_batch(paths, overrides)
+    return runs if starts is None else _with_starts(runs, starts, spread, seed)
+
+
+def _with_starts(runs: Sequence[BatchRun], starts: int, spread: float, seed: int) -> tuple[BatchRun, ...]:
     """Every run `starts` times, from random values around its own start.
 
     A positive parameter is multiplied by a factor that is log-uniform in [1/(1 + spread), 1 + spread]; another one

@@ -11,7 +11,8 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from idic.diagnose import (
-    Candidate, Diagnosis, Margin, Notes, SEED, Stage, diagnose as diagnose_identification, silent, without_spots,
+    Candidate, Diagnosis, Margin, Notes, SEED, Stage, diagnose as diagnose_identification, diagnose_without_spots,
+    silent,
 )
 from idic.report import diagnosis_content, diagnosis_page
 from idic.run.diagnosis.far import judged_by_images, on_measured_motion
@@ -54,12 +55,9 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: i
     floor = measured_floor(PointJob(str(run), accepted.number, accepted.values), runner)
     motion_fit = on_measured_motion(source, identification, runner, stage)
     source, identification, register = motion_fit or (source, identification, None)
-    notes, as_found = Notes(), (source, identification, None)
-    source, identification, spots = as_found if motion_fit else notes.attempt(
-        "the search for spots in the images", without_spots, source, identification, stage, otherwise=as_found)
-    diagnosis = diagnose_identification(source, identification, partial(run_refits, runner, RefitStore(run, resume)),
-                                        stage, seed, library, margin=Margin(floor), quick=quick)
-    diagnosis = replace(diagnosis, spots=spots, notes=(*notes.texts, *diagnosis.notes))
+    begin = diagnose_identification if motion_fit else diagnose_without_spots
+    diagnosis = begin(source, identification, partial(run_refits, runner, RefitStore(run, resume)), stage, seed=seed,
+                      library=library, margin=Margin(floor), quick=quick)
     return diagnosis if register is None else replace(diagnosis, register=judged_by_images(diagnosis, register, stage))
 
 
