@@ -17,7 +17,6 @@ from functools import partial
 
 import numpy as np
 
-from idic.diagnose.candidates.crack import CRACK
 from idic.diagnose.cut_mesh import as_cut
 from idic.diagnose.diagnosis import Diagnosis
 from idic.diagnose.discretisation.neglected import Neglected, neglected
@@ -80,7 +79,7 @@ def diagnose(source: ExperimentSource, identification: Identification, refits: R
     clock = Clock()
     candidates = candidate_library() if library is None else library
     identified = as_identified(source, identification, margin, quick, stage, clock)
-    if any(candidate.name == CRACK for candidate in candidates):
+    if any(candidate.cuts_mesh for candidate in candidates):
         cut = as_cut(identified, margin, quick, stage, clock)
         identified, identification = cut, identification if cut is identified else cut.identification
     setting = Setting(refits, partial(screened, margin=margin), identified.grid, seed, candidates, stage, clock, watch,

@@ -11,7 +11,6 @@ import numpy as np
 
 from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
 
-CRACK = "crack"  # name of the candidate
 SUSPECT = "suspect"  # name of the crack of no length in the identified model
 LENGTH_SHARES = (0.2, 0.35, 0.5, 0.7)  # of the path: probes
 FIRST_SHARES = (1.0, 0.5, 0.0)  # of the last length: that at the first knot
@@ -41,11 +40,11 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 
 register(Candidate(
-    CRACK, "heterogeneity", "crack", "no line across which the motion jumps",
+    "crack", "heterogeneity", "crack", "no line across which the motion jumps",
     rivals={"heterogeneity": "a void or a soft spot opens as a crack does, and does not grow",
             "damage": "a band of damaged material opens, too: its strain is spread over its width",
             "plasticity": "a band of plastic flow stays after unloading"},
     separating_tests=("look at the specimen there with more magnification", "unload to zero once: a crack closes",
                       "load in another direction"),
-    variants=variants,
+    variants=variants, cuts_mesh=True,
     paraphrase="a cut with free faces that may grow"))

@@ -167,6 +167,8 @@ class Candidate:
     everywhere : it acts all over the body, although other causes of its family have a place
     refitted_form : form of a variant after its refit, from the values of the parameters; None: the variant's own
     rescaled : a variant with the scale that it holds times a factor; None: it holds none
+    cuts_mesh : its variants need a mesh that is cut where the residual asks for it (`idic.diagnose.cut_mesh`); every
+        model of the diagnosis then has that mesh
     size : how large it plausibly is, in probes; None: any size is (laws of materials)
     """
 
@@ -188,6 +190,7 @@ class Candidate:
     refitted_form: Callable[[Variant, Mapping[str, float]], str | None] | None = None
     untestable: Callable[[Situation], str] | None = None
     rescaled: Callable[[Variant, float], Variant] | None = None
+    cuts_mesh: bool = False
     size: PlausibleSize | None = None
 
     @property
