@@ -64,7 +64,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     folder = Folder(options.out)
     try:
         campaign = Campaign(options.size, options.seed, photographs=options.photographs)
-        numbers = seal(folder, campaign, campaign.select(options.only)[:options.first], tool_state())
+        with multiprocessing.get_context("spawn").Pool(options.processes) as pool:
+            numbers = seal(folder, campaign, campaign.select(options.only)[:options.first], tool_state(), pool.imap)
         check_solvers(folder, folder.unanswered(numbers.values()))
     except InputError as problem:
         sys.stderr.write(f"{problem}\n")

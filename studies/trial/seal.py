@@ -17,8 +17,9 @@ import json
 import secrets
 import subprocess
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from pkgutil import walk_packages
@@ -63,12 +64,17 @@ class Folder:
         write_json(self.out / REGISTER, content)
 
 
-def seal(folder: Folder, campaign: Campaign, chosen: Sequence[Trial], tool: Mapping[str, Any]) -> dict[str, str]:
+Draws = Callable[[Callable[[Trial], Truth], Sequence[Trial]], Iterable[Truth]]
+
+
+def seal(folder: Folder, campaign: Campaign, chosen: Sequence[Trial], tool: Mapping[str, Any],
+         draws: Draws = map) -> dict[str, str]:
     """Draw and seal the chosen truths that are not sealed yet; enter this run in the register.
 
     Parameters
     ----------
     tool : see `tool_state`
+    draws : `map`, or that of a pool of processes
 
     Returns
     -------
@@ -81,10 +87,11 @@ def seal(folder: Folder, campaign: Campaign, chosen: Sequence[Trial], tool: Mapp
     """
     folder.out.mkdir(parents=True, exist_ok=True)
     with run_lock(folder.out):
-        return _sealed(folder, campaign, chosen, tool)
+        return _sealed(folder, campaign, chosen, tool, draws)
 
 
-def _sealed(folder: Folder, campaign: Campaign, chosen: Sequence[Trial], tool: Mapping[str, Any]) -> dict[str, str]:
+def _sealed(folder: Folder, campaign: Campaign, chosen: Sequence[Trial], tool: Mapping[str, Any],
+            draws: Draws) -> dict[str, str]:
     if campaign.size == WORLDS and (tool["changed"] is not False or not tool["commit"]):
         raise InputError("kinds of effects that development must not see", key="size", expected="a tool as committed",
                          found="a tool with changes, or outside its repository",
@@ -96,14 +103,14 @@ def _sealed(folder: Folder, campaign: Campaign, chosen: Sequence[Trial], tool: M
                          expected="the same size and seed", found=f"{register['size']}, seed {register['seed']}",
                          remedy="choose another --out")
     number_of_key = {opened(folder, number).key: number for number in register["truths"]}
-    for trial in chosen:
-        if trial.key not in number_of_key:
-            number = secrets.token_hex(4)
-            text = json.dumps(draw(trial, campaign.seed).content | {"salt": secrets.token_hex(16)}, indent=1)
-            folder.sealed(number).parent.mkdir(parents=True, exist_ok=True)
-            folder.sealed(number).write_bytes(text.encode())
-            register["truths"][number] = hashlib.sha256(text.encode()).hexdigest()
-            number_of_key[trial.key] = number
+    unsealed = [trial for trial in chosen if trial.key not in number_of_key]
+    for truth in draws(partial(draw, seed=campaign.seed), unsealed):
+        number = secrets.token_hex(4)
+        text = json.dumps(truth.content | {"salt": secrets.token_hex(16)}, indent=1)
+        folder.sealed(number).parent.mkdir(parents=True, exist_ok=True)
+        folder.sealed(number).write_bytes(text.encode())
+        register["truths"][number] = hashlib.sha256(text.encode()).hexdigest()
+        number_of_key[truth.key] = number
     register["runs"].append({"began": time.strftime("%Y-%m-%d %H:%M:%S"), "trials": len(chosen),
                              "already_answered": sum(folder.answer(number_of_key[t.key]).exists() for t in chosen),
                              "tool": dict(tool)})
