@@ -29,31 +29,29 @@ def diagnose_without_spots(source: ExperimentSource, identification: Identificat
 
     options : of `idic.diagnose.chain.diagnose`
     """
-    notes, as_found = Notes(), (source, identification, None)
-    source, identification, found = notes.attempt(
-        "the search for spots in the images", without_spots, source, identification, stage, otherwise=as_found)
+    notes, as_identified = Notes(), (source, identification, None)
+    source, identification, spots = notes.attempt(
+        "the search for spots in the images", without_spots, source, identification, stage, otherwise=as_identified)
     diagnosis = diagnose(source, identification, refits, stage, **options)
-    spots = notes.attempt("the second look at spots in the images", left_by, diagnosis.enriched, found, otherwise=found)
+    spots = notes.attempt("the second look at spots in the images", left_by, diagnosis.enriched, spots, otherwise=spots)
     return replace(diagnosis, spots=spots, notes=(*notes.texts, *diagnosis.notes))
 
 
-def left_by(model: FittedModel | None, found: LeftOut | None) -> LeftOut | None:
+def left_by(model: FittedModel | None, spots: LeftOut | None) -> LeftOut | None:
     """The spots that a model leaves when their pixels are back; None where it leaves none, all without a model."""
-    if model is None or found is None:
-        return found
-    circles = _circles(found.spots)
-    experiment = model.source.load()
-    others = [list(circle) for circle in experiment.options.left_out_px if list(circle) not in circles]
-    seen = replace(model, source=model.source.with_edits({LEFT_OUT: others}))
-    again = find_spots(seen.identification())
-    stay = [k for k, spot in enumerate(found.spots) if any(_overlap(spot, other) for other in again)]
-    return replace(found, spots=tuple(found.spots[k] for k in stay),
-                   place_mm=tuple(found.place_mm[k] for k in stay)) if stay else None
+    if model is None or spots is None:
+        return spots
+    circles = _circles(spots.spots)
+    user_circles = [list(c) for c in model.source.load().options.left_out_px if list(c) not in circles]
+    unmasked = replace(model, source=model.source.with_edits({LEFT_OUT: user_circles}))
+    lasting = find_spots(unmasked.identification())
+    numbers = [k for k, spot in enumerate(spots.spots) if any(_overlap(spot, s) for s in lasting)]
+    return replace(spots, spots=tuple(spots.spots[k] for k in numbers),
+                   place_mm=tuple(spots.place_mm[k] for k in numbers)) if numbers else None
 
 
-def _overlap(spot: Spot, other: Spot) -> bool:
-    apart = np.hypot(spot.column - other.column, spot.row - other.row)
-    return bool(apart < spot.radius_px + other.radius_px)
+def _overlap(a: Spot, b: Spot) -> bool:
+    return bool(np.hypot(a.column - b.column, a.row - b.row) < a.radius_px + b.radius_px)
 
 
 def _circles(spots: tuple[Spot, ...]) -> list[list[float]]:

@@ -55,9 +55,9 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: i
     floor = measured_floor(PointJob(str(run), accepted.number, accepted.values), runner)
     motion_fit = on_measured_motion(source, identification, runner, stage)
     source, identification, register = motion_fit or (source, identification, None)
-    begin = diagnose_identification if motion_fit else diagnose_without_spots
-    diagnosis = begin(source, identification, partial(run_refits, runner, RefitStore(run, resume)), stage, seed=seed,
-                      library=library, margin=Margin(floor), quick=quick)
+    answer = diagnose_identification if motion_fit else diagnose_without_spots
+    diagnosis = answer(source, identification, partial(run_refits, runner, RefitStore(run, resume)), stage, seed=seed,
+                       library=library, margin=Margin(floor), quick=quick)
     return diagnosis if register is None else replace(diagnosis, register=judged_by_images(diagnosis, register, stage))
 
 
