@@ -29,7 +29,7 @@ class Tomograms:
     """side : voxels of a cube; n_scans : with the two at rest; drift : (n_scans, 3) voxels, motion of each scan;
     growth : (n_scans,) of all lengths in each scan, about the middle of the volume; seed : of texture and noise; mesh,
     true_mesh : elements across and along, of the user and of the truth; hidden : tables of the truth alone; strain : at
-    the end"""
+    the end; noise_gv : of a voxel"""
 
     side: int = 44
     n_scans: int = 4
@@ -41,6 +41,7 @@ class Tomograms:
     true_mesh: tuple[int, int] = FINE
     hidden: str = ""
     strain: float = 0.012
+    noise_gv: float = NOISE_GV
 
     @property
     def size_mm(self) -> np.ndarray:
@@ -131,7 +132,7 @@ class Tomograms:
                           for way in STEP_MM * np.eye(3)], axis=-1) * VOXEL_MM / (2.0 * STEP_MM)
             texture = rendered(places, heights, self.side, np.linalg.inv(F))
             scale = CONTRAST_GV / texture.std() if scale is None else scale
-            image = 128.0 + scale * texture + NOISE_GV * rng.normal(size=texture.shape)
+            image = 128.0 + scale * texture + self.noise_gv * rng.normal(size=texture.shape)
             np.save(folder / "scans" / f"scan_{k:02d}.npy", np.clip(np.rint(100.0 * image), 0, 65535).astype(np.uint16))
 
     def _places(self, points: np.ndarray, cells: np.ndarray, motion: np.ndarray, k: int) -> np.ndarray:
