@@ -16,7 +16,7 @@ from idic.calibrate.records import Between, Calibration, Lens, Pose, SIGNIFICANC
 from idic.calibrate.shape import Target, exact, out_of_plane, with_print
 from idic.calibrate.start import numbered, one_camera, second_camera
 from idic.errors import InputError
-from idic.images import POSE_PARAMETERS
+from idic.images import RIGID
 from idic.readers import CameraRig
 
 PRIOR_PASSES = 2            # free points and the noise of the images depend on each other: settled after the second
@@ -207,7 +207,7 @@ def _rig(cameras, lens: Lens, covariance: np.ndarray, sizes) -> CameraRig:
                 rows.append((at, 1.0))
             at += 1
         if number:
-            names += [f"{number}.{name}" for name in POSE_PARAMETERS]
+            names += [f"{number}.{name}" for name in RIGID]
             rows += [(at + k, np.degrees(1.0) if k < 3 else 1.0) for k in range(6)]
             at += 6
     order = np.array([row for row, _ in rows])

@@ -1,7 +1,4 @@
-from .assembly.assembly import (
-    Evaluation, System, discretise, evaluate_system, stiffness_times,
-)
-from .body.boundary import constrain, dead_pressure, dofs_of, drives_at, face_area, traction
+from .body.boundary import constrain, dead_pressure, dofs_of, face_area, traction
 from .body.body import Constraints, Direction, Loads, Body, PathControl, Reaction, Section, validate
 from .body.variation import Variation
 from .crack.cut import Cut, cut_along
@@ -9,15 +6,15 @@ from .crack.fracture import ring_around, tip_load
 from .body.seam import Seam
 from .crack.seams_of_cuts import with_seams
 from .conduction import conductance, conducted, unreached, volume
-from .equilibrium import Control, factorise_tangent
+from .equilibrium import Control
 from .external.deck import parse_deck
 from .external.inp_writer import ABAQUS_TYPES, inp_text
 from .external.process import LOG_FILE, PERMISSION, check_environment, find_program, require_permission
 from .external.solver import EXTERNAL, ExternalSetup, ExternalSolver, REASON_FILE, sweep
 from .external.solver_output import ExpectedOutput, Solution, gathered, read_calculix_dat
-from .extrapolation import increments_to_try, is_extrapolated, march_extrapolated
+from .extrapolation import increments_to_try, march_extrapolated
 from .fields import green_strain, nodal_deformation, nodal_field, nodal_state
-from .half_rate import Motion, at_frames, every_second, without_time_error
+from .half_rate import Motion, without_time_error
 from .mesh.coarsen import Coarse, coarsen
 from .mesh.curved_edges import curved
 from .mesh.edge_morph import EDGE_STD_SHARE, OUTLINE, edges_by_name, free_edges, outward_velocity
@@ -27,158 +24,39 @@ from .mesh.element import (
 from .mesh.halve import can_halve, halve
 from .mesh.locate import interpolation
 from .mesh.mesh import (
-    Block, Mesh, PerMesh, boundary_edges, boundary_faces, check_elements, face_cells, face_set_nodes, make_mesh,
-    surface_cells,
+    Block, boundary_edges, boundary_faces, boundary_paths, check_elements, face_cells, face_set_nodes, make_mesh, Mesh,
+    PerMesh, surface_cells,
 )
 from .mesh.morph import Hole, Morph, admissible, find_holes, morphed, on_circle, velocities
 from .mesh.outline import Boundary, Segments, is_circle, segments_of
 from .mesh.polygon import Filling, fill, follow_arcs, mesh_polygon, smallest_angle
 from .mesh.refine import can_raise_order, is_raised_by_default, raise_order
-from .mesh.surface_edges import (
-    CORNER_COSINE, followed, inner_second_differences, normal_axis, rim_second_differences, second_difference,
-    seen_first,
-)
+from .mesh.surface_edges import CORNER_COSINE, followed, normal_axis, second_differences, seen_first
 from .products import Linearisation
 from .response import Alternative, Responses, first_responses
 from .solver.factorisation_cost import Fill, dissected
-from .solver.linear import Factor
 from .solver.rigid_motion import FreePart, bodies, free_parts
 from .solver.threads import solver_threads
 from .stress_error import stress_error_responses
 from .superposition import is_linear, superposed
 from .time_march import FrameState, PointValues, StepList, march
+from .tangent import Tangent, tangents_along
 
 __all__ = [
-    "ABAQUS_TYPES",
-    "CELL_TYPES",
-    "CORNER_COSINE",
-    "EDGE_STD_SHARE",
-    "EXTERNAL",
-    "LOG_FILE",
-    "OUTLINE",
-    "PERMISSION",
-    "REASON_FILE",
-    "Alternative",
-    "Block",
-    "Body",
-    "Boundary",
-    "Coarse",
-    "Constraints",
-    "Control",
-    "Cut",
-    "Direction",
-    "Evaluation",
-    "ExpectedOutput",
-    "ExternalSetup",
-    "ExternalSolver",
-    "Factor",
-    "Fill",
-    "Filling",
-    "FrameState",
-    "FreePart",
-    "Hole",
-    "Linearisation",
-    "Loads",
-    "Mesh",
-    "Morph",
-    "Motion",
-    "PathControl",
-    "PerMesh",
-    "PointValues",
-    "Reaction",
-    "Responses",
-    "Seam",
-    "Section",
-    "Segments",
-    "Solution",
-    "StepList",
-    "System",
-    "Variation",
-    "admissible",
-    "at_frames",
-    "bodies",
-    "boundary_edges",
-    "boundary_faces",
-    "can_halve",
-    "can_raise_order",
-    "cell_edges",
-    "cell_type",
-    "check_elements",
-    "check_environment",
-    "coarsen",
-    "conductance",
-    "conducted",
-    "constrain",
-    "curved",
-    "cut_along",
-    "dead_pressure",
-    "discretise",
-    "dissected",
-    "dofs_of",
-    "drives_at",
-    "edges_by_name",
-    "evaluate_system",
-    "every_second",
-    "face_area",
-    "face_cells",
-    "face_set_nodes",
-    "factorise_tangent",
-    "fill",
-    "find_holes",
-    "find_program",
-    "first_responses",
-    "follow_arcs",
-    "followed",
-    "free_edges",
-    "free_parts",
-    "gathered",
-    "green_strain",
-    "halve",
-    "increments_to_try",
-    "inner_second_differences",
-    "inp_text",
-    "interpolation",
-    "is_circle",
-    "is_extrapolated",
-    "is_linear",
-    "is_raised_by_default",
-    "make_mesh",
-    "march",
-    "march_extrapolated",
-    "mesh_polygon",
-    "morphed",
-    "n_face_corners",
-    "nodal_deformation",
-    "nodal_field",
-    "nodal_state",
-    "normal_axis",
-    "on_circle",
-    "outward_velocity",
-    "parse_deck",
-    "quadrature_rule",
-    "raise_order",
-    "read_calculix_dat",
-    "require_permission",
-    "rim_second_differences",
-    "ring_around",
-    "second_difference",
-    "seen_first",
-    "segments_of",
-    "shape_functions",
-    "shape_gradients",
-    "smallest_angle",
-    "solver_threads",
-    "stiffness_times",
-    "stress_error_responses",
-    "superposed",
-    "surface_cells",
-    "sweep",
-    "tip_load",
-    "traction",
-    "unreached",
-    "validate",
-    "velocities",
-    "volume",
-    "with_seams",
-    "without_time_error",
+    "ABAQUS_TYPES", "CELL_TYPES", "CORNER_COSINE", "EDGE_STD_SHARE", "EXTERNAL", "LOG_FILE", "OUTLINE", "PERMISSION",
+    "REASON_FILE", "Alternative", "Block", "Body", "Boundary", "Coarse", "Constraints", "Control", "Cut", "Direction",
+    "ExpectedOutput", "ExternalSetup", "ExternalSolver", "Fill", "Filling", "FrameState", "FreePart", "Hole",
+    "Linearisation", "Loads", "Mesh", "Morph", "Motion", "PathControl", "PerMesh", "PointValues", "Reaction",
+    "Responses", "Seam", "Section", "Segments", "Solution", "StepList", "Tangent", "Variation", "admissible", "bodies",
+    "boundary_edges", "boundary_faces", "boundary_paths", "can_halve", "can_raise_order", "cell_edges", "cell_type",
+    "check_elements", "check_environment", "coarsen", "conductance", "conducted", "constrain", "curved", "cut_along",
+    "dead_pressure", "dissected", "dofs_of", "edges_by_name", "face_area", "face_cells", "face_set_nodes", "fill",
+    "find_holes", "find_program", "first_responses", "follow_arcs", "followed", "free_edges", "free_parts", "gathered",
+    "green_strain", "halve", "increments_to_try", "inp_text", "interpolation", "is_circle", "is_linear",
+    "is_raised_by_default", "make_mesh", "march", "march_extrapolated", "mesh_polygon", "morphed", "n_face_corners",
+    "nodal_deformation", "nodal_field", "nodal_state", "normal_axis", "on_circle", "outward_velocity", "parse_deck",
+    "quadrature_rule", "raise_order", "read_calculix_dat", "require_permission", "ring_around", "second_differences",
+    "seen_first", "segments_of", "shape_functions", "shape_gradients", "smallest_angle", "solver_threads",
+    "stress_error_responses", "superposed", "surface_cells", "sweep", "tangents_along", "tip_load", "traction",
+    "unreached", "validate", "velocities", "volume", "with_seams", "without_time_error",
 ]

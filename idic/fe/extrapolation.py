@@ -49,7 +49,7 @@ def march_extrapolated(body: Body, params: Mapping[str, np.ndarray], times: np.n
         As `idic.fe.time_march.march`, where one of the two fails.
     """
     numbers, warm = (increments, increments // 2), (None, None) if warm_start is None else for_two(warm_start)
-    frozen = [None, None] if steps is None else [StepList(ends) for ends in split(steps.times)]
+    frozen = [None, None] if steps is None else [StepList(ends) for ends in steps.split()]
     fine, coarse = (march(body, params, times, directions, step_list, number, control, start, may_cut)
                     for step_list, number, start in zip(frozen, numbers, warm, strict=True))
     order = time_order(body)
@@ -87,17 +87,6 @@ def _extrapolated(fine: FrameState, coarse: FrameState, order: int) -> FrameStat
              if getattr(fine, name) is not None}
     return replace(fine, n_newton=fine.n_newton + coarse.n_newton,
                    steps=StepList(fine.steps.times + coarse.steps.times), **ahead)
-
-
-def split(times: Sequence[float]) -> list[tuple[float, ...]]:
-    """The lists of increments in a stored one: one, or the fine and the coarse one."""
-    back = [k for k, (a, b) in enumerate(pairwise(times), start=1) if b <= a]
-    return [tuple(times[a:b]) for a, b in pairwise((0, *back, len(times)))]
-
-
-def is_extrapolated(steps: StepList) -> bool:
-    """Whether these increments are those of two simulations."""
-    return len(split(steps.times)) > 1
 
 
 def whole_increments(times: np.ndarray, number: int) -> tuple[float, ...]:

@@ -11,8 +11,7 @@ no derivatives, and begins at the first one.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
@@ -23,33 +22,29 @@ from idic.fe.body.body import Body
 Motion = tuple[np.ndarray, np.ndarray]  # (n_nodes, d) mm and channels (n_channels,) of a frame
 
 
-def every_second(n_frames: int) -> np.ndarray:
-    """Numbers of every second frame, and of the last one."""
-    return np.unique(np.append(np.arange(0, n_frames, 2), n_frames - 1))
-
-
-def at_frames(body: Body, frames: np.ndarray) -> Body:
-    """The model with its histories at some frames."""
-    def sampled(histories: np.ndarray | None) -> np.ndarray | None:
-        return None if histories is None else histories[frames]
-
-    loads = replace(body.loads, dead_histories=sampled(body.loads.dead_histories),
-                    pressure_histories=sampled(body.loads.pressure_histories))
-    control = None if body.control is None else replace(body.control, readings=body.control.readings[frames])
-    constraints = replace(body.constraints, histories=body.constraints.histories[frames])
-    seams = tuple(replace(seam, tips=seam.tips[frames]) for seam in body.seams)
-    return replace(body, control=control, constraints=constraints, loads=loads, temperature=sampled(body.temperature),
-                   seams=seams)
-
-
-def without_time_error(body: Body, fine: Iterable[Motion], coarse: Iterable[FrameState]) -> Iterator[Motion]:
+def without_time_error(body: Body, n_frames: int, simulation: Callable[[], Iterable[Motion]],
+                       march: Callable[[np.ndarray, Iterator[np.ndarray]], Iterable[FrameState]]) -> Iterator[Motion]:
     """Motion and channels of every frame, extrapolated in time from a simulation and one in steps of two frames.
 
     Parameters
     ----------
-    fine : every frame, the reference first
-    coarse : some of them, numbered as those of `fine`, the reference and the last one included
+    simulation : gives every frame anew at every call, the reference first
+    march : called as march(frames, warm_start), simulates with an increment from each of some frames to the next; the
+        states keep the numbers of the frames, warm_start holds (n_nodes, d) mm of each
+
+    Raises
+    ------
+    NotConverged
+        If `march` does not find equilibrium.
     """
+    frames = np.unique(np.append(np.arange(0, n_frames, 2), n_frames - 1))
+    chosen = set(frames.tolist())
+    coarse = march(frames, (u for number, (u, _) in enumerate(simulation()) if number in chosen))
+    yield from _extrapolated(body, simulation(), coarse)
+
+
+def _extrapolated(body: Body, fine: Iterable[Motion], coarse: Iterable[FrameState]) -> Iterator[Motion]:
+    """The motion of every frame out of both; coarse : numbered as `fine`, the first and the last frame included"""
     share, frames = 1.0 / (2.0 ** time_order(body) - 1.0), iter(fine)
     first = next(frames)
     yield first

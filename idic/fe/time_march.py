@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -36,6 +37,16 @@ class StepList:
     """
 
     times: tuple[float, ...] = ()
+
+    @property
+    def is_extrapolated(self) -> bool:
+        """Whether these increments are those of two simulations."""
+        return len(self.split()) > 1
+
+    def split(self) -> list[tuple[float, ...]]:
+        """The lists of increments in it: one, or the fine and the coarse one."""
+        back = [k for k, (a, b) in enumerate(pairwise(self.times), start=1) if b <= a]
+        return [self.times[a:b] for a, b in pairwise((0, *back, len(self.times)))]
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
-
-MAGNIFICATION, TURN, COLUMN, ROW = "magnification", "turn", "column", "row"
-
 
 @dataclass(frozen=True, eq=False)
 class CameraMotion:
@@ -23,6 +21,8 @@ class CameraMotion:
     names : degrees of freedom, after the name of the camera; kinds : of each "magnification" (relative), "turn" (deg,
     counter-clockwise as seen), "column" or "row" (px); courses : (n, n_frames); values : (n,)
     """
+
+    units: ClassVar[dict[str, str]] = {"magnification": "", "turn": "deg", "column": "px", "row": "px"}
 
     names: tuple[str, ...]
     kinds: tuple[str, ...]
@@ -40,11 +40,12 @@ class CameraMotion:
 
     def at(self, frame: int) -> tuple[np.ndarray, np.ndarray]:
         """Linear map and shift of a frame  # (2, 2), (2,) px"""
-        motion = dict.fromkeys((MAGNIFICATION, TURN, COLUMN, ROW), 0.0)
+        motion = dict.fromkeys(self.units, 0.0)
         for kind, course, value in zip(self.kinds, self.courses[:, frame], self.values, strict=True):
             motion[kind] += float(course * value)
-        c, s = np.cos(np.radians(motion[TURN])), np.sin(np.radians(motion[TURN]))
-        return (1.0 + motion[MAGNIFICATION]) * np.array([[c, s], [-s, c]]), np.array([motion[COLUMN], motion[ROW]])
+        c, s = np.cos(np.radians(motion["turn"])), np.sin(np.radians(motion["turn"]))
+        return ((1.0 + motion["magnification"]) * np.array([[c, s], [-s, c]]),
+                np.array([motion["column"], motion["row"]]))
 
     def slope(self, name: str, frame: int, centred: np.ndarray, linear: np.ndarray) -> np.ndarray:
         """Derivative of p0(t) by an amplitude  # (n, 2) px
@@ -55,8 +56,8 @@ class CameraMotion:
         course, kind = self.courses[i, frame], self.kinds[i]
         if course == 0.0:
             return np.zeros_like(centred)
-        if kind == MAGNIFICATION:
+        if kind == "magnification":
             return course / np.sqrt(np.linalg.det(linear)) * centred
-        if kind == TURN:
+        if kind == "turn":
             return course * np.radians(1.0) * centred @ np.array([[0.0, -1.0], [1.0, 0.0]])
-        return np.broadcast_to(course * np.eye(2)[0 if kind == COLUMN else 1], centred.shape)
+        return np.broadcast_to(course * np.eye(2)[0 if kind == "column" else 1], centred.shape)

@@ -7,7 +7,7 @@ the choices: degree 3 is right for most tests, degree 5 has four times less sub-
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, reduce
 
 import numpy as np
 from numba import njit
@@ -95,24 +95,22 @@ def gradient_at_pixels(spline: Spline, ix: np.ndarray, iy: np.ndarray) -> tuple[
     return gx, gy
 
 
-def noise_gain_1d(fraction: np.ndarray, degree: int = 3, lowpass_px: float = 0.0) -> np.ndarray:
-    """Sum of squares of the 1D weights of the pixels at these fractions; without low-pass 1 at 0  # shape kept"""
-    fraction = np.asarray(fraction, dtype=float)
-    return np.interp(fraction - np.floor(fraction), _GAIN_FRACTIONS, _gain_table(degree, lowpass_px))
+def noise_gain(*fractions: np.ndarray, degree: int = 3, lowpass_px: float = 0.0) -> np.ndarray:
+    """Variance of the interpolated value / variance of the pixels, w^2 (independent noise)  # shape of the fractions
 
+    The product over the axes of the sum of squares of the weights of the pixels; without a low-pass 1 at a pixel. On
+    average 0.764 for the cubic, 0.843 for the quintic spline in two dimensions: a residual f - g(x + u) of pure noise
+    has the variance ``sigma^2 (1 + w^2)``, not ``2 sigma^2``.
 
-def noise_gain(fraction_x: np.ndarray, fraction_y: np.ndarray, degree: int = 3, lowpass_px: float = 0.0) -> np.ndarray:
-    """Variance of the interpolated value / variance of the pixels, w^2 (independent noise).
-
-    On average 0.764 for the cubic, 0.843 for the quintic spline: a residual f - g(x + u) of pure noise has the variance
-    ``sigma^2 (1 + w^2)``, not ``2 sigma^2``.
+    fractions : places between two pixels, px, along each axis
     """
-    x, y = np.broadcast_arrays(fraction_x, fraction_y)
-    gain = np.empty(x.shape)
-    parts = [array.reshape(-1) for array in (x, y, gain)]
+    axes, table = np.broadcast_arrays(*fractions), _gain_table(degree, lowpass_px)
+    gain = np.empty(axes[0].shape)
+    flat, places = gain.reshape(-1), [axis.reshape(-1) for axis in axes]
     for first in range(0, gain.size, _PIXELS_AT_A_TIME):  # a value takes some arrays of 8 bytes
-        of_x, of_y, product = (part[first:first + _PIXELS_AT_A_TIME] for part in parts)
-        product[:] = noise_gain_1d(of_x, degree, lowpass_px) * noise_gain_1d(of_y, degree, lowpass_px)
+        block = slice(first, first + _PIXELS_AT_A_TIME)
+        flat[block] = reduce(np.multiply, (np.interp(at - np.floor(at), _GAIN_FRACTIONS, table)
+                                           for at in (place[block].astype(float) for place in places)))
     return gain
 
 

@@ -18,18 +18,17 @@ import numpy as np
 from idic.images.lens_camera import POSE_PARAMETERS, left_jacobian, rotation_of
 
 RIGID = POSE_PARAMETERS  # rotation_x, rotation_y, rotation_z (deg), t_x, t_y, t_z (mm)
-RIGID_UNITS = dict(zip(RIGID, ("deg",) * 3 + ("mm",) * 3, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
 class RigidMotion:
     """Amplitudes and their courses.
 
-    names : degrees of freedom, without their stem; kinds : which of `numbers` each one changes; courses : (n,
+    names : degrees of freedom, without their stem; kinds : which of `units` each one changes; courses : (n,
     n_frames); values : (n,) deg or mm per unit of the course
     """
 
-    numbers: ClassVar[tuple[str, ...]] = RIGID
+    units: ClassVar[dict[str, str]] = dict(zip(RIGID, ("deg",) * 3 + ("mm",) * 3, strict=True))  # of the numbers
 
     names: tuple[str, ...]
     kinds: tuple[str, ...]
@@ -47,15 +46,15 @@ class RigidMotion:
 
     def at(self, frame: int) -> np.ndarray:
         """The numbers of a frame  # (6,) deg, mm"""
-        motion = np.zeros(len(self.numbers))
+        motion = np.zeros(len(self.units))
         for kind, course, value in zip(self.kinds, self.courses[:, frame], self.values, strict=True):
-            motion[self.numbers.index(kind)] += course * value
+            motion[[*self.units].index(kind)] += course * value
         return motion
 
     def course(self, name: str, frame: int) -> tuple[int, float]:
         """Which of the numbers an amplitude changes in a frame, and by how much per unit."""
         i = self.names.index(name)
-        return self.numbers.index(self.kinds[i]), float(self.courses[i, frame])
+        return [*self.units].index(self.kinds[i]), float(self.courses[i, frame])
 
 
 def displaced(points: np.ndarray, six: np.ndarray, pivot: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ Source: Unser, Aldroubi and Eden 1993, doi:10.1109/78.193220. Mirror boundary as
 (d c b | a b c d | c b a), float32. Low-pass and spline filter act along each axis on their own, so that both run along
 the rows first and along the columns after, in strips of a width that stays in the cache: of rows, turned round on the
 way in and out, then of columns. Strips are flat arrays with unsigned offsets, which the compiler turns into vector
-code. `idic.images.spline_reference` is the same by SciPy.
+code. `tests/images/spline_reference.py` is the same by SciPy.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ import scipy
 from numpy.polynomial import legendre
 
 from idic.errors import InputError
-from idic.fe import CORNER_COSINE, Mesh, boundary_edges
+from idic.fe import CORNER_COSINE, Mesh, boundary_paths
 
 MODE_DEGREE = 3
 
@@ -91,8 +91,7 @@ def edge_pieces(mesh: Mesh, nodes: np.ndarray) -> list[Piece]:
         return []
     place = {int(node): i for i, node in enumerate(nodes)}
     pieces, n_covered = [], 0
-    for loop in boundary_edges(mesh):
-        path = [int(node) for face in loop for node in start_and_middle(mesh.face_nodes(face))]
+    for path in boundary_paths(mesh):
         inside = np.array([node in place for node in path])
         n_covered += int(inside.sum())
         if inside.all():
@@ -105,11 +104,6 @@ def edge_pieces(mesh: Mesh, nodes: np.ndarray) -> list[Piece]:
                 run.append(path[(first + len(run)) % len(path)])
             pieces.append(_open_piece(mesh, place, run))
     return pieces if n_covered == len(nodes) else []
-
-
-def start_and_middle(face_nodes: np.ndarray) -> list[int]:
-    """Nodes of an edge in walking order, its end left to the next edge (quadratic edges name their middle last)."""
-    return [face_nodes[0], *face_nodes[2:]]
 
 
 def _open_piece(mesh: Mesh, place, run: list[int]) -> Piece:

@@ -12,12 +12,10 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe import (
-    Mesh, boundary_edges, boundary_faces, face_set_nodes, followed, inner_second_differences, normal_axis,
-    rim_second_differences,
-    second_difference, seen_first,
+    boundary_faces, face_set_nodes, followed, normal_axis, second_differences, seen_first,
 )
 from idic.images import PlacedCamera
-from idic.model.boundary_modes import edge_shapes, start_and_middle, time_courses
+from idic.model.boundary_modes import edge_shapes, time_courses
 from idic.model.records.experiment import Experiment
 from idic.model.records.model import Model
 from idic.model.records.parts import (
@@ -296,9 +294,7 @@ class _Builder:
             self.measured.append(True)
         pixel = pixel_size(self.experiment) / (1.0 if self.experiment.recording.points is None else PX_PER_POINT)
         std = drive.smoothing * MEASURED_ROUGHNESS_PX * pixel
-        second = (second_differences(mesh, nodes) if mesh.n_dim == 2 else
-                  inner_second_differences(mesh, nodes) if inside else
-                  rim_second_differences(mesh, surface, nodes[unique_leaders]))
+        second = second_differences(mesh, nodes[unique_leaders], None if inside else surface)
         self.precisions.append((second.T @ second + 1e-10 * np.eye(len(unique_leaders))) / std**2)
 
     def _measurable(self, stem: str, nodes: np.ndarray, component: int) -> np.ndarray:
@@ -365,24 +361,6 @@ def rates_since_reference(model: Model, rates: np.ndarray) -> np.ndarray:
     A later reading of the log has a later zero, too, unless the reference is the first frame, where the test begins.
     """
     return rates - rates[model.reference] if model.reference > 0 else rates
-
-
-def second_differences(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
-    """Second differences of nodal values along the edges of a plane mesh  # (n_rows, n)
-
-    One row per node whose two neighbours on the edge belong to `nodes` too, corners excepted; scaled to the mean of the
-    two spacings.
-    """
-    place, rows = {int(node): i for i, node in enumerate(nodes)}, []
-    for loop in boundary_edges(mesh):
-        path = [int(node) for face in loop for node in start_and_middle(mesh.face_nodes(face))]
-        for start, middle, end in zip(path, path[1:] + path[:1], path[2:] + path[:2], strict=True):
-            if not {start, middle, end} <= place.keys():
-                continue
-            row = second_difference(mesh.nodes, place, start, middle, end)
-            if row is not None:
-                rows.append(row)
-    return np.array(rows).reshape(-1, len(nodes))
 
 
 def _block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,8 @@ import numpy as np
 from idic.errors import InputError
 from idic.fe import (
     Constraints, Control, Direction, FrameState, Loads, Body, Motion, PathControl, Reaction, Section, StepList,
-    at_frames, dead_pressure, every_second, face_area, increments_to_try, is_extrapolated, march, march_extrapolated,
-    superposed, traction, validate, with_seams, without_time_error,
+    dead_pressure, face_area, increments_to_try, march, march_extrapolated, superposed, traction, validate, with_seams,
+    without_time_error,
 )
 from idic.laws import EXPANSION, compile as compile_law
 from idic.model.crack import seams_at, tip_change, tips_at
@@ -276,10 +277,7 @@ class ForwardModel:
         NotConverged
             If equilibrium is not found in steps of two frames however small the increments.
         """
-        coarse_frames = set(every_second(len(self.frames)).tolist())
-        warm_start = (u for number, (u, _) in enumerate(simulation()) if number in coarse_frames)
-        coarse = self.march_at(parameters, local, every_second(len(self.frames)), warm_start)
-        return without_time_error(self.body, simulation(), coarse)
+        return without_time_error(self.body, len(self.frames), simulation, partial(self.march_at, parameters, local))
 
     def march_at(self, parameters: ParameterSet, local: np.ndarray | None, frames: np.ndarray,
                  warm_start: Iterable[np.ndarray] | None = None) -> Iterator[FrameState]:
@@ -310,11 +308,11 @@ class ForwardModel:
         directions = tuple(self.direction(name, parameters) for name in names)
         times = self.model.times[self.model.reference:]
         if frames is not None:
-            body, times = at_frames(body, frames), times[frames]
+            body, times = body.at_frames(frames), times[frames]
         frozen = None if steps is None else StepList(tuple(float(t) for t in steps))
         arguments = (body, self.law_values(parameters), times, directions, frozen)
         ways = {"control": self.control, "warm_start": warm_start, "may_cut": may_cut}
-        if is_extrapolated(frozen) if frozen is not None else increments is not None:
+        if frozen.is_extrapolated if frozen is not None else increments is not None:
             states = march_extrapolated(*arguments, increments=increments or 2, **ways)
         else:
             substeps = self.options.substeps or 1

@@ -14,7 +14,7 @@ from notched_tube import tube  # noqa: E402
 from idic.measure import boundary_start, surface_motion, with_boundary_start
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
-from idic.fe import face_cells, face_set_nodes, followed, normal_axis, rim_second_differences, seen_first
+from idic.fe import face_cells, face_set_nodes, followed, normal_axis, second_differences, seen_first
 from idic.identification import identify, measured_start, motion_in_space, needs_motion_in_space
 from idic.images import rotation_of
 from idic.model import Measured, Parametrised, Prescribed, boundary_parameters, build_drives, set_nodes
@@ -71,7 +71,7 @@ def test_the_prior_of_a_straight_rim_passes_every_linear_motion(experiment):
     mesh = experiment.model.mesh
     nodes = set_nodes(experiment.model, "RIGHT")
     front = nodes[np.abs(mesh.nodes[nodes, 2]) < 1e-9]
-    rows = rim_second_differences(mesh, "FRONT", front)
+    rows = second_differences(mesh, front, "FRONT")
     assert len(rows) == len(front) - 2  # the ends are corners
     assert np.abs(rows @ (3.0 + 2.0 * mesh.nodes[front, 1])).max() < 1e-12
     bent = rows @ mesh.nodes[front, 1] ** 2
@@ -138,7 +138,7 @@ def test_on_a_tube_hidden_nodes_carry_on_every_linear_motion_of_the_seen_ones(ex
     moved.ravel()[drives.dofs] = drives.basis @ amount
     # all nodes of the end lie within one plane: linear in it
     np.testing.assert_allclose(moved[nodes], linear[nodes], atol=1e-10)
-    rows = rim_second_differences(mesh, "FRONT", seen)
+    rows = second_differences(mesh, seen, "FRONT")
     assert len(rows) == len(seen) - 2 and np.abs(rows.sum(axis=1)).max() < 1e-12  # a shift is free
     weights, left = followed(mesh.nodes[nodes], seen_first(mesh, "FRONT", nodes))
     assert left.shape[1] == 0

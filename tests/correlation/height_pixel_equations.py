@@ -13,7 +13,7 @@ import numpy as np
 
 from correlation.pixel_equations import PixelEquations
 from idic.correlation import PixelMap
-from idic.images import inside, spline_slopes, spline_values
+from images.spline_reference import inside, spline_slopes, spline_values
 
 
 def height_normal_equations(pixel_map: PixelMap, f: np.ndarray, g: np.ndarray, motion: np.ndarray, d_motion: np.ndarray,

@@ -19,7 +19,8 @@ from idic.correlation import in_space
 from idic.correlation import N_NODES
 from idic.correlation.pixels.cells import TRANSFORMS, monomial_slopes
 from idic.correlation import PixelMap
-from idic.images import PlacedCamera, inside, spline_slopes, spline_values
+from idic.images import PlacedCamera
+from images.spline_reference import inside, spline_slopes, spline_values
 
 
 def pinhole_normal_equations(pixel_map: PixelMap, nodes: np.ndarray, camera: PlacedCamera, f: np.ndarray,

@@ -21,10 +21,10 @@ import numpy as np
 
 from idic.correlation import PixelMap
 from idic.correlation.pixels.pixel_map import element_coefficients, element_curvature
-from idic.images import (
+from idic.correlation.image_equations.matched_blur import (
     PIXEL_BLUR_PX, derivative_maps, fineness_of, matching_weights, mean_shift,
 )
-from idic.images import inside, spline_slopes, spline_values
+from images.spline_reference import inside, spline_slopes, spline_values
 
 
 @dataclass(frozen=True, eq=False)

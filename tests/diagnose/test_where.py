@@ -28,7 +28,6 @@ from idic.diagnose.residual.heldout import grid_of, misfit_of
 from idic.diagnose.residual.residual_evidence import simulated
 from idic.diagnose.residual.subspace import hats
 from idic.experiment_file import load_experiment
-from idic.fe import stiffness_times
 from idic.fe.solver.linear import factorise, make_pattern
 from idic.identification import identify
 from idic.virtual_tests import strip_with_hole
@@ -144,7 +143,7 @@ def test_adjoint_score_of_an_element_is_that_of_its_simulated_softening(clean):
                 forces[group.dofs[mine[0]], 0] += (group.weights[point] * at.P[point] @ group.grads[point].T).T.ravel()
         du = tangent.answer(np.zeros_like(forces), -forces)
         columns = residual.view.columns(found.experiment.model.mesh.nodes, residual.u[3], du.reshape(-1, 2, 1))
-        held = forces + stiffness_times(tangent.system, tangent.evaluation, du)
+        held = forces + tangent.times(du)
         reaction = tangent.system.body.channels[0]
         direct = p[:, 0] @ columns[residual.evidence.seen, 0]
         direct += 0.7 * reaction.factor * held[np.asarray(reaction.dofs), 0].sum()

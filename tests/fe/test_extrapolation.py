@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.fe.extrapolation import for_two, split, time_order
+from idic.fe.extrapolation import for_two, time_order
 from idic.fe import (
-    Constraints, Direction, Body, Reaction, Section, StepList, at_frames, every_second, increments_to_try, make_mesh,
+    Constraints, Direction, Body, Reaction, Section, StepList, increments_to_try, make_mesh,
     march, march_extrapolated, without_time_error,
 )
 from idic.laws import all_laws, compile as compile_law
@@ -72,10 +72,14 @@ def test_steps_of_two_frames_tell_the_error_of_one_increment_per_frame():
     model, params = bar("creep")
     times = np.linspace(0.0, 5.0, 22)  # 21 intervals: the last step of the coarse simulation is one frame
     pulled = replace(model, constraints=replace(model.constraints, histories=0.02 * times[:, None] / times[-1]))
-    fine, frames = list(march(pulled, params, times)), every_second(len(times))
-    coarse = (replace(state, frame=int(frames[state.frame]))
-              for state in march(at_frames(pulled, frames), params, times[frames]))
-    ahead = list(without_time_error(pulled, ((state.u, state.channels) for state in fine), coarse))
+    fine = list(march(pulled, params, times))
+
+    def in_steps(frames, warm_start):
+        states = march(pulled.at_frames(frames), params, times[frames], warm_start=warm_start)
+        return (replace(state, frame=int(frames[state.frame])) for state in states)
+
+    ahead = list(without_time_error(pulled, len(times), lambda: ((state.u, state.channels) for state in fine),
+                                    in_steps))
     exact = force(march_extrapolated(pulled, params, times, increments=64))
     errors = np.array([channels[0] for _, channels in ahead]) - exact
     assert len(ahead) == len(times) and np.array_equal(ahead[-1][0].ravel()[[2, 4]], [0.02, 0.02])
@@ -87,7 +91,7 @@ def test_frozen_increments_repeat_the_simulation_to_the_last_bit():
     model, params = bar("viscoplastic")
     first = list(march_extrapolated(model, params, TIMES, increments=6))
     taken = first[-1].steps
-    fine, coarse = split(taken.times)
+    fine, coarse = taken.split()
     assert (len(fine), len(coarse)) == (6 * 4, 3 * 4) and fine[-1] == coarse[-1] == TIMES[-1]
     again = list(march_extrapolated(model, params, TIMES, steps=taken))
     assert np.array_equal([s.u for s in first], [s.u for s in again]) and again[-1].steps == taken

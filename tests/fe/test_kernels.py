@@ -7,7 +7,8 @@ from fe_bodies import PARAMETERS, body, faces_where, grid, held, skewed, where
 from idic.fe.solver import linear, storage
 from idic.fe.assembly import kernels
 from idic.fe.assembly.assembly import stiffness_values
-from idic.fe import Loads, discretise, evaluate_system, stiffness_times
+from idic.fe import Loads
+from idic.fe.assembly.assembly import discretise, evaluate_system, stiffness_times
 from idic.fe.body.boundary import Drives, at_time, pressure_faces, pressure_force, pressure_stiffness
 
 KINDS = [("tri3", "plane_stress"), ("quad4", "plane_strain"), ("quad8", "plane_strain"), ("hex8", "solid"),

@@ -8,9 +8,9 @@ from test_factorisation_cost import brick
 from test_multifrontal import assembled
 
 from fe_bodies import PARAMETERS, body, grid, held, where
-from idic.fe import discretise, evaluate_system
+from idic.fe.assembly.assembly import discretise, evaluate_system
 from idic.fe.assembly.assembly import stiffness_values
-from idic.fe import drives_at
+from idic.fe.body.boundary import drives_at
 from idic.fe.solver import known_pattern, krylov, linear, multigrid
 from idic.fe import Body, Direction, Section, march
 from idic.laws import compile

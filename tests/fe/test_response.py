@@ -7,7 +7,9 @@ from fe_bodies import SHARP, body, grid, held, where
 
 from idic.fe import response
 from idic.fe.assembly import assembly
-from idic.fe import Alternative, Reaction, Variation, discretise, drives_at, evaluate_system, first_responses, march
+from idic.fe import Alternative, Reaction, Variation, first_responses, march
+from idic.fe.assembly.assembly import discretise, evaluate_system
+from idic.fe.body.boundary import drives_at
 from idic.fe.response import like
 from idic.laws import compile as compile_law
 

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from idic.fe.assembly.assembly import points_of
-from idic.fe import (
-    Alternative, Constraints, Body, Reaction, Section, discretise, drives_at, evaluate_system, march,
-    stress_error_responses,
-)
+from idic.fe import Alternative, Constraints, Body, Reaction, Section, march, stress_error_responses
+from idic.fe.assembly.assembly import discretise, evaluate_system
+from idic.fe.body.boundary import drives_at
 from idic.laws import compile as compile_law
 from idic.virtual_tests import strip_with_hole
 

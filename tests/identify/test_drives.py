@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from idic.fe import boundary_edges, make_mesh, raise_order
-from idic.model.drives import second_differences
+from idic.fe import boundary_edges, make_mesh, raise_order, second_differences
 
 
 def _plate():

@@ -16,7 +16,7 @@ from twin_bodies import (HOLE, PIXEL, all_rows, corrected_grips, experiment, for
                          pulled, responses, uneven, with_hole)
 
 from idic.correlation import build_experiment_reference, camera_at, frame_spline, global_columns, residual_map, view_of
-from idic.images import spline_slopes
+from images.spline_reference import spline_slopes
 
 ELASTIC = {"E": 1000.0, "nu": 0.3}
 STEEL = {"E": 1000.0, "nu": 0.3, "yield_stress": 3.0}

@@ -11,7 +11,7 @@ from idic.correlation import (
 )
 from idic.experiment_file.tables.geometry import holes_of
 from idic.fe import boundary_faces, make_mesh
-from idic.images import ArrayStack, COLUMN, Camera, CameraMotion, MAGNIFICATION, ROW, TURN, dense_speckle
+from idic.images import ArrayStack, Camera, CameraMotion, dense_speckle
 from idic.model import (
     CORRECTION_TERMS, Channel, Column, Constant, Correction, Experiment, Heterogeneity, Load, Material, Model, Noise,
     Options, Parametrised, Prescribed, Recording, boundary_parameters, build_forward, solve,
@@ -120,8 +120,9 @@ def uneven(body):
 def on_the_move(body):
     """The same before a camera that comes nearer, turns and shifts from frame to frame."""
     frames, none = np.arange(len(TIMES)), np.zeros(len(TIMES))
-    values = {"magnification_drift": (MAGNIFICATION, TIMES, 1e-3, 0.02), "turn_at[4]": (TURN, frames == 4, 0.2, 3.0),
-              "col_at[4]": (COLUMN, frames == 4, 0.4, 3.0), "row_at[4]": (ROW, frames == 4, -0.3, 3.0)}
+    values = {"magnification_drift": ("magnification", TIMES, 1e-3, 0.02),
+              "turn_at[4]": ("turn", frames == 4, 0.2, 3.0), "col_at[4]": ("column", frames == 4, 0.4, 3.0),
+              "row_at[4]": ("row", frames == 4, -0.3, 3.0)}
     motion = CameraMotion(tuple(values), tuple(kind for kind, *_ in values.values()),
                           np.array([course + none for _, course, *_ in values.values()]),
                           np.array([value for *_, value, _ in values.values()]))

@@ -7,7 +7,7 @@ from scipy import ndimage
 from idic.errors import InputError
 from idic.images.interpolate import gradient
 from idic.images import (
-    evaluate, gradient_at_pixels, lowpass_weights, noise_gain, noise_gain_1d, prefilter, weight_polynomials
+    evaluate, gradient_at_pixels, lowpass_weights, noise_gain, prefilter, weight_polynomials
 )
 
 
@@ -99,9 +99,9 @@ def test_there_is_no_staircase_of_a_thirty_second_of_a_pixel():
 @pytest.mark.parametrize("degree, expected", [(3, 0.764), (5, 0.843)])
 def test_the_mean_noise_gain_is_the_known_one(degree, expected):
     fractions = np.linspace(0.0, 1.0, 1001)
-    mean = np.trapezoid(noise_gain_1d(fractions, degree), fractions) ** 2  # over both axes
+    mean = np.trapezoid(noise_gain(fractions, degree=degree), fractions) ** 2  # over both axes
     assert abs(mean - expected) < 5e-4  # three published digits
-    assert abs(noise_gain_1d(0.0, degree) - 1) < 1e-12 and abs(noise_gain_1d(1.0, degree) - 1) < 1e-12
+    assert abs(noise_gain(0.0, degree=degree) - 1) < 1e-12 and abs(noise_gain(1.0, degree=degree) - 1) < 1e-12
 
 
 @pytest.mark.parametrize("degree", [3, 5])
@@ -111,7 +111,7 @@ def test_the_noise_gain_is_the_variance_of_interpolated_white_noise(degree):
     for fx, fy in [(0.5, 0.5), (0.2, 0.0), (0.3, 0.7)]:
         values = evaluate(spline, np.column_stack([columns.ravel() + fx, rows.ravel() + fy]))
         # 130 000 correlated samples: relative std of a variance below 1 %
-        assert abs(values.var() / noise_gain(fx, fy, degree) - 1) < 0.03
+        assert abs(values.var() / noise_gain(fx, fy, degree=degree) - 1) < 0.03
 
 
 @pytest.mark.parametrize("image, word", [(np.zeros((8, 50)), "usable"), (np.zeros((3, 50, 50)), "usable"),

@@ -31,7 +31,7 @@ from idic.errors import InputError
 from idic.experiment_file import load_experiment, read_toml
 from idic.identification import identify, noise_weights
 from idic.identification.discrepancy.normal_equations import counts_mesh_error
-from idic.images import spline_slopes, spline_values
+from images.spline_reference import spline_slopes, spline_values
 from idic.model import Column, build_forward
 from idic.report.evidence.rig import rig_warnings
 from idic.simulation_error import ModelPoint, mesh_error_in, refined

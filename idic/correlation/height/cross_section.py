@@ -25,7 +25,7 @@ from idic.correlation.height.section_nodes import (LEVELLING, ColumnSums, Sectio
 from idic.correlation.height.section_pass import (N_SUMS, from_blocks, poles, section_residuals, section_sums,
                                                   tap_weights, to_blocks)
 from idic.errors import InputError
-from idic.images import REACH_STDS, gradient_at_pixels, lowpass, lowpass_weights, noise_gain_1d, prefilter, still_gain
+from idic.images import REACH_STDS, gradient_at_pixels, lowpass, lowpass_weights, noise_gain, prefilter, still_gain
 from idic.model import Experiment
 
 _GAP_MARGIN_PX = 8  # px on either side of a missing height whose spline coefficients it changes
@@ -229,7 +229,7 @@ def section_residual_map(reference: SectionReference, image: np.ndarray, motion:
         levels = [np.ones((1, pm.n_columns)), reference.x[None, :], y[:, None]]
         r = r + sum(c * level for c, level in zip(coefficients, levels[:LEVELLING[levelling]], strict=True))
     across = float(np.sum(np.square(lowpass_weights(reference.lowpass_px))))
-    gain = across * noise_gain_1d(frame.fraction, reference.degree, reference.lowpass_px)
+    gain = across * noise_gain(frame.fraction, degree=reference.degree, lowpass_px=reference.lowpass_px)
     return ResidualMap(np.where(valid, r, 0.0)[pm.valid].astype(np.float32), valid[pm.valid],
                        np.broadcast_to(gain, pm.valid.shape)[pm.valid], still_gain(reference.lowpass_px))
 

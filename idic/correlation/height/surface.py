@@ -183,7 +183,8 @@ def height_residual_map(reference: HeightReference, frame: HeightFrame, motion: 
     c = frame.spline.coefficients
     height_residuals(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, _coefficients(reference, frame, motion),
                      c.ravel(), c.shape[1], frame.spline.degree, frame.gap_windows.ravel(), valid, r, tx, ty)
-    return ResidualMap(r, valid.astype(bool), noise_gain(tx, ty, frame.spline.degree, frame.spline.lowpass_px),
+    return ResidualMap(r, valid.astype(bool),
+                       noise_gain(tx, ty, degree=frame.spline.degree, lowpass_px=frame.spline.lowpass_px),
                        still_gain(reference.lowpass_px))
 
 

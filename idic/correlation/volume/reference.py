@@ -31,7 +31,7 @@ from idic.correlation.volume.solid_cells import N_SOLID_NODES, TRANSFORMS, coeff
 from idic.correlation.volume.volume_kernel import sums_of_values, volume_pass
 from idic.correlation.volume.voxel_map import VoxelMap
 from idic.errors import InputError
-from idic.images import DEGREES, VolumeStack, lowpass_weights, noise_gain_1d
+from idic.images import DEGREES, VolumeStack, lowpass_weights, noise_gain
 from idic.correlation.volume.block_filter import REACH, filtered, mirrored_block
 from idic.correlation.volume.spline_block import coefficients_in, slopes_in
 from idic.model import Experiment
@@ -298,7 +298,7 @@ class VolumeReference(NodalBasis):
                  coefficients: np.ndarray | None = None) -> ResidualMap:
         """Residual of every voxel of the map, brightness removed."""
         r, valid, fractions = self.voxel_residuals(stack, frame, u_px, brightness, coefficients)
-        gain = np.prod([noise_gain_1d(fraction, self.degree, self.lowpass_px) for fraction in fractions], axis=0)
+        gain = noise_gain(*fractions, degree=self.degree, lowpass_px=self.lowpass_px)
         return ResidualMap(r, valid, gain, volume_still_gain(self.lowpass_px), self.n_images)
 
     def voxel_residuals(self, stack: VolumeStack, frame: int, u_px: np.ndarray, brightness: str = "none",

@@ -21,11 +21,10 @@ from scipy.linalg.lapack import dtbtrs
 from scipy.sparse import csr_array, dia_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-from idic.diagnose.locate.tangents import Tangent, tangents
+from idic.diagnose.locate.tangents import ModelTangent, tangents
 from idic.diagnose.residual.evidence import Evidence, FrameEvidence, inverse_at_nodes
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.score import NullModel, symmetric_inverse
-from idic.fe import stiffness_times
 from idic.identification import Identification
 
 N_WINDOWS = 6
@@ -103,7 +102,8 @@ def adjoint_source_map(identification: Identification, residual: ResidualEvidenc
     return SourceMap(z, windows, familywise(z, noise), noise)
 
 
-def element_scores(residual: ResidualEvidence, tangent: Tangent, p: np.ndarray, channel_p: np.ndarray) -> np.ndarray:
+def element_scores(residual: ResidualEvidence, tangent: ModelTangent, p: np.ndarray,
+                   channel_p: np.ndarray) -> np.ndarray:
     """Derivative of the misfit by a relative change of the stress of every element  # (n_elements, m)
 
     p, channel_p : as of `adjoint_motion`
@@ -111,7 +111,8 @@ def element_scores(residual: ResidualEvidence, tangent: Tangent, p: np.ndarray, 
     return tangent.element_work(-adjoint_motion(residual, tangent, p, channel_p))
 
 
-def adjoint_motion(residual: ResidualEvidence, tangent: Tangent, p: np.ndarray, channel_p: np.ndarray) -> np.ndarray:
+def adjoint_motion(residual: ResidualEvidence, tangent: ModelTangent, p: np.ndarray,
+                   channel_p: np.ndarray) -> np.ndarray:
     """Motion whose work on a change of the internal forces is the derivative of the misfit by it  # (n_dof, m)
 
     p : (n_seen, m) weighted residual of one frame; channel_p : (n_channels, m)
@@ -120,7 +121,7 @@ def adjoint_motion(residual: ResidualEvidence, tangent: Tangent, p: np.ndarray, 
     readings = np.zeros_like(load)
     for channel, row in zip(tangent.system.body.channels, channel_p, strict=True):
         readings[np.asarray(channel.dofs, dtype=np.int64)] += channel.factor * row
-    load = load + stiffness_times(tangent.system, tangent.evaluation, readings, transposed=True)
+    load = load + tangent.times(readings, transposed=True)
     if tangent.readings is not None:  # an extensometer moves with its nodes
         load = load + tangent.readings.motion.T @ channel_p
     return tangent.adjoint(load) - readings

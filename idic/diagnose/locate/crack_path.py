@@ -26,11 +26,11 @@ from scipy.spatial import cKDTree
 from idic.diagnose.locate.adjoint_sources import adjoint_motion, recorded_residual, residuals_with_draws
 from idic.diagnose.locate.freedoms import in_images
 from idic.diagnose.locate.place import element_centres
-from idic.diagnose.locate.tangents import Tangent, tangents
+from idic.diagnose.locate.tangents import ModelTangent, tangents
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.score import NullModel, null_model, score
-from idic.fe import Mesh, boundary_edges, cell_type, stiffness_times
+from idic.fe import Mesh, boundary_edges, cell_type
 from idic.identification import Identification
 
 N_NEAREST = 6  # elements that are looked at for one that holds a point
@@ -208,7 +208,7 @@ class _Field:
     work: np.ndarray
     residual: ResidualEvidence
     null: NullModel
-    tangent: Tangent
+    tangent: ModelTangent
     courses: np.ndarray
     stress_of: csr_array
 
@@ -238,13 +238,13 @@ class _Field:
         The body answers to them; what it answers is scored like the column of a candidate.
         """
         du = self.tangent.answer(np.zeros_like(forces), forces)
-        system, n = self.tangent.system, forces.shape[1]
-        internal = stiffness_times(system, self.tangent.evaluation, du) - forces
+        body, n = self.tangent.system.body, forces.shape[1]
+        internal = self.tangent.times(du) - forces
         readings = np.array([channel.factor * internal[np.asarray(channel.dofs, dtype=np.int64)].sum(axis=0)
-                             for channel in system.body.channels]).reshape(-1, n)
+                             for channel in body.channels]).reshape(-1, n)
         if self.tangent.readings is not None:
             readings = readings + self.tangent.readings.motion @ du
-        motion = du.reshape(-1, system.body.mesh.n_dim, n)
+        motion = du.reshape(-1, body.mesh.n_dim, n)
         z = np.full(n, -np.inf)
         for course in self.courses:
             columns = Columns(tuple(map(str, range(n))), np.array([factor * in_images(self.residual, t, motion)
@@ -321,7 +321,7 @@ class _Field:
         return csr_array((values, (np.zeros(len(columns), dtype=int), columns)), shape=(1, 3 * len(self.stress)))
 
 
-def _stresses(tangent: Tangent) -> tuple[np.ndarray, csr_array]:
+def _stresses(tangent: ModelTangent) -> tuple[np.ndarray, csr_array]:
     """Mean stress of every element: of the model (n, 2, 2) MPa, and by the motion of the nodes (3 n, n_dof) MPa/mm."""
     body = tangent.system.body
     n = body.mesh.n_elements

@@ -13,7 +13,7 @@ from numpy.polynomial import legendre
 from scipy.linalg import block_diag
 
 from idic.correlation import GREY, View, nodal_gradient
-from idic.diagnose.locate.tangents import Tangent
+from idic.diagnose.locate.tangents import ModelTangent
 from idic.diagnose.residual.residual_evidence import CameraResidual, ResidualEvidence
 from idic.images import CAMERA_PARAMETERS, PLACEMENT_STEM, PlacedCamera, RIGID, Scanner
 from idic.model import COMPONENTS, Model, set_nodes
@@ -66,7 +66,7 @@ def boundary_patterns(model: Model, held_dofs: np.ndarray) -> tuple[np.ndarray, 
     return (np.hstack([motion, np.zeros_like(force)]), np.hstack([np.zeros_like(motion), force]))
 
 
-def boundary_fields(residual: ResidualEvidence, tangent: Tangent,
+def boundary_fields(residual: ResidualEvidence, tangent: ModelTangent,
                     patterns: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """Image motion of the boundary's freedoms in one frame  # (n_seen, p)"""
     experiment = residual.context.experiment

@@ -13,14 +13,14 @@ import numpy as np
 from idic.errors import InputError
 from idic.experiment_file.schema.cameras import CameraTable
 from idic.images import (
-    AnyCamera, COLUMN, CameraMotion, MAGNIFICATION, PLACEMENT_STEM, PlacedCamera, RIGID, RIGID_UNITS, ROW, RigidMotion,
-    SCANNER, SCANNER_MOTIONS, Scanner, ScannerMotion, TURN,
+    AnyCamera, CameraMotion, PLACEMENT_STEM, PlacedCamera, RIGID, RigidMotion, SCANNER, Scanner, ScannerMotion,
 )
 from idic.model import FurtherCamera, hats, knot_frames, knot_name
 from idic.parameters import Parameter
 
 DRIFT, LOAD = "magnification_drift", "magnification_load"
-_AT = {"col_at": (COLUMN, "px"), "row_at": (ROW, "px"), "turn_at": (TURN, "deg")}
+MAGNIFICATION = "magnification"
+_AT = {"col_at": "column", "row_at": "row", "turn_at": "turn"}
 
 
 def moving_camera(camera: AnyCamera, table: CameraTable | None, context, times: np.ndarray | None,
@@ -52,7 +52,7 @@ def moving_camera(camera: AnyCamera, table: CameraTable | None, context, times: 
     if table is not None and table.motion == "free":
         for frame in compared:
             at = (np.arange(context.n_frames) == frame).astype(float)
-            courses |= {f"{stem}[{frame}]": (kind, at) for stem, (kind, _) in _AT.items()}
+            courses |= {f"{stem}[{frame}]": (kind, at) for stem, kind in _AT.items()}
     if not courses:
         return camera
     return replace(camera, motion=CameraMotion(tuple(courses), tuple(kind for kind, _ in courses.values()),
@@ -82,7 +82,7 @@ def _rigid_motion(table: CameraTable, context, times: np.ndarray | None,
 def _scanner_motion(context, times: np.ndarray | None, compared: Sequence[int]) -> ScannerMotion:
     """Rigid motion and magnification of the scans: a drift in time, and of every scan alone; every amplitude zero."""
     courses: dict[str, tuple[str, np.ndarray]] = {}
-    for kind in SCANNER_MOTIONS:
+    for kind in ScannerMotion.units:
         if times is not None and len(times) > 1:
             courses[f"{kind}_drift"] = (kind, times - times[context.reference])
         for frame in compared:
@@ -101,7 +101,7 @@ def scanner_parameters(scanner: Scanner, shape: tuple[int, ...], is_free: bool) 
         return []
     half_mm = 0.5 * float(np.linalg.norm(np.array(shape)[::-1] * scanner.voxel_mm))
     for name, kind, course in zip(motion.names, motion.kinds, motion.courses, strict=True):
-        unit = SCANNER_MOTIONS[kind]
+        unit = motion.units[kind]
         reach = {"deg": np.radians(half_mm), "": half_mm, "mm": 1.0}[unit] / scanner.pixel_size
         if name.endswith("_drift"):
             unit += "/s" if unit else "1/s"
@@ -116,7 +116,7 @@ def rigid_parameters(camera: PlacedCamera, scales: Mapping[str, float]) -> list[
     if motion is None:
         return []
     for name, kind, course in zip(motion.names, motion.kinds, motion.courses, strict=True):
-        unit = RIGID_UNITS[kind] + ("/s" if name.endswith("_drift") else "")
+        unit = motion.units[kind] + ("/s" if name.endswith("_drift") else "")
         parameters.append(Parameter(f"{PLACEMENT_STEM}.{name}", 0.0, unit, "[" in name,
                                     scale=scales[kind] / (float(np.abs(course).max()) or 1.0)))
     return parameters
@@ -128,8 +128,8 @@ def motion_parameters(stem: str, camera: AnyCamera, image_shape) -> list[Paramet
         return []
     half, parameters = 0.5 * float(np.hypot(*image_shape)), []
     for name, kind, course in zip(camera.motion.names, camera.motion.kinds, camera.motion.courses, strict=True):
-        reach = {MAGNIFICATION: half, TURN: float(np.radians(half))}.get(kind, 1.0) * float(np.abs(course).max())
-        unit = _AT[name.partition("[")[0]][1] if "_at[" in name else "1/s" if name == DRIFT else ""
+        reach = {MAGNIFICATION: half, "turn": float(np.radians(half))}.get(kind, 1.0) * float(np.abs(course).max())
+        unit = camera.motion.units[kind] if "_at[" in name else "1/s" if name == DRIFT else ""
         parameters.append(Parameter(f"{stem}.{name}", 0.0, unit, "[" in name, scale=3.0 / (reach or 1.0)))
     return parameters
 

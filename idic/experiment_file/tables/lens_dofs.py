@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from idic.experiment_file.tables.camera_motion import rigid_parameters
-from idic.images import PLACED_TURNS, PLACEMENT_STEM, PlacedCamera, RIGID, RIGID_UNITS
+from idic.images import PLACED_TURNS, PLACEMENT_STEM, PlacedCamera, RIGID, RigidMotion
 from idic.parameters import Parameter
 
 MOVED_PX = 3.0  # by a unit of the scale, at most, over the image
@@ -29,7 +29,7 @@ def placement_dofs(camera: PlacedCamera, image_shape: tuple[int, int]) -> tuple[
     """The place of the mesh, and the amplitudes of its rigid motion; scales as the main camera sees them."""
     names = [f"{PLACEMENT_STEM}.{name}" for name in RIGID]
     scales = _scales(camera, image_shape, names)
-    dofs = {name: Parameter(name, 0.0, RIGID_UNITS[kind], scale=scales[name], max_step=MAX_STEP)
+    dofs = {name: Parameter(name, 0.0, RigidMotion.units[kind], scale=scales[name], max_step=MAX_STEP)
             for kind, name in zip(RIGID, names, strict=True)}
     return dofs, rigid_parameters(camera, {kind: scales[name] for kind, name in zip(RIGID, names, strict=True)})
 

@@ -7,7 +7,7 @@ in time between them; the first frame is the undeformed, unloaded reference.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -171,6 +171,19 @@ class Body:
     @property
     def n_dof(self) -> int:
         return self.mesh.nodes.size
+
+    def at_frames(self, frames: np.ndarray) -> Body:
+        """The body with its histories at some frames, whose numbers increase."""
+        def sampled(histories: np.ndarray | None) -> np.ndarray | None:
+            return None if histories is None else histories[frames]
+
+        loads = replace(self.loads, dead_histories=sampled(self.loads.dead_histories),
+                        pressure_histories=sampled(self.loads.pressure_histories))
+        control = None if self.control is None else replace(self.control, readings=self.control.readings[frames])
+        constraints = replace(self.constraints, histories=self.constraints.histories[frames])
+        seams = tuple(replace(seam, tips=seam.tips[frames]) for seam in self.seams)
+        return replace(self, control=control, constraints=constraints, loads=loads,
+                       temperature=sampled(self.temperature), seams=seams)
 
 
 def uses_mean_dilatation(body: Body, cell: str) -> bool:

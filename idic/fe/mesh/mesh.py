@@ -191,6 +191,13 @@ def boundary_edges(mesh: Mesh) -> list[np.ndarray]:
     return sorted(loops, key=lambda loop: -_enclosed_area(mesh, loop))
 
 
+def boundary_paths(mesh: Mesh) -> list[list[int]]:
+    """Nodes of the closed boundary loops of a plane mesh in walking order, as `boundary_edges` has them."""
+    # an edge names its middle last; its end is the start of the next one
+    return [[int(node) for face in loop for nodes in [mesh.face_nodes(face)] for node in (nodes[0], *nodes[2:])]
+            for loop in boundary_edges(mesh)]
+
+
 def _enclosed_area(mesh: Mesh, loop: np.ndarray) -> float:
     a, b = np.array([mesh.nodes[mesh.face_nodes(f)[:2]] for f in loop]).transpose(1, 0, 2)
     return float(np.sum(a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]) / 2)  # negative for holes

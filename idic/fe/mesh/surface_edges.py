@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from itertools import combinations, pairwise
 
 import numpy as np
 import scipy
 
 from idic.fe.mesh.element import cell_edges, cell_type
-from idic.fe.mesh.mesh import Mesh, face_cells, face_set_nodes
+from idic.fe.mesh.mesh import Mesh, boundary_paths, face_cells, face_set_nodes
 
 MIN_NORMAL_ALONG_AXIS = 0.99  # cosine: a surface that looks along an axis
 MAX_EXTRAPOLATED = 2.0  # noise of a hidden node by the slope, over that of a seen one
@@ -76,12 +76,31 @@ def normal_axis(mesh: Mesh, surface: str) -> int | None:
     return int(axes[0]) if len(axes) else None
 
 
-def rim_second_differences(mesh: Mesh, surface: str, nodes: np.ndarray) -> np.ndarray:
-    """Second differences of nodal values along the rim of a surface in space  # (n_rows, n)
+def second_differences(mesh: Mesh, nodes: np.ndarray, surface: str | None = None) -> np.ndarray:
+    """Second differences of nodal values along edges within a set  # (n_rows, n)
 
-    nodes : (n,) indices of a set. One row per node whose two neighbours on the rim belong to the set too, corners
-    excepted; scaled to the mean of the two spacings.
+    One row per node whose neighbours on both sides belong to the set too, corners excepted, scaled to the mean of the
+    two spacings. Of a plane mesh along its boundary, of a solid along the rim of a surface, or without one along every
+    element edge.
+
+    nodes : (n,) indices of the set
     """
+    place = {int(node): i for i, node in enumerate(nodes)}
+    triples = (_along_boundary(mesh) if mesh.n_dim == 2 else _along_rim(mesh, surface, place) if surface is not None
+               else _along_edges(mesh, nodes))
+    rows = [row for triple in triples if set(triple) <= place.keys()
+            and (row := _second_difference(mesh.nodes, place, *triple)) is not None]
+    return np.array(rows).reshape(-1, len(nodes))
+
+
+def _along_boundary(mesh: Mesh) -> Iterator[tuple[int, int, int]]:
+    """Every node of the boundary of a plane mesh between its neighbours."""
+    for path in boundary_paths(mesh):
+        yield from zip(path, path[1:] + path[:1], path[2:] + path[:2], strict=True)
+
+
+def _along_rim(mesh: Mesh, surface: str, place: Mapping[int, int]) -> Iterator[tuple[int, int, int]]:
+    """Every node of the set between its two neighbours on the rim of a surface in space."""
     count: dict[tuple[int, int], int] = {}
     for block in face_cells(mesh, np.asarray(mesh.edge_sets[surface])):
         for face in block.connectivity.tolist():
@@ -93,25 +112,15 @@ def rim_second_differences(mesh: Mesh, surface: str, nodes: np.ndarray) -> np.nd
         if times == 1:
             neighbours.setdefault(a, []).append(b)
             neighbours.setdefault(b, []).append(a)
-    place, rows = {int(node): i for i, node in enumerate(nodes)}, []
     for node in place:
         around = neighbours.get(node, [])
-        if len(around) != 2 or not set(around) <= place.keys():
-            continue
-        row = second_difference(mesh.nodes, place, around[0], node, around[1])
-        if row is not None:
-            rows.append(row)
-    return np.array(rows).reshape(-1, len(nodes))
+        if len(around) == 2:
+            yield around[0], node, around[1]
 
 
-def inner_second_differences(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
-    """Second differences of nodal values along the element edges within a set of a solid  # (n_rows, n)
-
-    nodes : (n,) indices. One row per node and pair of its neighbours in the set on opposite sides of it, scaled to the
-    mean of the two spacings.
-    """
-    place = {int(node): i for i, node in enumerate(nodes)}
-    neighbours: dict[int, set[int]] = {node: set() for node in place}
+def _along_edges(mesh: Mesh, nodes: np.ndarray) -> Iterator[tuple[int, int, int]]:
+    """Every node of a set of a solid between each pair of its neighbours in the set along element edges."""
+    neighbours: dict[int, set[int]] = {int(node): set() for node in nodes}
     for block in mesh.blocks:
         n_corners = cell_type(block.cell).n_corners
         for k, (a, b) in enumerate(cell_edges(block.cell)):
@@ -121,13 +130,12 @@ def inner_second_differences(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
                 for i, j in ends[np.isin(ends, nodes).all(axis=1)].tolist():
                     neighbours[i].add(j)
                     neighbours[j].add(i)
-    rows = [row for node, around in neighbours.items() for previous, following in combinations(sorted(around), 2)
-            if (row := second_difference(mesh.nodes, place, previous, node, following)) is not None]
-    return np.array(rows).reshape(-1, len(nodes))
+    for node, around in neighbours.items():
+        yield from ((previous, node, following) for previous, following in combinations(sorted(around), 2))
 
 
-def second_difference(points: np.ndarray, place: Mapping[int, int], previous: int, node: int,
-                      following: int) -> np.ndarray | None:
+def _second_difference(points: np.ndarray, place: Mapping[int, int], previous: int, node: int,
+                       following: int) -> np.ndarray | None:
     """Second difference of nodal values at a node of an edge, scaled to the mean of the two spacings; None at a corner.
 
     points : (n_nodes, 2|3); place : position of a node among the values. Returns (len(place),)

@@ -16,11 +16,10 @@ from functools import partial
 import numpy as np
 
 from idic.errors import InputError
-from idic.images.rigid_motion import RIGID, RIGID_UNITS, RigidMotion, displaced, rigid_slope
+from idic.images.rigid_motion import RigidMotion, displaced, rigid_slope
 
 SCANNER = "scanner"  # first word of its degrees of freedom
 MAGNIFIED = "magnification"
-SCANNER_MOTIONS = {**RIGID_UNITS, MAGNIFIED: ""}  # kind -> unit
 VOXEL_AXES = {sign + name: value * np.eye(3)[k] for k, name in enumerate(("col", "row", "slice"))
               for sign, value in (("+", 1.0), ("-", -1.0))}
 
@@ -28,7 +27,7 @@ VOXEL_AXES = {sign + name: value * np.eye(3)[k] for k, name in enumerate(("col",
 class ScannerMotion(RigidMotion):
     """Amplitudes and courses of rigid motion and magnification."""
 
-    numbers = (*RIGID, MAGNIFIED)
+    units = {**RigidMotion.units, MAGNIFIED: ""}
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,8 @@ from contextlib import suppress
 from dataclasses import asdict, replace
 
 from idic.experiment_file import recorded, with_stabilised_images
-from idic.images import SlicedVolumes, Slices, Stack
+from idic.images import Stack
+from idic.run.store.slices import SlicedVolumes, Slices
 from idic.model import CorrelatedNoise, Experiment, Noise
 from idic.run.store.arrays import Damaged
 from idic.run.store.image_files import refuse_changed

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.images.stack import Stack
-from idic.images.volumes.stack import VolumeStack
+from idic.images import Stack, VolumeStack
 
 
 @dataclass(frozen=True, eq=False)
