@@ -6,7 +6,7 @@ import lazy_loader
 from idic.laws import elastic, orthotropic, neo_hookean, mooney_rivlin  # noqa: F401
 from idic.laws.composed import elastoplastic, short_forms, free_rubber  # noqa: F401
 from idic.laws.rate import maxwell, free_relaxation, creep  # noqa: F401
-from idic.laws import elastic_damage, nonlinear_elastic  # noqa: F401
+from idic.laws import elastic_damage, nonlinear_elastic, laminate  # noqa: F401
 from idic.laws.rate import glassy_polymer  # noqa: F401
 from idic.laws.core.user_laws import load_user_laws
 

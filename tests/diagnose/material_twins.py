@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import laminate_sheet
 import numpy as np
 from side_twins import GRIP_NOISE, LENGTH, NOISE, ORIGIN, PIXEL, RADIUS, SHAPE, THICKNESS, WIDTH
 
@@ -64,10 +65,20 @@ RUBBER = NullModel("""law = "neo_hookean"
 C10 = { value = 0.35, unit = "MPa", identify = true }
 kappa = { value = 15.0, unit = "MPa", identify = true }
 """, 2.0 * UP)
-NULLS = {"elastic": ELASTIC, "held": HELD, "plastic": PLASTIC, "rubber": RUBBER}
+PLY = NullModel("""law = "orthotropic"
+E1 = { value = 5600, unit = "MPa", identify = true }
+E2 = { value = 2100, unit = "MPa", identify = true }
+nu12 = 0.3
+G12 = { value = 750, unit = "MPa", identify = true }
+angle = 20.0
+""", 0.1 * UP)
+NULLS = {"ply": PLY, "elastic": ELASTIC, "held": HELD, "plastic": PLASTIC, "rubber": RUBBER}
+SHEET = "solved by laminate_sheet"
 
 BODY = {"E": 2000.0, "nu": 0.35}
 FLOW = BODY | {"yield_stress": 30.0, "hardening_modulus": 300.0}
+
+LAMINATE = {"E1": 6000.0, "E2": 2000.0, "nu12": 0.3, "G12": 800.0, "angle": 20.0}
 
 TRUTHS = {
     "clean": Truth("elastic", BODY, "elastic"),
@@ -91,6 +102,13 @@ TRUTHS = {
     "pressure_dependence": Truth("j2_pressure", FLOW | {"friction": 0.15}, "plastic"),
     "anisotropic_yielding": Truth("j2_hill", FLOW | {"r0": 1.3, "r45": 0.9, "r90": 1.6}, "plastic"),
     "rate_dependence_of_flow": Truth("viscoplastic", FLOW | {"eta": 800.0, "m": 1.0}, "plastic"),
+    "yield_plateau": Truth("elastoplastic(free5)", BODY | {
+        "yield_stress": 30.0, "hardening_1_range": 0.024, "hardening_1_s2": 30.0, "hardening_1_s3": 30.0,
+        "hardening_1_s4": 37.5, "hardening_1_s5": 48.0}, "plastic"),  # flat up to 0.006, then 1000 MPa
+    "clean_ply": Truth(SHEET, LAMINATE, "ply"),
+    "fibre_stiffening": Truth(SHEET, LAMINATE | {"stiffening": 8.0}, "ply"),
+    "shear_nonlinearity": Truth(SHEET, LAMINATE | {"alpha": 3e-6}, "ply"),
+    "shear_damage": Truth(SHEET, LAMINATE | {"g_0": 0.12}, "ply"),
     "clean_rubber": Truth("neo_hookean", {"C10": 0.4, "kappa": 20.0}, "rubber"),
     "second_invariant": Truth("mooney_rivlin", {"C10": 0.38, "C01": 0.02, "kappa": 20.0}, "rubber"),
     "viscoelasticity_of_rubber": Truth("maxwell", {"E": 2.35, "nu": 0.47, "g_1": 0.03, "tau_1": 5.0}, "rubber"),
@@ -138,6 +156,8 @@ def truth(name: str):
     """Motion and force without noise, on the fine mesh  # mesh, (n_frames, n_nodes, 2) mm, (n_frames,) N"""
     body = TRUTHS[name]
     mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", 6, 7, 5, name="BODY")
+    if body.law == SHEET:
+        return mesh, *laminate_sheet.solved(mesh, body.values, body.grip * NULLS[body.null].grip, THICKNESS)
     left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
     dofs = np.concatenate([2 * right, 2 * right + 1, 2 * left, 2 * left + 1])
     basis = np.zeros((len(dofs), 1))

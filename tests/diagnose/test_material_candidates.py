@@ -19,7 +19,8 @@ from idic.virtual_tests import strip_with_hole, write_inp
 
 MATERIAL = {"plasticity", "hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
             "viscoelasticity", "creep", "damage", "orthotropy", "poisson_ratio", "geometric_nonlinearity",
-            "second_invariant", "thermal_expansion", "nonlinear_elasticity", "anisotropic_yielding"}
+            "second_invariant", "thermal_expansion", "nonlinear_elasticity", "anisotropic_yielding", "fibre_stiffening",
+            "shear_nonlinearity", "shear_damage", "yield_plateau"}
 CONTRACT = {"plasticity", "hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
             "viscoelasticity", "creep", "damage", "orthotropy", "poisson_ratio", "geometric_nonlinearity",
             "heterogeneity", "thermal_expansion", "grip_slip", "grip_rotation", "machine_compliance", "force_scale",
@@ -46,9 +47,13 @@ ALSO = {
                    'hardening_modulus = 0.0\nC = { value = 300, identify = true }\n', PLASTIC.grip),
     "one_branch": NullModel('law = "maxwell"\nE = { value = 2000, identify = true }\nnu = 0.35\n'
                        'g_1 = { value = 0.1, identify = true }\ntau_1 = 5.0\n', ELASTIC.grip),
+    "stiffening": NullModel('law = "laminate"\nE1 = { value = 2000, identify = true }\nE2 = 1500\nnu12 = 0.3\nG12 = '
+                            '700\nangle = 10.0\nstiffening_1 = { value = 5.0, identify = true }\nkinematics = '
+                            '"small"\n', ELASTIC.grip),
     "composite": NullModel('law = "orthotropic"\nE1 = { value = 2000, identify = true }\nE2 = 1500\nnu12 = 0.3\nG12 = '
                            '700\n'
                       'angle = 10.0\n', ELASTIC.grip)}
+LAMINATES = {"fibre_stiffening", "shear_nonlinearity", "shear_damage"}
 EVERY = NULLS | ALSO
 CASES = [pytest.param(name, marks=pytest.mark.slow) if name == "composed_hill" else name for name in EVERY]
 APPLY = {  # which of MATERIAL a null leaves open
@@ -57,14 +62,15 @@ APPLY = {  # which of MATERIAL a null leaves open
     "held": {"nonlinear_elasticity", "plasticity", "rate_dependence", "viscoelasticity", "creep", "damage",
              "orthotropy", "poisson_ratio",
              "geometric_nonlinearity", "thermal_expansion"},
-    "plastic": {"anisotropic_yielding",
+    "ply": {"poisson_ratio", "geometric_nonlinearity", "thermal_expansion"} | LAMINATES,
+    "plastic": {"anisotropic_yielding", "yield_plateau",
                 "hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
                 "thermal_expansion"},
     "rubber": {"plasticity", "rate_dependence", "viscoelasticity", "creep", "second_invariant", "thermal_expansion"},
     "finite": {"nonlinear_elasticity", "plasticity", "rate_dependence", "viscoelasticity", "creep", "damage",
                "orthotropy",
                "thermal_expansion"},
-    "perfect": {"anisotropic_yielding",
+    "perfect": {"anisotropic_yielding", "yield_plateau",
                 "hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
                 "poisson_ratio", "thermal_expansion"},
     "composed": {"anisotropic_yielding", "thermal_expansion"},
@@ -72,7 +78,8 @@ APPLY = {  # which of MATERIAL a null leaves open
     "power": {"hardening_curvature", "poisson_ratio", "thermal_expansion"},
     "prager": {"hardening_curvature", "poisson_ratio", "thermal_expansion"},
     "one_branch": {"viscoelasticity", "poisson_ratio", "thermal_expansion"},
-    "composite": {"poisson_ratio", "geometric_nonlinearity", "thermal_expansion"}}
+    "stiffening": {"poisson_ratio", "geometric_nonlinearity", "thermal_expansion"} | LAMINATES,
+    "composite": {"poisson_ratio", "geometric_nonlinearity", "thermal_expansion"} | LAMINATES}
 
 
 @pytest.fixture(scope="module")

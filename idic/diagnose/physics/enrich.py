@@ -21,6 +21,14 @@ def materials_with(situation: Situation, *laws: str) -> Iterator[tuple[str, str]
             yield material.element_set, material.law
 
 
+def absent_in_laminates(situation: Situation, parameter: str) -> Iterator[str]:
+    """Element sets of orthotropic materials that are strained, and without the effect of this parameter of the law
+    `laminate`."""
+    for name, law in materials_with(situation, "orthotropic", "laminate"):
+        if situation.strain[name] > 0.0 and (law == "orthotropic" or situation.values[f"{name}.{parameter}"] == 0.0):
+            yield name
+
+
 def has_times(situation: Situation) -> bool:
     """Whether the frames have times: without them nothing can depend on a rate."""
     return situation.experiment.model.has_times and situation.duration > 0.0

@@ -2,6 +2,7 @@
 
     sigma(p) = yield_stress + sum of   H p   |   Q (1 - exp(-b p))   |   K p^n   |   K0 (p / ep0)^n
                                      |   K (eps0 + p)^n - yield_stress   |   s(p) - yield_stress
+                                     |   H max(p - length, 0)
     resistance = sigma(p) + eta (dp/dt)^(1/m)                       (norton)
                = sigma(p) (1 + (tau dp/dt)^(1/m))                   (perzyna)
                = sigma(p) (1 + C ln(1 + (dp/dt) / reference_rate))  (johnson_cook)
@@ -22,7 +23,7 @@ import numpy as np
 from idic.laws.composed.on_knots import on_knots, on_knots_change
 from idic.laws.core.inner import inner
 
-NONE, LINEAR, VOCE, POWER, SWIFT, POWER_REFERENCE, FREE = 0, 1, 2, 3, 4, 5, 16  # a free curve of n knots is FREE + n
+NONE, LINEAR, VOCE, POWER, SWIFT, POWER_REFERENCE, PLATEAU, FREE = 0, 1, 2, 3, 4, 5, 6, 16  # a free curve of n knots is FREE + n
 NORTON, PERZYNA, JOHNSON_COOK = 1, 2, 3
 YIELD = 2
 
@@ -40,6 +41,10 @@ def flow_stress(hardening, p, params):
             decay = np.exp(-params[first + 1] * p)
             sigma += params[first] * (1.0 - decay)
             slope += params[first] * params[first + 1] * decay
+        elif kind == PLATEAU:  # H, length
+            if p.real > params[first + 1].real:
+                sigma += params[first] * (p - params[first + 1])
+                slope += params[first]
         elif kind >= FREE:  # range, s2 ... sn
             value, theta = on_knots(kind - FREE, first, YIELD, first + 1, True, p, params)
             sigma += value - params[YIELD]
@@ -72,6 +77,9 @@ def flow_stress_change(hardening, p, params, d):
         elif kind == VOCE:
             decay = math.exp(-params[first + 1] * p)
             change += (1.0 - decay) * d[first] + params[first] * p * decay * d[first + 1]
+        elif kind == PLATEAU:
+            if p > params[first + 1]:
+                change += (p - params[first + 1]) * d[first] - params[first] * d[first + 1]
         elif kind >= FREE:
             change += on_knots_change(kind - FREE, first, YIELD, first + 1, True, p, params, d) - d[YIELD]
         elif kind == SWIFT:
@@ -151,7 +159,7 @@ def weakest(hardening, p, sigma, params):
     least = sigma
     for i in range(0, len(hardening) - 2, 2):
         kind, first = hardening[i], hardening[i + 1]
-        if kind == LINEAR and params[first] < 0.0:
+        if (kind == LINEAR or kind == PLATEAU) and params[first] < 0.0:
             return -math.inf
         if kind == VOCE and params[first] < 0.0:
             least += params[first] * math.exp(-params[first + 1] * p)

@@ -1,6 +1,7 @@
 """Laws with a name of their own that are special cases of ``elastoplastic``: its terms under shorter parameter names.
 
     j2_linear           yield_stress + hardening_modulus p
+    j2_plateau          yield_stress + hardening_modulus max(p - plateau, 0)
     j2_voce             yield_stress + Q (1 - exp(-b p)) + hardening_modulus p
     j2_power            yield_stress + K p^n
     j2_power_reference  yield_stress + K0 (p / ep0)^n, for tests at small strain
@@ -61,6 +62,8 @@ _VOCE = {"Q": 0.0, "b": 0.0, **_FLAT}
 
 SHORT_FORMS = {
     "j2_linear": ShortForm(("linear",), _H1, _FLAT, "yield_stress + hardening_modulus p"),
+    "j2_plateau": ShortForm(("plateau",), _H1 | {"hardening_1_length": "plateau"}, {**_FLAT, "plateau": 0.0},
+                            "yield_stress + hardening_modulus max(p - plateau, 0)"),
     "j2_voce": ShortForm(
         ("voce", "linear"), _short_names("hardening_1", "Q", "b") | _H2, _VOCE,
         "yield_stress + Q (1 - exp(-b p)) + hardening_modulus p", {"hardening_modulus": 200.0}),

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.laws.composed.elasticity import FIBRE, HAHN_TSAI, ORTHOTROPIC, RAMBERG_OSGOOD, STIFFENING
-from idic.laws.composed.flow_stress import (FREE, JOHNSON_COOK, LINEAR, NORTON, PERZYNA, POWER,
+from idic.laws.composed.flow_stress import (FREE, JOHNSON_COOK, LINEAR, NORTON, PERZYNA, PLATEAU, POWER,
                                                   POWER_REFERENCE, SWIFT, VOCE)
 from idic.laws.composed.general_return import ARMSTRONG_FREDERICK, PRAGER
 from idic.laws.composed.isotropic_return import DRUCKER_PRAGER, HILL48, IN_PLANE_SHEAR, MISES
@@ -112,6 +112,11 @@ TERMS = {term.kind: term for term in (
          (LawParameter("Q", "MPa", "saturation of the hardening", default=100.0, positive=False, bounds=_ANY_SIGN),
           LawParameter("b", "-", "rate of the saturation over plastic strain", default=20.0)),
          "Q (1 - exp(-b p)) (Voce 1948)"),
+    Term("plateau", "hardening", PLATEAU,
+         (LawParameter("H", "MPa", "slope of the flow stress over plastic strain behind the plateau", default=1000.0,
+                       positive=False, bounds=_ANY_SIGN),
+          LawParameter("length", "-", "plastic strain up to which nothing hardens", default=0.003, null=0.0)),
+         "H max(p - length, 0): Lueders' elongation as a flat part of the curve, without its bands"),
     Term("power", "hardening", POWER,
          (LawParameter("K", "MPa", "factor of the power law", default=300.0),
           LawParameter("n", "-", "exponent of the power law", default=0.3, bounds=(0.0, 5.0))),

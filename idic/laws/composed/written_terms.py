@@ -79,6 +79,8 @@ def flow_stress(law: str, values: Mapping[str, float], p: np.ndarray) -> np.ndar
             total += v["H"] * p
         elif written.kind == "voce":
             total += v["Q"] * (1.0 - np.exp(-v["b"] * p))
+        elif written.kind == "plateau":
+            total += v["H"] * np.maximum(p - v["length"], 0.0)
         elif written.kind == "power":
             total += v["K"] * p ** v["n"]
         elif written.kind == "power_reference":
