@@ -193,9 +193,9 @@ class Evidence:
 
     def whiten(self, columns: Columns) -> Columns:
         """V^-1/2 applied to columns; channels are independent from frame to frame already."""
-        whole = columns.expanded()
-        pixels = None if whole.pixels is None else self.white_pixels(whole.pixels)
-        return replace(whole, fields=self._white_fields(whole.fields), pixels=pixels)
+        plain = columns.expanded()
+        pixels = None if plain.pixels is None else self.white_pixels(plain.pixels)
+        return replace(plain, fields=self._white_fields(plain.fields), pixels=pixels)
 
     def white_pixels(self, pixels: np.ndarray) -> np.ndarray:
         """Of amplitudes of pixel columns  # (T, k, K)"""
@@ -290,8 +290,8 @@ class SeenNodes:
     numbers : (n,) of the nodes; dofs : (n_seen,) of the seen dofs among the components of these nodes
     """
 
-    def __init__(self, seen: np.ndarray, n_components: int):
-        node, component = np.divmod(seen, n_components)
+    def __init__(self, seen_dofs: np.ndarray, n_components: int):
+        node, component = np.divmod(seen_dofs, n_components)
         self.numbers, place = np.unique(node, return_inverse=True)
         self.n_components, self.dofs = n_components, place * n_components + component
 
@@ -372,8 +372,8 @@ def _add_blocks(starts, columns, entries, place, dofs, inverse, factor, total):
     for row in range(len(dofs)):
         node, i = divmod(dofs[row], c)
         for entry in range(starts[row], starts[row + 1]):
-            other, j = divmod(dofs[columns[entry]], c)
+            neighbour, j = divmod(dofs[columns[entry]], c)
             for a in range(c):
                 weight = factor * entries[entry] * inverse[node, i, a]
                 for b in range(c):
-                    total[place[entry], a, b] += weight * inverse[other, j, b]
+                    total[place[entry], a, b] += weight * inverse[neighbour, j, b]
