@@ -21,10 +21,7 @@ from idic.diagnose import (
 class Uncorrected(Evidence):
     """Evidence whose frames are taken to be independent: V = diag(kappa) sigma^2."""
 
-    def whiten(self, columns: Columns) -> Columns:
-        root = np.sqrt(self.kappa)[:, None, None]
-        return replace(columns, fields=columns.fields / root,
-                       pixels=None if columns.pixels is None else columns.pixels / root)
+    share = 0.0
 
 
 def uncorrected(evidence: Evidence) -> Uncorrected:

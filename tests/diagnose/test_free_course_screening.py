@@ -13,8 +13,8 @@ from test_revision import ranked
 
 from idic.diagnose import Columns, Variant, candidate_library, null_model, residual_evidence, score, screen_candidates
 from idic.diagnose.residual.grey_value_effects import LIGHT, columns_of_kind
-from idic.diagnose.residual.score import significances
-from idic.diagnose.screen.effect_sizes import effects
+from idic.diagnose.screen.significance import significances
+from idic.diagnose.screen.effect_sizes import effect_sizes
 from idic.diagnose.screen.free_courses import fewest_knots, with_free_courses, with_knots
 from idic.diagnose.screen.score_columns import score_columns
 from idic.diagnose.screen.select import proposed
@@ -40,10 +40,11 @@ def test_the_sum_of_knots_promises_what_they_promise_together_at_amplitude_one()
     summed = Columns(("course",), columns.fields[..., 1:] @ together[:, None],
                      columns.channels[..., 1:] @ together[:, None])
     evidence, nothing = made(np.random.default_rng(3)), columns.pick([])
-    sizes = effects(evidence, nothing, columns, scores, [KNOTS])
-    alone = effects(evidence, nothing, summed, score(evidence, null_model(evidence, nothing), summed))
+    ways = np.append(0.0, together)[:, None]
+    (size,) = effect_sizes(evidence, nothing, columns, ways, np.zeros((0, 1)))
+    (alone,) = effect_sizes(evidence, nothing, summed, np.ones((1, 1)), np.zeros((0, 1)))
     for name in ("px", "local_px", "channel_std"):
-        assert getattr(sizes.of(4, 1.0), name) == pytest.approx(getattr(alone.of(0, 1.0), name))
+        assert getattr(size, name) == pytest.approx(getattr(alone, name))
 
 
 def test_under_noise_a_course_is_as_significant_as_chance_makes_it():
@@ -126,8 +127,8 @@ def test_a_pattern_times_its_course_is_the_response_of_the_whole_model_to_it(wan
                for exact in (True, False)]
     for one, other in zip(answers[0][0], answers[1][0], strict=True):
         assert one.name == other.name
-    size = np.abs(answers[1][1].fields).max()
-    assert np.allclose(answers[0][1].fields, answers[1][1].fields, atol=1e-9 * size)
+    timed, whole = (columns.expanded().fields for _, columns in answers)
+    assert np.allclose(timed, whole, atol=1e-9 * np.abs(whole).max())
     assert np.allclose(answers[0][1].channels, answers[1][1].channels, atol=1e-9 * np.abs(answers[1][1].channels).max())
 
 

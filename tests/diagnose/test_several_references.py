@@ -9,7 +9,7 @@ from side_twins import NOISE, Side, write_folder
 from idic.diagnose import Columns, identification_at, null_model, residual_evidence, score
 from idic.diagnose.locate.noise_draws import recorded_frames
 from idic.diagnose.locate.onset import MotionRecord
-from idic.diagnose.residual.evidence import noise_share
+from idic.diagnose.residual.evidence import Courses, noise_share
 from idic.diagnose.residual.excess import pixel_tests
 from idic.diagnose.residual.grey_value_effects import columns_of_kind
 from idic.diagnose.residual.heldout import grid_of, misfit_of
@@ -96,24 +96,28 @@ def test_light_and_the_blur_of_a_frame_share_what_their_images_share(at_rest):
     assert (np.abs(shared - alike) / scale).max() < 1e-3
 
 
-def test_columns_of_grey_values_alone_are_scored_as_with_fields_of_zero(residual):
-    """They take no part in the products of motions."""
+def test_columns_are_scored_as_white_fields_of_every_frame(residual):
+    """Motions times courses, with grey values, and grey values alone, against the white columns frame by frame."""
     evidence, rng = residual.evidence, np.random.default_rng(8)
-    k, n = len(evidence.pixel_names), 5
-    grey = rng.standard_normal((T, k, n))
-    grey[..., :2] = 0.0
-    fields = rng.standard_normal((T, len(evidence.seen), n))
-    fields[..., 2:] = 0.0
-    columns = Columns(tuple("abcde"), fields, rng.standard_normal((T, 1, n)), grey)
-    assert [part.n for part in columns.apart()] == [2, 3] and not columns.apart()[1].moves
+    turned = np.eye(2) + 0.1 * rng.standard_normal(evidence.back.shape)
+    evidence = replace(evidence, back=turned, kappa=rng.uniform(0.7, 1.4, T))
+    k, n = len(evidence.pixel_names), 6
+    grey, motion = rng.standard_normal((T, k, n)), np.array([1, 0, 1, 0, -1, -1])
+    grey[..., :3] = 0.0
+    columns = Columns(tuple("abcdef"), rng.standard_normal((T, len(evidence.seen), 2)), rng.standard_normal((T, 1, n)),
+                      grey, Courses(motion, rng.standard_normal((T, n))))
     null = null_model(evidence, residual.null)
     found, white = score(evidence, null, columns), evidence.whiten(columns)
     weighed = evidence.weighed(white)
     np.testing.assert_allclose(found.gross, evidence.products(white, weighed), rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(found.moves, -null.covariance @ evidence.products(null.white, weighed), rtol=1e-9)
     np.testing.assert_allclose(found.U, evidence.scores(white) + found.moves.T @ null.b, rtol=1e-9)
-    beside = score(evidence, null, columns.pick([0, 1]), columns.pick([2, 3, 4]))
-    np.testing.assert_allclose(beside.information, found.information, rtol=1e-9, atol=1e-9)
+    for parts in (([0, 1], [2, 3, 4, 5]), ([4], [1, 0])):
+        beside = score(evidence, null, *(columns.pick(part) for part in parts))
+        members = np.ix_(sum(parts, []), sum(parts, []))
+        np.testing.assert_allclose(beside.information, found.information[members], rtol=1e-9, atol=1e-9)
+    plain = score(evidence, null, columns.expanded())
+    np.testing.assert_allclose(plain.information, found.information, rtol=1e-9, atol=1e-9)
 
 
 def test_the_drop_by_fields_is_that_of_their_eigenvalues():

@@ -16,7 +16,7 @@ frame 1.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -29,64 +29,72 @@ from idic.parameters import ParameterSet
 
 
 @dataclass(frozen=True, eq=False)
+class Courses:
+    """Of K columns, each a motion times a course in time.
+
+    motion : (K,) number of a column's motion, -1 where it moves nothing; amplitude : (T, K) of it in every frame
+    """
+
+    motion: np.ndarray
+    amplitude: np.ndarray
+
+    def pick(self, indices: Sequence[int]) -> Courses:
+        """Of some of the columns, in this order."""
+        return Courses(self.motion[indices], self.amplitude[:, indices])
+
+
+@dataclass(frozen=True, eq=False)
 class Columns:
     """Derivatives (or finite differences) of the simulation, as images and channels record them.
 
-    fields : (T, n_seen, K) image motion at the seen dofs (px, or the unit of height images), (T, 0, K) of columns that
-    move nothing (`apart`); channels : (T, n_channels, K) in the channels' units; names : K labels; pixels : (T, k, K)
-    amplitudes of the pixel columns (`idic.diagnose.residual.grey_value_effects`), None where none takes part.
+    names : K labels; fields : (T, n_seen, P) image motions at the seen dofs (px, or the unit of height images);
+    channels : (T, n_channels, K) in the channels' units; pixels : (T, k, K) amplitudes of the pixel columns
+    (`idic.diagnose.residual.grey_value_effects`), None where none takes part; courses : which motion is which column's,
+    and its course, None where every column is a motion of its own.
     """
 
     names: tuple[str, ...]
     fields: np.ndarray
     channels: np.ndarray
     pixels: np.ndarray | None = None
+    courses: Courses | None = None
 
     @property
     def n(self) -> int:
         return len(self.names)
 
+    @property
+    def timed(self) -> Courses:
+        """The courses; 1 in every frame where every column is a motion of its own."""
+        return self.courses or Courses(np.arange(self.n), np.ones((len(self.fields), self.n)))
+
     def amplitudes(self, k: int) -> np.ndarray:
         """Amplitudes of k pixel columns, zero where none takes part  # (T, k, K)"""
         return np.zeros((len(self.fields), k, self.n)) if self.pixels is None else self.pixels
 
-    @property
-    def moves(self) -> bool:
-        """Whether there are fields of motion."""
-        return self.fields.shape[1] > 0
-
-    def apart(self) -> tuple[Columns, ...]:
-        """These columns as one part, or as two where the last ones are of grey values alone: those without fields."""
-        first = self._first_still
-        if first is None:
-            return (self,)
-        moving, still = (Columns(self.names[members], self.fields[..., members], self.channels[..., members],
-                                 self.pixels[..., members])
-                         for members in (slice(first), slice(first, None)))
-        still = replace(still, fields=np.zeros((len(self.fields), 0, still.n)))
-        if not moving.pixels.any():
-            moving = replace(moving, pixels=None)
-        return (moving, still) if first else (still,)
-
-    @cached_property
-    def _first_still(self) -> int | None:
-        """Where columns of grey values alone begin; None where there are none, or where they have no fields anyway."""
-        if self.pixels is None or not self.moves:
-            return None
-        of_pixels = np.atleast_1d(self.pixels.any(axis=(0, 1)))
-        first = self.n - int(np.argmin(of_pixels[::-1])) if not of_pixels.all() else 0
-        return None if first == self.n or self.fields[..., first:].any() else first
-
-    def frame(self, t: int) -> Columns:
-        """These columns in one frame alone."""
-        return Columns(self.names, self.fields[t:t + 1], self.channels[t:t + 1],
-                       None if self.pixels is None else self.pixels[t:t + 1])
+    def expanded(self) -> Columns:
+        """The same with a motion for every column."""
+        if self.courses is None:
+            return self
+        motion, amplitude = self.courses.motion, self.courses.amplitude * (self.courses.motion >= 0)
+        fields = (np.take(self.fields, np.maximum(motion, 0), axis=2) * amplitude[:, None] if self.fields.shape[2]
+                  else np.zeros((*self.fields.shape[:2], self.n)))
+        return replace(self, fields=fields, courses=None)
 
     def pick(self, indices: Sequence[int]) -> Columns:
         """Some of the columns, in this order."""
         indices = list(indices)
-        return Columns(tuple(self.names[i] for i in indices), self.fields[..., indices], self.channels[..., indices],
-                       None if self.pixels is None else self.pixels[..., indices])
+        return Columns(tuple(self.names[i] for i in indices),
+                       self.fields[..., indices] if self.courses is None else self.fields, self.channels[..., indices],
+                       None if self.pixels is None else self.pixels[..., indices],
+                       None if self.courses is None else self.courses.pick(indices))
+
+
+def of_grey_values(names: tuple[str, ...], n_seen: int, n_channels: int, pixels: np.ndarray) -> Columns:
+    """Columns that move nothing; pixels : (T, k, K)"""
+    n_frames, _, n = pixels.shape
+    return Columns(names, np.zeros((n_frames, n_seen, 0)), np.zeros((n_frames, n_channels, n)), pixels,
+                   Courses(np.full(n, -1), np.zeros((n_frames, n))))
 
 
 def joined(*parts: Columns) -> Columns:
@@ -94,9 +102,15 @@ def joined(*parts: Columns) -> Columns:
     if len(parts) == 1:
         return parts[0]
     k = max((part.pixels.shape[1] for part in parts if part.pixels is not None), default=0)
+    courses = None
+    if any(part.courses is not None for part in parts):
+        first = np.cumsum([0, *(part.fields.shape[2] for part in parts)])
+        motions = [np.where(part.timed.motion < 0, -1, part.timed.motion + n)
+                   for part, n in zip(parts, first, strict=False)]
+        courses = Courses(np.concatenate(motions), np.concatenate([part.timed.amplitude for part in parts], axis=1))
     return Columns(sum((part.names for part in parts), ()), np.concatenate([part.fields for part in parts], axis=2),
                    np.concatenate([part.channels for part in parts], axis=2),
-                   np.concatenate([part.amplitudes(k) for part in parts], axis=2) if k else None)
+                   np.concatenate([part.amplitudes(k) for part in parts], axis=2) if k else None, courses)
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,52 +193,34 @@ class Evidence:
 
     def whiten(self, columns: Columns) -> Columns:
         """V^-1/2 applied to columns; channels are independent from frame to frame already."""
-        fields, pixels = np.empty(columns.fields.shape), None if columns.pixels is None else np.empty_like(
-            columns.pixels)
-        for t, white in enumerate(self.white_frames(columns)):
-            fields[t] = white.fields[0]
-            if pixels is not None:
-                pixels[t] = white.pixels[0]
-        return Columns(columns.names, fields, columns.channels, pixels)
+        plain = columns.expanded()
+        pixels = None if plain.pixels is None else self.white_pixels(plain.pixels)
+        return replace(plain, fields=self._white_fields(plain.fields), pixels=pixels)
 
-    def white_frames(self, columns: Columns) -> Iterator[Columns]:
-        """The frames of `whiten` one after the other, each as columns of one frame."""
-        pixels = columns.pixels
-        if pixels is not None:
-            kappa = self.kappa[:, None, None]
-            pixels = (pixels - self.share * (pixels / kappa).sum(axis=0)) / np.sqrt(kappa)
-        fields = self._white_fields(columns.fields) if columns.moves else iter(columns.fields)
-        for t, white in enumerate(fields):
-            yield Columns(columns.names, white[None], columns.channels[t:t + 1],
-                          None if pixels is None else pixels[t:t + 1])
+    def white_pixels(self, pixels: np.ndarray) -> np.ndarray:
+        """Of amplitudes of pixel columns  # (T, k, K)"""
+        kappa = self.kappa[:, None, None]
+        return (pixels - self.share * (pixels / kappa).sum(axis=0)) / np.sqrt(kappa)
 
-    def frame(self, t: int) -> Evidence:
-        """One white frame alone, for products of its columns (`white_frames`)."""
-        return replace(self, parts=(self.parts[t],))
+    @cached_property
+    def seen_nodes(self) -> SeenNodes:
+        """The nodes of the seen dofs."""
+        return SeenNodes(self.seen, self.n_components)
 
-    def _white_fields(self, fields: np.ndarray) -> Iterator[np.ndarray]:
-        """The motions of `white_frames`  # T times (n_seen, K)"""
-        c, n = self.n_components, fields.shape[2]
-        nodes = np.unique(self.seen // c)
-        is_complete = len(nodes) * c == len(self.seen)  # of every node all components are seen, or none
-        spread = (fields.reshape(len(fields), len(nodes), c, n) if is_complete
-                  else _spread_out(fields, self.seen, self.back.shape[1], c))
-        backs = self.back[:, nodes] if is_complete else self.back
-        shared = np.zeros(spread.shape[1:])
+    def _white_fields(self, fields: np.ndarray) -> np.ndarray:
+        """Of motions  # (T, n_seen, K)"""
+        nodes, motion = self.seen_nodes, np.arange(fields.shape[2])
+        backs, white = self.back[:, nodes.numbers], np.empty(fields.shape)
+        shared = np.zeros((len(nodes.numbers), self.n_components, len(motion)))
+        for back, field, kappa in zip(backs, fields, self.kappa, strict=True):
+            add_turned(back, nodes.spread(field), motion, np.full(len(motion), 1.0 / kappa), shared)
         for t, back in enumerate(backs):
-            _add_turned(back, np.ascontiguousarray(spread[t]), 1.0 / self.kappa[t], shared)
-        for t, back in enumerate(backs):
-            white = np.empty(shared.shape)
-            _without_common(np.ascontiguousarray(inverse_at_nodes(back)), np.ascontiguousarray(spread[t]), shared,
-                            self.share, 1.0 / np.sqrt(self.kappa[t]), white)
-            white = white.reshape(len(white) * c, n)
-            yield white if is_complete else white[self.seen]
+            common = np.einsum("nij,njk->nik", inverse_at_nodes(back), shared)
+            white[t] = (fields[t] - self.share * nodes.gathered(common)) / np.sqrt(self.kappa[t])
+        return white
 
     def weighed(self, white: Columns) -> Columns:
-        """The white columns times the weights, frame-local unknowns projected out; of columns without fields the part
-        in channels and grey values, which is all that `products` asks for."""
-        if not white.moves:
-            return self._weighed_still(white)
+        """The white columns times the weights, frame-local unknowns projected out."""
         fields, channels = np.empty(white.fields.shape), np.empty_like(white.channels)
         k = len(self.pixel_names)
         pixels = np.zeros((len(fields), k, white.n)) if k else None
@@ -245,30 +241,11 @@ class Evidence:
                               - pixel.among @ (part.inner @ (pixel.among.T @ amplitudes)))
         return Columns(white.names, fields, channels, pixels)
 
-    def _weighed_still(self, white: Columns) -> Columns:
-        """`weighed` of columns without fields."""
-        channels = np.empty_like(white.channels)
-        k = len(self.pixel_names)
-        pixels = np.zeros((len(channels), k, white.n)) if k else None
-        for t, part in enumerate(self.parts):
-            n, rows = len(part.q), white.channels[t]
-            bordered = part.border[n:].T @ rows
-            if part.pixel is not None:
-                pixel, amplitudes = part.pixel, white.amplitudes(k)[t]
-                pixels[t] = (pixel.gram @ amplitudes - pixel.border @ (part.inner @ bordered)
-                             - pixel.among @ (part.inner @ (pixel.among.T @ amplitudes)))
-                bordered = bordered + pixel.border.T @ amplitudes
-            channels[t] = self.channel_weight[:, None] * rows - part.border[n:] @ (part.inner @ bordered)
-        return Columns(white.names, white.fields, channels, pixels)
-
     def products(self, white: Columns, weighed: Columns) -> np.ndarray:
-        """The Gram matrix of two sets of columns  # (K, L); weighed : with fields, unless neither has them"""
-        if white.moves and not weighed.moves:
-            raise ValueError("columns without fields, weighed, against columns with fields")
+        """The Gram matrix of two sets of columns  # (K, L)"""
         total = np.tensordot(white.channels, weighed.channels, axes=((0, 1), (0, 1)))
-        if white.moves:
-            for fields, heavy in zip(white.fields, weighed.fields, strict=True):  # a product of all frames is copied
-                total += fields.T @ heavy
+        for fields, heavy in zip(white.fields, weighed.fields, strict=True):  # a product of all frames is copied
+            total += fields.T @ heavy
         if white.pixels is not None and weighed.pixels is not None:
             total += np.tensordot(white.pixels, weighed.pixels, axes=((0, 1), (0, 1)))
         return total
@@ -278,12 +255,14 @@ class Evidence:
         total = np.zeros(white.n)
         for t, part in enumerate(self.parts):
             q, channel_q = self.residual(part)
-            total += white.channels[t].T @ channel_q
-            if white.moves:
-                total += white.fields[t].T @ q
+            total += white.fields[t].T @ q + white.channels[t].T @ channel_q
             if white.pixels is not None:
-                total += white.pixels[t].T @ (part.pixel.q - part.pixel.border @ (part.inner @ part.inner_q))
+                total += white.pixels[t].T @ self.pixel_residual(part)
         return total
+
+    def pixel_residual(self, part: FrameEvidence) -> np.ndarray:
+        """`residual` against the pixel columns  # (k,)"""
+        return part.pixel.q - part.pixel.border @ (part.inner @ part.inner_q)
 
     def residual(self, part: FrameEvidence) -> tuple[np.ndarray, np.ndarray]:
         """Weighted residual of a frame at the seen dofs and in the channels, its own unknowns projected out."""
@@ -305,36 +284,96 @@ def inverse_at_nodes(matrices: np.ndarray) -> np.ndarray:
     return (np.array([[d, -b], [-c, a]]) / (a * d - b * c)).transpose(2, 0, 1)
 
 
-@njit(cache=True, nogil=True)
-def _add_turned(back, fields, factor, total):
-    """total (n, c, K) and a matrix per node (n, c, c) times the fields there (n, c, K) and a factor, in place."""
-    n, c, n_fields = fields.shape
-    for node in range(n):
-        for i in range(c):
-            for j in range(c):
-                weight = factor * back[node, i, j]
-                for k in range(n_fields):
-                    total[node, i, k] += weight * fields[node, j, k]
+class SeenNodes:
+    """The nodes whose motion pixels see, with all of their components.
+
+    numbers : (n,) of the nodes; dofs : (n_seen,) of the seen dofs among the components of these nodes
+    """
+
+    def __init__(self, seen_dofs: np.ndarray, n_components: int):
+        node, component = np.divmod(seen_dofs, n_components)
+        self.numbers, place = np.unique(node, return_inverse=True)
+        self.n_components, self.dofs = n_components, place * n_components + component
+
+    def spread(self, fields: np.ndarray) -> np.ndarray:
+        """Fields at the seen dofs at the nodes, zero where nothing is seen  # (n_seen, K) -> (n, c, K)"""
+        shape = (len(self.numbers), self.n_components, fields.shape[1])
+        if len(self.dofs) == shape[0] * shape[1]:
+            return np.ascontiguousarray(fields).reshape(shape)
+        nodal = np.zeros((shape[0] * shape[1], shape[2]))
+        nodal[self.dofs] = fields
+        return nodal.reshape(shape)
+
+    def gathered(self, nodal: np.ndarray) -> np.ndarray:
+        """Fields of the nodes at the seen dofs  # (n, c, K) -> (n_seen, K)"""
+        return flat(nodal)[self.dofs]
+
+
+def flat(nodal: np.ndarray) -> np.ndarray:
+    """Components of all nodes one after the other  # (n, c, K) -> (n c, K)"""
+    return nodal.reshape(nodal.shape[0] * nodal.shape[1], nodal.shape[2])
 
 
 @njit(cache=True, nogil=True)
-def _without_common(inverse, fields, shared, share, factor, out):
-    """(fields - share inverse shared) factor, node by node  # (n, c, c), (n, c, K) -> out (n, c, K)"""
+def add_turned(matrices, fields, motion, factor, total):
+    """Add to total (n, c, K) a matrix per node (n, c, c) times the fields there (n, c, P): to column k the field
+    motion[k] times factor[k]."""
     n, c, n_fields = fields.shape
+    turned = np.empty(n_fields)
     for node in range(n):
         for i in range(c):
-            for k in range(n_fields):
-                out[node, i, k] = fields[node, i, k]
+            turned[:] = 0.0
             for j in range(c):
-                weight = share * inverse[node, i, j]
-                for k in range(n_fields):
-                    out[node, i, k] -= weight * shared[node, j, k]
-            for k in range(n_fields):
-                out[node, i, k] *= factor
+                for p in range(n_fields):
+                    turned[p] += matrices[node, i, j] * fields[node, j, p]
+            for k in range(len(motion)):
+                total[node, i, k] += factor[k] * turned[motion[k]]
 
 
-def _spread_out(fields: np.ndarray, dofs: np.ndarray, n_nodes: int, c: int) -> np.ndarray:
-    """Seen dofs to all nodes  # (T, n_seen, K) -> (T, n_nodes, c, K)"""
-    nodal = np.zeros((len(fields), n_nodes * c, fields.shape[2]))
-    nodal[:, dofs] = fields
-    return nodal.reshape(len(fields), n_nodes, c, fields.shape[2])
+class CommonWeights:
+    """The sum over frames of a factor times B^-T A B^-1: the weights A of all frames, brought to the reference image.
+
+    It has a block per pair of nodes that share an element; frames whose weights have one pattern share its blocks.
+    """
+
+    def __init__(self, nodes: SeenNodes):
+        self.nodes = nodes
+        self.sums: list[tuple[sparse.csr_array, np.ndarray, sparse.bsr_array]] = []
+
+    def add(self, A: sparse.csr_array, inverse: np.ndarray, factor: float) -> None:
+        """A frame's weights (n_seen, n_seen); inverse : (n, c, c) B^-1"""
+        if not self.sums or not _is_of_pattern(A, self.sums[-1][0]):
+            self.sums.append((A, *self._pattern(A)))
+        _, place, total = self.sums[-1]
+        _add_blocks(A.indptr, A.indices, A.data, place, self.nodes.dofs, inverse, factor, total.data)
+
+    def times(self, fields: np.ndarray) -> np.ndarray:
+        """The sum times fields of the nodes  # (n_dofs, K)"""
+        return sum((total @ fields for _, _, total in self.sums), np.zeros(fields.shape))
+
+    def _pattern(self, A: sparse.csr_array) -> tuple[np.ndarray, sparse.bsr_array]:
+        """The block of every entry, and blocks of zero."""
+        node, n, c = self.nodes.dofs // self.nodes.n_components, len(self.nodes.numbers), self.nodes.n_components
+        pairs = np.repeat(node, np.diff(A.indptr)) * n + node[A.indices]
+        blocks, place = np.unique(pairs, return_inverse=True)
+        starts = np.searchsorted(blocks // n, np.arange(n + 1))
+        return place, sparse.bsr_array((np.zeros((len(blocks), c, c)), blocks % n, starts), shape=(n * c, n * c))
+
+
+def _is_of_pattern(first: sparse.csr_array, second: sparse.csr_array) -> bool:
+    return first.indices is second.indices or (np.array_equal(first.indptr, second.indptr)
+                                               and np.array_equal(first.indices, second.indices))
+
+
+@njit(cache=True, nogil=True)
+def _add_blocks(starts, columns, entries, place, dofs, inverse, factor, total):
+    """Add inverse^T A inverse times a factor to its blocks (n_blocks, c, c); dofs : (n_seen,) of the rows of A"""
+    c = inverse.shape[1]
+    for row in range(len(dofs)):
+        node, i = divmod(dofs[row], c)
+        for entry in range(starts[row], starts[row + 1]):
+            neighbour, j = divmod(dofs[columns[entry]], c)
+            for a in range(c):
+                weight = factor * entries[entry] * inverse[node, i, a]
+                for b in range(c):
+                    total[place[entry], a, b] += weight * inverse[neighbour, j, b]

@@ -11,28 +11,27 @@ U is projected explicitly: the identification need not have minimised this norm 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, pairwise
-from typing import Any
 
 import numpy as np
-from scipy import special, stats
 
-from idic.diagnose.residual.evidence import Columns, Evidence
+from idic.diagnose.residual.evidence import CommonWeights, Columns, Evidence, add_turned, flat, inverse_at_nodes, joined
+from idic.diagnose.residual.grey_value_effects import PixelPart
 
 MIN_INFORMATION_SHARE = 1e-6  # of its own information: the rest of the column is rounding
-FAR_CHI2 = 600.0  # beyond, the tail of chi-square by its leading term
 
 
 @dataclass(frozen=True, eq=False)
 class NullModel:
     """The identified model: its white columns, their Gram matrix with priors, and its own remaining step.
 
-    remaining : (n,) G^-1 b, what the parameters would still move in this norm; gram, covariance : (n, n) G, G^-1;
+    columns, white, weighed : derivatives by the parameters, as they are, white, and times the weights; remaining : (n,)
+    G^-1 b, what the parameters would still move in this norm; gram, covariance : (n, n) G, G^-1;
     precision, pull : the part of G and b that the priors make.
     """
 
+    columns: Columns
     white: Columns
     weighed: Columns
     gram: np.ndarray
@@ -61,7 +60,8 @@ def null_model(evidence: Evidence, columns: Columns) -> NullModel:
     if evidence.parameters is not None:
         precision, pull = evidence.parameters.prior_equations(columns.names)
     gram = evidence.products(white, weighed) + precision
-    return NullModel(white, weighed, gram, symmetric_inverse(gram), evidence.scores(white) + pull, precision, pull)
+    return NullModel(columns, white, weighed, gram, symmetric_inverse(gram), evidence.scores(white) + pull, precision,
+                     pull)
 
 
 def symmetric_inverse(matrix: np.ndarray) -> np.ndarray:
@@ -169,11 +169,16 @@ class Scores:
         changes[is_visible] = symmetric_inverse(block) @ self.U[members[is_visible]]
         return changes
 
-    def with_sums(self, names: Sequence[str], groups: Sequence[Sequence[int]]) -> Scores:
-        """These scores and those of the best sum of every group, a column each behind the others."""
+    def ways(self, groups: Sequence[Sequence[int]]) -> np.ndarray:
+        """Every column and the best sum of every group as sums of columns  # (K, K + n_groups)"""
         ways = np.eye(len(self.U), len(self.U) + len(groups))
         for k, members in enumerate(groups, start=len(self.U)):
             ways[list(members), k] = self.together(members)
+        return ways
+
+    def with_sums(self, names: Sequence[str], groups: Sequence[Sequence[int]]) -> Scores:
+        """These scores and those of the best sum of every group, a column each behind the others."""
+        ways = self.ways(groups)
         return Scores((*self.names, *names), self.parameters, self.U @ ways, ways.T @ self.gross @ ways,
                       ways.T @ self.information @ ways, self.moves @ ways)
 
@@ -183,106 +188,104 @@ class Scores:
 
 
 def score(evidence: Evidence, null: NullModel, *columns: Columns) -> Scores:
-    """Test columns (not yet white) against the identified model, of one set or of several behind each other.
-
-    Columns of grey values alone, which move nothing, take no part in the products of motions (`Columns.apart`). Frames
-    are made white and weighed one at a time: all of them together take three times the memory of the columns.
-    """
-    parts = [part for group in columns for part in group.apart()]
-    ends = np.cumsum([0, *(part.n for part in parts)])
-    at = [slice(begin, end) for begin, end in pairwise(ends.tolist())]
-    cross, gross, scored = np.zeros((null.white.n, ends[-1])), np.zeros((ends[-1], ends[-1])), np.zeros(ends[-1])
-    for t, white in enumerate(zip(*map(evidence.white_frames, parts), strict=True)):
-        frame = evidence.frame(t)
-        weighed, null_white, null_weighed = [frame.weighed(part) for part in white], null.white.frame(
-            t), null.weighed.frame(t)
-        for i, (left_part, left_heavy) in enumerate(zip(white, weighed, strict=True)):
-            # the weights are symmetric: what moves nothing stands on the left, without its fields
-            cross[:, at[i]] += (frame.products(null_white, left_heavy) if left_heavy.moves
-                                else frame.products(left_part, null_weighed).T)
-            scored[at[i]] += frame.scores(left_part)
-            for k in range(i, len(parts)):
-                gross[at[i], at[k]] += (frame.products(left_part, weighed[k])
-                                        if weighed[k].moves or not left_part.moves
-                                        else frame.products(white[k], left_heavy).T)
-    for i, k in combinations(range(len(parts)), 2):
-        gross[at[k], at[i]] = gross[at[i], at[k]].T
+    """Test columns (not yet white) against the identified model, of one set or of several behind each other."""
+    gram, scored = white_products(evidence, joined(null.columns, *columns))
+    n = null.columns.n
+    cross, gross = gram[:n, n:], gram[n:, n:]
     moves = -null.covariance @ cross
-    U = scored + moves.T @ null.b
+    U = scored[n:] + moves.T @ null.b
     information = gross + cross.T @ moves
     names = sum((group.names for group in columns), ())
     return Scores(names, null.names, U, gross, 0.5 * (information + information.T), moves)
 
 
-@dataclass(frozen=True)
-class Significance:
-    """How a candidate stands: its best column, its statistic and the probability that noise alone does as well.
+def white_products(evidence: Evidence, columns: Columns) -> tuple[np.ndarray, np.ndarray]:
+    """Gram matrix of columns, white and weighed with the frame-local unknowns projected out, and their products with
+    the weighted residual: those of `Evidence.whiten`, `weighed`, `products` and `scores`  # (K, K), (K,)
 
-    statistic : standard deviations of a unit normal with the same tail (one-sided where the sign is); p_familywise :
-    over all candidates and all their columns together.
+    columns : not yet white
+    """
+    frames = _WhiteFrames(evidence, columns)
+    for t in range(len(evidence.parts)):
+        frames.add(t)
+    return frames.products()
+
+
+class _WhiteFrames:
+    """Sums of products over white frames.
+
+    In frame t a motion s with the course a is (a_t s_t - c B_t^-1 S) / sqrt(kappa_t), S = sum_t a_t B_t s_t / kappa_t:
+    its own part, and one that all frames have in common. Own parts meet each other by motions, which are fewer than
+    the columns; S meets the sum over the frames of what it has to meet, once for all of them.
     """
 
-    name: str
-    best: int
-    statistic: float
-    p_familywise: float
+    def __init__(self, evidence: Evidence, columns: Columns):
+        self.evidence, self.columns, self.nodes = evidence, columns, evidence.seen_nodes
+        courses, K = columns.timed, columns.n
+        self.moving = np.flatnonzero(courses.motion >= 0)
+        self.motion, root = courses.motion[self.moving], np.sqrt(evidence.kappa)[:, None]
+        self.amplitude = courses.amplitude[:, self.moving] / root
+        self.pixels = evidence.white_pixels(columns.amplitudes(len(evidence.pixel_names)))
+        self.grey = np.flatnonzero(self.pixels.any(axis=(0, 1)))
+        self.common_share = evidence.share / root[:, 0]
+        shape = (len(self.nodes.numbers), evidence.n_components)
+        self.common = np.zeros((*shape, len(self.moving)))
+        for t, back in enumerate(evidence.back[:, self.nodes.numbers]):
+            add_turned(back, self.nodes.spread(columns.fields[t]), self.motion, self.amplitude[t] / root[t, 0],
+                       self.common)
+        # what the common parts meet: the own parts, grey values, the residual and, over all frames, each other
+        self.met_by_motions, self.met_by_grey = np.zeros(self.common.shape), np.zeros((*shape, len(self.grey)))
+        self.met_by_residual, self.weights = np.zeros((*shape, 1)), CommonWeights(self.nodes)
+        self.of_motions = np.zeros((len(self.moving), len(self.moving)))
+        self.of_both = np.zeros((len(self.moving), len(self.grey)))
+        self.rest, self.scored = np.zeros((K, K)), np.zeros(K)
 
+    def add(self, t: int) -> None:
+        """The products of one frame."""
+        evidence, part = self.evidence, self.evidence.parts[t]
+        n, fields, rows, A = len(part.q), self.columns.fields[t], self.columns.channels[t], part.A
+        inverse, share = inverse_at_nodes(evidence.back[t, self.nodes.numbers]), self.common_share[t]
+        transposed, a = np.ascontiguousarray(inverse.transpose(0, 2, 1)), self.amplitude[t]
 
-def significances(scores: Scores, groups: Mapping[Any, Sequence[int]], signs: np.ndarray, rng: np.random.Generator,
-                  sums: Mapping[int, Sequence[int]] | None = None, draws: int = 4000) -> dict[Any, Significance]:
-    """Family-wise significance of candidates that are grids of columns, by the joint Gaussian of all scores.
+        def meet(met: np.ndarray, heavy: np.ndarray, motion: np.ndarray, amplitude: np.ndarray) -> None:
+            add_turned(transposed, self.nodes.spread(heavy), motion, share * amplitude, met)
 
-    Parameters
-    ----------
-    groups : candidate -> its columns; the best of them counts
-    signs : (K,) +1 or -1 where only that sign of the amplitude is possible, 0 where both are
-    sums : column that is the best sum of others -> these: its square is chi-square distributed with their number
-    draws : of N(0, correlation), from which the number of independent tests is calibrated
-    """
-    sums = sums or {}
-    single = [i for i in range(len(scores.U)) if i not in sums]
-    correlation = scores.correlation
-    values, vectors = np.linalg.eigh(0.5 * (correlation + correlation.T)[np.ix_(single, single)])
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    noise, observed = np.zeros((draws, len(scores.U))), scores.z.copy()
-    noise[:, single] = rng.standard_normal((draws, len(values))) @ root.T
-    for column, members in sums.items():
-        members = [i for i in members if scores.own[i] > 0]
-        inner = symmetric_inverse(correlation[np.ix_(members, members)])
-        noise[:, column] = _as_normal(np.einsum("di,ij,dj->d", noise[:, members], inner, noise[:, members]),
-                                      len(members))
-        observed[column] = _as_normal(np.square(observed[column]), len(members))
-    usual = np.array(single, dtype=int)
-    noise[:, usual], observed[usual] = _sided(noise[:, usual], signs[usual]), _sided(observed[usual], signs[usual])
-    answers, every = {}, np.full(draws, -np.inf)
-    for members in groups.values():
-        every = np.maximum(every, noise[:, list(members)].max(axis=1))
-    tests = _independent_tests(every)
-    for name, members in groups.items():
-        best = max(members, key=lambda i: observed[i])
-        tail = float(stats.norm.sf(observed[best]))
-        answers[name] = Significance(name, best, float(observed[best]), min(1.0, tests * tail))
-    return answers
+        heavy, (q, channel_q) = A @ fields, evidence.residual(part)
+        self.of_motions += (fields.T @ heavy)[np.ix_(self.motion, self.motion)] * np.outer(a, a)
+        meet(self.met_by_motions, heavy, self.motion, a)
+        meet(self.met_by_residual, q[:, None], np.zeros(1, dtype=int), np.ones(1))
+        self.weights.add(A, inverse, share**2)
+        self.scored[self.moving] += a * (q @ fields)[self.motion]
+        self.scored += channel_q @ rows
+        bordered = part.border[n:].T @ rows
+        turned = flat(np.matmul(transposed, self.nodes.spread(part.border[:n])))
+        bordered[:, self.moving] += a * (part.border[:n].T @ fields)[:, self.motion]
+        bordered[:, self.moving] -= share * (turned.T @ flat(self.common))
+        self.rest += rows.T @ (evidence.channel_weight[:, None] * rows) - bordered.T @ part.inner @ bordered
+        if part.pixel is not None and len(self.grey):
+            self._add_grey(t, part.pixel, bordered, meet)
 
+    def _add_grey(self, t: int, pixel: PixelPart, bordered: np.ndarray, meet: Callable[..., None]) -> None:
+        """The products with grey values in one frame; bordered : (m, K) of motions and channels with its unknowns."""
+        part, grey, amplitudes = self.evidence.parts[t], self.grey, self.pixels[t][:, self.grey]
+        coupled = pixel.coupling @ amplitudes
+        self.of_both += self.amplitude[t][:, None] * (self.columns.fields[t].T @ coupled)[self.motion]
+        meet(self.met_by_grey, coupled, np.arange(len(grey)), np.ones(len(grey)))
+        by_unknowns = bordered.T @ part.inner @ (pixel.border.T @ amplitudes)  # (K, n_grey)
+        self.rest[:, grey] -= by_unknowns
+        self.rest[grey] -= by_unknowns.T
+        alike = pixel.among.T @ amplitudes
+        self.rest[np.ix_(grey, grey)] += amplitudes.T @ pixel.gram @ amplitudes - alike.T @ part.inner @ alike
+        self.scored[grey] += self.evidence.pixel_residual(part) @ amplitudes
 
-def _as_normal(chi2: np.ndarray, rank: int) -> np.ndarray:
-    """Standard deviations of a unit normal with the upper tail of chi-square with `rank` degrees of freedom."""
-    if rank == 0:
-        return np.full_like(chi2, -np.inf)
-    tail = stats.chi2.logsf(chi2, rank)
-    asymptote = (0.5 * rank - 1.0) * np.log(np.maximum(0.5 * chi2, 1e-300)) - 0.5 * chi2 - special.gammaln(0.5 * rank)
-    return -special.ndtri_exp(np.where(chi2 > FAR_CHI2, asymptote, tail))
-
-
-def _sided(z: np.ndarray, signs: np.ndarray) -> np.ndarray:
-    """A statistic with the tail of a one-sided unit normal: signed where the sign is known, else from both sides."""
-    two_sided = stats.norm.isf(np.minimum(2.0 * stats.norm.sf(np.abs(z)), 1.0 - 1e-16))
-    large = np.abs(z) > 30.0  # where the probability underflows: ln 2 / z less
-    two_sided = np.where(large, np.abs(z) - np.log(2.0) / np.maximum(np.abs(z), 1.0), two_sided)
-    return np.where(signs == 0, two_sided, z * signs)
-
-
-def _independent_tests(maxima: np.ndarray, level: float = 0.01) -> float:
-    """How many independent tests have this distribution of the maximum, matched at its upper per cent."""
-    threshold = np.quantile(maxima, 1.0 - level)
-    return float(max(level / max(stats.norm.sf(threshold), 1e-300), 1.0))
+    def products(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of all frames."""
+        common, moving = flat(self.common), self.moving
+        half = common.T @ (0.5 * self.weights.times(common) - flat(self.met_by_motions))
+        gram, scored = self.rest, self.scored
+        gram[np.ix_(moving, moving)] += self.of_motions + half + half.T
+        of_both = self.of_both - common.T @ flat(self.met_by_grey)
+        gram[np.ix_(moving, self.grey)] += of_both
+        gram[np.ix_(self.grey, moving)] += of_both.T
+        scored[moving] -= (common.T @ flat(self.met_by_residual))[:, 0]
+        return gram, scored

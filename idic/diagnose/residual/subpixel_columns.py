@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.diagnose.residual.evidence import Columns
+from idic.diagnose.residual.evidence import Columns, of_grey_values
 from idic.diagnose.residual.grey_value_effects import BLUR, columns_of_kind, grey_image
 from idic.diagnose.residual.residual_evidence import CameraResidual, ResidualEvidence
 from idic.images import subpixel_blur
@@ -27,9 +27,8 @@ def subpixel_columns(residual: ResidualEvidence) -> Columns | None:
     ways = columns_of_kind(evidence.pixel_names, BLUR, 0.0)  # (k, n_cameras)
     pixels = np.concatenate([np.einsum("k,td->tkd", way, _blur_of(camera, residual))
                              for way, camera in zip(ways.T, residual.cameras, strict=True)], axis=2)
-    n, shape = pixels.shape[2], residual.channels.shape
-    return Columns(tuple(f"sub-pixel blur {i + 1}" for i in range(n)), np.zeros((shape[0], len(evidence.seen), n)),
-                   np.zeros((*shape, n)), pixels)
+    names = tuple(f"sub-pixel blur {i + 1}" for i in range(pixels.shape[2]))
+    return of_grey_values(names, len(evidence.seen), residual.channels.shape[1], pixels)
 
 
 def _blur_of(camera: CameraResidual, residual: ResidualEvidence) -> np.ndarray:

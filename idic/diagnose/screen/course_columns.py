@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.diagnose.physics.candidate import Variant
+from idic.diagnose.residual.evidence import Columns, Courses
 from idic.model import (
     CORRECTION_TERMS, Correction, Experiment, Model, TEMPERATURE, TemperatureField, corrections_of, knot_name,
     without_knot,
@@ -84,15 +85,15 @@ def unit_values(timed_variant: TimedVariant) -> dict[str, float]:
 
 
 def times_courses(variants: Sequence[TimedVariant], patterns: Sequence[Pattern], frames: np.ndarray, fields: np.ndarray,
-                  channels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Columns of all variants, one after the other  # (T, n_seen, K), (T, n_channels, K)
+                  channels: np.ndarray) -> Columns:
+    """Columns of all variants, one after the other.
 
-    patterns : of the responses fields (T, n_seen, n), channels (T, n_channels, n) to unit amplitudes
+    patterns : of the responses fields (T, n_seen, P), channels (T, n_channels, P) to unit amplitudes
     """
-    indices = [patterns.index(variant.pattern) for variant in variants for _ in variant.names]
-    courses = np.concatenate([variant.courses[frames] for variant in variants], axis=1)  # (T, K)
-    return tuple(np.multiply(part := np.take(answers, indices, axis=2), courses[:, None, :], out=part)
-                 for answers in (fields, channels))
+    motion = np.array([patterns.index(variant.pattern) for variant in variants for _ in variant.names])
+    amplitude = np.concatenate([variant.courses[frames] for variant in variants], axis=1)  # (T, K)
+    names = tuple(name for variant in variants for name in variant.names)
+    return Columns(names, fields, channels[..., motion] * amplitude[:, None], courses=Courses(motion, amplitude))
 
 
 def _correction(model: Model, name: str) -> tuple[int, Correction] | None:

@@ -34,6 +34,7 @@ class DecoyScores:
 
 def decoys(columns: Columns, rng: np.random.Generator, n: int) -> Columns:
     """Random columns with the spectra of `columns` in space and in time; grey values take no part."""
+    columns = columns.expanded()
     size = np.sqrt((columns.fields**2).sum(axis=(0, 1)))  # (K,)
     shapes = columns.fields[:, :, size > 0.0] / size[size > 0.0]  # (T, n_seen, K)
     T, n_seen, K = shapes.shape

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from idic.diagnose.residual.evidence import Columns, Evidence, FrameEvidence
 from idic.diagnose.residual.excess import power, seen_planes
-from idic.diagnose.residual.score import Scores
 from idic.diagnose.screen.free_courses import with_knots
 from idic.diagnose.screen.practical import EffectSize
 from idic.diagnose.screen.score_columns import ScoreColumn
@@ -33,67 +32,39 @@ def sum_of(members: Sequence[ScoreColumn]) -> ScoreColumn:
     return replace(members[0], variant=variant, name=variant.label)
 
 
-@dataclass(frozen=True, eq=False)
-class EffectSizes:
-    """Sizes of effects, one per column and per best sum of a group, of what the identified parameters cannot imitate.
-
-    px : rms over pixels and frames; local_px : the same weighed by the effect itself, its size where and when it acts;
-    channel : standard deviations of one reading, rms; each (K + n_groups,)
-    """
-
-    px: np.ndarray
-    local_px: np.ndarray
-    channel: np.ndarray
-
-    def of(self, column: int, amplitude: float) -> EffectSize:
-        """Of one column with this amplitude."""
-        px, local_px, channel = (float(abs(amplitude) * sizes[column]) for sizes in (self.px, self.local_px,
-                                                                                     self.channel))
-        return EffectSize(px, local_px, channel)
-
-
-def effects(evidence: Evidence, parameters: Columns, columns: Columns, scores: Scores,
-            groups: Sequence[Sequence[int]] = ()) -> EffectSizes:
-    """Size per unit amplitude of each column and of the best sum of every group, the identified parameters projected
-    out.
+def effect_sizes(evidence: Evidence, parameters: Columns, columns: Columns, ways: np.ndarray,
+                 moves: np.ndarray) -> list[EffectSize]:
+    """Sizes of effects, of what the identified parameters cannot imitate.
 
     Motion is weighed by the contrast of the texture: rms^2 = 2 sum (grad f . s)^2 / sum |grad f|^2 in a plane. Columns
     of grey values and heights count as the motion that would change as much.
 
     Parameters
     ----------
-    scores : of the columns and the sums (`Scores.with_sums`)
+    ways : (K, n) amplitudes of the columns in each effect
+    moves : (n_parameters, n) of the identified parameters with it
     """
-    parts, n = columns.apart(), columns.n
-    ways = np.zeros((n, len(groups)))
-    for k, members in enumerate(groups):
-        ways[list(members), k] = scores.together(members)
-    weight, moves = evidence.channel_weight[:, None], scores.moves
-    n_moving = parts[0].n if parts[0].moves else 0
-    summed = np.flatnonzero(ways[:n_moving].any(axis=0))
-    moving = np.concatenate([np.arange(n_moving), n + summed]).astype(int)
-    still = np.setdiff1d(np.arange(n + len(groups)), moving)
-    images, fourth, channels = (np.zeros(n + len(groups)) for _ in range(3))
-    nodal = _NodalSquares(evidence)
+    n, courses = ways.shape[1], columns.timed
+    moving = courses.motion >= 0
+    moves_by_itself = ways[moving].any(axis=0)
+    members = csr_array((np.ones(int(moving.sum())), (courses.motion[moving], np.flatnonzero(moving))),
+                        shape=(columns.fields.shape[2], columns.n))
+    images, fourth, channels = np.zeros(n), np.zeros(n), np.zeros(n)
+    nodal, weight = _NodalSquares(evidence), evidence.channel_weight[:, None]
     for t, part in enumerate(evidence.parts):
-        fields = parameters.fields[t] @ moves[:, moving]
-        fields[:, :n_moving] += columns.fields[t][:, :n_moving]
-        if len(summed):
-            fields[:, n_moving:] += columns.fields[t][:, :n_moving] @ ways[:n_moving, summed]
-        images[moving] += np.einsum("ik,ik->k", fields, part.A @ fields)
-        # of columns that move nothing the parameters alone move
-        gram = parameters.fields[t].T @ (part.A @ parameters.fields[t])
-        images[still] += np.einsum("ik,ij,jk->k", moves[:, still], gram, moves[:, still])
-        fourth[moving] += nodal.fourth_powers(part, fields)
+        of_motions = csr_array(members @ (courses.amplitude[t][:, None] * ways))  # (P, n)
+        fields = parameters.fields[t] @ moves + columns.fields[t] @ of_motions
+        images += np.einsum("ik,ik->k", fields, part.A @ fields)
+        fourth += moves_by_itself * nodal.fourth_powers(part, fields)
         if columns.pixels is not None:
-            grey = np.hstack([columns.pixels[t], columns.pixels[t] @ ways])
+            grey = columns.pixels[t] @ ways
             images += np.einsum("ik,ik->k", grey, part.pixel.gram @ grey)
-        rows = np.hstack([columns.channels[t], columns.channels[t] @ ways]) + parameters.channels[t] @ moves
-        channels += (weight * rows**2).sum(axis=0)
+        channels += (weight * (columns.channels[t] @ ways + parameters.channels[t] @ moves)**2).sum(axis=0)
     n_rows = max(len(evidence.parts) * len(evidence.channel_weight), 1)
     px = np.sqrt(images / max(power(evidence).sum(), 1e-300))
-    local_px = np.sqrt(np.divide(fourth, images, out=np.zeros_like(images), where=images > 0.0))
-    return EffectSizes(px, np.maximum(local_px, px), np.sqrt(channels / n_rows))
+    local_px = np.maximum(np.sqrt(np.divide(fourth, images, out=np.zeros(n), where=images > 0.0)), px)
+    return [EffectSize(*sizes) for sizes in zip(px.tolist(), local_px.tolist(), np.sqrt(channels / n_rows).tolist(),
+                                                strict=True)]
 
 
 class _NodalSquares:

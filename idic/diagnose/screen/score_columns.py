@@ -20,7 +20,7 @@ from idic.correlation import (
 )
 from idic.diagnose.locate.freedoms import in_images
 from idic.diagnose.physics.candidate import Candidate, Variant
-from idic.diagnose.residual.evidence import Columns, joined
+from idic.diagnose.residual.evidence import Columns, joined, of_grey_values
 from idic.diagnose.residual.grey_value_effects import columns_of_kind
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.course_columns import timed, times_courses, unit_values
@@ -80,9 +80,8 @@ def _of_grey_values(residual: ResidualEvidence, variant: Variant) -> Columns:
     mean = float(np.mean([camera.grey_values.mean() for camera in residual.cameras]))
     ways = columns_of_kind(evidence.pixel_names, kind, mean)
     pixels = np.einsum("ct,kn->tkcn", courses[:, evidence.frames], ways).reshape(len(evidence.frames), len(ways), -1)
-    n, shape = pixels.shape[2], residual.channels.shape
     names = tuple(f"{variant.label}, place {i + 1} of {ways.shape[1]}" for _ in courses for i in range(ways.shape[1]))
-    return Columns(names, np.broadcast_to(0.0, (shape[0], len(evidence.seen), n)), np.zeros((*shape, n)), pixels)
+    return of_grey_values(names, len(evidence.seen), residual.channels.shape[1], pixels)
 
 
 def _stepped(identification: Identification, residual: ResidualEvidence, trials: Sequence[tuple[Candidate, Variant]],
@@ -137,10 +136,8 @@ def _stepped(identification: Identification, residual: ResidualEvidence, trials:
                for name in timed_variant.names]
     if not shared:
         return labels, [columns]
-    names = tuple(name for _, timed_variant in shared for name in timed_variant.names)
-    return labels, [columns, Columns(names, *times_courses([timed_variant for _, timed_variant in shared], list(first),
-                                                           residual.evidence.frames, fields[..., n:],
-                                                           channels[..., n:]))]
+    return labels, [columns, times_courses([timed_variant for _, timed_variant in shared], list(first),
+                                           residual.evidence.frames, fields[..., n:], channels[..., n:])]
 
 
 def _simulated(experiment: Experiment, identification: Identification) -> tuple[np.ndarray, np.ndarray] | None:

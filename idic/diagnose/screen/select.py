@@ -16,12 +16,13 @@ import numpy as np
 from idic.diagnose.physics.candidate import Candidate, Variant
 from idic.diagnose.residual.evidence import Columns, Evidence
 from idic.diagnose.residual.grey_value_effects import BLUR
-from idic.diagnose.residual.score import Scores, Significance, null_model, score, significances
+from idic.diagnose.residual.score import Scores, null_model, score
 from idic.diagnose.residual.thinning import COPY_VARIANCE_FACTOR, drop_on_copy
-from idic.diagnose.screen.effect_sizes import EffectSizes, columns_together, effects, sum_of
+from idic.diagnose.screen.effect_sizes import columns_together, effect_sizes, sum_of
 from idic.diagnose.screen.free_courses import course_stem, fewest_knots
-from idic.diagnose.screen.practical import ASSUMED_SIZE, PracticalSize
+from idic.diagnose.screen.practical import ASSUMED_SIZE, EffectSize, PracticalSize
 from idic.diagnose.screen.score_columns import ScoreColumn
+from idic.diagnose.screen.significance import Significance, significances
 from idic.model import TEMPERATURE
 
 MAX_FAMILYWISE_P = 0.01  # family-wise
@@ -177,9 +178,8 @@ def screen_candidates(evidence: Evidence, parameters: Columns, trials: Sequence[
     scores = scores.first(len(scores.U) - n_errors)
     scores, shared = (scores, np.zeros(columns.n)) if mesh is None else scores.split()
     joint = [fewest_knots(scores, members) if trials[members[0]].variant.new else members for members in together]
-    shared = np.concatenate([shared, [scores.together(members) @ shared[list(members)] for members in joint]])
-    by_errors = np.concatenate([by_errors, *([scores.together(members)] @ by_errors[list(members)]
-                                             for members in joint)])
+    ways = scores.ways(joint)
+    shared, by_errors = shared @ ways, ways.T @ by_errors
     scores = scores.with_sums([trials[members[0]].variant.label for members in joint], joint)
     tested = scores.beyond_errors(by_errors)
     by_mesh = np.divide(shared**2, scores.own, out=np.zeros_like(scores.U), where=scores.own > 0)
@@ -196,10 +196,12 @@ def screen_candidates(evidence: Evidence, parameters: Columns, trials: Sequence[
     standings = {key: replace(standing,
                               p_familywise=min(1.0, trials[standing.best].variant.searched * standing.p_familywise))
                  for key, standing in standings.items()}
-    sizes = effects(evidence, parameters, columns, scores, joint)
-    ranked = [replace(_ranked(trials, scores, standings[key], members, sizes, practical, columns.n, by_mesh),
+    best = [standings[key].best for key in groups]
+    amplitudes = scores.expected_change[best]
+    sizes = effect_sizes(evidence, parameters, columns, ways[:, best] * amplitudes, scores.moves[:, best] * amplitudes)
+    ranked = [replace(_ranked(trials, scores, standings[key], members, size, practical, columns.n, by_mesh),
                       material=key[1])
-              for key, members in groups.items()]
+              for (key, members), size in zip(groups.items(), sizes, strict=True)]
     ranked = [admissible(replace(r, start=dict(zip(r.variant.new,
                                                    scores.together(joint[r.best - columns.n]).tolist(), strict=True))))
               if r.variant.free_course and r.variant.new else r for r in ranked]
@@ -242,15 +244,14 @@ def material_of_variant(variant: Variant, materials: Sequence[str]) -> str:
 
 
 def _ranked(trials: Sequence[ScoreColumn], scores: Scores, standing: Significance, members: Sequence[int],
-            sizes: EffectSizes, practical: PracticalSize, n_columns: int, by_mesh: np.ndarray) -> Ranked:
-    """sizes : per unit amplitude; n_columns : without the sums behind them; by_mesh : chi-square that a finer mesh
+            size: EffectSize, practical: PracticalSize, n_columns: int, by_mesh: np.ndarray) -> Ranked:
+    """size : of the expected change; n_columns : without the sums behind them; by_mesh : chi-square that a finer mesh
     changed along every column"""
     best = standing.best
     trial = trials[best]
     members_of_refit = [i for i in members if of_one_refit(trials[i].variant, trial.variant)
                         and i < n_columns] or [best]
     amplitude, std = float(scores.expected_change[best]), float(scores.std[best])
-    size = sizes.of(best, amplitude)
     gain = drop_on_copy(scores.gain(members_of_refit), len(members_of_refit))
     is_large = practical.is_reached(size) or trial.variant.least > 0.0
     matters = (is_large and scores.z[best] ** 2 > by_mesh[best] and abs(amplitude) > trial.variant.least)
