@@ -22,7 +22,6 @@ from idic.correlation.views.view import GREY, SECTION, view_of
 from idic.correlation.volume.reference import VolumeReference, volume_reference
 from idic.correlation.volume.voxel_map import build_voxel_map
 from idic.errors import InputError
-from idic.fe import surface_cells
 from idic.images import AnyCamera, CAMERA_PARAMETERS, Camera, DEGREES, PLACEMENT_STEM, PlacedCamera, Scanner
 from idic.model import Experiment, Model, is_camera_time
 from idic.parameters import ParameterSet
@@ -136,7 +135,7 @@ def mapped_pixels(experiment: Experiment, camera: AnyCamera, mask: np.ndarray | 
     """The pixels of the seen surface within a mask (ny, nx), bool, None: everywhere."""
     model = experiment.model
     mesh, shape = model.mesh, experiment.recording.stack.shape
-    cells = surface_cells(mesh, model.surface)
+    cells = mesh.surface_cells(model.surface)
     if isinstance(camera, PlacedCamera):
         return build_ray_map(mesh, cells, camera, shape, mask, model.surface)
     return build_pixel_map(mesh.nodes, cells, camera, shape, mask)

@@ -12,7 +12,7 @@ from idic.experiment_file.schema.cracks import CrackTable
 from idic.experiment_file.schema.experiment_file import ExperimentFile
 from idic.experiment_file.tables.boundaries import Context
 from idic.experiment_file.tables.corrections import times_or_frames
-from idic.fe import Cut, Mesh, cell_type, cut_along
+from idic.fe import Cut, Mesh, cut_along
 from idic.model import Crack
 from idic.parameters import Parameter
 from idic.readers import factor_between
@@ -60,7 +60,7 @@ def _check_kind(config: ExperimentFile, mesh: Mesh, length_unit: str, file) -> N
             mesh.n_dim != 2 or table.surface is not None or table.symmetry is not None,
         "a program of [solver]": config.solver is not None,
         'elements with mid-side nodes and element_order = "as_given"': config.options.element_order == "as_given"
-            and any(block.connectivity.shape[1] > cell_type(block.cell).n_corners for block in mesh.blocks),
+            and any(block.connectivity.shape[1] > block.kind.n_corners for block in mesh.blocks),
         "lengths in px": length_unit != "mm",
         "degrees of freedom that move the mesh": any(entry.name.startswith("geometry.") and entry.name !=
                                                      "geometry.thickness" for entry in config.dof)}

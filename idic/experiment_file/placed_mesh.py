@@ -19,7 +19,7 @@ from idic.experiment_file.tables.lengths import Lengths, lengths
 from idic.experiment_file.tables.mesh_on_image import mesh_on_image
 from idic.experiment_file.tables.mesh_sets import with_edge_set, with_sets
 from idic.experiment_file.volumes.scanner_table import scanner_scale
-from idic.fe import Mesh, check_elements
+from idic.fe import Mesh
 from idic.images import Camera, Scanner
 from idic.readers import FieldStack, factor_between, to_mesh
 
@@ -124,7 +124,7 @@ class _Placement:
         else:
             mesh, notes = mesh_on_image(self.config, scale, self.recording.frames.stack, self.file)
         try:
-            check_elements(mesh)
+            mesh.check_elements()
         except InputError as error:
             raise InputError(error.what, file=source, key=key,
                              expected=error.expected, found=error.found,

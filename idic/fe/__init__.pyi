@@ -1,5 +1,5 @@
 from .body.boundary import constrain, dead_pressure, dofs_of, face_area, traction
-from .body.body import Constraints, Direction, Loads, Body, PathControl, Reaction, Section, validate
+from .body.body import Constraints, Direction, Loads, Body, PathControl, Reaction, Section
 from .body.variation import Variation
 from .crack.cut import Cut, cut_along
 from .crack.fracture import ring_around, tip_load
@@ -18,15 +18,10 @@ from .half_rate import Motion, without_time_error
 from .mesh.coarsen import Coarse, coarsen
 from .mesh.curved_edges import curved
 from .mesh.edge_morph import EDGE_STD_SHARE, OUTLINE, edges_by_name, free_edges, outward_velocity
-from .mesh.element import (
-    CELL_TYPES, cell_edges, cell_type, n_face_corners, quadrature_rule, shape_functions, shape_gradients,
-)
+from .mesh.element import CELL_TYPES, cell_type
 from .mesh.halve import can_halve, halve
 from .mesh.locate import interpolation
-from .mesh.mesh import (
-    Block, boundary_edges, boundary_faces, boundary_paths, check_elements, face_cells, face_set_nodes, make_mesh, Mesh,
-    PerMesh, surface_cells,
-)
+from .mesh.mesh import Block, make_mesh, Mesh, PerMesh
 from .mesh.morph import Hole, Morph, admissible, find_holes, morphed, on_circle, velocities
 from .mesh.outline import Boundary, Segments, is_circle, segments_of
 from .mesh.polygon import Filling, fill, follow_arcs, mesh_polygon, smallest_angle
@@ -48,15 +43,13 @@ __all__ = [
     "ExpectedOutput", "ExternalSetup", "ExternalSolver", "Fill", "Filling", "FrameState", "FreePart", "Hole",
     "Linearisation", "Loads", "Mesh", "Morph", "Motion", "PathControl", "PerMesh", "PointValues", "Reaction",
     "Responses", "Seam", "Section", "Segments", "Solution", "StepList", "Tangent", "Variation", "admissible", "bodies",
-    "boundary_edges", "boundary_faces", "boundary_paths", "can_halve", "can_raise_order", "cell_edges", "cell_type",
-    "check_elements", "check_environment", "coarsen", "conductance", "conducted", "constrain", "curved", "cut_along",
-    "dead_pressure", "dissected", "dofs_of", "edges_by_name", "face_area", "face_cells", "face_set_nodes", "fill",
+    "can_halve", "can_raise_order", "cell_type", "check_environment", "coarsen", "conductance", "conducted",
+    "constrain", "curved", "cut_along", "dead_pressure", "dissected", "dofs_of", "edges_by_name", "face_area", "fill",
     "find_holes", "find_program", "first_responses", "follow_arcs", "followed", "free_edges", "free_parts", "gathered",
     "green_strain", "halve", "increments_to_try", "inp_text", "interpolation", "is_circle", "is_linear",
-    "is_raised_by_default", "make_mesh", "march", "march_extrapolated", "mesh_polygon", "morphed", "n_face_corners",
-    "nodal_deformation", "nodal_field", "nodal_state", "normal_axis", "on_circle", "outward_velocity", "parse_deck",
-    "quadrature_rule", "raise_order", "read_calculix_dat", "require_permission", "ring_around", "second_differences",
-    "seen_first", "segments_of", "shape_functions", "shape_gradients", "smallest_angle", "solver_threads",
-    "stress_error_responses", "superposed", "surface_cells", "sweep", "tangents_along", "tip_load", "traction",
-    "unreached", "validate", "velocities", "volume", "with_seams", "without_time_error",
+    "is_raised_by_default", "make_mesh", "march", "march_extrapolated", "mesh_polygon", "morphed", "nodal_deformation",
+    "nodal_field", "nodal_state", "normal_axis", "on_circle", "outward_velocity", "parse_deck", "raise_order",
+    "read_calculix_dat", "require_permission", "ring_around", "second_differences", "seen_first", "segments_of",
+    "smallest_angle", "solver_threads", "stress_error_responses", "superposed", "sweep", "tangents_along", "tip_load",
+    "traction", "unreached", "velocities", "volume", "with_seams", "without_time_error",
 ]

@@ -12,7 +12,6 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from idic.errors import InputError
-from idic.fe.mesh.element import quadrature_rule, shape_gradients
 from idic.fe.mesh.mesh import Mesh
 
 
@@ -39,8 +38,8 @@ def _slopes(mesh: Mesh, block) -> tuple[np.ndarray, np.ndarray]:
     """dN/dX (n_el, nq, nn, d) and volumes (n_el, nq) at the points of a full quadrature."""
     # reduced integration would leave hourglass patterns at no cost
     order = 3 if block.cell in ("quad8", "hex20") else None
-    xi, w = quadrature_rule(block.cell, order)
-    gradient = shape_gradients(block.cell, xi)
+    xi, w = block.kind.quadrature_rule(order)
+    gradient = block.kind.shape_gradients(xi)
     jac = np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], gradient)
     return np.einsum("qai,eqik->eqak", gradient, np.linalg.inv(jac)), np.linalg.det(jac) * w
 

@@ -12,7 +12,6 @@ from scipy.sparse import csr_array
 from idic.errors import InputError
 from idic.fe.assembly.point_means import add_point_values, quotient
 from idic.fe.time_march import FrameState, PointValues
-from idic.fe.mesh.element import cell_type, shape_gradients
 from idic.fe.mesh.mesh import Mesh, PerMesh
 from idic.fe.body.body import Body
 
@@ -118,10 +117,10 @@ def _nodal_slopes(mesh: Mesh) -> tuple[csr_array, np.ndarray]:
     d, count = mesh.n_dim, np.zeros(mesh.n_nodes)
     values, rows, columns = [np.zeros(0)], [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     for block in mesh.blocks:
-        cell = cell_type(block.cell)
+        cell = block.kind
         if cell.dim != d:
             continue
-        slopes = shape_gradients(block.cell, cell.reference_nodes)  # (nodes: where, nodes: whose, d)
+        slopes = block.kind.shape_gradients(cell.reference_nodes)  # (nodes: where, nodes: whose, d)
         jac = np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], slopes)
         grads = np.einsum("qai,eqik->eqka", slopes, np.linalg.inv(jac))
         row, column = np.broadcast_arrays(block.connectivity[:, :, None, None] * d + np.arange(d)[:, None],

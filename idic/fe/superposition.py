@@ -21,7 +21,7 @@ from idic.fe.assembly.assembly import System, discretise
 from idic.fe.body.boundary import drives_at
 from idic.fe.equilibrium import Control
 from idic.fe.time_march import FrameState, PointValues, StepList, march
-from idic.fe.body.body import Constraints, Direction, Body, validate
+from idic.fe.body.body import Constraints, Direction, Body
 from idic.fe.sensitivity import check_directions
 
 MAX_BYTES = 3e8  # of the answers and their derivatives
@@ -90,7 +90,7 @@ def superposed(body: Body, params: Mapping[str, np.ndarray], times: np.ndarray, 
     """
     if not is_linear(body):
         return None
-    validate(body, len(times))
+    body.validate(len(times))
     check_directions(body, directions, len(times))
     histories, slopes = _histories(body), [_slopes(body, direction) for direction in directions]
     n_drives = body.constraints.histories.shape[1]

@@ -17,7 +17,7 @@ from idic.fe.body.boundary import drives_at
 from idic.fe.controlled import solve_controlled
 from idic.fe.equilibrium import Control, Converged, Effort, consistent_factor, serves, solve_increment
 from idic.fe.increment_size import IncrementSize
-from idic.fe.body.body import Direction, Body, Reaction, validate
+from idic.fe.body.body import Direction, Body, Reaction
 from idic.fe.predictor import WarmStart, extrapolated
 from idic.fe.thickness_change import surface_rise
 from idic.fe.solver.linear import Factor
@@ -165,7 +165,7 @@ def solved_increments(body: Body, params: Mapping[str, np.ndarray], times: np.nd
     times = np.asarray(times, dtype=float)
     control = Control() if control is None else control
     _check_run(body, params, times, substeps)
-    validate(body, len(times))
+    body.validate(len(times))
     check_directions(body, directions, len(times))
     frozen = None if steps is None else _frozen_targets(steps, times)
     warm = None if warm_start is None else WarmStart(u[:, :body.mesh.n_dim] for u in warm_start)

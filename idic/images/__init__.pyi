@@ -1,9 +1,9 @@
-from .camera import CAMERA_PARAMETERS, Camera, fixed_pixel_sensitivity, normal_sign
+from .camera import CAMERA_PARAMETERS, Camera
 from .camera_motion import CameraMotion
 from .gaussian_lowpass import (
     REACH_STDS, blur_column, lowpass, lowpass_weights, mirrored_rim_px, noise_share, still_gain,
 )
-from .interpolate import DEGREES, Spline, evaluate, gradient_at_pixels, noise_gain, prefilter
+from .interpolate import DEGREES, Spline, noise_gain, prefilter
 from .lens_camera import LensCamera, left_jacobian, rotation_of
 from .lenses.brown import PinholeCamera
 from .lenses.lens_models import LENS_MODELS, LENS_PARAMETERS
@@ -40,11 +40,11 @@ __all__ = [
     "LeadingFrames", "LensCamera", "LitStack", "NoiseCovariance", "NoiseModel", "NoisyStack", "Pattern",
     "PinholeCamera", "PlacedCamera", "RigidMotion", "RoundedStack", "Scanner", "ScannerMotion", "Spline",
     "StabilisedStack", "Stabiliser", "Stack", "StackView", "TilesOnMaterial", "VolumeStack", "blur_column", "coloured",
-    "compressed_at", "cube_corners", "cubic_value", "dense_speckle", "drift_note", "edge_blur", "evaluate",
-    "field_noise", "filter_block", "fixed_pixel_sensitivity", "gap_mark", "gradient_at_pixels", "gradient_noise_share",
-    "grey_change", "image_noise", "largest_value", "left_jacobian", "lowpass", "lowpass_weights", "mirrored_rim_px",
-    "noise_covariance", "noise_gain", "noise_share", "normal_sign", "picture", "picture_places", "picture_shape",
-    "pixel_gain", "prefilter", "quintic_value", "rotation_of", "saturated_share", "sensor_levels", "shifts",
-    "sparse_speckle", "speckle_size", "spline_error", "still_gain", "still_noise", "still_noise_model", "subpixel_blur",
-    "sum_gain", "volume_noise", "weight_polynomials", "whole_shift", "without_noise",
+    "compressed_at", "cube_corners", "cubic_value", "dense_speckle", "drift_note", "edge_blur", "field_noise",
+    "filter_block", "gap_mark", "gradient_noise_share", "grey_change", "image_noise", "largest_value", "left_jacobian",
+    "lowpass", "lowpass_weights", "mirrored_rim_px", "noise_covariance", "noise_gain", "noise_share", "picture",
+    "picture_places", "picture_shape", "pixel_gain", "prefilter", "quintic_value", "rotation_of", "saturated_share",
+    "sensor_levels", "shifts", "sparse_speckle", "speckle_size", "spline_error", "still_gain", "still_noise",
+    "still_noise_model", "subpixel_blur", "sum_gain", "volume_noise", "weight_polynomials", "whole_shift",
+    "without_noise",
 ]

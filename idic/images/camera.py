@@ -244,49 +244,47 @@ class Camera:
         scale = 1.0 + self.k1 * (d**2).sum(axis=1)
         return scale[:, None, None] * np.eye(2) + 2.0 * self.k1 * d[:, :, None] * d[:, None, :]
 
+    def fixed_pixel_sensitivity(self, points: np.ndarray, u: np.ndarray, gradient: np.ndarray,
+                                name: str, later: Camera | None = None) -> np.ndarray:
+        """Change of the deformed pixel position at a fixed reference pixel by a camera parameter.
 
-def fixed_pixel_sensitivity(camera: Camera, points: np.ndarray, u: np.ndarray, gradient: np.ndarray,
-                            name: str, later: Camera | None = None) -> np.ndarray:
-    """Change of the deformed pixel position at a fixed reference pixel by a camera parameter.
+        The parameter moves the material point that a reference pixel shows as well as its image after deformation:
+        ``phi = c(X + u) - J(X + u) F J(X)^-1 c(X)`` with ``c = d camera / d parameter`` and ``J = d camera / d X``.
+        A pure shift of a rigid body therefore changes nothing, and at ``u = 0`` no parameter has an effect
+        (docs/method.md, equation 5.6).
 
-    The parameter moves the material point that a reference pixel shows as well as its image after deformation:
-    ``phi = c(X + u) - J(X + u) F J(X)^-1 c(X)`` with ``c = d camera / d parameter`` and ``J = d camera / d X``.
-    A pure shift of a rigid body therefore changes nothing, and at ``u = 0`` no parameter has an effect
-    (docs/method.md, equation 5.6).
+        Parameters
+        ----------
+        points : array (n, 2|3), mm
+            Mesh points (the nodes).
+        u : array (n, 2|3), mm
+            Their displacement.
+        gradient : array (n, 2, 2)
+            In-plane deformation gradient F = dx/dX at the points, in mesh coordinates.
+        name : str
+            One of `CAMERA_PARAMETERS`, or of the camera's motion.
+        later : Camera, optional
+            The camera of the deformed frame, where it moves.
 
-    Parameters
-    ----------
-    points : array (n, 2|3), mm
-        Mesh points (the nodes).
-    u : array (n, 2|3), mm
-        Their displacement.
-    gradient : array (n, 2, 2)
-        In-plane deformation gradient F = dx/dX at the points, in mesh coordinates.
-    name : str
-        One of `CAMERA_PARAMETERS`, or of the camera's motion.
-    later : Camera, optional
-        The camera of the deformed frame, where it moves.
+        Returns
+        -------
+        phi : array (n, 2), px per unit of the parameter
+        """
+        x = _plane(points)
+        y = x + _plane(u)
+        later = self if later is None else later
+        changed = later.parameter_jacobian(y, name)
+        if self.motion is not None and name in self.motion.names:
+            return changed  # the reference frame does not move
+        at_reference = np.linalg.solve(self.jacobian(x), self.parameter_jacobian(x, name)[:, :, None])
+        return changed - (later.jacobian(y) @ np.asarray(gradient)[:, :2, :2] @ at_reference)[:, :, 0]
 
-    Returns
-    -------
-    phi : array (n, 2), px per unit of the parameter
-    """
-    x = _plane(points)
-    y = x + _plane(u)
-    later = camera if later is None else later
-    changed = later.parameter_jacobian(y, name)
-    if camera.motion is not None and name in camera.motion.names:
-        return changed  # the reference frame does not move
-    at_reference = np.linalg.solve(camera.jacobian(x), camera.parameter_jacobian(x, name)[:, :, None])
-    return changed - (later.jacobian(y) @ np.asarray(gradient)[:, :2, :2] @ at_reference)[:, :, 0]
+    def normal_sign(self) -> float:
+        """+1 where the third axis of the mesh points along the normal of measured points, -1 against it.
 
-
-def normal_sign(camera: Camera) -> float:
-    """+1 where the third axis of the mesh points along the normal of measured points, -1 against it.
-
-    Both systems are right-handed; rows count downwards.
-    """
-    return -float(np.sign(np.linalg.det(camera.jacobian(np.zeros((1, 2)))[0])))
+        Both systems are right-handed; rows count downwards.
+        """
+        return -float(np.sign(np.linalg.det(self.jacobian(np.zeros((1, 2)))[0])))
 
 
 def _plane(points):

@@ -46,6 +46,22 @@ class Spline:
     def nbytes(self) -> int:
         return self.coefficients.nbytes
 
+    def evaluate(self, points: np.ndarray) -> np.ndarray:
+        """Grey values at sub-pixel positions  # points (n, 2) (column, row) px -> (n,), nan outside the image"""
+        return _sample(self, points)[:, 0]
+
+    def gradient(self, points: np.ndarray) -> np.ndarray:
+        """Spline gradient d/d(column), d/d(row)  # points (n, 2) px -> (n, 2) GV/px, nan outside the image"""
+        return _sample(self, points)[:, 1:]
+
+    def gradient_at_pixels(self, ix: np.ndarray, iy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Spline gradient at whole pixels (columns ix, rows iy), fast  # (n,) int32 -> two (n,) float32, GV/px"""
+        polynomials = _WEIGHTS[self.degree]
+        gx, gy = np.empty(len(ix), dtype=np.float32), np.empty(len(ix), dtype=np.float32)
+        taps = self.degree  # at fraction 0 the last tap has no weight
+        _sample_gradients(self.coefficients, polynomials[0, :taps], polynomials[1, :taps], ix, iy, gx, gy)
+        return gx, gy
+
 
 def prefilter(image: np.ndarray, degree: int = 3, lowpass_px: float = 0.0) -> Spline:
     """The interpolating spline of an image, after a low-pass where `lowpass_px` is not 0 (mirror boundary, float32).
@@ -74,25 +90,6 @@ def prefilter(image: np.ndarray, degree: int = 3, lowpass_px: float = 0.0) -> Sp
                          found=f"{np.count_nonzero(~np.isfinite(image))} px of nan or inf",
                          remedy="replace them and leave them out with a mask")
     return Spline(spline_coefficients(image, degree, lowpass_weights(lowpass_px)), degree, lowpass_px)
-
-
-def evaluate(spline: Spline, points: np.ndarray) -> np.ndarray:
-    """Grey values at sub-pixel positions  # points (n, 2) (column, row) px -> (n,), nan outside the image"""
-    return _sample(spline, points)[:, 0]
-
-
-def gradient(spline: Spline, points: np.ndarray) -> np.ndarray:
-    """Spline gradient d/d(column), d/d(row)  # points (n, 2) px -> (n, 2) GV/px, nan outside the image"""
-    return _sample(spline, points)[:, 1:]
-
-
-def gradient_at_pixels(spline: Spline, ix: np.ndarray, iy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Spline gradient at whole pixels (columns ix, rows iy), fast  # (n,) int32 -> two (n,) float32, GV/px"""
-    polynomials = _WEIGHTS[spline.degree]
-    gx, gy = np.empty(len(ix), dtype=np.float32), np.empty(len(ix), dtype=np.float32)
-    taps = spline.degree  # at fraction 0 the last tap has no weight
-    _sample_gradients(spline.coefficients, polynomials[0, :taps], polynomials[1, :taps], ix, iy, gx, gy)
-    return gx, gy
 
 
 def noise_gain(*fractions: np.ndarray, degree: int = 3, lowpass_px: float = 0.0) -> np.ndarray:

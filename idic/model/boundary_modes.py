@@ -18,7 +18,7 @@ import scipy
 from numpy.polynomial import legendre
 
 from idic.errors import InputError
-from idic.fe import CORNER_COSINE, Mesh, boundary_paths
+from idic.fe import CORNER_COSINE, Mesh
 
 MODE_DEGREE = 3
 
@@ -91,7 +91,7 @@ def edge_pieces(mesh: Mesh, nodes: np.ndarray) -> list[Piece]:
         return []
     place = {int(node): i for i, node in enumerate(nodes)}
     pieces, n_covered = [], 0
-    for path in boundary_paths(mesh):
+    for path in mesh.boundary_paths():
         inside = np.array([node in place for node in path])
         n_covered += int(inside.sum())
         if inside.all():

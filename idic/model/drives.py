@@ -11,9 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe import (
-    boundary_faces, face_set_nodes, followed, normal_axis, second_differences, seen_first,
-)
+from idic.fe import followed, normal_axis, second_differences, seen_first
 from idic.images import PlacedCamera
 from idic.model.boundary_modes import edge_shapes, time_courses
 from idic.model.records.experiment import Experiment
@@ -321,7 +319,7 @@ class _Builder:
     def _require_edge(self, stem: str, nodes: np.ndarray) -> None:
         """Refuse measured nodes inside the body: the simulation determines their motion."""
         mesh = self.experiment.model.mesh
-        inside = np.setdiff1d(nodes, face_set_nodes(mesh, boundary_faces(mesh)))
+        inside = np.setdiff1d(nodes, mesh.face_set_nodes(mesh.boundary_faces()))
         if len(inside):
             raise InputError("a measured motion inside the body", file="experiment.toml", key=stem,
                              expected="a set of nodes on the edge of the mesh",

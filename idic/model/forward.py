@@ -16,7 +16,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.fe import (
     Constraints, Control, Direction, FrameState, Loads, Body, Motion, PathControl, Reaction, Section, StepList,
-    dead_pressure, face_area, increments_to_try, march, march_extrapolated, superposed, traction, validate, with_seams,
+    dead_pressure, face_area, increments_to_try, march, march_extrapolated, superposed, traction, with_seams,
     without_time_error,
 )
 from idic.laws import EXPANSION, compile as compile_law
@@ -367,7 +367,7 @@ def build_forward(experiment: Experiment) -> ForwardModel | ExternalForward:
         channels=_reactions(model),
         locking=experiment.options.locking, surface_side=experiment.surface_side,
         control=path_control(model, drives))
-    validate(body, len(histories))
+    body.validate(len(histories))
     warmed = any(f"{section.name}.{EXPANSION.name}" in model.parameters
                  or section.law.spec.temperature is not None
                  for section in sections)

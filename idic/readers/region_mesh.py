@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe import Block, Mesh, boundary_edges, cell_type, face_set_nodes, make_mesh, shape_gradients
+from idic.fe import Block, Mesh, make_mesh
 
 MAX_ELEMENTS = 500_000  # of a mesh that idic makes, in half a minute: 3 million equations, ten times what was measured
 _MIN_ELEMENT_SIZE_KEPT = 0.25  # relative to the original size, after a node moves onto a hole
@@ -120,7 +120,7 @@ def _on_rectangle(points: np.ndarray, roi) -> np.ndarray:
 def _follow_holes(mesh: Mesh, holes, roi, size: float) -> np.ndarray:
     """The nodes with those of the hole edges on the circles, except where an element would degenerate."""
     nodes, moved = mesh.nodes, mesh.nodes.copy()
-    candidates = np.unique(np.concatenate([face_set_nodes(mesh, loop) for loop in boundary_edges(mesh)]))
+    candidates = np.unique(np.concatenate([mesh.face_set_nodes(loop) for loop in mesh.boundary_edges()]))
     candidates = candidates[~_on_rectangle(nodes[candidates], roi)]
     for cx, cy, radius in holes:
         offset = nodes[candidates] - (cx, cy)
@@ -139,12 +139,12 @@ def _follow_holes(mesh: Mesh, holes, roi, size: float) -> np.ndarray:
 
 
 def _smallest_jacobian(nodes: np.ndarray, block: Block) -> np.ndarray:
-    gradients = shape_gradients(block.cell, cell_type(block.cell).reference_nodes)
+    gradients = block.kind.shape_gradients(block.kind.reference_nodes)
     return np.linalg.det(np.einsum("eai,qaj->eqij", nodes[block.connectivity], gradients)).min(axis=1)
 
 
 def _with_sets(mesh: Mesh, roi, holes, size: float, down: bool) -> Mesh:
-    faces = np.concatenate(boundary_edges(mesh))
+    faces = np.concatenate(mesh.boundary_edges())
     ends = np.array([mesh.nodes[mesh.face_nodes(face)] for face in faces])  # (n, 2, 2)
     tolerance = 1e-9 * max(roi[2] - roi[0], roi[3] - roi[1])
     sides = {"LEFT": (0, roi[0]), "RIGHT": (0, roi[2]), "TOP": (1, roi[1] if down else roi[3]),
@@ -155,6 +155,6 @@ def _with_sets(mesh: Mesh, roi, holes, size: float, down: bool) -> Mesh:
     for number, (cx, cy, radius) in enumerate(holes, 1):
         on[f"HOLE{number}"] = ~on["OUTER"] & (np.abs(np.hypot(*(middle - (cx, cy)).T) - radius) < 1.5 * size)
     edge_sets = {name: faces[inside] for name, inside in on.items() if inside.any()}
-    node_sets = {name: face_set_nodes(mesh, inside) for name, inside in edge_sets.items()}
+    node_sets = {name: mesh.face_set_nodes(inside) for name, inside in edge_sets.items()}
     return Mesh(mesh.nodes, mesh.blocks, node_sets, {"ALL": np.arange(mesh.n_elements)}, edge_sets, mesh.node_labels,
                 mesh.element_labels)

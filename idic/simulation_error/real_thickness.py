@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.fe import Mesh, Morph, boundary_faces, cell_edges, make_mesh, n_face_corners
+from idic.fe import cell_type, make_mesh, Mesh, Morph
 from idic.model import (
     Channel, Constant, Controlled, Experiment, Measured, Model, Parametrised, Prescribed, Temperature, TemperatureField,
     mode_shapes, set_nodes,
@@ -111,8 +111,8 @@ def extruded(sheet: Mesh, depth: float) -> Mesh:
 
 def _face_sets(sheet: Mesh, solid: Mesh) -> dict[str, np.ndarray]:
     """The seen surface, and the faces behind every edge set of the sheet  # each (n, 2) [element, local face]"""
-    front, faces = in_front(sheet, solid), boundary_faces(solid)
-    corners = n_face_corners(solid.blocks[0].cell)
+    front, faces = in_front(sheet, solid), solid.boundary_faces()
+    corners = solid.blocks[0].kind.n_face_corners
     places = [front[solid.face_nodes(face)[:corners]] for face in faces]
     on_surface = [bool((solid.face_nodes(face) < sheet.n_nodes).all()) for face in faces]
     upright: dict[frozenset[int], list[int]] = {}
@@ -168,7 +168,7 @@ def _tetrahedra(cells: np.ndarray, bottom: np.ndarray, half: np.ndarray, top: np
     tetrahedra = []
     for corners_of_tet in DIVIDED_PRISM:
         nodes = [(bottom, top)[level][corners[:, corner]] for corner, level in corners_of_tet]
-        for i, j in cell_edges("tet4"):
+        for i, j in cell_type("tet4").edges:
             (start, low), (end, high) = corners_of_tet[i], corners_of_tet[j]
             edge = (min(start, end), max(start, end))
             on = corners[:, start] if start == end else middles[:, TRIANGLE_EDGES.index(edge)]

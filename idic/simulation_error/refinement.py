@@ -14,10 +14,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from idic.errors import InputError
-from idic.fe import (
-    Mesh, can_halve, can_raise_order, cell_edges, cell_type, curved, halve, is_raised_by_default, quadrature_rule,
-    raise_order, shape_functions, shape_gradients,
-)
+from idic.fe import Mesh, can_halve, can_raise_order, curved, halve, is_raised_by_default, raise_order
 from idic.model import DriveTable, Experiment, Parametrised, Prescribed, TemperatureField, build_drives, set_nodes
 
 RAISED = "quadratic elements"  # in the place of linear ones
@@ -113,12 +110,12 @@ def projection(mesh: Mesh, carry: sparse.csr_array) -> Callable[[np.ndarray], np
     """
     values, weights = [], []
     for block in mesh.blocks:
-        xi, w = quadrature_rule(block.cell)
-        n, (q, nodes) = block.n_elements, shape_functions(block.cell, xi).shape
-        jacobians = np.einsum("qad,eai->eqdi", shape_gradients(block.cell, xi), mesh.nodes[block.connectivity])
+        xi, w = block.kind.quadrature_rule()
+        n, (q, nodes) = block.n_elements, block.kind.shape_functions(xi).shape
+        jacobians = np.einsum("qad,eai->eqdi", block.kind.shape_gradients(xi), mesh.nodes[block.connectivity])
         weights.append((w * np.abs(np.linalg.det(jacobians))).ravel())
         columns = np.repeat(block.connectivity[:, None], q, axis=1).ravel()
-        values.append(sparse.csr_array((np.tile(shape_functions(block.cell, xi).ravel(), n), columns,
+        values.append(sparse.csr_array((np.tile(block.kind.shape_functions(xi).ravel(), n), columns,
                                         np.arange(0, n * q * nodes + 1, nodes)), shape=(n * q, mesh.n_nodes)))
     at_points = sparse.vstack(values, format="csr")
     coarse = (at_points @ carry).tocsr()
@@ -151,8 +148,8 @@ def _midpoints(n_old: int, fine: Mesh) -> sparse.csr_array:
     rows, columns = [], []
     ends: dict[int, tuple[int, int]] = {}
     for block in fine.blocks:
-        cell = cell_type(block.cell)
-        pairs = cell_edges(block.cell)
+        cell = block.kind
+        pairs = block.kind.edges
         for nodes in block.connectivity.tolist():
             ends.update({nodes[cell.n_corners + i]: (nodes[a], nodes[b]) for i, (a, b) in enumerate(pairs)})
     for node, pair in ends.items():

@@ -13,7 +13,6 @@ import numpy as np
 from idic.correlation import camera_at, channel_values, is_section, view_of
 from idic.errors import InputError
 from idic.experiment_file import DesignTable, locate, read_toml, recorded, to_toml, with_copied_images, with_overrides
-from idic.fe import surface_cells
 from idic.images import AnyCamera, PlacedCamera, sensor_levels
 from idic.model import (
     Column, Controlled, Experiment, ForwardModel, Measured, Model, Parametrised, build_forward, rates_since_reference,
@@ -163,7 +162,7 @@ def _images(experiment: Experiment, camera: AnyCamera, motion: Sequence[np.ndarr
         texture = stated_speckle(camera, sensor.shape, planned.speckle_px, planned.contrast_gv)(speckle_rng, 2.0**bits)
     else:
         texture = medium_speckle(camera, sensor.shape)(speckle_rng, 2.0**bits)
-    cells = surface_cells(mesh, model.surface)
+    cells = mesh.surface_cells(model.surface)
     for frame, u in enumerate(motion):
         yield from render([u], mesh.nodes, cells, camera.at(frame), texture, sensor, camera_rng, rise)
 

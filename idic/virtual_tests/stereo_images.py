@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from idic.experiment_file import DesignTable
-from idic.fe import Mesh, boundary_faces, face_cells, surface_cells
+from idic.fe import Mesh
 from idic.identification import DOT_SIGMA_PER_SPECKLE
 from idic.images import AnyCamera, PlacedCamera
 from idic.virtual_tests.rendering.render import Sensor, record
@@ -24,11 +24,11 @@ def scene_of(mesh: Mesh, surface: str | None) -> Scene:
     without."""
     if mesh.n_dim == 2:
         nodes = np.column_stack([mesh.nodes, np.zeros(mesh.n_nodes)])
-        return Scene(nodes, surface_cells(mesh), closed=False)
+        return Scene(nodes, mesh.surface_cells(), closed=False)
     painted = {tuple(face) for face in np.asarray(mesh.edge_sets[surface]).tolist()}
-    unpainted = [face for face in boundary_faces(mesh).tolist() if tuple(face) not in painted]
-    bare = face_cells(mesh, np.array(unpainted, dtype=np.int64)) if unpainted else []
-    return Scene(mesh.nodes, surface_cells(mesh, surface), bare)
+    unpainted = [face for face in mesh.boundary_faces().tolist() if tuple(face) not in painted]
+    bare = mesh.face_cells(np.array(unpainted, dtype=np.int64)) if unpainted else []
+    return Scene(mesh.nodes, mesh.surface_cells(surface), bare)
 
 
 def common_speckle(cameras: Sequence[AnyCamera], rng: np.random.Generator, levels: float,

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from idic.fe import Constraints, Mesh, Body, Reaction, Section, boundary_faces, face_cells, march
+from idic.fe import Constraints, Mesh, Body, Reaction, Section, march
 from idic.images import PinholeCamera
 from idic.laws import compile as compile_law
 from idic.virtual_tests.experiment_files import empty_folder, write_images, write_loads, write_truth
@@ -136,7 +136,7 @@ class PlateTest:
         true, grip = size.true_mesh, _grip_motion(*size.frames)
         u, force = _solve(true, grip, increments)
         front, bare = true.edge_sets["FRONT"], true.edge_sets["REST"]
-        return cls(Scene(true.nodes, face_cells(true, front), face_cells(true, bare)), u, grip, force,
+        return cls(Scene(true.nodes, true.face_cells(front), true.face_cells(bare)), u, grip, force,
                    Rig.around(size.shape, size.pixel, size.distance, size.angles), size.user_mesh, size)
 
     def write(self, folder: Path, noise: float | None = None, seed: int = 0,
@@ -172,7 +172,7 @@ def _plate(around: int, radial: int, along: int, layers: int) -> Mesh:
     """The plate of hex20, its front at z = 0, the hole round; sets LEFT, RIGHT, BODY, faces FRONT, REST."""
     flat = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", around, radial, along)
     mesh = layered(flat, np.linspace(-THICKNESS, 0.0, layers + 1))
-    faces = boundary_faces(mesh)
+    faces = mesh.boundary_faces()
     on_front = np.array([np.abs(mesh.nodes[mesh.face_nodes(face), 2]).max() < 1e-9 for face in faces])
     return replace(mesh, edge_sets={"FRONT": faces[on_front], "REST": faces[~on_front]})
 

@@ -18,7 +18,6 @@ import pytest
 
 from idic.correlation import build_point_map
 from idic.experiment_file import load_experiment
-from idic.fe import surface_cells
 from idic.model import build_forward, solve
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow]
@@ -98,7 +97,7 @@ def solution(folder) -> tuple[np.ndarray, float]:
         boundary=GRIPS, force="force_N") + "noise_std = 1.0\n")
     experiment = load_experiment(folder)
     solved = solve(build_forward(experiment), experiment.model.parameters)
-    pm = build_point_map(experiment.model.mesh.nodes, surface_cells(experiment.model.mesh, None),
+    pm = build_point_map(experiment.model.mesh.nodes, experiment.model.mesh.surface_cells(None),
                          experiment.model.camera,
                          experiment.recording.points.positions_px, experiment.recording.points.shape)
     u = np.full((len(at), 2), np.nan)

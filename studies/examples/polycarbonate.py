@@ -8,7 +8,7 @@ from string import Template
 
 import numpy as np
 
-from idic.fe import Block, Mesh, surface_cells
+from idic.fe import Block, Mesh
 from idic.images import Camera, sparse_speckle
 from idic_studies.examples.polycarbonate_model import (
     FULL_MESH,
@@ -128,7 +128,7 @@ def _both_halves(mesh: Mesh, u: np.ndarray) -> tuple[np.ndarray, tuple[Block, ..
     """In-plane nodes, visible faces and motion of the whole length: the camera sees across the plane of symmetry."""
     mirror = np.array([-1.0, 1.0])
     nodes = np.vstack([mesh.nodes[:, :2], mirror * mesh.nodes[:, :2]])
-    (block,) = surface_cells(mesh, "FRONT")
+    (block,) = mesh.surface_cells("FRONT")
     mirrored_cells = block.connectivity[:, ::-1] + mesh.n_nodes  # mirrored cells run the other way round
     connectivity = np.vstack([block.connectivity, mirrored_cells])
     return (nodes, (Block(block.cell, np.ascontiguousarray(connectivity), 0),),

@@ -11,7 +11,7 @@ from string import Template
 
 import numpy as np
 
-from idic.fe import Direction, Mesh, Body, Reaction, Section, boundary_faces, constrain, dofs_of, make_mesh, march
+from idic.fe import Direction, Mesh, Body, Reaction, Section, constrain, dofs_of, make_mesh, march
 from idic.laws import compile as compile_law
 
 HALF_LENGTH, WIDTH, HALF_THICKNESS = 50.0, 21.0, 0.25  # mm
@@ -102,7 +102,7 @@ def strip_mesh(n: Divisions) -> Mesh:
     sets = {"MIDDLE": np.flatnonzero(nodes[:, 0] == 0.0), "GRIP": np.flatnonzero(nodes[:, 0] == HALF_LENGTH),
             "MIDPLANE": np.flatnonzero(nodes[:, 2] == 0.0)}
     bare = make_mesh(nodes, [("hex8", cells)])
-    front = np.array([f for f in boundary_faces(bare) if np.all(nodes[bare.face_nodes(f), 2] == HALF_THICKNESS)])
+    front = np.array([f for f in bare.boundary_faces() if np.all(nodes[bare.face_nodes(f), 2] == HALF_THICKNESS)])
     return make_mesh(nodes, [("hex8", cells)], node_sets=sets, element_sets={"strip": np.arange(len(cells))},
                      edge_sets={"FRONT": front})
 

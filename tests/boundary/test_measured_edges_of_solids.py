@@ -14,7 +14,7 @@ from notched_tube import tube  # noqa: E402
 from idic.measure import boundary_start, surface_motion, with_boundary_start
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
-from idic.fe import face_cells, face_set_nodes, followed, normal_axis, second_differences, seen_first
+from idic.fe import followed, normal_axis, second_differences, seen_first
 from idic.identification import identify, measured_start, motion_in_space, needs_motion_in_space
 from idic.images import rotation_of
 from idic.model import Measured, Parametrised, Prescribed, boundary_parameters, build_drives, set_nodes
@@ -33,7 +33,7 @@ def stretched(nodes, amount):
 @pytest.fixture(scope="module")
 def experiment(tmp_path_factory):
     true = SIZE.true_mesh
-    scene = Scene(true.nodes, face_cells(true, true.edge_sets["FRONT"]), face_cells(true, true.edge_sets["REST"]))
+    scene = Scene(true.nodes, true.face_cells(true.edge_sets["FRONT"]), true.face_cells(true.edge_sets["REST"]))
     frames = np.array([0.0, 1.0, 1.0])
     test = PlateTest(scene, np.array([stretched(true.nodes, amount) for amount in frames]), 0.0 * frames, 0.0 * frames,
                      Rig.around(SIZE.shape, SIZE.pixel, SIZE.distance, (-15.0, 15.0)), SIZE.user_mesh, SIZE)
@@ -123,7 +123,7 @@ def test_on_a_tube_hidden_nodes_carry_on_every_linear_motion_of_the_seen_ones(ex
                                         model=replace(experiment.model, mesh=mesh, parameters=ParameterSet(()))))
     assert normal_axis(mesh, "FRONT") is None
     drives, nodes = build_drives(curved), mesh.node_sets["RIGHT"]
-    seen = nodes[np.isin(nodes, face_set_nodes(mesh, mesh.edge_sets["FRONT"]))]
+    seen = nodes[np.isin(nodes, mesh.face_set_nodes(mesh.edge_sets["FRONT"]))]
     assert 0 < len(seen) < len(nodes) and len(drives.local) == 3 * len(seen)
     gradient = np.random.default_rng(2).normal(size=(3, 3))
     linear = np.array([0.3, -0.1, 0.2]) + mesh.nodes @ gradient.T
@@ -169,7 +169,7 @@ def test_check_says_where_a_measured_edge_holds_the_thickness(experiment):
             for test in (experiment, curved, leaning)]
     assert said[:2] == ["", ""] and "measured edge RIGHT" in said[2] and "fixes the thickness" in said[2]
     drives, nodes = build_drives(leaning), leaning.model.mesh.node_sets["RIGHT"]
-    front = nodes[np.isin(nodes, face_set_nodes(flat, flat.edge_sets["FRONT"]))]
+    front = nodes[np.isin(nodes, flat.face_set_nodes(flat.edge_sets["FRONT"]))]
     assert len(drives.local) == 3 * len(front) and drives.basis.shape[0] >= 3 * len(nodes)
     # however the seen nodes move, the hidden ones move along the normal as those before them
     amount = np.zeros(drives.basis.shape[1])

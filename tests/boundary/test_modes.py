@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.fe import boundary_edges, face_set_nodes, make_mesh, raise_order
+from idic.fe import make_mesh, raise_order
 from idic.model.boundary_modes import edge_pieces, edge_shapes, time_courses
 
 
@@ -27,7 +27,7 @@ def ring(n=40):
 
 
 def rim(mesh, which=0):
-    return np.random.default_rng(0).permutation(face_set_nodes(mesh, boundary_edges(mesh)[which]))
+    return np.random.default_rng(0).permutation(mesh.face_set_nodes(mesh.boundary_edges()[which]))
 
 
 def misfit(shapes, motion):

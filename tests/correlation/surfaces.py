@@ -33,9 +33,8 @@ def hexes(shape, n):
 
 def faces_where(mesh, chosen):
     """Boundary faces whose nodes all satisfy `chosen`(points)."""
-    from idic.fe import boundary_faces
 
-    return np.array([f for f in boundary_faces(mesh) if chosen(mesh.nodes[mesh.face_nodes(f)]).all()])
+    return np.array([f for f in mesh.boundary_faces() if chosen(mesh.nodes[mesh.face_nodes(f)]).all()])
 
 
 def tube(radius=5.0, wall=1.0, length=12.0, around=24, along=4):

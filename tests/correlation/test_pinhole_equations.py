@@ -7,10 +7,9 @@ import pytest
 from pictures import SHAPE, Texture, grid, with_middles
 from surfaces import CAMERA, placed, tube
 
-from idic.correlation import PinholeView, build_reference, nodal_equations, residual_map
+from idic.correlation import build_ray_map, build_reference, nodal_equations, PinholeView, residual_map
 from correlation.pinhole_pixel_equations import pinhole_normal_equations
-from idic.correlation import build_ray_map
-from idic.fe import make_mesh, nodal_deformation, surface_cells
+from idic.fe import make_mesh, nodal_deformation
 from idic.images import RigidMotion, prefilter
 
 TUBE_CAMERA = placed((5.0, 12.0, 3.0), distance=80.0, focal=1100.0, k1=-0.1, p1=1e-3)
@@ -36,7 +35,7 @@ def smooth(nodes, seed, size=0.05):
 def case(name, n=6):
     mesh, surface, camera = (plate(n), None, CAMERA) if name == "plate" else (tube(), "OUT", TUBE_CAMERA)
     texture = Texture()
-    found = build_ray_map(mesh, surface_cells(mesh, surface), camera, SHAPE, surface=surface)
+    found = build_ray_map(mesh, mesh.surface_cells(surface), camera, SHAPE, surface=surface)
     f, g = texture.picture(), texture.picture(gradient=np.array([[1.03, 0.02], [0.0, 0.98]]), shift=(0.6, -0.4))
     return mesh, surface, camera, build_reference(found, f, 5), f, g
 
@@ -108,7 +107,7 @@ def test_the_column_of_a_camera_parameter_is_the_change_of_the_position_at_fixed
             "p2": 1e-3}.get(parameter, 0.01)
     for sign in (1, -1):
         changed = camera.with_parameters({parameter: value + sign * step})
-        found = build_ray_map(mesh, surface_cells(mesh, surface), changed, SHAPE, surface=surface)
+        found = build_ray_map(mesh, mesh.surface_cells(surface), changed, SHAPE, surface=surface)
         space = mesh.nodes if mesh.n_dim == 3 else np.column_stack([mesh.nodes, 0 * mesh.nodes[:, 0]])
         at = found.interpolate(space + u)
         positions.append([found.to_image(p) for p in changed.project(at).T])

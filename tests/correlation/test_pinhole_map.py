@@ -7,7 +7,7 @@ from surfaces import CAMERA, box, placed, tube
 
 from idic.correlation import build_ray_map
 from idic.errors import InputError
-from idic.fe import Mesh, surface_cells
+from idic.fe import Mesh
 
 SHAPE = (90, 130)
 
@@ -16,7 +16,7 @@ SHAPE = (90, 130)
 def test_the_point_of_a_pixel_is_projected_onto_the_pixel(kind):
     nodes, blocks = make_mesh(kind)
     mesh = Mesh(nodes, tuple(blocks))
-    found = build_ray_map(mesh, surface_cells(mesh), CAMERA, SHAPE)
+    found = build_ray_map(mesh, mesh.surface_cells(), CAMERA, SHAPE)
     points = found.interpolate(np.column_stack([nodes, np.zeros(len(nodes))]))
     # (a, b) are float32: 1e-7 of an element of 20 px
     assert np.abs(CAMERA.project(points) - found.points()).max() < 2e-5
@@ -26,7 +26,7 @@ def test_the_point_of_a_pixel_is_projected_onto_the_pixel(kind):
 def test_a_tube_owns_the_pixels_of_its_near_side_only():
     mesh = tube()
     camera = placed((0.0, 0.0, 0.0), distance=80.0, focal=1200.0, centre=(64.5, 44.5))
-    found = build_ray_map(mesh, surface_cells(mesh, "OUT"), camera, SHAPE, surface="OUT")
+    found = build_ray_map(mesh, mesh.surface_cells("OUT"), camera, SHAPE, surface="OUT")
     points = found.interpolate(mesh.nodes)
     assert np.abs(camera.project(points) - found.points()).max() < 2e-5
     to_camera = camera.effective.centre_mm - points
@@ -43,8 +43,8 @@ def test_a_tube_owns_the_pixels_of_its_near_side_only():
 def test_a_part_of_the_body_outside_the_seen_set_hides_what_is_behind_it():
     front = box()
     camera = placed((0.0, 35.0, 0.0), distance=120.0, focal=1500.0, centre=(64.5, 44.5))
-    alone = build_ray_map(front, surface_cells(front, "FLOOR"), camera, SHAPE)
-    hidden = build_ray_map(front, surface_cells(front, "FLOOR"), camera, SHAPE, surface="FLOOR")
+    alone = build_ray_map(front, front.surface_cells("FLOOR"), camera, SHAPE)
+    hidden = build_ray_map(front, front.surface_cells("FLOOR"), camera, SHAPE, surface="FLOOR")
     # the wall of height 2 on one side of the floor covers 2 tan(35 deg) = 1.4 of its 8 mm
     assert 0.1 < 1.0 - hidden.n_pixels / alone.n_pixels < 0.25
     points = hidden.interpolate(front.nodes)
@@ -55,4 +55,4 @@ def test_a_mesh_behind_the_camera_is_refused():
     nodes, blocks = make_mesh("quad4")
     mesh = Mesh(nodes, tuple(blocks))
     with pytest.raises(InputError, match="behind the camera"):
-        build_ray_map(mesh, surface_cells(mesh), placed((0.0, 0.0, 0.0), distance=-100.0), SHAPE)
+        build_ray_map(mesh, mesh.surface_cells(), placed((0.0, 0.0, 0.0), distance=-100.0), SHAPE)

@@ -10,7 +10,6 @@ from idic.measure import SeenInSpace, surface_motion
 from idic.measure.dic.surface_smoothing import surface_smoother
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
-from idic.fe import face_cells
 from idic.parameters import Parameter, ParameterSet
 from idic.virtual_tests import PlateSize, PlateTest, Rig, Scene
 
@@ -27,7 +26,7 @@ def motion(nodes, amount):
 @pytest.fixture(scope="module")
 def experiment(tmp_path_factory):
     true = SIZE.true_mesh
-    scene = Scene(true.nodes, face_cells(true, true.edge_sets["FRONT"]), face_cells(true, true.edge_sets["REST"]))
+    scene = Scene(true.nodes, true.face_cells(true.edge_sets["FRONT"]), true.face_cells(true.edge_sets["REST"]))
     frames = np.array([0.0, 0.0, 1.0])
     test = PlateTest(scene, np.array([motion(true.nodes, amount) for amount in frames]), 0.0 * frames, 0.0 * frames,
                      Rig.around(SIZE.shape, SIZE.pixel, SIZE.distance, (-15.0, 15.0)), SIZE.user_mesh, SIZE)

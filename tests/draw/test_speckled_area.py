@@ -10,7 +10,7 @@ from idic.draw.plan import end_names, first_sketch
 from idic.draw import speckled_area, texture_of
 from idic.draw.texture import noise_floor
 from idic.errors import InputError
-from idic.fe import face_set_nodes, mesh_polygon, segments_of
+from idic.fe import mesh_polygon, segments_of
 from idic.readers import open_stack
 
 
@@ -123,7 +123,7 @@ def test_a_disc_is_a_circle():
     sketch = first_sketch(outline, holes, shape)
     assert not holes and sketch["edge_names"] == {} and sketch["element_px"] == 32
     mesh = mesh_polygon(outline, holes, sketch["element_px"], quads=True)
-    rim = mesh.nodes[face_set_nodes(mesh, mesh.edge_sets["OUTER"])] - outline[:2]
+    rim = mesh.nodes[mesh.face_set_nodes(mesh.edge_sets["OUTER"])] - outline[:2]
     assert np.allclose(np.hypot(*rim.T), outline[2])
 
 

@@ -11,7 +11,6 @@ import tifffile
 from experiment_file.small_experiment import TOML, change, inp_text, load, load_experiment, write_experiment
 from idic.errors import InputError
 from idic.experiment_file import load_experiment as load_with_its_defaults
-from idic.fe import boundary_faces, check_elements
 from idic.model import Column, Constant, Measured, Parametrised
 
 
@@ -272,8 +271,8 @@ def test_every_hole_leaves_a_mesh_of_sound_elements(hole, tmp_path):
     toml = toml.replace('mesh = "mesh.inp"\nmesh_unit = "mm"',
                         f"mesh = {{ roi_px = [5, 5, 55, 45], element_px = 4, holes_px = [{list(hole)}] }}")
     e = load_with_its_defaults(write_experiment(tmp_path / "a", toml))  # checks that it is one piece
-    check_elements(e.model.mesh)
-    faces = boundary_faces(e.model.mesh)
+    e.model.mesh.check_elements()
+    faces = e.model.mesh.boundary_faces()
     ends = e.model.camera.project(e.model.mesh.nodes)[np.array([e.model.mesh.face_nodes(face)
                                                                 for face in faces])]  # corners, middle
     at = np.hypot(*(ends - hole[:2]).transpose(2, 0, 1))  # (n_faces, 3)

@@ -8,7 +8,6 @@ import pytest
 from experiment_file.small_experiment import TOML, write_experiment
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
-from idic.fe import boundary_faces, check_elements
 
 ROI = "roi_px = [10, 10, 50, 40], element_px = 10"
 OUTLINE = ("outline_px = [[10, 10], [50, 10], [50, 40], [10, 40]], element_px = 6, "
@@ -31,7 +30,7 @@ def volume_and_areas(mesh):
         corners = corners[:4 if len(corners) in (4, 8) else 3]
         return 0.5 * sum(np.cross(corners[k] - corners[0], corners[k + 1] - corners[0])
                          for k in range(1, len(corners) - 1)), corners.mean(axis=0)
-    total = sum(float(a @ c) for a, c in map(area, boundary_faces(mesh))) / 3.0
+    total = sum(float(a @ c) for a, c in map(area, mesh.boundary_faces())) / 3.0
     return total, {name: sum(area(face)[0] for face in faces) for name, faces in mesh.edge_sets.items()}
 
 
@@ -40,7 +39,7 @@ def volume_and_areas(mesh):
 def test_the_solid_has_the_outline_the_thickness_and_its_faces(tmp_path, plane, layers):
     mesh = load_experiment(folder(tmp_path, f"{plane}, through_mm = 1.5, layers = {layers}"),
                            {"options.element_order": "as_given"}).model.mesh
-    check_elements(mesh)
+    mesh.check_elements()
     volume, areas = volume_and_areas(mesh)
     assert mesh.nodes[:, 2].min() == -1.5 and mesh.nodes[:, 2].max() == 0.0
     assert set(np.unique(np.round(mesh.nodes[:, 2], 9))) == set(np.round(np.linspace(-1.5, 0.0, layers + 1), 9))

@@ -6,11 +6,7 @@ from itertools import permutations
 
 import numpy as np
 
-from idic.fe import cell_edges
-from idic.fe import (
-    Constraints, Control, Loads, Body, Section, boundary_faces, cell_type, constrain, dofs_of,
-    face_set_nodes, make_mesh, march, n_face_corners, quadrature_rule, shape_functions, shape_gradients,
-)
+from idic.fe import Body, cell_type, constrain, Constraints, Control, dofs_of, Loads, make_mesh, march, Section
 from idic.laws import compile
 
 SHARP = Control(tolerance=1e-12)  # difference quotients divide the solver's error by the step
@@ -45,7 +41,7 @@ def grid(cell: str, n, lengths=None, mapping=None):
         elif cell == "tri3":
             cells += [[c[0], c[1], c[2]], [c[0], c[2], c[3]]]
         elif cell == "hex20":
-            cells.append([*c, *(at(*np.mean([corners[a], corners[b]], axis=0)) for a, b in cell_edges("hex8"))])
+            cells.append([*c, *(at(*np.mean([corners[a], corners[b]], axis=0)) for a, b in cell_type("hex8").edges)])
         elif cell == "quad8":
             cells.append([*c, at(0.5, 0), at(1, 0.5), at(0.5, 1), at(0, 0.5)])
         elif cell == "tri6":
@@ -66,7 +62,7 @@ def _six_tetrahedra(quadratic):
         corners = [np.zeros(3), order[0], order[0] + order[1], np.ones(3)]
         if np.linalg.det(np.array(order)) < 0:
             corners[1], corners[2] = corners[2], corners[1]
-        middles = [(corners[a] + corners[b]) / 2 for a, b in cell_edges("tet4")] if quadratic else []
+        middles = [(corners[a] + corners[b]) / 2 for a, b in cell_type("tet4").edges] if quadratic else []
         tets.append(corners + middles)
     return tets
 
@@ -81,8 +77,8 @@ def straight_sided(mesh):
     """Mid-side nodes back to the middle of their corners (a quad8 patch test needs straight edges)."""
     nodes = mesh.nodes.copy()
     for block in mesh.blocks:
-        for face in cell_type(block.cell).faces:
-            n = n_face_corners(block.cell)
+        for face in block.kind.faces:
+            n = block.kind.n_face_corners
             for k, middle in enumerate(face[n:]):
                 ends = block.connectivity[:, [face[k], face[(k + 1) % n]]]
                 nodes[block.connectivity[:, middle]] = nodes[ends].mean(axis=1)
@@ -90,7 +86,7 @@ def straight_sided(mesh):
 
 
 def outer_nodes(mesh):
-    return face_set_nodes(mesh, boundary_faces(mesh))
+    return mesh.face_set_nodes(mesh.boundary_faces())
 
 
 def where(mesh, condition):
@@ -99,7 +95,7 @@ def where(mesh, condition):
 
 def faces_where(mesh, condition):
     """Boundary faces whose nodes all satisfy the condition."""
-    faces = boundary_faces(mesh)
+    faces = mesh.boundary_faces()
     return np.array([f for f in faces if np.all(condition(*mesh.nodes[mesh.face_nodes(f)].T))])
 
 
@@ -150,7 +146,7 @@ def pressed_ring(mesh, kind, law="elastic", kinematics=None, pressure=1.0, n_fra
     if mesh.n_dim == 3:
         parts.append((np.arange(mesh.n_nodes), "z", 0.0))
     inner = np.abs(np.hypot(*mesh.nodes.T[:2]) - np.hypot(*mesh.nodes.T[:2]).min()) < 1e-6
-    faces = np.array([f for f in boundary_faces(mesh) if inner[mesh.face_nodes(f)].all()])
+    faces = np.array([f for f in mesh.boundary_faces() if inner[mesh.face_nodes(f)].all()])
     loads = Loads(pressure_faces=(faces,), pressure_histories=np.linspace(0, pressure, n_frames)[:, None])
     return body(mesh, kind, law, kinematics, held(mesh, parts, n_frames), loads=loads, **more)
 
@@ -159,8 +155,8 @@ def l2_error(mesh, u, exact):
     """L2 norm of u_h - u over the body, relative to that of u; `exact` maps (n, d) points to (n, d)."""
     error = size = 0.0
     for block in mesh.blocks:
-        xi, w = quadrature_rule(block.cell, 4)
-        N, dN = shape_functions(block.cell, xi), shape_gradients(block.cell, xi)
+        xi, w = block.kind.quadrature_rule(4)
+        N, dN = block.kind.shape_functions(xi), block.kind.shape_gradients(xi)
         X = np.einsum("qa,eak->eqk", N, mesh.nodes[block.connectivity])
         jac = np.linalg.det(np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], dN)) * w
         uh = np.einsum("qa,eak->eqk", N, u[block.connectivity])
@@ -174,7 +170,7 @@ def volume(mesh) -> float:
     """Of a solid, or the area of a plane mesh, by the quadrature of the elements."""
     total = 0.0
     for block in mesh.blocks:
-        points, weights = quadrature_rule(block.cell)
-        jac = np.einsum("eai,qaj->eqij", mesh.nodes[block.connectivity], shape_gradients(block.cell, points))
+        points, weights = block.kind.quadrature_rule()
+        jac = np.einsum("eai,qaj->eqij", mesh.nodes[block.connectivity], block.kind.shape_gradients(points))
         total += float((np.linalg.det(jac) * weights).sum())
     return total

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.fe import Control, Direction, check_elements, face_set_nodes, march, quadrature_rule
+from idic.fe import cell_type, Control, Direction, march
 from idic.readers import read_mesh_file, to_mesh
 from idic_studies.examples.bulge_mesh import BASE, FULL, REDUCED, bulge_mesh
 from idic_studies.examples.bulge_model import FIXED, TRUTH, bulge_model, bulge_test, directions, law_values
@@ -45,7 +45,7 @@ def scaled(values, **factors):
 @pytest.mark.parametrize("thickness", [0.002, 0.005])
 def test_the_mesh_has_its_sets_and_comes_back_from_its_file(columns, n_elements, n_nodes, thickness, tmp_path):
     mesh = bulge_mesh(thickness, columns)
-    check_elements(mesh)
+    mesh.check_elements()
     assert (mesh.n_elements, mesh.n_nodes) == (n_elements, n_nodes)
     write_inp(mesh, tmp_path / "mesh.inp", "bulge")
     again, notes = to_mesh(read_mesh_file(tmp_path / "mesh.inp"), 2, 1.0)
@@ -67,7 +67,7 @@ def test_the_top_runs_from_the_axis_to_the_clamp_and_steps_down_at_the_edge_of_t
 
 
 def test_the_membrane_takes_four_points_an_element():
-    assert len(quadrature_rule("quad8")[1]) == 4
+    assert len(cell_type("quad8").quadrature_rule()[1]) == 4
 
 
 # start and path -------------------------------------------------------------------------------------------
@@ -178,7 +178,7 @@ def test_at_full_size_rise_and_sensitivities_are_those_of_the_prototype(thicknes
         for frame, expected in RISE.items():
             assert height[frame] == pytest.approx(expected, abs=0.12)  # printed digits, and 0.2 px between meshes
     assert height[-1] == pytest.approx(90.1, abs=0.12)
-    top = face_set_nodes(test.mesh, test.mesh.edge_sets["TOP"])
+    top = test.mesh.face_set_nodes(test.mesh.edge_sets["TOP"])
     seen = top[test.mesh.nodes[top, 0] <= VIEW]
     largest = np.abs([state.du[seen, 1] for state in states]).max(axis=(0, 1)) * np.array(list(TRUTH.values())) / PX
     np.testing.assert_allclose(largest, SENSITIVITY_PX[thickness], rtol=0.03)  # printed to two digits

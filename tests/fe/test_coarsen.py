@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.fe import boundary_faces, check_elements, coarsen, make_mesh, quadrature_rule, shape_gradients
+from idic.fe import coarsen, make_mesh
 from idic_studies.examples.polycarbonate_model import Divisions, strip_mesh
 
 
 def volume(mesh, only=None):
     total = 0.0
     for block in mesh.blocks:
-        points, weights = quadrature_rule(block.cell)
-        jac = np.einsum("eai,qaj->eqij", mesh.nodes[block.connectivity], shape_gradients(block.cell, points))
+        points, weights = block.kind.quadrature_rule()
+        jac = np.einsum("eai,qaj->eqij", mesh.nodes[block.connectivity], block.kind.shape_gradients(points))
         sizes = np.linalg.det(jac) @ weights
         inside = np.ones(block.n_elements, bool) if only is None else np.isin(
             block.first + np.arange(block.n_elements), only)
@@ -37,7 +37,7 @@ def grid(columns, rows, cell="quad4", shuffled=None):
     left = np.flatnonzero(middle[:, 0] < 0.5)
     mesh = make_mesh(nodes, [(cell, cells)], node_sets={"TOP": np.flatnonzero(nodes[:, 1] == 1.0)},
                      element_sets={"left": left, "right": np.setdiff1d(np.arange(len(cells)), left)})
-    faces = boundary_faces(mesh)
+    faces = mesh.boundary_faces()
     right = np.array([face for face in faces if np.all(nodes[mesh.face_nodes(face), 0] == 1.0)])
     return replace(mesh, edge_sets={"RIGHT": right})
 
@@ -51,7 +51,7 @@ def length(mesh, faces):
 def test_a_rectangle_keeps_its_area_its_materials_and_its_sets(shuffled):
     mesh = grid(12, 8, shuffled=None if shuffled is None else np.random.default_rng(shuffled))
     found = coarsen(mesh, 24)
-    check_elements(found.mesh)
+    found.mesh.check_elements()
     assert 20 <= found.mesh.n_elements <= 24
     assert np.array_equal(found.mesh.nodes, mesh.nodes[found.nodes])
     assert volume(found.mesh) == pytest.approx(1.0)
@@ -80,12 +80,12 @@ def test_a_hole_stays_round_to_its_own_nodes():
     at = lambda i, j: j * 16 + i % 16  # noqa: E731
     cells = np.array([(at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)) for j in range(4) for i in range(16)])
     mesh = make_mesh(nodes, [("quad4", cells)], element_sets={"ring": np.arange(64)})
-    check_elements(mesh)
+    mesh.check_elements()
     found = coarsen(mesh, 8).mesh
-    check_elements(found)
+    found.check_elements()
     radii = np.linalg.norm(found.nodes, axis=1)
     assert found.n_elements < 64 and radii.min() == pytest.approx(1.0) and radii.max() == pytest.approx(2.0)
-    outline = np.linalg.norm(found.nodes[np.unique([found.face_nodes(f) for f in boundary_faces(found)])], axis=1)
+    outline = np.linalg.norm(found.nodes[np.unique([found.face_nodes(f) for f in found.boundary_faces()])], axis=1)
     assert np.all(np.isclose(outline, 1.0) | np.isclose(outline, 2.0))
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from idic.fe import (
-    Body, Constraints, Direction, Loads, Section, boundary_faces, cut_along, make_mesh, march, raise_order,
-    ring_around, tip_load, traction, with_seams,
+    Body, Constraints, Direction, Loads, Section, cut_along, make_mesh, march, raise_order, ring_around, tip_load,
+    traction, with_seams,
 )
 from idic.laws import compile as compile_law
 
@@ -39,7 +39,7 @@ def pulled_strip(n, tips, across, order=raise_order):
     """A strip 10 mm by 30 mm under 1 MPa with an edge crack; its states, mesh, cut and loads."""
     mesh, cut = cut_along(squares(10.0, 30.0, n), np.array([[0.0, across], [7.0, across]]))
     mesh = order(mesh)
-    ends = np.array([[face for face in boundary_faces(mesh) if np.allclose(mesh.nodes[mesh.face_nodes(face), 1], y)]
+    ends = np.array([[face for face in mesh.boundary_faces() if np.allclose(mesh.nodes[mesh.face_nodes(face), 1], y)]
                      for y in (0.0, 30.0)])
     force = traction(mesh, ends[1], [0.0, 1.0]) + traction(mesh, ends[0], [0.0, -1.0])
     corner, above = (int(np.argmin(np.abs(mesh.nodes - point).sum(axis=1))) for point in ([10.0, 0.0], [10.0, 30.0]))

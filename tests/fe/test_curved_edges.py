@@ -10,10 +10,7 @@ import numpy as np
 import pytest
 from fe_bodies import grid, volume
 
-from idic.fe import (
-    Mesh, boundary_faces, cell_type, check_elements, curved, follow_arcs, make_mesh, mesh_polygon, raise_order,
-    shape_gradients,
-)
+from idic.fe import Mesh, cell_type, curved, follow_arcs, make_mesh, mesh_polygon, raise_order
 from idic.virtual_tests import strip_with_hole
 
 RADIUS = 3.0
@@ -46,7 +43,7 @@ def test_the_hole_of_a_linear_mesh_becomes_a_circle_and_all_else_stays(cell):
     whole = 24.0 * 16.0 - np.pi * RADIUS**2
     # parabolas for arcs
     assert volume(straight) / whole - 1.0 > 8e-4 and volume(mesh) == pytest.approx(whole, rel=3e-6)
-    check_elements(mesh)
+    mesh.check_elements()
     assert curved(straight) is mesh  # made once: caches know meshes by their identity
 
 
@@ -84,7 +81,7 @@ def test_an_octagon_stays_one(n, is_round):
     mesh = curved(straight)
     assert (mesh is not straight) == is_round
     if is_round:
-        edge = boundary_faces(mesh)
+        edge = mesh.boundary_faces()
         radii = np.hypot(*mesh.nodes[[mesh.face_nodes(face)[2] for face in edge]].T)
         assert np.allclose(np.minimum(abs(radii - 3.0), abs(radii - 5.0)), 0.0, atol=1e-9)
 
@@ -109,7 +106,7 @@ def test_a_layer_thinner_than_the_arcs_keeps_straight_edges():
     mesh = curved(straight)
     moved = straight.nodes[(mesh.nodes != straight.nodes).any(axis=1)]
     assert len(moved) == 16 and np.hypot(*moved.T).min() > 4.5
-    check_elements(mesh)
+    mesh.check_elements()
 
 
 def test_linear_elements_are_refused():
@@ -172,7 +169,7 @@ def test_no_element_is_turned_over_between_its_integration_points():
     """A layer of 0.095 mm under arcs of 0.102 mm: sound at corners and integration points, not at middle nodes."""
     straight = raise_order(ring([3.0, 3.095, 4.0, 5.0], 12))
     mesh = curved(straight)
-    slopes = shape_gradients("quad8", cell_type("quad8").reference_nodes)
+    slopes = cell_type("quad8").shape_gradients(cell_type("quad8").reference_nodes)
     det = np.linalg.det(np.einsum("eai,qaj->eqij", mesh.nodes[mesh.blocks[0].connectivity], slopes))
     assert det.min() > 0.0
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.fe import boundary_edges, boundary_faces, check_elements, cut_along, make_mesh, raise_order
+from idic.fe import cut_along, make_mesh, raise_order
 
 
 def sheet(n=12):
@@ -41,8 +41,8 @@ def test_a_cut_mesh_is_whole_and_open_along_the_path(path):
     path = np.array(path, dtype=float)
     before = sheet()
     mesh, cut = cut_along(before, path)
-    check_elements(mesh)
-    check_elements(raise_order(mesh))
+    mesh.check_elements()
+    raise_order(mesh).check_elements()
     assert area(mesh) == pytest.approx(144.0)
     assert area(mesh, mesh.element_sets["LOW"]) == pytest.approx(72.0, abs=4.0)  # nodes moved onto the path
     assert set(mesh.element_sets["LOW"]) | set(mesh.element_sets["HIGH"]) == set(range(mesh.n_elements))
@@ -53,8 +53,8 @@ def test_a_cut_mesh_is_whole_and_open_along_the_path(path):
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(cut.path, axis=0), axis=1))])
     on_path = np.stack([np.interp(cut.place, along, axis) for axis in cut.path.T], axis=1)
     assert left == pytest.approx(on_path, abs=1e-9)
-    assert len(boundary_edges(mesh)) == (2 if inside else 1)
-    faces = len(boundary_faces(mesh)) - len(boundary_faces(before))
+    assert len(mesh.boundary_edges()) == (2 if inside else 1)
+    faces = len(mesh.boundary_faces()) - len(before.boundary_faces())
     assert faces == 2 * (len(cut.left_nodes) - 1) + int(not inside and cut.left_nodes[0] >= before.n_nodes)
 
 

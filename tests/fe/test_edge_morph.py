@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from idic.fe import (
-    Mesh, edges_by_name, face_set_nodes, free_edges, mesh_polygon, outward_velocity, quadrature_rule, raise_order,
-    shape_gradients,
-)
+from idic.fe import edges_by_name, free_edges, Mesh, mesh_polygon, outward_velocity, raise_order
 
 V = [[0.0, 0.0], [8.0, 4.0], [16.0, 0.0], [16.0, 20.0], [8.0, 16.0], [0.0, 20.0]]  # notched below and above
 
@@ -22,8 +19,8 @@ def notched(request) -> Mesh:
 def area(mesh: Mesh, nodes: np.ndarray) -> float:
     total = 0.0
     for block in mesh.blocks:
-        points, weights = quadrature_rule(block.cell)
-        jacobian = np.einsum("eai,qaj->eqij", nodes[block.connectivity], shape_gradients(block.cell, points))
+        points, weights = block.kind.quadrature_rule()
+        jacobian = np.einsum("eai,qaj->eqij", nodes[block.connectivity], block.kind.shape_gradients(points))
         total += float((np.linalg.det(jacobian) * weights).sum())
     return total
 
@@ -51,7 +48,7 @@ def test_straight_edges_stay_straight_and_corners_stay_on_the_lines_of_both(notc
     faces = notched.edge_sets["EDGE1"]  # from (0, 0) to (8, 4)
     moved = notched.nodes + 0.5 * outward_velocity(notched, faces)
     out = np.array([4.0, -8.0]) / np.hypot(4.0, 8.0)
-    np.testing.assert_allclose(moved[face_set_nodes(notched, faces)] @ out, 0.5, atol=1e-9)
+    np.testing.assert_allclose(moved[notched.face_set_nodes(faces)] @ out, 0.5, atol=1e-9)
     for name in ("EDGE2", "EDGE4", "EDGE5", "LEFT", "RIGHT", "HOLE1"):  # the others slide along themselves
         nodes = notched.node_sets[name]
         before, after = notched.nodes[nodes], moved[nodes]

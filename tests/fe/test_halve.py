@@ -5,7 +5,7 @@ import pytest
 from fe_bodies import volume
 
 from idic.errors import InputError
-from idic.fe import boundary_faces, can_halve, check_elements, halve, make_mesh, raise_order
+from idic.fe import can_halve, halve, make_mesh, raise_order
 from idic.virtual_tests import strip_with_hole
 
 
@@ -33,10 +33,10 @@ MESHES = {"linear": triangles, "quadratic": lambda: raise_order(triangles()), "b
 def test_the_body_stays_and_every_element_is_divided(name):
     coarse = MESHES[name]()
     fine = halve(coarse)
-    check_elements(fine.mesh)
+    fine.mesh.check_elements()
     assert fine.mesh.n_elements == coarse.n_elements * 2**coarse.n_dim
     assert volume(fine.mesh) == pytest.approx(volume(coarse), rel=1e-12)  # curved elements are mapped as before
-    assert len(boundary_faces(fine.mesh)) == len(boundary_faces(coarse)) * 2 ** (coarse.n_dim - 1)  # no cracks
+    assert len(fine.mesh.boundary_faces()) == len(coarse.boundary_faces()) * 2 ** (coarse.n_dim - 1)  # no cracks
     assert np.array_equal(fine.mesh.nodes[:coarse.n_nodes], coarse.nodes)
     distances = np.linalg.norm(fine.mesh.nodes[:, None] - fine.mesh.nodes[None], axis=2) + np.eye(fine.mesh.n_nodes)
     assert distances.min() > 1e-3  # no node twice
@@ -51,7 +51,7 @@ def test_sets_hold_the_same_parts_of_the_body(name):
     for key, members in coarse.edge_sets.items():
         assert len(fine.edge_sets[key]) == len(members) * 2 ** (coarse.n_dim - 1)
         for mesh, faces in ((coarse, members), (fine, fine.edge_sets[key])):
-            outer = set(map(tuple, boundary_faces(mesh).tolist()))
+            outer = set(map(tuple, mesh.boundary_faces().tolist()))
             assert all(tuple(face) in outer for face in faces.tolist())
     for key in coarse.node_sets:
         old, new = coarse.nodes[coarse.node_sets[key]], fine.nodes[fine.node_sets[key]]

@@ -10,10 +10,7 @@ import pytest
 from fe_bodies import grid
 
 from idic.errors import NotConverged
-from idic.fe import (
-    Morph, admissible, boundary_faces, check_elements, face_set_nodes, find_holes, make_mesh, morphed, on_circle,
-    raise_order, velocities,
-)
+from idic.fe import Morph, admissible, find_holes, make_mesh, morphed, on_circle, raise_order, velocities
 from idic.fe.mesh.morph import fit_circle, jacobian_ratios
 from idic.readers import roi_mesh
 from idic.virtual_tests import strip_with_hole
@@ -60,7 +57,7 @@ def test_the_rim_stays_a_circle_and_the_other_walls_stay(cell):
     assert outer.any() and np.array_equal(nodes[outer], mesh.nodes[outer])
     if mesh.n_dim == 3:
         assert np.array_equal(nodes[:, 2], mesh.nodes[:, 2])
-    check_elements(replace(mesh, nodes=nodes))
+    replace(mesh, nodes=nodes).check_elements()
 
 
 def test_the_velocity_obeys_the_maximum_principle_and_falls_with_the_distance_from_the_hole():
@@ -123,8 +120,8 @@ def test_a_circle_is_fitted_to_an_arc():
 
 def test_every_wall_of_a_hex_mesh_is_upright():
     mesh = strip("hex8")
-    faces = boundary_faces(mesh)
+    faces = mesh.boundary_faces()
     rim = find_holes(mesh)[0].rim
     assert len(rim) * 2 / 3 == pytest.approx(  # two layers of faces over three rings of nodes
         sum(np.isin(mesh.face_nodes(face), rim).all() for face in faces))
-    assert len(face_set_nodes(mesh, faces)) < mesh.n_nodes
+    assert len(mesh.face_set_nodes(faces)) < mesh.n_nodes

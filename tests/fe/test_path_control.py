@@ -12,7 +12,7 @@ from fe_bodies import SHARP, where
 from test_crack_band import LENGTH, STIFF, THRESHOLD, WEAKER, bar, damaging, work
 
 from idic.errors import InputError, NotConverged
-from idic.fe import Constraints, Direction, Loads, PathControl, boundary_faces, dofs_of, march, traction
+from idic.fe import Constraints, Direction, Loads, PathControl, dofs_of, march, traction
 from idic.laws import compile
 
 SOFTENING = 220.0  # the peak is at a strain of 0.0045, an opening of 0.001 to 0.003 mm
@@ -37,7 +37,7 @@ def led(n, course=COURSE, kinematics="small", by_force=False):
         drive = int(np.flatnonzero(c.basis[np.isin(c.dofs, right)][0])[0])
         return replace(model, constraints=c, control=PathControl(gauge, course, drive=drive)), right
     kept = ~np.isin(c.dofs, right)
-    faces = np.array([f for f in boundary_faces(mesh)
+    faces = np.array([f for f in mesh.boundary_faces()
                       if np.isin(mesh.face_nodes(f) * 2, right).all()])
     unit = traction(mesh, faces, (1.0, 0.0), model.thickness)[:, None]
     left = dofs_of(where(mesh, lambda x, *_: np.abs(x) < 1e-9), "x", 2)

@@ -9,10 +9,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.fe import (
-    boundary_edges, boundary_faces, check_elements, fill, follow_arcs, mesh_polygon, quadrature_rule, raise_order,
-    segments_of, shape_gradients, smallest_angle,
-)
+from idic.fe import fill, follow_arcs, mesh_polygon, raise_order, segments_of, smallest_angle
 from idic.readers.gmsh_mesher import fill_with_gmsh
 from idic.readers import has_gmsh
 
@@ -34,8 +31,8 @@ MESHERS = [fill, pytest.param(fill_with_gmsh, marks=pytest.mark.skipif(not has_g
 def area(mesh):
     total = 0.0
     for block in mesh.blocks:
-        xi, weights = quadrature_rule(block.cell)
-        jac = np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], shape_gradients(block.cell, xi))
+        xi, weights = block.kind.quadrature_rule()
+        jac = np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], block.kind.shape_gradients(xi))
         total += np.sum(np.linalg.det(jac) * weights)
     return total
 
@@ -46,15 +43,15 @@ def area(mesh):
 def test_the_elements_fill_the_drawing_with_sound_angles(case, quads, mesher):
     outline, holes, size = CASES[case]
     mesh = mesh_polygon(outline, holes, size, quads=quads, mesher=mesher)
-    check_elements(mesh)
+    mesh.check_elements()
     raised = follow_arcs(raise_order(mesh), outline, holes)
-    check_elements(raised)
+    raised.check_elements()
     # parabolas through three points of an arc of 45 degrees: the area of the circle to 2e-4
     assert area(raised) == pytest.approx(segments_of(outline, holes).area(), rel=1e-3)
     # the refinement aims at 28 degrees, smoothing may take some away; gmsh promises none: 20 is what FE codes warn at
     assert smallest_angle(mesh) > (25.0 if mesher is fill else 20.0)
-    assert len(boundary_edges(mesh)) == 1 + len(holes)
-    lengths = np.hypot(*np.diff(mesh.nodes[[mesh.face_nodes(f)[:2] for f in boundary_faces(mesh)]], axis=1)[:, 0].T)
+    assert len(mesh.boundary_edges()) == 1 + len(holes)
+    lengths = np.hypot(*np.diff(mesh.nodes[[mesh.face_nodes(f)[:2] for f in mesh.boundary_faces()]], axis=1)[:, 0].T)
     assert lengths.max() < 1.5 * size + 1e-9  # segments are divided evenly
 
 
@@ -82,7 +79,7 @@ def test_every_edge_of_the_boundary_is_in_the_set_of_its_segment_and_in_its_name
     assert (y[mesh.node_sets["EDGE1"]] == 0).all() and (y[mesh.node_sets["EDGE3"]] == 100).all()
     assert len(mesh.edge_sets["ENDS"]) == len(mesh.edge_sets["EDGE1"]) + len(mesh.edge_sets["EDGE3"])
     parts = np.concatenate([mesh.edge_sets[f"EDGE{k}"] for k in range(1, 5)] + [mesh.edge_sets["HOLE1"]])
-    assert sorted(map(tuple, parts.tolist())) == sorted(map(tuple, boundary_faces(mesh).tolist()))
+    assert sorted(map(tuple, parts.tolist())) == sorted(map(tuple, mesh.boundary_faces().tolist()))
     assert len(mesh.edge_sets["OUTER"]) == len(parts) - len(mesh.edge_sets["HOLE1"])
 
 
@@ -98,7 +95,7 @@ def test_one_drawing_gives_one_mesh_whatever_its_unit_and_sense_of_rotation():
     small = mesh_polygon([[x / 1000 for x in point] for point in DOG_BONE], [], 2.5e-3, quads=True)
     np.testing.assert_allclose(small.nodes * 1000, first.nodes, atol=1e-6)
     back = mesh_polygon(STRIP[::-1], [], 5.0)
-    check_elements(back)
+    back.check_elements()
     assert area(back) == pytest.approx(4000.0)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idic.fe import check_elements, interpolation, make_mesh
+from idic.fe import interpolation, make_mesh
 from idic.measure import FieldSeries, readings, surface_of
 from idic.model import Gauge
 from idic.virtual_tests import strip_with_hole
@@ -95,7 +95,7 @@ def test_the_surface_of_a_solid_is_a_plane_mesh_whichever_way_it_faces(face, sid
     mesh = make_mesh(np.column_stack([x, y, z]), [("hex8", np.array(conn))],
                      edge_sets={"SEEN": np.array([[element, face] for element in range(4)])})
     surface = surface_of(mesh, "SEEN")
-    check_elements(surface.plane)
+    surface.plane.check_elements()
     assert surface.n_nodes == 9 and set(mesh.nodes[surface.index, 2]) == {0.0 if side == "below" else 0.5}
     u = mesh.nodes[surface.index, :2] @ GRADIENT.T
     assert np.allclose(surface.deformation(u), np.eye(2) + GRADIENT, atol=1e-12)

@@ -8,14 +8,13 @@ import numpy as np
 from scipy.optimize import brentq
 
 from idic.correlation import camera_at, view_of
-from idic.fe import boundary_faces, make_mesh, surface_cells
+from idic.fe import make_mesh
 from idic.images import ArrayStack, Camera
 from idic.model import (
     Column, Constant, Experiment, Load, Material, Model, Noise, Options, Prescribed, Recording, build_forward, solve,
 )
 from idic.parameters import Parameter, ParameterSet
-from idic.virtual_tests import render
-from idic.virtual_tests import Sensor
+from idic.virtual_tests import render, Sensor
 
 PIXEL, UM = 0.02, 1e-3  # mm; mm per unit of height
 TRUTH = {"C10": 3.3, "kappa": 66.0}  # MPa
@@ -49,7 +48,7 @@ def block(size, cells, up=1.0):
     sets = {f"{'XYZ'[d]}{side}": np.flatnonzero(np.isclose(nodes[:, d], side * size[d]))
             for d in range(3) for side in (0, 1)}
     mesh = make_mesh(nodes, [("hex8", np.array(conn))], node_sets=sets, element_sets={"BODY": np.arange(len(conn))})
-    faces = {name: np.array([face for face in boundary_faces(mesh) if np.isin(mesh.face_nodes(face), sets[on]).all()])
+    faces = {name: np.array([face for face in mesh.boundary_faces() if np.isin(mesh.face_nodes(face), sets[on]).all()])
              for name, on in (("TOP", "Z1" if up > 0 else "Z0"), ("BELOW", "Z0" if up > 0 else "Z1"), ("END", "X1"))}
     return replace(mesh, edge_sets=faces)
 
@@ -123,7 +122,7 @@ def photographed(body, seed=0):
     """The same with noise-free height images of its own motion, made by the virtual profilometer."""
     u = solve(build_forward(body), body.model.parameters).u
     camera = camera_at(body, body.model.parameters)
-    images = render(u, body.model.mesh.nodes, surface_cells(body.model.mesh, "TOP"), camera, Roughness(seed),
+    images = render(u, body.model.mesh.nodes, body.model.mesh.surface_cells("TOP"), camera, Roughness(seed),
                     Sensor((120, 190), bits=0, supersampling=1), np.random.default_rng(0),
                     view_of(body, camera).rise)
     return replace(body, recording=replace(body.recording, stack=ArrayStack(list(images))))

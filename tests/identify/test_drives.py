@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from idic.fe import boundary_edges, make_mesh, raise_order, second_differences
+from idic.fe import make_mesh, raise_order, second_differences
 
 
 def _plate():
@@ -13,7 +13,7 @@ def _plate():
 
 def test_a_linear_motion_of_a_closed_edge_costs_nothing_in_whatever_order_its_nodes_come():
     for mesh in (_plate(), raise_order(_plate())):
-        edge = np.unique(np.concatenate([mesh.face_nodes(face) for loop in boundary_edges(mesh) for face in loop]))
+        edge = np.unique(np.concatenate([mesh.face_nodes(face) for loop in mesh.boundary_edges() for face in loop]))
         nodes = np.random.default_rng(0).permutation(edge)
         rows = second_differences(mesh, nodes)
         assert len(rows) == len(nodes) - 4  # the four corners are free to bend
@@ -31,13 +31,12 @@ def test_a_kink_along_a_straight_edge_is_rough_and_one_at_a_corner_is_not():
 
 
 def test_raising_the_order_keeps_sets_volume_and_orientation():
-    from idic.fe import check_elements
 
     mesh = _plate()
     mesh.node_sets["BOTTOM"] = np.arange(6)
     mesh.node_sets["LEFT_HALF"] = np.flatnonzero(mesh.nodes[:, 0] < 3.0)
     finer = raise_order(mesh)
-    check_elements(finer)
+    finer.check_elements()
     assert {block.cell for block in finer.blocks} == {"quad8"}
     bottom = finer.nodes[finer.node_sets["BOTTOM"]]
     assert len(bottom) == 11 and np.all(bottom[:, 1] == 0.0)

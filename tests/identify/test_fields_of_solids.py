@@ -13,7 +13,6 @@ import pytest
 
 from idic.correlation import build_point_map
 from idic.experiment_file import load_experiment
-from idic.fe import surface_cells
 from idic.identification import identify
 from idic.model import build_forward, solve
 
@@ -113,7 +112,7 @@ def motion(tmp_path_factory) -> tuple[np.ndarray, float]:
     write_experiment(truth, (16, 10, 2), [(0.0, 0.0), (DEFLECTION, 0.0)], E_TRUE, NU_TRUE, "fields_noise_um = 1.0")
     there = load_experiment(truth)
     found = solve(build_forward(there), there.model.parameters)
-    pm = build_point_map(there.model.mesh.nodes, surface_cells(there.model.mesh, "FRONT"), there.model.camera,
+    pm = build_point_map(there.model.mesh.nodes, there.model.mesh.surface_cells("FRONT"), there.model.camera,
                          there.recording.points.positions_px,
                          there.recording.points.shape)
     u = np.full((len(at), 3), np.nan)

@@ -10,15 +10,14 @@ from idic.correlation import (
     CorrelationContext, FrameResponse, Weights, build_experiment_reference, camera_at, frame_equations,
 )
 from idic.experiment_file.tables.geometry import holes_of
-from idic.fe import boundary_faces, make_mesh
+from idic.fe import make_mesh
 from idic.images import ArrayStack, Camera, CameraMotion, dense_speckle
 from idic.model import (
     CORRECTION_TERMS, Channel, Column, Constant, Correction, Experiment, Heterogeneity, Load, Material, Model, Noise,
     Options, Parametrised, Prescribed, Recording, boundary_parameters, build_forward, solve,
 )
 from idic.parameters import Parameter, ParameterSet
-from idic.virtual_tests import Sensor, painted, strip_with_hole
-from idic.virtual_tests import render
+from idic.virtual_tests import painted, render, Sensor, strip_with_hole
 
 TIMES = np.array([0.0, 1.0, 2.0, 3.0, 4.5])  # s
 LENGTH, WIDTH, PIXEL = 6.0, 4.0, 0.06  # mm
@@ -42,7 +41,7 @@ def plate(cells=(4, 3)):
     x = nodes[:, 0]
     sets = {"LEFT": np.flatnonzero(x < -0.5 * LENGTH + 1e-9), "RIGHT": np.flatnonzero(x > 0.5 * LENGTH - 1e-9)}
     mesh = make_mesh(nodes, [("quad8", conn)], node_sets=sets, element_sets={"BODY": np.arange(len(conn))})
-    right = [face for face in boundary_faces(mesh) if np.isin(mesh.face_nodes(face), sets["RIGHT"]).all()]
+    right = [face for face in mesh.boundary_faces() if np.isin(mesh.face_nodes(face), sets["RIGHT"]).all()]
     return replace(mesh, edge_sets={"RIGHT": np.array(right)})
 
 

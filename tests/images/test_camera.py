@@ -5,7 +5,7 @@ import pytest
 from camera_contract import CameraContract
 
 from idic.errors import InputError
-from idic.images import CAMERA_PARAMETERS, Camera, fixed_pixel_sensitivity
+from idic.images import CAMERA_PARAMETERS, Camera
 
 STEPS = {"pixel_size": 1e-6, "rotation_deg": 1e-4, "shift_col": 1e-3, "shift_row": 1e-3, "k1": 1e-11,
          "tilt_x": 1e-6, "tilt_y": 1e-6}
@@ -70,14 +70,14 @@ def test_the_sensitivity_at_a_fixed_pixel_is_a_difference_quotient(camera, name)
     h, value = STEPS[name], camera.values()[name]
     ahead, behind = (warped(camera.with_parameters({name: value + s * h})) for s in (1, -1))
     quotient = (ahead - behind) / (2 * h)
-    found = fixed_pixel_sensitivity(camera, POINTS, displacement(POINTS), local_gradient(POINTS), name)
+    found = camera.fixed_pixel_sensitivity(POINTS, displacement(POINTS), local_gradient(POINTS), name)
     assert np.abs(quotient - found).max() < 1e-5 * max(np.abs(found).max(), 1.0)  # h^2 and rounding / h
 
 
 @pytest.mark.parametrize("name", CAMERA_PARAMETERS)
 def test_without_motion_no_camera_parameter_is_seen(name):
     rigid = np.broadcast_to(np.eye(2), (len(POINTS), 2, 2))
-    still = fixed_pixel_sensitivity(CAMERAS["everything"], POINTS, 0 * POINTS, rigid, name)
+    still = CAMERAS["everything"].fixed_pixel_sensitivity(POINTS, 0 * POINTS, rigid, name)
     scale = np.abs(CAMERAS["everything"].parameter_jacobian(POINTS, name)).max()
     assert np.abs(still).max() < 1e-12 * scale  # rounding
 

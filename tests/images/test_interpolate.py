@@ -5,10 +5,7 @@ import pytest
 from scipy import ndimage
 
 from idic.errors import InputError
-from idic.images.interpolate import gradient
-from idic.images import (
-    evaluate, gradient_at_pixels, lowpass_weights, noise_gain, prefilter, weight_polynomials
-)
+from idic.images import lowpass_weights, noise_gain, prefilter, weight_polynomials
 
 
 def random_image(shape=(61, 83), seed=0):
@@ -26,7 +23,7 @@ def test_the_spline_is_scipys_mirror_spline(degree, shape):
     coefficients = ndimage.spline_filter(image.astype(float), degree, mode="mirror")
     expected = ndimage.map_coordinates(coefficients, points[:, ::-1].T, order=degree, mode="mirror", prefilter=False)
     # float32 coefficients of +-2000 GV: 2e-4 GV for white noise; 1e-3 is 0.04 % of one grey level of noise
-    assert np.abs(evaluate(prefilter(image, degree), points) - expected).max() < 1e-3
+    assert np.abs(prefilter(image, degree).evaluate(points) - expected).max() < 1e-3
 
 
 @pytest.mark.parametrize("degree", [3, 5])
@@ -50,7 +47,7 @@ def test_the_rim_of_the_coefficients_is_the_mirrored_interior(degree):
 def test_the_spline_passes_through_the_grey_values(dtype):
     image = random_image().astype(dtype)
     rows, columns = np.mgrid[: image.shape[0], : image.shape[1]]
-    values = evaluate(prefilter(image), np.column_stack([columns.ravel(), rows.ravel()]))
+    values = prefilter(image).evaluate(np.column_stack([columns.ravel(), rows.ravel()]))
     assert np.abs(values - image.ravel()).max() < 1e-3  # float32, see above
 
 
@@ -58,10 +55,10 @@ def test_the_spline_passes_through_the_grey_values(dtype):
 def test_the_gradient_is_the_derivative_of_the_value(degree):
     image = random_image()
     spline, points, h = prefilter(image, degree), 1 + random_points((59, 81)), 1e-4
-    found = gradient(spline, points)
+    found = spline.gradient(points)
     for axis in range(2):
         step = np.eye(2)[axis] * h
-        quotient = (evaluate(spline, points + step) - evaluate(spline, points - step)) / (2 * h)
+        quotient = (spline.evaluate(points + step) - spline.evaluate(points - step)) / (2 * h)
         # evaluated in float64: h^2 f'''/6 ~ 1e-6 plus the kink of the second derivative within h of a pixel, ~h f''/2
         assert np.abs(found[:, axis] - quotient).max() < 500 * h
 
@@ -70,13 +67,13 @@ def test_the_gradient_is_the_derivative_of_the_value(degree):
 def test_the_fast_gradient_at_pixels_is_the_gradient(degree):
     spline = prefilter(random_image(), degree)
     iy, ix = (i.ravel().astype(np.int32) for i in np.mgrid[:61, :83])
-    fast = np.column_stack(gradient_at_pixels(spline, ix, iy))
-    assert np.abs(fast - gradient(spline, np.column_stack([ix, iy]))).max() < 1e-4  # float32 of ~300 GV/px
+    fast = np.column_stack(spline.gradient_at_pixels(ix, iy))
+    assert np.abs(fast - spline.gradient(np.column_stack([ix, iy]))).max() < 1e-4  # float32 of ~300 GV/px
 
 
 def test_positions_outside_the_image_are_nan():
     spline = prefilter(random_image((20, 30)))
-    values = evaluate(spline, np.array([[29.0, 19.0], [29.001, 3.0], [-1e-9, 3.0], [3.0, 19.5], [np.nan, 1.0]]))
+    values = spline.evaluate(np.array([[29.0, 19.0], [29.001, 3.0], [-1e-9, 3.0], [3.0, 19.5], [np.nan, 1.0]]))
     assert np.isfinite(values[0]) and np.isnan(values[1:]).all()
 
 
@@ -92,7 +89,7 @@ def test_there_is_no_staircase_of_a_thirty_second_of_a_pixel():
     rows, columns = np.mgrid[:20, :40]
     spline = prefilter((5.0 * columns).astype(np.float32))  # a ramp: slope 5 GV/px, no curvature
     x = 15 + np.arange(0, 1, 1 / 256)
-    steps = np.diff(evaluate(spline, np.column_stack([x, np.full_like(x, 10.0)])))
+    steps = np.diff(spline.evaluate(np.column_stack([x, np.full_like(x, 10.0)])))
     assert np.abs(steps - 5 / 256).max() < 1e-4  # float32 coefficients of 200 GV: 1.5e-5 each
 
 
@@ -109,7 +106,7 @@ def test_the_noise_gain_is_the_variance_of_interpolated_white_noise(degree):
     spline = prefilter(np.random.default_rng(0).normal(size=(400, 400)).astype(np.float32), degree)
     rows, columns = np.mgrid[20:380, 20:380]
     for fx, fy in [(0.5, 0.5), (0.2, 0.0), (0.3, 0.7)]:
-        values = evaluate(spline, np.column_stack([columns.ravel() + fx, rows.ravel() + fy]))
+        values = spline.evaluate(np.column_stack([columns.ravel() + fx, rows.ravel() + fy]))
         # 130 000 correlated samples: relative std of a variance below 1 %
         assert abs(values.var() / noise_gain(fx, fy, degree=degree) - 1) < 0.03
 

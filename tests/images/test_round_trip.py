@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from idic.identification.step.estimator import estimator_notes
-from idic.images import ArrayStack, evaluate, prefilter, spline_error
+from idic.images import ArrayStack, prefilter, spline_error
 from idic.images.quality.round_trip import lost_noise_share
 from idic.model import Noise, Options, Recording
 
@@ -29,7 +29,7 @@ def true_error(pattern, degree):
     """Spline less pattern at half a pixel, where the pattern is known; without the borders."""
     image = pattern(0.0, 0.0).astype(np.float32)
     y, x = np.mgrid[:image.shape[0], :image.shape[1]]
-    values = evaluate(prefilter(image, degree), np.stack([x.ravel() + 0.5, y.ravel() + 0.5], axis=1).astype(float))
+    values = prefilter(image, degree).evaluate(np.stack([x.ravel() + 0.5, y.ravel() + 0.5], axis=1).astype(float))
     error = values.reshape(image.shape) - pattern(0.5, 0.5)
     return float(np.nanstd(error[8:-8, 8:-8]))
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idic.images import blur_column, dense_speckle, evaluate, lowpass, prefilter, subpixel_blur
+from idic.images import blur_column, dense_speckle, lowpass, prefilter, subpixel_blur
 
 SHAPE = (90, 120)  # px
 RIM = 8  # px, where splines mirror the image
@@ -22,7 +22,7 @@ def blur_seen(value, shift, lowpass_px, degree=5):
     still = lowpass(pixels_of(value).astype(np.float32), lowpass_px)
     moved = prefilter(pixels_of(value, shift), degree, lowpass_px)
     rows, columns = (part[RIM:-RIM, RIM:-RIM].ravel() for part in np.indices(SHAPE))
-    left = still[rows, columns] - evaluate(moved, np.column_stack([columns + shift[0], rows + shift[1]]))
+    left = still[rows, columns] - moved.evaluate(np.column_stack([columns + shift[0], rows + shift[1]]))
     base = np.column_stack([blur_column(still)[rows, columns], still[rows, columns], np.ones(len(left))])
     return np.linalg.lstsq(base, left, rcond=None)[0][0]
 

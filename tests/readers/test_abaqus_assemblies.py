@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.fe import check_elements, inp_text
+from idic.fe import inp_text
 from idic.readers import read_mesh_file, to_mesh
 
 NODES = "*NODE\n1,0,0\n2,1,0\n3,1,1\n4,0,1\n"
@@ -22,7 +22,7 @@ def read(tmp_path, text, n_dim=2, **files):
     (tmp_path / "mesh.inp").write_text(text)
     raw = read_mesh_file(tmp_path / "mesh.inp")
     mesh, notes = to_mesh(raw, n_dim, 1.0)
-    check_elements(mesh)
+    mesh.check_elements()
     return mesh, notes
 
 

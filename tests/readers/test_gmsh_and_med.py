@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.fe import cell_edges, cell_type, check_elements, face_set_nodes
+from idic.fe import cell_type
 from idic.readers import read_mesh_file, to_mesh
 
 HEAD = "$MeshFormat\n{} 0 8\n$EndMeshFormat\n"
@@ -30,7 +30,7 @@ def msh4(second=(2, 3, 6, 5), left_tag=1, n_parametric=0, first_groups="1 3"):
 def read(tmp_path, text, n_dim=2, name="mesh.msh"):
     (tmp_path / name).write_text(text)
     mesh, notes = to_mesh(read_mesh_file(tmp_path / name), n_dim, 1.0)
-    check_elements(mesh)
+    mesh.check_elements()
     return mesh, notes
 
 
@@ -135,14 +135,14 @@ def med(path, blocks, points, families=(), node_families=None):
 def test_solids_of_med_are_turned_with_their_mid_side_nodes(tmp_path, kind, name):
     """MED numbers solids left-handed: the first face is seen counter-clockwise from inside."""
     cell = cell_type(kind)
-    edges = cell_edges(kind)
+    edges = cell_type(kind).edges
     mirrored = cell.reference_nodes[:cell.n_corners] * (1.0, 1.0, -1.0)
     middles = [mirrored[list(edge)].mean(axis=0) for edge in edges] if cell.n_nodes > cell.n_corners else []
     points = np.vstack([mirrored, *middles]) if middles else mirrored
     med(tmp_path / "mesh.med", {name: (np.arange(cell.n_nodes)[None], np.array([-1]))}, points,
         [("ELEME", -1, ["BODY"])])
     mesh, notes = to_mesh(read_mesh_file(tmp_path / "mesh.med"), 3, 1.0)
-    check_elements(mesh)
+    mesh.check_elements()
     nodes = mesh.nodes[mesh.blocks[0].connectivity[0]]
     if middles:
         centres = [nodes[list(edge)].mean(axis=0) for edge in edges]
@@ -158,7 +158,7 @@ def test_families_without_a_group_do_no_harm(tmp_path):
     mesh, _ = to_mesh(read_mesh_file(tmp_path / "mesh.med"), 2, 1.0)
     assert {name: ids.tolist() for name, ids in mesh.element_sets.items()} == {"SOFT": [1], "ALL": [1]}
     assert mesh.node_sets["LEFT"].tolist() == [0, 3]
-    assert face_set_nodes(mesh, mesh.edge_sets["EDGE"]).tolist() == [2, 5]
+    assert mesh.face_set_nodes(mesh.edge_sets["EDGE"]).tolist() == [2, 5]
 
 
 @pytest.mark.parametrize("content", [b"", b"no HDF5", b"\x89HDF\r\n\x1a\n" + b"\0" * 100])

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.fe import surface_cells
 from idic.readers import Edges, MIN_HOLE, Placement, fitted_placement, loops_of, roi_mesh
 
 WIDTH, HEIGHT, PITCH, MARGIN = 20.0, 50.0, 0.7, 0.5
@@ -19,7 +18,7 @@ def turned(angle: float) -> np.ndarray:
 
 def edges(holes) -> Edges:
     mesh = roi_mesh((0.0, 0.0, WIDTH, HEIGHT), 2.0, holes, down=False, file="x.toml", key="mesh")
-    return Edges.of(mesh.nodes[:, :2], surface_cells(mesh, None))
+    return Edges.of(mesh.nodes[:, :2], mesh.surface_cells(None))
 
 
 def seen(angle: float, holes, view=(0.0, HEIGHT)) -> np.ndarray:

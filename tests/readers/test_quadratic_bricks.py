@@ -9,9 +9,7 @@ import pytest
 from experiment_file.small_experiment import change, load_experiment, write_experiment
 from fe.fe_bodies import grid
 from idic.errors import InputError
-from idic.fe import (
-    ABAQUS_TYPES, CELL_TYPES, boundary_faces, can_raise_order, is_raised_by_default, raise_order, surface_cells,
-)
+from idic.fe import ABAQUS_TYPES, CELL_TYPES, can_raise_order, is_raised_by_default, raise_order
 from idic.fe.mesh.element import HEX_EDGES
 from idic.readers import read_mesh_file, to_mesh
 
@@ -24,7 +22,7 @@ def inp(mesh):
     for k, nodes in enumerate(block.connectivity + 1):
         words = [str(k + 1), *map(str, nodes)]
         lines += [", ".join(words[:15]) + ",", ", ".join(words[15:])]
-    top = [(e, f) for e, f in boundary_faces(mesh) if np.allclose(mesh.nodes[mesh.face_nodes((e, f)), 2], 1.0)]
+    top = [(e, f) for e, f in mesh.boundary_faces() if np.allclose(mesh.nodes[mesh.face_nodes((e, f)), 2], 1.0)]
     return "\n".join([*lines, "*SURFACE, NAME=FRONT, TYPE=ELEMENT", *(f"{e + 1}, S{f + 1}" for e, f in top), ""])
 
 
@@ -45,7 +43,7 @@ def test_a_file_of_quadratic_bricks_is_read(suffix, tmp_path):
 def test_the_camera_sees_the_eight_nodes_of_each_face(tmp_path):
     (tmp_path / "mesh.inp").write_text(inp(grid("hex20", (2, 1, 1))))
     mesh, _ = to_mesh(read_mesh_file(tmp_path / "mesh.inp"), 3, 1.0)
-    (block,) = surface_cells(mesh, "FRONT")
+    (block,) = mesh.surface_cells("FRONT")
     assert block.cell == "quad8" and block.connectivity.shape == (2, 8)
     at = mesh.nodes[block.connectivity]
     assert np.allclose(at[:, :, 2], 1.0)

@@ -12,7 +12,6 @@ from PIL import Image
 from experiment_file.small_experiment import inp_text
 from idic.errors import InputError
 from idic.experiment_file.tables.mesh_sets import with_node_set
-from idic.fe import check_elements
 from idic.readers import (
     frames_of, match, matching_files, natural_key, open_stack, read_log, read_mesh_file, recorded_order, to_mesh,
 )
@@ -198,7 +197,7 @@ def test_text_in_an_unused_column_does_no_harm(tmp_path):
 # mesh ---------------------------------------------------------------------------------------------------
 def read(path, n_dim=2, factor=1.0):
     mesh, _ = to_mesh(read_mesh_file(path), n_dim, factor)
-    check_elements(mesh)
+    mesh.check_elements()
     return mesh
 
 
@@ -369,7 +368,7 @@ def test_a_mirrored_mesh_is_turned_around_and_keeps_its_edges(tmp_path):
     (tmp_path / "mesh.inp").write_text(text)
     raw = read_mesh_file(tmp_path / "mesh.inp")
     mesh, notes = to_mesh(raw, 2, 1.0)
-    check_elements(mesh)
+    mesh.check_elements()
     assert any("clockwise" in note for note in notes)
     assert {tuple(sorted(mesh.node_labels[mesh.face_nodes(face)])) for face in mesh.edge_sets["RIGHT"]} \
         == {(105, 110), (110, 115), (115, 120)}

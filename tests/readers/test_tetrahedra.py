@@ -13,10 +13,7 @@ sys.path[:0] = [str(Path(__file__).parents[1] / part) for part in ("fe", "twins"
 from fe_bodies import faces_where, grid, where  # noqa: E402
 from solid_bar import CELLS, SIZE, side_and_front  # noqa: E402
 
-from idic.fe import (  # noqa: E402
-    can_raise_order, cell_edges, cell_type, check_elements, face_area, inp_text, make_mesh, quadrature_rule,
-    raise_order, shape_gradients, surface_cells,
-)
+from idic.fe import can_raise_order, cell_type, face_area, inp_text, make_mesh, raise_order  # noqa: E402
 from idic.identification import identify  # noqa: E402
 from idic.readers import read_mesh_file, to_mesh  # noqa: E402
 
@@ -47,8 +44,8 @@ def written(mesh, path):
 
 
 def volume(mesh):
-    xi, w = quadrature_rule(mesh.blocks[0].cell)
-    jac = np.einsum("eak,qai->eqki", mesh.nodes[mesh.blocks[0].connectivity], shape_gradients(mesh.blocks[0].cell, xi))
+    xi, w = mesh.blocks[0].kind.quadrature_rule()
+    jac = np.einsum("eak,qai->eqki", mesh.nodes[mesh.blocks[0].connectivity], mesh.blocks[0].kind.shape_gradients(xi))
     return np.sum(np.linalg.det(jac) * w)
 
 
@@ -56,15 +53,15 @@ def volume(mesh):
 @pytest.mark.parametrize("cell", ["tet4", "tet10"])
 def test_tetrahedra_and_their_faces_are_read_from_every_format(cell, suffix, tmp_path):
     mesh, _ = to_mesh(read_mesh_file(written(block(cell), tmp_path / f"block{suffix}")), 3, 1.0)
-    check_elements(mesh)  # middles of edges in another order would turn elements inside out
+    mesh.check_elements()  # middles of edges in another order would turn elements inside out
     assert mesh.blocks[0].cell == cell and mesh.n_elements == 12
     assert volume(mesh) == pytest.approx(3.0)
     assert face_area(mesh, mesh.edge_sets["FRONT"]) == pytest.approx(2.0)
     middles = mesh.nodes[mesh.blocks[0].connectivity[:, 4:]]
-    for k, (a, b) in enumerate(cell_edges("tet4")[:middles.shape[1]]):
+    for k, (a, b) in enumerate(cell_type("tet4").edges[:middles.shape[1]]):
         ends = mesh.nodes[mesh.blocks[0].connectivity[:, [a, b]]]
         np.testing.assert_allclose(middles[:, k], ends.mean(axis=1))
-    (seen,) = surface_cells(mesh, "FRONT")
+    (seen,) = mesh.surface_cells("FRONT")
     assert seen.cell == {"tet4": "tri3", "tet10": "tri6"}[cell] and seen.n_elements == 4
 
 
@@ -84,7 +81,7 @@ def test_linear_tetrahedra_become_quadratic_with_their_sets():
     linear, quadratic = block("tet4", (2, 2, 2)), block("tet10", (2, 2, 2))
     assert can_raise_order(linear)
     raised = raise_order(linear)
-    check_elements(raised)
+    raised.check_elements()
     assert raised.n_nodes == quadratic.n_nodes
     assert volume(raised) == pytest.approx(volume(linear))
     assert face_area(raised, raised.edge_sets["FRONT"]) == pytest.approx(2.0)

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.fe import boundary_edges, check_elements
 from idic.readers import read_mesh_file, to_mesh
 from idic.run.reporting.paraview import _frames, write_collection
 from idic.run.reporting.write import load_record
@@ -58,8 +57,8 @@ def test_a_folder_without_a_result_is_refused(tmp_path):
 @pytest.mark.parametrize("cell", ["quad4", "quad8"])
 def test_the_strip_is_a_sound_mesh_with_a_round_hole(tmp_path, cell):
     mesh = strip_with_hole(28.0, 16.0, 3.0, cell, 4, 5, 3)
-    check_elements(mesh)
-    outer, hole = boundary_edges(mesh)
+    mesh.check_elements()
+    outer, hole = mesh.boundary_edges()
     corners = mesh.nodes[np.unique([mesh.face_nodes(f) for f in hole])]
     assert np.allclose(np.hypot(*corners.T), 3.0)
     assert len(mesh.node_sets["LEFT"]) == len(mesh.node_sets["RIGHT"]) == (9 if cell == "quad4" else 17)

@@ -19,7 +19,7 @@ from idic.diagnose.discretisation.turns import TURNED_STD, in_turns, turned
 from idic.diagnose.discretisation.weight import MIN_ERROR_CHI2, as_recorded, error_column, weighed
 from idic.diagnose.residual.heldout import grid_of
 from idic.experiment_file import load_experiment
-from idic.fe import boundary_faces, check_elements, halve, make_mesh, quadrature_rule, shape_gradients
+from idic.fe import halve, make_mesh
 from idic.identification import identify
 from idic.model import Column, Constant, Load, Measured, Parametrised, Prescribed, boundary_parameters, build_forward
 from idic.parameters import ParameterSet
@@ -232,7 +232,7 @@ def test_a_load_acts_through_the_thickness(tmp_path, kind, component, shape):
     found = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
     sheet = found.experiment.model.mesh if shape == "quadrilaterals" else in_triangles(found.experiment.model.mesh)
     end = set(sheet.node_sets["RIGHT"].tolist())
-    loaded = [edge for edge in boundary_faces(sheet) if set(sheet.face_nodes(edge).tolist()) <= end]
+    loaded = [edge for edge in sheet.boundary_faces() if set(sheet.face_nodes(edge).tolist()) <= end]
     sheet = replace(sheet, edge_sets={"PULLED": np.array(loaded)})
     load = Load("PULLED", kind, Column("load", np.array([0.0, 5.0])), component)
     held = replace(found.experiment, model=replace(found.experiment.model, mesh=sheet, loads=(load,), channels=(),
@@ -332,8 +332,8 @@ def in_triangles(sheet):
 
 def volume(mesh):
     (block,) = mesh.blocks
-    points, weights = quadrature_rule(block.cell)
-    jacobians = np.einsum("eai,qaj->eqij", mesh.nodes[block.connectivity], shape_gradients(block.cell, points))
+    points, weights = block.kind.quadrature_rule()
+    jacobians = np.einsum("eai,qaj->eqij", mesh.nodes[block.connectivity], block.kind.shape_gradients(points))
     return float((np.linalg.det(jacobians) @ weights).sum())
 
 
@@ -417,9 +417,9 @@ def test_bricks_fill_the_body(shape):
     sheet = true_mesh(scene_of_world())
     sheet = sheet if shape == "quadrilaterals" else in_triangles(sheet)
     body = extruded(sheet, 1.4)
-    check_elements(body)
+    body.check_elements()
     assert volume(body) == pytest.approx(1.4 * volume(sheet), rel=1e-9)
-    assert len(boundary_faces(body)) == 2 * len(sheet.blocks[0].connectivity) + len(boundary_faces(sheet)) * (
+    assert len(body.boundary_faces()) == 2 * len(sheet.blocks[0].connectivity) + len(sheet.boundary_faces()) * (
         len(set(body.nodes[:, 2])) // 2) * (1 if shape == "quadrilaterals" else 2)
     np.testing.assert_array_equal(body.nodes[:, :2], sheet.nodes[in_front(sheet, body)])
     np.testing.assert_allclose(body.nodes[:sheet.n_nodes, :2], sheet.nodes)

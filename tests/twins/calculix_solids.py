@@ -13,7 +13,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "external"))
 from test_material_cards import pulled_by_calculix  # noqa: E402
 
-from idic.fe import Mesh, ExpectedOutput, boundary_faces, gathered, inp_text  # noqa: E402
+from idic.fe import Mesh, ExpectedOutput, gathered, inp_text  # noqa: E402
 from idic.laws import compile, point  # noqa: E402
 
 DECK = """*MATERIAL, NAME=M
@@ -83,7 +83,7 @@ def as_the_law_sees_it(folder: Path, values: dict[str, float], strain: float) ->
 
 def with_surfaces(mesh: Mesh, front: np.ndarray, **sets: np.ndarray) -> Mesh:
     """The mesh with node sets, element set BODY, and the faces FRONT, all of whose nodes are in `front`, and REST."""
-    faces = boundary_faces(mesh)
+    faces = mesh.boundary_faces()
     seen = np.array([np.isin(mesh.face_nodes(face), front).all() for face in faces])
     return replace(mesh, node_sets=sets, element_sets={"BODY": np.arange(mesh.n_elements)},
                    edge_sets={"FRONT": faces[seen], "REST": faces[~seen]})

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import tifffile
 
-from idic.fe import Constraints, Loads, Body, Section, boundary_faces, face_area, make_mesh, march, traction
+from idic.fe import Constraints, Loads, Body, Section, face_area, make_mesh, march, traction
 from idic.images import Camera, dense_speckle
 from idic.laws import compile as compile_law
 from idic.virtual_tests import Sensor, clean_image, painted, record, write_inp, write_loads
@@ -95,7 +95,7 @@ def strip(cells: tuple[int, int]):
 def motion(mesh):
     """True displacements (n_frames, n_nodes, 2) mm."""
     right = mesh.node_sets["RIGHT"]
-    faces = np.array([face for face in boundary_faces(mesh) if np.isin(mesh.face_nodes(face), right).all()])
+    faces = np.array([face for face in mesh.boundary_faces() if np.isin(mesh.face_nodes(face), right).all()])
     pull = traction(mesh, faces, (1.0 / face_area(mesh, faces, THICKNESS), 0.0), THICKNESS)
     held = np.unique(np.concatenate([2 * mesh.node_sets["LEFT"], 2 * mesh.node_sets["CORNER"] + 1]))
     law = compile_law("elastic", None)

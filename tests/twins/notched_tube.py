@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "fe"))
 from calculix_solids import pulled, with_surfaces  # noqa: E402
 from fe_bodies import grid  # noqa: E402
 
-from idic.fe import Mesh, face_cells  # noqa: E402
+from idic.fe import Mesh  # noqa: E402
 from idic.virtual_tests import PlateSize, PlateTest, Rig, Scene  # noqa: E402
 
 LENGTH, OUTER, INNER, NOTCH, NOTCH_WIDTH = 28.0, 8.0, 6.5, 0.6, 3.0  # mm; depth and width of the groove
@@ -57,7 +57,7 @@ def still_tube(size: PlateSize) -> PlateTest:
 
 
 def _test(mesh: Mesh, u: np.ndarray, force: np.ndarray, size: PlateSize) -> PlateTest:
-    scene = Scene(mesh.nodes, face_cells(mesh, mesh.edge_sets["FRONT"]), face_cells(mesh, mesh.edge_sets["REST"]))
+    scene = Scene(mesh.nodes, mesh.face_cells(mesh.edge_sets["FRONT"]), mesh.face_cells(mesh.edge_sets["REST"]))
     return PlateTest(scene, u, GRIP, force, Rig.around(size.shape, size.pixel, size.distance, (-15.0, 15.0)),
                      tube(*size.user[:3]), size)
 

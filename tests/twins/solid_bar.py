@@ -6,14 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.fe import boundary_faces, make_mesh, surface_cells
+from idic.fe import make_mesh
 from idic.images import ArrayStack, Camera, dense_speckle
 from idic.model import (
     Column, Constant, Experiment, FurtherCamera, Material, Model, Noise, Options, Prescribed, Recording, build_forward,
 )
 from idic.parameters import Parameter, ParameterSet
-from idic.virtual_tests import render
-from idic.virtual_tests import Sensor, painted
+from idic.virtual_tests import painted, render, Sensor
 
 SIZE, CELLS = (6.0, 3.0, 2.0), (8, 4, 3)  # mm
 FRONT, SIDE = Camera.from_table(0.06, (15.0, 65.0)), Camera.from_table(0.05, (135.0, 10.0), ("-col", "+row"))
@@ -30,7 +29,7 @@ def bar():
                      for i in range(CELLS[0]) for j in range(CELLS[1]) for k in range(CELLS[2])])
     sets = {"LEFT": np.flatnonzero(nodes[:, 0] == 0.0), "RIGHT": np.flatnonzero(nodes[:, 0] == SIZE[0])}
     mesh = make_mesh(nodes, [("hex8", conn)], node_sets=sets, element_sets={"BODY": np.arange(len(conn))})
-    on = lambda axis, value: np.array([f for f in boundary_faces(mesh)  # noqa: E731
+    on = lambda axis, value: np.array([f for f in mesh.boundary_faces()  # noqa: E731
                                        if np.all(nodes[mesh.face_nodes(f)][:, axis] == value)])
     return replace(mesh, edge_sets={"FRONT": on(2, SIZE[2]), "BELOW": on(1, 0.0)})
 
@@ -54,7 +53,7 @@ def side_and_front():
                                                             ("BELOW", (0, 2), SIDE, SHAPES[1]))):
         texture = painted(dense_speckle(np.random.default_rng(seed), 2.0, extent_px=300.0), camera)
         stacks.append(ArrayStack(np.array(list(render(
-            [state.u[:, order] for state in states], mesh.nodes[:, order], surface_cells(mesh, surface), camera,
+            [state.u[:, order] for state in states], mesh.nodes[:, order], mesh.surface_cells(surface), camera,
             texture, Sensor(shape, bits=0, background=128.0), np.random.default_rng(0))))))
     return replace(body, recording=replace(body.recording, stack=stacks[0]),
                    cameras=(replace(body.cameras[0], stack=stacks[1]),)), states

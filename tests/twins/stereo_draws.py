@@ -19,7 +19,6 @@ from idic.correlation import (
 )
 from idic.measure import surface_motion
 from idic.experiment_file import load_experiment
-from idic.fe import face_cells
 from idic.identification import covariance, noise_weights, response_of, scaled_system, spectrum
 from idic.images import ArrayStack
 from idic.model import Experiment, build_forward
@@ -84,7 +83,7 @@ def build_repeats(folder: Path, test: PlateTest, write: Callable[..., Path] = Pl
     mesh = test.mesh
     test = replace(test, displacements=np.array([at.u for at in responses]),
                    force=np.array([at.channels[0] for at in responses]),
-                   scene=Scene(mesh.nodes, *(face_cells(mesh, mesh.edge_sets[name]) for name in ("FRONT", "REST"))))
+                   scene=Scene(mesh.nodes, *(mesh.face_cells(mesh.edge_sets[name]) for name in ("FRONT", "REST"))))
     texture = test.size.speckle(np.random.default_rng(0).spawn(1)[0])
     noise = experiment.recording.noise.std_gv
     sensor = Sensor(test.size.shape, background=0.1 * 256.0, noise_std=float(np.sqrt(noise**2 - 1.0 / 12.0)))

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.experiment_file import load_experiment
-from idic.fe import shape_functions
+from idic.fe import cell_type
 from idic.model import build_forward
 
 VOXEL_MM, ORIGIN_PX, NOISE_GV, CONTRAST_GV = 0.02, np.array([10.0, 9.0, 7.0]), 2.0, 30.0
@@ -119,7 +119,7 @@ class Tomograms:
         x = (width / 2 + (points[:, 0] - width / 2) / (layers[c] * (1 - t) + layers[c + 1] * t)) / width * n
         y = points[:, 1] / depth * n
         a, b = np.clip(x.astype(int), 0, n - 1), np.clip(y.astype(int), 0, n - 1)
-        N = shape_functions("hex8", np.clip(2.0 * np.column_stack([x - a, y - b, t]) - 1.0, -2.5, 2.5))
+        N = cell_type("hex8").shape_functions(np.clip(2.0 * np.column_stack([x - a, y - b, t]) - 1.0, -2.5, 2.5))
         return points + np.einsum("vi,vic->vc", N, motion[cells[(c * n + b) * n + a]])
 
     def _scans(self, folder: Path, cells: np.ndarray, motions: list[np.ndarray], rng: np.random.Generator) -> None:

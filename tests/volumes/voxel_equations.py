@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import map_coordinates, spline_filter
 
-from idic.fe import shape_functions, shape_gradients
+from idic.fe import cell_type
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ def places_in(cell: str, corners: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Places in a cell of points, by Newton's method  # corners (n_nodes, 3), points (n, 3) -> (n, 3)"""
     places = np.full(points.shape, 0.25 if cell.startswith("tet") else 0.0)
     for _ in range(30):
-        gap = points - shape_functions(cell, places) @ corners
-        jacobian = np.einsum("nid,ic->ncd", shape_gradients(cell, places), corners)
+        gap = points - cell_type(cell).shape_functions(places) @ corners
+        jacobian = np.einsum("nid,ic->ncd", cell_type(cell).shape_gradients(places), corners)
         places = places + np.linalg.solve(jacobian, gap[:, :, None])[:, :, 0]
     return places
 
@@ -47,9 +47,9 @@ def voxel_equations(cell: str, nodes: np.ndarray, conn: np.ndarray, owner: np.nd
     middle = np.full((1, 3), 0.25 if cell.startswith("tet") else 0.0)
     for e in np.unique(owner):
         at, corners = owner == e, nodes[conn[e]]
-        N = shape_functions(cell, places_in(cell, corners, points[at].astype(float)))
+        N = cell_type(cell).shape_functions(places_in(cell, corners, points[at].astype(float)))
         u[at], phi[at] = N @ U[conn[e]], np.einsum("vi,icn->vcn", N, dU[conn[e]])
-        slopes = shape_gradients(cell, middle)[0]
+        slopes = cell_type(cell).shape_gradients(middle)[0]
         F[at] = np.eye(3) + (U[conn[e]].T @ slopes) @ np.linalg.inv(corners.T @ slopes)
     coefficients, still = spline_filter(f.astype(float), degree, mode="mirror"), points.T[::-1].astype(float)
     step = 1e-4

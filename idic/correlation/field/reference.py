@@ -24,7 +24,6 @@ from idic.correlation.field.equations import FieldEquations, KeptProduct
 from idic.correlation.field.point_map import PointMap, build_point_map
 from idic.correlation.image_equations.frame import FrameGram, NodalEquations
 from idic.correlation.image_equations.residual import ResidualMap
-from idic.fe import surface_cells
 from idic.images import Camera
 from idic.model import Depth, Experiment, Model
 from idic.readers import BENDING_DEGREE, powers
@@ -211,7 +210,7 @@ def build_field_reference(experiment: Experiment, camera: Camera) -> FieldRefere
     model, recording = experiment.model, experiment.recording
     points = recording.points
     assert points is not None
-    cells = surface_cells(model.mesh, model.surface)
+    cells = model.mesh.surface_cells(model.surface)
     point_map = build_point_map(model.mesh.nodes, cells, camera, points.positions_px, points.shape,
                                 recording.mask, points.n_components)
     averaged = None
@@ -233,7 +232,7 @@ def _over_subsets(model: Model, camera: Camera, point_map: PointMap, width: floa
     weights = np.outer(along_one, along_one).ravel()
     points, number = np.unique(point_map.point, return_inverse=True)
     samples = (point_map.positions[points][:, None] + offsets).reshape(-1, 2)
-    cells = surface_cells(model.mesh, model.surface)
+    cells = model.mesh.surface_cells(model.surface)
     sample_map = build_point_map(model.mesh.nodes, cells, camera, samples, point_map.shape)
     first = sample_map.component == 0
     sample = sample_map.point[first]

@@ -25,7 +25,7 @@ from idic.correlation.height.section_nodes import (LEVELLING, ColumnSums, Sectio
 from idic.correlation.height.section_pass import (N_SUMS, from_blocks, poles, section_residuals, section_sums,
                                                   tap_weights, to_blocks)
 from idic.errors import InputError
-from idic.images import REACH_STDS, gradient_at_pixels, lowpass, lowpass_weights, noise_gain, prefilter, still_gain
+from idic.images import REACH_STDS, lowpass, lowpass_weights, noise_gain, prefilter, still_gain
 from idic.model import Experiment
 
 _GAP_MARGIN_PX = 8  # px on either side of a missing height whose spline coefficients it changes
@@ -160,7 +160,7 @@ def build_section_reference(section_map: SectionMap, image: np.ndarray, degree: 
     level = float(inside.mean(dtype=np.float64))
     blurred = (lowpass(filled, lowpass_px) - level).astype(np.float32)
     iy, ix = (a.ravel().astype(np.int32) for a in np.meshgrid(np.arange(pm.shape[0]), pm.column, indexing="ij"))
-    fx = gradient_at_pixels(prefilter(blurred, degree), ix, iy)[0].reshape(pm.shape[0], -1)
+    fx = prefilter(blurred, degree).gradient_at_pixels(ix, iy)[0].reshape(pm.shape[0], -1)
     y = (np.arange(pm.shape[0]) - 0.5 * (pm.shape[0] - 1)) / (0.5 * pm.shape[0])
     valid_map = replace(pm, valid=valid)
     return SectionReference(

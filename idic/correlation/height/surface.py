@@ -28,7 +28,7 @@ from idic.correlation.pixels.blocks import Pattern, sparsity
 from idic.correlation.pixels.cells import N_NODES, TRANSFORMS
 from idic.correlation.pixels.pixel_map import PixelMap, at_nodes, element_coefficients, inverse_gradients
 from idic.errors import InputError
-from idic.images import gradient_at_pixels, lowpass, noise_gain, still_gain
+from idic.images import lowpass, noise_gain, still_gain
 from idic.model import Experiment
 
 LEVELLING = {"none": 0, "frame": 1, "tilt": 3}  # columns of the offset and tilt of the instrument
@@ -125,7 +125,7 @@ def build_height_reference(pixel_map: PixelMap, image: np.ndarray, degree: int =
     if lowpass_px > 0:
         filled = np.nan_to_num(np.asarray(image, dtype=np.float64) - level)
         at_pixels = lowpass(filled, lowpass_px)[pixel_map.iy, pixel_map.ix] + level
-    fx, fy = gradient_at_pixels(frame.spline, pixel_map.ix, pixel_map.iy)
+    fx, fy = frame.spline.gradient_at_pixels(pixel_map.ix, pixel_map.iy)
     middle = np.array([pixel_map.ix.mean(), pixel_map.iy.mean()])
     half = max(np.ptp(pixel_map.ix), np.ptp(pixel_map.iy), 1) / 2.0
     tilts = np.column_stack([np.ones(pixel_map.n_nodes), (pixel_map.nodes_px - middle) / half])

@@ -13,7 +13,7 @@ from idic.correlation.pixels.blocks import (
 )
 from idic.correlation.pixels.pixel_map import PixelMap, element_curvature
 from idic.errors import InputError
-from idic.images import blur_column, gradient_at_pixels, gradient_noise_share, lowpass, prefilter, without_noise
+from idic.images import blur_column, gradient_noise_share, lowpass, prefilter, without_noise
 from idic.correlation.image_equations.matched_blur import (
     PIXEL_BLUR_PX, derivative_maps, fineness_of, matching_weights, mean_shift,
 )
@@ -206,7 +206,7 @@ def _gradient(pixel_map: PixelMap, image: np.ndarray, degree: int, lowpass_px: f
               noise_std: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Gradient at the pixels, without its noise where that is large, and the ratio of noise to pattern."""
     def gradient(image):
-        return gradient_at_pixels(prefilter(image.astype(np.float32), degree), pixel_map.ix, pixel_map.iy)
+        return prefilter(image.astype(np.float32), degree).gradient_at_pixels(pixel_map.ix, pixel_map.iy)
 
     fx, fy = gradient(image)
     share = gradient_noise_share(fx, fy, noise_std, degree, lowpass_px) if noise_std else 0.0

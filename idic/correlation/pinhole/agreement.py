@@ -16,7 +16,7 @@ from idic.correlation.pinhole.ray_map import build_ray_map
 from idic.correlation.views.pinhole_view import in_space
 from idic.correlation.pixels.pixel_map import PixelMap
 from idic.errors import InputError
-from idic.fe import Mesh, surface_cells
+from idic.fe import Mesh
 from idic.images import PlacedCamera
 
 COARSE_PX = 4.0   # blur before a comparison that has to survive a rough alignment
@@ -86,7 +86,7 @@ def seen_as_well(places: np.ndarray, camera: PlacedCamera, pixel_map: PixelMap, 
 
 
 def _ray_map(mesh: Mesh, view: Seen, mask: np.ndarray) -> PixelMap:
-    return build_ray_map(mesh, surface_cells(mesh, view.surface), view.camera, view.image.shape, mask, view.surface)
+    return build_ray_map(mesh, mesh.surface_cells(view.surface), view.camera, view.image.shape, mask, view.surface)
 
 
 def agreements(mesh: Mesh, cameras: Sequence[Seen]) -> list[Agreement]:

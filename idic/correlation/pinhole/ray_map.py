@@ -21,7 +21,7 @@ from idic.correlation.pixels.cells import (N_MONOMIALS, N_NODES, TRANSFORMS, mon
                                            outside_by, sort_by_owner, to_monomials)
 from idic.correlation.pixels.pixel_map import (EDGE_TOLERANCE, PixelMap, checked_mask, element_boxes, flat_elements,
                                                nothing_visible)
-from idic.fe import Block, Mesh, boundary_faces, face_cells
+from idic.fe import Block, Mesh
 from idic.images import LensCamera, PlacedCamera
 
 MIN_COSINE = 0.17  # of line of sight and normal, 80 degrees: a pixel covers six times its width there
@@ -36,7 +36,7 @@ def build_ray_map(mesh: Mesh, cells: Sequence[Block], camera: PlacedCamera, imag
     Parameters
     ----------
     mesh : of a plane specimen, whose seen surface is z = 0, or a solid
-    cells : what may be seen (`idic.fe.mesh.mesh.surface_cells`)
+    cells : what may be seen (`Mesh.surface_cells`)
     mask : array (ny, nx), bool, optional
         True = correlate.
     surface : str, optional
@@ -101,8 +101,8 @@ def _slopes(geometry: np.ndarray, at: np.ndarray, camera: LensCamera) -> np.ndar
 def _other_faces(mesh: Mesh, surface: str) -> list[Block]:
     """The faces of the body that are not in the set."""
     visible = {tuple(face) for face in np.asarray(mesh.edge_sets[surface]).tolist()}
-    hiding = [face for face in boundary_faces(mesh).tolist() if tuple(face) not in visible]
-    return face_cells(mesh, np.array(hiding, dtype=np.int64).reshape(-1, 2))
+    hiding = [face for face in mesh.boundary_faces().tolist() if tuple(face) not in visible]
+    return mesh.face_cells(np.array(hiding, dtype=np.int64).reshape(-1, 2))
 
 
 def _boxes(nodes_px, conn, kind, ny, nx):

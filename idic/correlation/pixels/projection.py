@@ -68,7 +68,7 @@ def onto_nodes(mesh: Mesh, cells: Sequence[Block], camera: Camera, images: Itera
 
     Parameters
     ----------
-    cells : the surface that the camera sees (`idic.fe.mesh.mesh.surface_cells`)
+    cells : the surface that the camera sees (`Mesh.surface_cells`)
     images : (ny, nx) float each, one per frame
     motion : (n_frames, n_nodes, dim) mm, optional
         Where the nodes were when the images were taken; None: at rest.

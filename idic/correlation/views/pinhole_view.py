@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.errors import InputError, NotConverged
-from idic.fe import Mesh, PerMesh, cell_type, shape_gradients, surface_cells
+from idic.fe import Mesh, PerMesh
 from idic.images import PlacedCamera
 
 _TANGENTS = PerMesh()
@@ -132,8 +132,8 @@ def surface_tangents(mesh: Mesh, surface: str | None) -> np.ndarray:
 def nodal_normals(mesh: Mesh, surface: str | None) -> np.ndarray:
     """Mean outward normal of the seen faces around each node, not of unit length; 0 elsewhere  # (n_nodes, 3)"""
     total = np.zeros((mesh.n_nodes, 3))
-    for block in surface_cells(mesh, surface):
-        slopes = shape_gradients(block.cell, cell_type(block.cell).reference_nodes)  # (where, whose, 2)
+    for block in mesh.surface_cells(surface):
+        slopes = block.kind.shape_gradients(block.kind.reference_nodes)  # (where, whose, 2)
         by = np.einsum("eai,qak->eqik", mesh.nodes[block.connectivity], slopes)  # (n, nodes, 3, 2)
         np.add.at(total, block.connectivity, np.cross(by[..., 0], by[..., 1]))
     return total

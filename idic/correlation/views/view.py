@@ -24,8 +24,8 @@ import numpy as np
 from idic.correlation.views.pinhole_view import PinholeView, in_space
 from idic.correlation.views.volume_view import VolumeView
 from idic.errors import InputError
-from idic.fe import Mesh, cell_type
-from idic.images import AnyCamera, Camera, PlacedCamera, Scanner, fixed_pixel_sensitivity, normal_sign
+from idic.fe import Mesh
+from idic.images import AnyCamera, Camera, PlacedCamera, Scanner
 from idic.model import Experiment, Model
 
 GREY, HEIGHT, SECTION, SPACE = "grey", "height", "section", "space"
@@ -117,7 +117,7 @@ class View:
         """
         points = self.points(nodes)
         if self.kind == GREY:
-            return fixed_pixel_sensitivity(self.camera, points, u, gradient, name, self.later).ravel()
+            return self.camera.fixed_pixel_sensitivity(points, u, gradient, name, self.later).ravel()
         plane_gradient = gradient[:, :2, :2]
         slope = np.zeros((len(nodes), 2))  # height per mm; the small one of a sheet is left out
         if self.axis < gradient.shape[1]:
@@ -125,7 +125,7 @@ class View:
         if self.kind == SECTION:
             slope = slope * [1.0, 0.0]
             plane_gradient = gradient[:, :1, :1] * [[1.0, 0.0], [0.0, 0.0]] + np.diag([0.0, 1.0])
-        plane = fixed_pixel_sensitivity(self.camera, points, self.points(u), plane_gradient, name, self.later)
+        plane = self.camera.fixed_pixel_sensitivity(points, self.points(u), plane_gradient, name, self.later)
         if self.camera.motion is not None and name in self.camera.motion.names:
             return np.column_stack([plane, np.zeros(len(plane))]).ravel()
         carried = np.linalg.solve(self.camera.jacobian(points),
@@ -147,7 +147,7 @@ def view_of(experiment: Experiment, camera: AnyCamera) -> View | PinholeView | V
     if isinstance(camera, PlacedCamera):
         return PinholeView(camera, model.mesh, model.surface)
     if recording.points is not None and recording.points.depth is not None:
-        return View(SPACE, camera, 2, normal_sign(camera) / recording.points.pitch_mm)
+        return View(SPACE, camera, 2, camera.normal_sign() / recording.points.pitch_mm)
     if recording.quantity in ("grey", "displacement"):
         return View(GREY, camera)
     if model.n_dim == 3:
@@ -196,7 +196,7 @@ def _corners(mesh: Mesh, faces: np.ndarray) -> np.ndarray:
         inside = (faces[:, 0] >= block.first) & (faces[:, 0] < block.first + block.n_elements)
         for local in np.unique(faces[inside, 1]):
             selection = inside & (faces[:, 1] == local)
-            nodes = list(cell_type(block.cell).faces[local][:n_corners])
+            nodes = list(block.kind.faces[local][:n_corners])
             nodes += nodes[-1:] * (n_corners - len(nodes))
             corners[selection] = block.connectivity[faces[selection, 0] - block.first][:, nodes]
     return corners

@@ -15,7 +15,6 @@ import numpy as np
 from idic.diagnose.locate.place import element_centres
 from idic.diagnose.locate.stiffness_score import wave_scores
 from idic.diagnose.physics.candidate import MESH_TOO_COARSE, Candidate, Situation, Variant, register
-from idic.fe import cell_type
 from idic.model import nodes_of
 
 MAX_LINES = 3  # waves that become variants, per element set
@@ -115,7 +114,7 @@ def _element_sizes(situation: Situation, name: str, waves: np.ndarray) -> np.nda
     ways = np.array([np.cos(turns), np.sin(turns)])
     lengths, areas = [], []
     for block in mesh.blocks:
-        corners = mesh.nodes[block.connectivity[:, :cell_type(block.cell).n_corners], :2]
+        corners = mesh.nodes[block.connectivity[:, :block.kind.n_corners], :2]
         lengths.append(np.abs((corners - np.roll(corners, 1, axis=1)) @ ways).max(axis=1))
         areas.append(np.prod(np.ptp(corners, axis=1), axis=1))
     length, area = np.concatenate(lengths)[elements], np.concatenate(areas)[elements]

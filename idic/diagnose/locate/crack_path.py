@@ -30,7 +30,7 @@ from idic.diagnose.locate.tangents import ModelTangent, tangents
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.score import NullModel, null_model, score
-from idic.fe import Mesh, boundary_edges, cell_type
+from idic.fe import Mesh
 from idic.identification import Identification
 
 N_NEAREST = 6  # elements that are looked at for one that holds a point
@@ -347,7 +347,7 @@ def _stresses(tangent: ModelTangent) -> tuple[np.ndarray, csr_array]:
 def _edge_lines(mesh: Mesh, size: float) -> list[Line]:
     """Lines from the edges of the body, outer and of holes, in all directions and lengths."""
     lines = []
-    for loop in boundary_edges(mesh):
+    for loop in mesh.boundary_edges():
         ends = np.array([mesh.face_nodes(edge)[:2] for edge in loop])
         a, b = mesh.nodes[ends[:, 0], :2], mesh.nodes[ends[:, 1], :2]
         step = max(1, len(loop) // MAX_STARTS)
@@ -399,7 +399,7 @@ def _corners(mesh: Mesh) -> np.ndarray:
     """Corners of every element, counter-clockwise; the last one twice of a triangle  # (n_elements, 4, 2) mm"""
     corners = np.zeros((mesh.n_elements, 4, 2))
     for block in mesh.blocks:
-        n = cell_type(block.cell).n_corners
+        n = block.kind.n_corners
         numbers = [*range(n), *[n - 1] * (4 - n)]
         corners[block.first:block.first + block.n_elements] = mesh.nodes[block.connectivity[:, numbers], :2]
     return corners

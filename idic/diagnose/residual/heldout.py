@@ -13,7 +13,6 @@ import numpy as np
 from idic.diagnose.residual.evidence import Evidence
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.subspace import Grid, explained, grid_over, hats
-from idic.fe import surface_cells
 
 FREE_MOTION_SPACING = 2.5  # element sizes between the free motions' grid points
 CAMERA_GAP_SHARE = 0.25  # of the width of the mesh, between the images of two cameras: few motions reach over it
@@ -130,9 +129,8 @@ def positions(residual: ResidualEvidence) -> np.ndarray:
 
 def grid_of(residual: ResidualEvidence, elements: float = FREE_MOTION_SPACING) -> Grid:
     """A grid over the visible region; elements : its spacing in element sizes of the visible mesh."""
-    at, mesh = positions(residual), residual.context.experiment.model.mesh
-    cells = mesh.blocks if residual.evidence.n_axes == 3 else surface_cells(
-        mesh, residual.context.experiment.model.surface)
+    at, model = positions(residual), residual.context.experiment.model
+    cells = model.mesh.blocks if residual.evidence.n_axes == 3 else model.mesh.surface_cells(model.surface)
     edges = [np.linalg.norm(at[block.connectivity[:, 0]] - at[block.connectivity[:, 1]], axis=1) for block in cells]
     return grid_over(residual.evidence, at, elements * float(np.median(np.concatenate(edges))))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe import EXTERNAL, FreePart, Mesh, PerMesh, bodies, dofs_of, face_set_nodes, free_parts, surface_cells
+from idic.fe import EXTERNAL, FreePart, Mesh, PerMesh, bodies, dofs_of, free_parts
 from idic.images import AnyCamera, LensCamera, PlacedCamera, gap_mark
 from idic.laws import LawSpec, get_law
 from idic.model import Experiment, Material, Prescribed
@@ -66,7 +66,7 @@ def _motion(part: FreePart, dim: int) -> str:
 def seen_nodes(mesh: Mesh, kind: str, surface: str | None) -> tuple[np.ndarray, list[np.ndarray]]:
     """Points seen by the camera as coordinates (n_nodes, 2|3) for the projection, and node lists of the seen cells."""
     if kind == "solid":
-        cells = [row for block in surface_cells(mesh, surface) for row in block.connectivity]
+        cells = [row for block in mesh.surface_cells(surface) for row in block.connectivity]
         return mesh.nodes, cells
     if surface is not None:  # a cross-section seen from above: the camera shows x; y is the height
         faces = [mesh.face_nodes(face) for face in mesh.edge_sets[surface]]
@@ -240,7 +240,7 @@ def check_surface(mesh: Mesh, kind: str, surface: str | None, file, key: str = "
         raise InputError("a plane-stress specimen has no surface key", file=file, key=key,
                          expected="no surface", found=repr(surface),
                          remedy="leave surface out")
-    if kind == "solid" and len(face_set_nodes(mesh, mesh.edge_sets[surface])) == 0:
+    if kind == "solid" and len(mesh.face_set_nodes(mesh.edge_sets[surface])) == 0:
         raise InputError("an empty set", file=file, key=key, expected="a set with faces", found="none",
                          remedy="choose another set")
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from idic.fe import EXTERNAL, Mesh, quadrature_rule, shape_gradients
+from idic.fe import EXTERNAL, Mesh
 from idic.laws import element_sizes, get_law
 from idic.model import Material
 from idic.parameters import Parameter
@@ -42,8 +42,8 @@ def sizes_of(mesh: Mesh, elements: np.ndarray) -> np.ndarray:
     """Sizes of elements as softening laws see them  # (n,) global indices -> (n,) mm"""
     sizes = np.zeros(mesh.n_elements)
     for block in mesh.blocks:
-        xi, w = quadrature_rule(block.cell, None)
-        jac = np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], shape_gradients(block.cell, xi))
+        xi, w = block.kind.quadrature_rule(None)
+        jac = np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], block.kind.shape_gradients(xi))
         volumes = (np.linalg.det(jac) * w).sum(axis=1)
         sizes[block.first:block.first + block.n_elements] = element_sizes(block.cell, volumes, mesh.n_dim)
     return sizes[elements]

@@ -13,7 +13,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.schema.experiment_file import ExperimentFile
-from idic.fe import Mesh, surface_cells
+from idic.fe import Mesh
 from idic.images import Camera
 from idic.model import Depth, FieldPoints
 from idic.readers import Edges, MIN_HOLE, MeasuredPoints, Placement, fitted_placement, loops_of
@@ -73,7 +73,7 @@ def laid_on_outline(config: ExperimentFile, points: MeasuredPoints, mesh: Mesh, 
     table = config.camera
     assert table is not None
     base = Camera.from_table(points.pitch, (0.0, 0.0), _field_axes(config)).matrix * points.pitch * [[1.0], [-1.0]]
-    edges = Edges.of(mesh.nodes[:, :2] @ base.T, surface_cells(mesh, config.experiment.surface))
+    edges = Edges.of(mesh.nodes[:, :2] @ base.T, mesh.surface_cells(config.experiment.surface))
     origin = np.full(2, np.nan) if table.origin_mm is None else np.array(table.origin_mm)
     start = Placement(origin, float(np.radians(table.rotation_deg)), 0.0)
     loops = sorted(loops_of(points.positions, points.pitch), key=lambda loop: -float(np.prod(np.ptp(loop, axis=0))))

@@ -21,7 +21,7 @@ from idic.errors import InputError
 from idic.experiment_file.pinhole.alignment import Clicks
 from idic.experiment_file.pinhole.alignment_start import starts
 from idic.experiment_file.schema.cameras import AlignmentTable
-from idic.fe import Mesh, surface_cells
+from idic.fe import Mesh
 from idic.images import PLACEMENT_STEM, PlacedCamera, RIGID
 from idic.parameters import JointPrior
 
@@ -152,7 +152,7 @@ class _Alignment:
         """Unit normal of the surface of the mesh around points, which lie on it  # (n, 3) mm -> (3,)"""
         if self.mesh.n_dim == 2:
             return np.array([0.0, 0.0, 1.0])
-        nodes = np.unique(np.concatenate([b.connectivity.ravel() for b in surface_cells(self.mesh, surface)]))
+        nodes = np.unique(np.concatenate([b.connectivity.ravel() for b in self.mesh.surface_cells(surface)]))
         at, normals = self.mesh.nodes[nodes], nodal_normals(self.mesh, surface)[nodes]
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
         neighbours = np.zeros(len(nodes), dtype=bool)

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from idic.correlation import Seen
-from idic.correlation import build_ray_map
+from idic.correlation import build_ray_map, Seen
 from idic.errors import InputError
-from idic.fe import Mesh, surface_cells
+from idic.fe import Mesh
 
 HALF_PX = 10          # of a subset
 MAX_SUBSETS = 300
@@ -89,7 +88,7 @@ def surface_points(mesh: Mesh, first: Seen, second: Seen, search_px: float) -> S
 def _subsets(mesh: Mesh, view: Seen) -> tuple[np.ndarray, np.ndarray]:
     """Grey values (n, m) and mesh points (n, m, 3) of subsets that lie wholly on the surface."""
     ny, nx = view.image.shape
-    cells = surface_cells(mesh, view.surface)
+    cells = mesh.surface_cells(view.surface)
     nodes = np.unique(np.concatenate([block.connectivity.ravel() for block in cells]))
     px = view.camera.project(mesh.nodes[nodes])
     low = np.clip(np.floor(px.min(axis=0)), 0, [nx - 1, ny - 1]).astype(int)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.fe import Mesh, cell_type, make_mesh
+from idic.fe import Mesh, make_mesh
 
 FRONT, BACK = "FRONT", "BACK"
 _PRISM = ((0, 1, 2, 5), (0, 1, 4, 5), (0, 3, 4, 5))  # tetrahedra of a prism whose first corners have rising numbers
@@ -93,7 +93,7 @@ def _outwards(tets: np.ndarray, nodes: np.ndarray) -> np.ndarray:
 def _faces(plane: Mesh, solid: Mesh, stack: _Layers) -> dict[str, np.ndarray]:
     """FRONT, BACK and the edge sets of the plane mesh as sets of faces."""
     block = solid.blocks[0]
-    local = cell_type(block.cell).faces
+    local = block.kind.faces
     element = np.repeat(np.arange(block.n_elements), len(local))
     faces = np.column_stack([element, np.tile(np.arange(len(local)), block.n_elements)])
     corners = np.stack([block.connectivity[:, list(face)] for face in local], axis=1).reshape(len(faces), -1)

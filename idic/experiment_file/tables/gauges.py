@@ -9,7 +9,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.schema.experiment_file import ExperimentFile
-from idic.fe import Mesh, interpolation, surface_cells
+from idic.fe import Mesh, interpolation
 from idic.images import Camera
 from idic.model import Gauge, KINDS
 
@@ -61,7 +61,7 @@ def _gauge(key: str, name: str, table: Any, length_unit: str, camera: Camera, fi
 
 def _check_place(gauge: Gauge, key: str, mesh: Mesh, surface: str | None, unit: str, file) -> None:
     """Points and ends lie on the specimen; of a line or circle a part does."""
-    _, inside = interpolation(mesh.nodes[:, :2], surface_cells(mesh, surface), gauge.places)
+    _, inside = interpolation(mesh.nodes[:, :2], mesh.surface_cells(surface), gauge.places)
     if inside.all() or (gauge.kind in ("line", "circle") and inside.any()):
         return
     x, y = gauge.places[int(np.argmin(inside))]

@@ -10,7 +10,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.schema.boundary import SetTable
-from idic.fe import Mesh, boundary_edges, boundary_faces, face_set_nodes
+from idic.fe import Mesh
 from idic.readers import points_where
 
 ALL = "ALL"  # a material of this name fills the whole mesh
@@ -54,7 +54,7 @@ def _by_position(mesh: Mesh, name: str, expression: str, factor: float, file, ke
         raise InputError("an empty set", file=file, key=f"{key}.where", expected=f"nodes with {expression}",
                          found=f"none; the mesh has {extent}",
                          remedy="correct the expression; coordinates are in the unit of the mesh")
-    faces = boundary_faces(mesh)
+    faces = mesh.boundary_faces()
     faces = np.array([face for face in faces if inside[mesh.face_nodes(face)].all()], dtype=np.int64).reshape(-1, 2)
     centres = np.concatenate([points[block.connectivity].mean(axis=1) for block in mesh.blocks])
     elements = np.flatnonzero(points_where(expression, centres, file=file, key=key))
@@ -72,12 +72,12 @@ def _by_boundary(mesh: Mesh, name: str, loop_kind: str, file, key) -> Mesh:
         raise InputError("an empty set", file=file, key=f"{key}.boundary", expected="a mesh with holes",
                          found="a mesh without holes", remedy="leave the entry out")
     faces = np.concatenate(loops)
-    return _added(mesh, name, face_set_nodes(mesh, faces), faces, np.zeros(0, dtype=np.int64))
+    return _added(mesh, name, mesh.face_set_nodes(faces), faces, np.zeros(0, dtype=np.int64))
 
 
 def _split_loops(mesh: Mesh) -> tuple[list[np.ndarray], list[np.ndarray]]:
     outer, holes = [], []
-    for loop in boundary_edges(mesh):
+    for loop in mesh.boundary_edges():
         a, b = np.array([mesh.nodes[mesh.face_nodes(face)[:2]] for face in loop]).transpose(1, 0, 2)
         area = (a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]).sum()
         (outer if area > 0 else holes).append(loop)
@@ -111,7 +111,7 @@ def with_node_set(mesh: Mesh, name: str, file, key) -> Mesh:
     if (spelling := known_name(name, mesh.node_sets)) is not None:
         node_sets[name] = mesh.node_sets[spelling]
     elif (spelling := known_name(name, mesh.edge_sets)) is not None:
-        node_sets[name] = face_set_nodes(mesh, mesh.edge_sets[spelling])
+        node_sets[name] = mesh.face_set_nodes(mesh.edge_sets[spelling])
     elif (spelling := known_name(name, mesh.element_sets)) is not None:
         node_sets[name] = _nodes_of_elements(mesh, mesh.element_sets[spelling])
     else:
@@ -129,7 +129,7 @@ def with_edge_set(mesh: Mesh, name: str, file, key) -> Mesh:
     elif (spelling := known_name(name, mesh.node_sets)) is not None:
         inside = np.zeros(mesh.n_nodes, dtype=bool)
         inside[mesh.node_sets[spelling]] = True
-        faces = [face for face in boundary_faces(mesh) if inside[mesh.face_nodes(face)].all()]
+        faces = [face for face in mesh.boundary_faces() if inside[mesh.face_nodes(face)].all()]
         if not faces:
             raise InputError("the node set contains no boundary edge", file=file, key=key,
                              expected="all nodes of one edge or more", found=name,

@@ -22,7 +22,7 @@ from idic.experiment_file.schema.experiment_file import ExperimentFile
 from idic.experiment_file.schema.boundary import TemperatureTable
 from idic.experiment_file.tables.boundaries import Context, logged
 from idic.experiment_file.tables.lengths import Lengths, maps_a_plane
-from idic.fe import Mesh, conducted, surface_cells, unreached
+from idic.fe import Mesh, conducted, unreached
 from idic.images import Camera
 from idic.laws import EXPANSION, KELVIN, REFERENCE
 from idic.experiment_file.tables.corrections import free_course
@@ -218,7 +218,7 @@ def _field(table: TemperatureTable, body: Body, context: Context, stack: FileSta
     images = (table.scale * np.asarray(stack.frame(k), float) + table.offset for k in range(stack.n_frames))
     motion = _logged_motion(body, context)
     try:
-        field = onto_nodes(body.mesh, surface_cells(body.mesh, body.surface), camera, images, motion,
+        field = onto_nodes(body.mesh, body.mesh.surface_cells(body.surface), camera, images, motion,
                            table.smoothing_px, table.edge_margin_px)
     except InputError as error:
         raise InputError(error.what, file=context.file, key=f"{key}.{error.key or 'images'}", expected=error.expected,

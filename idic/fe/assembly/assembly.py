@@ -16,7 +16,7 @@ from idic.fe.body.boundary import Drives, PressureFaces, pressure_faces, pressur
 from idic.fe.solver import storage
 from idic.fe.solver.known_pattern import known_pattern
 from idic.fe.solver.linear import Pattern
-from idic.fe.mesh.element import quadrature_rule, shape_gradients
+from idic.fe.mesh.element import cell_type
 from idic.fe.body.body import Body, Section, uses_mean_dilatation
 from idic.laws import CompiledLaw, LawSpec, element_sizes
 
@@ -120,9 +120,9 @@ def _dofs(connectivity, d):
 
 def _group(body: Body, pattern: Pattern, index: int, section: Section, cell: str, elements, connectivity, dofs):
     connectivity = np.ascontiguousarray(connectivity, dtype=np.int64)
-    xi, w = quadrature_rule(cell, body.quadrature.get(cell))
-    jac = np.einsum("eak,qai->eqki", body.mesh.nodes[connectivity], shape_gradients(cell, xi))  # dX_k/dxi_i
-    grads = np.einsum("qai,eqik->eqak", shape_gradients(cell, xi), np.linalg.inv(jac))
+    xi, w = cell_type(cell).quadrature_rule(body.quadrature.get(cell))
+    jac = np.einsum("eak,qai->eqki", body.mesh.nodes[connectivity], cell_type(cell).shape_gradients(xi))  # dX_k/dxi_i
+    grads = np.einsum("qai,eqik->eqak", cell_type(cell).shape_gradients(xi), np.linalg.inv(jac))
     depth = body.thickness if body.mesh.n_dim == 2 else 1.0
     volumes = np.linalg.det(jac) * w
     weights = (volumes * depth).ravel()

@@ -22,7 +22,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from idic.fe.assembly import in_parts
-from idic.fe.mesh.element import quadrature_rule, shape_functions
+from idic.fe.mesh.element import cell_type
 from idic.fe.body.body import Direction, Body
 from idic.laws import CompiledLaw, directional_stresses, point_stresses, point_tangents
 
@@ -121,8 +121,8 @@ def at_points(body: Body, cell: str, connectivity, weights, mean: bool, nodal: n
     -------
     (n_points, ...)
     """
-    xi, _ = quadrature_rule(cell, body.quadrature.get(cell))
-    values = np.einsum("qa,ea...->eq...", shape_functions(cell, xi), nodal[connectivity])
+    xi, _ = cell_type(cell).quadrature_rule(body.quadrature.get(cell))
+    values = np.einsum("qa,ea...->eq...", cell_type(cell).shape_functions(xi), nodal[connectivity])
     if mean:
         w = weights.reshape(values.shape[:2])
         average = np.einsum("eq,eq...->e...", w / w.sum(axis=1, keepdims=True), values)

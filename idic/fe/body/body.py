@@ -14,7 +14,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.fe.body.variation import Variation
 from idic.fe.body.seam import Seam
-from idic.fe.mesh.mesh import Mesh, PerMesh, check_elements
+from idic.fe.mesh.mesh import Mesh, PerMesh
 from idic.fe.solver.rigid_motion import free_parts
 from idic.laws import CompiledLaw, MODES
 
@@ -185,6 +185,35 @@ class Body:
         return replace(self, control=control, constraints=constraints, loads=loads,
                        temperature=sampled(self.temperature), seams=seams)
 
+    def validate(self, n_frames: int) -> None:
+        """Raise InputError if the model cannot be solved as it stands."""
+        mesh = self.mesh
+        if self.kind not in MODES:
+            raise InputError("unknown kind of model", key="experiment.kind", expected=", ".join(MODES), found=self.kind,
+                             remedy="write one of these names")
+        expected_dim = 3 if self.kind == "solid" else 2
+        if mesh.n_dim != expected_dim:
+            raise InputError(f"{self.kind} needs a {expected_dim}D mesh", key="experiment.kind",
+                             expected=f"{expected_dim} coordinates per node", found=str(mesh.n_dim),
+                             remedy="use a mesh of that dimension, or another kind")
+        if self.locking not in ("auto", "none", "mean_dilatation"):
+            raise InputError("unknown treatment of locking", expected="auto, none or mean_dilatation",
+                             found=self.locking, remedy="write one of these names")
+        if self.locking == "mean_dilatation" and self.kind == "plane_stress":
+            raise InputError("plane stress does not lock: the thickness follows the volume",
+                             found="locking = mean_dilatation", remedy="use locking = auto")
+        if not self.thickness > 0:
+            raise InputError("the thickness must be positive", expected="> 0 mm", found=str(self.thickness),
+                             remedy="give the thickness of the specimen in mm (experiment.thickness_mm)")
+        _PASSED.once(mesh, "elements", mesh.check_elements)
+        _check_sections(self)
+        _check_constraints(self, n_frames)
+        _check_loads(self, n_frames)
+        _check_temperature(self, n_frames)
+        _check_control(self, n_frames)
+        _check_seams(self, n_frames)
+        _PASSED.once(mesh, np.asarray(self.constraints.dofs).tobytes(), lambda: _check_rigid_motion(self))
+
 
 def uses_mean_dilatation(body: Body, cell: str) -> bool:
     """Whether elements of this cell are computed with mean dilatation, against volumetric locking."""
@@ -200,36 +229,6 @@ MIN_NAMED = 0.1  # part of the largest component of a free rigid motion that a m
 
 # validation ---------------------------------------------------------------------------------------
 _PASSED = PerMesh()  # checks that a mesh and its supports have passed
-
-
-def validate(body: Body, n_frames: int) -> None:
-    """Raise InputError if the model cannot be solved as it stands."""
-    mesh = body.mesh
-    if body.kind not in MODES:
-        raise InputError("unknown kind of model", key="experiment.kind", expected=", ".join(MODES), found=body.kind,
-                         remedy="write one of these names")
-    expected_dim = 3 if body.kind == "solid" else 2
-    if mesh.n_dim != expected_dim:
-        raise InputError(f"{body.kind} needs a {expected_dim}D mesh", key="experiment.kind",
-                         expected=f"{expected_dim} coordinates per node", found=str(mesh.n_dim),
-                         remedy="use a mesh of that dimension, or another kind")
-    if body.locking not in ("auto", "none", "mean_dilatation"):
-        raise InputError("unknown treatment of locking", expected="auto, none or mean_dilatation", found=body.locking,
-                         remedy="write one of these names")
-    if body.locking == "mean_dilatation" and body.kind == "plane_stress":
-        raise InputError("plane stress does not lock: the thickness follows the volume",
-                         found="locking = mean_dilatation", remedy="use locking = auto")
-    if not body.thickness > 0:
-        raise InputError("the thickness must be positive", expected="> 0 mm", found=str(body.thickness),
-                         remedy="give the thickness of the specimen in mm (experiment.thickness_mm)")
-    _PASSED.once(mesh, "elements", lambda: check_elements(mesh))
-    _check_sections(body)
-    _check_constraints(body, n_frames)
-    _check_loads(body, n_frames)
-    _check_temperature(body, n_frames)
-    _check_control(body, n_frames)
-    _check_seams(body, n_frames)
-    _PASSED.once(mesh, np.asarray(body.constraints.dofs).tobytes(), lambda: _check_rigid_motion(body))
 
 
 def _check_sections(body: Body) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.mesh.element import cell_type, quadrature_rule, shape_functions, shape_gradients
+from idic.fe.mesh.element import cell_type
 from idic.fe.mesh.mesh import Mesh
 from idic.fe.body.body import Constraints, Direction, Body
 
@@ -75,11 +75,11 @@ def _depth(mesh: Mesh, thickness: float) -> float:
 def _face_points(mesh: Mesh, faces: np.ndarray):
     """Nodes, shape functions (nq, nf) and outward normal times weighted area (nq, d) of each face."""
     for face in np.asarray(faces).reshape(-1, 2):
-        kind = cell_type(mesh.block_of(int(face[0])).cell).face_cell
+        kind = mesh.block_of(int(face[0])).kind.face_cell
         nodes = mesh.face_nodes(face)
-        points, weights = quadrature_rule(kind)
-        tangents = np.einsum("qai,ak->qik", shape_gradients(kind, points), mesh.nodes[nodes])
-        yield nodes, shape_functions(kind, points), _normal(tangents) * weights[:, None]
+        points, weights = cell_type(kind).quadrature_rule()
+        tangents = np.einsum("qai,ak->qik", cell_type(kind).shape_gradients(points), mesh.nodes[nodes])
+        yield nodes, cell_type(kind).shape_functions(points), _normal(tangents) * weights[:, None]
 
 
 def _normal(tangents: np.ndarray) -> np.ndarray:
@@ -110,13 +110,14 @@ def pressure_faces(body: Body) -> tuple[PressureFaces, ...]:
         faces = np.asarray(faces).reshape(-1, 2)
         if len(faces) == 0:
             raise InputError("a pressure acts on no edge", remedy="check the edge set of the load")
-        kinds = np.array([cell_type(mesh.block_of(int(e)).cell).face_cell for e in faces[:, 0]])
+        kinds = np.array([mesh.block_of(int(e)).kind.face_cell for e in faces[:, 0]])
         for kind in np.unique(kinds):
             nodes = np.array([mesh.face_nodes(f) for f in faces[kinds == kind]])
             dofs = (nodes[:, :, None] * mesh.n_dim + np.arange(mesh.n_dim)).reshape(len(nodes), -1)
-            points, weights = quadrature_rule(str(kind))
-            groups.append(PressureFaces(load, nodes, dofs, shape_functions(str(kind), points),
-                                        shape_gradients(str(kind), points), weights, _depth(mesh, body.thickness)))
+            face = cell_type(str(kind))
+            points, weights = face.quadrature_rule()
+            groups.append(PressureFaces(load, nodes, dofs, face.shape_functions(points), face.shape_gradients(points),
+                                        weights, _depth(mesh, body.thickness)))
     return tuple(groups)
 
 

@@ -12,8 +12,8 @@ from itertools import pairwise
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.mesh.element import cell_edges, cell_type
-from idic.fe.mesh.mesh import Block, Mesh, boundary_faces
+from idic.fe.mesh.element import cell_type
+from idic.fe.mesh.mesh import Block, Mesh
 
 LINEAR = {"tri6": "tri3", "quad8": "quad4"}  # kinds with mid-side nodes, and the same without
 MAX_MOVE_SHARE = 0.3  # of the shortest edge at a node: how far it is moved onto the path
@@ -92,7 +92,7 @@ def side_pairs(mesh: Mesh, cut: Cut) -> list[np.ndarray]:
     """Nodes in the middle of the edges of a cut, in the mesh of raised order, else none  # per edge (0 | 1, 2)"""
     middle: dict[tuple[int, int], int] = {}
     for block in mesh.blocks:
-        n_corners, edges = cell_type(block.cell).n_corners, cell_edges(block.cell)
+        n_corners, edges = block.kind.n_corners, block.kind.edges
         if block.connectivity.shape[1] == n_corners:
             continue
         for k, edge in enumerate(edges):
@@ -380,7 +380,7 @@ class _Cells:
 
     def _edge_sets(self, plain: Mesh, cut: Mesh) -> dict[str, np.ndarray]:
         place = {}
-        for element, local in boundary_faces(cut).tolist():
+        for element, local in cut.boundary_faces().tolist():
             a, b = (self.source.get(int(node), int(node)) for node in cut.face_nodes((element, local))[:2])
             place.setdefault(_key(a, b), []).append((element, local))
         sets = {}

@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.fe.crack.cut import Cut
-from idic.fe.mesh.element import cell_type, quadrature_rule, shape_functions, shape_gradients
-from idic.fe.mesh.mesh import Mesh, boundary_faces
+from idic.fe.mesh.element import cell_type
+from idic.fe.mesh.mesh import Mesh
 
 INNER_SHARE = 0.5  # of the outer radius of the ring
 MAX_RADIUS_SHARE = 0.85  # of the distance to the next edge, corner of the path or other material
@@ -97,7 +97,7 @@ def _elements(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Centre (n, 2) mm, size (n,) mm and number (n,) of every element."""
     centres, sizes, numbers = [], [], []
     for block in mesh.blocks:
-        corners = mesh.nodes[block.connectivity[:, :cell_type(block.cell).n_corners], :2]
+        corners = mesh.nodes[block.connectivity[:, :block.kind.n_corners], :2]
         ahead = np.roll(corners, -1, axis=1)
         area = 0.5 * np.sum(corners[..., 0] * ahead[..., 1] - corners[..., 1] * ahead[..., 0], axis=1)
         centres.append(corners.mean(axis=1))
@@ -109,7 +109,7 @@ def _elements(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _edge_distance(mesh: Mesh, cut: Cut, tip: np.ndarray, length: float) -> float:
     """Distance of the tip from the next edge of the body, its own faces left out: their ends count (mm)."""
     face_nodes = set(cut.left_nodes.tolist()) | set(cut.right_nodes.tolist())
-    faces = [mesh.face_nodes(face)[:2] for face in boundary_faces(mesh)]
+    faces = [mesh.face_nodes(face)[:2] for face in mesh.boundary_faces()]
     ends = mesh.nodes[[pair for pair in faces if not {int(pair[0]), int(pair[1])} <= face_nodes], :2]
     a, b = ends[:, 0], ends[:, 1]
     along = np.clip(np.einsum("ni,ni->n", tip - a, b - a) / np.einsum("ni,ni->n", b - a, b - a), 0.0, 1.0)
@@ -121,18 +121,18 @@ def _parts(mesh: Mesh, tip: np.ndarray, radius: float):
     weight = np.clip((radius - np.linalg.norm(mesh.nodes[:, :2] - tip, axis=1)) / (radius - inner), 0.0, 1.0)
     for block in mesh.blocks:
         # by the corners: between them the weight is that of the linear element, and no mid-side node adds waves
-        n_corners = cell_type(block.cell).n_corners
+        n_corners = block.kind.n_corners
         q = weight[block.connectivity[:, :n_corners]]
         chosen = np.ptp(q, axis=1) > 0.0
         if not chosen.any():
             continue
         connectivity, q = block.connectivity[chosen], q[chosen]
-        points, w = quadrature_rule(block.cell)
-        shape, linear = shape_functions(block.cell, points), _LINEAR[n_corners]
-        jac = np.einsum("eak,qai->eqki", mesh.nodes[connectivity], shape_gradients(block.cell, points))
+        points, w = block.kind.quadrature_rule()
+        shape, linear = block.kind.shape_functions(points), _LINEAR[n_corners]
+        jac = np.einsum("eak,qai->eqki", mesh.nodes[connectivity], block.kind.shape_gradients(points))
         inverse = np.linalg.inv(jac)
-        grads = np.einsum("qai,eqik->eqak", shape_gradients(block.cell, points), inverse)
-        q_grads = np.einsum("ea,qai,eqik->eqk", q, shape_gradients(linear, points), inverse)
+        grads = np.einsum("qai,eqik->eqak", block.kind.shape_gradients(points), inverse)
+        q_grads = np.einsum("ea,qai,eqik->eqk", q, cell_type(linear).shape_gradients(points), inverse)
         places = np.einsum("qa,eak->eqk", shape, mesh.nodes[connectivity]) - tip
         yield connectivity, grads, places, np.linalg.det(jac) * w, q_grads
 

@@ -17,8 +17,8 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from idic.fe.mesh.element import cell_type, n_face_corners, shape_gradients
-from idic.fe.mesh.mesh import Block, Mesh, boundary_faces, face_set_nodes
+from idic.fe.mesh.element import cell_type
+from idic.fe.mesh.mesh import Block, Mesh
 
 _QUAD = (((0, 1), (3, 2)), ((1, 2), (0, 3)))
 _BRICK = (((0, 1), (3, 2), (4, 5), (7, 6)), ((1, 2), (0, 3), (5, 6), (4, 7)), ((0, 4), (1, 5), (2, 6), (3, 7)))
@@ -109,14 +109,14 @@ def _layers(mesh: Mesh) -> list[_Layer]:
 def _boundary_edges(mesh: Mesh) -> np.ndarray:
     """Edges on the boundary, as lower node times number of nodes plus higher node."""
     ends = []
-    for face in boundary_faces(mesh):
+    for face in mesh.boundary_faces():
         corners = _corners(mesh, face)
         ends += [(corners[k], corners[(k + 1) % len(corners)]) for k in range(len(corners))]
     return np.unique(np.sort(np.array(ends, dtype=np.int64), axis=1) @ [mesh.n_nodes, 1])
 
 
 def _corners(mesh: Mesh, face: np.ndarray) -> np.ndarray:
-    n = n_face_corners(mesh.block_of(int(face[0])).cell)
+    n = mesh.block_of(int(face[0])).kind.n_face_corners
     return mesh.face_nodes(face)[:n]
 
 
@@ -170,7 +170,7 @@ class _Body:
             alive = self.alive[block.first:block.first + block.n_elements]
             cell = cell_type(LINEAR[block.cell])
             x = self.mesh.nodes[self.at[block.connectivity[alive][:, :cell.n_nodes]]]
-            gradients = shape_gradients(cell.name, cell.reference_nodes)
+            gradients = cell.shape_gradients(cell.reference_nodes)
             det = np.linalg.det(np.einsum("eai,qaj->eqij", x, gradients))
             if np.any(det.min(axis=1) < MIN_CORNER_JACOBIAN * det.max(axis=1)):
                 return False
@@ -201,7 +201,7 @@ class _Body:
 
     def _faces(self, bare: Mesh, node_map: np.ndarray) -> dict[str, np.ndarray]:
         """Boundary faces whose corners are those of a face of the set, after closing."""
-        faces = boundary_faces(bare)
+        faces = bare.boundary_faces()
         keys = [tuple(sorted(_corners(bare, face))) for face in faces]
         edge_sets = {}
         for name, set_faces in self.mesh.edge_sets.items():
@@ -213,7 +213,7 @@ class _Body:
 def _rank(mesh: Mesh) -> np.ndarray:
     """0 inside, 1 on a face, 2 on an edge (in 2D: a corner), 3 in a corner of a solid  # (n_nodes,)"""
     normals: dict[int, list[np.ndarray]] = {}
-    for face in boundary_faces(mesh):
+    for face in mesh.boundary_faces():
         corners = _corners(mesh, face)
         x = mesh.nodes[corners]
         if mesh.n_dim == 2:
@@ -232,7 +232,7 @@ def _rank(mesh: Mesh) -> np.ndarray:
 def _membership(mesh: Mesh) -> np.ndarray:
     """Which sets a node belongs to: node sets, face sets, the elements around it  # (n_nodes, n_sets) bool"""
     sets = [np.asarray(indices) for indices in mesh.node_sets.values()]
-    sets += [face_set_nodes(mesh, np.asarray(indices)) for indices in mesh.edge_sets.values()]
+    sets += [mesh.face_set_nodes(np.asarray(indices)) for indices in mesh.edge_sets.values()]
     for indices in mesh.element_sets.values():
         inside = np.isin(np.arange(mesh.n_elements), np.asarray(indices))
         sets.append(np.concatenate([b.connectivity[inside[b.first:b.first + b.n_elements]].ravel()

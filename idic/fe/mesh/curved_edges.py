@@ -13,8 +13,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from idic.fe.mesh.element import cell_type
-from idic.fe.mesh.mesh import Mesh, PerMesh, boundary_edges, make_mesh
+from idic.fe.mesh.mesh import Mesh, PerMesh, make_mesh
 from idic.fe.mesh.morph import fit_circle, nearest_on_circle, ratios_of_block, walls_about_a_centre
 
 MAX_TURN = np.radians(31.0)  # between neighbouring edges of an arc: twelve around a circle; an octagon stays one
@@ -40,7 +39,7 @@ def curved(mesh: Mesh) -> Mesh:
 
 
 def _curved(mesh: Mesh) -> Mesh | None:
-    if any(len(cell_type(block.cell).reference_nodes) == cell_type(block.cell).n_corners
+    if any(len(block.kind.reference_nodes) == block.kind.n_corners
            for block in mesh.blocks):
         raise ValueError("linear elements have no middle nodes")
     arcs = _arcs_in_plane(mesh) if mesh.n_dim == 2 else list(_round_walls(mesh))
@@ -78,7 +77,7 @@ def _arcs_in_plane(mesh: Mesh) -> list[_Arc]:
     places: dict[int, list[np.ndarray]] = {}
     ends: dict[int, np.ndarray] = {}
     for part in _parts(mesh):
-        for loop in boundary_edges(part):
+        for loop in part.boundary_edges():
             edges = np.array([part.face_nodes(edge)[:3] for edge in loop])  # corner, corner, middle, in walking order
             ends |= {int(middle): edges[k, :2] for k, middle in enumerate(edges[:, 2])}
             for middle, place in _on_arcs(mesh.nodes, edges):
@@ -134,7 +133,7 @@ def _round_walls(mesh: Mesh) -> Iterator[_Arc]:
     """Holes and outsides along z whose corners lie on a circle."""
     is_open = np.ones(mesh.n_nodes, dtype=bool)  # a middle node that no wall has taken
     for block in mesh.blocks:
-        is_open[block.connectivity[:, :cell_type(block.cell).n_corners]] = False
+        is_open[block.connectivity[:, :block.kind.n_corners]] = False
     for part in _parts(mesh):
         for wall in walls_about_a_centre(part):
             height = wall.hole.radius * float(1.0 - np.cos(0.5 * np.median(wall.turns)))
@@ -152,7 +151,7 @@ def _round_walls(mesh: Mesh) -> Iterator[_Arc]:
 def _flattened(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
     """Nodes of elements that keep too little of their Jacobian with other nodes."""
     flat = [block.connectivity[ratios_of_block(block, mesh.nodes, nodes, len(
-        cell_type(block.cell).reference_nodes)).min(axis=1) < MIN_JACOBIAN].ravel() for block in mesh.blocks]
+        block.kind.reference_nodes)).min(axis=1) < MIN_JACOBIAN].ravel() for block in mesh.blocks]
     return np.unique(np.concatenate(flat))
 
 

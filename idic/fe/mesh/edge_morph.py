@@ -13,8 +13,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from idic.fe.mesh.element import cell_type
-from idic.fe.mesh.mesh import Mesh, boundary_faces
+from idic.fe.mesh.mesh import Mesh
 from idic.fe.mesh.morph import laplacian
 
 OUTLINE = "geometry.outline"  # stem of the degrees of freedom that move free edges
@@ -28,7 +27,7 @@ def free_edges(mesh: Mesh, held_sets: Mapping[str, np.ndarray]) -> np.ndarray:
 
     held_sets : {name: (n,) node indices}
     """
-    faces = boundary_faces(mesh)
+    faces = mesh.boundary_faces()
     driven = np.array([any(np.isin(mesh.face_nodes(face), nodes).all() for nodes in held_sets.values())
                        for face in faces],
                       dtype=bool)
@@ -38,10 +37,10 @@ def free_edges(mesh: Mesh, held_sets: Mapping[str, np.ndarray]) -> np.ndarray:
 def outward_velocity(mesh: Mesh, faces: np.ndarray) -> np.ndarray:
     """V of these boundary edges, 1 along their outward normals  # (n_nodes, 2), 1
 
-    faces : (n, 2) [global element index, local edge], of `boundary_faces`
+    faces : (n, 2) [global element index, local edge], of `Mesh.boundary_faces`
     """
     moved = {tuple(face) for face in faces.tolist()}
-    walls = boundary_faces(mesh)
+    walls = mesh.boundary_faces()
     target = np.array([tuple(face) in moved for face in walls.tolist()], dtype=float)
     nodes = [mesh.face_nodes(face) for face in walls]
     along = np.array([mesh.nodes[n[1]] - mesh.nodes[n[0]] for n in nodes])
@@ -67,7 +66,7 @@ def _with_straight_edges(mesh: Mesh, velocity: np.ndarray, walls: set[int]) -> n
     """Nodes in the middle of edges inside the body move with its ends: quadratic elements keep straight edges."""
     straightened = velocity.copy()
     for block in mesh.blocks:
-        for a, b, *middle in cell_type(block.cell).faces:
+        for a, b, *middle in block.kind.faces:
             for at in middle:
                 nodes = block.connectivity[~np.isin(block.connectivity[:, at], list(walls))]
                 straightened[nodes[:, at]] = 0.5 * (velocity[nodes[:, a]] + velocity[nodes[:, b]])

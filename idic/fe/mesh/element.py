@@ -40,6 +40,32 @@ class Cell:
     face_cell: str
     order: int
 
+    @property
+    def edges(self) -> tuple[tuple[int, int], ...]:
+        """Corner pairs of the edges, in the order of the mid-side nodes of the quadratic kind."""
+        if self.name.startswith("tet"):
+            return TET_EDGES
+        if self.name.startswith("hex"):
+            return HEX_EDGES
+        return tuple((k, (k + 1) % self.n_corners) for k in range(self.n_corners))
+
+    @property
+    def n_face_corners(self) -> int:
+        """Corners of each face (edge)."""
+        return cell_type(self.face_cell).n_corners
+
+    def shape_functions(self, points: np.ndarray) -> np.ndarray:
+        """Shape functions at reference points  # (n, dim) dimensionless -> (n, n_nodes) dimensionless"""
+        return _tables(self.name, np.atleast_2d(np.asarray(points, dtype=float)))[0]
+
+    def shape_gradients(self, points: np.ndarray) -> np.ndarray:
+        """Derivatives of the shape functions by the reference coordinates  # (n, dim) -> (n, n_nodes, dim)"""
+        return _tables(self.name, np.atleast_2d(np.asarray(points, dtype=float)))[1]
+
+    def quadrature_rule(self, order: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Gauss points (n, dim) and weights (n,); order : as above, None: the default"""
+        return _quadrature(self.name, self.order if order is None else order)
+
 
 _TRI = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
 _QUAD = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [0, -1], [1, 0], [0, 1], [-1, 0]], dtype=float)
@@ -82,53 +108,17 @@ def cell_type(name: str) -> Cell:
                          remedy="mesh the specimen with one of these") from None
 
 
-def shape_functions(name: str, points: np.ndarray) -> np.ndarray:
-    """Shape functions of a cell at reference points.
-
-    Parameters
-    ----------
-    points : (n, dim) reference coordinates, dimensionless.
-
-    Returns
-    -------
-    (n, n_nodes) dimensionless.
-    """
-    return _tables(name, np.atleast_2d(np.asarray(points, dtype=float)))[0]
-
-
-def shape_gradients(name: str, points: np.ndarray) -> np.ndarray:
-    """Derivatives of the shape functions with respect to the reference coordinates  # (n, n_nodes, dim)"""
-    return _tables(name, np.atleast_2d(np.asarray(points, dtype=float)))[1]
-
-
-def cell_edges(name: str) -> tuple[tuple[int, int], ...]:
-    """Corner pairs of the edges of a cell, in the order of the mid-side nodes of its quadratic kind."""
-    if name.startswith("tet"):
-        return TET_EDGES
-    if name.startswith("hex"):
-        return HEX_EDGES
-    n = cell_type(name).n_corners
-    return tuple((k, (k + 1) % n) for k in range(n))
-
-
-def n_face_corners(name: str) -> int:
-    """Corners of each face (edge) of a cell."""
-    return cell_type(cell_type(name).face_cell).n_corners
-
-
 @cache
-def quadrature_rule(name: str, order: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss points (n, dim) and weights (n,) of a cell; `order` as in :class:`Cell` (None: the cell's default)."""
-    c = cell_type(name)
-    order = c.order if order is None else order
+def _quadrature(name: str, order: int) -> tuple[np.ndarray, np.ndarray]:
     if name.startswith("tri"):
         return _triangle_rule(order)
     if name.startswith("tet"):
         return _tetrahedron_rule(order)
     x, w = np.polynomial.legendre.leggauss(order)
-    grid = np.meshgrid(*[x] * c.dim, indexing="ij")
+    dim = cell_type(name).dim
+    grid = np.meshgrid(*[x] * dim, indexing="ij")
     weights = np.ones(())
-    for _ in range(c.dim):
+    for _ in range(dim):
         weights = np.multiply.outer(weights, w)
     return np.stack([g.ravel() for g in grid], axis=1), weights.ravel()
 
@@ -159,7 +149,6 @@ def _tetrahedron_rule(order: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _tables(name: str, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    cell_type(name)
     if name == "line2" or name == "line3":
         return _line(xi[:, 0], name == "line3")
     if name == "tri3" or name == "tri6":

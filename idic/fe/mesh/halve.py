@@ -14,8 +14,8 @@ import numpy as np
 from scipy import sparse
 
 from idic.errors import InputError
-from idic.fe.mesh.element import cell_type, n_face_corners, shape_functions
-from idic.fe.mesh.mesh import Block, Mesh, boundary_faces
+from idic.fe.mesh.element import cell_type
+from idic.fe.mesh.mesh import Block, Mesh
 
 LINEAR = {"tri3": "tri3", "tri6": "tri3", "quad4": "quad4", "quad8": "quad4", "hex8": "hex8",
           "hex20": "hex8"}
@@ -83,7 +83,7 @@ class _Nodes:
         self.holders: list[set[int]] = []  # elements around each node
         node_keys: dict[int, tuple] = {}
         for block in mesh.blocks:
-            cell = cell_type(block.cell)
+            cell = block.kind
             corners = _corners(_corner_weights(block.cell, cell.reference_nodes))
             for nodes in block.connectivity.tolist():
                 node_keys.update(zip(nodes, (_key(nodes, point_corners) for point_corners in corners), strict=True))
@@ -93,7 +93,7 @@ class _Nodes:
     def add(self, block: Block, points: np.ndarray) -> np.ndarray:
         """Nodes of the children of a block  # (n_elements * n_children, n_nodes)"""
         flat = points.reshape(-1, points.shape[-1])
-        corners, values = _corners(_corner_weights(block.cell, flat)), shape_functions(block.cell, flat)
+        corners, values = _corners(_corner_weights(block.cell, flat)), block.kind.shape_functions(flat)
         connectivity = np.empty((block.n_elements, len(flat)), dtype=np.int64)
         for e, nodes in enumerate(block.connectivity.tolist()):
             for i in range(len(flat)):
@@ -140,7 +140,7 @@ def _corners(weights: np.ndarray) -> list[list[tuple[int, int]]]:
 
 def _corner_weights(cell: str, points: np.ndarray) -> np.ndarray:
     """Weights of the corners at reference points, in 1/64  # (n, n_corners) int"""
-    return np.rint(PARTS * shape_functions(LINEAR[cell], np.asarray(points, dtype=float))).astype(int)
+    return np.rint(PARTS * cell_type(LINEAR[cell]).shape_functions(np.asarray(points, dtype=float))).astype(int)
 
 
 def _children(cell: str) -> np.ndarray:
@@ -155,7 +155,7 @@ def _children(cell: str) -> np.ndarray:
 
 def _parts_of_face(cell: str, face: int) -> Iterator[tuple[int, int]]:
     """(child, face of the child) that lie on a face of their parent."""
-    faces, n = cell_type(cell).faces, n_face_corners(cell)
+    faces, n = cell_type(cell).faces, cell_type(cell).n_face_corners
     off = [i for i in range(cell_type(cell).n_corners) if i not in faces[face][:n]]
     for child, points in enumerate(_children(cell)):
         weights = _corner_weights(cell, points)
@@ -166,8 +166,8 @@ def _parts_of_face(cell: str, face: int) -> Iterator[tuple[int, int]]:
 
 def _outer(mesh: Mesh) -> Iterator[frozenset[int]]:
     """Corners of the outer faces, and of their edges."""
-    for face in boundary_faces(mesh):
-        n = n_face_corners(mesh.block_of(int(face[0])).cell)
+    for face in mesh.boundary_faces():
+        n = mesh.block_of(int(face[0])).kind.n_face_corners
         corners = mesh.face_nodes(face)[:n].tolist()
         yield frozenset(corners)
         if n > 2:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import sparse
 
-from idic.fe.mesh.element import cell_type, shape_functions, shape_gradients
+from idic.fe.mesh.element import cell_type
 from idic.fe.mesh.mesh import Block
 
 _NEWTON_STEPS = 12
@@ -65,7 +65,7 @@ def _in_block(nodes: np.ndarray, block: Block, points: np.ndarray,
     if not numbers:
         n = block.connectivity.shape[1]
         return np.zeros(0, dtype=int), np.zeros((0, n), dtype=int), np.zeros((0, n))
-    return np.array(numbers), block.connectivity[elements], shape_functions(block.cell, np.array(places))
+    return np.array(numbers), block.connectivity[elements], block.kind.shape_functions(np.array(places))
 
 
 def _local(cell: str, corners: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -73,14 +73,14 @@ def _local(cell: str, corners: np.ndarray, x: np.ndarray) -> np.ndarray:
     n_corners = cell_type(cell).n_corners
     xi = np.tile(cell_type(cell).reference_nodes[:n_corners].mean(axis=0), (len(corners), 1))
     for _ in range(_NEWTON_STEPS):
-        shapes, slopes = shape_functions(cell, xi), shape_gradients(cell, xi)
+        shapes, slopes = cell_type(cell).shape_functions(xi), cell_type(cell).shape_gradients(xi)
         gap = x - np.einsum("ea,eak->ek", shapes, corners)
         jacobian = np.einsum("eak,eai->eki", corners, slopes)
         step = np.linalg.solve(jacobian, gap[:, :, None])[:, :, 0]
         xi = np.clip(xi + step, -3.0, 3.0)  # far outside an element its map folds back
         if np.abs(step).max() < 1e-12:
             break
-    shapes = shape_functions(cell, xi)
+    shapes = cell_type(cell).shape_functions(xi)
     distance = np.linalg.norm(x - np.einsum("ea,eak->ek", shapes, corners), axis=1)
     size = np.ptp(corners, axis=1).max(axis=1)
     return np.where((distance < 1e-6 * size)[:, None], xi, np.inf)

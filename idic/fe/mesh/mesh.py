@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.mesh.element import cell_type, n_face_corners, quadrature_rule, shape_gradients
+from idic.fe.mesh.element import Cell, cell_type
 
 Found = TypeVar("Found")
 
@@ -33,6 +33,10 @@ class Block:
     cell: str
     connectivity: np.ndarray
     first: int = 0
+
+    @property
+    def kind(self) -> Cell:
+        return cell_type(self.cell)
 
     @property
     def n_elements(self) -> int:
@@ -105,8 +109,124 @@ class Mesh:
     def face_nodes(self, face: tuple[int, int]) -> np.ndarray:
         """Node indices of one [element, local face], corners first, outward orientation."""
         block = self.block_of(int(face[0]))
-        local = cell_type(block.cell).faces[int(face[1])]
+        local = block.kind.faces[int(face[1])]
         return block.connectivity[int(face[0]) - block.first, list(local)]
+
+    def check_elements(self) -> None:
+        """Raise InputError, naming labels, if an element is inverted, degenerate or refers to a missing node."""
+        for block in self.blocks:
+            if block.connectivity.size and (block.connectivity.min() < 0 or block.connectivity.max() >= self.n_nodes):
+                raise InputError(f"a {block.cell} element refers to a node that does not exist",
+                                 expected=f"node indices 0 to {self.n_nodes - 1}", found=f"{block.connectivity.max()}",
+                                 remedy="check the element table of the mesh file")
+            cell = block.kind
+            if cell.dim != self.n_dim:
+                continue
+            points = np.concatenate([cell.quadrature_rule()[0], cell.reference_nodes[:cell.n_corners]])
+            jac = np.einsum("eai,qaj->eqij", self.nodes[block.connectivity], cell.shape_gradients(points))
+            with np.errstate(over="ignore", invalid="ignore"):  # coordinates of 1e300 have no area to be written
+                det = np.linalg.det(jac)
+            size = np.abs(det).max(axis=1)
+            bad = np.flatnonzero(~(det.min(axis=1) > 1e-9 * np.maximum(size, 1e-300)))
+            if len(bad):
+                labels = self.element_labels[block.first + bad]
+                raise InputError(f"{len(bad)} {block.cell} element(s) are inverted or have no area",
+                                 expected="corner nodes counter-clockwise (2D) or bottom face, then top (3D), "
+                                 "no angle of 180 degrees or more",
+                                 found="elements " + ", ".join(map(str, labels[:10])) + " ..." * (len(bad) > 10),
+                                 remedy="reverse their node order, or repair the mesh")
+
+    def boundary_faces(self, blocks: tuple[Block, ...] | None = None) -> np.ndarray:
+        """Faces (edges in 2D) that belong to one element only  # (n, 2) [global element index, local face]"""
+        owners = defaultdict(list)
+        for block in self.blocks if blocks is None else blocks:
+            cell = block.kind
+            if cell.dim != self.n_dim:
+                continue
+            for k, local in enumerate(cell.faces):
+                keys = np.sort(block.connectivity[:, list(local[:cell.n_face_corners])], axis=1)
+                for e, key in enumerate(map(tuple, keys)):
+                    owners[key].append((block.first + e, k))
+        faces = [sides[0] for sides in owners.values() if len(sides) == 1]
+        return np.array(sorted(faces), dtype=np.int64).reshape(-1, 2)
+
+    def boundary_edges(self) -> list[np.ndarray]:
+        """Closed boundary loops of a 2D mesh: the outer one first, then the holes.
+
+        Returns
+        -------
+        list of (n, 2) [global element index, local edge], in walking order (material on the left). The outer loop is
+        the one of the largest enclosed area; a body in several pieces has several, each a counter-clockwise one.
+        """
+        if self.n_dim != 2:
+            raise ValueError("boundary_edges is for 2D meshes; use boundary_faces for solids")
+        faces = self.boundary_faces()
+        ends = np.array([self.face_nodes(f)[:2] for f in faces]).reshape(-1, 2)
+        outgoing = defaultdict(list)
+        for k, start in enumerate(ends[:, 0]):
+            outgoing[start].append(k)
+        loops = []
+        while outgoing:
+            start = next(iter(outgoing))
+            node, loop = start, []
+            while node in outgoing:
+                k = outgoing[node].pop()
+                if not outgoing[node]:
+                    del outgoing[node]
+                loop.append(k)
+                node = ends[k, 1]
+                if node == start:
+                    break
+            loops.append(faces[loop])
+        return sorted(loops, key=lambda loop: -_enclosed_area(self, loop))
+
+    def boundary_paths(self) -> list[list[int]]:
+        """Nodes of the closed boundary loops of a plane mesh in walking order, as `boundary_edges` has them."""
+        # an edge names its middle last; its end is the start of the next one
+        return [[int(node) for face in loop for nodes in [self.face_nodes(face)] for node in (nodes[0], *nodes[2:])]
+                for loop in self.boundary_edges()]
+
+    def face_set_nodes(self, faces: np.ndarray) -> np.ndarray:
+        """Sorted node indices of a set of faces (n, 2)."""
+        if len(faces) == 0:
+            return np.zeros(0, dtype=np.int64)
+        return np.unique(np.concatenate([self.face_nodes(f) for f in faces]))
+
+    def surface_cells(self, surface_set: str | None = None) -> list[Block]:
+        """What the camera sees: the 2D blocks themselves, or the faces of a solid as plane cells into its 3D nodes.
+
+        Parameters
+        ----------
+        surface_set : str, optional
+            Solid: name of the face set that faces the camera; needed there. Plane-strain sections seen from above have
+            an edge set: the caller treats that case.
+
+        Raises
+        ------
+        InputError
+            If a solid's face set is missing or unknown.
+        """
+        if self.n_dim == 2:
+            return [block for block in self.blocks if block.kind.dim == 2]
+        if surface_set is None or surface_set not in self.edge_sets:
+            raise InputError("a solid needs the face set that the camera sees", key="experiment.surface",
+                             expected="one of: " + (", ".join(self.edge_sets) or "(the mesh has no face sets)"),
+                             found=str(surface_set), remedy="name a face set of the mesh file in `surface`")
+        faces = np.asarray(self.edge_sets[surface_set])
+        if len(faces) == 0:
+            raise InputError(f"face set {surface_set} is empty", key="experiment.surface",
+                             remedy="choose a face set with faces in it")
+        return self.face_cells(faces)
+
+    def face_cells(self, faces: np.ndarray) -> list[Block]:
+        """Faces (n, 2) of a solid as plane cells into its nodes, numbered kind by kind."""
+        kinds = np.array([self.block_of(int(e)).kind.face_cell for e in faces[:, 0]])
+        blocks, first = [], 0
+        for kind in dict.fromkeys(kinds.tolist()):
+            nodes = np.array([self.face_nodes(f) for f in faces[kinds == kind]], dtype=np.int64)
+            blocks.append(Block(kind, nodes, first))
+            first += blocks[-1].n_elements
+        return blocks
 
 
 def make_mesh(nodes: np.ndarray, cells: list[tuple[str, np.ndarray]], **sets) -> Mesh:
@@ -119,132 +239,9 @@ def make_mesh(nodes: np.ndarray, cells: list[tuple[str, np.ndarray]], **sets) ->
     return Mesh(np.ascontiguousarray(nodes, dtype=float), tuple(blocks), **sets)
 
 
-def check_elements(mesh: Mesh) -> None:
-    """Raise InputError, naming labels, if an element is inverted, degenerate or refers to a node that is not there."""
-    for block in mesh.blocks:
-        if block.connectivity.size and (block.connectivity.min() < 0 or block.connectivity.max() >= mesh.n_nodes):
-            raise InputError(f"a {block.cell} element refers to a node that does not exist",
-                             expected=f"node indices 0 to {mesh.n_nodes - 1}", found=f"{block.connectivity.max()}",
-                             remedy="check the element table of the mesh file")
-        cell = cell_type(block.cell)
-        if cell.dim != mesh.n_dim:
-            continue
-        points = np.concatenate([quadrature_rule(block.cell)[0], cell.reference_nodes[:cell.n_corners]])
-        jac = np.einsum("eai,qaj->eqij", mesh.nodes[block.connectivity], shape_gradients(block.cell, points))
-        with np.errstate(over="ignore", invalid="ignore"):  # coordinates of 1e300 have no area that could be written
-            det = np.linalg.det(jac)
-        size = np.abs(det).max(axis=1)
-        bad = np.flatnonzero(~(det.min(axis=1) > 1e-9 * np.maximum(size, 1e-300)))
-        if len(bad):
-            labels = mesh.element_labels[block.first + bad]
-            raise InputError(f"{len(bad)} {block.cell} element(s) are inverted or have no area",
-                             expected="corner nodes counter-clockwise (2D) or bottom face, then top (3D), "
-                             "no angle of 180 degrees or more",
-                             found="elements " + ", ".join(map(str, labels[:10])) + (" ..." if len(bad) > 10 else ""),
-                             remedy="reverse their node order, or repair the mesh")
-
-
-def boundary_faces(mesh: Mesh, blocks: tuple[Block, ...] | None = None) -> np.ndarray:
-    """Faces (edges in 2D) that belong to one element only  # (n, 2) [global element index, local face]"""
-    owners = defaultdict(list)
-    for block in mesh.blocks if blocks is None else blocks:
-        cell = cell_type(block.cell)
-        if cell.dim != mesh.n_dim:
-            continue
-        n_corner = n_face_corners(block.cell)
-        for k, local in enumerate(cell.faces):
-            keys = np.sort(block.connectivity[:, list(local[:n_corner])], axis=1)
-            for e, key in enumerate(map(tuple, keys)):
-                owners[key].append((block.first + e, k))
-    faces = [sides[0] for sides in owners.values() if len(sides) == 1]
-    return np.array(sorted(faces), dtype=np.int64).reshape(-1, 2)
-
-
-def boundary_edges(mesh: Mesh) -> list[np.ndarray]:
-    """Closed boundary loops of a 2D mesh: the outer one first, then the holes.
-
-    Returns
-    -------
-    list of (n, 2) [global element index, local edge], in walking order (material on the left). The outer loop is the
-    one of the largest enclosed area; a body in several pieces has several outer loops, each a counter-clockwise one.
-    """
-    if mesh.n_dim != 2:
-        raise ValueError("boundary_edges is for 2D meshes; use boundary_faces for solids")
-    faces = boundary_faces(mesh)
-    ends = np.array([mesh.face_nodes(f)[:2] for f in faces]).reshape(-1, 2)
-    outgoing = defaultdict(list)
-    for k, start in enumerate(ends[:, 0]):
-        outgoing[start].append(k)
-    loops = []
-    while outgoing:
-        start = next(iter(outgoing))
-        node, loop = start, []
-        while node in outgoing:
-            k = outgoing[node].pop()
-            if not outgoing[node]:
-                del outgoing[node]
-            loop.append(k)
-            node = ends[k, 1]
-            if node == start:
-                break
-        loops.append(faces[loop])
-    return sorted(loops, key=lambda loop: -_enclosed_area(mesh, loop))
-
-
-def boundary_paths(mesh: Mesh) -> list[list[int]]:
-    """Nodes of the closed boundary loops of a plane mesh in walking order, as `boundary_edges` has them."""
-    # an edge names its middle last; its end is the start of the next one
-    return [[int(node) for face in loop for nodes in [mesh.face_nodes(face)] for node in (nodes[0], *nodes[2:])]
-            for loop in boundary_edges(mesh)]
-
-
 def _enclosed_area(mesh: Mesh, loop: np.ndarray) -> float:
     a, b = np.array([mesh.nodes[mesh.face_nodes(f)[:2]] for f in loop]).transpose(1, 0, 2)
     return float(np.sum(a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]) / 2)  # negative for holes
-
-
-def face_set_nodes(mesh: Mesh, faces: np.ndarray) -> np.ndarray:
-    """Sorted node indices of a set of faces (n, 2)."""
-    if len(faces) == 0:
-        return np.zeros(0, dtype=np.int64)
-    return np.unique(np.concatenate([mesh.face_nodes(f) for f in faces]))
-
-
-def surface_cells(mesh: Mesh, surface_set: str | None = None) -> list[Block]:
-    """What the camera sees: the 2D blocks themselves, or the faces of a solid as plane cells into its 3D nodes.
-
-    Parameters
-    ----------
-    surface_set : str, optional
-        Solid: name of the face set that faces the camera; needed there. Plane-strain sections seen from above have
-        an edge set: the caller treats that case.
-
-    Raises
-    ------
-    InputError
-        If a solid's face set is missing or unknown.
-    """
-    if mesh.n_dim == 2:
-        return [block for block in mesh.blocks if cell_type(block.cell).dim == 2]
-    if surface_set is None or surface_set not in mesh.edge_sets:
-        raise InputError("a solid needs the face set that the camera sees", key="experiment.surface",
-                         expected="one of: " + (", ".join(mesh.edge_sets) or "(the mesh has no face sets)"),
-                         found=str(surface_set), remedy="name a face set of the mesh file in `surface`")
-    faces = np.asarray(mesh.edge_sets[surface_set])
-    if len(faces) == 0:
-        raise InputError(f"face set {surface_set} is empty", key="experiment.surface",
-                         remedy="choose a face set with faces in it")
-    return face_cells(mesh, faces)
-
-
-def face_cells(mesh: Mesh, faces: np.ndarray) -> list[Block]:
-    """Faces (n, 2) of a solid as plane cells into its nodes, numbered kind by kind."""
-    kinds = np.array([cell_type(mesh.block_of(int(e)).cell).face_cell for e in faces[:, 0]])
-    blocks, first = [], 0
-    for kind in dict.fromkeys(kinds.tolist()):
-        blocks.append(Block(kind, np.array([mesh.face_nodes(f) for f in faces[kinds == kind]], dtype=np.int64), first))
-        first += blocks[-1].n_elements
-    return blocks
 
 
 class PerMesh:

@@ -16,8 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from idic.errors import NotConverged
-from idic.fe.mesh.element import cell_type, n_face_corners, quadrature_rule, shape_gradients
-from idic.fe.mesh.mesh import Block, Mesh, boundary_faces, face_set_nodes
+from idic.fe.mesh.mesh import Block, Mesh
 
 MAX_OFF_CIRCLE = 0.05  # of the radius: how far corner nodes of a rim may lie off its circle (meshes made on an image)
 MAX_WALL_NORMAL_Z = 0.5  # |n_z| of a wall of a solid; top and bottom face are no walls
@@ -83,7 +82,7 @@ def walls_about_a_centre(mesh: Mesh) -> Iterator[Wall]:
             angles = np.arctan2(offsets[..., 1], offsets[..., 0])
             turns = np.ptp((angles - angles[:, :1] + np.pi) % (2.0 * np.pi), axis=1)
             off = float(np.abs(np.hypot(*(mesh.nodes[corners, :2] - centre).T) - radius).max())
-            yield Wall(Hole(centre, radius, face_set_nodes(mesh, faces[part])), bool(side[0] < 0), off, turns)
+            yield Wall(Hole(centre, radius, mesh.face_set_nodes(faces[part])), bool(side[0] < 0), off, turns)
 
 
 def fit_circle(points: np.ndarray) -> tuple[np.ndarray, float]:
@@ -98,7 +97,7 @@ def fit_circle(points: np.ndarray) -> tuple[np.ndarray, float]:
 def on_circle(mesh: Mesh, holes: Iterable[Hole]) -> Mesh:
     """The mesh with the mid-side nodes of these rims on their circles: straight edges make a hole look smaller."""
     nodes = mesh.nodes.copy()
-    corners = np.unique(np.concatenate([block.connectivity[:, :cell_type(block.cell).n_corners].ravel()
+    corners = np.unique(np.concatenate([block.connectivity[:, :block.kind.n_corners].ravel()
                                         for block in mesh.blocks]))
     for hole in holes:
         middle = np.setdiff1d(hole.rim, corners)
@@ -118,7 +117,7 @@ def velocities(mesh: Mesh, hole: Hole) -> dict[str, np.ndarray]:
     On the rim (1, 0), (0, 1) and (X - centre)/radius; zero on every other wall; harmonic between; no z component.
     """
     faces, _ = _walls(mesh)
-    boundary_nodes = np.unique(np.concatenate([face_set_nodes(mesh, faces), hole.rim]))
+    boundary_nodes = np.unique(np.concatenate([mesh.face_set_nodes(faces), hole.rim]))
     stiffness, used = laplacian(mesh)
     inner = np.setdiff1d(used, boundary_nodes)
     components = np.zeros((mesh.n_nodes,
@@ -171,14 +170,14 @@ def morphed(mesh: Mesh, morphs: Iterable[Morph], values: Mapping[str, float]) ->
 
 def jacobian_ratios(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
     """det dX/dxi with other nodes over that of the mesh, at integration points and corners of all elements  # (n,)"""
-    return np.concatenate([ratios_of_block(block, mesh.nodes, nodes, cell_type(block.cell).n_corners).ravel()
+    return np.concatenate([ratios_of_block(block, mesh.nodes, nodes, block.kind.n_corners).ravel()
                            for block in mesh.blocks])
 
 
 def ratios_of_block(block: Block, nodes_before: np.ndarray, nodes_after: np.ndarray, n_nodes: int) -> np.ndarray:
     """The same of one block, at integration points and its first `n_nodes` nodes  # (n_elements, n_points)"""
-    points = np.concatenate([quadrature_rule(block.cell)[0], cell_type(block.cell).reference_nodes[:n_nodes]])
-    slopes = shape_gradients(block.cell, points)
+    points = np.concatenate([block.kind.quadrature_rule()[0], block.kind.reference_nodes[:n_nodes]])
+    slopes = block.kind.shape_gradients(points)
     new_volume, old_volume = (np.linalg.det(np.einsum("eai,qaj->eqij", x[block.connectivity], slopes))
                               for x in (nodes_after, nodes_before))
     return new_volume / old_volume
@@ -186,12 +185,12 @@ def ratios_of_block(block: Block, nodes_before: np.ndarray, nodes_after: np.ndar
 
 def _n_corners(mesh: Mesh) -> int:
     """Corners of a face (edge); one kind of face for all, as meshes of solids without pyramids have it."""
-    return n_face_corners(mesh.blocks[0].cell)
+    return mesh.blocks[0].kind.n_face_corners
 
 
 def _walls(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     """Boundary edges, or the faces of a solid that stand upright, and their outward normals  # (n, 2), (n, 2)"""
-    faces = boundary_faces(mesh)
+    faces = mesh.boundary_faces()
     points = np.array([mesh.nodes[mesh.face_nodes(face)[:_n_corners(mesh)]] for face in faces])  # (n, corners, dim)
     if mesh.n_dim == 2:
         along = points[:, 1] - points[:, 0]
@@ -214,8 +213,8 @@ def laplacian(mesh: Mesh) -> tuple[sparse.csr_array, np.ndarray]:
     """Integral of grad N_a · grad N_b  # (n_nodes, n_nodes), and the nodes that belong to elements"""
     rows, columns, values = [], [], []
     for block in mesh.blocks:
-        xi, w = quadrature_rule(block.cell)
-        slopes = shape_gradients(block.cell, xi)
+        xi, w = block.kind.quadrature_rule()
+        slopes = block.kind.shape_gradients(xi)
         jac = np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], slopes)
         grads = np.einsum("qai,eqik->eqak", slopes, np.linalg.inv(jac))
         values.append(np.einsum("eqak,eqbk,eq->eab", grads, grads, np.linalg.det(jac) * w).ravel())

@@ -11,8 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.mesh.element import cell_type
-from idic.fe.mesh.mesh import Mesh, boundary_faces, face_set_nodes, make_mesh
+from idic.fe.mesh.mesh import Mesh, make_mesh
 from idic.fe.mesh.outline import Boundary, Segments, cut, segments_of
 from idic.fe.mesh.recombine import recombined, smoothed
 from idic.fe.mesh.region import check_crossings, graded_boundary
@@ -81,7 +80,7 @@ def follow_arcs(mesh: Mesh, outline: Sequence, holes: Sequence = ()) -> Mesh:
     """
     segments = segments_of(outline, holes)
     curved = np.flatnonzero(segments.curved)
-    faces = boundary_faces(mesh)
+    faces = mesh.boundary_faces()
     if not len(curved) or not len(faces):
         return mesh
     ends = np.array([mesh.face_nodes(face) for face in faces])  # (n, 3): corner, corner, middle
@@ -103,7 +102,7 @@ def smallest_angle(mesh: Mesh) -> float:
     """The smallest corner angle of all elements, in degrees."""
     angles = []
     for block in mesh.blocks:
-        corners = mesh.nodes[block.connectivity[:, : cell_type(block.cell).n_corners]]
+        corners = mesh.nodes[block.connectivity[:, : block.kind.n_corners]]
         ahead, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
         cosine = (ahead * back).sum(axis=-1) / (np.linalg.norm(ahead, axis=-1) * np.linalg.norm(back, axis=-1))
         angles.append(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))).min())
@@ -126,7 +125,7 @@ def _check_size(segments: Segments, size: float) -> None:
 
 
 def _with_sets(mesh: Mesh, segments: Segments, boundary: Boundary, names: Mapping[str, Sequence[int]]) -> Mesh:
-    faces = boundary_faces(mesh)
+    faces = mesh.boundary_faces()
     face_numbers = {tuple(sorted(mesh.face_nodes(face)[:2].tolist())): k for k, face in enumerate(faces)}
     places = [face_numbers.get(tuple(sorted(edge))) for edge in boundary.edges.tolist()]
     if None in places or len(places) != len(faces):
@@ -148,5 +147,5 @@ def _with_sets(mesh: Mesh, segments: Segments, boundary: Boundary, names: Mappin
         of[name] = np.isin(segment, np.asarray(numbers) - 1)
     edge_sets = {name: faces[mask] for name, mask in of.items()}
     return replace(mesh, edge_sets=edge_sets,
-                   node_sets={name: face_set_nodes(mesh, set_faces) for name, set_faces in edge_sets.items()},
+                   node_sets={name: mesh.face_set_nodes(set_faces) for name, set_faces in edge_sets.items()},
                    element_sets={"ALL": np.arange(mesh.n_elements)})

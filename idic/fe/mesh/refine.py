@@ -11,8 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.fe.mesh.element import cell_edges, cell_type
-from idic.fe.mesh.mesh import Block, Mesh, PerMesh, boundary_faces
+from idic.fe.mesh.mesh import Block, Mesh, PerMesh
 
 _RAISED = PerMesh()  # a diagnosis loads an experiment for every variant, on one mesh
 QUADRATIC = {"tri3": "tri6", "quad4": "quad8", "tet4": "tet10", "hex8": "hex20"}
@@ -41,12 +40,12 @@ def raise_order(mesh: Mesh) -> Mesh:
 
 def _raised(mesh: Mesh) -> Mesh:
     corners = np.concatenate([block.connectivity[:, list(pair)] for block in mesh.blocks
-                              for pair in cell_edges(block.cell)])
+                              for pair in block.kind.edges])
     edges, inverse = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True)
     inverse = inverse.ravel()
     blocks, start = [], 0
     for block in mesh.blocks:
-        n_elements, n = block.n_elements, len(cell_edges(block.cell))
+        n_elements, n = block.n_elements, len(block.kind.edges)
         middle = inverse[start:start + n_elements * n].reshape(n, n_elements).T + mesh.n_nodes
         blocks.append(Block(QUADRATIC[block.cell], np.hstack([block.connectivity, middle]), block.first))
         start += n_elements * n
@@ -61,7 +60,7 @@ def _raised(mesh: Mesh) -> Mesh:
 def _on_boundary(mesh: Mesh, edges: np.ndarray) -> np.ndarray:
     """Which edges, pairs of nodes in ascending order, belong to the surface  # (n_edges,) bool"""
     around = set()
-    for face in boundary_faces(mesh):
+    for face in mesh.boundary_faces():
         nodes = mesh.face_nodes(face).tolist()
         around.update(tuple(sorted(pair)) for pair in zip(nodes, nodes[1:] + nodes[:1], strict=True))
     return np.array([pair in around for pair in map(tuple, edges.tolist())], dtype=bool)
@@ -73,7 +72,7 @@ def _with_middles(members: np.ndarray, edges: np.ndarray, outer: np.ndarray, blo
     joined = inside[edges].all(axis=1)
     in_full_element = np.zeros(len(edges), dtype=bool)
     for block in blocks:
-        corners = cell_type(block.cell).n_corners
+        corners = block.kind.n_corners
         full = inside[block.connectivity[:, :corners]].all(axis=1)
         in_full_element[block.connectivity[full, corners:].ravel() - mesh.n_nodes] = True
     return np.concatenate([members, np.flatnonzero(joined & (outer | in_full_element)) + mesh.n_nodes])

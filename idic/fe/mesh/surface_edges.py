@@ -8,8 +8,7 @@ from itertools import combinations, pairwise
 import numpy as np
 import scipy
 
-from idic.fe.mesh.element import cell_edges, cell_type
-from idic.fe.mesh.mesh import Mesh, boundary_paths, face_cells, face_set_nodes
+from idic.fe.mesh.mesh import Mesh
 
 MIN_NORMAL_ALONG_AXIS = 0.99  # cosine: a surface that looks along an axis
 MAX_EXTRAPOLATED = 2.0  # noise of a hidden node by the slope, over that of a seen one
@@ -21,7 +20,7 @@ def seen_first(mesh: Mesh, surface: str, nodes: np.ndarray) -> np.ndarray:
 
     nodes : (n,) indices. Returns (n,) indices into `nodes`, empty where none of them lies on the surface.
     """
-    on_surface = np.flatnonzero(np.isin(nodes, face_set_nodes(mesh, mesh.edge_sets[surface])))
+    on_surface = np.flatnonzero(np.isin(nodes, mesh.face_set_nodes(mesh.edge_sets[surface])))
     if not len(on_surface):
         return np.empty(0, dtype=np.int64)
     _, nearest = scipy.spatial.cKDTree(mesh.nodes[nodes[on_surface]]).query(mesh.nodes[nodes])
@@ -70,7 +69,7 @@ def followed(points: np.ndarray, leaders: np.ndarray) -> tuple[np.ndarray, np.nd
 def normal_axis(mesh: Mesh, surface: str) -> int | None:
     """The axis (0, 1, 2) of the normal of a flat surface; None where it is curved or its normal is along no axis."""
     normals = np.concatenate([_normals(mesh.nodes[block.connectivity]) for block in
-                              face_cells(mesh, np.asarray(mesh.edge_sets[surface]))])
+                              mesh.face_cells(np.asarray(mesh.edge_sets[surface]))])
     along = np.abs(normals) > MIN_NORMAL_ALONG_AXIS
     axes = np.flatnonzero(along.all(axis=0))
     return int(axes[0]) if len(axes) else None
@@ -95,14 +94,14 @@ def second_differences(mesh: Mesh, nodes: np.ndarray, surface: str | None = None
 
 def _along_boundary(mesh: Mesh) -> Iterator[tuple[int, int, int]]:
     """Every node of the boundary of a plane mesh between its neighbours."""
-    for path in boundary_paths(mesh):
+    for path in mesh.boundary_paths():
         yield from zip(path, path[1:] + path[:1], path[2:] + path[:2], strict=True)
 
 
 def _along_rim(mesh: Mesh, surface: str, place: Mapping[int, int]) -> Iterator[tuple[int, int, int]]:
     """Every node of the set between its two neighbours on the rim of a surface in space."""
     count: dict[tuple[int, int], int] = {}
-    for block in face_cells(mesh, np.asarray(mesh.edge_sets[surface])):
+    for block in mesh.face_cells(np.asarray(mesh.edge_sets[surface])):
         for face in block.connectivity.tolist():
             for a, b in _segments(face):
                 key = (min(a, b), max(a, b))
@@ -122,8 +121,8 @@ def _along_edges(mesh: Mesh, nodes: np.ndarray) -> Iterator[tuple[int, int, int]
     """Every node of a set of a solid between each pair of its neighbours in the set along element edges."""
     neighbours: dict[int, set[int]] = {int(node): set() for node in nodes}
     for block in mesh.blocks:
-        n_corners = cell_type(block.cell).n_corners
-        for k, (a, b) in enumerate(cell_edges(block.cell)):
+        n_corners = block.kind.n_corners
+        for k, (a, b) in enumerate(block.kind.edges):
             path = (a, n_corners + k, b) if block.connectivity.shape[1] > n_corners else (a, b)
             for first, second in pairwise(path):
                 ends = block.connectivity[:, [first, second]]

@@ -15,7 +15,6 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from idic.fe.mesh.element import cell_type, n_face_corners
 from idic.fe.mesh.mesh import Mesh, PerMesh
 
 MIN_SUPPORT = 1e-8  # singular value of a held rigid motion over the largest: well above rounding, below a real support
@@ -128,8 +127,8 @@ def _parts(mesh: Mesh) -> np.ndarray:
     """Part of every element: elements that share a face  # (n_elements,)"""
     keys, owners = [], []
     for block in mesh.blocks:
-        n = n_face_corners(block.cell)
-        for face in cell_type(block.cell).faces:
+        n = block.kind.n_face_corners
+        for face in block.kind.faces:
             corners = np.sort(block.connectivity[:, list(face[:n])], axis=1)[:, :mesh.n_dim]  # three tell a face
             keys.append(corners @ mesh.n_nodes ** np.arange(mesh.n_dim))
             owners.append(block.first + np.arange(block.n_elements))

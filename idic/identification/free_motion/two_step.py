@@ -19,7 +19,6 @@ from scipy import sparse
 
 from idic.correlation import GreyReference, MeasuredReference, mean_information
 from idic.errors import InputError
-from idic.fe import surface_cells
 from idic.measure import Regularisation, build_smoother, dic_stack, measured_nodes
 from idic.model import Experiment, Options
 
@@ -81,7 +80,7 @@ def measured_reference(experiment: Experiment, image: GreyReference, motion_px: 
     model = experiment.model
     still = image.compare(experiment, model.reference, np.zeros((model.mesh.n_nodes, 2)))
     is_measured = measured_nodes(still.H)
-    smoother = build_smoother(image.pixel_map.nodes_px, surface_cells(model.mesh, model.surface),
+    smoother = build_smoother(image.pixel_map.nodes_px, model.mesh.surface_cells(model.surface),
                               regularisation_of(experiment.options))
     penalty = sparse.csc_array(smoother.matrix(float(np.mean(image.fx**2 + image.fy**2)) / 2, ~is_measured))
     motion = np.where(is_measured[:, None], motion_px, np.nan)

@@ -14,9 +14,7 @@ import numpy as np
 
 from idic.correlation import ReferenceImage
 from idic.measure import Regularisation, dic_stack
-from idic.images import (
-    NoiseCovariance, TilesOnMaterial, evaluate, prefilter,
-)
+from idic.images import NoiseCovariance, TilesOnMaterial, prefilter
 from idic.model import Experiment, Recording
 
 MAX_FRAMES = 3  # that are followed, the first ones after the reference
@@ -61,7 +59,7 @@ def _on_material(view: Experiment, reference: ReferenceImage, frame: int, u_px: 
     def on_material(image: np.ndarray) -> np.ndarray:
         values = np.full(len(places), np.nan)
         inside = ((places >= 0.0) & (places <= np.array(shape[::-1]) - 1.0)).all(axis=1)  # NaN is not
-        values[inside] = evaluate(prefilter(image, reference.degree), places[inside])
+        values[inside] = prefilter(image, reference.degree).evaluate(places[inside])
         return pixels.to_image(values)
 
     moved = on_material(image_gv)

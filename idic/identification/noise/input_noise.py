@@ -15,10 +15,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from idic.correlation import MAX_GRADIENT_NOISE, build_experiment_reference
 from idic.identification.noise.free_residual import free_residual_noise
 from idic.identification.noise.recordings import CONSECUTIVE, FREE_RESIDUAL, STILL, recordings
-from idic.images import (
-    Camera, DEGREES, NoiseCovariance, gradient_at_pixels, gradient_noise_share, noise_covariance, pixel_gain,
-    prefilter,
-)
+from idic.images import Camera, DEGREES, NoiseCovariance, gradient_noise_share, noise_covariance, pixel_gain, prefilter
 from idic.model import Channel, CorrelatedNoise, Experiment, Model, Noise, Recording
 
 MAD_TO_STD = 1.4826  # median absolute deviation -> standard deviation of a normal distribution
@@ -121,7 +118,7 @@ def gradient_noise(experiment: Experiment) -> float:
     degree, noise = DEGREES[options.interpolation], noise / np.sqrt(recording.n_references)
     image = recording.stack.frame(experiment.model.reference)
     iy, ix = (part.ravel() for part in np.indices(image.shape, dtype=np.int32))
-    slopes = gradient_at_pixels(prefilter(image, degree, options.lowpass_px), ix, iy)
+    slopes = prefilter(image, degree, options.lowpass_px).gradient_at_pixels(ix, iy)
     share = gradient_noise_share(*slopes, noise, degree, options.lowpass_px)
     return share if share <= MAX_GRADIENT_NOISE else build_experiment_reference(experiment,
                                                                      experiment.model.camera).gradient_noise  # type: ignore[attr-defined]

@@ -16,7 +16,7 @@ from functools import lru_cache
 import numpy as np
 import scipy
 
-from idic.images.interpolate import gradient_at_pixels, prefilter
+from idic.images.interpolate import prefilter
 from idic.images.gaussian_lowpass import lowpass_weights
 
 SAMPLE_PX, RIM_PX = 256, 16  # side of the simulated noise, and its rim that is left out
@@ -47,7 +47,7 @@ def slope_gain(degree: int, lowpass_px: float) -> float:
     """Variance of a component of the spline's gradient at a pixel / variance of the pixels' white noise (1/px^2)."""
     noise = np.random.default_rng(0).standard_normal((SAMPLE_PX, SAMPLE_PX)).astype(np.float32)
     iy, ix = (part.ravel().astype(np.int32) for part in np.mgrid[RIM_PX:SAMPLE_PX - RIM_PX, RIM_PX:SAMPLE_PX - RIM_PX])
-    gx, gy = gradient_at_pixels(prefilter(noise, degree, lowpass_px), ix, iy)
+    gx, gy = prefilter(noise, degree, lowpass_px).gradient_at_pixels(ix, iy)
     return float(0.5 * (np.var(gx, dtype=float) + np.var(gy, dtype=float)))
 
 

@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from idic.images.interpolate import evaluate, prefilter
+from idic.images.interpolate import prefilter
 
 SHIFT_PX = 0.5  # the error of a spline is largest there
 MAX_SIDE_PX = 512  # of the middle of the image, which stands for all of it
@@ -48,4 +48,4 @@ def _missing(image: np.ndarray, degree: int) -> float:
 def _moved(image: np.ndarray, by: float, degree: int) -> np.ndarray:
     rows, columns = np.mgrid[:image.shape[0], :image.shape[1]]
     points = np.stack([columns.ravel() + by, rows.ravel() + by], axis=1).astype(float)
-    return evaluate(prefilter(image, degree), points).reshape(image.shape).astype(np.float32)
+    return prefilter(image, degree).evaluate(points).reshape(image.shape).astype(np.float32)

@@ -26,7 +26,6 @@ from idic.measure.dic.noise import gradient_share
 from idic.measure.dic.regularisation import Regularisation, Smoother, build_smoother
 from idic.measure.dic.status import is_recognised
 from idic.measure.dic.still import MAX_LEVEL_SHARE, StillFrames, declared_stack, without_rigid
-from idic.fe import surface_cells
 from idic.images import Stack, prefilter
 from idic.model import Experiment
 
@@ -94,7 +93,7 @@ def camera_floor(experiment: Experiment, reference: ReferenceImage, still: Still
     model, recording = experiment.model, experiment.recording
     if not still.found or not recording.noise.std_gv or model.mesh.n_nodes > MAX_NODES:
         return None
-    cells, at = surface_cells(model.mesh, model.surface), reference.pixel_map.nodes_px
+    cells, at = model.mesh.surface_cells(model.surface), reference.pixel_map.nodes_px
     size = build_smoother(at, cells, Regularisation()).size_px
     least = MIN_LENGTH_PX if recording.points is None else 0.0
     smoother = build_smoother(at, cells, Regularisation("mechanical", max(LENGTH_NODES * size, least)))

@@ -19,7 +19,6 @@ from idic.correlation import FieldEquations, FieldReference, build_field_referen
 from idic.measure.dic.frame import DicFrame, Factorisation, measured_nodes
 from idic.measure.dic.noise import fitted_dof
 from idic.measure.dic.regularisation import Regularisation, Smoother, build_smoother
-from idic.fe import surface_cells
 from idic.model import Experiment, Model
 
 MAX_RMS_RATIO = 2.0  # residual of a frame to the median of all; more is a jump (a crack, a break) that no mesh follows
@@ -84,7 +83,7 @@ def field_variance(frame: DicFrame, reference: FieldReference, dof: float) -> fl
 def smoother_of(model: Model, reference: FieldReference, regularisation: Regularisation) -> Smoother:
     """The regularisation on the nodes of the grid; without a length, waves of two nodes' distance are damped by
     half."""
-    nodes, cells = reference.pixel_map.nodes_px, surface_cells(model.mesh, model.surface)
+    nodes, cells = reference.pixel_map.nodes_px, model.mesh.surface_cells(model.surface)
     smoother = build_smoother(nodes, cells, regularisation)
     if regularisation.length_px is not None or regularisation.kind == "none":
         return smoother

@@ -21,7 +21,7 @@ import numpy as np
 from scipy import sparse
 
 from idic.errors import InputError
-from idic.fe import Block, cell_type, quadrature_rule, shape_functions, shape_gradients
+from idic.fe import Block
 
 KINDS = ("none", "mechanical", "gradient")
 POISSON_RATIO = 0.3  # of the elastic tangent; the result hardly depends on it
@@ -153,7 +153,7 @@ def _node_distance(nodes_px, cells):
     """Median distance of neighbouring nodes along the edges, px."""
     distance = []
     for block in cells:
-        x = nodes_px[block.connectivity[:, : cell_type(block.cell).n_corners]]
+        x = nodes_px[block.connectivity[:, : block.kind.n_corners]]
         edges = np.linalg.norm(x - np.roll(x, -1, axis=1), axis=2).ravel()
         distance.append(edges / (2 if block.cell in ("tri6", "quad8") else 1))
     return float(np.median(np.concatenate(distance)))
@@ -161,8 +161,8 @@ def _node_distance(nodes_px, cells):
 
 def _slopes(nodes_px, block):
     """Shape function gradients and areas at the integration points  # (nel, nq, nn, 2) 1/px, (nel, nq) px^2"""
-    xi, w = quadrature_rule(block.cell)
-    slopes = shape_gradients(block.cell, xi)
+    xi, w = block.kind.quadrature_rule()
+    slopes = block.kind.shape_gradients(xi)
     jacobian = np.einsum("eak,qai->eqki", nodes_px[block.connectivity], slopes)
     area = np.abs(np.linalg.det(jacobian)) * w
     return np.einsum("qai,eqik->eqak", slopes, np.linalg.inv(jacobian)), area
@@ -220,7 +220,7 @@ def _stiffness(nodes_px, cells):
         k = k.reshape(len(k), dofs.shape[1], dofs.shape[1])
         i, j = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
         total = total + sparse.coo_array((k.ravel(), (i.ravel(), j.ravel())), shape=total.shape).tocsr()
-        shape = shape_functions(block.cell, quadrature_rule(block.cell)[0])
+        shape = block.kind.shape_functions(block.kind.quadrature_rule()[0])
         mass = np.einsum("eq,qa->ea", area, shape**2)
         np.add.at(nodal_area, block.connectivity, mass / mass.sum(axis=1, keepdims=True) * area.sum(axis=1)[:, None])
     return total, nodal_area
@@ -230,7 +230,7 @@ def _along_boundary(n_nodes, cells):
     """Boundary nodes on either side of each one, -1 elsewhere and where edges meet in a node  # 2 x (n_nodes,)"""
     segments = []
     for block in cells:
-        for local in cell_type(block.cell).faces:
+        for local in block.kind.faces:
             path = [local[0], *local[2:], local[1]]
             ends = block.connectivity[:, [local[0], local[1]]]
             segments.append(np.column_stack([ends, np.full(len(ends), path[1] if len(path) > 2 else -1)]))

@@ -18,7 +18,7 @@ from idic.measure.dic.status import (
     MAX_MISMATCHED_PART, is_recognised, mismatched_elements, nodes_of, pixels_of, unexplained, unlikeness,
     unlikeness_of, with_neighbours,
 )
-from idic.fe import Block, surface_cells
+from idic.fe import Block
 from idic.images import Spline
 from idic.model import Experiment
 
@@ -181,7 +181,7 @@ def _named(regularisation: Regularisation | str | None) -> Regularisation:
 def _set_up(experiment: Experiment, regularisation) -> _Setting:
     model = experiment.model
     regularisation = _named(regularisation)
-    cells = surface_cells(model.mesh, model.surface)
+    cells = model.mesh.surface_cells(model.surface)
     reference = build_experiment_reference(experiment, model.camera)
     smoother = build_smoother(reference.pixel_map.nodes_px, cells, regularisation)
     longer = replace(smoother, length_px=Regularisation.smooth().of_nodes(smoother.size_px))

@@ -16,7 +16,7 @@ import numpy as np
 from scipy import sparse
 
 from idic.correlation import CELLS, N_NODES
-from idic.fe import quadrature_rule, shape_functions, shape_gradients
+from idic.fe import cell_type
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +66,8 @@ def surface_smoother(points: np.ndarray, cells: Sequence[tuple[np.ndarray, np.nd
 
 def _face_matrices(cell: str, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """int grad N_a . grad N_b over each face in space, and its area by nodes  # (n, nn, 3) -> (n, nn, nn), (n, nn)"""
-    xi, w = quadrature_rule(cell)
-    slopes, shape = shape_gradients(cell, xi), shape_functions(cell, xi)
+    xi, w = cell_type(cell).quadrature_rule()
+    slopes, shape = cell_type(cell).shape_gradients(xi), cell_type(cell).shape_functions(xi)
     tangent = np.einsum("eac,qai->eqci", x, slopes)  # (n, q, 3, 2)
     metric = np.einsum("eqci,eqcj->eqij", tangent, tangent)
     area = np.sqrt(np.linalg.det(metric)) * w

@@ -20,7 +20,7 @@ from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, cg
 
 from idic.correlation import NodalEquations, VolumeReference, build_experiment_reference
-from idic.fe import Block, cell_edges, quadrature_rule, shape_functions, shape_gradients
+from idic.fe import Block
 from idic.model import Experiment
 
 POISSON_RATIO = 0.3  # of the elastic body; the result hardly depends on it
@@ -104,7 +104,7 @@ def solid_smoother(nodes_px: np.ndarray, blocks: Sequence[Block], length_px: flo
     stiffness, volume = _stiffness(nodes_px, blocks)
     distance = np.median(np.concatenate([
         np.linalg.norm(nodes_px[block.connectivity[:, a]] - nodes_px[block.connectivity[:, b]], axis=1)
-        for block in blocks for a, b in cell_edges(block.cell)]))
+        for block in blocks for a, b in block.kind.edges]))
     length = max(2.0 * float(distance), MIN_LENGTH_PX) if length_px is None else float(length_px)
     return SolidSmoother(_without_affine(stiffness, nodes_px, volume), length)
 
@@ -179,8 +179,8 @@ def _stiffness(nodes_px: np.ndarray, blocks: Sequence[Block]) -> tuple[sparse.cs
     n = len(nodes_px)
     triplets, nodal_volume = [], np.zeros(n)
     for block in blocks:
-        xi, w = quadrature_rule(block.cell)
-        slopes = shape_gradients(block.cell, xi)
+        xi, w = block.kind.quadrature_rule()
+        slopes = block.kind.shape_gradients(xi)
         jacobian = np.einsum("eak,qai->eqki", nodes_px[block.connectivity], slopes)
         volume = np.abs(np.linalg.det(jacobian)) * w
         g = np.einsum("qai,eqik->eqak", slopes, np.linalg.inv(jacobian))
@@ -192,7 +192,7 @@ def _stiffness(nodes_px: np.ndarray, blocks: Sequence[Block]) -> tuple[sparse.cs
         dofs = (3 * block.connectivity[:, :, None] + np.arange(3)).reshape(len(k), -1)
         i, j = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
         triplets.append((k.ravel(), i.ravel(), j.ravel()))
-        mass = np.einsum("eq,qa->ea", volume, shape_functions(block.cell, xi) ** 2)
+        mass = np.einsum("eq,qa->ea", volume, block.kind.shape_functions(xi) ** 2)
         np.add.at(nodal_volume, block.connectivity,
                   mass / mass.sum(axis=1, keepdims=True) * volume.sum(axis=1)[:, None])
     values, rows, columns = (np.concatenate(part) for part in zip(*triplets, strict=True))

@@ -15,7 +15,6 @@ from idic.correlation import FieldReference, ReferenceImage, frame_spline, is_se
 from idic.measure.dic import Regularisation, Smoother, build_smoother, dic_frame
 from idic.measure.dic.field import field_frame, smoother_of
 from idic.measure.dic.frame import DicFrame, Factorisation
-from idic.fe import surface_cells
 from idic.images import Camera, prefilter
 from idic.model import Experiment
 
@@ -45,7 +44,7 @@ def seen_by(experiment: Experiment, reference) -> Seen | None:
         return Seen(experiment, reference.in_plane, smoother_of(model, reference, Regularisation.smooth()))
     if experiment.recording.quantity != "grey" or is_section(model) or model.mesh.n_nodes > MAX_FREE_DIC_NODES:
         return None
-    cells = surface_cells(model.mesh, model.surface)
+    cells = model.mesh.surface_cells(model.surface)
     return Seen(experiment, reference, build_smoother(reference.pixel_map.nodes_px, cells, Regularisation.smooth()))
 
 

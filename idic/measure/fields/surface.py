@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
-from idic.fe import Mesh, cell_type, interpolation, make_mesh, nodal_deformation, surface_cells
+from idic.fe import Mesh, cell_type, interpolation, make_mesh, nodal_deformation
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class Surface:
     @cached_property
     def corners(self) -> np.ndarray:
         """Nodes that are corners of an element  # (m,)"""
-        return np.unique(np.concatenate([block.connectivity[:, :cell_type(block.cell).n_corners].ravel()
+        return np.unique(np.concatenate([block.connectivity[:, :block.kind.n_corners].ravel()
                                          for block in self.plane.blocks]))
 
 
@@ -60,7 +60,7 @@ def surface_of(mesh: Mesh, surface: str | None) -> Surface:
     InputError
         A solid without that face set.
     """
-    blocks = surface_cells(mesh, surface)
+    blocks = mesh.surface_cells(surface)
     index = np.unique(np.concatenate([block.connectivity.ravel() for block in blocks]))
     place = np.full(mesh.n_nodes, -1)
     place[index] = np.arange(len(index))

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from idic.images import PlacedCamera, normal_sign
+from idic.images import PlacedCamera
 from idic.model.records.gauges import Gauge
 from idic.model.records.model import Model
 from idic.model.records.options import Options, Stage
@@ -96,7 +96,7 @@ class Experiment:
         """
         model, points = self.model, self.recording.points
         if points is not None:
-            return 0 if points.depth is None else round(points.depth.side * normal_sign(model.camera))
+            return 0 if points.depth is None else round(points.depth.side * model.camera.normal_sign())
         placed = [camera for camera in (model.camera, *(entry.camera for entry in self.cameras))
                   if isinstance(camera, PlacedCamera)]
         if model.kind != "plane_stress" or model.thickness is None or not placed:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.input_decks import fortran_real
-from idic.fe import CELL_TYPES, n_face_corners
+from idic.fe import cell_type, CELL_TYPES
 from idic.readers.mesh_files.abaqus_elements import (
     N_NODES, cell_of, face_corners, face_names, has_no_body, ordered, side_of_sheet, stated_kind,
 )
@@ -409,7 +409,7 @@ def _faces(cell: str) -> list[tuple[int, ...]]:
     """Corner nodes of the faces of a cell that has any."""
     if cell not in CELL_TYPES or CELL_TYPES[cell].dim < 2:
         return []
-    return [face[:n_face_corners(cell)] for face in CELL_TYPES[cell].faces]
+    return [face[:cell_type(cell).n_face_corners] for face in CELL_TYPES[cell].faces]
 
 
 def _label_or_name(cell: str, place: Place) -> int | str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from idic.fe import CELL_TYPES, n_face_corners
+from idic.fe import cell_type, CELL_TYPES
 from idic.input_decks import first_edge, is_sheet
 
 N_NODES = {"tet4": 4, "wedge6": 6, "hex8": 8, "tet10": 10, "wedge15": 15, "hex20": 20, "hex27": 27, "pyramid5": 5,
@@ -70,7 +70,7 @@ def face_corners(element_type: str, cell: str, face: str) -> tuple[int, ...] | N
         return None
     first = 1 if match.group(1) == "E" else first_edge(element_type)
     number = int(match.group(2)) - first
-    return table[number][:n_face_corners(cell)] if 0 <= number < len(table) else None
+    return table[number][:cell_type(cell).n_face_corners] if 0 <= number < len(table) else None
 
 
 def face_names(element_type: str, cell: str) -> str:

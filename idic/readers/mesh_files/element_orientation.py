@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe import Mesh, cell_edges, cell_type, n_face_corners, quadrature_rule, shape_gradients
+from idic.fe import Mesh, cell_type
 
 _MIRRORED_CORNERS = {"tri": (0, 2, 1), "quad": (0, 3, 2, 1), "tet": (0, 2, 1, 3), "hex": (0, 3, 2, 1, 4, 7, 6, 5)}
 
@@ -58,7 +58,7 @@ def turned_around(mesh: Mesh) -> Mesh:
                    for b in mesh.blocks)
     edge_sets = {}
     for name, faces in mesh.edge_sets.items():
-        corners = np.array([cell_type(mesh.block_of(int(e)).cell).n_corners for e, _ in faces])
+        corners = np.array([mesh.block_of(int(e)).kind.n_corners for e, _ in faces])
         edge_sets[name] = np.column_stack([faces[:, 0], corners - 1 - faces[:, 1]])  # edge k: corners k, k + 1
     return replace(mesh, blocks=blocks, edge_sets=edge_sets)
 
@@ -69,16 +69,16 @@ def mirrored(kind: str) -> tuple[int, ...]:
     corners = _MIRRORED_CORNERS[kind.rstrip("0123456789")]
     if cell.n_nodes == cell.n_corners:
         return corners
-    edges = [set(edge) for edge in cell_edges(kind)]
-    return (*corners, *(cell.n_corners + edges.index({corners[a], corners[b]}) for a, b in cell_edges(kind)))
+    edges = [set(edge) for edge in cell_type(kind).edges]
+    return (*corners, *(cell.n_corners + edges.index({corners[a], corners[b]}) for a, b in cell_type(kind).edges))
 
 
 def _is_reversed(nodes: np.ndarray, kind: str, connectivity: np.ndarray) -> np.ndarray:
     """Whether the area (volume) of an element is negative everywhere  # (n_elements,)"""
     cell = cell_type(kind)
-    points = np.concatenate([quadrature_rule(kind)[0], cell.reference_nodes[:cell.n_corners]])
+    points = np.concatenate([cell_type(kind).quadrature_rule()[0], cell.reference_nodes[:cell.n_corners]])
     with np.errstate(over="ignore", invalid="ignore"):  # infinite areas are refused later by `check_elements`
-        jacobians = np.einsum("eai,qaj->eqij", nodes[connectivity], shape_gradients(kind, points))
+        jacobians = np.einsum("eai,qaj->eqij", nodes[connectivity], cell_type(kind).shape_gradients(points))
         return (np.linalg.det(jacobians) < 0.0).all(axis=1)
 
 
@@ -99,7 +99,7 @@ def _walked_faces(cells: Cells) -> Iterator[tuple[int, tuple[int, ...]]]:
     """Element index, and the corners of each of its faces in walking order, the lowest first."""
     start = 0
     for kind, connectivity in cells:
-        corners = n_face_corners(kind)
+        corners = cell_type(kind).n_face_corners
         for local in cell_type(kind).faces:
             rows = connectivity[:, list(local[:corners])]
             if corners > 2:  # a closed walk begins anywhere

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe import CELL_TYPES, Mesh, cell_edges, cell_type, make_mesh, n_face_corners
+from idic.fe import CELL_TYPES, Mesh, cell_type, make_mesh
 from idic.readers.mesh_files.element_orientation import oriented
 
 SUPPORTED = ("tri3", "tri6", "quad4", "quad8", "tet4", "tet10", "hex8", "hex20")
@@ -188,7 +188,7 @@ def _middles(cells: list[tuple[str, np.ndarray]], used: np.ndarray) -> dict[tupl
     middles: dict[tuple[int, int], int] = {}
     for kind, connectivity in cells:
         corners = cell_type(kind).n_corners
-        for k, edge in enumerate(cell_edges(kind) if cell_type(kind).n_nodes > corners else ()):
+        for k, edge in enumerate(cell_type(kind).edges if cell_type(kind).n_nodes > corners else ()):
             ends = np.sort(used[connectivity[:, list(edge)]], axis=1)
             middles.update(zip(map(tuple, ends.tolist()), used[connectivity[:, corners + k]].tolist(), strict=True))
     return middles
@@ -199,7 +199,7 @@ def _middles_of(kind: str, cells: np.ndarray, middles: Mapping[tuple[int, int], 
     Nastran, and the set of their nodes is that of the edge."""
     if not middles or kind not in ("line2", "tri3", "quad4"):
         return []
-    edges = ((0, 1),) if kind == "line2" else cell_edges(kind)
+    edges = ((0, 1),) if kind == "line2" else cell_type(kind).edges
     pairs = {pair for edge in edges for pair in map(tuple, np.sort(cells[:, list(edge)], axis=1).tolist())}
     return [middles[pair] for pair in sorted(pairs) if pair in middles]
 
@@ -232,8 +232,8 @@ def _faces(mesh: Mesh, face_sets: dict[str, list[tuple[int, ...]]]) -> dict[str,
         return {}
     faces_by_nodes = {}
     for block in mesh.blocks:
-        cell = cell_type(block.cell)
-        corners = n_face_corners(block.cell)
+        cell = block.kind
+        corners = block.kind.n_face_corners
         for k, local in enumerate(cell.faces):
             for e, nodes in enumerate(np.sort(block.connectivity[:, list(local[:corners])], axis=1)):
                 faces_by_nodes.setdefault(tuple(int(n) for n in nodes), (block.first + e, k))

@@ -10,7 +10,7 @@ import meshio
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe import Mesh, cell_type, n_face_corners
+from idic.fe import Mesh
 from idic.readers.foreign_mesh import check_indices
 from idic.readers.meshes import raw_mesh_of, read_mesh_file
 from idic.readers.mesh_files.raw_mesh import RawMesh
@@ -62,5 +62,5 @@ def _of_own(mesh: Mesh) -> RawMesh:
 def _corners(mesh: Mesh, e: int, k: int) -> tuple[int, ...]:
     """Corner nodes of edge (face) `k` of element `e`."""
     block = mesh.block_of(e)
-    local = cell_type(block.cell).faces[k][:n_face_corners(block.cell)]
+    local = block.kind.faces[k][:block.kind.n_face_corners]
     return tuple(int(node) for node in block.connectivity[e - block.first, list(local)])

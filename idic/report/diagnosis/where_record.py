@@ -10,7 +10,6 @@ from idic.correlation import SECTION
 from idic.diagnose import (
     Diagnosis, Mismatch, ResidualEvidence, SelectedEffect, element_centres, holds_motion, place_words,
 )
-from idic.fe import cell_type
 from idic.images import picture
 from idic.model import Experiment, Model, tips_at
 from idic.report.diagnosis.spot_figure import spot_picture
@@ -113,7 +112,7 @@ def _picture_and_outlines(residual: ResidualEvidence,
 def _outlines(model: Model, residual: ResidualEvidence) -> list[np.ndarray]:
     nodes = model.mesh.nodes
     at = nodes if residual.view.kind == SECTION else residual.context.camera.project(residual.view.points(nodes))
-    return [at[nodes[:min(cell_type(block.cell).n_corners, 4)]]  # of a solid's cell one face
+    return [at[nodes[:min(block.kind.n_corners, 4)]]  # of a solid's cell one face
             for block in model.mesh.blocks for nodes in block.connectivity]
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe import Fill, Mesh, dissected, quadrature_rule
+from idic.fe import dissected, Fill, Mesh
 from idic.correlation import MAX_DENSE_UNKNOWNS
 from idic.identification import rate_dependent_laws
 from idic.laws import get_law
@@ -151,7 +151,7 @@ def simulation_cost(mesh: Mesh, frames: int, increments: float, n_free: int) -> 
 
     increments : of all frames together; 0: one factorisation serves all frames
     """
-    points = sum(block.n_elements * len(quadrature_rule(block.cell)[1]) for block in mesh.blocks)
+    points = sum(block.n_elements * len(block.kind.quadrature_rule()[1]) for block in mesh.blocks)
     entries = sum(block.n_elements * (mesh.n_dim * block.connectivity.shape[1]) ** 2 for block in mesh.blocks)
     kept_bytes = _PER_ELEMENT_ENTRY * entries + 8.0 * points * _POINT_VALUES * (1 + 0.1 * n_free)
     evaluation = _PER_POINT_S[mesh.n_dim] * points

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from idic.correlation import FieldReference
-from idic.images import Camera, normal_sign
+from idic.images import Camera
 from idic.model import Experiment
 from idic.report.result.record import PointMaps
 
@@ -27,7 +27,7 @@ def point_maps_of(experiment: Experiment, camera: Camera, reference: FieldRefere
     turn = np.eye(c)
     turn[:2, :2] = axes
     if c == 3:
-        turn[2, 2] = normal_sign(camera)
+        turn[2, 2] = camera.normal_sign()
 
     def along_mesh(values: np.ndarray) -> np.ndarray:
         points = np.full((len(at), c), np.nan)

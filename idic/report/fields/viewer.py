@@ -17,7 +17,6 @@ import numpy as np
 from matplotlib.colors import to_hex
 from matplotlib.image import imsave
 
-from idic.fe import cell_type
 from idic.measure import FieldSeries, readings
 from idic.report.figures.picture import JPEG_QUALITY
 from idic.report.figures.style import DIVERGING, SEQUENTIAL
@@ -126,7 +125,7 @@ def _triangles(series: FieldSeries, corners: np.ndarray) -> np.ndarray:
     parts = []
     for block in series.surface.plane.blocks:
         conn = place[block.connectivity]
-        parts += [conn[:, [0, 1, 2]]] + ([conn[:, [0, 2, 3]]] if cell_type(block.cell).n_corners == 4 else [])
+        parts += [conn[:, [0, 1, 2]]] + ([conn[:, [0, 2, 3]]] if block.kind.n_corners == 4 else [])
     return np.concatenate(parts)
 
 

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from outcome import Input, right_if
 
-from idic.fe import check_elements
 from idic.readers import open_stack, read_log, read_mesh_file, to_mesh
 
 CORNERS = [(0.0, 0.0), (2.0, 0.0), (4.0, 0.0), (0.0, 1.0), (2.0, 1.0), (4.0, 1.0)]
@@ -113,7 +112,7 @@ def mesh(name: str, text: str, folder: Path) -> tuple[str, str]:
     folder.mkdir(parents=True)
     (folder / name).write_text(text, encoding="utf-8")
     read, notes = to_mesh(read_mesh_file(folder / name), 2, 1.0)
-    check_elements(read)
+    read.check_elements()
     places = sorted(map(tuple, np.round(read.nodes, 6)))
     left = next((read.nodes[nodes] for key, nodes in read.node_sets.items() if key.lower().endswith("left")), None)
     is_right = places == sorted(CORNERS) and read.n_elements == 2 and (left is None or np.ptp(left[:, 0]) < 1e-9)

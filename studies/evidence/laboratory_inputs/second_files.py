@@ -12,7 +12,6 @@ import tifffile
 from outcome import Input, right_if
 from PIL import Image
 
-from idic.fe import check_elements
 from idic.readers import open_stack, read_log, read_mesh_file, to_mesh
 
 RNG = np.random.default_rng(11)
@@ -115,7 +114,7 @@ def plate(save: str, more: Callable[[object], None], dimension: int, set_name: s
     finally:
         gmsh.finalize()
     mesh, notes = to_mesh(read_mesh_file(folder / save), dimension, 1.0)
-    check_elements(mesh)
+    mesh.check_elements()
     if not set_name:
         corners = mesh.nodes[mesh.blocks[0].connectivity[:, :3]]
         area = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])).sum() / 2
@@ -159,7 +158,7 @@ def solid(folder: Path) -> tuple[str, str]:
     folder.mkdir(parents=True)
     (folder / "a.inp").write_bytes(brick20().encode())
     mesh, notes = to_mesh(read_mesh_file(folder / "a.inp"), 3, 1.0)
-    check_elements(mesh)
+    mesh.check_elements()
     left = mesh.nodes[mesh.node_sets["LEFT"]]
     return right_if(mesh.n_elements == 1 and len(left) == 8 and np.ptp(left[:, 0]) == 0 and "FRONT" in str(
         [*mesh.edge_sets]), (len(left), notes, [*mesh.edge_sets]))
@@ -229,7 +228,7 @@ def text_mesh(name: str, text: str, folder: Path) -> tuple[str, str]:
     folder.mkdir(parents=True)
     (folder / name).write_text(text)
     mesh, notes = to_mesh(read_mesh_file(folder / name), 2, 1.0)
-    check_elements(mesh)
+    mesh.check_elements()
     left = next((mesh.nodes[v] for key, v in mesh.node_sets.items() if key.lower().endswith("left")), np.zeros((0, 2)))
     return right_if(mesh.n_elements == 2 and mesh.n_nodes == 6 and len(left) == 2 and np.ptp(left[:, 0]) == 0,
                     (mesh.n_elements, sorted(mesh.node_sets), notes))
@@ -256,7 +255,7 @@ def turned(folder: Path) -> tuple[str, str]:
     folder.mkdir(parents=True)
     (folder / "a.bdf").write_text(cards())
     mesh, notes = to_mesh(read_mesh_file(folder / "a.bdf"), 2, 1.0)
-    check_elements(mesh)
+    mesh.check_elements()
     box = [*mesh.nodes.min(axis=0), *mesh.nodes.max(axis=0)]
     return right_if(mesh.n_elements == 3 and np.allclose(box, [0, 0, 4, 1], atol=1e-6), (mesh.n_elements, box, notes))
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import sparse
 
 from idic.correlation import is_section
-from idic.fe import Mesh, cell_edges, cell_type, surface_cells
+from idic.fe import Mesh
 from idic.images import GAP_PX, Scanner
 from idic.model import Experiment
 from idic.report.result.record import EDGE
@@ -62,7 +62,7 @@ def shown_mesh(experiment: Experiment, camera) -> ShownMesh:
         faces = model.mesh.edge_sets[model.surface]
         cells = ((EDGE, np.array([model.mesh.face_nodes(face) for face in faces])),)
     else:
-        cells = tuple((block.cell, block.connectivity) for block in surface_cells(model.mesh, model.surface))
+        cells = tuple((block.cell, block.connectivity) for block in model.mesh.surface_cells(model.surface))
     return ShownMesh(camera.project(model.mesh.nodes), cells)
 
 
@@ -79,12 +79,12 @@ def _cut(mesh: Mesh, nodes_px: np.ndarray, shape: tuple[int, int, int]) -> Shown
         distance = nodes_px[:, normal] - places[normal]
         points_of_edges: dict[tuple[int, int], int] = {}
         for block in mesh.blocks:
-            n_corners = cell_type(block.cell).n_corners
+            n_corners = block.kind.n_corners
             corners = block.connectivity[:, :n_corners]
             crossed = (distance[corners].min(axis=1) < 0) & (distance[corners].max(axis=1) > 0)
             for cell in corners[crossed]:
                 polygon = []
-                for a, b in cell_edges(block.cell):
+                for a, b in block.kind.edges:
                     first, second = sorted((int(cell[a]), int(cell[b])))
                     if distance[first] * distance[second] >= 0:
                         continue
@@ -114,9 +114,9 @@ def element_sections(mesh: Mesh, nodes_px: np.ndarray, shape: tuple[int, int, in
         distance = nodes_px[:, normal] - at[normal] - BESIDE_PX
         plane = nodes_px[:, [across_columns, across_rows]]
         for block in mesh.blocks:
-            corners = block.connectivity[:, :cell_type(block.cell).n_corners]
+            corners = block.connectivity[:, :block.kind.n_corners]
             crossed = (distance[corners].min(axis=1) < 0) & (distance[corners].max(axis=1) > 0)
-            first, second = np.array(cell_edges(block.cell)).T
+            first, second = np.array(block.kind.edges).T
             for number in np.flatnonzero(crossed):
                 edges = np.stack([corners[number][first], corners[number][second]])
                 a, b = edges[:, distance[edges[0]] * distance[edges[1]] < 0]
