@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from experiment_file.small_experiment import TOML, write_experiment
-from twins.cracked_sheet import ACROSS, E, clamped_sheet
+from twins.cracked_sheet import ACROSS, LENGTHS, E, clamped_sheet, write_sheet
 
 from idic.diagnose import candidate_library
 from idic.diagnose.cut_mesh import _lowest
@@ -102,3 +102,15 @@ def test_a_crack_that_grows_between_grips_is_named_with_its_place_and_lengths(tm
     E_after = content["model"]["parameters_after"]["SHEET.E"]
     assert abs(E_after["value"] - E) < 3.0 * E_after["std"]
     assert content["headline"].startswith("Crack (from (0, 1")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed")
+def test_where_a_crack_opens_no_paint_is_lost(tmp_path):
+    """Pulled by a force, its faces part by pixels: under the model without it the pattern is lost between them."""
+    write_sheet(tmp_path / "test", tmp_path / "ccx", tables="")
+    identify_run(tmp_path / "test", tmp_path / "run")
+    library = [candidate for candidate in candidate_library() if candidate.name in RIVALS]
+    content = diagnose_run(tmp_path / "run", library=library)
+    assert (content["verdict"], content["named"], content.get("spots", [])) == ("single", ["crack"], [])
+    assert content["cracks"]["suspect"]["length_mm"] == pytest.approx(LENGTHS, abs=0.15)
