@@ -5,6 +5,7 @@ import resource
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from statistics import median
 
@@ -13,8 +14,7 @@ import pytest
 from scipy import sparse
 
 import idic
-from idic.diagnose import Columns, Evidence, null_model, score
-from idic.diagnose.residual.evidence import Courses, FrameEvidence
+from idic.diagnose import Columns, null_model, score
 from idic.experiment_file import load_experiment
 from idic.identification import identify
 from idic.run import Console, diagnose_run
@@ -73,20 +73,23 @@ def test_a_diagnosis_costs_a_few_identifications(measured, tmp_path, monkeypatch
     assert diagnosis_cost < 3.0
 
 
-def test_columns_of_few_motions_cost_little_more_than_their_motions(measured):
+def test_columns_of_few_motions_cost_little_more_than_their_motions(measured, monkeypatch):
     """400 columns that are 130 motions times courses, in 29 frames at 4400 nodes, beside the same as 400 motions."""
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "tests" / "diagnose")
+    from test_evidence import made
+
     rng, (T, n_nodes, P, K) = np.random.default_rng(0), (29, 4400, 130, 400)
     node = np.repeat(np.arange(n_nodes), 40)
-    near = (node + np.tile(np.arange(-20, 20), n_nodes)) % n_nodes
-    pairs = sparse.csr_array((np.ones(len(node)), (node, near)), shape=(n_nodes, n_nodes))
-    weights = sparse.csr_array(sparse.kron(pairs, np.eye(2)))
-    n = 2 * n_nodes
-    parts = tuple(FrameEvidence(weights, rng.standard_normal(n), np.zeros(1), rng.standard_normal((n + 1, 6)),
-                                np.eye(6) / n, rng.standard_normal(6)) for _ in range(T))
-    back = np.eye(2) + 0.01 * rng.standard_normal((T, n_nodes, 2, 2))
-    evidence = Evidence(np.arange(T), np.arange(n), np.full(T, 1.7), back, np.ones(1), 1.0, 100, parts)
-    columns = Columns(tuple(map(str, range(K))), rng.standard_normal((T, n, P)), rng.standard_normal((T, 1, K)),
-                      courses=Courses(rng.integers(0, P, K), rng.standard_normal((T, K))))
+    near_node = (node + np.tile(np.arange(-20, 20), n_nodes)) % n_nodes
+    pairs = sparse.csr_array((np.ones(len(node)), (node, near_node)), shape=(n_nodes, n_nodes))
+    small = made(rng, n_nodes, T)
+    weights, n = sparse.csr_array(sparse.kron(pairs, np.eye(2))), 2 * n_nodes
+    evidence = replace(small, back=np.eye(2) + 0.01 * rng.standard_normal((T, n_nodes, 2, 2)), parts=tuple(
+        replace(part, weights=weights, border=rng.standard_normal((n + 1, 6)), inner=np.eye(6) / n, inner_q=np.ones(6))
+        for part in small.parts))
+    columns = Columns(tuple(map(str, range(K))), rng.standard_normal((T, n, P)), rng.standard_normal((T, 1, K)))
+    columns = replace(columns, courses=replace(columns.timed, motion=rng.integers(0, P, K),
+                                               amplitude=rng.standard_normal((T, K))))
     null = null_model(evidence, columns.pick([0, 1]).expanded())
     score(evidence, null, columns.pick([2, 3]))  # compiles
     timed_scores, timed_s = cpu(score, evidence, null, columns)
