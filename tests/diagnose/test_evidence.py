@@ -9,12 +9,13 @@ from idic.diagnose import Columns, Evidence, null_model, score
 N_NODES, T = 5, 4
 
 
-def made(rng):
+def made(rng, n_nodes=N_NODES, n_frames=T):
     """Evidence of unit weights and pure noise on all nodes, one channel."""
-    n = 2 * N_NODES
+    n = 2 * n_nodes
     parts = tuple(FrameEvidence(sparse.csr_array(sparse.eye_array(n)), rng.standard_normal(n), rng.standard_normal(1),
-                                np.zeros((n + 1, 0)), np.zeros((0, 0)), np.zeros(0)) for _ in range(T))
-    return Evidence(np.arange(1, T + 1), np.arange(n), np.full(T, 1.7), np.tile(np.eye(2), (T, N_NODES, 1, 1)),
+                                np.zeros((n + 1, 0)), np.zeros((0, 0)), np.zeros(0)) for _ in range(n_frames))
+    return Evidence(np.arange(1, n_frames + 1), np.arange(n), np.full(n_frames, 1.7),
+                    np.tile(np.eye(2), (n_frames, n_nodes, 1, 1)),
                     np.ones(1), 1.0, 100, parts)
 
 
