@@ -78,8 +78,8 @@ def shear(G, g, largest, params):
     x, slope = inverted(size, reference, params[SOFTENING], params[EXPONENT])
     secant, tangent = x / size, slope
     if not grows:
-        kept = inverted(most, reference, params[SOFTENING], params[EXPONENT])[0] / most
-        secant, tangent = (1.0 - damage) * secant + damage * kept, (1.0 - damage) * tangent + damage * kept
+        keep = inverted(most, reference, params[SOFTENING], params[EXPONENT])[0] / most
+        secant, tangent = (1.0 - damage) * secant + damage * keep, (1.0 - damage) * tangent + damage * keep
     return G * g * (secant - 1.0) + zero, (G * (tangent - 1.0) + zero).real, most
 
 
