@@ -4,18 +4,19 @@ On top of the stress of `orthotropic`, in the material axes, g = 2 e12, x = t12 
 
     t11 += stiffening_1 E1 e11^2,  t22 += stiffening_2 E2 e22^2         secant modulus E (1 + stiffening e)
     |g|  = x + shear_softening x_r (x / x_r)^shear_exponent             Ramberg and Osgood's curve, x(g)
-    t12  = G12 g ((1 - d) x(|g|) / |g| + d x(g_max) / g_max)            d = shear_damage, g_max the largest |g| so far
+    t12  = G12 g ((1 - d) x(|g|) / |g| + d x(g_max) / g_max)         d = shear_damage, g_max the largest |g| so far
 
-d = 0 retraces the curve; with d = 1 the stiffness that the largest shear has cost is lost for good, and the body unloads
-towards the origin. Under a shear that only grows, d has no effect. Dissipation is d G12 g^2 / 2 times the loss of the
-secant x / g, never negative; a shear that softens always bears more at more strain, so that nothing localises.
+d = 0 retraces the curve; with d = 1 the stiffness that the largest shear has cost is lost for good, and the body
+unloads towards the origin. Under a shear that only grows, d has no effect. Dissipation is d G12 g^2 / 2 times the
+loss of the secant x / g, never negative; a shear that softens always bears more at more strain, so
+that nothing localises in a thin row.
 """
 
 from __future__ import annotations
 
 import math
 
-from idic.laws.core import symmetric, tensors
+from idic.laws.core import tensors
 from idic.laws.core.inner import inner
 from idic.laws.core.law import LawParameter, LawSpec, register
 from idic.laws.elastic_damage import store, strain
@@ -77,8 +78,8 @@ def shear(G, g, largest, params):
     x, slope = inverted(size, reference, params[SOFTENING], params[EXPONENT])
     secant, tangent = x / size, slope
     if not grows:
-        kept = inverted(most, reference, params[SOFTENING], params[EXPONENT])[0] / most
-        secant, tangent = (1.0 - damage) * secant + damage * kept, (1.0 - damage) * tangent + damage * kept
+        keep = inverted(most, reference, params[SOFTENING], params[EXPONENT])[0] / most
+        secant, tangent = (1.0 - damage) * secant + damage * keep, (1.0 - damage) * tangent + damage * keep
     return G * g * (secant - 1.0) + zero, (G * (tangent - 1.0) + zero).real, most
 
 

@@ -35,9 +35,15 @@ BODIES = {
                                                      **o),
     "orthotropic": lambda **o: experiment(
         "orthotropic", {"E1": 2000.0, "E2": 800.0, "nu12": 0.25, "G12": 400.0, "angle": 25.0}, **o),
+    "laminate": lambda **o: experiment(
+        "laminate", {"E1": 2000.0, "E2": 800.0, "nu12": 0.25, "G12": 400.0, "angle": 25.0, "stiffening_1": 6.0,
+                     "stiffening_2": 3.0, "shear_softening": 0.4, "shear_exponent": 2.5, "shear_reference": 1.0,
+                     "shear_damage": 0.5}, **o),
     "neo_hookean": lambda **o: experiment("neo_hookean", {"C10": 3.0, "kappa": 30.0}, prescribed=pulled(1.2),
                                           kinematics="finite", **o),
     "j2_linear": lambda **o: experiment("j2_linear", STEEL | {"hardening_modulus": 60.0}, kinematics="finite", **o),
+    "j2_plateau": lambda **o: experiment("j2_plateau", STEEL | {"plateau": 0.004, "hardening_modulus": 60.0},
+                                         kinematics="finite", **o),
     "j2_voce": lambda **o: experiment("j2_voce", STEEL | {"Q": 2.0, "b": 30.0, "hardening_modulus": 30.0},
                                       kinematics="finite", **o),
     "j2_power": lambda **o: experiment("j2_power", STEEL | {"K": 10.0, "n": 0.5}, kinematics="finite", **o),
@@ -98,7 +104,8 @@ BODIES = {
     "cameras and channels": lambda **o: experiment(extra=(*CAMERA_DOFS, *CHANNEL_DOFS), prescribed=pulled(0.3), **o),
 }
 # What the images say follows from the displacements, whatever the law: these are repeats where (a) holds.
-LIKE_OTHERS = ("elastic, finite strain", "orthotropic", "j2_voce", "j2_power", "j2_power_reference", "mooney_rivlin",
+LIKE_OTHERS = ("elastic, finite strain", "orthotropic", "laminate", "j2_plateau",
+               "j2_voce", "j2_power", "j2_power_reference", "mooney_rivlin",
                "free_rubber", "free_relaxation", "j2_swift", "j2_hill", "j2_kinematic", "viscoplastic", "maxwell",
                "creep",
                "elastic_damage", "nonlinear_elastic", "j2_pressure",

@@ -56,6 +56,41 @@ def test_every_orthotropic_sheet_that_can_be_has_its_compliance_in_plane_stress_
         assert np.isclose(dstate[0, k, 0], (up[1] - down[1])[0, 0] / (2 * step), rtol=1e-4, atol=1e-13)
 
 
+def laminate(angle=0.0, **values):
+    """(law at small strains, parameters) of a laminate that has nothing beyond orthotropy but these values."""
+    law = compile("laminate", "small")
+    given = {"E1": 60e3, "E2": 50e3, "nu12": 0.05, "G12": 4e3, "angle": angle} | values
+    return law, np.array([given.get(p.name, p.null) for p in law.spec.parameters])
+
+
+def test_fibres_stiffen_with_the_strain_along_either_axis():
+    for angle, E, name, stiffening in ((0.0, 60e3, "stiffening_1", 6.0), (90.0, 50e3, "stiffening_2", -4.0)):
+        law, params = laminate(angle, **{name: stiffening})
+        curve = point.uniaxial(law, params, STRAIN, mode=2)
+        np.testing.assert_allclose(curve.P[:, 0, 0], E * STRAIN * (1 + stiffening * STRAIN), rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.parametrize("damage", [0.0, 1.0, 0.3])
+def test_shear_of_a_laminate_follows_Ramberg_and_Osgood_and_unloads_by_its_damage(damage):
+    law, params = laminate(shear_softening=0.5, shear_exponent=3.0, shear_reference=50.0, shear_damage=damage)
+    shear = np.concatenate([np.linspace(0.0, 0.04, 9), np.linspace(0.03, -0.02, 6)])
+    stress = pulls.simple_shear(law, params, shear, mode=2).P[:, 0, 1]
+    first = stress[:9]
+    np.testing.assert_allclose(first / 4e3 + 0.5 * 50.0 / 4e3 * (first / 50.0)**3, shear[:9], rtol=1e-12)
+    back = np.interp(np.abs(shear[9:]), shear[:9], first) * np.sign(shear[9:])  # its strains are among the first
+    np.testing.assert_allclose(stress[9:], (1 - damage) * back + damage * first[-1] / 0.04 * shear[9:], rtol=1e-12)
+
+
+def test_a_laminate_with_nothing_more_is_orthotropic(rng):
+    path = random_path(rng, 4, 2)
+    for kinematics in ("small", "finite"):
+        plain, new = compile("orthotropic", kinematics), compile("laminate", kinematics)
+        values = np.array([dict(zip(plain.spec.parameter_names, plain.spec.defaults(), strict=True)).get(p.name, p.null)
+                           for p in new.spec.parameters])
+        np.testing.assert_allclose(follow(new, 2, path, values)[0],
+                                   follow(plain, 2, path, plain.spec.defaults())[0], atol=1e-7)
+
+
 def test_an_orthotropic_body_that_cannot_be_has_no_stress():
     """E1 and E2 exchanged: nu12 = 0.3 would be a contraction of 4.2 along 1."""
     params = np.array([10e3, 140e3, 0.3, 5e3, 0.0])
@@ -99,6 +134,7 @@ def test_compressible_neo_Hookean_tension_satisfies_its_own_equations():
 
 HARDENING = {
     "j2_linear": ([1000.0], lambda p: 200 + 1000 * p),
+    "j2_plateau": ([1000.0, 0.015], lambda p: 200 + 1000 * np.maximum(p - 0.015, 0.0)),
     "j2_voce": ([100.0, 20.0, 200.0], lambda p: 200 + 100 * (1 - np.exp(-20 * p)) + 200 * p),
     "j2_power": ([300.0, 0.3], lambda p: 200 + 300 * p**0.3),
     "j2_power_reference": ([75.0, 0.3, 0.01], lambda p: 200 + 75 * (p / 0.01)**0.3),

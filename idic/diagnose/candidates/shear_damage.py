@@ -14,7 +14,7 @@ register(Candidate(
     "shear_damage", "elastic_form", "shear damage", "no loss of shear stiffness",
     rivals={"shear_nonlinearity": "the same until the load falls: only unloading tells them apart",
             "grip_slip": "a force that stays behind on the way back",
-            "friction": "hysteresis of force over motion: damage leaves none when the load returns for the second time"},
+            "friction": "hysteresis of force over motion: damage leaves none when the load comes a second time"},
     separating_tests=("unload to zero once", "load again: is the slope that of the first loading?"),
     variants=variants,
     paraphrase="permanent loss of shear stiffness between the fibres, as cracks of the matrix make it"))

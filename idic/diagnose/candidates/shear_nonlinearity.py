@@ -25,15 +25,15 @@ def softening(situation: Situation, damage: float, label: str) -> tuple[Variant,
         G = situation.values[f"{name}.G12"]
         reference = 0.5 * G * math.sqrt(3.0) * situation.strain[name]  # half of what pure shear of this size has
         names = (f"{name}.shear_softening", f"{name}.shear_exponent")
-        fixed = {f"{name}.shear_reference": reference, f"{name}.shear_damage": damage}
+        constants = {f"{name}.shear_reference": reference, f"{name}.shear_damage": damage}
         for exponent in EXPONENTS:
             edits = enriched(situation, name, "laminate", shear_softening=new(PROBE_SOFTENING),
                              shear_exponent=new(exponent), shear_reference=locked(reference, "MPa"),
                              shear_damage=locked(damage))
             edits[f"material.{name}"]["kinematics"] = situation.experiment.model.material_of(name).kinematics
             proposals.append(Variant(label.format(name=name, exponent=exponent), edits, names,
-                                     null={names[0]: 0.0, names[1]: exponent} | fixed,
-                                     probe={names[0]: PROBE_SOFTENING, names[1]: exponent} | fixed, sign=1,
+                                     null={names[0]: 0.0, names[1]: exponent} | constants,
+                                     probe={names[0]: PROBE_SOFTENING, names[1]: exponent} | constants, sign=1,
                                      exact=True))
     return tuple(proposals)
 

@@ -9,15 +9,15 @@ from __future__ import annotations
 from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.physics.enrich import elastic_pair, enriched, materials_with, new, plastic_strain
 
-LENGTHS = (0.15, 0.3, 0.6)  # of the largest plastic strain
+LENGTHS = (0.03, 0.06, 0.12, 0.25)  # of the largest plastic strain, which is that of a notch
 MIN_PROBE_MODULUS_SHARE = 0.02  # of Young's modulus: slope behind the plateau where hardly anything hardens yet
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     proposals = []
     for name, _ in materials_with(situation, "j2_linear"):
-        plateau, H = f"{name}.plateau", f"{name}.hardening_modulus"
-        value = situation.values[H]
+        plateau, H, first = (f"{name}.{key}" for key in ("plateau", "hardening_modulus", "yield_stress"))
+        value, begin = situation.values[H], situation.values[first]
         slope = max(value, MIN_PROBE_MODULUS_SHARE * elastic_pair(situation, name)[0])
         is_free = situation.experiment.model.parameters[H].free
         released = {} if is_free else {"hardening_modulus": new(slope, "MPa")}
@@ -25,8 +25,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
             length = share * plastic_strain(situation, name)
             edits = enriched(situation, name, "j2_plateau", plateau=new(length), **released)
             proposals.append(Variant(f"{name} yields without hardening over {length:.2g} of plastic strain", edits,
-                                     (plateau,) if is_free else (plateau, H), {plateau: 0.0, H: value},
-                                     {plateau: length, H: slope}, sign=1, exact=True))
+                                     (plateau,) if is_free else (plateau, H), {plateau: 0.0, H: value, first: begin},
+                                     {plateau: length, H: slope, first: begin + slope * length}, sign=1, exact=True))
     return tuple(proposals)
 
 

@@ -2,7 +2,7 @@
 
     sigma(p) = yield_stress + sum of   H p   |   Q (1 - exp(-b p))   |   K p^n   |   K0 (p / ep0)^n
                                      |   K (eps0 + p)^n - yield_stress   |   s(p) - yield_stress
-                                     |   H max(p - length, 0)
+                                     |   H max(p - length, 0)  (a plateau of length)
     resistance = sigma(p) + eta (dp/dt)^(1/m)                       (norton)
                = sigma(p) (1 + (tau dp/dt)^(1/m))                   (perzyna)
                = sigma(p) (1 + C ln(1 + (dp/dt) / reference_rate))  (johnson_cook)
@@ -23,7 +23,7 @@ import numpy as np
 from idic.laws.composed.on_knots import on_knots, on_knots_change
 from idic.laws.core.inner import inner
 
-NONE, LINEAR, VOCE, POWER, SWIFT, POWER_REFERENCE, PLATEAU, FREE = 0, 1, 2, 3, 4, 5, 6, 16  # a free curve of n knots is FREE + n
+NONE, LINEAR, VOCE, POWER, SWIFT, POWER_REFERENCE, PLATEAU, FREE = 0, 1, 2, 3, 4, 5, 6, 16  # n free knots: FREE + n
 NORTON, PERZYNA, JOHNSON_COOK = 1, 2, 3
 YIELD = 2
 
@@ -159,7 +159,7 @@ def weakest(hardening, p, sigma, params):
     least = sigma
     for i in range(0, len(hardening) - 2, 2):
         kind, first = hardening[i], hardening[i + 1]
-        if (kind == LINEAR or kind == PLATEAU) and params[first] < 0.0:
+        if kind in (LINEAR, PLATEAU) and params[first] < 0.0:
             return -math.inf
         if kind == VOCE and params[first] < 0.0:
             least += params[first] * math.exp(-params[first + 1] * p)
