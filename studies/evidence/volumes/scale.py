@@ -7,6 +7,9 @@ linear hardening, four unknowns, ELEMENTS cubed hex8, the truth on 10 x 10 x 12 
 slice as a sum of plane waves at the material point of each voxel. Memory is that of `idic identify` and of all that it
 starts, summed, ten times a second; pages of a file that two processes share count twice. ITERATIONS: stop after so
 many. Default: 256 voxels and 4, 8, 16 scans, 384 and 512 voxels and 8 scans with 31 cubed hex8, two workers.
+
+Measured, 96:8:10:1 on a machine with five other jobs on its two cores: 174 CPU s (605 s wall) with page and start,
+0.57 GB driver, 1.49 GB all, converged after 10 evaluations, errors -2.9 (E), 0.1, -0.1, 0.1 std.
 """
 
 from __future__ import annotations
