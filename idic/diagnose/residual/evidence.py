@@ -338,26 +338,25 @@ class CommonWeights:
 
     def __init__(self, nodes: SeenNodes):
         self.nodes = nodes
-        self.sums: list[tuple[sparse.csr_array, np.ndarray, sparse.bsr_array]] = []
+        self.sums: list[tuple[sparse.csr_array, sparse.bsr_array]] = []
 
     def add(self, A: sparse.csr_array, inverse: np.ndarray, factor: float) -> None:
         """A frame's weights (n_seen, n_seen); inverse : (n, c, c) B^-1"""
         if not self.sums or not _is_of_pattern(A, self.sums[-1][0]):
-            self.sums.append((A, *self._pattern(A)))
-        _, place, total = self.sums[-1]
-        _add_blocks(A.indptr, A.indices, A.data, place, self.nodes.dofs, inverse, factor, total.data)
+            self.sums.append((A, self._blocks(A)))
+        total = self.sums[-1][1]
+        _add_blocks(A.indptr, A.indices, A.data, self.nodes.dofs, inverse, factor, total.indptr, total.indices,
+                    total.data)
 
     def times(self, fields: np.ndarray) -> np.ndarray:
         """The sum times fields of the nodes  # (n_dofs, K)"""
-        return sum((total @ fields for _, _, total in self.sums), np.zeros(fields.shape))
+        return sum((total @ fields for _, total in self.sums), np.zeros(fields.shape))
 
-    def _pattern(self, A: sparse.csr_array) -> tuple[np.ndarray, sparse.bsr_array]:
-        """The block of every entry, and blocks of zero."""
-        node, n, c = self.nodes.dofs // self.nodes.n_components, len(self.nodes.numbers), self.nodes.n_components
-        pairs = np.repeat(node, np.diff(A.indptr)) * n + node[A.indices]
-        blocks, place = np.unique(pairs, return_inverse=True)
-        starts = np.searchsorted(blocks // n, np.arange(n + 1))
-        return place, sparse.bsr_array((np.zeros((len(blocks), c, c)), blocks % n, starts), shape=(n * c, n * c))
+    def _blocks(self, A: sparse.csr_array) -> sparse.bsr_array:
+        """A block of zero for every pair of nodes that weights have entries for."""
+        n, c = len(self.nodes.numbers), self.nodes.n_components
+        starts, neighbours = _neighbours(A.indptr, A.indices, self.nodes.dofs, n, c)
+        return sparse.bsr_array((np.zeros((len(neighbours), c, c)), neighbours, starts), shape=(n * c, n * c))
 
 
 def _is_of_pattern(first: sparse.csr_array, second: sparse.csr_array) -> bool:
@@ -366,14 +365,37 @@ def _is_of_pattern(first: sparse.csr_array, second: sparse.csr_array) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _add_blocks(starts, columns, entries, place, dofs, inverse, factor, total):
-    """Add inverse^T A inverse times a factor to its blocks (n_blocks, c, c); dofs : (n_seen,) of the rows of A"""
-    c = inverse.shape[1]
+def _neighbours(starts, columns, dofs, n_nodes, c):
+    """First neighbour of every node, and the neighbours of all nodes; dofs : (n_seen,) of the rows, ascending"""
+    first, neighbours, latest = np.zeros(n_nodes + 1, np.int64), np.empty(len(columns), np.int64), np.full(n_nodes, -1)
+    count = 0
+    for row in range(len(dofs)):
+        node = dofs[row] // c
+        for entry in range(starts[row], starts[row + 1]):
+            neighbour = dofs[columns[entry]] // c
+            if latest[neighbour] != node:
+                latest[neighbour] = node
+                neighbours[count] = neighbour
+                count += 1
+        first[node + 1] = count
+    return first, neighbours[:count].copy()
+
+
+@njit(cache=True, nogil=True)
+def _add_blocks(starts, columns, entries, dofs, inverse, factor, first_block, neighbours, total):
+    """Add inverse^T A inverse times a factor to its blocks (n_blocks, c, c); dofs : (n_seen,) of the rows, ascending"""
+    n, c, _ = inverse.shape
+    block = np.zeros(n, np.int64)  # of every neighbour of the present node
+    latest = -1
     for row in range(len(dofs)):
         node, i = divmod(dofs[row], c)
+        if node != latest:
+            latest = node
+            for k in range(first_block[node], first_block[node + 1]):
+                block[neighbours[k]] = k
         for entry in range(starts[row], starts[row + 1]):
             neighbour, j = divmod(dofs[columns[entry]], c)
             for a in range(c):
                 weight = factor * entries[entry] * inverse[node, i, a]
                 for b in range(c):
-                    total[place[entry], a, b] += weight * inverse[neighbour, j, b]
+                    total[block[neighbour], a, b] += weight * inverse[neighbour, j, b]
