@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from idic.correlation import CorrelationSystem
-from idic.identification.step.parameter_covariance import Scaled, covariance, scaled_system, spectrum
+from idic.identification.step.parameter_covariance import Scaled, scaled_system
 from idic.identification.step.stages import stage_parameters
 from idic.identification.step.state import Evaluation, LoopState
 from idic.model import Experiment, Stage
@@ -73,7 +73,7 @@ def improves(trial: Evaluation, previous: Evaluation, experiment: Experiment, st
         return True
     delta = _values(moved, scaled.names) - _values(parameters, scaled.names)
     residual = scaled.b - scaled.M @ delta
-    return trial_decrement < decrement - MAX_DECREMENT_RATIO * (decrement - residual @ spectrum(scaled).inverse
+    return trial_decrement < decrement - MAX_DECREMENT_RATIO * (decrement - residual @ scaled.spectrum().inverse
                                                                 @ residual)
 
 
@@ -89,7 +89,7 @@ def falls(trial: Evaluation, previous: Evaluation, scaled: Scaled, trial_scaled:
 
 def newton_decrement(scaled: Scaled) -> float:
     """D = b^T M^-1 b over the determined directions."""
-    return float(scaled.b @ spectrum(scaled).inverse @ scaled.b)
+    return float(scaled.b @ scaled.spectrum().inverse @ scaled.b)
 
 
 def returns_to_an_earlier_point(state: LoopState, scaled: Scaled, moved: ParameterSet, parameters: ParameterSet,
@@ -106,7 +106,7 @@ def returns_to_an_earlier_point(state: LoopState, scaled: Scaled, moved: Paramet
     earlier = [entry["values"] for entry in state.history if entry["accepted"]][-iterations - 1:-1]
     if iterations == 0 or not earlier:
         return False
-    stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, spectrum(scaled))), 0.0))
+    stds = np.sqrt(np.maximum(np.diagonal(scaled.covariance(scaled.spectrum())), 0.0))
     at, origin = _values(moved, scaled.names), _values(parameters, scaled.names)
     step = np.abs(at - origin)
     off = [np.abs(at - _values(parameters.with_values(values), scaled.names)) for values in earlier]
