@@ -93,12 +93,9 @@ def shared_data():
 def _no_wait_for_the_disk(request):
     """What is written in this process is not synchronised, which is a third of the time of a small identification.
     Power cuts are tested in faults/ and store/, and every command in a process of its own synchronises."""
-    from idic.run.store import run_store
-
     with pytest.MonkeyPatch.context() as patch:
         if request.path.relative_to(ROOT).parts[0] not in ("faults", "store"):
             patch.setattr(os, "fsync", lambda descriptor: None)
-            patch.setattr(run_store, "_sync_tree", lambda folder: None)
         yield
 
 

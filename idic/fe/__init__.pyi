@@ -2,7 +2,7 @@ from .body.boundary import constrain, dead_pressure, dofs_of, face_area, tractio
 from .body.body import Constraints, Direction, Loads, Body, PathControl, Reaction, Section
 from .body.variation import Variation
 from .crack.cut import Cut, cut_along
-from .crack.fracture import ring_around, tip_load
+from .crack.fracture import ring_around
 from .body.seam import Seam
 from .crack.seams_of_cuts import with_seams
 from .conduction import conductance, conducted, unreached, volume
@@ -50,6 +50,6 @@ __all__ = [
     "is_raised_by_default", "make_mesh", "march", "march_extrapolated", "mesh_polygon", "morphed", "nodal_deformation",
     "nodal_field", "nodal_state", "normal_axis", "on_circle", "outward_velocity", "parse_deck", "raise_order",
     "read_calculix_dat", "require_permission", "ring_around", "second_differences", "seen_first", "segments_of",
-    "smallest_angle", "solver_threads", "stress_error_responses", "superposed", "sweep", "tangents_along", "tip_load",
-    "traction", "unreached", "velocities", "volume", "with_seams", "without_time_error",
+    "smallest_angle", "solver_threads", "stress_error_responses", "superposed", "sweep", "tangents_along", "traction",
+    "unreached", "velocities", "volume", "with_seams", "without_time_error",
 ]

@@ -31,7 +31,7 @@ from .specimens.own_values import specimens_content
 from .start_search import FoundStart, StartTrial, search
 from .step.estimator import may_begin_generalised, misfit
 from .step.increments import chooses_increments, path_dependent_laws, planned_increments, rate_dependent_laws
-from .step.parameter_covariance import covariance, scaled_system, spectrum
+from .step.parameter_covariance import scaled_system
 from .step.schedule import first_free, seen_in, wants_search
 from .step.stages import resolve_stages
 from .step.state import GENERALISED, HALF_RATE, ORDINARY, AcceptedPoint, Evaluation, LoopState, Trial
@@ -47,16 +47,15 @@ __all__ = [
     "Identification", "Joint", "JointDesign", "LocalResidual", "LoopState", "Path", "Plan", "PointFit", "Remedy",
     "StageHook", "StartTrial", "Treatment", "Trial", "build_result", "check_method", "check_volume_axes",
     "checked_sensitivity", "choose_knots", "choose_sensitivity", "chooses_increments", "chunk_frames", "chunk_system",
-    "closed_evaluation", "coarse_fit", "covariance", "describe_evaluation", "design_test", "determined_values",
-    "discretisation_bias", "element_sums", "evaluate_at", "expected_odds", "experiment_of", "experiment_result",
-    "first_free", "identify", "image_unit", "is_two_step", "join", "join_designs", "joined", "joint_names", "load_plan",
-    "local_residual", "log_progress", "logged_noise", "may_begin_generalised", "mean_chi2", "measured_nodes",
-    "measured_noise", "measured_reference", "measured_start", "misfit", "motion_in_space", "needs_free_dic",
-    "needs_motion_in_space", "next_local", "noise_weights", "p_text", "paper_weights", "path_dependent_laws",
-    "perturbations", "planned_increments", "planned_speckle", "point_context", "point_discrepancy",
-    "rate_dependent_laws", "ratios_of", "reason_against", "recorded_or_planned", "regularisation_of",
-    "repeated_readings", "resolve_stages", "response_of", "run_loop", "scaled_system", "search", "seen_in",
-    "specimens_content", "spectrum", "start", "starts_from_dic", "time_step_bias", "treatments", "trial_states",
-    "try_remedies", "used_fits", "wants_search", "with_bias", "with_measured_noise", "with_spread", "without_edges",
-    "z_text",
+    "closed_evaluation", "coarse_fit", "describe_evaluation", "design_test", "determined_values", "discretisation_bias",
+    "element_sums", "evaluate_at", "expected_odds", "experiment_of", "experiment_result", "first_free", "identify",
+    "image_unit", "is_two_step", "join", "join_designs", "joined", "joint_names", "load_plan", "local_residual",
+    "log_progress", "logged_noise", "may_begin_generalised", "mean_chi2", "measured_nodes", "measured_noise",
+    "measured_reference", "measured_start", "misfit", "motion_in_space", "needs_free_dic", "needs_motion_in_space",
+    "next_local", "noise_weights", "p_text", "paper_weights", "path_dependent_laws", "perturbations",
+    "planned_increments", "planned_speckle", "point_context", "point_discrepancy", "rate_dependent_laws", "ratios_of",
+    "reason_against", "recorded_or_planned", "regularisation_of", "repeated_readings", "resolve_stages", "response_of",
+    "run_loop", "scaled_system", "search", "seen_in", "specimens_content", "start", "starts_from_dic", "time_step_bias",
+    "treatments", "trial_states", "try_remedies", "used_fits", "wants_search", "with_bias", "with_measured_noise",
+    "with_spread", "without_edges", "z_text",
 ]

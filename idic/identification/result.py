@@ -34,13 +34,7 @@ from idic.identification.step.ending import end_entry
 from idic.identification.step.estimator import estimator_notes
 from idic.identification.step.increments import increment_notes, increments_entry, time_bias
 from idic.identification.step.parameter_covariance import (
-    MAX_UNDETERMINED_SHARE,
-    Scaled,
-    Spectrum,
-    covariance,
-    scaled_system,
-    spectrum,
-    undetermined_share,
+    MAX_UNDETERMINED_SHARE, Scaled, Spectrum, scaled_system, undetermined_share,
 )
 from idic.identification.step.state import Evaluation, LoopState
 from idic.images import CAMERA_PARAMETERS, LENS_PARAMETERS, PLACED_TURNS
@@ -216,8 +210,8 @@ class Analysis:
         self.channels = {} if planned else estimated_channel_noise(experiment, parameters, point)
         system = with_channel_noise(point.system, experiment.model, self.channels)
         self.scaled: Scaled = scaled_system(system, parameters, point.reference_gram, image_noise)
-        self.spectrum: Spectrum = spectrum(self.scaled)
-        self.of_noise = covariance(self.scaled, self.spectrum)
+        self.spectrum: Spectrum = self.scaled.spectrum()
+        self.of_noise = self.scaled.covariance(self.spectrum)
         weight = self.scaled.weight
         inverse = self.spectrum.inverse
         answer = inverse if weight is None else inverse @ weight  # to a change of b of the data

@@ -16,7 +16,7 @@ from idic.correlation import (
 )
 from idic.diagnose import context_of
 from idic.errors import InputError
-from idic.measure import free_motion, in_mm, seen_by
+from idic.measure import in_mm, seen_by
 from idic.identification import Identification, response_of
 from idic.images import AnyCamera, Camera
 from idic.model import Experiment, Model
@@ -230,7 +230,7 @@ def _freely_measured(context: CorrelationContext, frame: int, simulated: Callabl
     def start_px(k: int) -> np.ndarray:
         return view.at(k).motion(nodes, experiment.model.turned(simulated(k)))[:, :2]
 
-    motion = free_motion(inputs, (frame,), start_px)[0]
+    motion = inputs.free_motion((frame,), start_px)[0]
     return in_mm(motion, nodes, camera, camera.at(frame))
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from idic.fe import (
-    Body, Constraints, Direction, Loads, Section, cut_along, make_mesh, march, raise_order, ring_around, tip_load,
-    traction, with_seams,
+    Body, Constraints, Direction, Loads, Section, cut_along, make_mesh, march, raise_order, ring_around, traction,
+    with_seams,
 )
 from idic.laws import compile as compile_law
 
@@ -68,7 +68,7 @@ def test_an_edge_crack_opens_the_strip_and_loads_its_tip_as_the_handbook_says(ac
     slopes = np.diff(work) / np.diff(tips)  # between nodes, too, the crack opens steadily
     assert slopes == pytest.approx(2.0 * edge_crack(0.5 * (tips[1:] + tips[:-1]))**2 / E, rel=0.12)
     for tip, state in zip(tips, states, strict=True):
-        load = tip_load(ring_around(mesh, cut, tip, [np.arange(mesh.n_elements)]), state.u, PLANE_STRESS, (E, NU),
+        load = ring_around(mesh, cut, tip, [np.arange(mesh.n_elements)]).tip_load(state.u, PLANE_STRESS, (E, NU),
                         "plane_stress")
         assert load.K_I == pytest.approx(edge_crack(tip), rel=0.015)
         assert load.J == pytest.approx((load.K_I**2 + load.K_II**2) / E, rel=0.005)
@@ -125,7 +125,7 @@ def test_both_modes_come_back_from_their_field_around_a_tip(start, end, length):
     body, times = body_of(mesh, cut, held, Loads(), np.array([length]))
     (_, state) = march(body, PARAMS, times)
     ring = ring_around(mesh, cut, length, [np.arange(mesh.n_elements)])
-    load = tip_load(ring, state.u, PLANE_STRESS, (E, NU), "plane_stress")
+    load = ring.tip_load(state.u, PLANE_STRESS, (E, NU), "plane_stress")
     assert [load.K_I, load.K_II] == pytest.approx(K, rel=0.025)
     assert load.J == pytest.approx(K @ K / E, rel=0.045)
 

@@ -7,8 +7,7 @@ import pytest
 from fe_bodies import PARAMETERS, SHARP, affine_constraints, body, grid, held, last, outer_nodes, skewed, where
 
 from idic.errors import InputError
-from idic.fe import fields
-from idic.fe import Direction, Reaction, dofs_of, march
+from idic.fe import Direction, Reaction, dofs_of, march, nodal_field
 
 ALPHA, WARMER = 2e-5, 150.0  # 1/K, K
 FREE = ALPHA * WARMER
@@ -85,7 +84,7 @@ def test_a_bar_held_at_both_ends_is_pressed_by_e_alpha_theta(kind, stress):
                  channels=(Reaction(dofs_of(right, "x", mesh.n_dim)),))
     frame = last(expanding(model, uniform(mesh, 0.0, WARMER)), PARAMETERS["elastic"], control=SHARP)
     assert frame.channels[0] == pytest.approx(stress * (1.0 if kind == "solid" else 0.5), rel=1e-9)
-    assert fields.nodal_field(model, frame, "stress")[:, 0, 0] == pytest.approx(stress, rel=1e-9)
+    assert nodal_field(model, frame, "stress")[:, 0, 0] == pytest.approx(stress, rel=1e-9)
 
 
 @pytest.mark.parametrize("cell", ["quad8", "tri6"])
@@ -128,8 +127,8 @@ def test_stretching_an_expanded_body_gives_the_cauchy_stress_of_the_law_at_the_m
     warm = body(mesh, "solid", law, kinematics, affine_constraints(mesh, outer_nodes(mesh), s * (np.eye(3) + H)
                                                                    - np.eye(3)))
     cold = body(mesh, "solid", law, kinematics, affine_constraints(mesh, outer_nodes(mesh), H))
-    a = fields.nodal_field(warm, last(expanding(warm, uniform(mesh, 0.0, WARMER)), PARAMETERS[law]), "stress")
-    b = fields.nodal_field(cold, last(cold, PARAMETERS[law]), "stress")
+    a = nodal_field(warm, last(expanding(warm, uniform(mesh, 0.0, WARMER)), PARAMETERS[law]), "stress")
+    b = nodal_field(cold, last(cold, PARAMETERS[law]), "stress")
     assert np.abs(a - b).max() < 1e-12 * np.abs(b).max()
 
 

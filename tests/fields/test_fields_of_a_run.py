@@ -17,7 +17,7 @@ from twin_runs import ELASTIC, FORCE, GRIPS, NOISE, SHAPE, THICKNESS, Twin, clea
 import idic  # noqa: E402
 from idic.correlation import build_experiment_reference  # noqa: E402
 from idic.experiment_file import load_experiment  # noqa: E402
-from idic.measure import free_motion, in_mm, readings, seen_by  # noqa: E402
+from idic.measure import in_mm, readings, seen_by  # noqa: E402
 from idic.images import ArrayStack  # noqa: E402
 from idic.model import Gauge  # noqa: E402
 from idic.run import read_array, write_report  # noqa: E402
@@ -78,7 +78,7 @@ def test_the_noise_floor_is_the_scatter_of_repeated_recordings(plate, series, cl
         seen = seen_by(experiment, build_experiment_reference(experiment, experiment.model.camera))
         start = (experiment.model.camera.project(experiment.model.mesh.nodes + _simulated(series, experiment, 4))
                  - experiment.model.camera.project(experiment.model.mesh.nodes))
-        motion = free_motion(seen, (1,), lambda frame, start=start: start)[0]
+        motion = seen.free_motion((1,), lambda frame, start=start: start)[0]
         found.append(in_mm(motion, experiment.model.mesh.nodes, experiment.model.camera)[series.surface.index])
     scatter = np.array(found) - np.mean(found, axis=0)
     share = N_REPEATS / (N_REPEATS - 1)

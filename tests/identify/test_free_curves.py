@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.identification import FreeCurve, FreeSpectrum, FreeSurface, choose_knots, spectrum
+from idic.identification import FreeCurve, FreeSpectrum, FreeSurface, choose_knots
 from idic.identification.step.ending import beyond_bounds
 from idic.identification.step.parameter_covariance import Scaled
 from idic.identification.step.proposal import Step
@@ -126,8 +126,8 @@ def test_values_that_no_data_reach_follow_their_neighbours():
     smooth = rows.T @ rows
     b = data @ np.log([2.0, 2.1, 2.3, 1.0, 1.0, 1.0]) - smooth @ np.ones(n)
     scaled = Scaled(tuple("abcdef"), data + smooth, b, data + smooth, start)
-    assert not spectrum(scaled).determined.all()
-    step = spectrum(Scaled(scaled.names, scaled.M, b, scaled.M, start, smooth)).inverse @ b
+    assert not scaled.spectrum().determined.all()
+    step = Scaled(scaled.names, scaled.M, b, scaled.M, start, smooth).spectrum().inverse @ b
     made = start * (1.0 + step)
     slopes = np.diff(made) / np.diff(knots(LAST, n))
     assert slopes[3:] == pytest.approx(slopes[2], rel=0.05)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from idic.identification import spectrum
 from idic.identification.step.parameter_covariance import Scaled
 from idic.identification.step.proposal import propose
 from idic.parameters import Parameter, ParameterSet
@@ -17,7 +16,7 @@ def proposed(b, limit, M=None, damping=0.0, upper=np.inf):
     M = np.diag([STRONG, WEAK]) if M is None else M
     scaled = Scaled(names, M, np.asarray(b, float), M, np.ones(2))
     parameters = ParameterSet(Parameter(name, 1.0, free=True, transform="log", bounds=(0.0, upper)) for name in names)
-    found = spectrum(scaled)
+    found = scaled.spectrum()
     return propose(scaled, found, np.sqrt(1.0 / np.diagonal(M)), parameters, damping, limit)
 
 
@@ -67,7 +66,7 @@ def test_where_many_components_meet_their_bounds_the_step_is_the_minimum_within_
     parameters = ParameterSet(Parameter(name, value, free=True, bounds=(0.0, np.inf), max_step=10.0)
                               for name, value in zip(names, here, strict=True))
     scaled = Scaled(tuple(names), M, b, M, np.ones(n))
-    step = propose(scaled, spectrum(scaled), np.sqrt(1.0 / np.diagonal(M)), parameters, 0.0)
+    step = propose(scaled, scaled.spectrum(), np.sqrt(1.0 / np.diagonal(M)), parameters, 0.0)
     upper = np.linalg.cholesky(M).T
     best = lsq_linear(upper, np.linalg.solve(upper.T, b), bounds=(-here - 1e-12, np.inf), method="bvls").x
     assert (here + step.delta >= 0.0).all()

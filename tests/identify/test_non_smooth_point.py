@@ -13,7 +13,7 @@ from twin_runs import FORCE, GRIPS, Twin, write_folder
 
 from idic.correlation import CorrelationSystem
 from idic.experiment_file import load_experiment
-from idic.identification import Evaluation, GENERALISED, spectrum, start
+from idic.identification import Evaluation, GENERALISED, start
 from idic.identification.step.state import Ending, EstimatorChoice
 from idic.identification.loop import advance
 from idic.identification.step.increments import KNOWN
@@ -129,7 +129,7 @@ def test_the_smallest_combination_of_two_gradients_is_at_right_angles_to_their_d
     rng = np.random.default_rng(3)
     M = np.array([[4.0, 1.0], [1.0, 2.0]])
     here, there = (Scaled(NAMES, M, b, M, np.ones(2)) for b in (rng.standard_normal(2), -rng.standard_normal(2)))
-    found = spectrum(Scaled(NAMES, 1e4 * M, here.b, 1e4 * M, np.ones(2)))
+    found = Scaled(NAMES, 1e4 * M, here.b, 1e4 * M, np.ones(2)).spectrum()
     b, apart = smallest_gradient(here, there, found).b, there.b - here.b
     part = (b - here.b) @ apart / (apart @ apart)
     assert 0.0 <= part <= 1.0

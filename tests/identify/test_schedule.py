@@ -9,7 +9,7 @@ from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
 
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
-from idic.identification import identify as identify_in_memory, resolve_stages, seen_in, spectrum
+from idic.identification import identify as identify_in_memory, resolve_stages, seen_in
 from idic.identification.step.parameter_covariance import Scaled
 from idic.identification.step.schedule import strong_directions
 from idic.model import Stage
@@ -43,12 +43,12 @@ def scaled(values, steps):
 ])
 def test_a_weak_direction_waits_until_all_stronger_ones_stand(steps, free):
     system = scaled(np.array([1e8, 1e5, 1e2]), np.array(steps))  # standard deviations 1e-4, 3e-3, 0.1
-    assert strong_directions(system, spectrum(system)).tolist() == free
+    assert strong_directions(system, system.spectrum()).tolist() == free
 
 
 def test_directions_of_like_strength_do_not_wait_for_each_other():
     system = scaled(np.array([1e8, 2e7, 5e6]), np.array([0.5, 0.5, 0.5]))
-    assert strong_directions(system, spectrum(system)).all()
+    assert strong_directions(system, system.spectrum()).all()
 
 
 def test_a_stage_sees_blurred_images_or_the_first_frames(folder):

@@ -9,7 +9,7 @@ from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
 from idic.errors import NotConverged
 from idic.experiment_file import load_experiment
 from idic.identification import (
-    CoarseFit, StartTrial, coarse_fit, first_free, resolve_stages, search, spectrum, start, wants_search,
+    CoarseFit, StartTrial, coarse_fit, first_free, resolve_stages, search, start, wants_search,
 )
 from idic.identification.coarse import MIN_FRAMES, coarse_frames
 from idic.identification.start_search import (
@@ -304,11 +304,11 @@ def test_a_parameter_with_a_small_max_step_stops_there_and_the_others_do_not():
     scaled = Scaled(("a", "b"), M, M @ step, M, np.ones(2))
     parameters = ParameterSet([Parameter("a", 1.0, free=True, transform="log", max_step=0.05),
                                Parameter("b", 1.0, free=True, transform="log")])
-    taken = propose(scaled, spectrum(scaled), np.full(2, 0.01), parameters, 0.0)
+    taken = propose(scaled, scaled.spectrum(), np.full(2, 0.01), parameters, 0.0)
     assert taken.delta[0] == pytest.approx(0.05)
     assert taken.delta[1] == pytest.approx((scaled.b[1] - M[1, 0] * 0.05) / M[1, 1])  # solved again
     assert taken.largest == pytest.approx(0.3) and not taken.pinned  # convergence is judged by the whole step
-    halved = propose(scaled, spectrum(scaled), np.full(2, 0.01), parameters, 0.0, clip=0.175)
+    halved = propose(scaled, scaled.spectrum(), np.full(2, 0.01), parameters, 0.0, clip=0.175)
     assert halved.delta[0] == pytest.approx(0.025)
 
 
@@ -320,7 +320,7 @@ def test_a_parameter_with_a_large_max_step_is_measured_by_it():
 
     def taken(step):
         scaled = Scaled(("a", "b"), M, M @ np.array(step), M, np.ones(2))
-        return propose(scaled, spectrum(scaled), np.full(2, 0.01), parameters, 0.0)
+        return propose(scaled, scaled.spectrum(), np.full(2, 0.01), parameters, 0.0)
 
     assert not taken([0.6, 0.1]).clipped
     both = taken([1.4, 0.7])  # a ridge k: 1.4 / (1 + k / 4) = 0.7 for the one, 0.7 / (1 + k) for the other

@@ -7,11 +7,11 @@ import pytest
 
 from idic.correlation.image_equations.equations import BasisEquations, ChannelEquations
 from idic.correlation import (
-    CorrelationSystem, FrameEquations, Weights, eliminate, generalised_weights, ordinary_variance, reduce_systems,
+    CorrelationSystem, eliminate, FrameEquations, generalised_weights, ordinary_variance, reduce_systems, shared_noise,
+    Weights,
 )
-from idic.correlation import shared_noise
 from idic.correlation.shared_noise import close
-from idic.identification import covariance, scaled_system, spectrum
+from idic.identification import scaled_system
 from idic.parameters import Parameter, ParameterSet
 
 N, M, NB, PIXELS, CHANNELS = 3, 2, 2, 60, 1
@@ -132,7 +132,7 @@ def _repeated(frames, generalised, n_reference=1, draws=1000):
         system, gram = _closed(weights, reduce_systems(parts), n_reference)
         estimates.append(np.linalg.solve(system.M, system.b))
     scaled = scaled_system(system, ParameterSet(Parameter(name, 1.0, free=True) for name in NAMES), gram, SIGMA)
-    return _Repeated(np.array(estimates), system, np.sqrt(np.diagonal(covariance(scaled, spectrum(scaled)))))
+    return _Repeated(np.array(estimates), system, np.sqrt(np.diagonal(scaled.covariance(scaled.spectrum()))))
 
 
 @pytest.mark.parametrize(("frames", "n_reference", "generalised"), [
@@ -248,9 +248,9 @@ def test_a_direction_that_the_data_leave_open_is_not_determined_and_not_stepped_
     system = eliminate(0, NAMES, rows, weights, PIXELS, 0)
     parameters = ParameterSet(Parameter(name, 2.0, free=True, transform="log") for name in NAMES)
     scaled = scaled_system(system, parameters, system.shared.T @ system.shared, 1e-2)
-    found = spectrum(scaled)
+    found = scaled.spectrum()
     assert found.determined.sum() == 2
-    stds = np.sqrt(np.diagonal(covariance(scaled, found)))
+    stds = np.sqrt(np.diagonal(scaled.covariance(found)))
     step = propose(scaled, found, stds, parameters, 0.0)
     assert np.isclose(step.delta[0] + step.delta[1], 0.0, atol=1e-9)  # along the open direction nothing happens
     assert np.isclose(step.delta[0] - step.delta[1], 0.05 / 2.0, rtol=1e-6)
@@ -265,8 +265,8 @@ def test_what_only_a_prior_knows_is_determined_and_counts_in_what_depends_on_it(
     parameters = ParameterSet((Parameter("a", 1.0, free=True, transform="log"),
                                Parameter("g", 0.3, free=True, scale=0.2, prior_mean=0.0, prior_std=0.5)))
     scaled = scaled_system(system, parameters, np.zeros((2, 2)), 1.0)
-    found = spectrum(scaled)
+    found = scaled.spectrum()
     assert found.determined.all()
-    stds = np.sqrt(np.diagonal(covariance(scaled, found))) * scaled.slopes
+    stds = np.sqrt(np.diagonal(scaled.covariance(found))) * scaled.slopes
     np.testing.assert_allclose(stds, [0.1, 0.5], rtol=1e-3)
     np.testing.assert_allclose(found.inverse @ scaled.b * scaled.slopes, [0.06, -0.3], rtol=1e-3)

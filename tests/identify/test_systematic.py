@@ -13,10 +13,8 @@ from idic.errors import InputError
 from idic.experiment_file import load_experiment, read_toml
 from idic.correlation import CorrelationSystem
 from idic.fe import make_mesh
-from idic.identification import in_memory
 from idic.identification import (
-    Assessment, determined_values, discretisation_bias, scaled_system, spectrum, treatments,
-    with_bias, with_spread,
+    Assessment, determined_values, discretisation_bias, in_memory, scaled_system, treatments, with_bias, with_spread,
 )
 from idic.identification.systematic.discretisation import beyond_data
 from idic.model import Stage, build_drives
@@ -125,7 +123,7 @@ def test_the_error_of_a_mesh_moves_the_answer_by_its_bias_beside_priors_and_nois
         own = replace(system, end_noise=end_noise)
         scaled = scaled_system(own, parameters, np.zeros((3, 3)), 0.0)
         of_b = slopes * (M @ bias + beyond_data(own, parameters, bias))
-        moved = spectrum(scaled).inverse @ (of_b if scaled.weight is None else scaled.weight @ of_b)
+        moved = scaled.spectrum().inverse @ (of_b if scaled.weight is None else scaled.weight @ of_b)
         np.testing.assert_allclose(slopes * moved, bias, rtol=1e-9)
 
 

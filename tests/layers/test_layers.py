@@ -71,9 +71,15 @@ ROOMS = {name: file for name, file in MODULES.items()  # those that are folders 
 
 
 @cache
-def tree(file):
-    """A file as syntax; a dozen tests ask for every one."""
-    return ast.parse(file.read_text(encoding="utf-8"))
+def import_statements(file):
+    """The statements of a file that import, deferred ones included; a dozen tests ask for those of every file."""
+    blocks, imported = [ast.parse(file.read_text(encoding="utf-8"))], []
+    while blocks:  # statements alone: expressions, nine tenths of the syntax, import nothing
+        block = blocks.pop()
+        for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+            blocks += getattr(block, part, ())
+        imported += [block] if isinstance(block, ast.Import | ast.ImportFrom) else []
+    return tuple(sorted(imported, key=lambda statement: statement.lineno))
 
 
 @cache
@@ -98,10 +104,10 @@ def imports(name, file):
 
 def _imports(name, file):
     package = name if file.name == "__init__.py" else name.rpartition(".")[0]
-    for node in ast.walk(tree(file)):
+    for node in import_statements(file):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
+        else:
             base = node.module or ""
             if node.level:
                 parents = package.split(".")[: len(package.split(".")) - node.level + 1]
@@ -167,16 +173,16 @@ def test_third_parties_stay_where_they_belong():
 
 # Bounds that only go down: as the rooms are simplified, lower them to what is measured.
 MAX_NAMES = {"idic.calibrate": 6, "idic.correlation": 81, "idic.diagnose": 69, "idic.draw": 7,
-             "idic.experiment_file": 39, "idic.fe": 109, "idic.identification": 115, "idic.images": 87,
-             "idic.laws": 88, "idic.measure": 42, "idic.model": 73, "idic.notebook": 3, "idic.readers": 81,
+             "idic.experiment_file": 39, "idic.fe": 108, "idic.identification": 113, "idic.images": 87,
+             "idic.laws": 88, "idic.measure": 39, "idic.model": 73, "idic.notebook": 3, "idic.readers": 81,
              "idic.report": 86, "idic.run": 73, "idic.simulation_error": 17, "idic.virtual_tests": 40}
-MAX_TESTS_PAST_A_DOOR = 208  # files
+MAX_TESTS_PAST_A_DOOR = 205  # files
 
 
 @cache
 def statements(file):
     """The absolute imports by name of a file; sixteen doors ask for those of every file."""
-    return [node for node in ast.walk(tree(file))
+    return [node for node in import_statements(file)
             if isinstance(node, ast.ImportFrom) and not node.level and node.module]
 
 
@@ -242,7 +248,7 @@ def test_nothing_is_imported_upwards_by_its_name():
     wrong = []
     for name, file in MODULES.items():
         text = file.read_text(encoding="utf-8")
-        for node in ast.walk(tree(file)) if "import_module" in text or "__import__" in text else ():
+        for node in ast.walk(ast.parse(text)) if "import_module" in text or "__import__" in text else ():
             if isinstance(node, ast.Call) and ast.unparse(node.func).endswith(("import_module", "__import__")):
                 target = next((inner.value for inner in ast.walk(node) if isinstance(inner, ast.Constant)), "")
                 if str(target).startswith("idic") and name != "idic" and not allowed(name, target):

@@ -1,6 +1,7 @@
 """An experiment from Python objects is the experiment of a folder with the same content, and is checked like it."""
 
 import doctest
+import sys
 from html.parser import HTMLParser
 
 import arrays
@@ -212,7 +213,5 @@ class Balanced(HTMLParser):
 
 
 def test_the_examples_of_the_docstrings_run():
-    from idic.notebook import experiment
-
-    found = doctest.testmod(experiment)
+    found = doctest.testmod(sys.modules[idic.Experiment.__module__])
     assert found.attempted >= 5 and not found.failed

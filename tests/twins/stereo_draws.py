@@ -19,7 +19,7 @@ from idic.correlation import (
 )
 from idic.measure import surface_motion
 from idic.experiment_file import load_experiment
-from idic.identification import covariance, noise_weights, response_of, scaled_system, spectrum
+from idic.identification import noise_weights, response_of, scaled_system
 from idic.images import ArrayStack
 from idic.model import Experiment, build_forward
 from idic.parameters import JointPrior, ParameterSet
@@ -168,8 +168,8 @@ def _summed(repeats: Repeats, one: Draw, experiment: Experiment, names: tuple[st
 def _step(system: CorrelationSystem, believed: ParameterSet, gram: np.ndarray, experiment: Experiment):
     """Errors of one step from the truth and their stated standard deviations, scaled  # (n,), (n,)"""
     scaled = scaled_system(system, believed, gram, noise_weights(experiment).image_noise)
-    found = spectrum(scaled)
-    return found.inverse @ scaled.b, np.sqrt(np.diagonal(covariance(scaled, found)))
+    found = scaled.spectrum()
+    return found.inverse @ scaled.b, np.sqrt(np.diagonal(scaled.covariance(found)))
 
 
 def two_steps(repeats: Repeats, one: Draw) -> np.ndarray:

@@ -15,8 +15,7 @@ from strip_twin import marched, pulled, strip_toml, write_recording, write_rest
 
 from idic.experiment_file import load_experiment
 from idic.identification import (
-    Analysis, Evaluation, Trial, evaluate_at, identify, path_dependent_laws, scaled_system, spectrum,
-    time_step_bias,
+    Analysis, Evaluation, Trial, evaluate_at, identify, path_dependent_laws, scaled_system, time_step_bias,
 )
 from idic.identification.step.state import IncrementChoice
 from idic.identification.loop import advance
@@ -96,7 +95,7 @@ def time_error_in_std(experiment, found, factor=16) -> float:
     parameters, steps = experiment.model.parameters.with_values(values), []
     for point in (finer, found.point):
         scaled = scaled_system(point.system, parameters, point.reference_gram, weights.image_noise)
-        steps.append(spectrum(scaled).inverse @ scaled.b)
+        steps.append(scaled.spectrum().inverse @ scaled.b)
     stds = np.sqrt(np.diagonal(Analysis(experiment, parameters, found.point, weights.image_noise).covariance))
     return float(np.abs((steps[0] - steps[1]) / stds).max())
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from notched_tube import GRIP, NOTCH, NOTCH_WIDTH, OUTER, SIZE, face_cells, still_tube, tube, write_tube
+from notched_tube import GRIP, NOTCH, NOTCH_WIDTH, OUTER, SIZE, still_tube, tube, write_tube
 
 from idic.experiment_file import load_experiment
 from idic.virtual_tests import Scene
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 
 def test_clicks_and_the_measured_surface_of_a_tube_place_the_mesh(tmp_path):
     fine = tube(*SIZE.true[:3])
-    seen, bare = (face_cells(fine, fine.edge_sets[name]) for name in ("FRONT", "REST"))
+    seen, bare = (fine.face_cells(fine.edge_sets[name]) for name in ("FRONT", "REST"))
     test = replace(still_tube(SIZE), scene=Scene(fine.nodes, seen, bare), grip=GRIP[:2], force=np.zeros(2),
                    displacements=np.zeros((2, fine.n_nodes, 3)))
     x, angle = np.array([-12.0, 12.0, 12.0, -12.0]), np.radians([40.0, 40.0, -40.0, -40.0])

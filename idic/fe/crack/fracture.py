@@ -60,6 +60,43 @@ class Ring:
         c, s = self.direction
         return np.array([[c, s], [-s, c]])
 
+    def tip_load(self, u: np.ndarray, tangent: np.ndarray, isotropic: tuple[float, float] | None,
+                 kind: str) -> TipLoad:
+        """The load of a tip.
+
+        Parameters
+        ----------
+        u : (n_nodes, 2) mm
+        tangent : (2, 2, 2, 2) MPa, in-plane stress by strain of the linear elastic material at the tip
+        isotropic : E (MPa) and nu; None of another material
+        kind : "plane_stress" or "plane_strain"
+        """
+        turn, J, interactions = self.turn, 0.0, np.zeros(2)
+        stiffness = np.einsum("ai,bj,ck,dl,ijkl->abcd", turn, turn, turn, turn, tangent)
+        for connectivity, grads, places, weights, q_grads in self.parts:
+            gradient = np.einsum("ai,eni,eqnj,bj->eqab", turn, u[connectivity][..., :2], grads, turn)  # u_a,b
+            strain = 0.5 * (gradient + gradient.swapaxes(-1, -2))
+            stress = np.einsum("abcd,eqcd->eqab", stiffness, strain)
+            dq = np.einsum("ai,eqi->eqa", turn, q_grads)
+            energy = 0.5 * np.einsum("eqab,eqab->eq", stress, strain)
+            J += float(np.sum(weights * (np.einsum("eqij,eqi,eqj->eq", stress, gradient[..., 0], dq)
+                                         - energy * dq[..., 0])))
+            if isotropic is None:
+                continue
+            for mode in range(2):
+                places_along = np.einsum("ai,eqi->eqa", turn, places)
+                slope, unit_stress, unit_strain = _unit_field(places_along, mode, isotropic, kind)
+                interactions[mode] += float(np.sum(weights * (
+                    np.einsum("eqij,eqi,eqj->eq", stress, slope, dq)
+                    + np.einsum("eqij,eqi,eqj->eq", unit_stress, gradient[..., 0], dq)
+                    - np.einsum("eqij,eqij->eq", stress, unit_strain) * dq[..., 0])))
+        if isotropic is None:
+            return TipLoad(np.nan, np.nan, J)
+        E, nu = isotropic
+        modulus = E if kind == "plane_stress" else E / (1.0 - nu**2)
+        K_I, K_II = (0.5 * modulus * interactions).tolist()
+        return TipLoad(K_I, K_II, J)
+
 
 def ring_around(mesh: Mesh, cut: Cut, length: float, sections: Sequence[np.ndarray]) -> Ring | None:
     """The ring of a crack of this length (mm); None where there is no room for it.
@@ -147,43 +184,6 @@ class TipLoad:
     K_I: float
     K_II: float
     J: float
-
-
-def tip_load(ring: Ring, u: np.ndarray, tangent: np.ndarray, isotropic: tuple[float, float] | None,
-             kind: str) -> TipLoad:
-    """The load of a tip.
-
-    Parameters
-    ----------
-    u : (n_nodes, 2) mm
-    tangent : (2, 2, 2, 2) MPa, in-plane stress by strain of the linear elastic material at the tip
-    isotropic : E (MPa) and nu; None of another material
-    kind : "plane_stress" or "plane_strain"
-    """
-    turn, J, interactions = ring.turn, 0.0, np.zeros(2)
-    stiffness = np.einsum("ai,bj,ck,dl,ijkl->abcd", turn, turn, turn, turn, tangent)
-    for connectivity, grads, places, weights, q_grads in ring.parts:
-        gradient = np.einsum("ai,eni,eqnj,bj->eqab", turn, u[connectivity][..., :2], grads, turn)  # u_a,b
-        strain = 0.5 * (gradient + gradient.swapaxes(-1, -2))
-        stress = np.einsum("abcd,eqcd->eqab", stiffness, strain)
-        dq = np.einsum("ai,eqi->eqa", turn, q_grads)
-        energy = 0.5 * np.einsum("eqab,eqab->eq", stress, strain)
-        J += float(np.sum(weights * (np.einsum("eqij,eqi,eqj->eq", stress, gradient[..., 0], dq)
-                                     - energy * dq[..., 0])))
-        if isotropic is None:
-            continue
-        for mode in range(2):
-            slope, unit_stress, unit_strain = _unit_field(np.einsum("ai,eqi->eqa", turn, places), mode, isotropic, kind)
-            interactions[mode] += float(np.sum(weights * (
-                np.einsum("eqij,eqi,eqj->eq", stress, slope, dq)
-                + np.einsum("eqij,eqi,eqj->eq", unit_stress, gradient[..., 0], dq)
-                - np.einsum("eqij,eqij->eq", stress, unit_strain) * dq[..., 0])))
-    if isotropic is None:
-        return TipLoad(np.nan, np.nan, J)
-    E, nu = isotropic
-    modulus = E if kind == "plane_stress" else E / (1.0 - nu**2)
-    K_I, K_II = (0.5 * modulus * interactions).tolist()
-    return TipLoad(K_I, K_II, J)
 
 
 def _unit_field(places: np.ndarray, mode: int, isotropic: tuple[float, float],

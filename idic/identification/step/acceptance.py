@@ -21,7 +21,7 @@ from __future__ import annotations
 import numpy as np
 
 from idic.correlation import CorrelationSystem
-from idic.identification.step.parameter_covariance import Scaled, covariance, scaled_system, spectrum
+from idic.identification.step.parameter_covariance import Scaled, scaled_system
 from idic.identification.step.stages import stage_parameters
 from idic.identification.step.state import Evaluation, LoopState
 from idic.model import Experiment, Stage
@@ -76,7 +76,7 @@ def improves(trial: Evaluation, previous: Evaluation, experiment: Experiment, st
         return True
     trial_decrement, decrement = newton_decrement(trial_scaled), newton_decrement(scaled)
     residual = scaled.b - scaled.M @ delta
-    predicted_fall = decrement - residual @ spectrum(scaled).inverse @ residual
+    predicted_fall = decrement - residual @ scaled.spectrum().inverse @ residual
     if not generalised:
         return trial_decrement < MAX_DECREMENT_RATIO * decrement or (
             slope_falls(scaled, trial_scaled, delta)
@@ -103,7 +103,7 @@ def slope_falls(scaled: Scaled, trial_scaled: Scaled, delta: np.ndarray) -> bool
 
 def newton_decrement(scaled: Scaled) -> float:
     """D = b^T M^-1 b over the determined directions."""
-    return float(scaled.b @ spectrum(scaled).inverse @ scaled.b)
+    return float(scaled.b @ scaled.spectrum().inverse @ scaled.b)
 
 
 def returns_to_an_earlier_point(state: LoopState, scaled: Scaled, moved: ParameterSet, parameters: ParameterSet,
@@ -120,7 +120,7 @@ def returns_to_an_earlier_point(state: LoopState, scaled: Scaled, moved: Paramet
     earlier = [entry["values"] for entry in state.history if entry["accepted"]][-iterations - 1:-1]
     if iterations == 0 or not earlier:
         return False
-    stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, spectrum(scaled))), 0.0))
+    stds = np.sqrt(np.maximum(np.diagonal(scaled.covariance(scaled.spectrum())), 0.0))
     at, origin = _values(moved, scaled.names), _values(parameters, scaled.names)
     step = np.abs(at - origin)
     off = [np.abs(at - _values(parameters.with_values(values), scaled.names)) for values in earlier]

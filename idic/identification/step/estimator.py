@@ -13,9 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic.errors import InputError
-from idic.identification.step.parameter_covariance import (
-    MAX_UNDETERMINED_SHARE, covariance, scaled_system, spectrum, undetermined_share,
-)
+from idic.identification.step.parameter_covariance import MAX_UNDETERMINED_SHARE, scaled_system, undetermined_share
 from idic.identification.step.state import GENERALISED, GENERALISED_REJECTED, ORDINARY, Evaluation
 from idic.images import DEGREES, lowpass, spline_error, still_gain
 from idic.model import Experiment, Measured, Model, Parametrised
@@ -165,8 +163,8 @@ def predicted_gain(model: Model, names: Sequence[str], point: Evaluation, image_
     ratios = []
     for equations, noise in ((system, gram), (replace(system, M=system.predicted, spread=system.predicted), nothing)):
         scaled = scaled_system(equations, parameters, noise, image_noise)
-        directions = spectrum(scaled)
-        stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, directions)), 0.0))
+        directions = scaled.spectrum()
+        stds = np.sqrt(np.maximum(np.diagonal(scaled.covariance(directions)), 0.0))
         ratios.append(np.where(undetermined_share(directions) > MAX_UNDETERMINED_SHARE, np.nan, stds))
     comparable = np.isfinite(ratios).all(axis=0) & (ratios[0] > 0.0)
     return float((ratios[1][comparable] / ratios[0][comparable]).min(initial=1.0))

@@ -31,7 +31,6 @@ from dataclasses import replace
 import numpy as np
 
 from idic.identification.step.acceptance import scaled_at
-from idic.identification.step.parameter_covariance import covariance, spectrum
 from idic.identification.step.proposal import Step
 from idic.identification.step.settled import negligible
 from idic.identification.step.stages import stage_parameters
@@ -238,7 +237,7 @@ def with_comparison_judged(state: LoopState, experiment: Experiment, stage: Stag
     parameters, steps = stage_parameters(current, stage), []
     for point in (finer, accepted):
         scaled = scaled_at(point, parameters, stage, image_noise)
-        steps.append(spectrum(scaled).inverse @ scaled.b)
+        steps.append(scaled.spectrum().inverse @ scaled.b)
     moved = parameters.unpack(parameters.pack() + steps[0] - steps[1])
     change = {name: (moved[name].value if name in moved else value) - value
               for name, value in current.as_values().items()}
@@ -290,7 +289,7 @@ def largest_change(choice: IncrementChoice, state: LoopState, experiment: Experi
     error /= np.where(scaled.slopes == 0.0, np.inf, scaled.slopes)
     if status != "stalled" and error @ scaled.M @ error < negligible(point.system, experiment.options.lowpass_px):
         return 0.0
-    stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, spectrum(scaled))), 0.0)) * np.abs(scaled.slopes)
+    stds = np.sqrt(np.maximum(np.diagonal(scaled.covariance(scaled.spectrum())), 0.0)) * np.abs(scaled.slopes)
     changes = np.array([abs(choice.change[name]) for name in scaled.names])
     return float(np.max(changes[stds > 0.0] / stds[stds > 0.0], initial=0.0))
 

@@ -17,7 +17,7 @@ from idic.identification.step.increments import (KNOWN, TOO_COARSE, chooses_incr
                                            with_increments_judged)
 from idic.identification.step.non_smooth import directional_derivative
 from idic.identification.step.parallel_steps import parallel_steps
-from idic.identification.step.parameter_covariance import Scaled, Spectrum, covariance, spectrum
+from idic.identification.step.parameter_covariance import Scaled, Spectrum
 from idic.identification.step.proposal import STEP_CLIP, Step, propose
 from idic.identification.step.schedule import (
     MIN_CONTINUED_STAGE_GAIN,
@@ -67,8 +67,8 @@ def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage],
     options, stage = experiment.options, stages[state.schedule.stage]
     parameters = stage_parameters(experiment.model.parameters.with_values(state.accepted.values), stage)
     scaled = scaled_at(point, parameters, stage, image_noise) if non_smooth is None else non_smooth
-    directions = spectrum(scaled)
-    stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, directions)), 0.0))
+    directions = scaled.spectrum()
+    stds = np.sqrt(np.maximum(np.diagonal(scaled.covariance(directions)), 0.0))
     limit = (options.step_limit or STEP_CLIP) * state.trust.radius
     allowed = strong_directions(scaled, directions) if options.schedule == "spectrum" else None
 
@@ -178,7 +178,7 @@ def _non_smooth_system(state: LoopState, trial: Evaluation, accepted: Evaluation
     parameters, moved = (stage_parameters(at, stage) for at in (origin, origin.with_values(state.trial.values)))
     scaled = scaled_at(accepted, parameters, stage, image_noise)
     trial_scaled = scaled_at(trial, moved, stage, image_noise)
-    return directional_derivative(scaled, trial_scaled, spectrum(scaled), parameters, moved, NON_SMOOTH_TOLERANCE)
+    return directional_derivative(scaled, trial_scaled, scaled.spectrum(), parameters, moved, NON_SMOOTH_TOLERANCE)
 
 
 def _why_done(state: LoopState, stages: Sequence[Stage], step: Step, scaled: Scaled, directions: Spectrum,

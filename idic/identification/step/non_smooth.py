@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.identification.step.parameter_covariance import Scaled, Spectrum, covariance
+from idic.identification.step.parameter_covariance import Scaled, Spectrum
 from idic.parameters import ParameterSet
 
 
@@ -29,7 +29,7 @@ def directional_derivative(accepted: Scaled, trial: Scaled, directions: Spectrum
     directions : spectrum of `accepted`; parameters, moved : of the two points
     max_distance : between the two, in standard deviations of each unknown
     """
-    stds = np.sqrt(np.maximum(np.diagonal(covariance(accepted, directions)), 0.0))
+    stds = np.sqrt(np.maximum(np.diagonal(accepted.covariance(directions)), 0.0))
     way = np.array([moved[name].to_scaled() - parameters[name].to_scaled() for name in accepted.names])
     if np.any(np.abs(way) > max_distance * np.where(stds > 0.0, stds, np.inf)):
         return None

@@ -35,6 +35,29 @@ class Scaled:
     pull: np.ndarray | None = None  # (n,) the part of b that the priors make
     weight: np.ndarray | None = None  # (n, n) T, where noise of measured ends is in M: b is T b of the data then
 
+    def spectrum(self) -> Spectrum:
+        """Eigen-directions of M, strongest first, with the standard deviation that the noise gives each."""
+        values, vectors = np.linalg.eigh(0.5 * (self.M + self.M.T))
+        order = np.argsort(values)[::-1]
+        values, vectors = values[order], vectors[:, order]
+        signs = np.sign(vectors[np.argmax(np.abs(vectors), axis=0), np.arange(len(values))])
+        vectors = vectors * np.where(signs == 0, 1.0, signs)
+        floor = 1e-15 * max(values.max(initial=0.0), 1e-300)
+        safe = np.maximum(values, floor)
+        quadratic = np.einsum("ij,ik,kj->j", vectors, self.noise, vectors)
+        # a direction whose noise is itself lost in rounding is judged by M alone
+        stds = np.sqrt(np.maximum(quadratic, values.clip(min=0.0))) / safe
+        stds = np.where(values <= floor, np.inf, stds)
+        determined = stds < MAX_DETERMINED_STD
+        if self.smooth is not None:  # what no data reach follows its neighbours
+            prior_part = np.einsum("ij,ik,kj->j", vectors, self.smooth, vectors)
+            determined |= (prior_part > MIN_STATED_SHARE * values) & (values > floor)
+        return Spectrum(values, vectors, stds, determined)
+
+    def covariance(self, directions: Spectrum) -> np.ndarray:
+        """Covariance of the scaled parameters over the determined directions  # (n, n)"""
+        return directions.inverse @ self.noise @ directions.inverse
+
 
 @dataclass(frozen=True)
 class Spectrum:
@@ -91,31 +114,6 @@ def without_end_noise(M: np.ndarray, end_noise: np.ndarray) -> tuple[np.ndarray,
     across = white @ turned
     along = M @ across
     return (along * (counts * (1.0 - mu))) @ along.T, (along * counts) @ across.T
-
-
-def spectrum(scaled: Scaled) -> Spectrum:
-    """Eigen-directions of M, strongest first, with the standard deviation that the noise gives each."""
-    values, vectors = np.linalg.eigh(0.5 * (scaled.M + scaled.M.T))
-    order = np.argsort(values)[::-1]
-    values, vectors = values[order], vectors[:, order]
-    signs = np.sign(vectors[np.argmax(np.abs(vectors), axis=0), np.arange(len(values))])
-    vectors = vectors * np.where(signs == 0, 1.0, signs)
-    floor = 1e-15 * max(values.max(initial=0.0), 1e-300)
-    safe = np.maximum(values, floor)
-    quadratic = np.einsum("ij,ik,kj->j", vectors, scaled.noise, vectors)
-    # a direction whose noise is itself lost in rounding is judged by M alone
-    stds = np.sqrt(np.maximum(quadratic, values.clip(min=0.0))) / safe
-    stds = np.where(values <= floor, np.inf, stds)
-    determined = stds < MAX_DETERMINED_STD
-    if scaled.smooth is not None:  # what no data reach follows its neighbours
-        prior_part = np.einsum("ij,ik,kj->j", vectors, scaled.smooth, vectors)
-        determined |= (prior_part > MIN_STATED_SHARE * values) & (values > floor)
-    return Spectrum(values, vectors, stds, determined)
-
-
-def covariance(scaled: Scaled, directions: Spectrum) -> np.ndarray:
-    """Covariance of the scaled parameters over the determined directions  # (n, n)"""
-    return directions.inverse @ scaled.noise @ directions.inverse
 
 
 def undetermined_share(directions: Spectrum) -> np.ndarray:

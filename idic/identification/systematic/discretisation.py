@@ -24,9 +24,7 @@ from idic.correlation import CorrelationSystem, Weights
 from idic.errors import NotConverged
 from idic.fe import is_raised_by_default
 from idic.identification.discrepancy.normal_equations import DiscrepancySystem
-from idic.identification.step.parameter_covariance import (
-    MAX_UNDETERMINED_SHARE, scaled_system, spectrum, undetermined_share,
-)
+from idic.identification.step.parameter_covariance import MAX_UNDETERMINED_SHARE, scaled_system, undetermined_share
 from idic.identification.step.state import Evaluation
 from idic.model import Experiment, Model
 from idic.parameters import ParameterSet
@@ -141,7 +139,7 @@ def _biases(model: Model, values: Mapping[str, float], evaluated: Evaluation, en
     steps = []
     for point in (evaluated, ended):
         scaled = scaled_system(point.system, parameters, point.reference_gram, image_noise)
-        directions = spectrum(scaled)
+        directions = scaled.spectrum()
         steps.append(directions.inverse @ scaled.b)
     step = steps[0] - steps[1]
     moved = parameters.unpack(parameters.pack() + step)

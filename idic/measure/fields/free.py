@@ -36,6 +36,59 @@ class Seen:
         middle = self.experiment.model.mesh.nodes.mean(axis=0, keepdims=True)
         return float(self.smoother.length_px / np.sqrt(abs(np.linalg.det(camera.jacobian(middle)[0]))))
 
+    def free_motion(self, frames: Sequence[int], simulated: Callable[[int], np.ndarray]) -> np.ndarray:
+        """The free motion in some frames, NaN where it is lost or a node is not seen.
+
+        simulated : frame -> (n_nodes, 2) px
+
+        Returns
+        -------
+        (n_frames, n_nodes, 2) px
+        """
+        motion = np.full((len(frames), self.experiment.model.mesh.n_nodes, 2), np.nan)
+        for k, frame in enumerate(frames):
+            if frame == self.experiment.model.reference:
+                motion[k] = 0.0
+                continue
+            dic = free_frame(self, frame, simulated(frame))
+            if dic is not None:
+                motion[k] = dic.u_px
+        return motion
+
+    def still_frame(self, rng: np.random.Generator, noise_gv: float,
+                    factorisation: Factorisation | None = None) -> DicFrame | None:
+        """The motion found in a still image with fresh noise; noise_gv : standard deviation of one image."""
+        experiment, reference = self.experiment, self.reference
+        if isinstance(reference, FieldReference):
+            std = noise_gv * np.sqrt(1.0 + 1.0 / reference.n_images)
+            return field_frame(reference, std * rng.standard_normal(reference.pixel_map.n_pixels), self.smoother)
+        averaged_frames = experiment.recording.averaged or (experiment.model.reference,)
+        still = np.mean([np.asarray(experiment.recording.stack.frame(k), dtype=float) for k in averaged_frames], axis=0)
+        still = still + noise_gv * np.sqrt(1.0 + 1.0 / len(averaged_frames)) * rng.standard_normal(still.shape)
+        spline = prefilter(still, reference.degree, experiment.options.lowpass_px)
+        dic = dic_frame(reference, spline, np.zeros((experiment.model.mesh.n_nodes, 2)), self.smoother,
+                        experiment.options.brightness, factorisation=factorisation)
+        return dic if dic.factorisation is not None and dic.n_pixels else None
+
+    def noise_samples(self, n: int = N_NOISE_SAMPLES) -> np.ndarray | None:
+        """Motion by noise alone, in repeated still images; None where the noise is not known.
+
+        Returns
+        -------
+        (n, n_nodes, 2) px
+        """
+        noise = self.experiment.recording.noise.in_sums_gv
+        if not noise:
+            return None
+        rng, factorisation, samples = np.random.default_rng(_SEED), None, []
+        for _ in range(n):
+            still = self.still_frame(rng, noise, factorisation)
+            if still is None:
+                return None
+            factorisation = still.factorisation
+            samples.append(still.u_px)
+        return np.array(samples)
+
 
 def seen_by(experiment: Experiment, reference) -> Seen | None:
     """None where there is none of this kind: height images (sections have their own), meshes too large for a report."""
@@ -59,62 +112,6 @@ def free_frame(view: Seen, frame: int, start: np.ndarray,
     dic = dic_frame(view.reference, frame_spline(view.experiment, frame), start, view.smoother,
                     view.experiment.options.brightness, factorisation=factorisation)
     return dic if dic.factorisation is not None and dic.n_pixels else None
-
-
-def free_motion(view: Seen, frames: Sequence[int], simulated: Callable[[int], np.ndarray]) -> np.ndarray:
-    """The free motion in some frames, NaN where it is lost or a node is not seen.
-
-    simulated : frame -> (n_nodes, 2) px
-
-    Returns
-    -------
-    (n_frames, n_nodes, 2) px
-    """
-    motion = np.full((len(frames), view.experiment.model.mesh.n_nodes, 2), np.nan)
-    for k, frame in enumerate(frames):
-        if frame == view.experiment.model.reference:
-            motion[k] = 0.0
-            continue
-        dic = free_frame(view, frame, simulated(frame))
-        if dic is not None:
-            motion[k] = dic.u_px
-    return motion
-
-
-def still_frame(view: Seen, rng: np.random.Generator, noise_gv: float,
-                factorisation: Factorisation | None = None) -> DicFrame | None:
-    """The motion found in a still image with fresh noise; noise_gv : standard deviation of one image."""
-    experiment, reference = view.experiment, view.reference
-    if isinstance(reference, FieldReference):
-        noise = noise_gv * np.sqrt(1.0 + 1.0 / reference.n_images) * rng.standard_normal(reference.pixel_map.n_pixels)
-        return field_frame(reference, noise, view.smoother)
-    averaged_frames = experiment.recording.averaged or (experiment.model.reference,)
-    still = np.mean([np.asarray(experiment.recording.stack.frame(k), dtype=float) for k in averaged_frames], axis=0)
-    still = still + noise_gv * np.sqrt(1.0 + 1.0 / len(averaged_frames)) * rng.standard_normal(still.shape)
-    spline = prefilter(still, reference.degree, experiment.options.lowpass_px)
-    dic = dic_frame(reference, spline, np.zeros((experiment.model.mesh.n_nodes, 2)), view.smoother,
-                    experiment.options.brightness, factorisation=factorisation)
-    return dic if dic.factorisation is not None and dic.n_pixels else None
-
-
-def noise_samples(view: Seen, n: int = N_NOISE_SAMPLES) -> np.ndarray | None:
-    """Motion by noise alone, in repeated still images; None where the noise is not known.
-
-    Returns
-    -------
-    (n, n_nodes, 2) px
-    """
-    noise = view.experiment.recording.noise.in_sums_gv
-    if not noise:
-        return None
-    rng, factorisation, samples = np.random.default_rng(_SEED), None, []
-    for _ in range(n):
-        still = still_frame(view, rng, noise, factorisation)
-        if still is None:
-            return None
-        factorisation = still.factorisation
-        samples.append(still.u_px)
-    return np.array(samples)
 
 
 def in_mm(motion: np.ndarray, nodes: np.ndarray, camera: Camera, later: Camera | None = None) -> np.ndarray:

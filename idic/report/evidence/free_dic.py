@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.correlation import FieldReference, frame_spline, residual_map
-from idic.measure import Seen, dic_frame, field_frame, field_variance, fitted_dof, residual_noise, still_frame
+from idic.measure import Seen, dic_frame, field_frame, field_variance, fitted_dof, residual_noise
 from idic.report.result.record import FreeFields, NoiseFloor, Sensitivities
 
 SEED = 20  # of the noise of the still image
@@ -96,7 +96,7 @@ def noise_floor(inputs: Seen | None, phi: Sensitivities | None, result: Mapping,
 def _of_still_image(inputs: Seen) -> tuple[float | None, float | None]:
     noise = inputs.experiment.recording.noise
     sigma = noise.in_sums_gv if isinstance(inputs.reference, FieldReference) else noise.std_gv
-    fit = still_frame(inputs, np.random.default_rng(SEED), sigma) if sigma else None
+    fit = inputs.still_frame(np.random.default_rng(SEED), sigma) if sigma else None
     u = np.zeros((0, 2)) if fit is None else fit.u_px[np.isfinite(fit.u_px).all(axis=1)]
     if fit is None or not len(u):
         return None, None

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from idic.fe import ring_around, tip_load
+from idic.fe import ring_around
 from idic.laws import point_tangents
 from idic.model import Crack, ForwardModel, tips_at
 from idic.parameters import ParameterSet
@@ -138,7 +138,7 @@ class Tips:
         parameters = self.parameters.with_values({name: self.parameters[name].value + change
                                                   for name, change in changes.items()})
         tangent = _tangent(self.forward, parameters, ring.section)
-        load = tip_load(ring, u, tangent, _isotropic(tangent, self.forward.body.kind), self.forward.body.kind)
+        load = ring.tip_load(u, tangent, _isotropic(tangent, self.forward.body.kind), self.forward.body.kind)
         return np.array([load.K_I, load.K_II, load.J])
 
 

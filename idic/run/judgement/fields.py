@@ -17,9 +17,7 @@ from idic.correlation import CorrelationContext, correlated_frames, in_space, is
 from idic.errors import NotConverged
 from idic.identification import is_two_step
 from idic.images import Camera
-from idic.measure import (
-    FieldSeries, SeenInSpace, free_motion, in_mm, noise_samples, seen_by, simulated_states, surface_of,
-)
+from idic.measure import FieldSeries, SeenInSpace, in_mm, seen_by, simulated_states, surface_of
 from idic.model import Experiment, ForwardModel, Model
 from idic.run.judgement.floor import PointJob, simulated_motion
 from idic.run.prepared.context import RunContext, correlation_context, open_run
@@ -122,12 +120,12 @@ def write_measured(job: FieldJob) -> None:
     dic_setup = seen_by(shared.experiment, shared.reference.image)
     nodes, index = shared.experiment.model.mesh.nodes, read_array(job.target, "nodes")
     if not job.frames:
-        noise = noise_samples(dic_setup)
+        noise = dic_setup.noise_samples()
         if noise is not None:
             samples = np.array([in_mm(sample, nodes, shared.camera)[index] for sample in noise])
             write_array(job.target, "noise", rounded(samples.astype(np.float32), NOISE_DIGITS))
         return
-    motion = free_motion(dic_setup, job.frames, simulated_motion(context, job.point.evaluation, parameters))
+    motion = dic_setup.free_motion(job.frames, simulated_motion(context, job.point.evaluation, parameters))
     target = FrameArrays.open(Path(job.target), "measured", "r+")
     for k, (frame, frame_motion) in enumerate(zip(job.frames, motion, strict=True)):
         field_mm = in_mm(frame_motion, nodes, shared.camera, shared.camera.at(frame))[index]

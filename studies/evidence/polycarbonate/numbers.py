@@ -18,7 +18,7 @@ import numpy as np
 from idic.correlation import build_experiment_reference, nodal_equations, residual_map, solve_brightness
 from idic.errors import NotConverged
 from idic.experiment_file import load_experiment
-from idic.identification import covariance, identify, scaled_system, spectrum
+from idic.identification import identify, scaled_system
 from idic.images import ArrayStack, RoundedStack, prefilter
 from idic_studies.cases.polycarbonate import SPLINE_FLOOR, scaled
 from idic_studies.examples.polycarbonate import FULL, REDUCED, Size, necking_strip
@@ -130,8 +130,8 @@ def _print_step(label: str, images, n_bits: int, overrides: Mapping[str, object]
     system = identification.point.system
     parameters, noise = identification.experiment.model.parameters, identification.weights.image_noise
     scaled_up = scaled_system(system, parameters, identification.point.reference_gram, noise)
-    directions = spectrum(scaled_up)
-    step, stds = directions.inverse @ scaled_up.b, np.sqrt(np.diagonal(covariance(scaled_up, directions)))
+    directions = scaled_up.spectrum()
+    step, stds = directions.inverse @ scaled_up.b, np.sqrt(np.diagonal(scaled_up.covariance(directions)))
     relative = scaled_up.slopes / np.array([parameters[name].value for name in parameters.free])
     rms = np.sqrt(sum(f.rr for f in system.frames) / sum(f.n_pixels for f in system.frames))
     cells = " | ".join(f"{100 * e:+.3f} ({100 * s:.3f})" for e, s in zip(step * relative, stds * np.abs(relative),

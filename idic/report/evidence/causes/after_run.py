@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.correlation import FieldReference
-from idic.measure import AffineMotions, Seen, free_motion
+from idic.measure import AffineMotions, Seen
 from idic.model import Experiment
 from idic.report.evidence.causes.before_run import motions_of
 from idic.report.evidence.causes.course import MIN_DELAY, delay_of
@@ -57,7 +57,7 @@ def _of_small_misfit(view: _View) -> Cause | None:
     nodes = view.dic_setup.reference.pixel_map.visible_nodes
     nodes = nodes[np.unique(np.linspace(0, len(nodes) - 1, min(len(nodes), MAX_PLACES)).astype(int))]
     places = view.dic_setup.reference.pixel_map.nodes_px[nodes]
-    motions = AffineMotions.of_places(frames, places, free_motion(view.dic_setup, frames, view.motion)[:, nodes],
+    motions = AffineMotions.of_places(frames, places, view.dic_setup.free_motion(frames, view.motion)[:, nodes],
                                       PRECISE_NOISE_PX)
     return first_cause(_beside(view, motions, nodes))
 
