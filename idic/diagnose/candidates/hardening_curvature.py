@@ -83,5 +83,5 @@ register(Candidate(
             "rate_dependence": "overstress that changes with the rate of straining"},
     separating_tests=("strain further", "unload and load again at another speed", "reverse the load"),
     variants=variants, has_onset=True,
-    paraphrase="nonlinear hardening, another slope or exponent; negative: softening with the plastic strain, cyclic too",
+    paraphrase="nonlinear hardening, another slope or exponent; negative: softening, cyclic too",
     hidden_by_yield_law=True))
