@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from matrix_of_sides import CURVATURE, FRICTION, SEATING, SIDES, TIMES, shaken
+from matrix_of_sides import CURVATURE, FRICTION, LOAD, SEATING, SIDES, TIMES, shaken
 from side_twins import PIXEL, RADIUS, TOML, TRUTH, Side, refit, screening, write_folder
 
 from idic.diagnose import candidate_library
@@ -102,6 +102,17 @@ def test_an_effect_that_begins_in_the_middle_of_the_test_is_named_with_its_begin
     assert best.candidate.name == name
     start = float(best.variant.label.split("from ")[1].split(" s")[0])
     assert abs(start - begins) <= 2.2  # the grid of onsets: a fifth of the test
+
+
+@pytest.mark.slow
+def test_a_platen_that_tilts_until_it_touches_everywhere_is_a_grip_that_turns_and_no_seating(tmp_path):
+    """The tilt closes under the first seventh of the load, as a toe does; the mean motion loses nothing."""
+    closing = -0.0015 * (1.0 - np.exp(-LOAD / 0.15))
+    side = Side(motion={("RIGHT", "x"): np.column_stack([0.0 * TIMES, closing])})
+    _, result = screening(write_folder(tmp_path / "platen", side), ("grip_rotation", "seating", "machine_compliance",
+                                                                  "grip_slip", "orthotropy"), own_courses=True)
+    assert result.ranked[0].candidate.name == "grip_rotation"
+    assert result.of("seating").standing != "significant"
 
 
 def test_a_factor_of_the_force_is_indistinguishable_from_the_modulus_and_reported_as_invisible(twin):

@@ -1,4 +1,7 @@
-"""Reversible nonlinear elasticity: a stiffness that falls or rises with the strain and comes back on unloading."""
+"""Reversible nonlinear elasticity: a stiffness that falls or rises with the strain and comes back on unloading.
+
+Of an isotropic model; the fibres of an orthotropic one stiffen by `fibre_stiffening`.
+"""
 
 from __future__ import annotations
 

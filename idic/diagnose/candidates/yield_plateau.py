@@ -10,6 +10,7 @@ from idic.diagnose.physics.candidate import Candidate, Situation, Variant, regis
 from idic.diagnose.physics.enrich import elastic_pair, enriched, materials_with, new, plastic_strain
 
 LENGTHS = (0.03, 0.06, 0.12, 0.25)  # of the largest plastic strain, which is that of a notch
+RISE = 0.8  # of what the straight line gains over the plateau: behind it the probe is a little below that line
 MIN_PROBE_MODULUS_SHARE = 0.02  # of Young's modulus: slope behind the plateau where hardly anything hardens yet
 
 
@@ -26,7 +27,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
             edits = enriched(situation, name, "j2_plateau", plateau=new(length), **released)
             proposals.append(Variant(f"{name} yields without hardening over {length:.2g} of plastic strain", edits,
                                      (plateau,) if is_free else (plateau, H), {plateau: 0.0, H: value, first: begin},
-                                     {plateau: length, H: slope, first: begin + slope * length}, sign=1, exact=True))
+                                     {plateau: length, H: slope, first: begin + RISE * slope * length},
+                                     sign=1, exact=True))
     return tuple(proposals)
 
 
