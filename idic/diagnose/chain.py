@@ -52,6 +52,8 @@ from idic.parameters import Parameter
 SEED = 20260
 DRAW_FIRST = ("draw the outline of the specimen (outline_mm in mesh) and diagnose again; the outline of the points "
               "may explain the whole finding")
+DRAW_ANYWAY = ("draw the outline of the specimen (outline_mm in mesh): that of the points leaves {:.2g} % of its "
+               "narrowest width open, and stiffness with it")
 
 
 def diagnose(source: ExperimentSource, identification: Identification, refits: Refits, stage: Stage = silent,
@@ -188,8 +190,9 @@ def _neglected(identified: Identified, state: State, corrected: FittedModel | No
 def _separating_test(identification: Identification, state: State, verdict: Verdict) -> str | None:
     """The outline where it is open; else the simulated test that separates the first indistinguishable group for which
     there is one."""
-    if open_share(identification.experiment.model) is not None and verdict.word not in ("none", "blind"):
-        return DRAW_FIRST
+    share = open_share(identification.experiment.model)
+    if share is not None and verdict.word != "blind":
+        return DRAW_ANYWAY.format(100.0 * share) if verdict.word == "none" else DRAW_FIRST
     setting = state.setting
     for entry in state.rounds:
         if entry.winner is None or not entry.equals:

@@ -64,7 +64,8 @@ def test_the_edges_that_points_leave_open_are_identified_with_the_shear_modulus(
 @pytest.mark.slow
 @pytest.mark.parametrize("open_edges", [True, False])
 def test_a_right_law_on_an_outline_of_points_is_blamed_for_nothing(sheared, tmp_path, open_edges):
-    """Where the file identifies the edges nothing is missing; where it does not, they are what is missing."""
+    """Where the file identifies the edges nothing is missing; where it does not, their motion of 0.0003 px is below the
+    practical margin, and the advice is to draw them."""
     folder, out = tmp_path / "rail", tmp_path / "run"
     folder.mkdir()
     (folder / "stages").symlink_to(sheared / "stages")
@@ -73,12 +74,8 @@ def test_a_right_law_on_an_outline_of_points_is_blamed_for_nothing(sheared, tmp_
     run("identify", folder, "--out", out, "--no-prefect", "--no-report")
     told = run("diagnose", out, "--no-prefect", "--workers", 0)
     found = json.loads((out / "diagnosis.json").read_text())
-    if open_edges:
-        assert found["verdict"] == "none" and "draw the outline" not in told
-    else:
-        assert found["verdict"] == "single" and found["named"] == ["outline"] and "in frame" not in told
-        enriched = identify(*with_measured_start(load_experiment(out / "enriched"))).result["parameters"]["ALL.G12"]
-        assert enriched["value"] == pytest.approx(WOVEN["G12"], rel=0.025)  # as above
+    assert found["verdict"] == "none" and found["named"] == []
+    assert ("draw the outline" in told) != open_edges
 
 
 @pytest.mark.slow
