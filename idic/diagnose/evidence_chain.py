@@ -14,8 +14,8 @@ from idic.diagnose.remainder import Remainder
 from idic.diagnose.residual.channel_left import MIN_READING_SHARE
 from idic.diagnose.screen.practical import MAX_UNSEEN_SHIFT_STD
 from idic.diagnose.screen.select import MAX_FAMILYWISE_P
-from idic.diagnose.selection.rival import Rival, Round, noise_of_evidence, with_winners
-from idic.diagnose.selection.verdict import MIN_RECOVERED_SHARE, MIN_SHARE_BEYOND, Verdict
+from idic.diagnose.selection.rival import MIN_SHARE_BEYOND, Rival, Round, noise_of_evidence, with_winners
+from idic.diagnose.selection.verdict import MIN_RECOVERED_SHARE, Verdict
 
 ABOVE, BELOW = ">", "<"  # the side of the threshold on which a step holds
 

@@ -11,14 +11,15 @@ from side_twins import ANY_SIZE
 
 from idic.diagnose import Diagnosis, Fit, Misfit, Ranked, Round, ScoreColumn, Variant, candidate_library
 from idic.diagnose.selection.rival import Rival
+from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.refits.refit_job import AnnouncedRefits
 from idic.diagnose.screen.select import Screening
 from idic.diagnose.selection.move import Move, itself, moved
 from idic.diagnose.selection.moves.revision import (
-    earns_its_place, exchangeable, is_needed, min_further_drop, revised,
+    earning_alone, earns_its_place, exchangeable, is_needed, min_further_drop, revised,
 )
 from idic.diagnose.selection.rival import MIN_FURTHER_SHARE, MIN_HELDOUT_DROP
-from idic.diagnose.selection.state import Setting, State, open_round
+from idic.diagnose.selection.state import Setting, State, leading, open_round
 from idic.errors import NotConverged
 
 T, RANK = 10, 100
@@ -210,6 +211,21 @@ def test_a_cause_of_readings_that_explains_the_force_needs_no_share_of_the_whole
     assert without.chi2 - together.chi2 < min_further_drop(rival, 4e4)
     assert earns_its_place(rival, first, without, together) is stays
     assert not earns_its_place(rival, of_force(4e4, 15.0), without, together)  # a tenth of the excess is no finding
+
+
+@pytest.mark.parametrize(("amplitude", "joins"), [(0.25, True), (10.0, False)])
+def test_a_further_cause_has_a_size_that_such_causes_have(amplitude, joins):
+    """In probes of 2 % of the force: half of all load cells are off by less than a quarter of one."""
+    left = sets(((), 5000.0), (("magnification",), 1000.0), (("magnification", "load_cell_curvature"), 10.0))
+    first, further = chosen(("magnification", "load_cell_curvature"), left)
+    refitted = replace(further.winner.refitted, values={"load_cell_curvature.size": amplitude})
+    rival = replace(further.winner, refitted=refitted)
+    model = FittedModel(Folder({"magnification": True}), first.winner.refitted)
+    state = replace(world(left)[0], rounds=(first,), model=model,
+                    round=replace(further, rivals=(rival,), winner=rival))
+    passed_over = earning_alone(leading(state))
+    assert (passed_over is None) is joins
+    assert joins or (passed_over.round.winner is None and passed_over.round.passed_over is rival)
 
 
 def test_side_and_onset_are_those_of_a_cause_and_not_of_finite_strains_beside_it():

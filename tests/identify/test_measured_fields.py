@@ -17,6 +17,7 @@ from idic.errors import InputError
 from idic.experiment_file import load_experiment
 from idic.fe import find_holes, make_mesh
 from idic.identification import identify, load_plan, start
+from idic.run import diagnose_run, identify_run
 from idic_studies.cases.case import CaseJob, case_experiment, render, true_values, with_measured_start
 from idic_studies.cases.registry import make_study
 from idic_studies.cases.store import StudyStore
@@ -492,6 +493,21 @@ def test_a_real_laminate(shared_data, tmp_path):
     assert 54e3 < E1["value"] < 61e3 and 0.03 < nu["value"] < 0.07
     assert E1["std"] > 1e3  # the law is linear, the laminate is not: the noise alone (50 MPa) is not the uncertainty
     assert E1["ci95"][0] < 57.5e3 < E1["ci95"][1]
+
+
+@pytest.mark.slow
+def test_what_a_real_laminate_conceals_is_told_as_a_set(shared_data, tmp_path):
+    """A uniform strip: fibres that stiffen and a load cell that bends give the same force over motion. Without either
+    E1 is the slope of a chord; that of the tangent at no load is 55 to 59 GPa by hand."""
+    (tmp_path / "stages").symlink_to(shared_data("laminate-tension-0") / "stages")
+    (tmp_path / "experiment.toml").write_text(LAMINATE, encoding="utf-8")
+    identify_run(tmp_path, tmp_path / "run")
+    content = diagnose_run(tmp_path / "run")
+    assert content["verdict"] == "set"
+    assert content["indistinguishable"] == [["fibre_stiffening", "load_cell_curvature"]]
+    E1 = content["model"]["parameters_after"]["ALL.E1"]
+    assert 55e3 < E1["value"] < 59e3 and E1["std"] > 1e3
+    assert "load cell" in content["next_experiment"]
 
 
 def test_a_mesh_file_with_axes_of_its_own_is_laid_onto_the_points(strip, initialised, tmp_path):

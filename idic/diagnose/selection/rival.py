@@ -25,6 +25,8 @@ MIN_PRIOR_ODDS = 19.0  # of plausible sizes, 95:5: of two that the recording doe
 # of the drop of chi-square of all causes: less is a flaw of the description, neither a further cause nor what tells two
 # apart
 MIN_FURTHER_SHARE = 0.03
+# of causes of a kind that are as large (`PlausibleSize`): twenty times the size that half of them stay under
+MIN_SHARE_BEYOND = 1.0 / 400.0
 MIN_LEFT_Z = 3.0  # standard deviations of what a refit leaves in motions or channels
 NO_CAUSE = "geometric_nonlinearity"  # candidate that belongs to the description of every body
 

@@ -21,12 +21,10 @@ from idic.diagnose.residual.channel_left import ChannelLeft
 from idic.diagnose.residual.excess_left import MIN_EXCESS_Z, ExcessLeft
 from idic.diagnose.residual.heldout import Misfit, share_recovered
 from idic.diagnose.screen.select import MAX_HIDDEN_VISIBILITY, MIN_PROBE_Z, Ranked, Screening
-from idic.diagnose.selection.rival import Rival, Round, with_winners
+from idic.diagnose.selection.rival import MIN_SHARE_BEYOND, Rival, Round, with_winners
 from idic.parameters import Parameter
 
 MIN_RECOVERED_SHARE = 0.7  # of the explainable share; below, the library does not hold the missing effect
-# of causes of a kind that are as large (`PlausibleSize`): twenty times the size that half of them stay under
-MIN_SHARE_BEYOND = 1.0 / 400.0
 REFIT, BOUND = "refit", "bound"  # what excludes a candidate
 MAX_AVERAGED_IMAGES = 400  # to be averaged: more is impractical
 UNLOADING = "unload to zero"  # beginning of a test that a recording may hold already

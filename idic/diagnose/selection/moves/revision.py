@@ -29,7 +29,8 @@ from idic.diagnose.selection.moves.few_jumps import FEW_JUMPS
 from idic.diagnose.selection.moves.own_course import OWN_COURSE, has_own_course
 from idic.diagnose.selection.moves.own_scale import OWN_SCALE
 from idic.diagnose.selection.rival import (
-    MIN_DROP_DIFFERENCE, MIN_FURTHER_SHARE, MIN_HELDOUT_DROP, Rival, Round, causes_of, judge, winners, with_winners,
+    MIN_DROP_DIFFERENCE, MIN_FURTHER_SHARE, MIN_HELDOUT_DROP, MIN_SHARE_BEYOND, Rival, Round, causes_of, judge,
+    winners, with_winners,
 )
 from idic.diagnose.selection.rivals import edits_of, refit_of_candidate
 from idic.diagnose.selection.state import Clock, Selected, State, changed_cause, last_cause, leading
@@ -68,11 +69,13 @@ def earns_its_place(rival: Rival, first: Misfit, without: Misfit, together: Misf
 def earning_alone(selected: Selected) -> State | None:
     """The round with a winner among the rivals that earn a place beside the causes before; None where its winner does.
 
-    The winner that is passed over is kept for the record.
+    One of a size that no such cause has is a formal fit of what the causes before it leave, and would make a formal fit
+    of them, too: a woven laminate whose fibres stiffen had a load cell beside it that is 11 % off. The winner that is
+    passed over is kept for the record.
     """
     state, entry, null = selected.state, selected.round, selected.state.model.fit.judgement
     first = causes_of(state.rounds)[0].null.judgement
-    earning = [rival for rival in entry.rivals if rival.passes
+    earning = [rival for rival in entry.rivals if rival.passes and rival.share_beyond >= MIN_SHARE_BEYOND
                and earns_its_place(rival, first, null, rival.refitted.judgement)]
     if selected.winner in earning:
         return None
