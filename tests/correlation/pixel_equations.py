@@ -21,7 +21,7 @@ import numpy as np
 
 from idic.correlation import PixelMap
 from idic.correlation.pixels.pixel_map import element_coefficients, element_curvature
-from idic.correlation.image_equations.matched_blur import (
+from idic.images import (
     PIXEL_BLUR_PX, derivative_maps, fineness_of, matching_weights, mean_shift,
 )
 from images.spline_reference import inside, spline_slopes, spline_values

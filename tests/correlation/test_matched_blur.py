@@ -12,7 +12,7 @@ from idic.correlation.pixels.cells import monomial_slopes, monomials
 from idic.correlation.pixels.pixel_map import element_coefficients, element_curvature
 from idic.fe import Block
 from idic.images import Camera, dense_speckle, lowpass, lowpass_weights, prefilter
-from idic.correlation.image_equations.matched_blur import derivative_maps, matching_weights
+from idic.images import derivative_maps, matching_weights
 
 LOWPASS, SIDE, RIM = 0.6, 160, 30
 MIDDLE = np.full(2, (SIDE - 1) / 2)

@@ -20,7 +20,7 @@ TERMS = {"law": "elastoplastic", "E": 70e3, "nu": 0.3, "yield_stress": {"value":
                        {"kind": "linear", "H": {"value": 1, "unit": "GPa"}}],
          "backstress": [{"kind": "armstrong_frederick", "C": 5000, "gamma": {"value": 40, "identify": True}}],
          "rate": {"kind": "norton", "eta": 20, "m": 4}, "damage": {"kind": "lemaitre", "S": 0.5, "s": 1}}
-HARDENING = "linear | voce | power | power_reference | swift | free"
+HARDENING = "linear | voce | plateau | power | power_reference | swift | free"
 
 
 def tables(**changes):

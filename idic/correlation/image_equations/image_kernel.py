@@ -148,7 +148,7 @@ def image_pass(start, ix, iy, a, b, f, fx, fy, maps, weights, means, motion, coe
     """Sums of every element over its pixels that are inside the image and valid on entry.
 
     start (nel + 1,); ix, iy int32, a, b, f, fx, fy float32 (n_px,); maps (8, n_px), weights (nel, 8) float32: what
-    matches the blur of the reference (`idic.correlation.image_equations.matched_blur`), or both empty;
+    matches the blur of the reference (`idic.images.matched_blur`), or both empty;
     means (nel,) float32: grey value r f is centred on;
     motion (nel, 2, 8): monomial coefficients of the displacement, px; coefficients: flat float32, rows `width` long;
     border: int32, pixels along the borders of the image that count as outside;

@@ -13,9 +13,9 @@ from idic.correlation.pixels.blocks import (
 )
 from idic.correlation.pixels.pixel_map import PixelMap, element_curvature
 from idic.errors import InputError
-from idic.images import blur_column, gradient_noise_share, lowpass, prefilter, without_noise
-from idic.correlation.image_equations.matched_blur import (
-    PIXEL_BLUR_PX, derivative_maps, fineness_of, matching_weights, mean_shift,
+from idic.images import (
+    PIXEL_BLUR_PX, blur_column, derivative_maps, fineness_of, gradient_noise_share, lowpass, matching_weights,
+    mean_shift, prefilter, without_noise,
 )
 
 BRIGHTNESS = ("none", "frame", "patch")
@@ -127,7 +127,7 @@ class ReferenceImage:
 
     @cached_property
     def fineness(self) -> float:
-        """Of the low-passed pattern on the mesh, px^-2 (`matched_blur.fineness_of`)."""
+        """Of the low-passed pattern on the mesh, px^-2 (`idic.images.matched_blur.fineness_of`)."""
         if self.image_gv is None:
             return 0.0
         return fineness_of(self.image_gv, self.pixel_map.ix, self.pixel_map.iy)

@@ -13,8 +13,7 @@ from idic.correlation.image_equations.frame import NodalEquations
 from idic.correlation.image_equations.image_kernel import residual_pass
 from idic.correlation.image_equations.image_motion import ImageMotion, image_motion
 from idic.correlation.image_equations.reference import ReferenceImage
-from idic.images import Spline, noise_gain, still_gain
-from idic.correlation.image_equations.matched_blur import matched_gain
+from idic.images import Spline, matched_gain, noise_gain, still_gain
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +32,7 @@ class ResidualMap:
     noise_gain : (n_pixels,) w^2 of the interpolator: the variance of r under pure noise is sigma^2 (1 + w^2);
     still_gain : with a low-pass, the variance of the reference's blurred noise / sigma^2 takes the place of the 1;
     n_images : averaged to the reference; matched_gain : (n_pixels,) still_gain where the blur of the reference is
-    matched to that of the frame (`idic.correlation.image_equations.matched_blur`), None where nowhere.
+    matched to that of the frame (`idic.images.matched_blur`), None where nowhere.
     """
 
     r: np.ndarray

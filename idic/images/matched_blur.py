@@ -21,7 +21,10 @@ import numpy as np
 import scipy
 from numba import njit
 
-from idic.images import lowpass, lowpass_weights, MIRROR_PAD_PX, prefilter, REACH_STDS, weight_polynomials
+from idic.images.gaussian_lowpass import REACH_STDS, lowpass, lowpass_weights
+from idic.images.interpolate import prefilter
+from idic.images.spline_filter import MIRROR_PAD_PX
+from idic.images.taps import weight_polynomials
 
 PIXEL_BLUR_PX = 12**-0.5  # standard deviation of the area of a pixel
 ORDERS = ((2, 0), (1, 1), (0, 2), (4, 0), (3, 1), (2, 2), (1, 3), (0, 4))  # of the maps, by column and by row
