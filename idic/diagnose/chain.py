@@ -52,8 +52,8 @@ from idic.parameters import Parameter
 SEED = 20260
 DRAW_FIRST = ("draw the outline of the specimen (outline_mm in mesh) and diagnose again; the outline of the points "
               "may explain the whole finding")
-DRAW_ANYWAY = ("draw the outline of the specimen (outline_mm in mesh): that of the points leaves {:.2g} % of its "
-               "narrowest width open, and stiffness with it")
+DRAW_ANYWAY = ("draw the outline of the specimen (outline_mm in mesh): that of the points may be off by {:.2g} % of "
+               "its narrowest width, and moduli that the force determines with it")
 
 
 def diagnose(source: ExperimentSource, identification: Identification, refits: Refits, stage: Stage = silent,

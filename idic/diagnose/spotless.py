@@ -33,8 +33,17 @@ def diagnose_without_spots(source: ExperimentSource, identification: Identificat
     source, identification, spots = notes.attempt(
         "the search for spots in the images", without_spots, source, identification, stage, otherwise=as_identified)
     diagnosis = diagnose(source, identification, refits, stage, **options)
-    spots = notes.attempt("the second look at spots in the images", left_by, diagnosis.enriched, spots, otherwise=spots)
-    return replace(diagnosis, spots=spots, notes=(*notes.texts, *diagnosis.notes))
+    lasting = notes.attempt("the second look at spots in the images", left_by, diagnosis.enriched, spots,
+                            otherwise=spots)
+    explained = _number(spots) - _number(lasting)
+    if explained:
+        notes.texts.append(f"{explained} of {_number(spots)} places where the identified model loses the pattern: the "
+                           "causes found explain them. Their pixels stayed out of all fits.")
+    return replace(diagnosis, spots=lasting, notes=(*notes.texts, *diagnosis.notes))
+
+
+def _number(spots: LeftOut | None) -> int:
+    return 0 if spots is None else len(spots.spots)
 
 
 def left_by(model: FittedModel | None, spots: LeftOut | None) -> LeftOut | None:

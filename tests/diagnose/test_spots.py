@@ -15,14 +15,17 @@ from side_twins import NOISE, ORIGIN, PIXEL, SHAPE, TRUTH, Side, truth, write_fo
 
 import idic
 from idic.correlation import build_experiment_reference, camera_at
-from idic.diagnose import DUST, LeftOut, PAINT, Spot, identification_at
-from idic.diagnose.residual.spots import find_spots
+from idic.diagnose import DUST, Fit, LeftOut, PAINT, Spot, identification_at
+from idic.diagnose.refits.fitted_model import FittedModel
+from idic.diagnose.residual.spots import LEFT_OUT, find_spots
+from idic.diagnose.spotless import left_by
 from idic.experiment_file import load_experiment
 from idic.images import ArrayStack, Camera
 from idic.model import build_forward
 from idic.report.diagnosis.spots import with_spots
 from idic.report.diagnosis.words import is_sure
 from idic.run import diagnose_run
+from idic_studies.trial.tool_run import FolderSource
 
 CAMERA = Camera.from_table(PIXEL, ORIGIN, centre=((SHAPE[1] - 1) / 2, (SHAPE[0] - 1) / 2))
 
@@ -99,6 +102,22 @@ def test_what_is_no_disc_is_no_spot(recording):
         return image
 
     assert found_in(recording, scratched) == ()
+
+
+def test_a_spot_that_the_last_model_explains_is_told_no_more(recording, tmp_path):
+    """Of two discs that were left out the images hold one: with their pixels back the model loses the pattern there."""
+    _, values, local, _ = recording
+    folder = write_folder(tmp_path / "test", Side(image=dusty))
+    dust, explained = (Spot(kind, (), *centre, 3.0, 0, 30.0, 0.8, ((*centre, 7.0),))
+                       for kind, centre in ((DUST, (130.0, 40.0)), (PAINT, (128.0, 80.0))))
+    source = FolderSource.of(folder, load_experiment(folder).recording.stack).with_measured_noise().with_edits(
+        {LEFT_OUT: [list(circle) for spot in (dust, explained) for circle in spot.left_out]})
+    model = FittedModel(source, Fit("null", "null", "converged", values, {}, local, None, None, None))
+    both = LeftOut((dust, explained), {}, ((1.0, 2.0), (3.0, 4.0)))
+    assert left_by(None, both) is both
+    lasting = left_by(model, both)
+    assert (lasting.spots, lasting.place_mm) == ((dust,), ((1.0, 2.0),))
+    assert left_by(model, LeftOut((explained,), {}, ((3.0, 4.0),))) is None
 
 
 def test_pixels_under_a_circle_are_not_correlated(recording):
