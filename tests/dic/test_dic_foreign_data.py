@@ -68,7 +68,7 @@ def test_the_default_regularisation_keeps_what_the_elements_describe(shared_data
     folder = shared_data("known-displacement")
     for noise in (0, 5):
         with_default, without = known_error(folder, 20, noise, regularisation=DEFAULT), known_error(folder, 20, noise)
-        assert (with_default < 1.03 * without).all()
+        assert (with_default < without).all()  # less noise, no bias that shows
 
 
 @pytest.mark.parametrize(("noise", "size", "std"), [(2, 20, 0.0142), (5, 20, 0.0347), (2, 40, 0.0066), (5, 40, 0.0155)])
