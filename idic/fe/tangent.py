@@ -12,7 +12,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from idic.errors import NotConverged
-from idic.fe.assembly.assembly import Evaluation, System, discretise, evaluate_system, stiffness_times
+from idic.fe.assembly.assembly import Evaluation, Group, System, discretise, evaluate_system, stiffness_times
 from idic.fe.body.body import Body
 from idic.fe.body.boundary import drives_at
 from idic.fe.equilibrium import factorise_tangent
@@ -52,12 +52,8 @@ class Tangent:
 
     def element_forces(self) -> csr_array:
         """Internal forces of every element  # (n_elements, n_dof) N"""
-        parts = []
-        for group, at in zip(self.system.groups, self.evaluation.groups, strict=True):
-            forces = np.einsum("p,pij,paj->pai", group.weights, at.P, group.grads)
-            forces = forces.reshape(len(group.elements), group.points_per_element, -1).sum(axis=1)
-            rows = np.repeat(np.asarray(group.elements), forces.shape[1])
-            parts.append((forces.ravel(), rows, group.dofs.ravel()))
+        parts = [(forces.ravel(), np.repeat(np.asarray(group.elements), forces.shape[1]), group.dofs.ravel())
+                 for group, forces in self._forces()]
         values, rows, columns = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
         body = self.system.body
         return csr_array((values, (rows, columns)), shape=(body.mesh.n_elements, body.n_dof))
@@ -65,12 +61,15 @@ class Tangent:
     def element_work(self, fields: np.ndarray) -> np.ndarray:
         """Work of the internal forces of every element on nodal fields  # (n_dof, m) -> (n_elements, m) N mm"""
         work = np.zeros((self.system.body.mesh.n_elements, fields.shape[1]))
-        for group, at in zip(self.system.groups, self.evaluation.groups, strict=True):
-            n_el, per = len(group.elements), group.points_per_element
-            forces = np.einsum("p,pij,paj->pai", group.weights, at.P, group.grads)  # (n_points, nn, d)
-            forces = forces.reshape(n_el, per, -1).sum(axis=1)  # (n_el, nn d)
+        for group, forces in self._forces():
             work[group.elements] = np.einsum("ei,eim->em", forces, fields[group.dofs])
         return work
+
+    def _forces(self) -> Iterator[tuple[Group, np.ndarray]]:
+        """Every group of elements and their internal forces  # (n_elements of the group, nodes d) N"""
+        for group, at in zip(self.system.groups, self.evaluation.groups, strict=True):
+            forces = np.einsum("p,pij,paj->pai", group.weights, at.P, group.grads)
+            yield group, forces.reshape(len(group.elements), group.points_per_element, -1).sum(axis=1)
 
 
 def tangents_along(body: Body, params: Mapping[str, np.ndarray], times: np.ndarray, frames: Sequence[int],
