@@ -1,7 +1,7 @@
 """Spots are found before a diagnosis, left out of the images, and the model is identified without them.
 
-What its causes explain is no spot: between the faces of a crack, or where a void closes, the pattern is lost under the
-identified model, and is back under the last one.
+What the causes explain is no spot: where the identified model loses the pattern and the last one does not, its motion
+was wrong.
 """
 
 from __future__ import annotations

@@ -106,8 +106,8 @@ def test_a_crack_that_grows_between_grips_is_named_with_its_place_and_lengths(tm
 
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed")
-def test_where_a_crack_opens_no_paint_is_lost(tmp_path):
-    """Pulled by a force, its faces part by pixels: under the model without it the pattern is lost between them."""
+def test_a_crack_in_a_sheet_that_a_force_pulls_is_named_alone(tmp_path):
+    """With its lengths at the knots; the length between two of them is interpolated."""
     write_sheet(tmp_path / "test", tmp_path / "ccx", tables="")
     identify_run(tmp_path / "test", tmp_path / "run")
     library = [candidate for candidate in candidate_library() if candidate.name in RIVALS]
