@@ -11,7 +11,6 @@ Its grains are real; further scans of the same snow are not public. They are mad
 """
 
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,14 +19,15 @@ import tifffile
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
+from idic.fe import Block, Mesh
 from idic.run import identify_run
-from idic.virtual_tests.meshes import write_inp
-from idic.virtual_tests.volume_bar import bar
+from idic.virtual_tests import write_inp
 
 SCAN = Path(os.environ.get("IDIC_PUBLIC_SCAN", "snow.tif"))
 pytestmark = pytest.mark.skipif(not SCAN.is_file(), reason="no public scan: IDIC_PUBLIC_SCAN, see the file")
 
-VOXEL_MM, NOISE_SHARE = 0.02, 0.05  # of the standard deviation of the scan
+VOXEL_MM, SIDE_PX, N_ELEMENTS = 0.02, 70, 5
+NOISE_SHARE = 0.05  # of the standard deviation of the scan
 TURNS_DEG = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.8, -0.5, 1.2]])
 SHIFTS_PX = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.37, -1.26, 2.81], [-0.64, 0.45, 1.13]])  # along x, y, z
 TOML = """\
@@ -63,16 +63,23 @@ uz = 0.0
 """
 
 
+def cube(n, side_mm):
+    """n cubed hex8 about the origin; BOTTOM and TOP are its ends along z."""
+    z, y, x = np.meshgrid(*[np.linspace(-0.5, 0.5, n + 1) * side_mm] * 3, indexing="ij")
+    number = np.arange(x.size).reshape(n + 1, n + 1, n + 1)
+    corners = [(0, 0, 0), (0, 0, 1), (0, 1, 1), (0, 1, 0), (1, 0, 0), (1, 0, 1), (1, 1, 1), (1, 1, 0)]
+    cells = np.stack([number[c:n + c, b:n + b, a:n + a].ravel() for c, b, a in corners], axis=1)
+    return Mesh(np.column_stack([x.ravel(), y.ravel(), z.ravel()]), (Block("hex8", cells),),
+                element_sets={"BODY": np.arange(len(cells))},
+                node_sets={"BOTTOM": number[0].ravel(), "TOP": number[-1].ravel()})
+
+
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
     folder = tmp_path_factory.mktemp("snow")
     (folder / "scans").mkdir()
     snow = tifffile.imread(SCAN).astype(float)
-    mesh = bar("quad4", 2, 3, 2, 3)
-    pivot = 0.5 * (mesh.nodes.max(axis=0) + mesh.nodes.min(axis=0))
-    scale = 70.0 * VOXEL_MM / np.ptp(mesh.nodes, axis=0).max()
-    mesh = replace(mesh, nodes=scale * (mesh.nodes - pivot))
-    write_inp(mesh, folder / "mesh.inp", "Piece of snow")
+    write_inp(cube(N_ELEMENTS, SIDE_PX * VOXEL_MM), folder / "mesh.inp", "Piece of snow")
     middle, rng = (np.array(snow.shape) - 1.0) / 2.0, np.random.default_rng(7)
     for k, (turn, shift) in enumerate(zip(TURNS_DEG, SHIFTS_PX, strict=True)):
         back = Rotation.from_rotvec(turn, degrees=True).inv().as_matrix()[::-1, ::-1]  # of slice, row, column

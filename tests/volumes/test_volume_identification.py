@@ -75,14 +75,14 @@ def test_blocks_side_by_side_read_their_slices_once(bar, finished, monkeypatch, 
     volumes = open_run(str(finished[1])).experiment.recording.volumes
     _, rows, columns = volumes.shape
     monkeypatch.setattr("idic.run.store.slices.KEPT_BYTES", kept * volumes.slices.frame(0).nbytes)
-    volumes = replace(volumes, slices=Counted(volumes.slices), kept=OrderedDict())
+    volumes = replace(volumes, slices=Counted(volumes.slices), recent=OrderedDict())
     scan = np.load(bar / "scans" / "scan_02.npy")
     for y in (slice(0, rows // 2), slice(rows // 2, rows)):
         for x in (slice(0, columns // 2), slice(columns // 2, columns)):
             np.testing.assert_array_equal(volumes.block(2, slice(5, 15), y, x), scan[5:15, y, x])
     assert len(volumes.slices.read) == n_read
-    assert len(volumes.kept) <= kept
-    assert not pickle.loads(pickle.dumps(volumes)).kept
+    assert len(volumes.recent) <= kept
+    assert not pickle.loads(pickle.dumps(volumes)).recent
 
 
 @pytest.mark.slow

@@ -50,7 +50,7 @@ class SlicedVolumes:
 
     slices: Stack
     n_slices: int
-    kept: OrderedDict[int, np.ndarray] = field(default_factory=OrderedDict, repr=False)
+    recent: OrderedDict[int, np.ndarray] = field(default_factory=OrderedDict, repr=False)
     lock: Lock = field(default_factory=Lock, repr=False)
 
     def __reduce__(self):
@@ -71,10 +71,10 @@ class SlicedVolumes:
     def _slice(self, number: int) -> np.ndarray:
         """A slice of all scans  # (ny, nx)"""
         with self.lock:
-            values = self.kept.pop(number, None)
+            values = self.recent.pop(number, None)
             if values is None:
                 values = self.slices.frame(number)
-            self.kept[number] = values
-            while len(self.kept) * values.nbytes > KEPT_BYTES:
-                self.kept.popitem(last=False)
+            self.recent[number] = values
+            while len(self.recent) * values.nbytes > KEPT_BYTES:
+                self.recent.popitem(last=False)
             return values
