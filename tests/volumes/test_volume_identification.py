@@ -1,6 +1,9 @@
 """A law identified from volumes of a foreign mesh: in memory, as a RUN, with drift of the scanner and measured ends."""
 
 import json
+import pickle
+from collections import OrderedDict
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +12,7 @@ from volumes.tomograms import TRUTH, VOXEL_MM, Tomograms
 from idic.experiment_file import load_experiment
 from idic.identification import identify
 from idic.measure import volume_motion
-from idic.run import identify_run, write_report
+from idic.run import identify_run, open_run, write_report
 
 DRIFT_PX = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.8, -0.6, 0.4], [-0.5, 0.9, 0.7]])
 FREE = 'motion = "free"\n'
@@ -33,19 +36,53 @@ def test_the_law_is_found_within_its_error_bars(result):
     assert result.result["parameters"]["BODY.E"]["std"] < 0.05 * TRUTH["E"]
 
 
-def test_a_run_ends_with_the_bits_of_memory(bar, result, tmp_path):
-    run = identify_run(bar, tmp_path / "run")
+@pytest.fixture(scope="module")
+def finished(bar, tmp_path_factory):
+    """The result of a run, and its folder."""
+    folder = tmp_path_factory.mktemp("finished") / "run"
+    return identify_run(bar, folder), folder
+
+
+def test_a_run_ends_with_the_bits_of_memory(result, finished):
+    run, folder = finished
     in_memory = result.result["parameters"]
     for name, entry in run["parameters"].items():
         assert entry["value"] == in_memory[name]["value"]
     assert run["quantity"] == "volume"
     assert 0.8 < run["residual"]["image_chi2_dof"] < 1.3
-    page = write_report(tmp_path / "run", paraview=True).read_text(encoding="utf-8")
+    page = write_report(folder, paraview=True).read_text(encoding="utf-8")
     assert "residual" in page
-    assert (tmp_path / "run" / "figures" / "residual_maps.png").exists()
-    assert (tmp_path / "run" / "paraview" / "fields.pvd").exists()
-    stored = json.loads((tmp_path / "run" / "result.json").read_text(encoding="utf-8"))
+    assert (folder / "figures" / "residual_maps.png").exists()
+    assert (folder / "paraview" / "fields.pvd").exists()
+    stored = json.loads((folder / "result.json").read_text(encoding="utf-8"))
     assert stored["parameters"]["BODY.E"]["value"] == in_memory["BODY.E"]["value"]
+
+
+class Counted:
+    """Slices of a run, and the numbers of those that were read."""
+
+    def __init__(self, slices):
+        self.slices, self.n_frames, self.shape, self.read = slices, slices.n_frames, slices.shape, []
+
+    def frame(self, k):
+        self.read.append(k)
+        return self.slices.frame(k)
+
+
+@pytest.mark.parametrize(("kept", "n_read"), [(10, 10), (9, 40), (0, 40)])
+def test_blocks_side_by_side_read_their_slices_once(bar, finished, monkeypatch, kept, n_read):
+    """As far as the bound of what is kept allows; another process receives none of it."""
+    volumes = open_run(str(finished[1])).experiment.recording.volumes
+    _, rows, columns = volumes.shape
+    monkeypatch.setattr("idic.run.store.slices.KEPT_BYTES", kept * volumes.slices.frame(0).nbytes)
+    volumes = replace(volumes, slices=Counted(volumes.slices), recent=OrderedDict())
+    scan = np.load(bar / "scans" / "scan_02.npy")
+    for y in (slice(0, rows // 2), slice(rows // 2, rows)):
+        for x in (slice(0, columns // 2), slice(columns // 2, columns)):
+            np.testing.assert_array_equal(volumes.block(2, slice(5, 15), y, x), scan[5:15, y, x])
+    assert len(volumes.slices.read) == n_read
+    assert len(volumes.recent) <= kept
+    assert not pickle.loads(pickle.dumps(volumes)).recent
 
 
 @pytest.mark.slow

@@ -21,6 +21,10 @@ search one increment for two frames is simulated for comparison, beginning at th
 (`idic.fe.half_rate`). The Gauss-Newton step from there is the estimated error of one increment per frame. Where it is
 small, the end of the first search is the answer. Otherwise 1 and 2 per frame are simulated, with the same judgement.
 Where one is not enough, 1 and 2 leave an eighth of its error at most (docs/evidence/time-step.md), and mostly suffice.
+
+Linear elements of a solid that is too large for a finer mesh have an error that no standard deviation counts, and it
+is the larger one: of the hardening modulus of a bar of 10 cubed hex8, a quarter by the mesh and, with 1 and 2
+increments per frame, a fiftieth by them. There 1 and 2 are the last for laws without time.
 """
 
 from __future__ import annotations
@@ -49,8 +53,10 @@ from idic.identification.step.state import (
     Trial,
     TrustRegion,
 )
+from idic.fe import can_raise_order
 from idic.laws import get_law
 from idic.model import Experiment, Measured, Model, Stage
+from idic.simulation_error import can_be_refined
 
 MAX_ERROR_STD = 0.25  # of a parameter by the increments, standard deviations
 REMAINING_SHARE = 1.0 / 3.0  # of the change by halving: the error after it, of second order
@@ -59,8 +65,9 @@ REMAINING_SHARE_WITHOUT_TIME = 1.0 / 8.0
 MAX_HALF_RATE_SHARE = 0.85  # of the limit, up to which an estimate in steps of two frames is trusted
 MANY_INTERVALS, MIN_HALF_RATE_INTERVALS = 20, 4  # between frames
 MAX_HALF_RATE_SHARE_OF_FEW = 0.4  # with fewer than many the estimate is 0.45 to 1.9 times the error (measured)
+FIRST_HALVING = 2  # increments per frame, of the finer simulation; it is always tried
 MAX_INCREMENTS = 64  # per frame, of the finer simulation
-MAX_INCREMENTS_OF_TEST = 5000  # of the finer simulation, all frames; the first halving is always tried
+MAX_INCREMENTS_OF_TEST = 5000  # of the finer simulation, all frames
 MIN_EVALUATIONS = 4  # left for a search with finer increments, that it converges
 ENDS = ("converged", "at_bound", "stalled")  # of a search whose end is worth a finer one
 TOO_COARSE = "too_coarse"  # end of a search whose increments are so long that it does not find its end soon
@@ -267,8 +274,17 @@ def max_change(model: Model, choice: IncrementChoice) -> float:
 
 
 def max_increments(model: Model) -> int:
-    """The limit of increments per frame: `MAX_INCREMENTS`, fewer in a test of many frames."""
-    return max(2, min(MAX_INCREMENTS, MAX_INCREMENTS_OF_TEST // n_intervals(model)))
+    """The limit of increments per frame: `MAX_INCREMENTS`, fewer in a test of many frames; the first halving where the
+    error by the mesh is larger."""
+    if errs_by_its_mesh(model):
+        return FIRST_HALVING
+    return max(FIRST_HALVING, min(MAX_INCREMENTS, MAX_INCREMENTS_OF_TEST // n_intervals(model)))
+
+
+def errs_by_its_mesh(model: Model) -> bool:
+    """Whether linear elements of a solid leave an error that is too costly to be known, of laws without time."""
+    return (model.kind == "solid" and can_raise_order(model.mesh) and not can_be_refined(model)
+            and not rate_dependent_laws(model))
 
 
 def n_intervals(model: Model) -> int:
@@ -361,8 +377,11 @@ def increment_notes(experiment: Experiment, choice: IncrementChoice) -> list[str
         return [f"increments of law {laws}: {describe(experiment, choice)}"]
     changed = "" if choice.change is None else (f"; the last halving changed a parameter by more than "
                                                 f"{max_change(experiment.model, choice):g} std")
-    reason = {AT_LIMIT: f"{max_increments(experiment.model)} are the limit here: record more frames where the load "
-                        "changes fast, or give substeps",
+    limit = ("shorter ones are not tried where the error by the mesh is larger: take a finer mesh or quadratic elements"
+             if errs_by_its_mesh(experiment.model) else
+             f"{max_increments(experiment.model)} are the limit here: record more frames where the load changes fast, "
+             "or give substeps")
+    reason = {AT_LIMIT: limit,
               FAILED: "no equilibrium was found with shorter ones: give substeps, or check the loads",
               }.get(choice.status, "the search ended before shorter ones were tried: raise max_iterations")
     return [f"time step error not known to be below the standard deviations: law {laws}, "

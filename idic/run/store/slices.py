@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import OrderedDict
+from dataclasses import dataclass, field
+from threading import Lock
 
 import numpy as np
 
 from idic.images import Stack, VolumeStack
+
+# of slices that are kept: blocks side by side share theirs, and those of the reference come in between
+KEPT_BYTES = 256 * 2**20
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,10 +43,18 @@ class Slices:
 
 @dataclass(frozen=True, eq=False)
 class SlicedVolumes:
-    """Volumes out of a stack of their slices; n_slices : of each."""
+    """Volumes out of a stack of their slices; n_slices : of each.
+
+    The slices read last are kept, up to `KEPT_BYTES`: a block takes a part of each, and its neighbours the others.
+    """
 
     slices: Stack
     n_slices: int
+    recent: OrderedDict[int, np.ndarray] = field(default_factory=OrderedDict, repr=False)
+    lock: Lock = field(default_factory=Lock, repr=False)
+
+    def __reduce__(self):
+        return SlicedVolumes, (self.slices, self.n_slices)
 
     @property
     def n_frames(self) -> int:
@@ -53,4 +66,15 @@ class SlicedVolumes:
 
     def block(self, k: int, z: slice, y: slice, x: slice) -> np.ndarray:
         """A block of scan `k`  # (slices, rows, columns)"""
-        return np.stack([self.slices.frame(k * self.n_slices + plane)[y, x] for plane in range(self.n_slices)[z]])
+        return np.stack([self._slice(k * self.n_slices + plane)[y, x] for plane in range(self.n_slices)[z]])
+
+    def _slice(self, number: int) -> np.ndarray:
+        """A slice of all scans  # (ny, nx)"""
+        with self.lock:
+            values = self.recent.pop(number, None)
+            if values is None:
+                values = self.slices.frame(number)
+            self.recent[number] = values
+            while len(self.recent) * values.nbytes > KEPT_BYTES:
+                self.recent.popitem(last=False)
+            return values
