@@ -148,8 +148,8 @@ class Camera:
             return x
         for _ in range(30):  # a step leaves a share of the size of the deflection
             flat = self.centre_px + (p0 - self.centre_px) / (1.0 + bent.ratio(x))[:, None]
-            last, x = x, self._unflattened(flat) + x - bent.face(x)
-            if np.abs(x - last).max(initial=0.0) < 1e-13 * (1.0 + np.abs(x).max(initial=0.0)):
+            previous, x = x, self._unflattened(flat) + x - bent.face(x)
+            if np.abs(x - previous).max(initial=0.0) < 1e-13 * (1.0 + np.abs(x).max(initial=0.0)):
                 break
         return x
 

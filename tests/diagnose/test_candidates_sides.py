@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from matrix_of_sides import CURVATURE, FRICTION, LOAD, SEATING, SIDES, TIMES, shaken
+from matrix_of_sides import BULGE, CURVATURE, DISTANCE, FRICTION, LOAD, SEATING, SIDES, TIMES, shaken
 from side_twins import PIXEL, RADIUS, TOML, TRUTH, Side, refit, screening, write_folder
 
 from idic.diagnose import candidate_library
@@ -21,7 +21,7 @@ AMPLITUDES = {"force_offset": 1.5, "force_drift": 0.3, "frame_time_offset": 0.06
               "machine_compliance": 3e-5, "lens_distortion": 2e-6, "magnification": 4e-4 / TIMES[-1],
               "friction": FRICTION, "load_cell_curvature": CURVATURE * (1.0 + CURVATURE),  # over the largest reading
               "seating": SEATING, "hole_geometry": 1.03 * RADIUS, "pixel_size": PIXEL / 1.02, "camera_rotation": 0.5,
-              "origin": 0.8, "parallax": 0.004}
+              "origin": 0.8, "parallax": 0.004, "sheet_bending": BULGE / DISTANCE, "specimen_motion": BULGE / DISTANCE}
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +51,8 @@ def test_a_clean_record_names_nothing(twin):
 
 
 @pytest.mark.parametrize("name", ["machine_compliance", *(pytest.param(name, marks=pytest.mark.slow)
-                                                              for name in ("friction", "pixel_size"))])
+                                                              for name in ("friction", "pixel_size",
+                                                                           "sheet_bending"))])
 def test_an_effect_is_ranked_first_and_its_amplitude_and_the_modulus_are_recovered(twin, name):
     found, result = screening(twin(name), FEW)
     _first_and_recovered(twin(name), name, found, result)

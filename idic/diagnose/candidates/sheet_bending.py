@@ -22,7 +22,7 @@ def deflections(situation: Situation, shapes: Collection[str]) -> tuple[Variant,
     """Each of these shapes, with time and with every logged quantity; () where the specimen is no sheet in grey images.
     """
     experiment, stem = situation.experiment, situation.experiment.recording.camera_name
-    model, given = experiment.model, list(camera_table(situation).get("deflections", ()))
+    model, entries = experiment.model, list(camera_table(situation).get("deflections", ()))
     if not isinstance(model.camera, Camera) or model.n_dim != 2 or model.surface is not None \
             or experiment.recording.quantity != "grey":
         return ()
@@ -32,12 +32,12 @@ def deflections(situation: Situation, shapes: Collection[str]) -> tuple[Variant,
     courses += [("load", column, {"column": column}, PROBE_MAGNIFICATION) for column in changing_columns(situation)]
     proposals = []
     for shape in shapes:
-        if any(entry["shape"] == shape for entry in given):
+        if any(entry["shape"] == shape for entry in entries):
             continue
         for ending, course, keys, probe in courses:
-            name, entry = f"{stem}.{shape}_{ending}", {"shape": shape, **keys}
+            name, addition = f"{stem}.{shape}_{ending}", {"shape": shape, **keys}
             proposals.append(Variant(f"the sheet {CameraMotion.shapes[shape].words}, with {course}",
-                                     {camera_key(situation, "deflections"): [*given, entry]}, (name,), {name: 0.0},
+                                     {camera_key(situation, "deflections"): [*entries, addition]}, (name,), {name: 0.0},
                                      {name: probe}, direct=True))
     return tuple(proposals)
 

@@ -108,8 +108,8 @@ def free_edits(document: Mapping[str, Any], edits: Mapping[str, Any], variant: V
                                   "boundary": [*tables_of_edits["boundary"][:-1], {"temperature": dict(KNOTTED)}]}
     key = "camera.0" if isinstance(document.get("camera"), list) else "camera"
     if SEEN.get(word) in CameraMotion.shapes:
-        *others, last = tables_of_edits[f"{key}.deflections"]
-        return tables_of_edits | {f"{key}.deflections": [*others, {"shape": last["shape"], "knots": KNOTS}]}
+        *shapes, newest = tables_of_edits[f"{key}.deflections"]
+        return tables_of_edits | {f"{key}.deflections": [*shapes, {"shape": newest["shape"], "knots": KNOTS}]}
     if word in SEEN:
         tables_of_edits.pop(f"{key}.magnification_column", None)
         return _without(tables_of_edits, name) | {f"{key}.magnification_knots": KNOTS}
