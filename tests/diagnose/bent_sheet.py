@@ -83,6 +83,7 @@ def write_sheet(folder: Path, bulge: np.ndarray, seed: int = 0, camera: str = f"
     write_loads(test, TIMES, {"force_N": force + FORCE_NOISE * rng.standard_normal(len(TIMES)),
                               "grip_mm": GRIP + GRIP_NOISE * rng.standard_normal(len(TIMES)) * (TIMES > 0)})
     write_inp(strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *USER, name="BODY"), test / "mesh.inp", "twin")
-    toml = TOML.replace("thickness_mm = 1.5", f"thickness_mm = {THICKNESS}").replace("[camera]", f"[camera]\n{camera}")
+    toml = TOML.replace('law = "elastic"', 'law = "elastic"\nkinematics = "finite"')
+    toml = toml.replace("thickness_mm = 1.5", f"thickness_mm = {THICKNESS}").replace("[camera]", f"[camera]\n{camera}")
     (test / "experiment.toml").write_text(toml.replace("noise_std = 0.5", f"noise_std = {FORCE_NOISE}"))
     return test / "experiment.toml"

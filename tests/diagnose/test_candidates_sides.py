@@ -116,6 +116,24 @@ def test_a_platen_that_tilts_until_it_touches_everywhere_is_a_grip_that_turns_an
     assert result.of("seating").standing != "significant"
 
 
+@pytest.mark.slow
+def test_a_pin_that_turns_with_friction_is_a_grip_that_turns_with_a_course_of_its_own(tmp_path):
+    """Held by mu r F the end turns by a third of its free angle on the way up, sticks at first on the way down, and
+    slips again where friction has changed its sign: 1 F up, 3 F down."""
+    stuck = np.where(TIMES <= 8.0, LOAD, np.minimum(1.0, 3.0 * LOAD))
+    side = Side(motion={("RIGHT", "x"): np.column_stack([0.0 * TIMES, -0.0015 * stuck])})
+    path = write_folder(tmp_path / "pin", side)
+    _, result = screening(path, ("grip_rotation", "seating", "machine_compliance", "grip_slip", "orthotropy",
+                                 "friction", "camera_motion", "sheet_bending", "specimen_motion"), own_courses=True)
+    assert result.ranked[0].candidate.name == "grip_rotation"
+    turns = next(trial for trial in result.trials if trial.variant.free_course
+                 and trial.variant.new[0].startswith("boundary.RIGHT.x.rotation_knot"))
+    again = refit(path, turns.variant).result["parameters"]
+    for name, k in ((name, int(name.partition("[")[2][:-1])) for name in turns.variant.new):
+        assert abs(again[name]["value"] - 0.0015 * stuck[k]) < 3.0 * again[name]["std"] + 5e-5, name
+    assert abs(again["BODY.E"]["value"] - TRUTH["E"]) < 3.0 * again["BODY.E"]["std"]
+
+
 def test_a_factor_of_the_force_is_indistinguishable_from_the_modulus_and_reported_as_invisible(twin):
     found, result = screening(twin("force_scale"), ("force_scale", "force_offset"))
     assert result.of("force_scale").visibility < 1e-6 and result.of("force_scale").standing == "cannot_tell"
