@@ -7,10 +7,9 @@ import shutil
 import numpy as np
 import pytest
 from bent_sheet import DISTANCE, LATE, LOAD, write_sheet
-from side_twins import GRIP, LENGTH, RADIUS, SHAPE, TIMES, TOML, TRUTH, WIDTH
+from side_twins import GRIP, LENGTH, RADIUS, SHAPE, TIMES, TOML, TRUTH, WIDTH, with_free_courses
 
 from idic.diagnose import Situation, candidate_library
-from idic.diagnose.screen.free_courses import with_free_courses
 from idic.experiment_file import load_experiment, read_toml
 from idic.images import CameraMotion
 from idic.run import diagnose_run, identify_run
