@@ -139,7 +139,7 @@ class ExperimentTables:
         parameters += of_varied
         cut_open, lengths = cracks(self.config, cut.cuts, context)
         parameters += lengths
-        camera, cameras = self._moving(scale.camera, cameras, lens, frames, context, known_times)
+        camera, cameras = self._moving(scale.camera, cameras, lens, frames, context, known_times, mesh, thickness)
         parameters += dofs.degrees_of_freedom(self.config, camera, tuple(motion.channels), tuple(motion.prescribed),
                                               thickness, known_times, scale.unit, frames.shape, parameters, self.file,
                                               cameras, geometry.parameters, tuple(motion.loads), lens.freed,
@@ -217,16 +217,19 @@ class ExperimentTables:
                        cameras=cameras)
 
     def _moving(self, camera: AnyCamera, cameras: tuple[FurtherCamera, ...], lens: Lenses, frames: Frames,
-                context: boundary_tables.Context,
-                times: np.ndarray | None) -> tuple[AnyCamera, tuple[FurtherCamera, ...]]:
+                context: boundary_tables.Context, times: np.ndarray | None, mesh: Mesh,
+                thickness: float | None) -> tuple[AnyCamera, tuple[FurtherCamera, ...]]:
         """The cameras with all their motions, or those of the specimen before lenses, every amplitude zero."""
         tables = camera_tables(self.config)
         if frames.points is not None:  # a rigid motion of fields is an unknown of the frame
             tables[0] = tables[0].model_copy(update={"motion": None})
         rigid = next((table for table in tables if table.lens), None)
         compared = [k for k in range(frames.reference + 1, frames.stack.n_frames) if k not in frames.excluded]
+        table = self.config.experiment
+        is_sheet = mesh.n_dim == 2 and table.surface is None and table.quantity == "grey"
+        ends = np.array([mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)]) if is_sheet else None
         moved = [moving_camera(still_camera, rigid if lens.cameras[i] is not None else tables[i], context, times,
-                               compared)
+                               compared, ends, thickness)
                  for i, still_camera in enumerate([camera, *(view.camera for view in cameras)])]
         return moved[0], tuple(replace(view, camera=moving) for view, moving in zip(cameras, moved[1:], strict=True))
 

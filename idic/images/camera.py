@@ -16,6 +16,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.images.camera_motion import CameraMotion
+from idic.images.deflection import Deflection
 
 _AXES = {"+col": (1.0, 0.0), "-col": (-1.0, 0.0), "+row": (0.0, 1.0), "-row": (0.0, -1.0)}
 
@@ -74,6 +75,7 @@ class Camera:
     motion : CameraMotion, optional
         How the camera moves from frame to frame; `at` gives the camera of a frame.
     frame, frame_map, frame_shift : number, linear map and shift (px) of the frame that this is the camera of
+    deflection : of the sheet in that frame
     """
 
     matrix: np.ndarray
@@ -87,6 +89,7 @@ class Camera:
     frame: int | None = None
     frame_map: np.ndarray = field(default_factory=partial(np.eye, 2))
     frame_shift: np.ndarray = field(default_factory=partial(np.zeros, 2))
+    deflection: Deflection | None = None
 
     def __post_init__(self):
         for name in ("matrix", "origin_px", "centre_px", "tilt", "shift_px", "frame_map", "frame_shift"):
@@ -129,33 +132,44 @@ class Camera:
         linear, shift = self.motion.at(frame)
         origin = self.centre_px + linear @ (self.origin_px + self.shift_px - self.centre_px) + shift - self.shift_px
         return replace(self, matrix=linear @ self.matrix, origin_px=origin, frame=frame, frame_map=linear,
-                       frame_shift=shift)
+                       frame_shift=shift, deflection=self.motion.deflection(frame))
 
     # points ---------------------------------------------------------------------------------------
     def project(self, points: np.ndarray) -> np.ndarray:
         """(column, row) of mesh points  # points (n, 2|3) mm -> (n, 2) px"""
-        return self._distort(self._ideal(_plane(points))[0])
+        x = _plane(points)
+        return self._distort(self._bent(x, self._flat(self._face(x))[0]))
 
     def inverse(self, pixels: np.ndarray) -> np.ndarray:
         """Mesh coordinates x, y seen at image positions  # pixels (n, 2) px -> (n, 2) mm"""
-        d = self._undistort(np.asarray(pixels, dtype=float)) - self.origin_px - self.shift_px  # (n, 2)
-        a = self.matrix - d[:, :, None] * self.tilt  # (n, 2, 2)
-        return np.linalg.solve(a, d[:, :, None])[:, :, 0]
+        p0, bent = self._undistort(np.asarray(pixels, dtype=float)), self.deflection
+        x = self._unflattened(p0)
+        if bent is None:
+            return x
+        for _ in range(30):  # a step leaves a share of the size of the deflection
+            flat = self.centre_px + (p0 - self.centre_px) / (1.0 + bent.ratio(x))[:, None]
+            previous, x = x, self._unflattened(flat) + x - bent.face(x)
+            if np.abs(x - previous).max(initial=0.0) < 1e-13 * (1.0 + np.abs(x).max(initial=0.0)):
+                break
+        return x
 
     @property
     def is_affine(self) -> bool:
         """Whether the Jacobian is the same everywhere."""
-        return self.k1 == 0.0 and not self.tilt.any()
+        return self.k1 == 0.0 and not self.tilt.any() and self.deflection is None
 
     def jacobian(self, points: np.ndarray) -> np.ndarray:
         """d (column, row) / d (x, y)  # points (n, 2|3) mm -> (n, 2, 2) px/mm"""
         x = _plane(points)
         if self.is_affine:
             return np.tile(self.matrix, (len(x), 1, 1))
-        p0, w = self._ideal(x)
-        centred = p0 - self.origin_px - self.shift_px
-        jacobian = (self.matrix - centred[:, :, None] * self.tilt) / w[:, None, None]
-        return self._distortion_jacobian(p0) @ jacobian
+        flat, w = self._flat(self._face(x))
+        jacobian = self._flat_jacobian(flat, w)
+        if self.deflection is not None:
+            grown = 1.0 + self.deflection.ratio(x)
+            jacobian = grown[:, None, None] * jacobian @ self.deflection.face_jacobian(x) \
+                + (flat - self.centre_px)[:, :, None] * self.deflection.gradient(x)[:, None, :]
+        return self._distortion_jacobian(self._bent(x, flat)) @ jacobian
 
     # degrees of freedom ---------------------------------------------------------------------------
     def values(self) -> dict[str, float]:
@@ -196,30 +210,64 @@ class Camera:
     def parameter_jacobian(self, points: np.ndarray, name: str) -> np.ndarray:
         """d (column, row) of fixed mesh points by one of `CAMERA_PARAMETERS`  # (n, 2|3) mm -> (n, 2) px per unit"""
         x = _plane(points)
-        p0, w = self._ideal(x)
-        centred = p0 - self.origin_px - self.shift_px  # matrix X / w
+        flat, w = self._flat(self._face(x))
+        p0 = self._bent(x, flat)
         if name == "k1":
             d = p0 - self.centre_px
             return d * (d**2).sum(axis=1, keepdims=True)
         if self.motion is not None and self.frame is not None and name in self.motion.names:
-            dp0 = self.motion.slope(name, self.frame, p0 - self.centre_px - self.frame_shift, self.frame_map)
-        elif name == "pixel_size":
-            dp0 = -centred / (self.pixel_size * np.sqrt(np.linalg.det(self.frame_map)))
-        elif name == "rotation_deg":
-            dp0 = np.radians(1.0) * centred @ np.array([[0.0, -1.0], [1.0, 0.0]])  # (col, row) -> (row, -col)
-        elif name in ("shift_col", "shift_row"):
-            dp0 = np.broadcast_to(self.frame_map[:, 0 if name == "shift_col" else 1], centred.shape)
-        elif name in ("tilt_x", "tilt_y"):
-            dp0 = -centred * (x[:, [0 if name == "tilt_x" else 1]] / w[:, None])
+            dp0 = self._motion_slope(self.motion, self.frame, name, x, flat, w)
         else:
-            raise InputError("no such camera parameter", key=name, expected=", ".join(CAMERA_PARAMETERS),
-                             remedy="use one of these names")
+            dp0 = self._still_slope(name, self._face(x), flat, w)
+            dp0 = dp0 if self.deflection is None else (1.0 + self.deflection.ratio(x))[:, None] * dp0
         return np.einsum("nij,nj->ni", self._distortion_jacobian(p0), dp0)
 
+    def _still_slope(self, name: str, x: np.ndarray, flat: np.ndarray, w: np.ndarray) -> np.ndarray:
+        """Derivative of the position on a flat sheet by a parameter of the camera itself  # (n, 2) px per unit"""
+        centred = flat - self.origin_px - self.shift_px  # matrix X / w
+        if name == "pixel_size":
+            return -centred / (self.pixel_size * np.sqrt(np.linalg.det(self.frame_map)))
+        if name == "rotation_deg":
+            return np.radians(1.0) * centred @ np.array([[0.0, -1.0], [1.0, 0.0]])  # (col, row) -> (row, -col)
+        if name in ("shift_col", "shift_row"):
+            return np.broadcast_to(self.frame_map[:, 0 if name == "shift_col" else 1], centred.shape)
+        if name in ("tilt_x", "tilt_y"):
+            return -centred * (x[:, [0 if name == "tilt_x" else 1]] / w[:, None])
+        raise InputError("no such camera parameter", key=name, expected=", ".join(CAMERA_PARAMETERS),
+                         remedy="use one of these names")
+
+    def _motion_slope(self, motion: CameraMotion, frame: int, name: str, x: np.ndarray, flat: np.ndarray,
+                      w: np.ndarray) -> np.ndarray:
+        """Derivative of the ideal position by an amplitude of the motion of this frame  # (n, 2) px per unit"""
+        shape = motion.shape(name, frame)
+        grown = 1.0 if self.deflection is None else (1.0 + self.deflection.ratio(x))[:, None]
+        if shape is None or self.deflection is None:
+            return grown * motion.slope(name, frame, flat - self.centre_px - self.frame_shift, self.frame_map)
+        ratio, face = self.deflection.change(shape[0], x)
+        moved = np.einsum("nij,nj->ni", self._flat_jacobian(flat, w), face)
+        return shape[1] * (ratio[:, None] * (flat - self.centre_px) + grown * moved)
+
     # parts ----------------------------------------------------------------------------------------
-    def _ideal(self, x):
+    def _face(self, x):
+        return x if self.deflection is None else self.deflection.face(x)
+
+    def _flat(self, x):
         w = 1.0 + x @ self.tilt
         return self.origin_px + self.shift_px + (x @ self.matrix.T) / w[:, None], w
+
+    def _flat_jacobian(self, flat, w):
+        centred = flat - self.origin_px - self.shift_px
+        return (self.matrix - centred[:, :, None] * self.tilt) / w[:, None, None]
+
+    def _unflattened(self, p0):
+        d = p0 - self.origin_px - self.shift_px  # (n, 2)
+        a = self.matrix - d[:, :, None] * self.tilt  # (n, 2, 2)
+        return np.linalg.solve(a, d[:, :, None])[:, :, 0]
+
+    def _bent(self, x, flat):
+        if self.deflection is None:
+            return flat
+        return self.centre_px + (1.0 + self.deflection.ratio(x))[:, None] * (flat - self.centre_px)
 
     def _distort(self, p0):
         d = p0 - self.centre_px

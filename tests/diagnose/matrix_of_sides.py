@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from side_twins import GRIP, RADIUS, SHAPE, TIMES, Side
+from side_twins import GRIP, LENGTH, RADIUS, SHAPE, TIMES, Side
+
+from idic.images import Camera
 
 AFTER = np.maximum(TIMES - 4.0, 0.0) / (TIMES[-1] - 4.0)  # a slip that begins at 4 s
 LOAD = GRIP / GRIP.max()
 WAY = np.where(TIMES == 0.0, 0.0, np.where(TIMES <= 8.0, 1.0, -1.0))  # of the grip: up, hold, down
 FRICTION, SEATING, CURVATURE = 3.0, 0.006, 0.06  # N, mm, of the largest force
+DISTANCE, BULGE = 500.0, 0.5  # mm, of the camera; out of the plane under the largest load
 
 
 def _both(mean, slope=None):
@@ -33,6 +37,23 @@ def _turned(camera, degrees):
 def _settled(F):
     """Grips that settle under the first load."""
     return SEATING * (1.0 - np.exp(-np.abs(F) / (0.15 * np.abs(F).max())))
+
+
+@dataclass(frozen=True, eq=False)
+class Pinhole(Camera):
+    """A central projection from `DISTANCE` of a sheet that is `height` above its plane: (n, 2) mm -> (n,) mm."""
+
+    height: Callable | None = None
+
+    def project(self, points):
+        arms = super().project(points) - self.centre_px
+        return self.centre_px + arms * (DISTANCE / (DISTANCE - self.height(points)))[:, None]
+
+
+def _raised(height):
+    """A sheet that rises with the load: (n,) mm along x -> (n,) share of `BULGE`."""
+    return lambda camera, k: Pinhole(**{entry.name: getattr(camera, entry.name) for entry in fields(Camera)},
+                                     height=lambda X: BULGE * LOAD[k] * height(X[:, 0]))
 
 
 def shaken(camera, frame):
@@ -78,6 +99,8 @@ SIDES = {
     "parallax": Side(camera=lambda camera, k: replace(camera, tilt=np.array([0.004, 0.0]))),
     "lens_distortion": Side(camera=lambda camera, k: replace(camera, k1=2e-6)),
     "magnification": Side(camera=lambda camera, k: _scaled(camera, 1.0 + 4e-4 * TIMES[k] / TIMES[-1])),
+    "sheet_bending": Side(camera=_raised(lambda x: np.cos(np.pi * x / LENGTH))),
+    "specimen_motion": Side(camera=_raised(lambda x: 2.0 * x / LENGTH)),
     "camera_motion": Side(camera=shaken),
     "illumination": Side(image=_lit),
     "defocus": Side(image=_blurred),

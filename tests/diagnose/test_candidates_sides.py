@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from matrix_of_sides import CURVATURE, FRICTION, LOAD, SEATING, SIDES, TIMES, shaken
+from matrix_of_sides import BULGE, CURVATURE, DISTANCE, FRICTION, LOAD, SEATING, SIDES, TIMES, shaken
 from side_twins import PIXEL, RADIUS, TOML, TRUTH, Side, refit, screening, write_folder
 
 from idic.diagnose import candidate_library
@@ -21,7 +21,7 @@ AMPLITUDES = {"force_offset": 1.5, "force_drift": 0.3, "frame_time_offset": 0.06
               "machine_compliance": 3e-5, "lens_distortion": 2e-6, "magnification": 4e-4 / TIMES[-1],
               "friction": FRICTION, "load_cell_curvature": CURVATURE * (1.0 + CURVATURE),  # over the largest reading
               "seating": SEATING, "hole_geometry": 1.03 * RADIUS, "pixel_size": PIXEL / 1.02, "camera_rotation": 0.5,
-              "origin": 0.8, "parallax": 0.004}
+              "origin": 0.8, "parallax": 0.004, "sheet_bending": BULGE / DISTANCE, "specimen_motion": BULGE / DISTANCE}
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +51,8 @@ def test_a_clean_record_names_nothing(twin):
 
 
 @pytest.mark.parametrize("name", ["machine_compliance", *(pytest.param(name, marks=pytest.mark.slow)
-                                                              for name in ("friction", "pixel_size"))])
+                                                              for name in ("friction", "pixel_size",
+                                                                           "sheet_bending"))])
 def test_an_effect_is_ranked_first_and_its_amplitude_and_the_modulus_are_recovered(twin, name):
     found, result = screening(twin(name), FEW)
     _first_and_recovered(twin(name), name, found, result)
@@ -113,6 +114,24 @@ def test_a_platen_that_tilts_until_it_touches_everywhere_is_a_grip_that_turns_an
                                                                   "grip_slip", "orthotropy"), own_courses=True)
     assert result.ranked[0].candidate.name == "grip_rotation"
     assert result.of("seating").standing != "significant"
+
+
+@pytest.mark.slow
+def test_a_pin_that_turns_with_friction_is_a_grip_that_turns_with_a_course_of_its_own(tmp_path):
+    """Held by mu r F the end turns by a third of its free angle on the way up, sticks at first on the way down, and
+    slips again where friction has changed its sign: 1 F up, 3 F down."""
+    stuck = np.where(TIMES <= 8.0, LOAD, np.minimum(1.0, 3.0 * LOAD))
+    side = Side(motion={("RIGHT", "x"): np.column_stack([0.0 * TIMES, -0.0015 * stuck])})
+    path = write_folder(tmp_path / "pin", side)
+    _, result = screening(path, ("grip_rotation", "seating", "machine_compliance", "grip_slip", "orthotropy",
+                                 "friction", "camera_motion", "sheet_bending", "specimen_motion"), own_courses=True)
+    assert result.ranked[0].candidate.name == "grip_rotation"
+    turns = next(trial for trial in result.trials if trial.variant.free_course
+                 and trial.variant.new[0].startswith("boundary.RIGHT.x.rotation_knot"))
+    again = refit(path, turns.variant).result["parameters"]
+    for name, k in ((name, int(name.partition("[")[2][:-1])) for name in turns.variant.new):
+        assert abs(again[name]["value"] - 0.0015 * stuck[k]) < 3.0 * again[name]["std"] + 5e-5, name
+    assert abs(again["BODY.E"]["value"] - TRUTH["E"]) < 3.0 * again["BODY.E"]["std"]
 
 
 def test_a_factor_of_the_force_is_indistinguishable_from_the_modulus_and_reported_as_invisible(twin):

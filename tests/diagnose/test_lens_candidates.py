@@ -20,7 +20,8 @@ from idic.virtual_tests import (
 
 DISTANCE, APPROACH = 300.0, 0.12  # mm; of the specimen at the end
 OF_LENSES = {"specimen_motion", "focal_length", "placement", "lens_distortion"}
-NOT_OF_LENSES = {"magnification", "camera_motion", "camera_rotation", "pixel_size", "origin", "parallax"}
+NOT_OF_LENSES = {"magnification", "camera_motion", "camera_rotation", "pixel_size", "origin", "parallax",
+                 "sheet_bending"}
 LENS = PinholeCamera(DISTANCE / PIXEL, DISTANCE / PIXEL, 91.7, 57.4, k1=-0.1, rotation=rotation_of([2.0, -4.0, 0.5]) @
                      Rig.FROM_ABOVE, translation_mm=[0.1, 0.0, DISTANCE])
 TABLE = ('[camera]\nmodel = "pinhole"\ncalibration = "cal.json"\n'

@@ -370,6 +370,33 @@ def test_the_magnification_of_a_camera_may_have_a_free_course(tmp_path):
     assert camera.motion.courses[:, [0, 2, 3]] == pytest.approx(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]))
 
 
+BENT = ('[camera]\ndistance_mm = 500.0\ndeflections = [{ shape = "bow_y", column = "force_kN" }, '
+        '{ shape = "buckle_x", knots = 2 }, { shape = "lean_x" }]')
+
+
+def test_a_sheet_that_bends_brings_its_degrees_of_freedom(tmp_path):
+    experiment = load_experiment(write_experiment(tmp_path / "test", TOML.replace("[camera]", BENT)))
+    names = ["bow_y_load", "buckle_x_knot[2]", "buckle_x_knot[3]", "lean_x_drift"]
+    parameters, motion = experiment.model.parameters, experiment.model.camera.motion
+    assert [f"camera.{name}" for name in names] == [n for n in parameters.free if n.startswith("camera.")]
+    assert motion.names == tuple(names) and motion.kinds == ("bow_y", "buckle_x", "buckle_x", "lean_x")
+    assert motion.courses[0] == pytest.approx([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0])
+    assert motion.lever == pytest.approx(250.0 * experiment.model.thickness)
+    nodes = experiment.model.mesh.nodes
+    assert motion.ends == pytest.approx(np.array([nodes.min(axis=0), nodes.max(axis=0)]))
+    bent = motion.with_values({"bow_y_load": 0.03}).deflection(1)
+    assert bent.ratio(motion.ends.mean(axis=0)[None]) == pytest.approx(0.01)
+    assert bent.ratio(motion.ends) == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("old, new, said", [
+    ('"force_kN" }', '"force_kN", knots = 3 }', "two courses"), ('"lean_x"', '"wave_x"', "deflections"),
+    ('"force_kN" }', '"strain" }', "strain"), ('"lean_x" }', '"bow_y", column = "force_kN" }', "twice")])
+def test_a_deflection_that_cannot_be_meant_is_refused(tmp_path, old, new, said):
+    with pytest.raises(InputError, match=said):
+        load_experiment(write_experiment(tmp_path / "test", TOML.replace("[camera]", BENT.replace(old, new))))
+
+
 @pytest.mark.parametrize("drive, found", [
     ("uy = 0.01", "found: none"), ('uy = { column = "still_um" }', "still_um without motion")])
 def test_friction_that_no_logged_motion_directs_is_refused(tmp_path, drive, found):

@@ -117,14 +117,16 @@ def uneven(body):
 
 
 def on_the_move(body):
-    """The same before a camera that comes nearer, turns and shifts from frame to frame."""
+    """The same before a camera that comes nearer, turns and shifts from frame to frame; the sheet bends towards it."""
     frames, none = np.arange(len(TIMES)), np.zeros(len(TIMES))
     values = {"magnification_drift": ("magnification", TIMES, 1e-3, 0.02),
               "turn_at[4]": ("turn", frames == 4, 0.2, 3.0), "col_at[4]": ("column", frames == 4, 0.4, 3.0),
-              "row_at[4]": ("row", frames == 4, -0.3, 3.0)}
+              "row_at[4]": ("row", frames == 4, -0.3, 3.0), "bow_x_drift": ("bow_x", TIMES, 1e-3, 0.02),
+              "buckle_y_knot[4]": ("buckle_y", frames == 4, 2e-3, 0.02)}
     motion = CameraMotion(tuple(values), tuple(kind for kind, *_ in values.values()),
                           np.array([course + none for _, course, *_ in values.values()]),
-                          np.array([value for *_, value, _ in values.values()]))
+                          np.array([value for *_, value, _ in values.values()]),
+                          np.array([[-0.5, -0.5], [0.5, 0.5]]) * [LENGTH, WIDTH], lever=0.5)
     free = [Parameter(f"camera.{name}", value, free=True, scale=scale) for name, (*_, value, scale) in values.items()]
     return replace(body, model=replace(body.model, camera=replace(body.model.camera, motion=motion),
                                        parameters=extended(body, free)))

@@ -1,11 +1,13 @@
 """The camera: its conventions, the contract of cameras, and what a fixed pixel sees of its degrees of freedom."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from camera_contract import CameraContract
 
 from idic.errors import InputError
-from idic.images import CAMERA_PARAMETERS, Camera
+from idic.images import CAMERA_PARAMETERS, Camera, CameraMotion
 
 STEPS = {"pixel_size": 1e-6, "rotation_deg": 1e-4, "shift_col": 1e-3, "shift_row": 1e-3, "k1": 1e-11,
          "tilt_x": 1e-6, "tilt_y": 1e-6}
@@ -16,6 +18,19 @@ CAMERAS = {
     "swapped axes": Camera.from_table(0.1, (10.0, 20.0), ("+row", "+col"), -30.0),
     "mirrored matrix": Camera.from_matrix([[3.0, 20.0], [18.0, -1.0]], (5.0, 6.0), -2e-8, (20.0, 10.0)),
 }
+BENT = {"bow_x_load": 2e-2, "arch_y_load": 5e-3, "buckle_y_drift": 1e-2, "lean_x_load": 1e-2}
+AMPLITUDES = BENT | {"magnification_load": 2e-2, "turn_at[1]": 0.3, "col_at[1]": 0.7}
+KINDS = {"turn_at[1]": "turn", "col_at[1]": "column"}
+
+
+def moving(amplitudes):
+    """The camera with everything before a sheet that bends, in a motion with these amplitudes."""
+    motion = CameraMotion(tuple(amplitudes), tuple(KINDS.get(name, name.rpartition("_")[0]) for name in amplitudes),
+                          np.array([[0.0, 0.7]] * len(amplitudes)), np.array([*amplitudes.values()]),
+                          np.array([[-5.2, -4.2], [5.8, 3.8]]), lever=2.0)
+    return replace(CAMERAS["everything"], motion=motion)
+
+
 cameras = pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS.keys())
 POINTS = np.random.default_rng(0).uniform(-5, 5, (30, 2))
 
@@ -43,6 +58,47 @@ def test_a_solid_is_seen_along_z():
 
 class TestTelecentric(CameraContract):
     cameras, parameters, points, steps = CAMERAS, tuple(CAMERA_PARAMETERS), POINTS, STEPS
+
+
+class TestBentSheet(CameraContract):
+    """The camera of a frame in which the sheet bends along both axes and leans."""
+
+    cameras, parameters, points, steps = {"bent": moving(BENT).at(1)}, tuple(CAMERA_PARAMETERS), POINTS, STEPS
+
+
+@pytest.mark.parametrize("name", AMPLITUDES)
+def test_the_derivative_by_every_motion_is_a_difference_quotient(name):
+    ahead, behind = (moving(AMPLITUDES | {name: AMPLITUDES[name] + s * 1e-4}).at(1).project(POINTS) for s in (1, -1))
+    slope = moving(AMPLITUDES).at(1).parameter_jacobian(POINTS, name)
+    assert np.abs((ahead - behind) / 2e-4 - slope).max() < 1e-7 * np.abs(slope).max() + 1e-8  # rounding / 1e-4
+    assert np.abs(slope).max() > 0.1
+
+
+@pytest.mark.parametrize("name", CAMERA_PARAMETERS)
+def test_a_moving_camera_has_the_derivatives_of_a_still_one(name):
+    camera, step = moving(AMPLITUDES), STEPS[name]
+    value = camera.values()[name]
+    ahead, behind = (camera.with_parameters({name: value + s * step}).at(1).project(POINTS) for s in (1, -1))
+    slope = camera.at(1).parameter_jacobian(POINTS, name)
+    assert np.abs((ahead - behind) / (2 * step) - slope).max() < 1e-6 * np.abs(slope).max() + 1e-7  # as the contract
+
+
+def test_a_bent_sheet_is_seen_as_a_pinhole_sees_it():
+    """Points of the face in space, half a thickness in front of the bent middle plane, projected from its centre."""
+    distance, thickness, top = 50.0, 0.4, 0.05  # mm
+    motion = CameraMotion(("bow_x_load",), ("bow_x",), np.array([[0.0, 1.0]]), np.array([top / distance]),
+                          np.array([[-5.0, -4.0], [5.0, 4.0]]), lever=0.5 * distance * thickness)
+    camera = replace(CAMERAS["plain"], centre_px=np.array([320.0, 190.0]), motion=motion)
+    x, y = POINTS.T
+    slope = -2.0 * top * x / 25.0
+    normal = np.column_stack([-slope, 0.0 * x, np.ones(len(x))]) / np.hypot(1.0, slope)[:, None]
+    face = np.column_stack([x, y, top * (1.0 - (x / 5.0) ** 2)]) + 0.5 * thickness * (normal - [0.0, 0.0, 1.0])
+    axis = (camera.centre_px - camera.origin_px) * [0.05, -0.05]  # mm
+    seen = axis + (face[:, :2] - axis) * (distance / (distance - face[:, 2]))[:, None]
+    # second order: (w / Z)^2 of 100 px
+    assert np.abs(camera.at(1).project(POINTS) - camera.project(seen)).max() < 2e-4
+    assert np.abs(camera.at(1).project(POINTS) - camera.project(POINTS)).max() > 0.05
+    assert np.array_equal(camera.at(0).project(POINTS), camera.project(POINTS))
 
 
 @cameras

@@ -1,10 +1,14 @@
-"""Motion of the specimen as a rigid body before cameras with a lens: approach and tilt, with time or with the load."""
+"""Motion of the specimen as a rigid body before cameras with a lens: approach and tilt, with time or with the load.
+
+Before a camera without a known lens the tilt alone; an approach is another magnification there.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from idic.diagnose.candidates.magnification import changing_columns
+from idic.diagnose.candidates.sheet_bending import LEANING, deflections
 from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.physics.edits import camera_key, further_dofs
 from idic.images import PLACEMENT_STEM, PlacedCamera
@@ -16,7 +20,7 @@ PROBE_PX = 0.3  # in the corner of the image, at the end or at the largest load
 def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment, camera = situation.experiment, situation.experiment.model.camera
     if not isinstance(camera, PlacedCamera):
-        return ()
+        return deflections(situation, LEANING)
     half = 0.5 * float(np.hypot(*experiment.recording.image_shape))
     depth = float(camera.depths(camera.pivot_mm[None])[0])
     growth = PROBE_PX / half  # of the image, by an approach; a tilt makes it over half of the image
@@ -44,6 +48,8 @@ register(Candidate(
     "specimen_motion", "camera", "approach and tilt of the specimen", "a specimen that stays in its plane",
     rivals={"poisson_ratio": "an approach stretches the image in both directions, as another contraction does",
             "thermal_expansion": "the same field: a uniform growth of all lengths",
+            "sheet_bending": "a sheet that bends comes nearer in parts",
+            "heterogeneity": "a strain that differs from one side to the other",
             "focal_length": "a scale that is wrong from the start, not one that changes"},
     separating_tests=("a second camera at an angle", "record still frames of the unloaded specimen over the same time"),
     variants=variants,

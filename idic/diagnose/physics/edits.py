@@ -66,6 +66,12 @@ def camera_key(situation: Situation, key: str) -> str:
     return f"camera.0.{key}" if isinstance(situation.document.get("camera"), list) else f"camera.{key}"
 
 
+def camera_table(situation: Situation) -> Mapping[str, Any]:
+    """The table of the main camera as it is; {} where there is none."""
+    tables = situation.document.get("camera", {})
+    return tables[0] if isinstance(tables, list) else tables
+
+
 def open_share(model: Model) -> float | None:
     """By how much the narrowest width of an outline of points may be off, of that width; None where the mesh is none,
     or its edges are identified."""

@@ -1,4 +1,5 @@
-"""Courses in time of causes that are no material: slip, rotation, misalignment, drift of a channel, magnification.
+"""Courses in time of causes that are no material: slip, rotation, misalignment, drift of a channel, magnification,
+deflection of a sheet.
 
 A cause is a pattern times a course; the course of one degree of freedom is the change of that amplitude with it, per
 frame.
@@ -11,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.images import PlacedCamera
+from idic.images import CameraMotion, PlacedCamera
 from idic.laws import EXPANSION
 from idic.model import (
     CORRECTION_TERMS, Experiment, Model, TEMPERATURE, TemperatureField, channel_term, corrections_of, jump_frame,
@@ -67,7 +68,8 @@ def course_of(experiment: Experiment, name: str) -> np.ndarray | None:
             return term.course.amplitude(experiment, channel, word)
     motion = model.camera.motion
     if motion is not None and not isinstance(model.camera, PlacedCamera) and stem == experiment.recording.camera_name \
-            and word in motion.names and word.startswith("magnification"):
+            and word in motion.names and (word.startswith("magnification")
+                                          or motion.kinds[motion.names.index(word)] in CameraMotion.shapes):
         return motion.courses[motion.names.index(word)]
     return None
 

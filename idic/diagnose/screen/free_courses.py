@@ -21,12 +21,13 @@ from idic.diagnose.residual.score import Scores
 from idic.diagnose.residual.thinning import drop_on_copy
 from idic.diagnose.screen.courses import SUPPOSED_EXPANSION_PER_K
 from idic.errors import InputError
+from idic.images import CameraMotion
 from idic.laws import EXPANSION
 from idic.model import CorrectionTerm, Experiment, KNOTS, TEMPERATURE, channel_term, term_of_motion, without_knot
 
 MIN_KNOT_CHI2 = 9.0  # drop of chi-square that a knot must bring
 KNOTTED = {"course": "free", "knots": KNOTS}
-MAGNIFICATIONS = ("magnification_drift", "magnification_load")
+SEEN = {f"{kind}_{course}": kind for kind in ("magnification", *CameraMotion.shapes) for course in ("drift", "load")}
 
 
 def with_free_courses(trials: Sequence[tuple[Candidate, Variant]], document: Mapping[str, Any],
@@ -105,8 +106,11 @@ def free_edits(document: Mapping[str, Any], edits: Mapping[str, Any], variant: V
         supposed = {"value": SUPPOSED_EXPANSION_PER_K, "unit": EXPANSION.unit}
         return tables_of_edits | {f"material.{name}": supposed,
                                   "boundary": [*tables_of_edits["boundary"][:-1], {"temperature": dict(KNOTTED)}]}
-    if word in MAGNIFICATIONS:
-        key = "camera.0" if isinstance(document.get("camera"), list) else "camera"
+    key = "camera.0" if isinstance(document.get("camera"), list) else "camera"
+    if SEEN.get(word) in CameraMotion.shapes:
+        *shapes, newest = tables_of_edits[f"{key}.deflections"]
+        return tables_of_edits | {f"{key}.deflections": [*shapes, {"shape": newest["shape"], "knots": KNOTS}]}
+    if word in SEEN:
         tables_of_edits.pop(f"{key}.magnification_column", None)
         return _without(tables_of_edits, name) | {f"{key}.magnification_knots": KNOTS}
     return None
@@ -119,7 +123,7 @@ def course_stem(variant: Variant) -> str:
     if word == EXPANSION.name:
         return TEMPERATURE
     term = channel_term(word) if name.startswith("channel.") else None
-    kind = "magnification" if word in MAGNIFICATIONS else word if term is None else term.names[0]
+    kind = SEEN.get(word, word) if term is None else term.names[0]
     return f"{stem}.{kind}" if stem else name
 
 

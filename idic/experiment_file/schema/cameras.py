@@ -7,7 +7,8 @@
     ``turn_at[K]`` (deg) of frame K, is identified (hold the specimen firmly in the model then). A specimen that moves
     out of its plane: [[dof]] ``camera.magnification_drift`` (1/s), and with ``magnification_column``, a column of the
     log, ``camera.magnification_load``: relative magnification at that column's largest value;
-    ``magnification_knots``: so many ``camera.magnification_knot[K]``, a course that the data give.
+    ``magnification_knots``: so many ``camera.magnification_knot[K]``, a course that the data give. ``deflections``: of
+    a sheet that bends out of its plane, ``camera.bow_x_load`` …
 ``[[camera]]``
     The first table is the main camera, the one of ``[experiment]``. Each further one looks at the same specimen at the
     same times: ``name``, its own ``images`` (as many, same order), its calibration, and where they differ ``mask``,
@@ -29,10 +30,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import BeforeValidator, Field, create_model, model_validator
 
 from idic.experiment_file.schema.base import Component, Pair, Positive, Strict, as_list, refuse
-from idic.images import LENS_MODELS, LensCamera
+from idic.images import CameraMotion, LENS_MODELS, LensCamera
 
 _TELECENTRIC = ("pixel_size_mm", "origin_px", "origin_mm", "axes", "rotation_deg", "centre_px", "matrix_px_per_unit",
-                "magnification_column", "magnification_knots")
+                "magnification_column", "magnification_knots", "deflections", "distance_mm")
 _CALIBRATED = ("calibration", "calibration_camera", "calibration_conventions", "identify_calibration")
 _COEFFICIENTS = tuple(dict.fromkeys(name for lens in LENS_MODELS.values() for name in lens.coefficients))
 _LENS = (*_CALIBRATED, "fx_px", "fy_px", "skew_px", "cx_px", "cy_px",
@@ -168,6 +169,21 @@ else:
                              **dict.fromkeys(_COEFFICIENTS, (float | None, None)))
 
 
+class DeflectionTable(Strict):
+    """A shape in which a sheet bends out of its plane; it grows with time, a column of the log, or as the data give."""
+
+    shape: Literal[tuple(CameraMotion.shapes)]  # type: ignore[valid-type]
+    column: str | None = None
+    knots: Annotated[int, Field(ge=1, le=100)] | None = None
+
+    @model_validator(mode="after")
+    def _one_course(self):
+        if self.column is not None and self.knots is not None:
+            raise refuse("two courses of one deflection", "column, knots, or neither: it grows with time",
+                         "leave out one", "both")
+        return self
+
+
 class CameraTable(LensTable):
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")] = "camera"
     pixel_size_mm: Positive | None = None
@@ -184,6 +200,8 @@ class CameraTable(LensTable):
     noise_model: Literal["uniform", "grey_level"] | NoiseModelTable = "uniform"
     magnification_column: str | None = None
     magnification_knots: Annotated[int, Field(ge=1, le=100)] | None = None
+    deflections: Annotated[list[DeflectionTable], Field(min_length=1)] | None = None
+    distance_mm: Positive | None = None  # from the specimen: of the face of a bent sheet
     motion: Literal["free"] | None = None
     texture: str | None = None  # name of the camera whose reference image its own is compared with as well
 

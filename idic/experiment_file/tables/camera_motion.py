@@ -24,16 +24,18 @@ _AT = {"col_at": "column", "row_at": "row", "turn_at": "turn"}
 
 
 def moving_camera(camera: AnyCamera, table: CameraTable | None, context, times: np.ndarray | None,
-                  compared: Sequence[int]) -> AnyCamera:
+                  compared: Sequence[int], ends: np.ndarray | None = None,
+                  thickness: float | None = None) -> AnyCamera:
     """The camera with all its motions, every amplitude zero.
 
     context : `idic.experiment_file.tables.boundaries.Context`; times : (n_frames,) s, None where none are known;
-    compared : frames that show a motion of their own
+    compared : frames that show a motion of their own; ends : (2, 2) mm, lowest and highest x and y of a sheet, None
+    where the body is none; thickness : mm
 
     Raises
     ------
     InputError
-        The log lacks the magnification column.
+        The log lacks a column, or a body that is no sheet bends as one.
     """
     if isinstance(camera, PlacedCamera):
         return replace(camera, motion=_rigid_motion(table, context, times, compared))
@@ -45,10 +47,9 @@ def moving_camera(camera: AnyCamera, table: CameraTable | None, context, times: 
     if table is not None and table.magnification_column is not None:
         courses[LOAD] = (MAGNIFICATION, _column("magnification_column", table.magnification_column, context))
     if table is not None and table.magnification_knots is not None:
-        frames = knot_frames(context.n_frames, context.reference, table.magnification_knots)
-        at = np.arange(context.n_frames, dtype=float) if times is None else times
-        courses |= {knot_name(MAGNIFICATION, frame): (MAGNIFICATION, hat)
-                    for frame, hat in zip(frames, hats(at, context.reference, frames), strict=True)}
+        courses |= _knots(MAGNIFICATION, table.magnification_knots, context, times)
+    if table is not None and table.deflections is not None:
+        courses |= _deflections(table, context, times, ends)
     if table is not None and table.motion == "free":
         for frame in compared:
             at = (np.arange(context.n_frames) == frame).astype(float)
@@ -57,7 +58,48 @@ def moving_camera(camera: AnyCamera, table: CameraTable | None, context, times: 
         return camera
     return replace(camera, motion=CameraMotion(tuple(courses), tuple(kind for kind, _ in courses.values()),
                                                np.array([course for _, course in courses.values()]),
-                                               np.zeros(len(courses))))
+                                               np.zeros(len(courses)), ends, _lever(table, thickness)))
+
+
+def _lever(table: CameraTable | None, thickness: float | None) -> float:
+    """Distance of the camera times half the thickness, mm^2; 0 where either is unknown."""
+    return 0.0 if table is None else 0.5 * (table.distance_mm or 0.0) * (thickness or 0.0)
+
+
+def _knots(kind: str, knots: int, context, times: np.ndarray | None) -> dict[str, tuple[str, np.ndarray]]:
+    frames = knot_frames(context.n_frames, context.reference, knots)
+    at = np.arange(context.n_frames, dtype=float) if times is None else times
+    return {knot_name(kind, frame): (kind, hat)
+            for frame, hat in zip(frames, hats(at, context.reference, frames), strict=True)}
+
+
+def _deflections(table: CameraTable, context, times: np.ndarray | None,
+                 ends: np.ndarray | None) -> dict[str, tuple[str, np.ndarray]]:
+    """Names, shapes and courses of the deflections of a sheet."""
+    key = "camera.deflections"
+    if ends is None:
+        raise InputError("deflections of a body that is no sheet in grey images", file=context.file, key=key,
+                         expected='kind = "plane_stress" or "plane_strain", seen face on',
+                         found="another body, or fields", remedy="leave deflections out")
+    courses: dict[str, tuple[str, np.ndarray]] = {}
+    for number, entry in enumerate(table.deflections or ()):
+        if entry.knots is not None:
+            of_entry = _knots(entry.shape, entry.knots, context, times)
+        elif entry.column is not None:
+            name = f"deflections[{number}].column"
+            of_entry = {f"{entry.shape}_load": (entry.shape, _column(name, entry.column, context))}
+        elif times is not None and len(times) > 1:
+            of_entry = {f"{entry.shape}_drift": (entry.shape, times - times[context.reference])}
+        else:
+            raise InputError("a deflection that grows with time, without times", file=context.file,
+                             key=f"{key}[{number}]", expected="times of the frames, column or knots", found="neither",
+                             remedy="give frame_interval_s, or name a column of the log")
+        if set(of_entry) & set(courses):
+            raise InputError("a deflection is given twice", file=context.file, key=f"{key}[{number}]",
+                             expected="every shape once per kind of course", found=entry.shape,
+                             remedy="leave one of them out")
+        courses |= of_entry
+    return courses
 
 
 def _rigid_motion(table: CameraTable, context, times: np.ndarray | None,
@@ -128,9 +170,11 @@ def motion_parameters(stem: str, camera: AnyCamera, image_shape) -> list[Paramet
         return []
     half, parameters = 0.5 * float(np.hypot(*image_shape)), []
     for name, kind, course in zip(camera.motion.names, camera.motion.kinds, camera.motion.courses, strict=True):
-        reach = {MAGNIFICATION: half, "turn": float(np.radians(half))}.get(kind, 1.0) * float(np.abs(course).max())
-        unit = camera.motion.units[kind] if "_at[" in name else "1/s" if name == DRIFT else ""
-        parameters.append(Parameter(f"{stem}.{name}", 0.0, unit, "[" in name, scale=3.0 / (reach or 1.0)))
+        bends = kind in CameraMotion.shapes
+        reach = {"turn": float(np.radians(half)), "column": 1.0, "row": 1.0}.get(kind, half)
+        unit = camera.motion.units[kind] if "_at[" in name else "1/s" if name.endswith("_drift") else ""
+        parameters.append(Parameter(f"{stem}.{name}", 0.0, unit, "[" in name or bends,
+                                    scale=3.0 / (reach * float(np.abs(course).max()) or 1.0)))
     return parameters
 
 
@@ -149,8 +193,9 @@ def _identified(camera: AnyCamera, stem: str, values: Mapping[str, float]) -> An
     if not indices:
         return replace(camera, motion=None)
     names = tuple(motion.names[i] for i in indices)
-    return replace(camera, motion=type(motion)(names, tuple(motion.kinds[i] for i in indices), motion.courses[indices],
-                                               np.array([values[f"{stem}.{name}"] for name in names])))
+    return replace(camera, motion=replace(motion, names=names, kinds=tuple(motion.kinds[i] for i in indices),
+                                          courses=motion.courses[indices],
+                                          values=np.array([values[f"{stem}.{name}"] for name in names])))
 
 
 def _column(name: str, column: str, context) -> np.ndarray:

@@ -18,12 +18,14 @@ from idic.model.terms.corrections.correction_term import (
 COMPONENTS = "xyz"
 LEVERS = {"x": ("y", -1.0), "y": ("x", 1.0), "z": ("x", 1.0)}  # small rotation: u_x = -w y, u_y = w x
 GRIP_ROTATION = Cause(
-    "grip_rotation", "grip rotation or misalignment", "a grip that rotates, or pulls at an angle",
+    "grip_rotation", "grip rotation or misalignment", "a grip or pin that turns, or pulls at an angle",
     "no rotation, no motion across",
     rivals={"orthotropy": "a material with oblique axes shears under tension, too",
             "heterogeneity": "a specimen softer on one side bends",
             "camera_motion": "a camera that turns: then the whole image does"},
-    separating_tests=("turn the specimen around and repeat", "film the grips: pixels on both sides of the edge"))
+    separating_tests=("turn the specimen around and repeat",
+                      "unload: a pin in a hole sticks by friction before it turns back; grease it and repeat",
+                      "film the grips: pixels on both sides of the edge"))
 
 
 def course(motion: CorrectedMotion) -> np.ndarray:
