@@ -6,6 +6,7 @@ import gc
 import json
 import os
 import signal
+import tempfile
 import time
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,6 +25,15 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 threadpool_limits(1)
+
+# What tests write lies in memory where there is room: a RUN is hundreds of small files, and on a disk each copy of it
+# costs ten times the processor time. TMPDIR or --basetemp says otherwise; the power cuts of faults/ have a disk of
+# their own. A session writes 1.2 GB; pytest keeps the folders of failed tests alone (pyproject.toml).
+MEMORY, ROOM = Path("/dev/shm"), 4 << 30  # a file system; bytes
+if "TMPDIR" not in os.environ and os.access(MEMORY, os.W_OK):
+    kept = os.statvfs(MEMORY)
+    if kept.f_bavail * kept.f_frsize > ROOM and not kept.f_flag & os.ST_NOEXEC:  # tests write programs, too
+        os.environ["TMPDIR"], tempfile.tempdir = str(MEMORY), None
 
 # the processes that tests start keep the bytecode of the package: without it each compiles 500 modules, 1.5 s
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import tomllib
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory, mkdtemp
 
 import numpy as np
 import tifffile
@@ -173,10 +173,20 @@ BASES = {"drawn": DRAWN, "grips": GRIPS, "cameras": CAMERAS, "warm": WARM, "virt
          "solid": SOLID}
 
 
+@cache
+def _session() -> TemporaryDirectory:
+    return TemporaryDirectory(prefix="idic-fuzz-")
+
+
+def lasting_folder(name: str) -> Path:
+    """A folder for what all tests of this process copy; gone at its end."""
+    return Path(mkdtemp(prefix=f"{name}-", dir=_session().name))
+
+
 @lru_cache(maxsize=None)
 def base_folder(name: str) -> Path:
     """The folder of a base experiment; copied, never changed."""
-    folder = write_experiment(Path(mkdtemp(prefix="idic-fuzz-base-")) / name, BASES[name])
+    folder = write_experiment(lasting_folder("base") / name, BASES[name])
     tifffile.imwrite(folder / "mask.tif", np.full((50, 60), 255, np.uint8))
     (folder / "right").mkdir()
     for k in range(4):

@@ -8,10 +8,10 @@ import json
 import sys
 from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
 
 import httpx
 import pytest
+from base_experiments import lasting_folder
 from commands import _time_limit, campaign, contents
 from hypothesis import strategies as st
 
@@ -31,7 +31,7 @@ STRANGE = [None, "", "x", "LEFT", "../x", "\x00", "\x1b[31m", "x" * 3000, [], {}
 
 @cache
 def folder() -> Path:
-    return make_folder(Path(mkdtemp(prefix="idic-fuzz-draw-")) / "test")
+    return make_folder(lasting_folder("draw") / "test")
 
 
 @cache

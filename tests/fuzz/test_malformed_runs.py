@@ -7,11 +7,10 @@ import json
 import tempfile
 from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
 
 import numpy as np
 import pytest
-from base_experiments import base_folder
+from base_experiments import base_folder, lasting_folder
 from commands import assert_fair, campaign, contents, copy_of, idic, within_outcome
 from hypothesis import strategies as st
 from spoil_run import describe, flip, forged, forged_runs, spoilt_runs
@@ -33,7 +32,7 @@ OVERRIDES = {"options.weighting": "noise"}  # a diagnosis weighs by it
 @cache
 def whole_run(base: str) -> Path:
     """The RUN of a base experiment; copied, never changed."""
-    run = Path(mkdtemp(prefix="idic-fuzz-run-")) / base
+    run = lasting_folder("run") / base
     identify(base_folder(base), run, overrides=OVERRIDES)
     return run
 
