@@ -133,13 +133,11 @@ def test_every_remedy_that_is_told_can_be_written(kind):
     folder, experiment = kind
     assert len(remedies()) > 15  # else the walk has lost them
     for number, view in enumerate(experiment.views):
-        for remedy in remedies():
-            if not Remedies(view).possible(remedy):
-                continue
-            for key in Remedies.keys_in(remedy):
-                if key == "still_frames" and number:
-                    continue  # a further camera has a pattern of files
-                load_experiment(folder, edits_with(folder, view, key, number))
+        for key in sorted({key for remedy in remedies() if Remedies(view).possible(remedy)
+                           for key in Remedies.keys_in(remedy)}):
+            if key == "still_frames" and number:
+                continue  # a further camera has a pattern of files
+            load_experiment(folder, edits_with(folder, view, key, number))
 
 
 def test_the_motion_of_an_end_may_come_from_the_measurement(kind):
