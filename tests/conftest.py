@@ -5,9 +5,7 @@ from __future__ import annotations
 import gc
 import json
 import os
-import shutil
 import signal
-import tempfile
 import time
 from contextlib import contextmanager
 from pathlib import Path
@@ -40,34 +38,6 @@ FIRST = ("workers/test_prefect_server.py", "faults/test_resume.py", "faults/test
          "twins/test_joint_experiments.py", "identify/test_loop.py", "front_door/test_commands.py",
          "experiment_file/test_init_and_check.py", "identify/test_parallel_steps.py", "diagnose/test_refits.py")
 ROOT = Path(__file__).parent
-MEMORY, ROOM = Path("/dev/shm"), 4 << 30  # a file system; bytes: a session writes 1.2 GB
-
-
-def _folder_in_memory():
-    """Where tests write, unless TMPDIR says otherwise or there is no room: a RUN is hundreds of small files, and on a
-    disk a copy of it costs ten times the processor time. The power cuts of faults/ bring a disk of their own."""
-    if "TMPDIR" in os.environ or not os.access(MEMORY, os.W_OK):
-        return None
-    for earlier in MEMORY.glob("idic-tests-*"):  # of sessions that failed or were killed
-        if not psutil.pid_exists(int(earlier.name.rpartition("-")[2])):
-            shutil.rmtree(earlier, ignore_errors=True)
-    space = os.statvfs(MEMORY)
-    if space.f_bavail * space.f_frsize < ROOM or space.f_flag & os.ST_NOEXEC:  # tests write programs, too
-        return None
-    folder = MEMORY / f"idic-tests-{os.getpid()}"
-    folder.mkdir()
-    os.environ["TMPDIR"], tempfile.tempdir = str(folder), None
-    return folder
-
-
-IN_MEMORY = _folder_in_memory()
-
-
-@pytest.hookimpl(trylast=True)
-def pytest_sessionfinish(exitstatus):
-    """Folders of tests that have failed stay until the next session."""
-    if IN_MEMORY is not None and exitstatus == pytest.ExitCode.OK:
-        shutil.rmtree(IN_MEMORY, ignore_errors=True)
 
 
 def pytest_configure(config):

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import tomllib
-from functools import cache, lru_cache
+from functools import lru_cache
 from pathlib import Path
-from tempfile import TemporaryDirectory, mkdtemp
 
 import numpy as np
 import tifffile
 
 from experiment_file.small_experiment import TOML, write_experiment
+from scratch import lasting_folder
 
 GRIPS = (
     TOML.replace(
@@ -171,16 +171,6 @@ DRAWN = VIRTUAL.replace("mesh = { roi_px = [10, 10, 50, 40], element_px = 10, ho
 
 BASES = {"drawn": DRAWN, "grips": GRIPS, "cameras": CAMERAS, "warm": WARM, "virtual": VIRTUAL, "external": EXTERNAL,
          "solid": SOLID}
-
-
-@cache
-def _session() -> TemporaryDirectory:
-    return TemporaryDirectory(prefix="idic-fuzz-")
-
-
-def lasting_folder(name: str) -> Path:
-    """A folder for what all tests of this process copy; gone at its end."""
-    return Path(mkdtemp(prefix=f"{name}-", dir=_session().name))
 
 
 @lru_cache(maxsize=None)

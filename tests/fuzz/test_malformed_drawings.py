@@ -11,9 +11,9 @@ from pathlib import Path
 
 import httpx
 import pytest
-from base_experiments import lasting_folder
 from commands import _time_limit, campaign, contents
 from hypothesis import strategies as st
+from scratch import lasting_folder
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "draw"))
 

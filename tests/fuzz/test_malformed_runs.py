@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from base_experiments import base_folder, lasting_folder
+from base_experiments import base_folder
 from commands import assert_fair, campaign, contents, copy_of, idic, within_outcome
 from hypothesis import strategies as st
+from scratch import lasting_folder
 from spoil_run import describe, flip, forged, forged_runs, spoilt_runs
 
 from idic import identify
