@@ -36,7 +36,9 @@ FIRST = ("workers/test_prefect_server.py", "faults/test_resume.py", "faults/test
          "diagnose/test_diagnosis_runs.py", "run/test_flow.py", "front_door/test_no_prefect.py",
          "laws/test_user_laws.py", "front_door/test_story.py", "external/test_faults.py",
          "twins/test_joint_experiments.py", "identify/test_loop.py", "front_door/test_commands.py",
-         "experiment_file/test_init_and_check.py", "identify/test_parallel_steps.py", "diagnose/test_refits.py")
+         "experiment_file/test_init_and_check.py", "identify/test_parallel_steps.py", "diagnose/test_refits.py",
+         "workers/test_without_common_disk.py", "equality/test_equality.py", "trial/test_real_thickness.py",
+         "volumes/test_volume_equations.py", "twins/test_stereo.py", "twins/test_standard_deviations.py")
 ROOT = Path(__file__).parent
 
 

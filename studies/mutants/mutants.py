@@ -20,7 +20,7 @@ TESTS_FAILED = 1  # exit code of pytest; others are a collection that failed, no
 
 @dataclass(frozen=True)
 class Mutant:
-    """A text of one file that is replaced by a wrong one, and the test files that should fail then."""
+    """A text of one file that is replaced by a wrong one, and arguments of pytest: one of these tests should fail."""
 
     name: str
     file: str

@@ -5,12 +5,12 @@ from __future__ import annotations
 import tomllib
 from functools import lru_cache
 from pathlib import Path
-from tempfile import mkdtemp
 
 import numpy as np
 import tifffile
 
 from experiment_file.small_experiment import TOML, write_experiment
+from scratch import lasting_folder
 
 GRIPS = (
     TOML.replace(
@@ -176,7 +176,7 @@ BASES = {"drawn": DRAWN, "grips": GRIPS, "cameras": CAMERAS, "warm": WARM, "virt
 @lru_cache(maxsize=None)
 def base_folder(name: str) -> Path:
     """The folder of a base experiment; copied, never changed."""
-    folder = write_experiment(Path(mkdtemp(prefix="idic-fuzz-base-")) / name, BASES[name])
+    folder = write_experiment(lasting_folder("base") / name, BASES[name])
     tifffile.imwrite(folder / "mask.tif", np.full((50, 60), 255, np.uint8))
     (folder / "right").mkdir()
     for k in range(4):

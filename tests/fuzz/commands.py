@@ -22,6 +22,7 @@ from pathlib import Path
 import pytest
 import typer
 from hypothesis import HealthCheck, Phase, given, settings
+from scratch import scratch
 from typer.main import get_command
 from typer.testing import CliRunner
 
@@ -119,8 +120,8 @@ def _time_limit() -> Iterator[None]:
 @contextmanager
 def copy_of(folder: Path) -> Iterator[Path]:
     """A copy to spoil, gone afterwards."""
-    with tempfile.TemporaryDirectory(prefix="idic-fuzz-") as scratch:
-        copy = Path(scratch) / "experiment"
+    with tempfile.TemporaryDirectory(prefix="idic-fuzz-", dir=scratch()) as parent:
+        copy = Path(parent) / "experiment"
         folders, files = _whole(folder)
         for name in folders:
             os.mkdir(os.path.join(copy, name))

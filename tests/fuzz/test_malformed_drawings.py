@@ -8,12 +8,12 @@ import json
 import sys
 from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
 
 import httpx
 import pytest
 from commands import _time_limit, campaign, contents
 from hypothesis import strategies as st
+from scratch import lasting_folder
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "draw"))
 
@@ -31,7 +31,7 @@ STRANGE = [None, "", "x", "LEFT", "../x", "\x00", "\x1b[31m", "x" * 3000, [], {}
 
 @cache
 def folder() -> Path:
-    return make_folder(Path(mkdtemp(prefix="idic-fuzz-draw-")) / "test")
+    return make_folder(lasting_folder("draw") / "test")
 
 
 @cache

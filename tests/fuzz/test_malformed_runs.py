@@ -7,13 +7,13 @@ import json
 import tempfile
 from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
 
 import numpy as np
 import pytest
 from base_experiments import base_folder
 from commands import assert_fair, campaign, contents, copy_of, idic, within_outcome
 from hypothesis import strategies as st
+from scratch import lasting_folder
 from spoil_run import describe, flip, forged, forged_runs, spoilt_runs
 
 from idic import identify
@@ -33,7 +33,7 @@ OVERRIDES = {"options.weighting": "noise"}  # a diagnosis weighs by it
 @cache
 def whole_run(base: str) -> Path:
     """The RUN of a base experiment; copied, never changed."""
-    run = Path(mkdtemp(prefix="idic-fuzz-run-")) / base
+    run = lasting_folder("run") / base
     identify(base_folder(base), run, overrides=OVERRIDES)
     return run
 

@@ -187,11 +187,7 @@ def test_the_residuals_change_as_the_columns_of_the_correlation_system_say(name)
     for i, dof in enumerate(shared.names):
         h = size_of_image_step(parameters[dof])
         up, down = (all_rows(body, perturbed(parameters, dof, s * h), steps) for s in (1, -1))
-        for k in range(len(rows)):
-            quotient = -(up[1][k][1].channels.residual - down[1][k][1].channels.residual) / (2 * h)
-            direct = rows[k][1].channels.d_global[:, i]
-            scale = max(np.abs(row.channels.d_global[:, i]).max(initial=0.0) for _, row in rows)
-            assert np.all(np.abs(quotient - direct) <= 1e-3 * scale + 1e-8 / h), (dof, "channels", k)
+        assert_channels_follow(rows, up[1], down[1], i, h)
         L = (slope * pm.interpolate(column_fields[:, i].reshape(-1, 2))).sum(axis=1)
         quotient = -(_residual_image(up[0], up[2][-1]) - _residual_image(down[0], down[2][-1])) / (2 * h)
         seen = np.isfinite(quotient)[pm.iy, pm.ix]
@@ -202,6 +198,25 @@ def test_the_residuals_change_as_the_columns_of_the_correlation_system_say(name)
         assert seen.mean() > 0.98, dof  # a camera that moves takes a few pixels along the edge with it
         assert np.corrcoef(dr, L)[0, 1] > 1.0 - IMAGE_TOLERANCE, dof
         assert dr @ L / (L @ L) == pytest.approx(1.0, abs=IMAGE_TOLERANCE), dof
+
+
+def assert_channels_follow(rows, up, down, i, h):
+    """The columns of a parameter against the residuals of the channels a step h above and below."""
+    scale = max(np.abs(row.channels.d_global[:, i]).max(initial=0.0) for _, row in rows)
+    for k in range(len(rows)):
+        quotient = -(up[k][1].channels.residual - down[k][1].channels.residual) / (2 * h)
+        direct = rows[k][1].channels.d_global[:, i]
+        assert np.all(np.abs(quotient - direct) <= 1e-3 * scale + 1e-8 / h), ("channels", k)
+
+
+def test_the_force_changes_with_the_time_offset_as_its_column_says():
+    """The cheapest body; "thickness and time" above is slow."""
+    body = photographed(experiment("elastic", ELASTIC, extra=(("time.offset", 0.5, 0.1),)))
+    parameters = body.model.parameters
+    shared, rows, _, steps = all_rows(body, parameters)
+    h = size_of_image_step(parameters["time.offset"])
+    up, down = (all_rows(body, perturbed(parameters, "time.offset", s * h), steps)[1] for s in (1, -1))
+    assert_channels_follow(rows, up, down, shared.names.index("time.offset"), h)
 
 
 @pytest.mark.parametrize("name", ["elastic", "virtual boundary", "hole", "cameras and channels"])

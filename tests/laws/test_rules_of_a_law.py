@@ -69,7 +69,9 @@ def softer_in_compression(F, state, params, dt, P, state_new):
     """A spring that is 1 + a times as stiff in compression, and not less stiff where a is negative: a kink at 0."""
     keeps_(F, state, np.array([params[0], 0.0 * params[1]]), dt, P, state_new)
     if params[1].real > 0.0 and F[0, 0].real < 1.0:
-        P[:] = P * (1.0 + params[1])
+        for i in range(3):
+            for j in range(3):
+                P[i, j] *= 1.0 + params[1]
     return 0
 
 

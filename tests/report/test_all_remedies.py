@@ -6,6 +6,7 @@ import ast
 import json
 import re
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -59,9 +60,12 @@ def kind(request, tmp_path_factory):
     return folder, experiment
 
 
-def trees():
-    for file in sorted(PACKAGE.rglob("*.py")):
-        yield file, ast.parse(file.read_text(encoding="utf-8"))
+def trees(pattern, rooms=(".",)):
+    """Files of the product in which the pattern occurs, and their syntax; rooms : only of these."""
+    for file in sorted(file for room in rooms for file in (PACKAGE / room).rglob("*.py")):
+        text = file.read_text(encoding="utf-8")
+        if pattern.search(text):
+            yield file, ast.parse(text)
 
 
 def text_of(node):
@@ -78,8 +82,11 @@ def calls(tree, names):
             and getattr(node.func, "id", getattr(node.func, "attr", "")) in names]
 
 
-REMEDIES = sorted({text for _, tree in trees() for call in calls(tree, {"possible"}) for text in map(text_of, call.args)
-                   if text is not None})
+@cache
+def remedies():
+    """Every text that the product gives to `possible`."""
+    return sorted({text for _, tree in trees(re.compile(r"\bpossible\(")) for call in calls(tree, {"possible"})
+                   for text in map(text_of, call.args) if text is not None})
 
 
 def camera_table(folder, number):
@@ -124,15 +131,13 @@ def driven(folder):
 
 def test_every_remedy_that_is_told_can_be_written(kind):
     folder, experiment = kind
-    assert len(REMEDIES) > 15  # else the walk has lost them
+    assert len(remedies()) > 15  # else the walk has lost them
     for number, view in enumerate(experiment.views):
-        for remedy in REMEDIES:
-            if not Remedies(view).possible(remedy):
-                continue
-            for key in Remedies.keys_in(remedy):
-                if key == "still_frames" and number:
-                    continue  # a further camera has a pattern of files
-                load_experiment(folder, edits_with(folder, view, key, number))
+        for key in sorted({key for remedy in remedies() if Remedies(view).possible(remedy)
+                           for key in Remedies.keys_in(remedy)}):
+            if key == "still_frames" and number:
+                continue  # a further camera has a pattern of files
+            load_experiment(folder, edits_with(folder, view, key, number))
 
 
 def test_the_motion_of_an_end_may_come_from_the_measurement(kind):
@@ -145,9 +150,9 @@ def test_the_motion_of_an_end_may_come_from_the_measurement(kind):
 def test_scale_and_place_are_named_by_keys_of_this_camera(kind):
     _, experiment = kind
     for view in experiment.views:
-        remedies = Remedies(view)
-        for words in (remedies.scale, remedies.place):
-            assert words and all(remedies.can_have(key) for key in remedies.keys_in(words))
+        possible = Remedies(view)
+        for words in (possible.scale, possible.place):
+            assert words and all(possible.can_have(key) for key in possible.keys_in(words))
 
 
 def test_a_log_is_matched_by_times_that_it_can_have(kind):
@@ -159,7 +164,7 @@ def test_a_log_is_matched_by_times_that_it_can_have(kind):
 
 
 def test_every_key_that_only_some_can_have_is_tried():
-    words = " ".join([*REMEDIES, *schema_keys(), "mask axes calibration alignment"])
+    words = " ".join([*remedies(), *schema_keys(), "mask axes calibration alignment"])
     of_other_tables = {"noise_std", "time_modes"}  # [[channel]], [[boundary]]
     assert set(Remedies.keys_in(words)) | of_other_tables == set(VALUES)
 
@@ -176,8 +181,8 @@ def test_no_sentence_names_a_key_past_the_one_place_that_decides():
     """Advice outside of `possible` is for every kind: it names no key that only some can have."""
     pattern = re.compile(rf"(?<![\w.])({'|'.join(schema_keys())})(?!\w)")
     past = []
-    for file, tree in trees():
-        if file.relative_to(PACKAGE).parts[0] not in ROOMS_THAT_ADVISE or "design" in file.stem or "plan" in str(file):
+    for file, tree in trees(pattern, ROOMS_THAT_ADVISE):
+        if "design" in file.stem or "plan" in str(file):
             continue
         inside = {id(node) for call in calls(tree, {"possible", *REFUSALS}) for node in ast.walk(call)}
         inside |= {id(node.body[0].value) for node in ast.walk(tree)

@@ -204,12 +204,12 @@ def test_a_schedule_joins_the_stages_of_all_experiments(pair):
 
 
 # idic compare -----------------------------------------------------------------------------------------------------
-def test_a_comparison_lists_the_differences_of_two_runs(pair, together, tmp_path):
+def test_a_comparison_lists_the_differences_of_two_runs(gallery, together, tmp_path):
     run, both = together
-    idic.identify(pair[0], tmp_path / "alone")
-    content = compare_runs([tmp_path / "alone", run])
+    single = gallery("plate").shown  # the first recording by itself
+    content = compare_runs([single, run])
     alone, all_ = content["runs"]
-    assert [alone["name"], all_["name"]] == ["alone", "both"]
+    assert [alone["name"], all_["name"]] == [single.name, "both"]
     assert alone["models"] == all_["models"] == {"BODY": "elastic"}
     assert not all_["same_data"]
     row = next(entry for entry in content["parameters"] if entry["name"] == "BODY.E")

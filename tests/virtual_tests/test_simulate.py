@@ -15,10 +15,11 @@ from virtual_tests.small_strip import SMALL
 
 from idic.errors import InputError
 from idic.experiment_file import load_experiment, to_toml
+from idic.images import ArrayStack
 from idic.model import Column, build_drives
 from idic.readers import read_log
 from idic.virtual_tests import EXAMPLES
-from idic.virtual_tests import simulate, strip, write_example, write_loads
+from idic.virtual_tests import recorded_by, simulate, strip, write_example, write_loads
 
 
 @pytest.fixture(scope="module")
@@ -191,3 +192,13 @@ def test_the_noise_of_a_deeper_camera_keeps_its_share_of_the_range(tmp_path, lev
     assert told["camera"]["noise_std_gv"] == pytest.approx(np.hypot(2.0, 12**-0.5), rel=1e-3)  # and rounding
     deep = tomllib.loads(simulate(folder, tmp_path / "deep", bits=16).read_text())
     assert deep["camera"]["noise_std_gv"] == pytest.approx(2.0 * 256.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("sensor", ["white", "blurred", "grey_level"])
+def test_the_noise_of_a_frame_depends_on_seed_and_frame_alone(sensor):
+    still = ArrayStack(np.full((3, 40, 50), 100.0, np.float32))
+    stack, another = (recorded_by(sensor, still, 2.0, seed) for seed in (1, 2))
+    noise = stack.frame(2) - 100.0
+    assert np.array_equal(recorded_by(sensor, still, 2.0, 1).frame(2) - 100.0, noise)
+    for other in (stack.frame(1), another.frame(2)):  # 2000 pixels: a correlation of 0.02 by chance
+        assert abs(np.corrcoef(noise.ravel(), other.ravel())[0, 1]) < 0.1

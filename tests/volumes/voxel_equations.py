@@ -14,6 +14,8 @@ from scipy.ndimage import map_coordinates, spline_filter
 
 from idic.fe import cell_type
 
+ROUNDING = 1e-11  # voxels: a point that is found
+
 
 @dataclass(frozen=True)
 class VoxelEquations:
@@ -31,9 +33,11 @@ def places_in(cell: str, corners: np.ndarray, points: np.ndarray) -> np.ndarray:
     places = np.full(points.shape, 0.25 if cell.startswith("tet") else 0.0)
     for _ in range(30):
         gap = points - cell_type(cell).shape_functions(places) @ corners
+        if np.abs(gap).max() < ROUNDING:
+            return places
         jacobian = np.einsum("nid,ic->ncd", cell_type(cell).shape_gradients(places), corners)
         places = places + np.linalg.solve(jacobian, gap[:, :, None])[:, :, 0]
-    return places
+    raise AssertionError(f"Newton's method ends {np.abs(gap).max()} voxels beside a point")
 
 
 def voxel_equations(cell: str, nodes: np.ndarray, conn: np.ndarray, owner: np.ndarray, points: np.ndarray,
