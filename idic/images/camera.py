@@ -214,7 +214,7 @@ class Camera:
         else:
             raise InputError("no such camera parameter", key=name, expected=", ".join(CAMERA_PARAMETERS),
                              remedy="use one of these names")
-        return np.einsum("nij,nj->ni", self._distortion_jacobian(p0), dp0)
+        return dp0 if self.k1 == 0.0 else np.einsum("nij,nj->ni", self._distortion_jacobian(p0), dp0)
 
     # parts ----------------------------------------------------------------------------------------
     def _ideal(self, x):
