@@ -27,7 +27,7 @@ from idic.diagnose.locate.adjoint_sources import adjoint_motion, recorded_residu
 from idic.diagnose.locate.freedoms import in_images
 from idic.diagnose.locate.place import element_centres
 from idic.diagnose.locate.tangents import ModelTangent, tangents
-from idic.diagnose.residual.evidence import Columns
+from idic.diagnose.residual.evidence import Columns, Courses
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.score import NullModel, null_model, score
 from idic.fe import Mesh
@@ -246,13 +246,12 @@ class _Field:
         if self.tangent.readings is not None:
             readings = readings + self.tangent.readings.motion @ du
         motion = du.reshape(-1, body.mesh.n_dim, n)
-        z = np.full(n, -np.inf)
-        for course in self.courses:
-            columns = Columns(tuple(map(str, range(n))), np.array([factor * in_images(self.residual, t, motion)
-                                                                  for t, factor in enumerate(course)]),
-                              course[:, None, None] * readings)
-            z = np.fmax(z, score(self.residual.evidence, self.null, columns).z)
-        return z
+        motions = np.tile(np.arange(n), len(self.courses))
+        amplitude = np.repeat(self.courses.T, n, axis=1)  # (T, 2 n)
+        columns = Columns(tuple(map(str, range(len(motions)))),
+                          np.array([in_images(self.residual, t, motion) for t in range(len(amplitude))]),
+                          amplitude[:, None] * readings[:, motions], courses=Courses(motions, amplitude))
+        return np.fmax.reduce(score(self.residual.evidence, self.null, columns).z.reshape(-1, n))
 
     def forces_of(self, lines: Sequence[Line]) -> np.ndarray:
         """Nodal forces of the jumps of lines inside the body  # (n_dof, n)"""
