@@ -69,8 +69,8 @@ def first_responses(base: Alternative, times: np.ndarray, frames: Sequence[int],
         If the law of `base` has no solution.
     """
     first = discretise(base.body)
-    even = first if not base.body.variations else discretise(replace(base.body, variations=()), first.pattern)
-    systems = [like(even, alternative.body) for alternative in alternatives]
+    unvaried = first if not base.body.variations else discretise(replace(base.body, variations=()), first.pattern)
+    systems = [like(unvaried, alternative.body) for alternative in alternatives]
     base_points, courses, course_of = ModelPoints(first, base), [], []
     for system, alternative in zip(systems, alternatives, strict=True):
         course = next((i for i, candidate in enumerate(courses) if candidate.serves(system, alternative)), None)
@@ -190,7 +190,7 @@ def _thinned(system: System, former: Sequence[np.ndarray], states: Sequence[np.n
     """By which the thickness stretches of the points have changed, per group; [] but for plane stress  # (n_points,)"""
     if system.body.kind != "plane_stress":
         return []
-    return [state[:, -1] / old[:, -1] for old, state in zip(former, states, strict=True)]
+    return [state[:, -1] / former_state[:, -1] for former_state, state in zip(former, states, strict=True)]
 
 
 def _equal(first: np.ndarray | None, second: np.ndarray | None) -> bool:
@@ -200,8 +200,8 @@ def _equal(first: np.ndarray | None, second: np.ndarray | None) -> bool:
 
 def _internal_force(system: System, evaluated: System, stresses: Evaluation) -> np.ndarray:
     """Of a model, from the stresses of the points of another one  # (n_nodes, d) N"""
-    if all(group.grads is other.grads and np.array_equal(group.weights, other.weights)
-           for group, other in zip(system.groups, evaluated.groups, strict=True)):
+    if all(group.grads is twin.grads and np.array_equal(group.weights, twin.weights)
+           for group, twin in zip(system.groups, evaluated.groups, strict=True)):
         return stresses.internal
     internal = np.zeros_like(stresses.u)
     for group, at in zip(system.groups, stresses.groups, strict=True):
