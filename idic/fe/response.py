@@ -26,7 +26,7 @@ from idic.fe.assembly.assembly import (
 )
 from idic.fe.assembly.assembly import System, discretise
 from idic.fe.assembly.linear import kept_response
-from idic.fe.body.boundary import Drives, drives_at
+from idic.fe.body.boundary import drives_at
 from idic.fe.equilibrium import kept_factor
 from idic.fe.body.body import Body
 from idic.fe.sensitivity import answer_to_control
@@ -69,7 +69,8 @@ def first_responses(base: Alternative, times: np.ndarray, frames: Sequence[int],
         If the law of `base` has no solution.
     """
     first = discretise(base.body)
-    systems = [like(first, alternative.body) for alternative in alternatives]
+    unvaried = first if not base.body.variations else discretise(replace(base.body, variations=()), first.pattern)
+    systems = [like(unvaried, alternative.body) for alternative in alternatives]
     base_points, courses, course_of = ModelPoints(first, base), [], []
     for system, alternative in zip(systems, alternatives, strict=True):
         course = next((i for i, candidate in enumerate(courses) if candidate.serves(system, alternative)), None)
@@ -80,9 +81,12 @@ def first_responses(base: Alternative, times: np.ndarray, frames: Sequence[int],
     factor, matrices, alive = None, (), [True] * len(courses)
     for previous_frame, frame, moved in zip((0, *frames), frames, u, strict=False):
         span = (times, previous_frame, frame, moved)
+        former_states = base_points.states
         evaluation = base_points.at(*span, stiffness=True)
+        thinned = _thinned(first, former_states, base_points.states)
         factor, matrices = kept_factor(first, evaluation, factor, matrices)
-        stresses = [course.attempt(*span) if living else None for course, living in zip(courses, alive, strict=True)]
+        stresses = [course.attempt(*span, thinned) if living else None
+                    for course, living in zip(courses, alive, strict=True)]
         alive = [stress is not None for stress in stresses]
         forces, motions = np.zeros((moved.size, len(systems))), np.zeros((moved.size, len(systems)))
         drives, held_dofs = drives_at(base.body, times, times[frame]), np.asarray(base.body.constraints.dofs)
@@ -90,7 +94,8 @@ def first_responses(base: Alternative, times: np.ndarray, frames: Sequence[int],
             if not alive[course]:
                 continue
             other_drives = drives_at(system.body, times, times[frame])
-            forces[:, i] = (_residual(system, stresses[course], other_drives, moved) - evaluation.residual).ravel()
+            internal = _internal_force(system, courses[course].system, stresses[course])
+            forces[:, i] = (internal - external_force(system, other_drives, moved) - evaluation.residual).ravel()
             motions[held_dofs, i] = other_drives.prescribed - drives.prescribed
         responses = solved_responses(first, evaluation, factor, forces, motions)
         lost = [i for i, course in enumerate(course_of) if not alive[course]]
@@ -154,26 +159,38 @@ class ModelPoints:
                        and np.array_equal(a.elements, b.elements)
                        for a, b in zip(self.system.groups, system.groups, strict=True))
 
-    def attempt(self, times: np.ndarray, start_frame: int, frame: int, u: np.ndarray) -> Evaluation | None:
+    def attempt(self, times: np.ndarray, start_frame: int, frame: int, u: np.ndarray,
+                thinned: Sequence[np.ndarray]) -> Evaluation | None:
         """`at` without stiffness; None where the law finds no answer."""
         try:
-            return self.at(times, start_frame, frame, u, stiffness=False)
+            return self.at(times, start_frame, frame, u, False, thinned)
         except NotConverged:
             return None
 
-    def at(self, times: np.ndarray, start_frame: int, frame: int, u: np.ndarray, stiffness: bool) -> Evaluation:
+    def at(self, times: np.ndarray, start_frame: int, frame: int, u: np.ndarray, stiffness: bool,
+           thinned: Sequence[np.ndarray] = ()) -> Evaluation:
         """The points at the displacement u (n_nodes, d) mm of `frame`, from their states at `start_frame`.
 
-        Their new states are kept. `NotConverged` where the law has no solution.
+        Their new states are kept. `NotConverged` where the law has no solution. thinned : per group (n_points,), in
+        plane stress, by which the thickness stretches of another model changed: theirs nearly do the same.
         """
         drives = drives_at(self.system.body, times, times[frame])
+        guesses = self.states if start_frame else None
+        if [len(factor) for factor in thinned] == [len(state) for state in self.states] != []:
+            guesses = [state[:, -1:] * factor[:, None] for state, factor in zip(self.states, thinned, strict=True)]
         evaluation = evaluate_system(self.system, self.params, u, self.states, times[frame] - times[start_frame],
-                                     drives,
-                                  guesses=self.states if start_frame else None, stiffness=stiffness)
+                                     drives, guesses=guesses, stiffness=stiffness)
         if evaluation.trouble:
             raise NotConverged(f"{evaluation.trouble}, frame {frame}")
         self.states = tuple(group.state for group in evaluation.groups)
         return evaluation
+
+
+def _thinned(system: System, former: Sequence[np.ndarray], states: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """By which the thickness stretches of the points have changed, per group; [] but for plane stress  # (n_points,)"""
+    if system.body.kind != "plane_stress":
+        return []
+    return [state[:, -1] / former_state[:, -1] for former_state, state in zip(former, states, strict=True)]
 
 
 def _equal(first: np.ndarray | None, second: np.ndarray | None) -> bool:
@@ -181,12 +198,15 @@ def _equal(first: np.ndarray | None, second: np.ndarray | None) -> bool:
                                                   and np.array_equal(first, second))
 
 
-def _residual(system: System, stresses: Evaluation, drives: Drives, u: np.ndarray) -> np.ndarray:
-    """Internal less external forces of a model from the stresses of its points  # (n_nodes, d) N"""
-    internal = np.zeros_like(u)
+def _internal_force(system: System, evaluated: System, stresses: Evaluation) -> np.ndarray:
+    """Of a model, from the stresses of the points of another one  # (n_nodes, d) N"""
+    if all(group.grads is twin.grads and np.array_equal(group.weights, twin.weights)
+           for group, twin in zip(system.groups, evaluated.groups, strict=True)):
+        return stresses.internal
+    internal = np.zeros_like(stresses.u)
     for group, at in zip(system.groups, stresses.groups, strict=True):
         kernels.add_internal_forces(group.connectivity, group.grads, group.weights, at.P, internal)
-    return internal - external_force(system, drives, u)
+    return internal
 
 
 def solved_responses(system: System, evaluation: Evaluation, factor, forces: np.ndarray,

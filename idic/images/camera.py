@@ -220,7 +220,7 @@ class Camera:
         else:
             dp0 = self._still_slope(name, self._face(x), flat, w)
             dp0 = dp0 if self.deflection is None else (1.0 + self.deflection.ratio(x))[:, None] * dp0
-        return np.einsum("nij,nj->ni", self._distortion_jacobian(p0), dp0)
+        return dp0 if self.k1 == 0.0 else np.einsum("nij,nj->ni", self._distortion_jacobian(p0), dp0)
 
     def _still_slope(self, name: str, x: np.ndarray, flat: np.ndarray, w: np.ndarray) -> np.ndarray:
         """Derivative of the position on a flat sheet by a parameter of the camera itself  # (n, 2) px per unit"""

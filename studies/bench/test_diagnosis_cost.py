@@ -153,7 +153,21 @@ def cpu_of_command(checkout, folder, *words):
     return now.ru_utime + now.ru_stime - used.ru_utime - used.ru_stime
 
 
-def test_diagnosis_of_the_demo_beside_another_version(measured, tmp_path):
+def write_demo(checkout, folder, monkeypatch):
+    """The demo and its run, made by the version in a checkout."""
+    cpu_of_command(checkout, folder, "demo", "--out", "demo")
+    return "demo/experiment", "demo/run"
+
+
+def write_plate(checkout, folder, monkeypatch):
+    """The plate of 640 x 407 px and its run."""
+    write_large(folder / "test", monkeypatch)
+    cpu_of_command(checkout, folder, "identify", "test", "--out", "run", "--no-report")
+    return "test", "run"
+
+
+@pytest.mark.parametrize("write", [write_demo, write_plate], ids=["demo", "plate"])
+def test_diagnosis_beside_another_version(measured, tmp_path, monkeypatch, write):
     """Two diagnoses by each version in turns, the second one counts: the first compiles.
 
     IDIC_OTHER names a checkout of the other version: git worktree add FOLDER 3c8fed03.
@@ -161,17 +175,19 @@ def test_diagnosis_of_the_demo_beside_another_version(measured, tmp_path):
     other = os.environ.get("IDIC_OTHER", "")
     if not (Path(other) / "idic" / "__init__.py").exists():
         pytest.skip("IDIC_OTHER names no checkout of another version")
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "tests" / "diagnose")
     versions = {"this version": Path(__file__).parents[2], "the other one": Path(other).resolve()}
     for name, checkout in versions.items():
         (tmp_path / name).mkdir()
-        cpu_of_command(checkout, tmp_path / name, "demo", "--out", "demo")
+        experiment, run = write(checkout, tmp_path / name, monkeypatch)
     for _ in range(2):
-        diagnosis_s = {name: cpu_of_command(checkout, tmp_path / name, "diagnose", "demo/run")
+        diagnosis_s = {name: cpu_of_command(checkout, tmp_path / name, "diagnose", run)
                        for name, checkout in versions.items()}
-    identify_s = cpu_of_command(versions["this version"], tmp_path / "this version", "identify", "demo/experiment",
-                                "--out", "again", "--no-report")
+    identify_s = cpu_of_command(versions["this version"], tmp_path / "this version", "identify", experiment, "--out",
+                                "again", "--no-report")
     ratio = diagnosis_s["the other one"] / diagnosis_s["this version"]
-    measured("diagnosis of the demo", f"{diagnosis_s['this version']:.1f} CPU s",
+    subject = write.__name__.removeprefix("write_")
+    measured(f"diagnosis of the {subject}", f"{diagnosis_s['this version']:.1f} CPU s",
              f"{diagnosis_s['this version'] / identify_s:.1f} identifications; the other version takes {ratio:.2f} "
              "times as long")
     assert ratio > 1.0

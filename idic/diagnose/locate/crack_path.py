@@ -27,7 +27,7 @@ from idic.diagnose.locate.adjoint_sources import adjoint_motion, recorded_residu
 from idic.diagnose.locate.freedoms import in_images
 from idic.diagnose.locate.place import element_centres
 from idic.diagnose.locate.tangents import ModelTangent, tangents
-from idic.diagnose.residual.evidence import Columns
+from idic.diagnose.residual.evidence import Columns, Courses
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.score import NullModel, null_model, score
 from idic.fe import Mesh
@@ -46,6 +46,7 @@ MIN_APART, MIN_TURN_DEG = 1.5, 20.0  # sizes of an element between the middles o
 MIN_ROOM = 1.0  # sizes of an element between a tip and the next edge
 DRAWS = 40
 N_EXACT = 8  # discs of every radius whose score is computed with its exact standard deviation
+LINES_AT_ONCE = 1000  # whose tractions are held together
 SEED = 41
 SOFT_RADII = (1.0, 1.6, 2.5, 4.0, 6.5)  # sizes of an element: discs of another stiffness that a crack is compared with
 
@@ -245,17 +246,16 @@ class _Field:
         if self.tangent.readings is not None:
             readings = readings + self.tangent.readings.motion @ du
         motion = du.reshape(-1, body.mesh.n_dim, n)
-        z = np.full(n, -np.inf)
-        for course in self.courses:
-            columns = Columns(tuple(map(str, range(n))), np.array([factor * in_images(self.residual, t, motion)
-                                                                  for t, factor in enumerate(course)]),
-                              course[:, None, None] * readings)
-            z = np.fmax(z, score(self.residual.evidence, self.null, columns).z)
-        return z
+        motions = np.tile(np.arange(n), len(self.courses))
+        amplitude = np.repeat(self.courses.T, n, axis=1)  # (T, 2 n)
+        columns = Columns(tuple(map(str, range(len(motions)))),
+                          np.array([in_images(self.residual, t, motion) for t in range(len(amplitude))]),
+                          amplitude[:, None] * readings[:, motions], courses=Courses(motions, amplitude))
+        return np.fmax.reduce(score(self.residual.evidence, self.null, columns).z.reshape(-1, n))
 
     def forces_of(self, lines: Sequence[Line]) -> np.ndarray:
         """Nodal forces of the jumps of lines inside the body  # (n_dof, n)"""
-        return self.stress_of.T @ vstack([self._row(line) for line in lines]).toarray().T
+        return self.stress_of.T @ self._rows(lines).toarray().T
 
     def scored(self, lines: Sequence[Line]) -> np.ndarray:
         """Standard deviations by which each line shows, of its better course; NaN of one that leaves the body"""
@@ -263,7 +263,7 @@ class _Field:
         inside = np.flatnonzero(self._is_inside(lines))
         if not len(inside):
             return z
-        matrix = vstack([self._row(lines[int(k)]) for k in inside], format="csr")
+        matrix = self._rows([lines[int(k)] for k in inside])
         for adjoint in self.adjoint:
             scores = matrix @ adjoint.reshape(-1, adjoint.shape[2])
             std = np.sqrt(np.mean(scores[:, 1:] ** 2, axis=1))
@@ -291,34 +291,50 @@ class _Field:
         """Whether a line, its start at an edge left out, stays inside with some room beyond its tip  # (n,) bool"""
         if not lines:
             return np.zeros(0, dtype=bool)
-        starts, ends = np.array([line.start for line in lines]), np.array([line.end for line in lines])
+        starts, ends, inner = _ends(lines)
         way = (ends - starts) / np.maximum(np.linalg.norm(ends - starts, axis=1), 1e-300)[:, None]
         room = MIN_ROOM * self.cells.size
-        low = np.where([line.inner for line in lines], -room, 0.1 * room)
+        low = np.where(inner, -room, 0.1 * room)
         length = np.linalg.norm(ends - starts, axis=1)
         share = np.linspace(0.0, 1.0, N_POINTS)
         along = low[:, None] + share * (length + room - low)[:, None]
         points = starts[:, None] + along[..., None] * way[:, None]
         return np.all(self.cells.holds(points.reshape(-1, 2)).reshape(len(lines), -1), axis=1)
 
-    def _row(self, line: Line) -> csr_array:
-        """Weights of the adjoint stress: the work of the jump  # (1, 3 n_elements)"""
-        way = np.subtract(line.end, line.start)
-        tangent = way / line.length
-        normal = np.array([-tangent[1], tangent[0]])
+    def _rows(self, lines: Sequence[Line]) -> csr_array:
+        """Weights of the adjoint stress: the work of the jump of every line  # (n, 3 n_elements)"""
+        return vstack([self._rows_together(lines[k:k + LINES_AT_ONCE]) for k in range(0, len(lines), LINES_AT_ONCE)],
+                      format="csr")
+
+    def _rows_together(self, lines: Sequence[Line]) -> csr_array:
+        starts, ends, inner = _ends(lines)
+        way = ends - starts
+        length = np.hypot(way[:, 0], way[:, 1])
+        tangent = way / length[:, None]
+        normal = np.column_stack([-tangent[:, 1], tangent[:, 0]])
         share = (np.arange(N_POINTS) + 0.5) / N_POINTS
-        elements, parts = self.cells.around(np.add(line.start, share[:, None] * way))  # (N_POINTS, k)
-        traction = np.einsum("pk,pkij,j->pi", parts, self.stress[elements], normal)
-        opening = traction @ normal
-        traction -= np.minimum(opening, 0.0)[:, None] * normal  # faces in contact do not pass each other
-        half = 0.5 * line.length if line.inner else line.length
-        place = (share - 0.5) * line.length if line.inner else share * line.length
-        jump = np.sqrt(np.maximum(half**2 - place**2, 0.0))[:, None] * traction
-        weights = np.column_stack([jump[:, 0] * normal[0], jump[:, 1] * normal[1],
-                                   jump[:, 0] * normal[1] + jump[:, 1] * normal[0]]) * line.length / N_POINTS
-        columns = (3 * elements[:, :, None] + np.arange(3)).ravel()
-        values = (parts[:, :, None] * weights[:, None]).ravel()
-        return csr_array((values, (np.zeros(len(columns), dtype=int), columns)), shape=(1, 3 * len(self.stress)))
+        points = starts[:, None] + share[:, None] * way[:, None]  # (n, N_POINTS, 2)
+        elements, parts = (field.reshape(len(lines), N_POINTS, -1)
+                           for field in self.cells.around(points.reshape(-1, 2)))  # (n, N_POINTS, k)
+        traction = np.einsum("lpk,lpkij,lj->lpi", parts, self.stress[elements], normal)
+        opening = np.einsum("lpi,li->lp", traction, normal)
+        traction -= np.minimum(opening, 0.0)[..., None] * normal[:, None]  # faces in contact do not pass each other
+        half = np.where(inner, 0.5, 1.0) * length
+        place = (share - np.where(inner, 0.5, 0.0)[:, None]) * length[:, None]
+        jump = np.sqrt(np.maximum(half[:, None] ** 2 - place**2, 0.0))[..., None] * traction
+        x, y = normal[:, None, 0], normal[:, None, 1]
+        weights = np.stack([jump[..., 0] * x, jump[..., 1] * y, jump[..., 0] * y + jump[..., 1] * x],
+                           axis=-1) * (length / N_POINTS)[:, None, None]
+        columns = 3 * elements[..., None] + np.arange(3)
+        rows = np.broadcast_to(np.arange(len(lines))[:, None, None, None], columns.shape)
+        values = parts[..., None] * weights[:, :, None]
+        return csr_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=(len(lines), 3 * len(self.stress)))
+
+
+def _ends(lines: Sequence[Line]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Starts and ends, and which begin inside the body  # (n, 2) mm, (n, 2) mm, (n,) bool"""
+    return (np.array([line.start for line in lines]), np.array([line.end for line in lines]),
+            np.array([line.inner for line in lines]))
 
 
 def _stresses(tangent: ModelTangent) -> tuple[np.ndarray, csr_array]:

@@ -43,9 +43,10 @@ def significances(scores: Scores, groups: Mapping[Any, Sequence[int]], signs: np
     single = [i for i in range(len(scores.U)) if i not in sums]
     correlation = scores.correlation
     values, vectors = np.linalg.eigh(0.5 * (correlation + correlation.T)[np.ix_(single, single)])
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    # the symmetric root: of equal eigenvalues any turned vectors are as good, and rounding would choose the draws
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
     noise, observed = np.zeros((draws, len(scores.U))), scores.z.copy()
-    noise[:, single] = rng.standard_normal((draws, len(values))) @ root.T
+    noise[:, single] = rng.standard_normal((draws, len(values))) @ root
     for column, members in sums.items():
         members = [i for i in members if scores.own[i] > 0]
         inner = symmetric_inverse(correlation[np.ix_(members, members)])

@@ -80,7 +80,8 @@ def visible_cells(mesh: Mesh, kind: str, surface: str | None, camera: AnyCamera,
     """True for each seen cell that reaches into the image  # (n_cells,) bool"""
     points, padded = _SEEN.once(mesh, (kind, surface), lambda: _padded(*seen_nodes(mesh, kind, surface)))
     px = camera.project(points)
-    low, high = px[padded].min(axis=1), px[padded].max(axis=1)  # (n_cells, 2)
+    at_nodes = px[padded.T]  # (widest, n_cells, 2): minima of whole rows
+    low, high = at_nodes.min(axis=0), at_nodes.max(axis=0)
     inside = (high[:, 0] >= 0) & (low[:, 0] <= shape[1] - 1)
     if surface is not None and kind != "solid":
         return inside
