@@ -161,7 +161,7 @@ def test_a_file_with_ambiguous_marks_asks_for_decimal(tmp_path, mark, separator)
         read(tmp_path, text).column("force_N")
     assert f'decimal = "{mark}"' in problem.value.remedy and "line 3" in problem.value.key
     np.testing.assert_array_equal(read(tmp_path, text, mark).column("force_N"), [900.0, 1.58, 2.345])
-    with pytest.raises(InputError, match="a number with thousands separators"):  # these would be thousands
+    with pytest.raises(InputError, match="a number with thousands separators"):  # by the other mark
         read(tmp_path, text, "," if mark == "." else ".").column("force_N")
 
 
