@@ -8,6 +8,10 @@ slice, in two threads, as a sum of plane waves at the material point of each vox
 and of all that it starts, summed, ten times a second; pages of a file that two processes share count twice.
 ITERATIONS: stop after so many. Default: 256 voxels and 4, 8, 16 scans, 384 and 512 voxels and 8 scans with 31 cubed
 hex8, two workers.
+
+Measured beside other jobs: 256:8:20:2 with a truth of 10 x 10 x 12 hex8 625 s, 515 CPU s, 3.4 GB, errors at most 0.25
+std; 512:8:31:2 25 min, 2039 CPU s (simulations 1014, scans 362), 8.9 GB, converged after 11 evaluations. Its std counts
+noise alone, as the mesh has too many nodes for the sums of a model's error, and E is 0.8 % (215 std) too high.
 """
 
 from __future__ import annotations
