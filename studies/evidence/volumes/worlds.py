@@ -5,7 +5,9 @@ python studies/evidence/volumes/worlds.py OUT [SEED ...]
 Seed k is a world of kind k modulo the number of kinds. All are the bar of tests/volumes/tomograms.py (56 voxels cubed,
 six scans, blobs carried by another mesh), identified with a linear elastic law. Prints verdict, side, names and whether
 they are right: of a clean test no name; else the effect among the names or those that it cannot be told from, and no
-formal fit. Seeds 200 to 206: 6 of 7 right; a magnification is told as a formal fit, with a slip and warmth beside it.
+formal fit. Clean, 19 seeds of 210 to 336: no alarm. Effects, 18 of 207 to 229: the side right in all, right in 13.
+Wrong: a curved load cell (2 of 2: outside the library, no name), plasticity (2 of 2: outside the library, creep named,
+though a free hardening curve explains all), a magnification (1 of 4: a formal fit).
 """
 
 from __future__ import annotations
