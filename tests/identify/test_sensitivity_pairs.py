@@ -206,7 +206,7 @@ def assert_channels_follow(rows, up, down, i, h):
     for k in range(len(rows)):
         quotient = -(up[k][1].channels.residual - down[k][1].channels.residual) / (2 * h)
         direct = rows[k][1].channels.d_global[:, i]
-        assert np.all(np.abs(quotient - direct) <= 1e-3 * scale + 1e-8 / h), ("channels", k)
+        assert np.all(np.abs(quotient - direct) <= 1e-3 * scale + 1e-8 / h), ("column", i, "channels", k)
 
 
 def test_the_force_changes_with_the_time_offset_as_its_column_says():
