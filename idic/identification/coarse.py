@@ -35,10 +35,10 @@ from idic.identification.loop import start
 from idic.identification.step.schedule import first_free
 from idic.identification.step.state import Evaluation, LoopState
 from idic.model import (
-    Experiment, ForwardModel, Model, Parametrised, Stage, TemperatureField, build_forward, selected_frames,
-    tried_increments,
+    Experiment, ForwardModel, Model, Parametrised, Stage, build_forward, selected_frames, tried_increments,
 )
 from idic.parameters import ParameterSet
+from idic.simulation_error import on_coarse_mesh
 
 MOTION_STD_PX = 0.5
 CHANNEL_STD_SHARE = 0.01  # of a channel's largest value
@@ -145,14 +145,6 @@ def coarse_mesh(model: Model) -> Coarse | None:
     cracks between them are parameters."""
     shaped = model.morphs or model.cracks or any(isinstance(entry.drive, Parametrised) for entry in model.prescribed)
     return None if shaped else coarsen(model.mesh, COARSE_ELEMENTS)
-
-
-def on_coarse_mesh(experiment: Experiment, coarse: Coarse) -> Experiment:
-    """The experiment on a mesh whose nodes are a subset of the present ones."""
-    temperatures = tuple(
-        replace(entry, drive=replace(entry.drive, values=entry.drive.values[:, coarse.nodes]))
-        if isinstance(entry.drive, TemperatureField) else entry for entry in experiment.model.temperatures)
-    return replace(experiment, model=replace(experiment.model, mesh=coarse.mesh, temperatures=temperatures))
 
 
 def coarse_frames(model: Model) -> list[int]:

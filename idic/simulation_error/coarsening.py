@@ -1,0 +1,119 @@
+"""A test on a coarser mesh: of how much a mesh changes, when a finer one is too large to be simulated.
+
+The error of a mesh falls with a power of the size of its elements, so that the change from a coarser one tells the
+size of what is left (Richardson 1911, doi:10.1098/rsta.1911.0009): with elements r times as large
+
+    1 / (r^p - 1)  of that change,      p = 1.2
+
+The force on a bar between rigid grips converges so with 8, 16 and 31 cubed hex8 (studies/evidence/volumes/scale.py);
+motion inside the body converges faster, and its error is taken too large rather than too small. Sign and pattern are
+not trusted: as yielding begins the changes by two refinements may differ in sign.
+
+The coarser mesh is the given one with layers of bricks taken out (`idic.fe.mesh.coarsen`). Its motion between its nodes
+is that of its own functions, whose error counts too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import sparse
+from scipy.spatial import cKDTree
+
+from idic.fe import Coarse, PerMesh, can_raise_order, coarsen, interpolation
+from idic.model import Experiment, Model, Parametrised, TemperatureField, build_drives
+from idic.simulation_error.refinement import measured_dofs
+
+GROWTH = 2.0  # of the elements' size, about
+MIN_GROWTH = 1.5  # less tells too little
+ORDER = 1.2  # of convergence
+
+_COARSE = PerMesh()
+
+
+@dataclass(frozen=True, eq=False)
+class Coarsened:
+    """The same test on a coarser mesh.
+
+    given : on the given mesh; experiment : on the coarser one; nodes : which of the given nodes its nodes are; growth :
+    of the size of the elements
+    """
+
+    given: Experiment
+    experiment: Experiment
+    nodes: np.ndarray
+    growth: float
+
+    @property
+    def left(self) -> float:
+        """Error of the given mesh over its change from the coarser one."""
+        return float(1.0 / (self.growth**ORDER - 1.0))
+
+    def carried_local(self, local: np.ndarray | None) -> np.ndarray | None:
+        """Frame-local unknowns on the coarser mesh: those of its nodes, and all that belong to no node
+        # (n_frames, m) mm -> (n_frames, m_coarse)"""
+        if local is None:
+            return None
+        given, coarse, d = build_drives(self.given), build_drives(self.experiment), self.given.model.n_dim
+        carried = np.zeros((len(local), coarse.n_local))
+        carried[:, np.flatnonzero(~coarse.measured)] = local[:, np.flatnonzero(~given.measured)]
+        columns = {dof: column for column, dof in measured_dofs(given).items()}
+        for column, dof in measured_dofs(coarse).items():
+            carried[:, column] = local[:, columns[d * self.nodes[dof // d] + dof % d]]
+        return carried
+
+    def carry(self) -> sparse.csr_array:
+        """Nodal fields of the coarser mesh at the given nodes  # (n_nodes, n_coarse)
+
+        Beside a curved surface that the coarser mesh cuts off: as at the nearest node.
+        """
+        given, coarse = self.given.model.mesh, self.experiment.model.mesh
+        kept = sparse.csr_array((np.ones(len(self.nodes)), (self.nodes, np.arange(len(self.nodes)))),
+                                shape=(given.n_nodes, coarse.n_nodes))
+        others = np.setdiff1d(np.arange(given.n_nodes), self.nodes)
+        weights, inside = interpolation(coarse.nodes, coarse.blocks, given.nodes[others])
+        outside = np.flatnonzero(~inside)
+        _, nearest = cKDTree(coarse.nodes).query(given.nodes[others[outside]])
+        rows = np.concatenate([others, others[outside]])
+        within = weights.tocoo()
+        return kept + sparse.csr_array(
+            (np.concatenate([within.data, np.ones(len(outside))]),
+             (np.concatenate([others[within.row], others[outside]]), np.concatenate([within.col, nearest]))),
+            shape=kept.shape) if len(rows) else kept
+
+
+def can_be_coarsened(model: Model) -> bool:
+    """Whether layers of linear bricks can be taken out of a solid, and nothing is bound to the nodes that go."""
+    return _coarse(model) is not None
+
+
+def coarsened(experiment: Experiment) -> Coarsened | None:
+    """The test on elements about twice as large; None where there are none (`can_be_coarsened`)."""
+    coarse = _coarse(experiment.model)
+    if coarse is None:
+        return None
+    coarser = on_coarse_mesh(experiment, coarse)
+    return Coarsened(experiment, coarser, coarse.nodes, _growth(experiment.model, coarse))
+
+
+def on_coarse_mesh(experiment: Experiment, coarse: Coarse) -> Experiment:
+    """The experiment on a mesh whose nodes are a subset of the present ones, without a known error."""
+    temperatures = tuple(
+        replace(entry, drive=replace(entry.drive, values=entry.drive.values[:, coarse.nodes]))
+        if isinstance(entry.drive, TemperatureField) else entry for entry in experiment.model.temperatures)
+    return replace(experiment, model=replace(experiment.model, mesh=coarse.mesh, temperatures=temperatures,
+                                             motion_error=None))
+
+
+def _coarse(model: Model) -> Coarse | None:
+    shaped = model.morphs or model.cracks or any(isinstance(entry.drive, Parametrised) for entry in model.prescribed)
+    if model.n_dim != 3 or model.solver is not None or shaped or not can_raise_order(model.mesh):
+        return None
+    number = int(model.mesh.n_elements / GROWTH**3)
+    coarse = _COARSE.once(model.mesh, number, lambda: coarsen(model.mesh, number))
+    return coarse if coarse is not None and _growth(model, coarse) >= MIN_GROWTH else None
+
+
+def _growth(model: Model, coarse: Coarse) -> float:
+    return float((model.mesh.n_elements / coarse.mesh.n_elements) ** (1.0 / 3.0))
