@@ -38,7 +38,6 @@ from idic.model import (
     Experiment, ForwardModel, Model, Parametrised, Stage, build_forward, selected_frames, tried_increments,
 )
 from idic.parameters import ParameterSet
-from idic.simulation_error import on_coarse_mesh
 
 MOTION_STD_PX = 0.5
 CHANNEL_STD_SHARE = 0.01  # of a channel's largest value
@@ -124,7 +123,7 @@ def _prepare(experiment: Experiment, u_px: np.ndarray | None, simplified: bool) 
         experiment = replace(experiment, options=replace(experiment.options, substeps=1))
     experiment, u_px = selected_frames(experiment, frames), u_px[frames]
     if simplified and (coarse := coarse_mesh(experiment.model)) is not None:
-        experiment, u_px = on_coarse_mesh(experiment, coarse), u_px[:, coarse.nodes]
+        experiment, u_px = experiment.on_coarse_mesh(coarse), u_px[:, coarse.nodes]
     u_px[[experiment.model.reference, *experiment.recording.excluded]] = np.nan
     forward = replace(build_forward(experiment), control=FAST_FAILURE)
     moving = tuple(name for name in experiment.model.parameters.free if forward.moves(name))

@@ -15,14 +15,14 @@ is that of its own functions, whose error counts too.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
 from idic.fe import Coarse, PerMesh, can_raise_order, coarsen, interpolation
-from idic.model import Experiment, Model, Parametrised, TemperatureField, build_drives
+from idic.model import Experiment, Model, Parametrised, build_drives
 from idic.simulation_error.refinement import measured_dofs
 
 GROWTH = 2.0  # of the elements' size, about
@@ -36,17 +36,17 @@ _COARSE = PerMesh()
 class Coarsened:
     """The same test on a coarser mesh.
 
-    given : on the given mesh; experiment : on the coarser one; nodes : which of the given nodes its nodes are; growth :
+    fine : on the given mesh; experiment : on the coarser one; nodes : which of the given nodes its nodes are; growth :
     of the size of the elements
     """
 
-    given: Experiment
+    fine: Experiment
     experiment: Experiment
     nodes: np.ndarray
     growth: float
 
     @property
-    def left(self) -> float:
+    def error_share(self) -> float:
         """Error of the given mesh over its change from the coarser one."""
         return float(1.0 / (self.growth**ORDER - 1.0))
 
@@ -55,10 +55,10 @@ class Coarsened:
         # (n_frames, m) mm -> (n_frames, m_coarse)"""
         if local is None:
             return None
-        given, coarse, d = build_drives(self.given), build_drives(self.experiment), self.given.model.n_dim
+        fine, coarse, d = build_drives(self.fine), build_drives(self.experiment), self.fine.model.n_dim
         carried = np.zeros((len(local), coarse.n_local))
-        carried[:, np.flatnonzero(~coarse.measured)] = local[:, np.flatnonzero(~given.measured)]
-        columns = {dof: column for column, dof in measured_dofs(given).items()}
+        carried[:, np.flatnonzero(~coarse.measured)] = local[:, np.flatnonzero(~fine.measured)]
+        columns = {dof: column for column, dof in measured_dofs(fine).items()}
         for column, dof in measured_dofs(coarse).items():
             carried[:, column] = local[:, columns[d * self.nodes[dof // d] + dof % d]]
         return carried
@@ -68,42 +68,24 @@ class Coarsened:
 
         Beside a curved surface that the coarser mesh cuts off: as at the nearest node.
         """
-        given, coarse = self.given.model.mesh, self.experiment.model.mesh
-        kept = sparse.csr_array((np.ones(len(self.nodes)), (self.nodes, np.arange(len(self.nodes)))),
-                                shape=(given.n_nodes, coarse.n_nodes))
-        others = np.setdiff1d(np.arange(given.n_nodes), self.nodes)
-        weights, inside = interpolation(coarse.nodes, coarse.blocks, given.nodes[others])
-        outside = np.flatnonzero(~inside)
-        _, nearest = cKDTree(coarse.nodes).query(given.nodes[others[outside]])
-        rows = np.concatenate([others, others[outside]])
-        within = weights.tocoo()
-        return kept + sparse.csr_array(
-            (np.concatenate([within.data, np.ones(len(outside))]),
-             (np.concatenate([others[within.row], others[outside]]), np.concatenate([within.col, nearest]))),
-            shape=kept.shape) if len(rows) else kept
-
-
-def can_be_coarsened(model: Model) -> bool:
-    """Whether layers of linear bricks can be taken out of a solid, and nothing is bound to the nodes that go."""
-    return _coarse(model) is not None
+        fine, coarse = self.fine.model.mesh, self.experiment.model.mesh
+        between = np.setdiff1d(np.arange(fine.n_nodes), self.nodes)
+        weights, inside = interpolation(coarse.nodes, coarse.blocks, fine.nodes[between])
+        outside, within = between[~inside], weights.tocoo()
+        _, nearest = cKDTree(coarse.nodes).query(fine.nodes[outside])
+        rows = np.concatenate([self.nodes, between[within.row], outside])
+        columns = np.concatenate([np.arange(coarse.n_nodes), within.col, nearest])
+        values = np.concatenate([np.ones(coarse.n_nodes), within.data, np.ones(len(outside))])
+        return sparse.csr_array((values, (rows, columns)), shape=(fine.n_nodes, coarse.n_nodes))
 
 
 def coarsened(experiment: Experiment) -> Coarsened | None:
-    """The test on elements about twice as large; None where there are none (`can_be_coarsened`)."""
+    """The test on elements about twice as large; None where no layers of linear bricks can be
+    taken out of a solid, or something is bound to the nodes that go."""
     coarse = _coarse(experiment.model)
     if coarse is None:
         return None
-    coarser = on_coarse_mesh(experiment, coarse)
-    return Coarsened(experiment, coarser, coarse.nodes, _growth(experiment.model, coarse))
-
-
-def on_coarse_mesh(experiment: Experiment, coarse: Coarse) -> Experiment:
-    """The experiment on a mesh whose nodes are a subset of the present ones, without a known error."""
-    temperatures = tuple(
-        replace(entry, drive=replace(entry.drive, values=entry.drive.values[:, coarse.nodes]))
-        if isinstance(entry.drive, TemperatureField) else entry for entry in experiment.model.temperatures)
-    return replace(experiment, model=replace(experiment.model, mesh=coarse.mesh, temperatures=temperatures,
-                                             motion_error=None))
+    return Coarsened(experiment, experiment.on_coarse_mesh(coarse), coarse.nodes, _growth(experiment.model, coarse))
 
 
 def _coarse(model: Model) -> Coarse | None:

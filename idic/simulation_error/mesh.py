@@ -24,7 +24,7 @@ import numpy as np
 
 from idic.fe import Body, can_halve, can_raise_order, is_linear
 from idic.model import Experiment, ForwardModel, Model, MotionError, build_forward
-from idic.simulation_error.coarsening import Coarsened, can_be_coarsened, coarsened
+from idic.simulation_error.coarsening import Coarsened, coarsened
 from idic.simulation_error.comparison import (
     ErrorInFrames, ModelPoint, BetterModel, error_in_every_frame, error_in_frames,
 )
@@ -49,11 +49,6 @@ def can_be_refined(model: Model) -> bool:
     plane = model.n_dim == 2
     growth = (3 if plane else 4) if raised else (4 if plane else 7)
     return growth * mesh.n_nodes <= (LIMITS.plane if plane else LIMITS.solid)
-
-
-def can_be_compared(model: Model) -> bool:
-    """Whether a finer mesh can be made and is not too large, or else a coarser one of a solid."""
-    return can_be_refined(model) or can_be_coarsened(model)
 
 
 def mesh_error(point: ModelPoint) -> MotionError | None:
@@ -150,8 +145,8 @@ def _change_by_coarser_mesh(point: ModelPoint, coarser: Coarsened, frames: np.nd
     on_coarser = BetterModel(coarser.experiment, coarser.carried_local(point.local),
                              lambda state, coarse: carry @ coarse.u - state.u)
     change = error_in_frames(point, on_coarser, frames, motions)
-    return None if change is None else replace(change, u=-coarser.left * change.u,
-                                               channels=-coarser.left * change.channels)
+    return None if change is None else replace(change, u=-coarser.error_share * change.u,
+                                               channels=-coarser.error_share * change.channels)
 
 
 def _of_elastic_bricks(point: ModelPoint, elastic: Experiment) -> MotionError | None:

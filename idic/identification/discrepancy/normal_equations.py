@@ -28,9 +28,7 @@ from idic.identification.free_motion.two_step import is_two_step
 from idic.identification.step.state import Evaluation
 from idic.model import Experiment, ForwardModel, Model
 from idic.parameters import ParameterSet
-from idic.simulation_error import (
-    ErrorInFrames, ModelPoint, can_be_compared, can_be_refined, mesh_error_in, strain_error_in,
-)
+from idic.simulation_error import ErrorInFrames, ModelPoint, can_be_refined, mesh_error_in, strain_error_in
 
 MOTION, STRESS, CHANNEL = "motion", "stress", "channel"
 MESH, STRAINS = "mesh", "small strains"  # errors of known size
@@ -304,10 +302,9 @@ class _Fields:
 
 
 def counts_mesh_error(experiment: Experiment) -> bool:
-    """Whether the error of the motion by the mesh is a column: of solids, as far as a finer mesh is not too large or a
-    coarser one can be made. In the plane a whole step on the finer mesh is cheap
-    (`idic.identification.systematic.discretisation`)."""
-    return experiment.options.weighting == "noise" and experiment.model.n_dim == 3 and can_be_compared(experiment.model)
+    """Whether the error of the motion by the mesh is a column, as far as it can be made: of solids. In the plane a
+    whole step on the finer mesh is cheap (`idic.identification.systematic.discretisation`)."""
+    return experiment.options.weighting == "noise" and experiment.model.n_dim == 3
 
 
 def errors_of_known_size(point: ModelPoint, displacements: Mapping[int, np.ndarray]) -> dict[str, ErrorInFrames | None]:
