@@ -179,8 +179,9 @@ def release_voxels(context: RunContext) -> None:
     for _, reference in list(_references.values()):
         if isinstance(reference, VolumeReference):
             reference.release()
-    if isinstance(context.experiment.recording.stack, SlicedVolumes):
-        context.experiment.recording.stack.release()
+    volumes = context.experiment.recording.volumes
+    if isinstance(volumes, SlicedVolumes):
+        volumes.release()
 
 
 def _with_motion(context: RunContext, view: Experiment, image: Reference) -> Reference:
