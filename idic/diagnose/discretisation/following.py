@@ -44,17 +44,19 @@ def moved(identification: Identification, steps: Mapping[str, float]) -> Identif
     A step is shortened as a whole where a positive parameter would change by more than half its value, as that is
     beyond first order: a bulk modulus of rubber that a bent sheet hardly determines went to zero.
     """
-    values, share = identification.parameters.as_values(), share_of_step(identification.parameters, steps)
+    values = identification.parameters.as_values()
+    share = share_of_step(identification.parameters, values, steps)
     for name, change in steps.items():
         low, high = identification.parameters[name].bounds
         values[name] = float(np.clip(values[name] + share * change, low, high))
     return at_values(identification, identification.experiment, values)
 
 
-def share_of_step(parameters: ParameterSet, steps: Mapping[str, float]) -> float:
-    """How much of a step first order allows: 1, or less where a positive parameter changes by `MAX_CHANGE`."""
-    largest = max((abs(change) / abs(parameters[name].value) for name, change in steps.items()
-                   if parameters[name].transform == "log"), default=0.0)
+def share_of_step(parameters: ParameterSet, values: Mapping[str, float], steps: Mapping[str, float]) -> float:
+    """How much of a step from these values first order allows: 1, or less where a positive parameter changes by
+    `MAX_CHANGE`; names that the set does not have count nothing."""
+    largest = max((abs(change) / abs(values[name]) for name, change in steps.items()
+                   if name in parameters and parameters[name].transform == "log"), default=0.0)
     return MAX_CHANGE / largest if largest > MAX_CHANGE else 1.0
 
 

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from idic.diagnose.discretisation.following import share_of_step
 from idic.diagnose.refits.refit import EarlyStop, Fit, Start, refit
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE, JUDGEMENT, thinned
@@ -131,12 +132,13 @@ def refit_of_one(source: ExperimentSource, name: str, null: Fit, grid: Grid, see
                  moved: Mapping[str, float] | None = None, **fields) -> RefitJob:
     """The job that fits the present null model of a source again, from the end of its last fit.
 
-    moved : changes of parameters since that fit, to first order: the job begins with them, and at that end only where
-    the first start fails
+    moved : changes of parameters since that fit, to first order: the job begins with them, as far as first order allows
+    (`share_of_step`), and at that end only where the first start fails
     fields : fields of `RefitJob`
     """
     begins: tuple[Mapping[str, float], ...] = (null.values,)
     if moved is not None:
-        begins = ({name: value + moved.get(name, 0.0) for name, value in null.values.items()}, null.values)
+        share = share_of_step(source.load().model.parameters, null.values, moved)
+        begins = ({name: value + share * moved.get(name, 0.0) for name, value in null.values.items()}, null.values)
     return RefitJob(name, source, (name,) * len(begins), ({},) * len(begins), begins, null.local, grid, np.inf, seed,
                     **fields)
