@@ -46,8 +46,8 @@ def candidate(name, limits=(), family="elastic_form"):
 
 
 def ranked(variant, amplitude=1.0, gain=100.0, bias=None, name="one", limits=(), family="elastic_form"):
-    return Ranked(candidate(name, limits, family), 0, variant, variant.label, 10.0, 1e-9, amplitude, 0.1, 0.5, gain, 0.1, 0.1,
-                  bias or {}, "significant")
+    return Ranked(candidate(name, limits, family), 0, variant, variant.label, 10.0, 1e-9, amplitude, 0.1, 0.5, gain,
+                  0.1, 0.1, bias or {}, "significant")
 
 
 STIFF = Variant("spot", {}, ("s",), {"s": 1.0}, {"s": 0.8})
