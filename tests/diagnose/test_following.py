@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from side_twins import Side, write_folder
 
-from idic.diagnose.discretisation.following import following, moved, share_of_step
+from idic.diagnose.discretisation.following import following, moved
 from idic.diagnose.discretisation.weight import weighed
 from idic.diagnose import Fit, identification_at, residual_evidence
 from idic.diagnose.refits.refit import Start, refit
-from idic.diagnose.refits.refit_job import refit_of_one
+from idic.diagnose.refits.refit_job import refit_of_one, share_of_step
 from idic.experiment_file import load_experiment
 from idic.identification import identify
 from idic.model import MotionError

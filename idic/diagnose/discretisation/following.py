@@ -7,16 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from idic.diagnose.refits.refit_job import share_of_step
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.score import null_model
 from idic.identification import AcceptedPoint, Identification
 from idic.model import Experiment, build_forward
-from idic.parameters import ParameterSet
 
 # of a parameter: an error of the simulation that was found so near is not found anew. Beside a new one the parameters
 # move by a part of this distance
 NEAR_STD = 0.25
-MAX_CHANGE = 0.5  # of a positive parameter, by one step
 
 
 def following(residual: ResidualEvidence) -> tuple[dict[str, float], float]:
@@ -50,14 +49,6 @@ def moved(identification: Identification, steps: Mapping[str, float]) -> Identif
         low, high = identification.parameters[name].bounds
         values[name] = float(np.clip(values[name] + share * change, low, high))
     return at_values(identification, identification.experiment, values)
-
-
-def share_of_step(parameters: ParameterSet, values: Mapping[str, float], steps: Mapping[str, float]) -> float:
-    """How much of a step from these values first order allows: 1, or less where a positive parameter changes by
-    `MAX_CHANGE`; names that the set does not have count nothing."""
-    largest = max((abs(change) / abs(values[name]) for name, change in steps.items()
-                   if name in parameters and parameters[name].transform == "log"), default=0.0)
-    return MAX_CHANGE / largest if largest > MAX_CHANGE else 1.0
 
 
 def at_values(identification: Identification, experiment: Experiment, values: dict[str, float]) -> Identification:

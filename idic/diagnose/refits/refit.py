@@ -262,9 +262,10 @@ def _started(start: Start, evaluations: int | None) -> Experiment:
     parameters = start.experiment.model.parameters
     values = {name: float(np.clip(value, *parameters[name].bounds))
               for name, value in parameters.own_of(start.values).items()}
-    absent = [name for name, value in values.items() if parameters[name].transform == "log" and not value > 0.0]
-    if absent:
-        raise InputError(f"{', '.join(absent)} would begin at zero, and is searched as a logarithm")
+    zeros = [name for name, value in values.items() if parameters[name].transform == "log" and not value > 0.0]
+    if zeros:
+        raise InputError(f"{', '.join(zeros)} would begin at zero, and is searched as a logarithm",
+                         remedy="begin at a positive value")
     return replace(start.experiment, model=replace(start.experiment.model, parameters=parameters.with_starts(values)),
                    stages=(), options=options)
 

@@ -67,7 +67,7 @@ def fewest_knots(scores: Scores, members: Sequence[int]) -> list[int]:
         return max((list(knots) for n in range(1, len(members) + 1) for knots in combinations(members, n)), key=worth)
     chosen = list(members)
     while len(chosen) > 1:
-        fewer = max(([knot for knot in chosen if knot != other] for other in chosen), key=worth)
+        fewer = max(([knot for knot in chosen if knot != candidate] for candidate in chosen), key=worth)
         if worth(fewer) < worth(chosen):
             break
         chosen = fewer

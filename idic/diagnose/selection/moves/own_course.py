@@ -74,31 +74,31 @@ def is_worth_its_knots(selected: Selected, tried: State) -> bool:
     return tried.winner.heldout - selected.winner.heldout > MIN_HELDOUT_DROP + knots
 
 
-def may_replace_further(further: Selected) -> bool:
+def may_replace_further(selected: Selected) -> bool:
     """Whether the last cause has a course to be freed before a further one joins it."""
-    last = last_cause(further.state)
-    return last is not None and last.winner.copies == 1 and not last.winner.ranked.variant.free_course
+    cause = last_cause(selected.state)
+    return cause is not None and cause.winner.copies == 1 and not cause.winner.ranked.variant.free_course
 
 
-def earlier_course(further: Selected) -> State | None:
+def earlier_course(selected: Selected) -> State | None:
     """The round of the last cause, open again, with a course that the data give; None where its pattern has none."""
-    state, last = further.state, last_cause(further.state)
-    if last is None:
+    state, cause = selected.state, last_cause(selected.state)
+    if cause is None:
         return None
-    entry, rounds = last.round, state.rounds[:-1]
+    entry, rounds = cause.round, state.rounds[:-1]
     is_doubted = state.doubted is not None and len(state.doubted.rounds) >= len(rounds)
     begun = replace(state, rounds=rounds, model=FittedModel(entry.source, entry.null), round=entry,
                     doubted=None if is_doubted else state.doubted)
-    tried = with_own_course(Selected(begun, entry, last.winner))
+    tried = with_own_course(Selected(begun, entry, cause.winner))
     return None if tried is None else judged(tried, tried.round)
 
 
-def loses_nothing(further: Selected, tried: State) -> bool:
+def loses_nothing(selected: Selected, tried: State) -> bool:
     """Whether a course of the last cause explains what a further one does, but for noise, and is worth its knots."""
-    last, freed = last_cause(further.state), tried.winner
-    if last is None or freed is None or not has_own_course(freed) or not is_worth_its_knots(last, tried):
+    cause, freed = last_cause(selected.state), tried.winner
+    if cause is None or freed is None or not has_own_course(freed) or not is_worth_its_knots(cause, tried):
         return False
-    loss = _on_both_copies(freed.refitted) - _on_both_copies(further.winner.refitted)
+    loss = _on_both_copies(freed.refitted) - _on_both_copies(selected.winner.refitted)
     return loss < max(MIN_TOLD_CHI2, COPIES * MIN_DROP_DIFFERENCE * freed.achieved)
 
 

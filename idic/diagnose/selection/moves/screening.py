@@ -92,8 +92,8 @@ def screened(model: FittedModel, library: Sequence[Candidate], watch: Watch = un
         materials=[material.element_set for material in identification.experiment.model.materials])
     scored = screen(errors=error_columns(residual, small_errors.values()))
     if is_unexplained and not scored.shortlist and FINITE_STRAINS in small_errors:
-        others = [error for name, error in small_errors.items() if name != FINITE_STRAINS]
-        scored = screen(errors=error_columns(residual, others))
+        errors = [error for name, error in small_errors.items() if name != FINITE_STRAINS]
+        scored = screen(errors=error_columns(residual, errors))
     unresolved = [ranked for ranked in scored.significant if ranked.variant.unresolved]
     untestable += [(ranked.candidate, ranked.variant.unresolved) for ranked in unresolved]
     return replace(scored, ranked=tuple(ranked for ranked in scored.ranked if ranked not in unresolved),
