@@ -7,15 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.diagnose.refits.refit_job import share_of_step
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.score import null_model
 from idic.identification import AcceptedPoint, Identification
 from idic.model import Experiment, build_forward
+from idic.parameters import ParameterSet
 
 # of a parameter: an error of the simulation that was found so near is not found anew. Beside a new one the parameters
 # move by a part of this distance
 NEAR_STD = 0.25
+MAX_CHANGE = 0.5  # of a positive parameter, by one step
 
 
 def following(residual: ResidualEvidence) -> tuple[dict[str, float], float]:
@@ -44,11 +45,25 @@ def moved(identification: Identification, steps: Mapping[str, float]) -> Identif
     beyond first order: a bulk modulus of rubber that a bent sheet hardly determines went to zero.
     """
     values = identification.parameters.as_values()
-    share = share_of_step(identification.parameters, values, steps)
-    for name, change in steps.items():
+    for name, change in shortened(identification.parameters, steps).items():
         low, high = identification.parameters[name].bounds
-        values[name] = float(np.clip(values[name] + share * change, low, high))
+        values[name] = float(np.clip(values[name] + change, low, high))
     return at_values(identification, identification.experiment, values)
+
+
+def shortened(parameters: ParameterSet, steps: Mapping[str, float]) -> dict[str, float]:
+    """A step, shortened as a whole where a positive parameter would change by more than half its value, as that is
+    beyond first order: a bulk modulus of rubber that a bent sheet hardly determined went to zero, and so did the rate
+    of creep that imitated yielding."""
+    share = share_of_step(parameters, steps)
+    return {name: share * change for name, change in steps.items()}
+
+
+def share_of_step(parameters: ParameterSet, steps: Mapping[str, float]) -> float:
+    """How much of a step first order allows: 1, or less where a positive parameter changes by `MAX_CHANGE`."""
+    largest = max((abs(change) / abs(parameters[name].value) for name, change in steps.items()
+                   if parameters[name].transform == "log"), default=0.0)
+    return MAX_CHANGE / largest if largest > MAX_CHANGE else 1.0
 
 
 def at_values(identification: Identification, experiment: Experiment, values: dict[str, float]) -> Identification:

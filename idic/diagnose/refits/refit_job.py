@@ -15,9 +15,6 @@ from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE, JUDGEMENT, thinned
 from idic.identification import ORDINARY, Path
 from idic.model import Experiment, MotionError
-from idic.parameters import ParameterSet
-
-MAX_CHANGE = 0.5  # of a positive parameter, by one step
 
 
 class ExperimentSource(Protocol):
@@ -134,21 +131,12 @@ def refit_of_one(source: ExperimentSource, name: str, null: Fit, grid: Grid, see
                  moved: Mapping[str, float] | None = None, **fields) -> RefitJob:
     """The job that fits the present null model of a source again, from the end of its last fit.
 
-    moved : changes of parameters since that fit, to first order: the job begins with them, as far as first order allows
-    (`share_of_step`), and at that end only where the first start fails
+    moved : changes of parameters since that fit, to first order: the job begins with them, and at that end only where
+    the first start fails
     fields : fields of `RefitJob`
     """
     begins: tuple[Mapping[str, float], ...] = (null.values,)
     if moved is not None:
-        share = share_of_step(source.load().model.parameters, null.values, moved)
-        begins = ({name: value + share * moved.get(name, 0.0) for name, value in null.values.items()}, null.values)
+        begins = ({name: value + moved.get(name, 0.0) for name, value in null.values.items()}, null.values)
     return RefitJob(name, source, (name,) * len(begins), ({},) * len(begins), begins, null.local, grid, np.inf, seed,
                     **fields)
-
-
-def share_of_step(parameters: ParameterSet, values: Mapping[str, float], steps: Mapping[str, float]) -> float:
-    """How much of a step from these values first order allows: 1, or less where a positive parameter changes by
-    `MAX_CHANGE`; names that the set does not have count nothing."""
-    largest = max((abs(change) / abs(values[name]) for name, change in steps.items()
-                   if name in parameters and parameters[name].transform == "log"), default=0.0)
-    return MAX_CHANGE / largest if largest > MAX_CHANGE else 1.0
