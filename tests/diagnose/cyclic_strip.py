@@ -9,14 +9,20 @@ that does not show.
 from __future__ import annotations
 
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
-from side_twins import GRIP_NOISE, LENGTH, NOISE, ORIGIN, PIXEL, RADIUS, SHAPE, THICKNESS, TOML, WIDTH
 
-from idic.fe import ExpectedOutput, gathered, inp_text
-from idic.images import Camera, dense_speckle
-from idic.virtual_tests import (
+sys.path.append(str(Path(__file__).parents[1] / "external"))
+from test_material_cards import pulled_by_calculix  # noqa: E402
+from side_twins import GRIP_NOISE, LENGTH, NOISE, ORIGIN, PIXEL, RADIUS, SHAPE, THICKNESS, TOML, WIDTH  # noqa: E402
+
+from idic.fe import ExpectedOutput, gathered, inp_text  # noqa: E402
+from idic.images import Camera, dense_speckle  # noqa: E402
+from idic.laws import compile as compile_law  # noqa: E402
+from idic.laws import point  # noqa: E402
+from idic.virtual_tests import (  # noqa: E402
     Sensor, clean_image, painted, record, strip_with_hole, write_images, write_inp, write_loads,
 )
 
@@ -27,14 +33,15 @@ GRIP = np.concatenate([[0.0], AMPLITUDE * np.linspace(0.25, 1.0, 4),
 TIMES = np.arange(float(len(GRIP)))
 FINE, USER = (6, 7, 5), (3, 4, 3)
 THIN, FORCE_NOISE = 100.0, 4.0  # N: 2/1000 of the largest force
-DECK = """*MATERIAL, NAME=BODY
+HARDENS = """*MATERIAL, NAME={name}
 *ELASTIC
 {E}, {nu}
 *PLASTIC, HARDENING=COMBINED
 {kinematic}
 *CYCLIC HARDENING
 {isotropic}
-*SOLID SECTION, ELSET=BODY, MATERIAL=BODY
+"""
+DECK = """*SOLID SECTION, ELSET=BODY, MATERIAL=BODY
 {thickness}
 *BOUNDARY
 LEFT, 1, 2
@@ -63,18 +70,41 @@ C = { value = 2500, unit = "MPa", identify = true }
 """
 
 
-def simulated(folder: Path, Q: float):
-    """Mesh, motion (n_frames, n_nodes, 2) mm and force (n_frames,) N; Q : MPa by which the elastic range grows."""
-    folder.mkdir(parents=True)
-    mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *FINE, name="BODY")
+def material(name: str, Q: float) -> str:
+    """CalculiX's lines; Q : MPa by which the elastic range grows."""
     p = np.concatenate([np.linspace(0.0, 0.3, 61), [0.4, 0.6, 1.0, 2.0]])
     rows = lambda values, at: "\n".join(f"{s:.9g}, {x:.9g}" for s, x in zip(values, at, strict=True))  # noqa: E731
     first, ends = TRUE["yield_stress"], np.array([0.0, 1.0])
+    return HARDENS.format(name=name, E=TRUE["E"], nu=TRUE["nu"], kinematic=rows(first + TRUE["C"] * ends, ends),
+                          isotropic=rows(first + Q * (1.0 - np.exp(-TRUE["b"] * p)), p))
+
+
+def fitted_to_one_element(folder: Path, Q: float) -> dict[str, float]:
+    """The parameters with which the law follows one element of CalculiX best through these cycles of the mean strain.
+
+    Not those of the card: CalculiX has the Cauchy stress in the yield condition, and convects its back stress.
+    """
+    law, turns = compile_law("j2_chaboche"), AMPLITUDE / LENGTH * np.array([0.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+    strain = np.concatenate([[0.0], *(np.linspace(a, b, 21)[1:] for a, b in zip(turns[:-1], turns[1:], strict=True))])
+    theirs = pulled_by_calculix(folder, material("M", Q), strain)
+    names = law.spec.parameter_names
+    values = np.array([(TRUE | {"Q": Q}).get(name, 0.0) for name in names])
+    free = [names.index(name) for name in ("E", "yield_stress", "Q", "b", "C")]
+    for _ in range(6):  # Gauss and Newton
+        curve = point.uniaxial(law, values, strain)
+        slopes = curve.dP[1:, free, 0, 0] * values[free]
+        values[free] *= 1.0 + np.linalg.lstsq(slopes, theirs - curve.P[1:, 0, 0], rcond=None)[0]
+    return {names[k]: float(values[k]) for k in free}
+
+
+def simulated(folder: Path, Q: float):
+    """Mesh, motion (n_frames, n_nodes, 2) mm and force (n_frames,) N"""
+    folder.mkdir(parents=True)
+    mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *FINE, name="BODY")
+    grip = "\n".join(f"{t:g}, {x:.9g}" for t, x in zip(TIMES, GRIP, strict=True))
     (folder / "strip.inp").write_text(
-        inp_text(mesh, "cycles", {"quad8": "CPS8R"}) + f"*NSET, NSET=ALL, GENERATE\n1, {mesh.n_nodes}\n" + DECK.format(
-            E=TRUE["E"], nu=TRUE["nu"], kinematic=rows(first + TRUE["C"] * ends, ends),
-            isotropic=rows(first + Q * (1.0 - np.exp(-TRUE["b"] * p)), p), thickness=THICKNESS / THIN,
-            grip="\n".join(f"{t:g}, {x:.9g}" for t, x in zip(TIMES, GRIP, strict=True)), end=len(GRIP) - 1))
+        inp_text(mesh, "cycles", {"quad8": "CPS8R"}) + f"*NSET, NSET=ALL, GENERATE\n1, {mesh.n_nodes}\n"
+        + material("BODY", Q) + DECK.format(thickness=THICKNESS / THIN, grip=grip, end=len(GRIP) - 1))
     done = subprocess.run(["ccx", "-i", "strip"], cwd=folder, capture_output=True, text=True, timeout=900, check=False)
     assert done.returncode == 0, done.stdout[-2000:]
     wanted = ExpectedOutput(mesh.node_labels, 2, np.arange(1.0, len(GRIP)), ("RIGHT.x",), mesh.node_sets, float(LENGTH))
@@ -85,7 +115,6 @@ def simulated(folder: Path, Q: float):
 def write_strip(folder: Path, Q: float, seed: int = 0) -> Path:
     """The experiment folder of a user who knows a back stress and an elastic range that stays."""
     mesh, u, force = simulated(folder / "ccx", Q)
-    np.save(folder / "force.npy", force)
     test = folder / "test"
     (test / "images").mkdir(parents=True)
     camera = Camera.from_table(PIXEL, ORIGIN)

@@ -6,7 +6,9 @@ import shutil
 
 import numpy as np
 import pytest
-from cyclic_strip import GRIP, LENGTH, MATERIAL, RADIUS, SHAPE, TIMES, WIDTH, write_strip
+from cyclic_strip import (
+    GRIP, LENGTH, MATERIAL, RADIUS, SHAPE, TIMES, WIDTH, fitted_to_one_element, write_strip,
+)
 from side_twins import TOML
 
 from idic.diagnose import Situation, candidate_library
@@ -74,6 +76,29 @@ def test_without_yield_in_reverse_there_is_nothing_to_see(tmp_path, material, gr
 
 
 def diagnosed(folder, Q):
-    """Of the experiment with this Q (MPa), and what it was identified as."""
+    """Of the experiment with this Q (MPa)."""
     identify_run(write_strip(folder, Q).parent, folder / "run")
     return diagnose_run(folder / "run")
+
+
+@pytest.mark.slow  # nine minutes of CPU time
+@by_calculix
+def test_an_elastic_range_that_shrinks_is_named_and_the_parameters_come_back(tmp_path):
+    """The force at the turns falls by 5 % over three cycles; a back stress alone has taken most of it."""
+    content = diagnosed(tmp_path, -25.0)
+    assert "cyclic_softening" in (*content["named"], *content["indistinguishable"])
+    assert content["verdict"] in ("single", "set")
+    before, after = (content["model"][f"parameters_{when}"] for when in ("before", "after"))
+    truth = fitted_to_one_element(tmp_path, -25.0)
+    assert before["BODY.yield_stress"]["value"] < truth["yield_stress"] - 10.0
+    for name, value in truth.items():
+        assert abs(after[f"BODY.{name}"]["value"] - value) < 2.0 * after[f"BODY.{name}"]["std"], name
+    assert content["fit"]["explainable_share_recovered"] > 0.95
+    assert content["fit"]["heldout_excess_after"] < 0.5 * content["fit"]["heldout_excess_before"]
+
+
+@pytest.mark.slow  # four minutes of CPU time
+@by_calculix
+def test_an_elastic_range_that_stays_names_nothing(tmp_path):
+    content = diagnosed(tmp_path, 0.0)
+    assert (content["verdict"], content["named"]) == ("none", [])
