@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 from idic.errors import InputError
-from idic.run import PASSWORD, PrefectServer, process_lives, start_server, this_process
+from idic.run import PASSWORD, PrefectServer, process_lives, this_process
 
 TAG = "idic-process:"
 REFUSED = (401, 403)  # status of a request without the right password, or without the right
@@ -21,7 +21,7 @@ def flow_server() -> Iterator[PrefectServer | None]:
     if _inside_a_flow():
         yield None
     else:
-        with start_server() as server:
+        with PrefectServer.start() as server:
             yield server
 
 

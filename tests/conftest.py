@@ -156,14 +156,14 @@ def _held(folder):
 
 def _start_session_server(folder, settings):
     """A server whose home is the folder; what it sets is written as JSON."""
-    from idic.run import start_server
+    from idic.run import PrefectServer
 
     before = dict(os.environ)
     try:
         for variable in [variable for variable in before if variable.startswith("PREFECT_")]:
             del os.environ[variable]
         os.environ["PREFECT_HOME"] = str(folder / "home")
-        server = start_server()
+        server = PrefectServer.start()
         server.wait()
         set_by_it = {name: value for name, value in os.environ.items() if name.startswith("PREFECT_")}
         settings.write_text(json.dumps(set_by_it))

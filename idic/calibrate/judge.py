@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from idic.calibrate.projection import in_camera_0
 from idic.calibrate.records import Calibration, Shape
@@ -15,25 +14,6 @@ UNDETERMINED = 2.0          # standard deviations of a coefficient from zero
 MAX_RMS_RATIO = 2.0         # of an image against the median of all
 MIN_SHAPE_RATIO = 2.0       # of `shape_error`: 100 points with noise alone stay within 1 +- 0.1
 MAX_CONDITION = 1e4         # of the equations of a point: seen from several sides
-
-
-def coverage(result: Calibration, camera: int) -> float:
-    """Share of the image inside the convex hull of the points of all views."""
-    width, height = result.rig.image_size_px[camera]
-    points = np.vstack([row[camera].points_px for row in result.views if row[camera] is not None])
-    return float(ConvexHull(points).volume / (width * height))
-
-
-def tilts_deg(result: Calibration) -> np.ndarray:
-    """Angle between the normal of the target and the line of sight of camera 0, per view; NaN where it is not seen."""
-    middle, angles = result.points_mm.mean(axis=0), []
-    for pose in result.poses:
-        if pose is None:
-            angles.append(np.nan)
-            continue
-        sight = pose.rotation @ middle + pose.translation_mm
-        angles.append(np.degrees(np.arccos(min(abs(pose.rotation[:, 2] @ sight) / np.linalg.norm(sight), 1.0))))
-    return np.array(angles)
 
 
 def shape_error(result: Calibration) -> tuple[float, float]:
@@ -68,12 +48,12 @@ def notes_on(result: Calibration, target_std_mm: float | None) -> tuple[str, ...
     """Sentences with the remedy."""
     notes, rig = [], result.rig
     for camera in range(len(rig.cameras)):
-        share = coverage(result, camera)
+        share = result.coverage(camera)
         if share < MIN_COVERAGE:
             notes.append(f"camera {camera}: the target covers {share:.0%} of the image; distortion and centre outside "
                          f"are "
                          "extrapolated. Show the target in the corners as well, or crop the images to the part in use")
-    largest = np.nanmax(tilts_deg(result))
+    largest = np.nanmax(result.tilts_deg)
     if largest < MIN_TILT_DEG:
         notes.append(f"the target is tilted by {largest:.0f}° at most: focal length and distance are hardly separated. "
                      "Tilt it by 20 to 40° about both axes")

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from idic.images import PinholeCamera
 from idic.readers import CameraRig, TargetView
@@ -178,3 +179,21 @@ class Calibration:
     between: Between
     shape: Shape
     notes: tuple[str, ...] = field(default=())
+
+    def coverage(self, camera: int) -> float:
+        """Share of the image inside the convex hull of the points of all views."""
+        width, height = self.rig.image_size_px[camera]
+        points = np.vstack([row[camera].points_px for row in self.views if row[camera] is not None])
+        return float(ConvexHull(points).volume / (width * height))
+
+    @property
+    def tilts_deg(self) -> np.ndarray:
+        """Angle between the normal of the target and the line of sight of camera 0, per view; NaN where not seen."""
+        middle, angles = self.points_mm.mean(axis=0), []
+        for pose in self.poses:
+            if pose is None:
+                angles.append(np.nan)
+                continue
+            sight = pose.rotation @ middle + pose.translation_mm
+            angles.append(np.degrees(np.arccos(min(abs(pose.rotation[:, 2] @ sight) / np.linalg.norm(sight), 1.0))))
+        return np.array(angles)

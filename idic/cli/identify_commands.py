@@ -141,9 +141,9 @@ def _server(prefect: bool) -> AbstractContextManager:
     """A Prefect server, where the command uses one."""
     if not prefect:
         return nullcontext()
-    from idic.run import start_server
+    from idic.run import PrefectServer
 
-    return start_server()
+    return PrefectServer.start()
 
 
 def _drawing_beside() -> AbstractContextManager[SecondProcess]:

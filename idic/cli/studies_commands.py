@@ -100,7 +100,7 @@ def gallery(
 def _study_console(flow: ModuleType, out: Path, stages: Sequence[str] = ()) -> Iterator:
     """A Prefect server, and the progress of a study on the screen."""
     from idic.cli.progress import progress_view
-    from idic.run import start_server
+    from idic.run import PrefectServer
 
-    with start_server(), progress_view(terminal(stderr=True), out, stages) as view:
+    with PrefectServer.start(), progress_view(terminal(stderr=True), out, stages) as view:
         yield flow.StudyConsole(view.stage, view.tasks, view.said, view.dashboards)

@@ -10,7 +10,7 @@ import numpy as np
 
 from idic.correlation.image_equations.context import CorrelationContext, FrameResponse
 from idic.correlation.image_equations.equations import ChannelEquations
-from idic.model import Experiment, Model, shown_value
+from idic.model import Experiment, shown_value
 from idic.parameters import ParameterSet
 
 
@@ -18,14 +18,6 @@ def channel_values(experiment: Experiment, parameters: ParameterSet, simulated: 
     """What the channels would show for these simulated forces  # (n_channels,)"""
     return np.array([shown_value(experiment, channel, parameters, frame, float(force)).value
                      for channel, force in zip(experiment.model.channels, simulated, strict=True)], float)
-
-
-def measured_values(model: Model, parameters: ParameterSet) -> np.ndarray:
-    """The logged channels of all frames, at the times of the images  # (n_frames, n_channels)"""
-    shift = model.log_shift(parameters)
-    columns = [channel.values + (shift * channel.rates if channel.rates is not None else 0.0)
-               for channel in model.channels]
-    return np.stack(columns, axis=1) if columns else np.zeros((model.n_frames, 0))
 
 
 def channel_equations(context: CorrelationContext, response: FrameResponse) -> ChannelEquations:

@@ -23,14 +23,16 @@ from idic.correlation.image_equations.frame import NodalEquations
 from idic.correlation.image_equations.system import CorrelationSystem, eliminate
 from idic.correlation.views.pinhole_view import PinholeView
 from idic.correlation.views.view import View, view_of
-from idic.fe import nodal_deformation
 from idic.images import AnyCamera, PLACEMENT_STEM, PlacedCamera
 from idic.model import Experiment, Model, is_camera_time
 
 
 def with_all_cameras(context: CorrelationContext,
                      attach: Callable[[Experiment, AnyCamera], Reference] | None = None) -> CorrelationContext:
-    """The context of the main camera with those of the further ones; attach : `build_reference`, or a cache of it."""
+    """The context of the main camera with those of the further ones.
+
+    attach : `build_experiment_reference`, or a cache of it
+    """
     companions = []
     for number, experiment in enumerate(context.experiment.views[1:]):
         camera = camera_at(experiment, context.parameters)
@@ -113,7 +115,7 @@ def global_columns(context: CorrelationContext, response: FrameResponse,
                    gradient: np.ndarray | None = None) -> np.ndarray:
     """Image columns of all free degrees of freedom  # (n_components n_nodes, n)
 
-    gradient : `nodal_gradient` of the motion, where it is known already
+    gradient : `Model.nodal_gradient` of the motion, where it is known already
     """
     view = view_of(context.experiment, context.camera).at(response.frame)
     return _columns(context, response, view, view.jacobian(context.experiment.model.mesh.nodes, response.u), gradient)
@@ -125,7 +127,7 @@ def _columns(context: CorrelationContext, response: FrameResponse, view: View | 
     experiment, nodes = context.experiment, context.experiment.model.mesh.nodes
     of_camera = [name for name in context.names if name not in context.moving and _is_of_camera(context, name)]
     if gradient is None and (of_camera or _moves_nodes(experiment.model, context.moving)):
-        gradient = nodal_gradient(experiment.model, response.u)
+        gradient = experiment.model.nodal_gradient(response.u)
     moved = view.projected(jacobian, at_fixed_pixels(experiment.model, response.u, response.du, context.moving,
                                                      gradient))
     columns, stem = np.zeros((len(moved), len(context.names))), f"{experiment.recording.camera_name}."
@@ -155,26 +157,15 @@ def at_fixed_pixels(model: Model, u: np.ndarray, du: np.ndarray, moving: Sequenc
     """Sensitivities at fixed points of the undeformed body instead of at nodes that move  # (n_nodes, dim, n_moving)
 
     Where a degree of freedom moves the nodes by V = dX/dlam: phi = dU/dlam - (grad u) V (docs/method.md, equation 5.5).
-    gradient : `nodal_gradient` of the motion, where it is known already
+    gradient : `Model.nodal_gradient` of the motion, where it is known already
     """
     if not _moves_nodes(model, moving):
         return du
     velocity = {morph.name: morph.velocity for morph in model.morphs}
-    du, gradient = du.copy(), nodal_gradient(model, u) if gradient is None else gradient
+    du, gradient = du.copy(), model.nodal_gradient(u) if gradient is None else gradient
     for i, name in enumerate(moving):
         if name in velocity:
             v = model.turned(velocity[name])
             du[:, :, i] -= np.einsum("nij,nj->ni", gradient, v)
             du[:, :v.shape[1], i] += v
     return du
-
-
-def nodal_gradient(model: Model, u: np.ndarray) -> np.ndarray:
-    """Deformation gradient at the nodes  # (n_nodes, dim, dim), of a motion with a third component (n_nodes, 3, 2)"""
-    gradient = nodal_deformation(model.mesh, u)
-    return np.where(np.isnan(gradient), np.eye(*gradient.shape[1:]), gradient)  # nodes of no element do not matter
-
-
-def correlated_frames(experiment: Experiment, frames: Sequence[int]) -> list[int]:
-    """Frames that enter the sums: later than the reference and not excluded."""
-    return [int(k) for k in frames if k > experiment.model.reference and k not in experiment.recording.excluded]

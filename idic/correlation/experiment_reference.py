@@ -10,15 +10,16 @@ import numpy as np
 import scipy
 
 from idic.correlation.image_equations.comparison import Reference
-from idic.correlation.field.reference import build_field_reference
+from idic.correlation.field.reference import FieldReference
 from idic.correlation.image_equations.grey import grey_reference
 from idic.correlation.height.cross_section import SectionReference, build_section_reference
 from idic.correlation.height.gaps import pixels_at_gaps, height_frame
 from idic.correlation.pixels.section_map import build_section_map
 from idic.correlation.height.surface import build_height_reference
 from idic.correlation.pinhole.ray_map import build_ray_map
-from idic.correlation.pixels.pixel_map import PixelMap, build_pixel_map
-from idic.correlation.views.view import GREY, SECTION, view_of
+from idic.correlation.pixels.pixel_map import PixelMap
+from idic.correlation.views.kinds import ViewKind
+from idic.correlation.views.view import view_of
 from idic.correlation.volume.reference import VolumeReference, volume_reference
 from idic.correlation.volume.voxel_map import build_voxel_map
 from idic.errors import InputError
@@ -61,14 +62,14 @@ def build_experiment_reference(experiment: Experiment, camera: AnyCamera) -> Ref
     """
     recording = experiment.recording
     if recording.points is not None:
-        return build_field_reference(experiment, camera)
+        return FieldReference.of(experiment, camera)
     if isinstance(camera, Scanner):
         return _volume_reference(experiment, camera)  # type: ignore[return-value]
     view = view_of(experiment, camera)
-    if view.kind == SECTION:
+    if view.kind == ViewKind.SECTION:
         return _section_reference(experiment, camera)
     options, stack = experiment.options, recording.stack
-    mask = _inside_borders(recording.mask, stack.shape, options.border_px if view.kind == GREY else 0)
+    mask = _inside_borders(recording.mask, stack.shape, options.border_px if view.kind == ViewKind.GREY else 0)
     pixel_map, mask = _kept_pixels(experiment, camera, mask)
     if experiment.model.cracks:
         mask = _beside_cracks(experiment.model, camera, mask, stack.shape,
@@ -78,7 +79,7 @@ def build_experiment_reference(experiment: Experiment, camera: AnyCamera) -> Ref
         mask = _outside_circles(mask, stack.shape, options.left_out_px)
         pixel_map = mapped_pixels(experiment, camera, mask)
     image = stack.frame(experiment.model.reference)
-    if view.kind == GREY:
+    if view.kind == ViewKind.GREY:
         images = [stack.frame(k) for k in recording.averaged] or image
         return grey_reference(pixel_map, images, experiment)
     degree = DEGREES[options.interpolation]
@@ -138,7 +139,7 @@ def mapped_pixels(experiment: Experiment, camera: AnyCamera, mask: np.ndarray | 
     cells = mesh.surface_cells(model.surface)
     if isinstance(camera, PlacedCamera):
         return build_ray_map(mesh, cells, camera, shape, mask, model.surface)
-    return build_pixel_map(mesh.nodes, cells, camera, shape, mask)
+    return PixelMap.of(mesh.nodes, cells, camera, shape, mask)
 
 
 def _section_reference(experiment: Experiment, camera: Camera) -> SectionReference:

@@ -25,7 +25,7 @@ from scipy.sparse.linalg import splu
 from idic.correlation.image_equations.comparison import NoiseTerms, Reference
 from idic.correlation.image_equations.frame import FrameGram, NodalEquations
 from idic.correlation.image_equations.grey import GreyReference
-from idic.correlation.image_equations.residual import ResidualMap, solve_brightness
+from idic.correlation.image_equations.residual import ResidualMap
 from idic.correlation.pixels.pixel_map import PixelMap
 from idic.model import Experiment
 
@@ -82,7 +82,7 @@ class MeasuredReference:
         """The same; image : nodal equations of the frame under the measured motion, `filled`."""
         covered = np.repeat(self.measured(frame), 2)
         gap = np.where(covered, (self.filled(frame) - motion).ravel(), 0.0)
-        light = solve_brightness(image)
+        light = image.brightness_fit()
         q = _weighted(self, image, covered, gap[:, None])[:, 0]
         rb = image.bb @ light.coefficients if len(light.coefficients) else image.rb
         return MeasuredEquations(image, self, covered, q, float(light.rr + gap @ q + light.coefficients @ rb), rb)

@@ -46,12 +46,6 @@ def ordinary_variance(references: int) -> float:
     return 1.0 + 1.0 / references
 
 
-def generalised_weights(weights: Weights) -> Weights:
-    """The weights of generalised least squares: every image by its own noise alone."""
-    return replace(weights, image=weights.image_noise**-2, cameras=tuple(n**-2 for n in weights.camera_noise),
-                   generalised=True)
-
-
 def closed_system(context: CorrelationContext, system: CorrelationSystem) -> tuple[CorrelationSystem, np.ndarray]:
     """The system of all frames, ready to solve.
 

@@ -24,9 +24,9 @@ from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
 from idic.diagnose.selection.rival import NO_CAUSE, Round, lead_of, winners, with_winners
 from idic.identification import Identification, z_text
 from idic.laws import get_law
-from idic.model import Model, pixel_size
+from idic.model import Model
 from idic.parameters import Parameter
-from idic.simulation_error import gripped_ends, reason_against_bricks
+from idic.simulation_error import reason_against_bricks
 
 MIN_CARRYING_ELEMENTS = 60  # elements that carry the active law: fewer do not resolve its course in space
 MIN_RIVAL_SHARE = 0.3  # of the winner's drop of chi-square: a rival that may still overtake it
@@ -97,7 +97,7 @@ def thickness_caution(diagnosis: Diagnosis) -> list[str]:
     error, experiment = diagnosis.source.motion_error, diagnosis.identification.experiment
     if error is None or error.thickness is None:
         return []
-    moved = float(np.sqrt((error.thickness.u**2).sum(axis=2).mean(axis=1)).max()) / pixel_size(experiment)
+    moved = float(np.sqrt((error.thickness.u**2).sum(axis=2).mean(axis=1)).max()) / experiment.pixel_size
     shares = [f", {100.0 * np.abs(change).max() / channel.largest:.2g} % of {channel.column}"
               for channel, change in zip(experiment.model.channels, error.thickness.channels.T, strict=True)]
     identified, first = diagnosis.identification.parameters, diagnosis.rounds[0]
@@ -193,7 +193,7 @@ def _assumption(effect: str, model: Model) -> tuple[str, str]:
     if effect == FINITE_STRAINS:
         return ("Small strains are an assumption: the same law with finite strains and rotations",
                 'finite strains (kinematics = "finite")')
-    ends = " with ends that keep theirs" if gripped_ends(model) else ""
+    ends = " with ends that keep theirs" if model.gripped_ends else ""
     return (f"Plane stress is an assumption: bricks of the specimen's thickness ({model.thickness:.3g} mm){ends}",
             'a mesh of bricks (kind = "solid")')
 

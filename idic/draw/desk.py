@@ -16,7 +16,7 @@ from idic.draw.plan import Plan, Sketch, first_sketch, read_plan
 from idic.draw.speckle_area import speckled_area
 from idic.draw.texture import Texture, noise_floor, texture_of
 from idic.errors import InputError
-from idic.fe import is_circle, segments_of, smallest_angle
+from idic.fe import Segments
 from idic.images import image_noise, speckle_size
 from idic.laws import all_laws
 from idic.readers import Drawing, has_gmsh
@@ -108,7 +108,7 @@ class Desk:
         """The mesh of a drawing, in px, with the noise floor of every element."""
         sketch = read_plan(content, Sketch)
         assert isinstance(sketch, Sketch)
-        number = segments_of(sketch.outline, sketch.holes).area() / sketch.element_px**2
+        number = Segments.of(sketch.outline, sketch.holes).area() / sketch.element_px**2
         if number > MAX_SHOWN_ELEMENTS:
             raise InputError("too many elements to show", key="element_px",
                              expected=f"{MAX_SHOWN_ELEMENTS} elements or fewer",
@@ -127,7 +127,7 @@ class Desk:
                          for name, faces in mesh.edge_sets.items()},
                 "floor": [round(float(v), 5) if np.isfinite(v) else None for v in floor],
                 "floor_median": float(np.median(finite)) if len(finite) else None,
-                "smallest_angle": smallest_angle(mesh),
+                "smallest_angle": mesh.smallest_angle,
                 "px_per_element": float(np.mean([_area(cell) for cell in corners]))}
 
     def text(self, content: dict) -> dict:
@@ -177,7 +177,7 @@ def _window(image: np.ndarray, outline: list, holes: list) -> tuple[np.ndarray, 
     """A part of the outline, half as wide and high, and its pixels outside of round holes: the part with most of
     them."""
     ny, nx = image.shape
-    low, high = segments_of(outline).box() if outline else np.array([[0, 0], [nx - 1, ny - 1]], dtype=float)
+    low, high = Segments.of(outline).box() if outline else np.array([[0, 0], [nx - 1, ny - 1]], dtype=float)
     half = np.minimum(high - low, 2 * NOISE_WINDOW_PX) / 4
     parts = []
     for share in ((0.5, 0.5), (0.28, 0.28), (0.72, 0.28), (0.28, 0.72), (0.72, 0.72)):
@@ -186,7 +186,7 @@ def _window(image: np.ndarray, outline: list, holes: list) -> tuple[np.ndarray, 
         window = image[y0:y1, x0:x1]
         rows, columns = np.ogrid[y0 : y0 + window.shape[0], x0 : x0 + window.shape[1]]
         inside = np.ones(window.shape, dtype=bool)
-        for x, y, radius in (hole for hole in holes if is_circle(hole)):
+        for x, y, radius in (hole for hole in holes if Segments.is_circle(hole)):
             inside &= (columns - x) ** 2 + (rows - y) ** 2 > (1.1 * radius) ** 2
         parts.append((window, inside))
     return max(parts, key=lambda part: int(part[1].sum()))

@@ -13,9 +13,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.experiment_file import EXPERIMENT_FILE, find_stages
 from idic.inside import way_inside
-from idic.readers import (
-    FileStack, Log, PICTURE_SUFFIXES, natural_key, open_stack, patterns_of, read_log, recorded_order,
-)
+from idic.readers import FileStack, Log, PICTURE_SUFFIXES, natural_key, open_stack, patterns_of, recorded_order
 
 RUNS = "runs"  # FOLDER/runs/NAME: what the page identifies
 RUN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,60}")
@@ -70,7 +68,7 @@ class Listing:
             raise InputError("no such log in the folder", key="loads", expected=", ".join(self.logs) or "none",
                              found=name,
                              remedy="choose from the list")
-        return read_log(self.folder / name)
+        return Log.read(self.folder / name)
 
 
 def list_folder(folder: Path) -> Listing:

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from idic.errors import InputError
 from idic.experiment_file import Circle, Points
-from idic.fe import is_circle, segments_of
+from idic.fe import Segments
 
 MAX_POINTS = 2000  # of a drawing
 ELEMENTS_ACROSS = 10  # of the shorter side of the outline
@@ -100,8 +100,8 @@ def first_sketch(outline: list, holes: list, shape: tuple[int, int]) -> dict:
         ny, nx = shape
         x0, y0, x1, y1 = round(0.1 * nx), round(0.1 * ny), round(0.9 * nx) - 1, round(0.9 * ny) - 1
         outline = [[x0, y0], [x1, y0], [x1, y1], [x0, y1]]
-    names = {} if is_circle(outline) else end_names(np.array([entry[-2:] for entry in outline], dtype=float))
-    size = float(np.ptp(segments_of(outline).box(), axis=0).min()) / ELEMENTS_ACROSS
+    names = {} if Segments.is_circle(outline) else end_names(np.array([entry[-2:] for entry in outline], dtype=float))
+    size = float(np.ptp(Segments.of(outline).box(), axis=0).min()) / ELEMENTS_ACROSS
     return {"outline": outline, "holes": holes, "element_px": float(max(round(size), MIN_ELEMENT_PX)),
             "elements": "quads", "mesher": "idic", "edge_names": names}
 

@@ -3,7 +3,7 @@ from .experiment_tables import ExperimentTables
 from .init import initial_experiment
 from .initial.fields import find_stages
 from .inputs import inputs_of
-from .laws.free_curves import BY_EVIDENCE, NEIGHBOURS, SPECTRUM, SURFACE, StatedCurve, by_evidence
+from .laws.free_curves import BY_EVIDENCE, NEIGHBOURS, SPECTRUM, SURFACE, StatedCurve
 from .laws.free_surface import KIND, SPREAD
 from .load import ExperimentFolder, load_experiment, read_experiment
 from .objects import ORIGIN, Objects, from_objects, further_files
@@ -19,8 +19,8 @@ from .toml_file import EXPERIMENT_FILE, locate, read_toml, to_toml, validated, w
 __all__ = [
     "BY_EVIDENCE", "EXPERIMENT_FILE", "KIND", "NEIGHBOURS", "ORIGIN", "SPECTRUM", "SPREAD", "SURFACE", "Circle",
     "DesignTable", "ExperimentFile", "ExperimentFolder", "ExperimentTables", "Frames", "Objects", "Points",
-    "StatedCurve", "by_evidence", "corners_px", "find_stages", "from_objects", "further_files", "gauges",
-    "initial_experiment", "inputs_of", "load_experiment", "locate", "read_experiment",
-    "read_toml", "recorded", "seen_nodes", "seen_region", "to_toml", "validated", "visible_cells",
-    "with_copied_images", "with_law_files", "with_overrides", "with_stabilised_images",
+    "StatedCurve", "corners_px", "find_stages", "from_objects", "further_files", "gauges", "initial_experiment",
+    "inputs_of", "load_experiment", "locate", "read_experiment", "read_toml", "recorded", "seen_nodes", "seen_region",
+    "to_toml", "validated", "visible_cells", "with_copied_images", "with_law_files", "with_overrides",
+    "with_stabilised_images",
 ]

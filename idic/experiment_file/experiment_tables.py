@@ -39,7 +39,7 @@ from idic.experiment_file.tables.temperatures import Body, knots_of_temperature,
 from idic.experiment_file.toml_file import validated, with_overrides
 from idic.experiment_file.volumes.scan_noise import scan_noise
 from idic.experiment_file.volumes.scanner_table import check_in_volume
-from idic.fe import Mesh, can_raise_order, curved, is_raised_by_default, raise_order
+from idic.fe import Mesh, curved, raise_order
 from idic.images import AnyCamera, Camera, SCANNER, Scanner, mirrored_rim_px
 from idic.model import (
     Column, Experiment, FieldPoints, FurtherCamera, Material, Model, Noise, Options, Prescribed, Recording,
@@ -277,9 +277,9 @@ class ExperimentTables:
         """The mesh with the element order of the options, on the arcs of a drawing, and a note if the order was
         raised."""
         order, n = self.config.options.element_order, mesh.n_nodes
-        if order == "as_given" or (order == "auto" and not is_raised_by_default(mesh)):
-            return mesh, (LINEAR_AS_GIVEN,) if is_raised_by_default(mesh) else ()
-        if not can_raise_order(mesh):
+        if order == "as_given" or (order == "auto" and not mesh.is_raised_by_default):
+            return mesh, (LINEAR_AS_GIVEN,) if mesh.is_raised_by_default else ()
+        if not mesh.can_raise_order:
             raise InputError("idic cannot raise the order of these elements", file=self.file,
                              key="options.element_order", expected="a mesh of tri3, quad4, tet4 or hex8 elements",
                              found=", ".join(sorted({block.cell for block in mesh.blocks})),

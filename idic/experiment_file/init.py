@@ -21,7 +21,7 @@ from idic.experiment_file.initial.specimens import specimens_in
 from idic.experiment_file.initial.volumes import scans_found, volumes_document
 from idic.experiment_file.initial.words import fitting_scale, lines_of
 from idic.experiment_file.toml_file import EXPERIMENT_FILE
-from idic.fe import segments_of
+from idic.fe import Segments
 from idic.inside import open_inside
 from idic.readers import parse_unit
 
@@ -154,7 +154,7 @@ def _guessed_roi(contents: Found) -> tuple[int, int, int, int, int]:
     x0, y0 = int(_ROI_MARGIN * nx), int(_ROI_MARGIN * ny)
     x1, y1 = nx - 1 - x0, ny - 1 - y0
     if contents.outline:
-        low, high = segments_of(contents.outline).box()
+        low, high = Segments.of(contents.outline).box()
         (x0, y0), (x1, y1) = np.ceil(low).astype(int).tolist(), np.floor(high).astype(int).tolist()
     return x0, y0, x1, y1, max(min(x1 - x0, y1 - y0) // _ELEMENTS_ACROSS, _MIN_ELEMENT_PX)
 

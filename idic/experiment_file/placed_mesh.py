@@ -21,7 +21,7 @@ from idic.experiment_file.tables.mesh_sets import with_edge_set, with_sets
 from idic.experiment_file.volumes.scanner_table import scanner_scale
 from idic.fe import Mesh
 from idic.images import Camera, Scanner
-from idic.readers import FieldStack, factor_between, to_mesh
+from idic.readers import FieldStack, factor_between
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ class _Placement:
             raw = self.recording.mesh
             assert raw is not None  # of the file
             source = raw.file
-            mesh, notes = to_mesh(raw, n_dim, scale.factor)
+            mesh, notes = raw.to_mesh(n_dim, scale.factor)
             notes += _other_kinds(raw.stated_kinds, self.config.experiment.kind)
         else:
             mesh, notes = mesh_on_image(self.config, scale, self.recording.frames.stack, self.file)

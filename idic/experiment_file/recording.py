@@ -30,9 +30,8 @@ from idic.images import VolumeStack
 from idic.laws import all_laws, code_of, outside_values, source_of
 from idic.model import FieldPoints, KINDS
 from idic.readers import (
-    ArrayFrames, CameraRig, FieldStack, FileStack, Log, MatchedLog, RawMesh, check_complete, existing_file,
-    frame_indices, frame_numbers, match, matching_files, open_stack, read_image, read_log,
-    read_mesh_file,
+    ArrayFrames, CameraRig, FieldStack, FileStack, FrameNames, Log, MatchedLog, RawMesh, existing_file, matching_files,
+    open_stack, read_image, read_mesh_file,
 )
 from idic.path_names import path_inside
 from idic.remote_files import image_facts
@@ -156,7 +155,7 @@ class RecordedFolder:
         notes = stack.notes() + self._order_notes(stack) + self._image_times_notes()
 
         def indices(entries, key):
-            numbers, note = frame_indices(entries, stack.labels, file=file, key=f"experiment.{key}")
+            numbers, note = FrameNames(stack.labels).indices(entries, file=file, key=f"experiment.{key}")
             notes.extend([note] if note else [])
             return numbers
 
@@ -181,7 +180,7 @@ class RecordedFolder:
                              found=f"{stack.labels[reference]}, the last of {stack.n_frames}",
                              remedy="name the undeformed image, and check exclude_frames")
         still, still_stack = self._still_frames(stack, indices)
-        return Frames(stack, stack.labels, frame_numbers(stack.labels), reference, excluded, still, still_stack,
+        return Frames(stack, stack.labels, FrameNames(stack.labels).numbers, reference, excluded, still, still_stack,
                        self.mask(stack), tuple(notes),
                        averaged if len(averaged) > 1 else (), stated_order=self.stated_order)
 
@@ -204,7 +203,7 @@ class RecordedFolder:
         self._check_complete(labels)
 
         def indices(entries, key):
-            numbers, note = frame_indices(entries, labels, file=file, key=f"experiment.{key}")
+            numbers, note = FrameNames(labels).indices(entries, file=file, key=f"experiment.{key}")
             notes.extend([note] if note else [])
             return numbers
 
@@ -233,7 +232,7 @@ class RecordedFolder:
         grid = grid_of(stack.points, table.fields_subset_mm or 0.0, with_rigid_motion,
                        depth_of(self.config, stack.points, with_rigid_motion))
         notes += field_notes(stack, grid, later, table.thickness_mm, reference)
-        return Frames(stack, labels, frame_numbers(labels), reference, excluded, (), None, None, tuple(notes),
+        return Frames(stack, labels, FrameNames(labels).numbers, reference, excluded, (), None, None, tuple(notes),
                       averaged if len(averaged) > 1 else (), grid, recorded=recorded)
 
     def opened_scans(self) -> ScanFiles:
@@ -263,7 +262,7 @@ class RecordedFolder:
         self._check_complete(labels)
 
         def indices(entries, key):
-            numbers, note = frame_indices(entries, labels, file=file, key=f"experiment.{key}")
+            numbers, note = FrameNames(labels).indices(entries, file=file, key=f"experiment.{key}")
             notes.extend([note] if note else [])
             return numbers
 
@@ -280,7 +279,7 @@ class RecordedFolder:
                              expected="two scans or more, the reference before the others", found=f"{len(labels)}",
                              remedy="check the pattern, reference and exclude_frames")
         air_below_gv = None if self.config.scanner is None else self.config.scanner.air_below_gv
-        return Frames(stack, labels, frame_numbers(labels), reference, excluded, still, None, None, tuple(notes),
+        return Frames(stack, labels, FrameNames(labels).numbers, reference, excluded, still, None, None, tuple(notes),
                       averaged if len(averaged) > 1 else (),
                       voxel_mask=open_mask(self.folder, table.mask, air_below_gv, stack, file))
 
@@ -333,7 +332,7 @@ class RecordedFolder:
         name = self.config.experiment.loads
         if name is None and isinstance(frames.stack, FieldStack):
             series_log = frames.stack.series.log()
-            return None if series_log is None else match(series_log, frames.stack.n_frames, None, None)
+            return None if series_log is None else series_log.match(frames.stack.n_frames, None, None)
         if name is None:
             return None
         if frames.recorded is not None:
@@ -342,7 +341,7 @@ class RecordedFolder:
             times = self.image_times(len(labels))
             if times is None and len(log.rows) != len(labels):
                 times = stage_times(frames.recorded.stack)
-            stage_log = match(log, len(labels), frame_numbers(labels), times)
+            stage_log = log.match(len(labels), FrameNames(labels).numbers, times)
             return stage_log.of_frames(frames.recorded.compared)
         log, times = self.recorded_log(name), self.image_times(frames.stack.n_frames)
         log.check_rows_of(frames.labels, "loads")
@@ -353,11 +352,11 @@ class RecordedFolder:
                 times = stated_times
             else:
                 log = with_time_note(log, stated_times)
-        return match(log, frames.stack.n_frames, frames.numbers, times)
+        return log.match(frames.stack.n_frames, frames.numbers, times)
 
     def recorded_log(self, name: str) -> Log:
         """The log with the rows of the file."""
-        log = read_log(existing_file(self.folder, name, file=self.file, key="experiment.loads"),
+        log = Log.read(existing_file(self.folder, name, file=self.file, key="experiment.loads"),
                        self.config.experiment.decimal)
         image_times = self.image_times_table()
         return log if image_times is None else log.on_the_clock_of(image_times)
@@ -368,7 +367,7 @@ class RecordedFolder:
         if name is None:
             return None
         path = existing_file(self.folder, name, file=self.file, key="experiment.image_times")
-        return read_log(path, self.config.experiment.decimal)
+        return Log.read(path, self.config.experiment.decimal)
 
     def frame_times(self, frames: Frames) -> np.ndarray | None:
         """Times of the frames that are compared in s, where [experiment] gives them  # (n_frames,)"""
@@ -388,7 +387,7 @@ class RecordedFolder:
     def _check_complete(self, labels: tuple[str, ...]) -> None:
         """Refuse times by an interval where an image in between is missing."""
         if self.config.experiment.frame_interval_s is not None:
-            check_complete(labels, file=self.file, key="experiment.frame_interval_s")
+            FrameNames(labels).check_complete(file=self.file, key="experiment.frame_interval_s")
 
     def _order_notes(self, stack: FileStack | ArrayFrames) -> list[str]:
         """The reading of the file names, where it is not that of their digits from left to right."""

@@ -15,17 +15,17 @@ from .external.solver_output import ExpectedOutput, Solution, gathered, read_cal
 from .extrapolation import increments_to_try, march_extrapolated
 from .fields import green_strain, nodal_deformation, nodal_field, nodal_state
 from .half_rate import Motion, without_time_error
-from .mesh.coarsen import Coarse, coarsen
+from .mesh.coarsen import Coarse
 from .mesh.curved_edges import curved
 from .mesh.edge_morph import EDGE_STD_SHARE, OUTLINE, edges_by_name, free_edges, outward_velocity
 from .mesh.element import CELL_TYPES, cell_type
-from .mesh.halve import can_halve, halve
+from .mesh.halve import halve
 from .mesh.locate import interpolation
 from .mesh.mesh import Block, make_mesh, Mesh, PerMesh
-from .mesh.morph import Hole, Morph, admissible, find_holes, morphed, on_circle, velocities
-from .mesh.outline import Boundary, Segments, is_circle, segments_of
-from .mesh.polygon import Filling, fill, follow_arcs, mesh_polygon, smallest_angle
-from .mesh.refine import can_raise_order, is_raised_by_default, raise_order
+from .mesh.morph import Hole, Morph, admissible, find_holes, morphed, on_circle
+from .mesh.outline import Boundary, Segments
+from .mesh.polygon import Filling, fill, mesh_polygon
+from .mesh.refine import raise_order
 from .mesh.surface_edges import CORNER_COSINE, followed, normal_axis, second_differences, seen_first
 from .products import Linearisation
 from .response import Alternative, Responses, first_responses
@@ -33,7 +33,7 @@ from .solver.factorisation_cost import Fill, dissected
 from .solver.rigid_motion import FreePart, bodies, free_parts
 from .solver.threads import solver_threads
 from .stress_error import stress_error_responses
-from .superposition import is_linear, superposed
+from .superposition import superposed
 from .time_march import FrameState, PointValues, StepList, march
 from .tangent import Tangent, tangents_along
 
@@ -43,13 +43,12 @@ __all__ = [
     "ExpectedOutput", "ExternalSetup", "ExternalSolver", "Fill", "Filling", "FrameState", "FreePart", "Hole",
     "Linearisation", "Loads", "Mesh", "Morph", "Motion", "PathControl", "PerMesh", "PointValues", "Reaction",
     "Responses", "Seam", "Section", "Segments", "Solution", "StepList", "Tangent", "Variation", "admissible", "bodies",
-    "can_halve", "can_raise_order", "cell_type", "check_environment", "coarsen", "conductance", "conducted",
-    "constrain", "curved", "cut_along", "dead_pressure", "dissected", "dofs_of", "edges_by_name", "face_area", "fill",
-    "find_holes", "find_program", "first_responses", "follow_arcs", "followed", "free_edges", "free_parts", "gathered",
-    "green_strain", "halve", "increments_to_try", "inp_text", "interpolation", "is_circle", "is_linear",
-    "is_raised_by_default", "make_mesh", "march", "march_extrapolated", "mesh_polygon", "morphed", "nodal_deformation",
+    "cell_type", "check_environment", "conductance", "conducted", "constrain", "curved", "cut_along", "dead_pressure",
+    "dissected", "dofs_of", "edges_by_name", "face_area", "fill", "find_holes", "find_program", "first_responses",
+    "followed", "free_edges", "free_parts", "gathered", "green_strain", "halve", "increments_to_try", "inp_text",
+    "interpolation", "make_mesh", "march", "march_extrapolated", "mesh_polygon", "morphed", "nodal_deformation",
     "nodal_field", "nodal_state", "normal_axis", "on_circle", "outward_velocity", "parse_deck", "raise_order",
-    "read_calculix_dat", "require_permission", "ring_around", "second_differences", "seen_first", "segments_of",
-    "smallest_angle", "solver_threads", "stress_error_responses", "superposed", "sweep", "tangents_along", "traction",
-    "unreached", "velocities", "volume", "with_seams", "without_time_error",
+    "read_calculix_dat", "require_permission", "ring_around", "second_differences", "seen_first", "solver_threads",
+    "stress_error_responses", "superposed", "sweep", "tangents_along", "traction", "unreached", "volume", "with_seams",
+    "without_time_error",
 ]

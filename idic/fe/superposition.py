@@ -88,7 +88,7 @@ def superposed(body: Body, params: Mapping[str, np.ndarray], times: np.ndarray, 
     InputError
         As `idic.fe.time_march.march`.
     """
-    if not is_linear(body):
+    if not body.is_linear:
         return None
     body.validate(len(times))
     check_directions(body, directions, len(times))
@@ -107,13 +107,6 @@ def superposed(body: Body, params: Mapping[str, np.ndarray], times: np.ndarray, 
     place = np.searchsorted(columns, local)
     return _frames(_Body(body, params, times), answers, histories[:, columns], [slope[:, columns] for slope in slopes],
                    place, _increments(times, steps, substeps))
-
-
-def is_linear(body: Body) -> bool:
-    """Whether displacements and forces are linear in the histories of drives and loads."""
-    laws = [section.law for section in body.sections]
-    return (all(law.small and law.spec.linear for law in laws) and not body.loads.pressure_faces
-            and body.temperature is None and body.control is None and not body.seams)
 
 
 def _histories(body: Body) -> np.ndarray:

@@ -9,7 +9,7 @@ far the simulated one is off; it needs no image, so that a fit costs its simulat
 The standard deviation of the motion of a node is about what the regularisation of the measurement leaves,
 `MOTION_STD_PX`; that of a channel is a share of its largest value. Both are far above the noise: the fit is a start,
 not an answer. Fewer frames therefore do, and a mesh of fewer elements whose nodes are among those of the given one,
-where there is such a mesh (`idic.fe.mesh.coarsen`).
+where there is such a mesh (`idic.fe.Coarse`).
 
 A simulation that breaks down is compared up to there and stands still afterwards: the frames before tell where to step,
 and a fit that gets farther is the better one.
@@ -28,7 +28,7 @@ from idic.correlation import (
     eliminate, global_columns, reduce_systems, view_of,
 )
 from idic.errors import NotConverged
-from idic.fe import Coarse, Control, coarsen
+from idic.fe import Coarse, Control
 from idic.identification.driver import MemoryPoints, run_loop
 from idic.identification.free_motion.free_motion_start import measured_start
 from idic.identification.loop import start
@@ -66,30 +66,30 @@ class CoarseFit:
         """Root of the functional per measured value: 1 is half a pixel, and a hundredth of the channels."""
         return float(np.sqrt(self.phi / max(self.points, 1)))
 
+    @classmethod
+    def of(cls, experiment: Experiment, u_px: np.ndarray | None, values: Mapping[str, float],
+           evaluations: int, simplified: bool = False) -> CoarseFit:
+        """Identify the free parameters by measured motion and channels, for so many evaluations at most.
 
-def coarse_fit(experiment: Experiment, u_px: np.ndarray | None, values: Mapping[str, float],
-               evaluations: int, simplified: bool = False) -> CoarseFit:
-    """Identify the free parameters by measured motion and channels, for so many evaluations at most.
-
-    Parameters
-    ----------
-    u_px : (n_frames, n_nodes, 2) px of the main camera, NaN where nothing was measured; None: channels alone
-    values : where to begin, internal units
-    simplified : on a mesh of fewer elements
-    """
-    parameters = experiment.model.parameters.with_free(first_free(experiment))  # the others keep their values
-    setup = _prepare(experiment.with_parameters(parameters), u_px, simplified)
-    start_values = {**setup.experiment.model.parameters.as_values(), **values}
-    options = replace(setup.experiment.options, max_iterations=evaluations, estimator="ordinary", schedule="all",
-                      search="never", step_limit=None, trial_steps=1)
-    start_experiment = setup.experiment.with_parameters(setup.experiment.model.parameters.with_values(start_values))
-    setup = replace(setup, experiment=replace(start_experiment, stages=(Stage("all"),), options=options))
-    points = MemoryPoints(setup.experiment, setup.weights.image_noise, start(setup.experiment), _Point(None, None, 0.0),
-                          partial(_evaluate, setup))
-    state, end = run_loop(points), points.point
-    if end.evaluation is None:
-        return CoarseFit(start_values, np.inf, setup.points, state.evaluations, 0.0)
-    return CoarseFit(state.accepted.values, end.evaluation.system.phi, setup.points, state.evaluations, end.part)
+        Parameters
+        ----------
+        u_px : (n_frames, n_nodes, 2) px of the main camera, NaN where nothing was measured; None: channels alone
+        values : where to begin, internal units
+        simplified : on a mesh of fewer elements
+        """
+        parameters = experiment.model.parameters.with_free(first_free(experiment))  # the others keep their values
+        setup = _prepare(experiment.with_parameters(parameters), u_px, simplified)
+        start_values = {**setup.experiment.model.parameters.as_values(), **values}
+        options = replace(setup.experiment.options, max_iterations=evaluations, estimator="ordinary", schedule="all",
+                          search="never", step_limit=None, trial_steps=1)
+        start_experiment = setup.experiment.with_parameters(setup.experiment.model.parameters.with_values(start_values))
+        setup = replace(setup, experiment=replace(start_experiment, stages=(Stage("all"),), options=options))
+        points = MemoryPoints(setup.experiment, setup.weights.image_noise, start(setup.experiment),
+                              _Point(None, None, 0.0), partial(_evaluate, setup))
+        state, end = run_loop(points), points.point
+        if end.evaluation is None:
+            return cls(start_values, np.inf, setup.points, state.evaluations, 0.0)
+        return cls(state.accepted.values, end.evaluation.system.phi, setup.points, state.evaluations, end.part)
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def coarse_mesh(model: Model) -> Coarse | None:
     """A mesh of about `COARSE_ELEMENTS` for the experiment; None where there is none, or shapes on its nodes or
     cracks between them are parameters."""
     shaped = model.morphs or model.cracks or any(isinstance(entry.drive, Parametrised) for entry in model.prescribed)
-    return None if shaped else coarsen(model.mesh, COARSE_ELEMENTS)
+    return None if shaped else Coarse.of(model.mesh, COARSE_ELEMENTS)
 
 
 def coarse_frames(model: Model) -> list[int]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from idic.correlation import (
     CorrelationContext, CorrelationSystem, FrameResponse, View, build_experiment_reference, camera_at, closed_system,
-    correlated_frames, frame_system, reduce_systems, view_of, with_all_cameras,
+    frame_system, reduce_systems, view_of, with_all_cameras,
 )
 from idic.errors import InputError
 from idic.identification.joint import joint_names, of_material
@@ -89,6 +89,48 @@ class Design:
     def parameters(self) -> ParameterSet:
         return self.full.parameters
 
+    @classmethod
+    def of(cls, name: str, experiment: Experiment, local: np.ndarray | None = None,
+           notes: Sequence[str] = ()) -> Design:
+        """Simulate a planned test and predict its standard deviations.
+
+        Parameters
+        ----------
+        experiment : Experiment
+            Its stack needs the reference image only: whatever it gives for later frames enters neither M nor the noise.
+        local : (n_frames, m) mm, optional
+            Motion of measured edges; zero without it.
+
+        Raises
+        ------
+        InputError
+            No free parameter, image noise not known, or a plan in which nothing moves.
+        NotConverged
+            If the simulation does not reach the end.
+        """
+        names = experiment.model.parameters.free
+        if not names:
+            raise InputError("no parameter is to be identified", file="experiment.toml", key="[material]",
+                             expected="identify = true at one parameter or more", found="none",
+                             remedy="write for instance  E = { value = 70e3, identify = true }")
+        forward = build_forward(experiment)
+        moving = tuple(name for name in names if forward.moves(name))
+        parameters, weights = experiment.model.parameters, noise_weights(experiment)
+        experiment = experiment.at_geometry(parameters)
+        camera = camera_at(experiment, parameters)
+        context = with_all_cameras(CorrelationContext(
+            experiment, parameters, names, moving, camera, build_experiment_reference(experiment, camera), weights,
+            forward.drives.local_precision, local_scatter=forward.drives.local_scatter))
+        walk = _Walk(context, forward, view_of(experiment, camera))
+        local = np.zeros((experiment.model.n_frames, forward.drives.n_local)) if local is None else local
+        walk.run(local)
+        if walk.motion_px.max(initial=0.0) < MIN_MOTION_PX:
+            raise InputError("nothing moves in this plan", file="experiment.toml", key="[[boundary]]",
+                             expected="a boundary or a load that moves the specimen in the images",
+                             found=f"at most {walk.motion_px.max(initial=0.0):.2g} px",
+                             remedy="give the motion as a column, with its course under [design.program]")
+        return walk.design(name, tuple(notes))
+
 
 @dataclass(frozen=True)
 class JointDesign:
@@ -97,84 +139,43 @@ class JointDesign:
     full: Analysis
     notes: tuple[str, ...]
 
+    @classmethod
+    def of(cls, designs: Sequence[Design]) -> JointDesign:
+        """The plans as one identification: M and its noise add for the parameters that experiments share.
 
-def design_test(name: str, experiment: Experiment, local: np.ndarray | None = None,
-                notes: Sequence[str] = ()) -> Design:
-    """Simulate a planned test and predict its standard deviations.
+        Directions that differ, what says ``shared = false`` and what belongs to one test only (boundary, camera,
+        channel, geometry, time) keep their own unknown, named ``PLAN/boundary...``. The names of the plans differ.
 
-    Parameters
-    ----------
-    experiment : Experiment
-        Its stack needs the reference image only: whatever it gives for later frames enters neither M nor the noise.
-    local : (n_frames, m) mm, optional
-        Motion of measured edges; zero without it.
-
-    Raises
-    ------
-    InputError
-        No free parameter, image noise not known, or a plan in which nothing moves.
-    NotConverged
-        If the simulation does not reach the end.
-    """
-    names = experiment.model.parameters.free
-    if not names:
-        raise InputError("no parameter is to be identified", file="experiment.toml", key="[material]",
-                         expected="identify = true at one parameter or more", found="none",
-                         remedy="write for instance  E = { value = 70e3, identify = true }")
-    forward = build_forward(experiment)
-    moving = tuple(name for name in names if forward.moves(name))
-    parameters, weights = experiment.model.parameters, noise_weights(experiment)
-    experiment = experiment.at_geometry(parameters)
-    camera = camera_at(experiment, parameters)
-    context = with_all_cameras(CorrelationContext(
-        experiment, parameters, names, moving, camera, build_experiment_reference(experiment, camera), weights,
-        forward.drives.local_precision, local_scatter=forward.drives.local_scatter))
-    walk = _Walk(context, forward, view_of(experiment, camera))
-    local = np.zeros((experiment.model.n_frames, forward.drives.n_local)) if local is None else local
-    walk.run(local)
-    if walk.motion_px.max(initial=0.0) < MIN_MOTION_PX:
-        raise InputError("nothing moves in this plan", file="experiment.toml", key="[[boundary]]",
-                         expected="a boundary or a load that moves the specimen in the images",
-                         found=f"at most {walk.motion_px.max(initial=0.0):.2g} px",
-                         remedy="give the motion as a column, with its course under [design.program]")
-    return walk.design(name, tuple(notes))
-
-
-def join_designs(designs: Sequence[Design]) -> JointDesign:
-    """The plans as one identification: M and its noise add for the parameters that experiments share.
-
-    Directions that differ, what says ``shared = false`` and what belongs to one test only (boundary, camera, channel,
-    geometry, time) keep their own unknown, named ``PLAN/boundary...``. The names of the plans differ.
-
-    Raises
-    ------
-    InputError
-        As `idic.identification.joint.join`, but for options.
-    """
-    own_names = joint_names({design.name: design.experiment for design in designs}, PLAN_SEPARATOR, any_unit=True)
-    renamed = [tuple(own_names[design.name][name] for name in design.names) for design in designs]
-    names = tuple(dict.fromkeys(name for group in renamed for name in group))
-    M, noise, b = np.zeros((len(names),) * 2), np.zeros((len(names),) * 2), np.zeros(len(names))
-    parameters: dict[str, Parameter] = {}
-    notes = []
-    for design, group in zip(designs, renamed, strict=True):
-        place = np.ix_(*[[names.index(name) for name in group]] * 2)
-        system = design.evaluation.system
-        M[place] += system.M
-        noise[place] += system.spread + design.image_noise**2 * design.evaluation.reference_gram
-        for name_in_plan, name in zip(design.names, group, strict=True):
-            parameter = replace(design.parameters[name_in_plan], name=name)
-            if not np.isclose(parameters.setdefault(name, parameter).value, parameter.value, rtol=1e-12, atol=0.0):
-                notes.append(f"{name}: the plans assume {parameters[name].shown:g} and {parameter.shown:g} "
-                             f"{parameter.unit}")
-    joint = list(dict.fromkeys(prior.renamed(dict(zip(design.names, group, strict=True)))
-                               for design, group in zip(designs, renamed, strict=True)
-                               for prior in design.parameters.joint))
-    system = CorrelationSystem(names, M, b, 0.0, 0.0, noise, np.zeros((0, len(names))), ())
-    with_force = next((d.experiment for d in designs if d.experiment.model.channels), designs[0].experiment)
-    nothing_more = np.zeros_like(M)  # the reference images' noise is in `noise` already: every plan has its own
-    analysis = Analysis(with_force, ParameterSet(parameters.values(), joint), Evaluation(0, system, nothing_more), 0.0)
-    return JointDesign(analysis, tuple(dict.fromkeys(notes)))
+        Raises
+        ------
+        InputError
+            As `idic.identification.Joint.of`, but for options.
+        """
+        own_names = joint_names({design.name: design.experiment for design in designs}, PLAN_SEPARATOR, any_unit=True)
+        renamed = [tuple(own_names[design.name][name] for name in design.names) for design in designs]
+        names = tuple(dict.fromkeys(name for group in renamed for name in group))
+        M, noise, b = np.zeros((len(names),) * 2), np.zeros((len(names),) * 2), np.zeros(len(names))
+        parameters: dict[str, Parameter] = {}
+        notes = []
+        for design, group in zip(designs, renamed, strict=True):
+            place = np.ix_(*[[names.index(name) for name in group]] * 2)
+            system = design.evaluation.system
+            M[place] += system.M
+            noise[place] += system.spread + design.image_noise**2 * design.evaluation.reference_gram
+            for name_in_plan, name in zip(design.names, group, strict=True):
+                parameter = replace(design.parameters[name_in_plan], name=name)
+                if not np.isclose(parameters.setdefault(name, parameter).value, parameter.value, rtol=1e-12, atol=0.0):
+                    notes.append(f"{name}: the plans assume {parameters[name].shown:g} and {parameter.shown:g} "
+                                 f"{parameter.unit}")
+        joint = list(dict.fromkeys(prior.renamed(dict(zip(design.names, group, strict=True)))
+                                   for design, group in zip(designs, renamed, strict=True)
+                                   for prior in design.parameters.joint))
+        system = CorrelationSystem(names, M, b, 0.0, 0.0, noise, np.zeros((0, len(names))), ())
+        with_force = next((d.experiment for d in designs if d.experiment.model.channels), designs[0].experiment)
+        nothing_more = np.zeros_like(M)  # the reference images' noise is in `noise` already: every plan has its own
+        analysis = Analysis(with_force, ParameterSet(parameters.values(), joint), Evaluation(0, system, nothing_more),
+                            0.0)
+        return cls(analysis, tuple(dict.fromkeys(notes)))
 
 
 class _Walk:
@@ -197,7 +198,7 @@ class _Walk:
 
     def run(self, local: np.ndarray) -> None:
         experiment, context = self.experiment, self.context
-        frames = correlated_frames(experiment, range(experiment.model.n_frames))
+        frames = experiment.correlated_frames(range(experiment.model.n_frames))
         stops = {frames[i] for i in np.linspace(0, len(frames) - 1, min(GROWTH_POINTS, len(frames))).astype(int)}
         silent = replace(context, weights=replace(context.weights, channels=0.0 * context.weights.channels))
         influence = self.forward.drives.n_local > 0

@@ -11,7 +11,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
-from idic.identification.loop import advance, trial_states
+from idic.identification.loop import advance
 from idic.identification.step.state import HALF_RATE, Evaluation, LoopState
 from idic.model import Experiment
 
@@ -61,7 +61,7 @@ def run_loop(points: PointStore, stage: StageHook = call,
     progress(state)
     began_in = state.schedule.stage
     while state.running and not (pause_after is not None and began_in < pause_after <= state.schedule.stage):
-        number, trials = f"it{state.evaluations:03d}", trial_states(state)
+        number, trials = f"it{state.evaluations:03d}", state.trial_states
         failed = stage(f"simulate {number}", points.simulate, trials)
         evaluated = stage(f"correlate {number}", points.correlate, trials, failed)
         state = stage(f"update {number}", update, points, state, evaluated)

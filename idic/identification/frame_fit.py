@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.correlation import ResidualMap, TexturePair, Weights, correlated_frames
+from idic.correlation import ResidualMap, TexturePair, Weights
 from idic.identification.discrepancy.normal_equations import DiscrepancySystem
 from idic.identification.judgement.basis import basis_content, load_of_frames
 from idic.identification.noise.input_noise import noise_content
@@ -140,7 +140,7 @@ def camera_entries(experiment: Experiment, point: Evaluation | None, fit: PointF
 
 def used_fits(experiment: Experiment, fits: Mapping[int, FrameFit]) -> list[FrameFit]:
     """The fits of the correlated frames in which the pattern is seen."""
-    frames = correlated_frames(experiment, range(experiment.model.n_frames))
+    frames = experiment.correlated_frames(range(experiment.model.n_frames))
     return [fits[k] for k in frames if k in fits and fits[k].n_pixels]
 
 

@@ -14,22 +14,18 @@ from functools import partial
 
 import numpy as np
 
-from idic.correlation import (
-    CorrelationContext, FrameResponse, Reference, Weights, build_experiment_reference, correlated_frames,
-    generalised_weights,
-)
+from idic.correlation import CorrelationContext, FrameResponse, Reference, Weights, build_experiment_reference
 from idic.errors import GaveUp, InputError, NotConverged
 from idic.fe import Control, FrameState
 from idic.identification.discrepancy.normal_equations import DiscrepancySystem, discrepancy_system, reason_against
 from idic.identification.driver import MemoryPoints, next_local, run_loop
-from idic.identification.free_motion.two_step import check_method, is_two_step, measure, measured_reference
+from idic.identification.free_motion.two_step import check_method, measure, measured_reference
 from idic.identification.kept_simulation import (
-    MAX_SECOND_ORDER_STD, MAX_SECOND_ORDER_STD_ON_THE_WAY, Path, PathKeeper, response_of,
+    MAX_SECOND_ORDER_STD, MAX_SECOND_ORDER_STD_ON_THE_WAY, Path, PathKeeper,
 )
 from idic.identification.loop import experiment_of, parameters_at, start
 from idic.identification.point import closed_evaluation, point_context, streamed_system
 from idic.identification.result import build_result
-from idic.identification.step.increments import path_dependent_laws
 from idic.identification.step.state import (
     GENERALISED,
     HALF_RATE,
@@ -133,7 +129,7 @@ class Identification:
         setup = _Setup(experiment, self.forward, (), self.weights, {}, {})
         steps = self.steps if self.state.increments.per_frame is None else None
         return stiffness_field(self.forward, self.parameters, _context(setup, self.parameters, False),
-                               correlated_frames(experiment, range(experiment.model.n_frames)), steps, element_set,
+                               experiment.correlated_frames(range(experiment.model.n_frames)), steps, element_set,
                                spacing_mm, length_mm, std)
 
     @property
@@ -155,7 +151,7 @@ class Identification:
         def frames(names: Sequence[str]) -> Iterator[FrameResponse]:
             if self.path is not None:
                 return iter(self.path.frames[1:])
-            return (response_of(at, start) for at in self.march(names, bool(names)) if at.frame > 0)
+            return (FrameResponse.of(at, start) for at in self.march(names, bool(names)) if at.frame > 0)
 
         return point_discrepancy(context, self.forward, self.local, (response.u for response in frames(())),
                                  frames(moving), experiment, self.point, self.state.increments.per_frame)
@@ -175,7 +171,7 @@ def point_discrepancy(context: CorrelationContext, forward: ForwardModel, local:
     responses : of these frames, with their derivatives
     experiment : as the last stage sees it; point : its evaluation; increments : per frame, extrapolated in time
     """
-    compared = (response for response in responses if correlated_frames(experiment, [response.frame]))
+    compared = (response for response in responses if experiment.correlated_frames([response.frame]))
     try:
         system = discrepancy_system(context, forward, local, motion, compared)
     except NotConverged as problem:
@@ -291,7 +287,7 @@ def _second_order_std(setup: _Setup, accepted: _Point, values: Mapping[str, floa
 def _is_told(setup: _Setup, end: _Point, values: Mapping[str, float]) -> bool:
     """Whether first order tells the end of a search: it lacks little, and no law with a memory hands on what the
     unknowns of a frame have moved."""
-    hands_on = setup.forward.drives.n_local and path_dependent_laws(setup.experiment.model)
+    hands_on = setup.forward.drives.n_local and setup.experiment.model.path_dependent_laws
     return not hands_on and _second_order_std(setup, end, values, end.path) <= MAX_SECOND_ORDER_STD
 
 
@@ -333,7 +329,7 @@ def _prepare(experiment: Experiment, motion: Mapping[str, np.ndarray] | None = N
     forward = build_forward(experiment)
     moving = tuple(name for name in experiment.model.parameters.free if forward.moves(name))
     check_method(experiment)
-    if is_two_step(experiment.options) and motion is None:
+    if experiment.options.is_two_step and motion is None:
         motion = {view.recording.camera_name: measure(view) for view in experiment.views}
     return _Setup(experiment, forward, moving, noise_weights(experiment), {}, motion or {})
 
@@ -386,7 +382,7 @@ def _responses(setup: _Setup, parameters: ParameterSet, local: np.ndarray, steps
     prediction = None if path is None else path.predicted_at(values, local)
     for at in forward.march(parameters, setup.moving, local, steps, forward.drives.n_local > 0, prediction,
                             increments=increments):
-        yield response_of(at, setup.experiment.model.reference), at.steps.times
+        yield FrameResponse.of(at, setup.experiment.model.reference), at.steps.times
 
 
 def _without_time_error(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray,
@@ -411,5 +407,5 @@ def _context(setup: _Setup, parameters: ParameterSet, generalised: bool) -> Corr
                 key, image if motion is None else measured_reference(view, image, motion))
         return setup.references[view.recording.camera_name][1]
 
-    weights = generalised_weights(setup.weights) if generalised else setup.weights
+    weights = setup.weights.as_generalised() if generalised else setup.weights
     return point_context(setup.experiment, parameters, setup.forward, setup.moving, weights, attach)

@@ -119,48 +119,48 @@ class Joint:
         return Evaluation(number, _sum(systems), gram, increments=increments, intervals=self.intervals,
                           parts=evaluations)
 
+    @classmethod
+    def of(cls, experiments: Mapping[str, Experiment]) -> Joint:
+        """The experiments as one; a single one keeps its names.
 
-def join(experiments: Mapping[str, Experiment]) -> Joint:
-    """The experiments as one; a single one keeps its names.
-
-    Raises
-    ------
-    InputError
-        If materials of one name differ in law, in what is identified, or in values that are not.
-    """
-    if len(experiments) == 1:
-        (name, experiment), = experiments.items()
-        return Joint(experiments, {name: {parameter: parameter for parameter in experiment.model.parameters}},
-                     experiment)
-    names = joint_names(experiments)
-    parameters: dict[str, Parameter] = {}
-    notes = []
-    for name, experiment in experiments.items():
-        for key, parameter in experiment.model.parameters.items():
-            joint = names[name][key]
-            if joint not in parameters:
-                parameters[joint] = replace(parameter, name=joint)
-            elif parameters[joint].value != parameter.value:
-                notes.append(f"{joint} starts from {parameters[joint].shown:g} {parameter.unit}, as in the first "
-                             f"experiment; {name} says {parameter.shown:g}")
-    joint_priors = list(dict.fromkeys(  # that of a shared curve counts once
-        prior.renamed(names[name]) for name, experiment in experiments.items()
-        for prior in experiment.model.parameters.joint))
-    first = next(iter(experiments.values()))
-    every = list(experiments.values())
-    _check_options(experiments)
-    union = replace(first, model=replace(first.model, parameters=ParameterSet(parameters.values(), joint_priors),
-                                         prescribed=tuple(entry for e in every for entry in e.model.prescribed),
-                                         materials=tuple({m.element_set: m for e in reversed(every)
-                                                          for m in e.model.materials}.values()),
-                                         loads=tuple(load for e in every for load in e.model.loads),
-                                         channels=tuple(replace(c, column=f"{name}.{c.column}", times=e.model.times)
-                       for name, e in experiments.items() for c in e.model.channels)),
-                    title=" + ".join(e.title for e in every), stages=_stages(experiments, names), cameras=(),
-                    notes=tuple(dict.fromkeys([*(f"{name}: {note}" for name, e in experiments.items()
-                                                 for note in e.notes),
-                                   *notes])))
-    return Joint(experiments, names, union)
+        Raises
+        ------
+        InputError
+            If materials of one name differ in law, in what is identified, or in values that are not.
+        """
+        if len(experiments) == 1:
+            (name, experiment), = experiments.items()
+            return cls(experiments, {name: {parameter: parameter for parameter in experiment.model.parameters}},
+                       experiment)
+        names = joint_names(experiments)
+        parameters: dict[str, Parameter] = {}
+        notes = []
+        for name, experiment in experiments.items():
+            for key, parameter in experiment.model.parameters.items():
+                joint = names[name][key]
+                if joint not in parameters:
+                    parameters[joint] = replace(parameter, name=joint)
+                elif parameters[joint].value != parameter.value:
+                    notes.append(f"{joint} starts from {parameters[joint].shown:g} {parameter.unit}, as in the first "
+                                 f"experiment; {name} says {parameter.shown:g}")
+        joint_priors = list(dict.fromkeys(  # that of a shared curve counts once
+            prior.renamed(names[name]) for name, experiment in experiments.items()
+            for prior in experiment.model.parameters.joint))
+        first = next(iter(experiments.values()))
+        every = list(experiments.values())
+        _check_options(experiments)
+        union = replace(first, model=replace(first.model, parameters=ParameterSet(parameters.values(), joint_priors),
+                                             prescribed=tuple(entry for e in every for entry in e.model.prescribed),
+                                             materials=tuple({m.element_set: m for e in reversed(every)
+                                                              for m in e.model.materials}.values()),
+                                             loads=tuple(load for e in every for load in e.model.loads),
+                                             channels=tuple(replace(c, column=f"{name}.{c.column}", times=e.model.times)
+                           for name, e in experiments.items() for c in e.model.channels)),
+                        title=" + ".join(e.title for e in every), stages=_stages(experiments, names), cameras=(),
+                        notes=tuple(dict.fromkeys([*(f"{name}: {note}" for name, e in experiments.items()
+                                                     for note in e.notes),
+                                       *notes])))
+        return cls(experiments, names, union)
 
 
 def joint_names(experiments: Mapping[str, Experiment], separator: str = ".",

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.correlation import FrameResponse
-from idic.fe import FrameState
 
 MAX_KEPT_BYTES = 100e6  # of fields: of the accepted point and of all parallel trials
 # of the parameters by what is beyond first order, in standard deviations: at the end of a search, where chi-square then
@@ -112,9 +111,3 @@ class PathKeeper:
         if self.frames is None:
             return None
         return Path(dict(values), local.copy(), tuple(moving), tuple(self.frames), np.array(self.steps, float))
-
-
-def response_of(state: FrameState, reference: int) -> FrameResponse:
-    """The response that the correlation needs of a simulated frame; reference : number of the first simulated frame."""
-    return FrameResponse(state.frame + reference, state.seen_u.copy(), state.channels.copy(), state.seen_du.copy(),
-                         state.dchannels.copy(), state.seen_local_du.copy(), state.local_dchannels.copy())

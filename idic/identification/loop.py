@@ -61,15 +61,6 @@ def start(experiment: Experiment, searched: bool = False, estimator: str = ORDIN
                      estimator=EstimatorChoice(estimator))
 
 
-def trial_states(state: LoopState) -> tuple[LoopState, ...]:
-    """All trials of a state, each as the state that tries it alone: the ordinary step first, then the parallel ones."""
-    ordinary = replace(state, trial=replace(state.trial, parallel=()))
-    return (ordinary, *(replace(ordinary, trial=replace(ordinary.trial, values=dict(trial.values)),
-                                trust=replace(state.trust, damping=trial.damping),
-                                evaluations=state.evaluations + number)
-                        for number, trial in enumerate(state.trial.parallel, start=1)))
-
-
 def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, accepted: Evaluation | None,
             image_noise: float, parallel: Sequence[Evaluation] = ()) -> LoopState:
     """Judge the evaluated trials and choose the next ones.
@@ -95,7 +86,7 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
         if compared.increments.status == COMPARED:  # steps of two frames do not decide
             return judged
         state = compared
-    points, tried, ordinary_damping = (evaluated, *parallel), trial_states(state), state.trust.damping
+    points, tried, ordinary_damping = (evaluated, *parallel), state.trial_states, state.trust.damping
     halvings = max([0, *(trial.halvings for trial in state.trial.parallel)][:len(points)])
     best = _best(points, None if re_evaluation else accepted)
     evaluated, state = points[best], replace(tried[best], evaluations=state.evaluations)

@@ -12,8 +12,8 @@ from itertools import chain, groupby
 import numpy as np
 
 from idic.correlation import (
-    CorrelationContext, CorrelationSystem, FrameResponse, Reference, Weights, camera_at, closed_system,
-    correlated_frames, frame_system, reduce_systems, with_all_cameras,
+    CorrelationContext, CorrelationSystem, FrameResponse, Reference, Weights, camera_at, closed_system, frame_system,
+    reduce_systems, with_all_cameras,
 )
 from idic.errors import InputError, NotConverged
 from idic.identification.noise.end_noise import with_end_noise
@@ -59,7 +59,7 @@ def chunk_system(context: CorrelationContext, responses: Iterable[FrameResponse]
     local : (n_frames, m) mm, frame-local unknowns of all frames
     """
     systems = (frame_system(context, response, local[response.frame]) for response in responses
-               if correlated_frames(context.experiment, [response.frame]))
+               if context.experiment.correlated_frames([response.frame]))
     first = next(systems, None)
     return None if first is None else reduce_systems(chain((first,), systems))
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from idic.fe import EXTERNAL, can_halve, can_raise_order, is_raised_by_default
+from idic.fe import EXTERNAL
 from idic.identification.discrepancy.normal_equations import DiscrepancySystem
 from idic.identification.discrepancy.variances import Variances, estimate
 from idic.identification.joint import Joint
@@ -111,9 +111,16 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
         if analysis.channels and not state.failed:
             result["noise"] |= {"channels": channel_noise_content(model, analysis.channels)}
             result["notes"] += channel_noise_notes(model, analysis.channels)
+<<<<<<< HEAD
         if not state.failed and model.solver is None and (is_raised_by_default(model.mesh) or (
                 model.n_dim == 3 and (can_raise_order(model.mesh) or can_halve(model.mesh)))):
             result["notes"].append(_mesh_note(analysis))
+=======
+        if not state.failed and model.solver is None and (model.mesh.is_raised_by_default or (
+                model.n_dim == 3 and (model.mesh.can_raise_order or model.mesh.can_halve))):
+            result["notes"].append(MESH_COUNTED if analysis.mesh_bias is not None else MESH_CONTRADICTED
+                                   if analysis.mesh_contradicted else MESH_NOT_COUNTED)
+>>>>>>> h/doors
     for p in parameters.values():
         entry = _parameter_entry(p, model.parameters, analysis, state.failed)
         bias = time_bias(model, state.increments).get(p.name)

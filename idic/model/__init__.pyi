@@ -1,9 +1,5 @@
 from .camera_time import is_camera_time
-from .crack import tips_at
-from .drives import (
-    COMPONENTS, DriveTable, boundary_parameters, build_drives, is_stereo, mode_names, mode_shapes, pixel_size,
-    rates_since_reference, set_nodes,
-)
+from .drives import COMPONENTS, DriveTable, boundary_parameters, mode_shapes
 from .records.experiment import Experiment
 from .records.model import Model
 from .records.options import Options, Stage
@@ -35,9 +31,8 @@ __all__ = [
     "Depth", "Drive", "DriveTable", "Experiment", "FieldPoints", "ForwardModel", "FurtherCamera", "Gauge",
     "Heterogeneity", "Load", "Material", "Measured", "Model", "MotionError", "Noise", "Options", "Parametrised",
     "Prescribed", "Readings", "Recording", "Remedies", "Stage", "StatedCurve", "Temperature", "TemperatureField",
-    "boundary_parameters", "build_drives", "build_forward", "channel_term", "corrections_of", "hats", "in_words",
-    "is_camera_time", "is_mode", "is_stereo", "jump_frame", "jump_name", "knot_frames", "knot_name", "leading_frames",
-    "load_parameters", "mode_names", "mode_shapes", "motions", "nodal_temperature", "nodes_of", "pixel_size",
-    "rates_since_reference", "selected_frames", "set_nodes", "shown_value", "solve", "strayed",
-    "term_of_motion", "tips_at", "tried_increments", "without_knot",
+    "boundary_parameters", "build_forward", "channel_term", "corrections_of", "hats", "in_words", "is_camera_time",
+    "is_mode", "jump_frame", "jump_name", "knot_frames", "knot_name", "leading_frames", "load_parameters",
+    "mode_shapes", "motions", "nodal_temperature", "nodes_of", "selected_frames", "shown_value", "solve", "strayed",
+    "term_of_motion", "tried_increments", "without_knot",
 ]

@@ -22,7 +22,7 @@ import numpy as np
 
 from idic.errors import InputError, NotConverged
 from idic.fe import ExternalSetup, ExternalSolver, FrameState, Solution, StepList, ExpectedOutput, inp_text
-from idic.model.drives import DriveTable, build_drives, set_nodes
+from idic.model.drives import DriveTable
 from idic.model.records.experiment import Experiment
 from idic.model.records.model import Model
 from idic.model.records.options import Options
@@ -151,7 +151,7 @@ class ExternalForward:
         mesh, reactions = model.mesh, [channel for channel in model.channels if channel.kind == "reaction"]
         return ExpectedOutput(np.asarray(mesh.node_labels), model.n_dim, self._clock()[1:],
                       tuple(dict.fromkeys(f"{c.nodes}.{c.component}" for c in reactions)),
-                      {c.nodes: set_nodes(model, c.nodes) for c in reactions},
+                      {c.nodes: model.node_set(c.nodes) for c in reactions},
                       float(np.linalg.norm(np.ptp(mesh.nodes, axis=0))))
 
     def _clock(self) -> np.ndarray:
@@ -203,7 +203,7 @@ def build_external(experiment: Experiment) -> ExternalForward:
         The deck uses an unknown name, or does not use a drive or an identified parameter.
     """
     model = experiment.model
-    drives = build_drives(experiment)
+    drives = DriveTable.of(experiment)
     forward = ExternalForward(model, experiment.options, drives, build_readings(model, drives.loads))
     setup, file = model.solver, model.solver.experiment_file
     _check_drives(forward)

@@ -15,18 +15,12 @@ def seams_at(body: Body, model: Model, parameters: ParameterSet) -> tuple[Seam, 
     """The seams of a body with the lengths of these parameters."""
     if not body.seams:
         return ()
-    return tuple(replace(seam, tips=column) for seam, column in zip(body.seams, tips_at(model, parameters).T,
+    return tuple(replace(seam, tips=column) for seam, column in zip(body.seams, model.tips_at(parameters).T,
                                                                     strict=True))
 
 
-def tips_at(model: Model, parameters: ParameterSet) -> np.ndarray:
-    """Lengths of the cracks in the simulated frames  # (n_simulated, n_cracks) mm"""
-    lengths = [np.array([parameters[name].value for name in crack.names]) @ crack.hats for crack in model.cracks]
-    return np.array(lengths).T[model.reference:]
-
-
 def tip_change(model: Model, name: str) -> np.ndarray | None:
-    """Derivative of `tips_at` by a degree of freedom; None of one that is no length of a crack."""
+    """Derivative of `Model.tips_at` by a degree of freedom; None of one that is no length of a crack."""
     for k, crack in enumerate(model.cracks):
         if name in crack.names:
             change = np.zeros((model.n_frames, len(model.cracks)))

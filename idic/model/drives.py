@@ -12,7 +12,6 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe import followed, normal_axis, second_differences, seen_first
-from idic.images import PlacedCamera
 from idic.model.boundary_modes import edge_shapes, time_courses
 from idic.model.records.experiment import Experiment
 from idic.model.records.model import Model
@@ -67,21 +66,21 @@ class DriveTable:
             values[:, list(self.local)] += local[:, :len(self.local)]
         return values
 
+    @classmethod
+    def of(cls, experiment: Experiment) -> DriveTable:
+        """Drives of an experiment.
 
-def build_drives(experiment: Experiment) -> DriveTable:
-    """Drives of an experiment.
-
-    Raises
-    ------
-    InputError
-        If one degree of freedom is driven in two different ways.
-    """
-    builder = _Builder(experiment)
-    for prescribed in experiment.model.prescribed:
-        builder.add(prescribed)
-    for prescribed in experiment.model.prescribed:
-        builder.correct(prescribed)
-    return builder.table()
+        Raises
+        ------
+        InputError
+            If one degree of freedom is driven in two different ways.
+        """
+        builder = _Builder(experiment)
+        for prescribed in experiment.model.prescribed:
+            builder.add(prescribed)
+        for prescribed in experiment.model.prescribed:
+            builder.correct(prescribed)
+        return builder.table()
 
 
 def boundary_parameters(prescribed: tuple[Prescribed, ...], pixel_size: float,
@@ -99,7 +98,7 @@ def boundary_parameters(prescribed: tuple[Prescribed, ...], pixel_size: float,
                           for correction in corrections_of(entry.drive))
         if isinstance(entry.drive, Parametrised):
             parameters.extend(Parameter(name, 0.0, length_unit, True, scale=10.0 * pixel_size)
-                              for name in mode_names(entry))
+                              for name in entry.mode_names)
     return tuple(parameters)
 
 
@@ -107,12 +106,6 @@ def _correction_parameter(stem: str, correction: Correction, pixel_size: float) 
     """The amplitude as a degree of freedom; a unit of its scale moves the set by ten pixels at most (mm per px)."""
     reach = correction.reach * float(np.abs(correction.course).max(initial=0.0))
     return Parameter(f"{stem}.{correction.name}", 0.0, correction.unit, True, scale=10.0 * pixel_size / (reach or 1.0))
-
-
-def mode_names(entry: Prescribed) -> list[str]:
-    """Degrees of freedom of a parametrised drive, the courses of a shape one after the other."""
-    stem, drive = f"boundary.{entry.nodes}.{entry.component}", entry.drive
-    return [f"{stem}.s{i}t{j}" for i in range(drive.modes) for j in range(drive.time_modes)]
 
 
 def mode_shapes(model: Model, nodes: np.ndarray, drive: Parametrised,
@@ -126,42 +119,6 @@ def mode_shapes(model: Model, nodes: np.ndarray, drive: Parametrised,
     kind = "polynomial" if drive.kind == "polynomial" else "bspline"
     return (edge_shapes(model.mesh, nodes, kind, drive.modes, stem),
             time_courses(model.times, model.reference, kind, drive.time_modes))
-
-
-def set_nodes(model: Model, name: str) -> np.ndarray:
-    """Node indices of a set.
-
-    Raises
-    ------
-    InputError
-        If the mesh has no such node set.
-    """
-    sets = model.mesh.node_sets
-    if name not in sets:
-        raise InputError(f"no node set {name}", file="experiment.toml", key="[[boundary]] nodes",
-                         expected=f"one of {', '.join(sorted(sets)) or '(the mesh has no node sets)'}", found=name,
-                         remedy="correct the name, or define the set by position under [sets]")
-    return np.asarray(sets[name])
-
-
-def is_stereo(experiment: Experiment) -> bool:
-    """Whether two cameras with a lens see the specimen."""
-    return sum(isinstance(camera, PlacedCamera) for camera in
-               (experiment.model.camera, *(view.camera for view in experiment.cameras))) > 1
-
-
-def sees_space(experiment: Experiment) -> bool:
-    """Whether all three components of a motion are observed: by two cameras with a lens, in measured fields or in
-    volumes."""
-    points = experiment.recording.points
-    if experiment.recording.quantity == "volume":
-        return True
-    return is_stereo(experiment) if points is None else points.n_components == 3
-
-
-def pixel_size(experiment: Experiment) -> float:
-    """Length of one pixel in mesh units (mm)."""
-    return experiment.model.camera.pixel_size
 
 
 class _Builder:
@@ -182,7 +139,7 @@ class _Builder:
         self.controlled: int | None = None
 
     def add(self, prescribed: Prescribed) -> None:
-        nodes = set_nodes(self.experiment.model, prescribed.nodes)
+        nodes = self.experiment.model.node_set(prescribed.nodes)
         component = COMPONENTS.index(prescribed.component)
         stem = f"boundary.{prescribed.nodes}.{prescribed.component}"
         drive = prescribed.drive
@@ -206,7 +163,7 @@ class _Builder:
 
     def correct(self, prescribed: Prescribed) -> None:
         """Drives for the corrections of an entry, once it is known which degrees of freedom are held."""
-        nodes = set_nodes(self.experiment.model, prescribed.nodes)
+        nodes = self.experiment.model.node_set(prescribed.nodes)
         stem = f"boundary.{prescribed.nodes}.{prescribed.component}"
         for correction in corrections_of(prescribed.drive):
             component, shape = correction.pattern(correction, self.experiment.model.mesh, nodes, prescribed.component)
@@ -255,7 +212,7 @@ class _Builder:
     def _add_column(self, stem, rows, drive: Column) -> None:
         late = None
         if "time.offset" in self.experiment.model.parameters and drive.rates is not None:
-            late = rates_since_reference(self.experiment.model, drive.rates)
+            late = self.experiment.model.rates_since_reference(drive.rates)
         index = self._drive(stem, drive.values if late is None
                             else drive.values - self.experiment.model.log_offset * late)
         self._pattern(rows, index, np.ones(len(rows)))
@@ -290,7 +247,7 @@ class _Builder:
             self._pattern(rows[moved], index, weight[moved])
             self.local.append(index)
             self.measured.append(True)
-        pixel = pixel_size(self.experiment) / (1.0 if self.experiment.recording.points is None else PX_PER_POINT)
+        pixel = self.experiment.pixel_size / (1.0 if self.experiment.recording.points is None else PX_PER_POINT)
         std = drive.smoothing * MEASURED_ROUGHNESS_PX * pixel
         second = second_differences(mesh, nodes[unique_leaders], None if inside else surface)
         self.precisions.append((second.T @ second + 1e-10 * np.eye(len(unique_leaders))) / std**2)
@@ -301,7 +258,7 @@ class _Builder:
         experiment = self.experiment
         if experiment.model.n_dim == 2 or experiment.recording.quantity == "volume":
             return nodes
-        if component == normal_axis(experiment.model.mesh, experiment.model.surface) and not sees_space(experiment):
+        if component == normal_axis(experiment.model.mesh, experiment.model.surface) and not experiment.sees_space:
             raise InputError("a measured motion along the line of sight", file="experiment.toml", key=stem,
                              expected="a motion in the plane of the image, or two cameras with a lens",
                              found=f"u{COMPONENTS[component]} of a surface with normal {COMPONENTS[component]}",
@@ -351,14 +308,6 @@ class _Builder:
         return DriveTable(dofs, basis, tuple(self.names), columns, derivatives, tuple(self.local),
                           _block_diagonal([*self.precisions, loads.local_precision]),
                           np.array([*self.measured, *(False for _ in loads.local)], dtype=bool), loads, self.controlled)
-
-
-def rates_since_reference(model: Model, rates: np.ndarray) -> np.ndarray:
-    """Derivative by a time shift of the log of a motion that counts from the reference frame, mm/s  # (n_frames,)
-
-    A later reading of the log has a later zero, too, unless the reference is the first frame, where the test begins.
-    """
-    return rates - rates[model.reference] if model.reference > 0 else rates
 
 
 def _block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:

@@ -9,7 +9,6 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.images import LeadingFrames
-from idic.model.drives import rates_since_reference
 from idic.model.records.experiment import Experiment
 from idic.model.records.model import Model
 from idic.model.records.parts import Channel, Column, Constant, Controlled, Parametrised, Temperature
@@ -64,7 +63,7 @@ def selected_frames(experiment: Experiment, frames: Sequence[int]) -> Experiment
 def _from_zero(model: Model, drive):
     """A logged motion whose rates count from those of the reference frame, whatever its number will be."""
     rates = drive.rates if isinstance(drive, (Column, Controlled)) else None
-    return drive if rates is None else replace(drive, rates=rates_since_reference(model, rates))
+    return drive if rates is None else replace(drive, rates=model.rates_since_reference(rates))
 
 
 def _drive(drive, pick: np.ndarray):

@@ -20,10 +20,10 @@ from idic.fe import (
     without_time_error,
 )
 from idic.laws import EXPANSION, compile as compile_law
-from idic.model.crack import seams_at, tip_change, tips_at
+from idic.model.crack import seams_at, tip_change
 from idic.model.camera_time import is_camera_time, with_velocities
 from idic.model.black_box import ExternalForward, build_external
-from idic.model.drives import COMPONENTS, DriveTable, build_drives, rates_since_reference, set_nodes
+from idic.model.drives import COMPONENTS, DriveTable
 from idic.model.records.experiment import Experiment
 from idic.model.records.model import Model
 from idic.model.records.options import Options
@@ -194,7 +194,7 @@ class ForwardModel:
         drive = controlled(self.model)
         if drive is None or drive.rates is None:
             return None
-        return self._from_reference(rates_since_reference(self.model, drive.rates))
+        return self._from_reference(self.model.rates_since_reference(drive.rates))
 
     def _control(self, parameters: ParameterSet) -> PathControl | None:
         """The controlling gauge with its readings at these parameters."""
@@ -352,7 +352,7 @@ def build_forward(experiment: Experiment) -> ForwardModel | ExternalForward:
     model = experiment.model
     if model.solver is not None:
         return build_external(experiment)
-    drives = build_drives(experiment)
+    drives = DriveTable.of(experiment)
     mesh = model.mesh
     sections = tuple(
         Section(material.element_set, compile_law(material.law, material.kinematics),
@@ -380,7 +380,7 @@ def _cracked(forward: ForwardModel) -> ForwardModel:
     """The model with the seams of its cracks; they keep the stiffness of the starting values."""
     model = forward.model
     body = with_seams(forward.body_at(model.parameters), [crack.cut for crack in model.cracks],
-                      tips_at(model, model.parameters), forward.law_values(model.parameters),
+                      model.tips_at(model.parameters), forward.law_values(model.parameters),
                       model.times[model.reference:])
     return replace(forward, body=replace(forward.body, seams=body.seams))
 
@@ -417,7 +417,7 @@ def _reactions(model: Model) -> tuple[Reaction, ...]:
                          key="[experiment] thickness_mm", expected="the thickness of the specimen", found="nothing",
                          remedy="add thickness_mm, or take the [[channel]] out")
     return tuple(
-        Reaction(set_nodes(model, channel.nodes) * model.n_dim + COMPONENTS.index(channel.component),
+        Reaction(model.node_set(channel.nodes) * model.n_dim + COMPONENTS.index(channel.component),
                  channel.factor) if channel.kind == "reaction" else Reaction(np.zeros(0, dtype=int))
         for channel in model.channels)  # other channels than reactions are read elsewhere (`idic.model.readings`)
 

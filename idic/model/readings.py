@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.fe import FrameState, PathControl
-from idic.model.drives import COMPONENTS, DriveTable, set_nodes
+from idic.model.drives import COMPONENTS, DriveTable
 from idic.model.records.model import Model
 from idic.model.records.parts import Channel, Controlled
 from idic.model.loads import LoadHistories
@@ -59,7 +59,7 @@ def _mean_displacement(model: Model, place: Channel | Controlled) -> np.ndarray:
     weights = np.zeros(model.mesh.nodes.size)
     for name, sign in ((place.nodes, 1.0), (place.minus, -1.0)):
         if name is not None:
-            nodes = set_nodes(model, name)
+            nodes = model.node_set(name)
             weights[nodes * model.n_dim + COMPONENTS.index(place.component)] += sign / len(nodes)
     return weights
 

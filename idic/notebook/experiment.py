@@ -25,7 +25,7 @@ from idic.notebook.saved_folder import saved_in_run
 from idic.parameters import ParameterSet
 from idic.readers import (
     ArrayFrames, FileStack, LOG_IN_MEMORY as LOG_OBJECT, Log, MESH_IN_MEMORY as MESH_OBJECT, RawMesh, frames_of,
-    log_of, mesh_of, read_image, to_mesh,
+    log_of, mesh_of, read_image,
 )
 from idic.virtual_tests import IMAGES, LOADS, empty_folder, write_images
 
@@ -308,7 +308,7 @@ def _save_mesh(folder: Path, name: Any, mesh: RawMesh | None, record: Record) ->
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(path, target)
         return
-    internal_mesh, _ = to_mesh(mesh, record.model.n_dim, 1.0)
+    internal_mesh, _ = mesh.to_mesh(record.model.n_dim, 1.0)
     (folder / name).write_text(inp_text(internal_mesh, record.title), encoding="utf-8")
 
 

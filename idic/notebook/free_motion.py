@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from idic.correlation import GREY, view_of
+from idic.correlation import ViewKind, view_of
 from idic.errors import InputError
 from idic.fe import Mesh
 from idic.images import Camera
@@ -82,7 +82,8 @@ class FreeMotion:
 def measured_motion(experiment: Experiment, regularisation: Regularisation) -> FreeMotion:
     """The free motion of the images of one camera; see `idic.notebook.experiment.Experiment.free_motion`."""
     camera = experiment.model.camera
-    if not isinstance(camera, Camera) or experiment.recording.stack is None or view_of(experiment, camera).kind != GREY:
+    is_measurable = isinstance(camera, Camera) and experiment.recording.stack is not None
+    if not is_measurable or view_of(experiment, camera).kind != ViewKind.GREY:
         raise InputError("no free FE-DIC of these images", key="images",
                          expected="grey images of a surface by a telecentric camera",
                          found=f"{experiment.recording.quantity} images, {type(camera).__name__}",

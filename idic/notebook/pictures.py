@@ -18,8 +18,7 @@ from matplotlib.ticker import MaxNLocator
 from idic.run import Fields, checked_frame
 from idic.notebook.posterior import Posterior, posterior_of
 from idic.report import (
-    BLUE, DIVERGING, DPI, FAINT, GREY, ORANGE, RESIDUAL_RANGE, bare, look, new_figure, residual_window, short_names,
-    time_label, with_std,
+    DIVERGING, DPI, RESIDUAL_RANGE, Colour, bare, look, new_figure, residual_window, short_names, time_label, with_std,
 )
 
 MAP_INCH, CORNER_INCH = 6.0, 1.9  # width of a map, side of a panel
@@ -79,15 +78,15 @@ class Plots:
                 top, bottom = axes[2 * i:2 * i + 2]
                 read, modelled = measured[:, i] / channel.shown_factor, simulated[:, i] / channel.shown_factor
                 difference, std, unit = read - modelled, stds.get(channel.column), channel.shown_unit
-                top.plot(x, modelled, "-", color=BLUE, label="simulated")
+                top.plot(x, modelled, "-", color=Colour.BLUE, label="simulated")
                 top.plot(x, read, "o", color="#222222", ms=3.5, label="measured")
                 label = channel.column.removesuffix(f"_{unit}").replace("_", " ")
                 top.set_ylabel(f"{label} [{unit}]")
                 top.legend()
                 if std:
-                    bottom.axhspan(-2.0 * std, 2.0 * std, color=FAINT, alpha=0.6, lw=0)
-                bottom.axhline(0.0, color=GREY, lw=0.7)
-                bottom.plot(x, difference, "-o", color=BLUE, lw=0.8, ms=3.5)
+                    bottom.axhspan(-2.0 * std, 2.0 * std, color=Colour.FAINT, alpha=0.6, lw=0)
+                bottom.axhline(0.0, color=Colour.GREY, lw=0.7)
+                bottom.plot(x, difference, "-o", color=Colour.BLUE, lw=0.8, ms=3.5)
                 reach = 1.25 * max(float(np.nanmax(np.abs(difference))), 2.0 * (std or 0.0), 1e-12)
                 bottom.set(ylabel=f"difference [{unit}]", ylim=(-reach, reach))
             if not experiment.model.channels:
@@ -120,9 +119,9 @@ class Plots:
                         _ellipses(axis, posterior, column, row)
                     _label(axis, posterior, short, row, column)
             if n > 1:
-                lines = [Line2D([], [], color=BLUE, ls=style, lw=1.1, label=f"{share} % of a pair")
+                lines = [Line2D([], [], color=Colour.BLUE, ls=style, lw=1.1, label=f"{share} % of a pair")
                          for _, style, share in ELLIPSES]
-                figure.legend(handles=[*lines, Patch(color=FAINT, alpha=0.7, lw=0, label="95 % of one")],
+                figure.legend(handles=[*lines, Patch(color=Colour.FAINT, alpha=0.7, lw=0, label="95 % of one")],
                               loc="upper right")
         return figure
 
@@ -152,9 +151,9 @@ def _value(posterior: Posterior, i: int) -> str:
 def _density(axis: Axes, posterior: Posterior, i: int) -> None:
     z = np.linspace(-REACH, REACH, 201)
     x, density = posterior.mean[i] + z * posterior.std[i], np.exp(-0.5 * z**2)
-    axis.plot(x, density, color=BLUE)
+    axis.plot(x, density, color=Colour.BLUE)
     inside = np.abs(z) <= 1.96  # 95 %
-    axis.fill_between(x[inside], density[inside], color=FAINT, alpha=0.7, lw=0)
+    axis.fill_between(x[inside], density[inside], color=Colour.FAINT, alpha=0.7, lw=0)
     axis.set(xlim=(x[0], x[-1]), ylim=(0.0, 1.08), yticks=[])
 
 
@@ -165,11 +164,11 @@ def _ellipses(axis: Axes, posterior: Posterior, i: int, j: int) -> None:
     angles = np.linspace(0.0, 2.0 * np.pi, 181)
     circle = np.stack([np.cos(angles), rho * np.cos(angles) + np.sqrt(max(1.0 - rho**2, 0.0)) * np.sin(angles)])
     for size, style, _ in ELLIPSES:
-        axis.plot(*(centre[:, None] + size * std[:, None] * circle), style, color=BLUE, lw=1.1)
-    axis.plot(*centre, "+", color=ORANGE, ms=6)
+        axis.plot(*(centre[:, None] + size * std[:, None] * circle), style, color=Colour.BLUE, lw=1.1)
+    axis.plot(*centre, "+", color=Colour.ORANGE, ms=6)
     low, high = centre - REACH * std, centre + REACH * std
     axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    axis.set_title(f"correlation {rho:+.2f}".replace("-", "−"), loc="center", color=GREY)
+    axis.set_title(f"correlation {rho:+.2f}".replace("-", "−"), loc="center", color=Colour.GREY)
 
 
 def _label(axis: Axes, posterior: Posterior, short: Mapping[str, str], row: int, column: int) -> None:

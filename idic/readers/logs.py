@@ -241,6 +241,62 @@ class Log:
                              "one start", found=" and ".join(kinds), remedy="write both alike")
         return replace(self, start=image_times.clock) if all(clocks) else self
 
+    def match(self, n_frames: int, numbers: tuple[int, ...] | None, image_times: np.ndarray | None) -> MatchedLog:
+        """One value per frame: by time if the images have times, else row by row.
+
+        Parameters
+        ----------
+        numbers : tuple of int, optional
+            The numbers in the file names; a column ``frame`` may hold these or 0, 1, 2, …
+        image_times : array (n_frames,) s, optional
+
+        Raises
+        ------
+        InputError
+            The numbers of rows and images differ, the column `frame` disagrees, or an image lies outside the log times.
+        """
+        if image_times is not None and self.time_column is not None:
+            return _by_time(self, image_times)
+        if len(self.rows) > n_frames and (numbered := _by_number(self, numbers, image_times)) is not None:
+            return numbered
+        if len(self.rows) != n_frames:
+            difference = "fewer" if len(self.rows) < n_frames else "more"
+            raise InputError(f"the log has {difference} rows than the test has images", file=self.file, key="loads",
+                             expected=f"{n_frames} rows, one per image",
+                             found="; ".join([f"{len(self.rows)} rows", *self.unread]),
+                             remedy="give one row per image in image order; or match by time: a column time_s in the "
+                             "log, and image_times or frame_interval_s in [experiment]")
+        if "frame" in self.names:
+            _check_frames(self, n_frames, numbers)
+        times = image_times if image_times is not None else self.times()
+        return MatchedLog(self, times, np.arange(n_frames))
+
+    @classmethod
+    def read(cls, path: Path, decimal: Decimal | None = None) -> Log:
+        """A CSV file: header row, perhaps a row of units, then numbers; or a record of a measuring device.
+
+        Separated by comma, semicolon or tab, or as ``sep=;`` says; UTF-8, UTF-16 or Windows-1252.
+
+        Raises
+        ------
+        InputError
+            The file is no text, or no table of numbers.
+        """
+        if (read_channels := _BY_SUFFIX.get(path.suffix.lower())) is not None:
+            table, device_notes = read_channels(path)
+            return cls(path, table, ".", (*device_notes, *column_notes(table, path)))
+        is_workbook = path.suffix.lower() in WORKBOOK.suffixes
+        text, note = (sheet_text(path), None) if is_workbook else text_of(path.read_bytes(), path, "loads")
+        table = read_table(text, path)
+        decimal = "." if is_workbook else decimal
+        notes = [note] if note else []
+        if table.head_rows:
+            notes.append(f"{path.name}: the header is line {table.header_line}; {len(table.head_rows)} lines above it "
+                         "are skipped")
+        if any(table.units):
+            notes.append(f"{path.name}: the row below the header gives the units")
+        return cls(path, table, decimal, (*notes, *column_notes(table, path)))
+
 
 @dataclass(frozen=True)
 class MatchedLog:
@@ -311,63 +367,6 @@ class MatchedLog:
         chosen = list(frames)
         return replace(self, times=None if self.times is None else self.times[chosen],
                        frame_rows=None if self.frame_rows is None else self.frame_rows[chosen])
-
-
-def read_log(path: Path, decimal: Decimal | None = None) -> Log:
-    """A CSV file: header row, perhaps a row of units, then numbers; or a record of a measuring device.
-
-    Separated by comma, semicolon or tab, or as ``sep=;`` says; UTF-8, UTF-16 or Windows-1252.
-
-    Raises
-    ------
-    InputError
-        The file is no text, or no table of numbers.
-    """
-    if (read_channels := _BY_SUFFIX.get(path.suffix.lower())) is not None:
-        table, device_notes = read_channels(path)
-        return Log(path, table, ".", (*device_notes, *column_notes(table, path)))
-    is_workbook = path.suffix.lower() in WORKBOOK.suffixes
-    text, note = (sheet_text(path), None) if is_workbook else text_of(path.read_bytes(), path, "loads")
-    table = read_table(text, path)
-    decimal = "." if is_workbook else decimal
-    notes = [note] if note else []
-    if table.head_rows:
-        notes.append(f"{path.name}: the header is line {table.header_line}; {len(table.head_rows)} lines above it are "
-                     "skipped")
-    if any(table.units):
-        notes.append(f"{path.name}: the row below the header gives the units")
-    return Log(path, table, decimal, (*notes, *column_notes(table, path)))
-
-
-def match(log: Log, n_frames: int, numbers: tuple[int, ...] | None, image_times: np.ndarray | None) -> MatchedLog:
-    """One value per frame: by time if the images have times, else row by row.
-
-    Parameters
-    ----------
-    numbers : tuple of int, optional
-        The numbers in the file names; a column ``frame`` may hold these or 0, 1, 2, …
-    image_times : array (n_frames,) s, optional
-
-    Raises
-    ------
-    InputError
-        The numbers of rows and images differ, the column `frame` disagrees, or an image lies outside the log times.
-    """
-    if image_times is not None and log.time_column is not None:
-        return _by_time(log, image_times)
-    if len(log.rows) > n_frames and (numbered := _by_number(log, numbers, image_times)) is not None:
-        return numbered
-    if len(log.rows) != n_frames:
-        difference = "fewer" if len(log.rows) < n_frames else "more"
-        raise InputError(f"the log has {difference} rows than the test has images", file=log.file, key="loads",
-                         expected=f"{n_frames} rows, one per image",
-                         found="; ".join([f"{len(log.rows)} rows", *log.unread]),
-                         remedy="give one row per image in image order; or match by time: a column time_s in the log, "
-                         "and image_times or frame_interval_s in [experiment]")
-    if "frame" in log.names:
-        _check_frames(log, n_frames, numbers)
-    times = image_times if image_times is not None else log.times()
-    return MatchedLog(log, times, np.arange(n_frames))
 
 
 def _by_number(log: Log, numbers: tuple[int, ...] | None, image_times: np.ndarray | None) -> MatchedLog | None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe import Mesh, fill, follow_arcs, mesh_polygon
+from idic.fe import Mesh, Segments, fill, mesh_polygon
 from idic.images import AnyCamera
 from idic.readers.gmsh_mesher import fill_with_gmsh
 from idic.readers.mesh_files.element_orientation import turned_around
@@ -51,10 +51,11 @@ class Drawing:
     def on_arcs(self, mesh: Mesh, camera: AnyCamera | None = None) -> Mesh:
         """The quadratic mesh in mm with the mid-side nodes of the boundary on the arcs; `camera`: of a drawing in
         px."""
+        segments = Segments.of(self.outline, self.holes)
         if camera is None:
-            return follow_arcs(mesh, self.outline, self.holes)
+            return segments.on_arcs(mesh)
         drawn = replace(mesh, nodes=camera.project(mesh.nodes))
-        followed = follow_arcs(drawn, self.outline, self.holes)
+        followed = segments.on_arcs(drawn)
         moved = (followed.nodes != drawn.nodes).any(axis=1)
         nodes = mesh.nodes.copy()
         nodes[moved] = camera.inverse(followed.nodes[moved])

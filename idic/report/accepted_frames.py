@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.correlation import CorrelationContext, FieldReference, VOLUME, correlated_frames, view_of
-from idic.measure import FieldSeries, seen_by
+from idic.correlation import CorrelationContext, FieldReference, ViewKind, view_of
+from idic.measure import FieldSeries, Seen
 from idic.parameters import ParameterSet
-from idic.report.evidence.free_dic import FreeMotions, free_motions, noise_floor, with_residuals
+from idic.report.evidence.free_dic import FreeMotions, noise_floor, with_residuals
 from idic.report.evidence.hardening import hardening_curves
 from idic.report.evidence.law import law_curves
 from idic.report.evidence.points import point_maps_of
@@ -19,7 +19,7 @@ from idic.report.evidence.relaxation import relaxation_curves
 from idic.report.evidence.rubber import rubber_curves
 from idic.report.evidence.section import section_fields, with_profiles, with_section_floor
 from idic.report.evidence.temperature import temperature_factors
-from idic.report.evidence.volumes.shown_mesh import shown_mesh
+from idic.report.evidence.volumes.shown_mesh import ShownMesh
 from idic.report.evidence.yield_surface import yield_surfaces
 from idic.report.result.record import Sensitivities
 
@@ -53,7 +53,7 @@ def run_evidence(shared: CorrelationContext, result: Mapping, parameters: Parame
     experiment, reference = shared.experiment, shared.reference.image
     view, nodes = view_of(experiment, shared.camera), experiment.model.mesh.nodes
     laws = _laws(shared, result, parameters, accepted)
-    if view.kind == VOLUME:
+    if view.kind == ViewKind.VOLUME:
         return laws | {"views": _views_of_volume(shared, accepted)}
     at_rest = shared.camera.project(view.points(nodes))
 
@@ -64,14 +64,14 @@ def run_evidence(shared: CorrelationContext, result: Mapping, parameters: Parame
         return motion(frame)[:, :2]
 
     map_frames = accepted.frames
-    frames = [k for k in correlated_frames(experiment, range(experiment.model.n_frames))
+    frames = [k for k in experiment.correlated_frames(range(experiment.model.n_frames))
               if k != experiment.model.reference]
-    dic_setup = seen_by(experiment, reference) if experiment.recording.noise.std_gv else None
+    dic_setup = Seen.by(experiment, reference) if experiment.recording.noise.std_gv else None
     floor = noise_floor(dic_setup, sensitivities, result, reference)
     views = frame_views(experiment.recording, frames, lambda frame: at_rest + plane(frame), accepted.residual)
     free_fields = None
     if dic_setup is not None:
-        free_fields = accepted.measured_motions or free_motions(dic_setup, map_frames, plane)
+        free_fields = accepted.measured_motions or FreeMotions.of(dic_setup, map_frames, plane)
     free_fields = None if free_fields is None else with_residuals(dic_setup, free_fields)
     if reference.is_section:
         views = with_profiles(views, reference, motion)
@@ -102,8 +102,8 @@ def _laws(shared: CorrelationContext, result: Mapping, parameters: ParameterSet,
 def _views_of_volume(shared: CorrelationContext, accepted: AcceptedFrames) -> tuple:
     """Sections of volumes to look at."""
     experiment, nodes = shared.experiment, shared.experiment.model.mesh.nodes
-    view, shown_points = view_of(experiment, shared.camera), shown_mesh(experiment, shared.camera)
-    frames = [k for k in correlated_frames(experiment, range(experiment.model.n_frames))
+    view, shown_points = view_of(experiment, shared.camera), ShownMesh.seen_by(experiment, shared.camera)
+    frames = [k for k in experiment.correlated_frames(range(experiment.model.n_frames))
               if k != experiment.model.reference]
     return frame_views(experiment.recording, frames,
                        lambda frame: shown_points.moved_px(view.at(frame).motion(nodes, accepted.motion(frame))),

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 
 from idic.report.figures.maps import noise_units
 from idic.report.figures.profiles import places
-from idic.report.figures.picture import BLUE, FAINT, ORANGE, Picture
+from idic.report.figures.picture import Colour, Picture
 from idic.report.figures.style import look, new_figure, to_picture
 from idic.report.result.record import RunRecord
 
@@ -26,7 +26,7 @@ def free_motion(record: RunRecord) -> Picture | None:
         axes = figure.subplots(3, len(free_fit.frames), sharex=True, sharey="row", squeeze=False)
         for k, frame in enumerate(free_fit.frames):
             pair = data.identified[k] / scale[k], free_fit.residuals[k] / scale[k]
-            for residual, colour, name in zip(pair, (ORANGE, BLUE), ("identified", "free"), strict=True):
+            for residual, colour, name in zip(pair, (Colour.ORANGE, Colour.BLUE), ("identified", "free"), strict=True):
                 axes[0, k].plot(_column_means(residual), color=colour, lw=0.8, label=name)
             title = f"frame {frame}: rms {_rms(pair[0]):.2f}, free {_rms(pair[1]):.2f} {unit}"
             axes[0, k].set_title(title, fontsize=8.5)
@@ -42,8 +42,8 @@ def free_motion(record: RunRecord) -> Picture | None:
 
 def _difference(axis: Axes, column: np.ndarray, values: np.ndarray, noise: float | None) -> None:
     if noise is not None:
-        axis.axhspan(-2.0 * noise, 2.0 * noise, color=FAINT, lw=0)
-    axis.plot(column, values, color=BLUE)
+        axis.axhspan(-2.0 * noise, 2.0 * noise, color=Colour.FAINT, lw=0)
+    axis.plot(column, values, color=Colour.BLUE)
 
 
 def _free_caption(record: RunRecord) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from idic.laws import PRODUCT_SIGN
-from idic.report.figures.picture import BLUE, ORANGE, Picture
+from idic.report.figures.picture import Colour, Picture
 from idic.report.figures.style import look, new_figure, to_picture
 from idic.report.result.record import LawCurve, RunRecord
 from idic.report.result.stress_scale import stress_unit
@@ -24,13 +24,13 @@ def stress_strain(record: RunRecord, curve: LawCurve) -> Picture | None:
     with look():
         figure = new_figure(7.2, 4.6)
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1.0))
-        top.plot(strain, started, "--", color=ORANGE, lw=1.1, label="starting values")
-        top.fill_between(strain, stress - half, stress + half, color=BLUE, alpha=0.3, lw=0, label="95 %")
-        top.plot(strain, stress, color=BLUE, label="identified")
+        top.plot(strain, started, "--", color=Colour.ORANGE, lw=1.1, label="starting values")
+        top.fill_between(strain, stress - half, stress + half, color=Colour.BLUE, alpha=0.3, lw=0, label="95 %")
+        top.plot(strain, stress, color=Colour.BLUE, label="identified")
         top.set(ylabel=f"nominal stress [{unit}]")
         top.legend()
-        bottom.fill_between(strain, 0.0, half, color=BLUE, alpha=0.3, lw=0)
-        bottom.plot(strain, half, color=BLUE, lw=1.0)
+        bottom.fill_between(strain, 0.0, half, color=Colour.BLUE, alpha=0.3, lw=0)
+        bottom.plot(strain, half, color=Colour.BLUE, lw=1.0)
         bottom.set(xlabel="nominal strain [%]", ylabel=f"± 95 % [{unit}]",
                    xlim=(min(0.0, strain[-1]), max(0.0, strain[-1])),
                    ylim=(0.0, 1.15 * max(float(np.nanmax(half)), 1e-12)))

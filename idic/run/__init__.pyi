@@ -29,7 +29,7 @@ from .store.result_file import RESULT_FILE, read_result, write_json
 from .store.run_folders import folders_of
 from .store.run_lock import is_held, process_lives, run_lock, this_process
 from .store.run_store import RunStore
-from .store.stack import ZarrStack, ingest
+from .store.stack import ZarrStack
 from .store.state_file import STATE_FILE
 from .systematic_run import systematic
 from .warm_up import import_meanwhile
@@ -38,7 +38,7 @@ from .workers.dask_settings import cpu_seconds, use_one_thread
 from .workers.mirrored_runner import refuse_store
 from .workers.peak_memory import peak_memory_mb
 from .workers.precompiling import compiling_meanwhile
-from .workers.prefect_server import PASSWORD, PrefectServer, configured_url, start_server
+from .workers.prefect_server import PASSWORD, PrefectServer, configured_url
 from .workers.runner import SerialRunner, TaskRunner
 from .workers.working_folder import empty_folder, in_empty_folder
 from .workers.workplace import Workplace
@@ -51,8 +51,8 @@ __all__ = [
     "checked_memory_limit", "clean_run", "compare_runs", "compiling_meanwhile", "configured_url", "cpu_seconds",
     "cracks_content", "diagnose_run", "drawing_beside", "empty_folder", "export_fields", "export_laws", "folders_of",
     "group_name", "identify_batch", "identify_in_memory", "identify_run", "import_meanwhile", "in_empty_folder",
-    "ingest", "is_held", "open_cluster", "open_run", "open_source", "peak_memory_mb", "prepare_in_memory",
-    "process_lives", "read_array", "read_result", "refuse_store", "residuals_of", "run_calibration", "run_lock",
-    "run_refits", "start_server", "systematic", "this_process", "use_one_thread", "write_array", "write_comparison",
-    "write_design", "write_json", "write_report",
+    "is_held", "open_cluster", "open_run", "open_source", "peak_memory_mb", "prepare_in_memory", "process_lives",
+    "read_array", "read_result", "refuse_store", "residuals_of", "run_calibration", "run_lock", "run_refits",
+    "systematic", "this_process", "use_one_thread", "write_array", "write_comparison", "write_design", "write_json",
+    "write_report",
 ]

@@ -36,7 +36,7 @@ from pathlib import Path
 from typing import Any
 
 from idic.errors import InputError
-from idic.identification import Design, Plan, design_test, join_designs, joint_names, load_plan
+from idic.identification import Design, JointDesign, Plan, joint_names
 from idic.inside import folder_inside, write_inside
 from idic.report import MIN_CONFUSABLE_CORRELATION, PlanPictures, design_content, design_files, plan_pictures
 from idic.run.separation.members import diagnosed
@@ -113,13 +113,13 @@ def evaluate_plans(paths: Sequence[Path | str], overrides: Mapping[str, Any] | N
     if not 0.0 < confusable < 1.0:
         raise InputError("not a correlation", key="--confusable", expected="a number between 0 and 1",
                          found=f"{confusable:g}", remedy="give for instance 0.95")
-    jobs = [DesignJob(name, load_plan(path, overrides, noise_std_gv))
+    jobs = [DesignJob(name, Plan.of(path, overrides, noise_std_gv))
             for path, name in zip(paths, plan_names(paths), strict=True)]
     joint_names({job.name: job.plan.experiment for job in jobs}, any_unit=True)  # refuses before it is simulated
     n_workers = min(len(jobs), default_workers() if workers is None else workers)
     with open_cluster(n_workers if len(jobs) > 1 and n_workers > 1 else 0) as runner:
         designs = runner.map(run_design, jobs, [f"design-{job.name}" for job in jobs], progress=progress)
-    joint = join_designs(designs) if len(designs) > 1 else None
+    joint = JointDesign.of(designs) if len(designs) > 1 else None
     patterns = [job.plan.pattern for job in jobs]
     return (design_content(designs, joint, patterns, paths, confusable),
             [plan_pictures(design, pattern) for design, pattern in zip(designs, patterns, strict=True)])
@@ -127,7 +127,7 @@ def evaluate_plans(paths: Sequence[Path | str], overrides: Mapping[str, Any] | N
 
 def run_design(job: DesignJob) -> Design:
     """Evaluate one plan (a task)."""
-    return design_test(job.name, job.plan.experiment, job.plan.local, job.plan.assumptions)
+    return Design.of(job.name, job.plan.experiment, job.plan.local, job.plan.assumptions)
 
 
 def plan_names(paths: Sequence[Path | str]) -> list[str]:

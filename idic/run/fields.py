@@ -11,13 +11,12 @@ from typing import Protocol
 import numpy as np
 
 from idic.correlation import (
-    CorrelationContext, FrameResponse, ResidualMap, camera_at, channel_values, measured_values, view_of,
-    with_all_cameras,
+    CorrelationContext, FrameResponse, ResidualMap, camera_at, channel_values, view_of, with_all_cameras,
 )
 from idic.diagnose import context_of
 from idic.errors import InputError
-from idic.measure import in_mm, seen_by
-from idic.identification import Identification, response_of
+from idic.measure import Seen, in_mm
+from idic.identification import Identification
 from idic.images import AnyCamera, Camera
 from idic.model import Experiment, Model
 from idic.run.judgement.accepted_point import channels_of, refuse_passed_point
@@ -102,7 +101,7 @@ class FieldsInMemory:
         path = self.identification.path
         march = self.identification.march
         states: Iterable[FrameResponse] = (path.frames if path is not None
-                                           else (response_of(state, reference) for state in march()))
+                                           else (FrameResponse.of(state, reference) for state in march()))
         return {response.frame: response for response in states}
 
     def identified_in_memory(self) -> Identification:
@@ -138,7 +137,7 @@ class FieldsInMemory:
 
     @property
     def measured(self) -> np.ndarray:
-        return measured_values(self.experiment.model, self.identification.parameters)
+        return self.experiment.model.measured_channels(self.identification.parameters)
 
 
 @dataclass(frozen=True)
@@ -216,7 +215,7 @@ class FieldsOfRun:
 def _freely_measured(context: CorrelationContext, frame: int, simulated: Callable[[int], np.ndarray]) -> np.ndarray:
     """See `Fields.u_measured`; simulated : frame -> (n_nodes, dim) mm, from which the measurement starts."""
     experiment, camera = context.experiment, context.camera
-    inputs = seen_by(experiment, context.reference.image)
+    inputs = Seen.by(experiment, context.reference.image)
     if inputs is None or not isinstance(camera, Camera):
         raise InputError("no free FE-DIC of these images", key="source",
                          expected="grey images of a surface by a telecentric camera, or measured fields",

@@ -14,12 +14,10 @@ from threadpoolctl import threadpool_limits
 
 from idic.errors import InputError
 from idic.experiment_file import (
-    BY_EVIDENCE, KIND as FREE_SURFACE, SPECTRUM, SPREAD, SURFACE, StatedCurve, by_evidence, locate, read_toml,
-    with_overrides,
+    BY_EVIDENCE, KIND as FREE_SURFACE, SPECTRUM, SPREAD, SURFACE, StatedCurve, locate, read_toml, with_overrides,
 )
 from idic.identification import (
-    ChosenKnots, FreeCurve, FreeForm, FreeSpectrum, FreeSurface, Identification, choose_knots, identify, log_progress,
-    scaled_system,
+    ChosenKnots, FreeCurve, FreeForm, FreeSpectrum, FreeSurface, Identification, identify, log_progress, scaled_system,
 )
 from idic.laws import RINGS, TERM
 from idic.model import Experiment
@@ -51,7 +49,7 @@ def with_chosen_knots(parts: Mapping[str, RunPart], say: Say = lambda text: None
 
 def _refuse_evidence(experiments: Iterable[Experiment]) -> None:
     for experiment in experiments:
-        for curve in by_evidence(experiment.model):
+        for curve in experiment.model.curves_by_evidence:
             raise InputError("knots by evidence work for one experiment only",
                              key=f"material.{curve.names[0].partition('.')[0]}", found=f'knots = "{BY_EVIDENCE}"',
                              expected="a number of knots where several experiments are identified together",
@@ -70,7 +68,7 @@ def chosen_tables(experiment: Experiment, tables: Mapping, say: Say = lambda tex
     InputError
         A value of the curve that is not identified.
     """
-    curves = by_evidence(experiment.model)
+    curves = experiment.model.curves_by_evidence
     for curve in curves:
         locked = [name for name in curve.names if not experiment.model.parameters[name].free]
         if locked:
@@ -108,7 +106,7 @@ def evidence_of(identification: Identification, curve: StatedCurve) -> ChosenKno
     scaled = scaled_system(system, without, identification.point.reference_gram, identification.weights.image_noise)
     values = np.array([parameters[name].value for name in scaled.names])
     at = tuple(scaled.names.index(name) for name in curve.names)
-    return choose_knots(scaled.M, scaled.b, values, scaled.slopes, _form_of(curve, at, parameters))
+    return ChosenKnots.of(scaled.M, scaled.b, values, scaled.slopes, _form_of(curve, at, parameters))
 
 
 def _form_of(curve: StatedCurve, at: tuple[int, ...], parameters: ParameterSet) -> FreeForm:

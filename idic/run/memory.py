@@ -10,8 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from idic.correlation import correlated_frames, texture_pairs
-from idic.experiment_file import by_evidence
+from idic.correlation import texture_pairs
 from idic.identification import (
     FrameFit, Identification, PointFit, experiment_result, identify, log_progress,
 )
@@ -47,7 +46,7 @@ def identify_in_memory(experiment: Experiment, tables: Mapping[str, Any],
     """
     began, cpu = time.perf_counter(), time.process_time()
     with threadpool_limits(1, user_api="blas"):
-        if by_evidence(experiment.model):
+        if experiment.model.curves_by_evidence:
             experiment = changed(chosen_tables(experiment, tables, say)).record
         prepared = prepare_in_memory(experiment, say)
         identification = identify(prepared.start, prepared.local, progress=log_progress(say),
@@ -72,7 +71,7 @@ def _fit(prepared: Prepared, identification: Identification, fields: FieldsInMem
     if point is None or point.system is None:
         return PointFit([{} for _ in experiment.views], np.zeros((0, len(experiment.model.channels))), free_fits)
     frames = [_frame_fits(identification, fields, number) for number in range(len(experiment.views))]
-    channels = (fields.measured - fields.simulated)[correlated_frames(experiment, range(experiment.model.n_frames))]
+    channels = (fields.measured - fields.simulated)[experiment.correlated_frames(range(experiment.model.n_frames))]
     return PointFit(frames, channels, free_fits, texture_pairs(fields.context) if experiment.cameras else ())
 
 

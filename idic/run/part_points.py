@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation import CorrelationSystem, generalised_weights, reduce_systems
+from idic.correlation import CorrelationSystem, reduce_systems
 from idic.identification import (
-    DiscrepancySystem, Evaluation, LoopState, chunk_frames, closed_evaluation, next_local, paper_weights, perturbations,
-    trial_states,
+    DiscrepancySystem, Evaluation, LoopState, chunk_frames, closed_evaluation, next_local, paper_weights,
+    perturbations,
 )
 from idic.model import Experiment, Stage
 from idic.run.prepared.context import correlation_context, release_voxels
@@ -59,7 +59,7 @@ class PartPoints:
         if session.context.settings["weights"]["kind"] == "paper (not yet scaled)":
             _scale_paper_weights(session, trial)
         context = session.context.at_stage(stage)
-        weights = generalised_weights(context.weights) if trial.generalised else context.weights
+        weights = context.weights.as_generalised() if trial.generalised else context.weights
         shared = correlation_context(context, context.experiment.model.parameters.with_values(trial.trial.values),
                                      weights)
         release_voxels(context)  # the workers make the passes
@@ -90,7 +90,7 @@ class PartPoints:
             return
         accepted = next((point for point in points if state.has_accepted(point.number)), previous)
         local = read_array(context.store.group(group_name(accepted.number, "start")), "local")
-        for trial in trial_states(state):
+        for trial in state.trial_states:
             self._write_start(trial.evaluations, next_local(trial, accepted, local, context.names))
 
     def remove_points(self, state: LoopState) -> None:
@@ -108,7 +108,7 @@ class PartPoints:
 def simulate_trials(trials: Sequence[tuple[Session, LoopState]], timing: Timing) -> list[str]:
     """All simulations of several trials side by side; returns why each failed, or "".
 
-    trials : of one experiment or of several, each a state that tries one point (`trial_states`)
+    trials : of one experiment or of several, each a state that tries one point (`LoopState.trial_states`)
     """
     began, session = time.perf_counter(), trials[0][0]
     jobs = [_simulations(part, state) for part, state in trials]

@@ -14,10 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation import GREY, SPACE, TexturePair, correlated_frames, texture_pairs
-from idic.identification import (
-    ElementSums, Evaluation, FrameFit, LoopState, PointFit, chunk_frames, element_sums, experiment_result,
-)
+from idic.correlation import TexturePair, ViewKind, texture_pairs
+from idic.identification import ElementSums, Evaluation, FrameFit, LoopState, PointFit, chunk_frames, experiment_result
 from idic.model import Experiment, Model, Stage
 from idic.run.judgement.cracks import crack_results
 from idic.run.judgement.accepted_point import channel_table, solver_notes
@@ -71,14 +69,14 @@ def fit_frames(job: FitJob) -> tuple[list[FrameFit], ElementSums | None]:
     maps = FrameArrays.open(Path(job.target).parent, Path(job.target).name, "r+") if job.map_frames else None
     sigma, kind = at.experiment.recording.noise.std_gv, at.kind
     fits, sums = [], None
-    correlated = set(correlated_frames(at.experiment, job.frames))
+    correlated = set(at.experiment.correlated_frames(job.frames))
     for frame in job.frames:
         pixels = at.compare(frame)
         fits.append(FrameFit.of(frame, pixels, sigma, job.fitted.get(frame, 0.0)))
         if maps is not None and frame in job.map_frames:
             maps.write(job.map_frames.index(frame), _in_steps(at.as_image(pixels), sigma)[None])
-        if kind in (GREY, SPACE) and frame in correlated and sigma and fits[-1].n_pixels:
-            frame_sums = element_sums(at.reference.pixel_map, pixels, sigma)
+        if kind in (ViewKind.GREY, ViewKind.SPACE) and frame in correlated and sigma and fits[-1].n_pixels:
+            frame_sums = ElementSums.of(at.reference.pixel_map, pixels, sigma)
             sums = frame_sums if sums is None else sums + frame_sums
     return fits, sums
 
@@ -217,7 +215,7 @@ def _channel_residual(context, state: LoopState) -> np.ndarray:
     """Measured minus simulated of the correlated frames at the accepted point  # (n_frames, n_channels)"""
     experiment = context.experiment
     simulated, measured = channel_table(context, state.accepted.values, state.accepted.number)
-    frames = correlated_frames(experiment, range(experiment.model.n_frames))
+    frames = experiment.correlated_frames(range(experiment.model.n_frames))
     return (measured - simulated)[frames]
 
 

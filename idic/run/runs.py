@@ -15,8 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from idic.errors import InputError
-from idic.experiment_file import by_evidence
-from idic.identification import Joint, join, resolve_stages, start
+from idic.identification import Joint, resolve_stages, start
 from idic.run.part import RunPart
 from idic.run.points import PartPoints, RunPoints
 from idic.run.prepared.session import Timing, open_session
@@ -60,11 +59,11 @@ class Run:
         folders = RunFolders.planned(out, paths)
         parts = {name: RunPart(RunStore(folder), path, dict(overrides))
                  for (name, folder), path in zip(folders.parts.items(), paths, strict=True)}
-        if any(by_evidence(part.experiment.model) for part in parts.values()):
+        if any(part.experiment.model.curves_by_evidence for part in parts.values()):
             from idic.run.knots import with_chosen_knots  # here: most runs begin sooner without
 
             parts = with_chosen_knots(parts, say)
-        return cls(folders, parts, join({name: part.experiment for name, part in parts.items()}))
+        return cls(folders, parts, Joint.of({name: part.experiment for name, part in parts.items()}))
 
     @property
     def store(self) -> RunStore:
@@ -167,4 +166,4 @@ class Run:
         """The points of the prepared run, new or resumed."""
         parts = {name: PartPoints(open_session(folder, runner, sensitivity, tasks, say), timing)
                  for name, folder in self.folders.parts.items()}
-        return RunPoints(self.folders, parts, join({name: part.experiment for name, part in parts.items()}), timing)
+        return RunPoints(self.folders, parts, Joint.of({name: part.experiment for name, part in parts.items()}), timing)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.identification import CoarseFit, FoundStart, StartTrial, coarse_fit, first_free, search, wants_search
+from idic.identification import CoarseFit, FoundStart, StartTrial, first_free, search, wants_search
 from idic.model import Measured, Model
 from idic.run.prepared.context import open_run
 from idic.run.prepared.prepare import read_free_motion, run_free_dic
@@ -68,8 +68,8 @@ def fit_trial(job: TrialJob) -> CoarseFit:
     if finished is not None:
         return finished
     u_px = read_free_motion(context.store) if context.store.finished("dic") is not None else None
-    fit = coarse_fit(replace(experiment, recording=replace(experiment.recording, stack=None)), u_px, trial.values,
-                     trial.evaluations, trial.simplified)
+    fit = CoarseFit.of(replace(experiment, recording=replace(experiment.recording, stack=None)), u_px, trial.values,
+                       trial.evaluations, trial.simplified)
     with context.store.building(name, ident) as folder:
         write_array(folder, "values", np.array([fit.values[key] for key in names]))
         write_array(folder, "facts", np.array([fit.phi, fit.points, fit.evaluations, fit.part], float))

@@ -17,9 +17,9 @@ from idic.errors import InputError, NotConverged
 from idic.experiment_file import load_experiment, locate, read_toml, with_overrides
 from idic.identification import (
     Assessment, LoopState, Treatment, determined_values, discretisation_bias, evaluate_at, experiment_of, identify,
-    measured_start, path_dependent_laws, starts_from_dic, time_step_bias, treatments, with_bias, with_spread,
+    measured_start, starts_from_dic, time_step_bias, treatments, with_bias, with_spread,
 )
-from idic.measure import Regularisation, boundary_start, dic_stack, with_boundary_start
+from idic.measure import BoundaryStart, Regularisation, dic_stack, with_boundary_start
 from idic.model import Experiment, Measured, is_mode
 from idic.run.orchestrator import DIRECT, Command, Console, Hooks, Orchestrator
 from idic.run.prepared.context import RunContext, experiments_of, open_run
@@ -84,7 +84,7 @@ def _assessed(run: str | Path, runner: TaskRunner, bias: bool, spread: bool, pro
     result = _finished(run)  # read again: until the lock was taken another command could write it
     context = open_run(str(run))
     jobs = [AssessmentJob(str(run), None)] if bias else []
-    if bias and path_dependent_laws(context.experiment.model):
+    if bias and context.experiment.model.path_dependent_laws:
         jobs.append(AssessmentJob(str(run), None, increments=True))
     n_biases = len(jobs)
     if spread:
@@ -160,7 +160,7 @@ def _treated(context: RunContext, state: LoopState, treatment: Treatment) -> tup
         return experiment, _local(context, state) if as_given and original.model.prescribed else None
     u_px = dic_stack(experiment, Regularisation.smooth()).u_px
     local = measured_start(experiment, u_px, experiment.recording.excluded)
-    return with_boundary_start(experiment, boundary_start(experiment, u_px, experiment.recording.excluded)), local
+    return with_boundary_start(experiment, BoundaryStart.of(experiment, u_px, experiment.recording.excluded)), local
 
 
 def _finished(run: str | Path) -> dict:

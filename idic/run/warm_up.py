@@ -11,7 +11,7 @@ from importlib import import_module
 import numpy as np
 
 from idic.correlation import (
-    CorrelationContext, FrameResponse, Weights, build_experiment_reference, camera_at, correlated_frames, frame_system,
+    CorrelationContext, FrameResponse, Weights, build_experiment_reference, camera_at, frame_system,
 )
 from idic.experiment_file import load_experiment
 from idic.laws import compiled_loop
@@ -38,7 +38,7 @@ def compile_image_kernels(job: tuple[str, str, dict]) -> None:
 def _correlate_at_rest(job: tuple[str, str, dict]) -> None:
     run, path, overrides = job
     experiment = with_stored_images(RunStore(run), load_experiment(path, overrides))
-    frames = correlated_frames(experiment, range(experiment.model.n_frames))
+    frames = experiment.correlated_frames(range(experiment.model.n_frames))
     if not frames:
         return
     forward, parameters = build_forward(experiment), experiment.model.parameters

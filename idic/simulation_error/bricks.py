@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from idic.errors import NotConverged
-from idic.fe import FrameState, Body, is_linear
+from idic.fe import FrameState, Body
 from idic.model import Experiment, ForwardModel, Model, MotionError, build_forward
 from idic.simulation_error.comparison import LOOSE, ModelPoint, compared_increments
 from idic.simulation_error.limits import LIMITS
@@ -49,6 +49,44 @@ class Bricks:
     path: tuple[np.ndarray, ...] = ()
     changes: ErrorChanges | None = None
 
+    @classmethod
+    def of(cls, point: ModelPoint, sheet: Iterable[SheetFrame], neighbour: Bricks | None = None,
+           of_sheet: Sequence[str] | None = None) -> Bricks | None:
+        """The bricks of a sheet; None where none can be made or simulated.
+
+        sheet : its simulated frames without a known error, the reference first; neighbour : bricks at similar
+        parameters; of_sheet : parameters by which the sheet is differentiated, where the bricks are to be by those
+        of the laws
+        """
+        model = _brick_model(point.experiment)
+        if model is None:
+            return None
+        experiment, n, path = point.experiment, point.experiment.model.mesh.n_nodes, []
+        u = np.zeros((experiment.model.n_frames, *experiment.model.mesh.nodes.shape))
+        channels = np.zeros((experiment.model.n_frames, len(experiment.model.channels)))
+        linear, names = model.body.is_linear, _of_the_laws(experiment.model, of_sheet or ())
+        columns = [(of_sheet or ()).index(name) for name in names]
+        changes = None if of_sheet is None else ErrorChanges(names, np.zeros((*u.shape, len(names))),
+                                                             np.zeros((*channels.shape, len(names))))
+        steps = compared_increments(point)
+        if steps is not point.steps:
+            sheet, columns = simulated_sheet(replace(point, steps=steps), names), list(range(len(names)))
+        states = model.march(point.parameters, names, point.local, steps,
+                             warm_start=neighbour.path or None if neighbour is not None else None, may_cut=True)
+        try:
+            for sheet_state, state in zip(sheet, states, strict=True):
+                frame = experiment.model.reference + state.frame
+                u[frame] = state.u[:n, :2] - sheet_state.u
+                channels[frame] = state.channels - sheet_state.channels
+                if changes is not None:
+                    changes.u[frame] = state.du[:n, :2] - sheet_state.du[..., columns]
+                    changes.channels[frame] = state.dchannels - sheet_state.dchannels[:, columns]
+                if not linear:
+                    path.append(state.u)
+        except NotConverged:
+            return None
+        return cls(MotionError(u, channels), tuple(path), changes)
+
 
 @dataclass(frozen=True, eq=False)
 class ErrorChanges:
@@ -61,45 +99,8 @@ class ErrorChanges:
 
 def thickness_error(point: ModelPoint) -> MotionError | None:
     """What a simulation in plane stress lacks of the surface of bricks; None where none can be made or simulated."""
-    bricks = bricks_of(point, simulated_sheet(point))
+    bricks = Bricks.of(point, simulated_sheet(point))
     return None if bricks is None else bricks.error
-
-
-def bricks_of(point: ModelPoint, sheet: Iterable[SheetFrame], neighbour: Bricks | None = None,
-              of_sheet: Sequence[str] | None = None) -> Bricks | None:
-    """The bricks of a sheet; None where none can be made or simulated.
-
-    sheet : its simulated frames without a known error, the reference first; neighbour : bricks at similar parameters;
-    of_sheet : parameters by which the sheet is differentiated, where the bricks are to be by those of the laws
-    """
-    model = _brick_model(point.experiment)
-    if model is None:
-        return None
-    experiment, n, path = point.experiment, point.experiment.model.mesh.n_nodes, []
-    u = np.zeros((experiment.model.n_frames, *experiment.model.mesh.nodes.shape))
-    channels = np.zeros((experiment.model.n_frames, len(experiment.model.channels)))
-    linear, names = is_linear(model.body), _of_the_laws(experiment.model, of_sheet or ())
-    columns = [(of_sheet or ()).index(name) for name in names]
-    changes = None if of_sheet is None else ErrorChanges(names, np.zeros((*u.shape, len(names))),
-                                                         np.zeros((*channels.shape, len(names))))
-    steps = compared_increments(point)
-    if steps is not point.steps:
-        sheet, columns = simulated_sheet(replace(point, steps=steps), names), list(range(len(names)))
-    states = model.march(point.parameters, names, point.local, steps,
-                         warm_start=neighbour.path or None if neighbour is not None else None, may_cut=True)
-    try:
-        for sheet_state, state in zip(sheet, states, strict=True):
-            frame = experiment.model.reference + state.frame
-            u[frame] = state.u[:n, :2] - sheet_state.u
-            channels[frame] = state.channels - sheet_state.channels
-            if changes is not None:
-                changes.u[frame] = state.du[:n, :2] - sheet_state.du[..., columns]
-                changes.channels[frame] = state.dchannels - sheet_state.dchannels[:, columns]
-            if not linear:
-                path.append(state.u)
-    except NotConverged:
-        return None
-    return Bricks(MotionError(u, channels), tuple(path), changes)
 
 
 def simulated_sheet(point: ModelPoint, names: Sequence[str] = (),
@@ -154,4 +155,4 @@ def _brick_model(experiment: Experiment) -> ForwardModel | None:
 
 
 def _max_bricks(model: Body) -> int:
-    return LIMITS.superposed if is_linear(model) else LIMITS.solid
+    return LIMITS.superposed if model.is_linear else LIMITS.solid

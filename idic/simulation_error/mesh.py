@@ -22,7 +22,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from idic.fe import Body, can_halve, can_raise_order, is_linear
+from idic.fe import Body
 from idic.model import Experiment, ForwardModel, Model, MotionError, build_forward
 from idic.simulation_error.coarsening import Coarsened, coarsened
 from idic.simulation_error.comparison import (
@@ -43,8 +43,8 @@ def can_be_refined(model: Model) -> bool:
     """Whether a finer mesh of this experiment can be made and is not too large."""
     if model.solver is not None or model.cracks:
         return False
-    mesh, raised = model.mesh, can_raise_order(model.mesh)
-    if not (raised or can_halve(mesh)):
+    mesh, raised = model.mesh, model.mesh.can_raise_order
+    if not (raised or mesh.can_halve):
         return False
     plane = model.n_dim == 2
     growth = (3 if plane else 4) if raised else (4 if plane else 7)
@@ -81,7 +81,7 @@ def brick_mesh_error(point: ModelPoint) -> MotionError | None:
     finer = refined(experiment)
     bricks, finer_bricks = thick(experiment), thick(finer.experiment)
     forward = build_forward(bricks)
-    linear, n_nodes = is_linear(forward.body), finer_bricks.model.mesh.n_nodes
+    linear, n_nodes = forward.body.is_linear, finer_bricks.model.mesh.n_nodes
     if n_nodes > (LIMITS.superposed if linear else LIMITS.solid_in_few_frames):
         elastic = None if linear or n_nodes > LIMITS.superposed else as_elastic(experiment)
         return None if elastic is None else _of_elastic_bricks(point, elastic)
@@ -109,13 +109,7 @@ def as_elastic(experiment: Experiment) -> Experiment | None:
         return None
     materials = tuple(replace(material, law="elastic", kinematics="small") for material in model.materials)
     elastic = replace(experiment, model=replace(model, materials=materials))
-    return elastic if is_linear(build_forward(thick(elastic)).body) else None
-
-
-def without_reactions(error: MotionError, model: Model) -> MotionError:
-    """The same error of motions and other channels: reactions are at their limit, whatever else is lacking."""
-    factor = np.array([0.0 if channel.kind == "reaction" else 1.0 for channel in model.channels])
-    return replace(error, channels=factor * error.channels)
+    return elastic if build_forward(thick(elastic)).body.is_linear else None
 
 
 def compared_frames(model: Body) -> np.ndarray:

@@ -16,8 +16,16 @@ import numpy as np
 
 from idic.fe import cell_type, make_mesh, Mesh, Morph
 from idic.model import (
-    Channel, Constant, Controlled, Experiment, Measured, Model, Parametrised, Prescribed, Temperature, TemperatureField,
-    mode_shapes, set_nodes,
+    Channel,
+    Constant,
+    Controlled,
+    Experiment,
+    Model,
+    Parametrised,
+    Prescribed,
+    Temperature,
+    TemperatureField,
+    mode_shapes,
 )
 
 MIDDLE = "plane of symmetry"
@@ -50,7 +58,7 @@ def thick(experiment: Experiment) -> Experiment:
     """
     model = experiment.model
     mesh = extruded(model.mesh, 0.5 * float(model.thickness))
-    front, flat = in_front(model.mesh, mesh), [MIDDLE, *gripped_ends(model)]
+    front, flat = in_front(model.mesh, mesh), [MIDDLE, *model.gripped_ends]
     prescribed = (*(_moved_through(model, entry, mesh, front) for entry in model.prescribed),
                   *(Prescribed(name, "z", Constant(0.0)) for name in flat))
     return replace(experiment, model=replace(model, kind="solid", mesh=mesh, thickness=None, prescribed=prescribed,
@@ -61,15 +69,6 @@ def thick(experiment: Experiment) -> Experiment:
                                                                 for entry in model.temperatures),
                                              morphs=tuple(_flat(morph, front) for morph in model.morphs),
                                              channels=tuple(_of_solid(channel) for channel in model.channels)))
-
-
-def gripped_ends(model: Model) -> list[str]:
-    """Node sets that keep their thickness: held or moved in both components, not measured."""
-    components: dict[str, set[str]] = {}
-    for entry in model.prescribed:
-        if not isinstance(entry.drive, (Measured, Parametrised)):
-            components.setdefault(entry.nodes, set()).add(entry.component)
-    return [name for name, directions in components.items() if directions >= {"x", "y"}]
 
 
 def extruded(sheet: Mesh, depth: float) -> Mesh:
@@ -207,7 +206,7 @@ def _moved_through(model: Model, entry: Prescribed, solid: Mesh, front: np.ndarr
                                             minus=None if drive.minus is None else as_seen(drive.minus)))
     if not isinstance(drive, Parametrised):
         return entry
-    edge = set_nodes(model, entry.nodes)
+    edge = model.node_set(entry.nodes)
     shapes, courses = mode_shapes(model, edge, drive, f"boundary.{entry.nodes}.{entry.component}")
     place = np.full(model.mesh.n_nodes, -1)
     place[edge] = np.arange(len(edge))

@@ -14,8 +14,8 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from idic.errors import InputError
-from idic.fe import Mesh, can_halve, can_raise_order, curved, halve, is_raised_by_default, raise_order
-from idic.model import DriveTable, Experiment, Parametrised, Prescribed, TemperatureField, build_drives, set_nodes
+from idic.fe import Mesh, curved, halve, raise_order
+from idic.model import DriveTable, Experiment, Parametrised, Prescribed, TemperatureField
 
 RAISED = "quadratic elements"  # in the place of linear ones
 
@@ -40,7 +40,7 @@ class Refined:
     def carried_local(self, local: np.ndarray) -> np.ndarray:
         """Frame-local unknowns on the finer mesh: measured edges interpolated along them, all others as they are
         # (n_frames, m) mm -> (n_frames, m_fine)"""
-        coarse, finer, dim = build_drives(self.coarse), build_drives(self.experiment), self.coarse.model.n_dim
+        coarse, finer, dim = DriveTable.of(self.coarse), DriveTable.of(self.experiment), self.coarse.model.n_dim
         motion = np.zeros((len(local), self.coarse.model.mesh.n_nodes * dim))
         measured = np.flatnonzero(coarse.measured[:len(coarse.local)])
         motion[:, coarse.dofs] = local[:, measured] @ coarse.basis[:, np.array(coarse.local, dtype=int)[measured]].T
@@ -78,10 +78,10 @@ def refined(experiment: Experiment, raise_bricks: bool = False) -> Refined:
         raise InputError("a mesh that a crack cuts is not refined", expected="a model without [[crack]]",
                          found=", ".join(crack.name for crack in model.cracks),
                          remedy="identify again with smaller elements, and compare")
-    if is_raised_by_default(mesh) or (raise_bricks and can_raise_order(mesh)):
+    if mesh.is_raised_by_default or (raise_bricks and mesh.can_raise_order):
         fine, way = curved(raise_order(mesh)), RAISED
         carry = _midpoints(mesh.n_nodes, fine)
-    elif can_halve(mesh):
+    elif mesh.can_halve:
         halved = halve(mesh)
         fine, carry, way = halved.mesh, halved.carry, "elements of half the size"
     else:
@@ -139,8 +139,8 @@ def _carried_shapes(experiment: Experiment, finer: Experiment, carry: sparse.csr
     if not isinstance(drive, Parametrised) or drive.shapes is None:
         return entry
     nodal = np.zeros((experiment.model.mesh.n_nodes, drive.shapes.shape[1]))
-    nodal[set_nodes(experiment.model, entry.nodes)] = drive.shapes
-    return replace(entry, drive=replace(drive, shapes=(carry @ nodal)[set_nodes(finer.model, entry.nodes)]))
+    nodal[experiment.model.node_set(entry.nodes)] = drive.shapes
+    return replace(entry, drive=replace(drive, shapes=(carry @ nodal)[finer.model.node_set(entry.nodes)]))
 
 
 def _midpoints(n_old: int, fine: Mesh) -> sparse.csr_array:

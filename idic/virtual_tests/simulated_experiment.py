@@ -10,14 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from idic.correlation import camera_at, channel_values, is_section, view_of
+from idic.correlation import camera_at, channel_values, view_of
 from idic.errors import InputError
 from idic.experiment_file import DesignTable, locate, read_toml, recorded, to_toml, with_copied_images, with_overrides
 from idic.images import AnyCamera, PlacedCamera, sensor_levels
-from idic.model import (
-    Column, Controlled, Experiment, ForwardModel, Measured, Model, Parametrised, build_forward, rates_since_reference,
-    solve,
-)
+from idic.model import Column, Controlled, Experiment, ForwardModel, Measured, Model, Parametrised, build_forward, solve
 from idic.readers import parse_unit, unit_in_name
 from idic.identification import DOT_SIGMA_PER_SPECKLE, chooses_increments, planned_speckle, recorded_or_planned
 from idic.virtual_tests.experiment_files import (
@@ -154,7 +151,7 @@ def _images(experiment: Experiment, camera: AnyCamera, motion: Sequence[np.ndarr
         return
     if experiment.recording.quantity == "height":
         rise = view_of(experiment, camera).rise
-        if is_section(model):
+        if model.is_section:
             yield from _section_images(experiment, camera, motion, sensor, rise, speckle_rng, camera_rng)
             return
         texture = rough_surface(camera, sensor.shape, _roughness(experiment))(speckle_rng)
@@ -199,7 +196,7 @@ def _check(experiment: Experiment) -> None:
             found='"measured"' if isinstance(measured[0].drive, Measured) else '{ virtual = "dic" }',
             remedy='give the motion, for instance uy = { column = "grip_displacement_mm" }',
         )
-    if is_section(model) and recording.quantity != "height":
+    if model.is_section and recording.quantity != "height":
         raise InputError(
             "grey images of a cross-section seen from above cannot be simulated",
             key="experiment.surface",
@@ -263,7 +260,7 @@ def _on_time(model: Model, values: np.ndarray, rates: np.ndarray | None, is_moti
     shift = model.log_shift(model.parameters)
     if rates is None or not shift:
         return values
-    late = rates_since_reference(model, rates).copy() if is_motion else rates
+    late = model.rates_since_reference(rates).copy() if is_motion else rates
     if is_motion:
         late[model.reference] = 0.0
     return values + shift * late

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from idic.correlation import N_NODES, build_pixel_map, build_reference, nodal_equations
+from idic.correlation import N_NODES, PixelMap, ReferenceImage, nodal_equations
 from idic.correlation.image_equations.image_kernel import N_SUMS, image_pass
-from idic.correlation.pixels.pixel_map import element_coefficients
 from idic.fe import Block
 from idic.images import Camera, prefilter
 
@@ -55,9 +54,9 @@ def setting(name):
     rng = np.random.default_rng(0)
     f, g = (rng.integers(0, 256, shape).astype(np.uint8) for _ in range(2))
     nodes, conn = quads(nx, ny, shape[1], shape[0], cell)
-    pm = build_pixel_map(nodes, [Block(cell, conn, 0)], Camera.from_table(1.0, axes=("+col", "+row")), shape)
+    pm = PixelMap.of(nodes, [Block(cell, conn, 0)], Camera.from_table(1.0, axes=("+col", "+row")), shape)
     u = 0.001 * (pm.nodes_px - np.array(shape[::-1]) / 2) + 0.3
-    return f, g, conn, build_reference(pm, f), u
+    return f, g, conn, ReferenceImage.of(pm, f), u
 
 
 def kernel(reference, spline, u):
@@ -69,7 +68,7 @@ def kernel(reference, spline, u):
 
     def run():
         image_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, reference.fx, reference.fy, *no_matching,
-                   means, element_coefficients(pm, u), c.ravel(), c.shape[1], spline.degree, np.int32(0), valid, sums,
+                   means, pm.element_coefficients(u), c.ravel(), c.shape[1], spline.degree, np.int32(0), valid, sums,
                    lost)
 
     return run

@@ -11,7 +11,7 @@ import pytest
 from jobs.bench_jobs import best_of
 from scipy import ndimage, sparse
 
-from idic.correlation import build_pixel_map, build_reference, nodal_equations
+from idic.correlation import PixelMap, ReferenceImage, nodal_equations
 from correlation.pixel_equations import normal_equations
 from idic.fe import Block
 from idic.images import Camera, lowpass, prefilter
@@ -35,7 +35,7 @@ def setting(shape, elements):
     number = np.arange(x.size).reshape(x.shape)
     conn = np.stack([number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]], axis=-1).reshape(-1, 4)
     nodes = np.column_stack([x.ravel(), y.ravel()])
-    pm = build_pixel_map(nodes, [Block("quad4", conn, 0)], Camera.from_table(1.0, axes=("+col", "+row")), shape)
+    pm = PixelMap.of(nodes, [Block("quad4", conn, 0)], Camera.from_table(1.0, axes=("+col", "+row")), shape)
     u = 0.001 * (pm.nodes_px - np.array(shape[::-1]) / 2) + 0.3
     wave = np.arange(1, PARAMETERS + 1)
     fields = np.stack([np.sin(np.outer(x.ravel() / shape[1], wave)), np.cos(np.outer(y.ravel() / shape[0], wave))], 1)
@@ -106,7 +106,7 @@ def scipy_pipeline(reference, frames, u, fields, n_frames):
 def test_one_image_pass_over_all_frames(name, measured):
     n_frames, shape, elements, sample = CASES[name]
     f, frames, pm, u, fields = setting(shape, elements)
-    reference = build_reference(pm, f, DEGREE, lowpass_px=LOWPASS)
+    reference = ReferenceImage.of(pm, f, DEGREE, lowpass_px=LOWPASS)
     M, b, _ = pass_of(reference, frames, u, fields, 1)()
     slow_M, slow_b = scipy_pipeline(reference, frames, u, fields, 1)()
     exact = normal_equations(pm, lowpass(f, LOWPASS), lowpass(frames[0], LOWPASS), u,

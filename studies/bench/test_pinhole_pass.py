@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from idic.correlation import build_pixel_map, build_ray_map, build_reference, GREY, nodal_equations, PinholeView, View
+from idic.correlation import PinholeView, PixelMap, ReferenceImage, View, ViewKind, build_ray_map, nodal_equations
 from idic.fe import make_mesh
 from idic.images import Camera, PinholeCamera, PlacedCamera, prefilter, rotation_of
 from idic.virtual_tests import Patch, mesh_patches
@@ -26,10 +26,10 @@ def test_a_pass_through_a_lens_costs_at_most_a_third_more():
     lens = PlacedCamera(PinholeCamera(6000.0, 6000.0, 999.5, 499.5, k1=-0.1,
                                       rotation=rotation_of([0.0, 12.0, 0.0]) @ np.diag([1.0, -1.0, -1.0]),
                                       translation_mm=[0.0, 0.0, 300.0]))
-    views = {"telecentric": (View(GREY, flat), build_pixel_map(nodes, mesh.blocks, flat, SHAPE)),
+    views = {"telecentric": (View(ViewKind.GREY, flat), PixelMap.of(nodes, mesh.blocks, flat, SHAPE)),
              "lens": (PinholeView(lens, mesh), build_ray_map(mesh, mesh.surface_cells(), lens, SHAPE))}
     u, du, spline = 0.01 * nodes, rng.normal(size=(*nodes.shape, 3)), prefilter(image, 5)
-    references = {name: build_reference(pixels, image, 5) for name, (_, pixels) in views.items()}
+    references = {name: ReferenceImage.of(pixels, image, 5) for name, (_, pixels) in views.items()}
     times = {name: [] for name in views}
     for _ in range(REPEATS):
         for name, (view, pixels) in views.items():

@@ -15,7 +15,7 @@ import pytest
 from jobs.bench_jobs import brick_px
 from scipy.ndimage import gaussian_filter
 
-from idic.correlation import build_volume_reference, build_voxel_map
+from idic.correlation import VolumeReference, build_voxel_map
 from idic.correlation.volume.block_filter import REACH, filtered
 from idic.correlation.volume.spline_block import coefficients_in
 from idic.correlation.volume.voxel_map import MAX_BEND
@@ -44,7 +44,7 @@ def setting():
     nodes, conn = brick_px(SIDE, ELEMENTS, 6.0)
     volumes = ArrayVolumes([f, np.roll(f, 1, axis=0)])
     voxel_map = build_voxel_map(nodes, [Block("hex8", conn)], f.shape)
-    return build_volume_reference(voxel_map, volumes, (0,)), volumes, 0.01 * (nodes - SIDE / 2) + [0.3, -0.2, 1.1]
+    return VolumeReference.of(voxel_map, volumes, (0,)), volumes, 0.01 * (nodes - SIDE / 2) + [0.3, -0.2, 1.1]
 
 
 def test_a_pass_over_a_scan(monkeypatch, measured):

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.measure import Regularisation, boundary_start, dic_stack, with_boundary_start
+from idic.measure import BoundaryStart, Regularisation, dic_stack, with_boundary_start
 from idic.experiment_file import load_experiment
 from idic.identification import (
-    Identification, coarse_fit, identify, measured_start, search, starts_from_dic, wants_search, with_measured_noise,
+    CoarseFit, Identification, identify, measured_start, search, starts_from_dic, wants_search, with_measured_noise,
 )
 from idic.model import Experiment, Measured, leading_frames
 from idic.parameters import ParameterSet
@@ -144,7 +144,7 @@ def with_searched_start(experiment: Experiment) -> tuple[Experiment, bool]:
         return experiment, False
     u_px = dic_stack(experiment, Regularisation.smooth()).u_px if experiment.recording.quantity != "height" else None
     bare = replace(experiment, recording=replace(experiment.recording, stack=None))
-    outcome = search(experiment, lambda trials: [coarse_fit(bare, u_px, t.values, t.evaluations, t.simplified)
+    outcome = search(experiment, lambda trials: [CoarseFit.of(bare, u_px, t.values, t.evaluations, t.simplified)
                                              for t in trials])
     return experiment.with_parameters(experiment.model.parameters.with_values(outcome.values)), outcome.moved
 
@@ -162,7 +162,7 @@ def with_measured_start(experiment: Experiment) -> tuple[Experiment, np.ndarray 
         return experiment, None
     u_px = dic_stack(experiment, Regularisation.smooth()).u_px
     local = measured_start(experiment, u_px, experiment.recording.excluded)
-    return with_boundary_start(experiment, boundary_start(experiment, u_px, experiment.recording.excluded)), local
+    return with_boundary_start(experiment, BoundaryStart.of(experiment, u_px, experiment.recording.excluded)), local
 
 
 def _known(parameters: ParameterSet, values: Mapping[str, float]) -> dict[str, float]:

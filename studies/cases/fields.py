@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from idic.correlation import build_experiment_reference, camera_at, correlated_frames, view_of
+from idic.correlation import build_experiment_reference, camera_at, view_of
 from idic.experiment_file import seen_nodes, visible_cells
 from idic.fe import FrameState
 from idic.model import Experiment, build_forward
@@ -90,7 +90,7 @@ def _levels(experiment: Experiment, identified: ParameterSet, truth: ParameterSe
     Every frame has a level, also those that took no part in the identification.
     """
     model = experiment.model
-    frames = correlated_frames(experiment, range(model.n_frames))
+    frames = experiment.correlated_frames(range(model.n_frames))
     mean, size = np.full(model.n_frames, np.nan), np.full(model.n_frames, np.nan)
     for frame, _, r in _residual_maps(experiment, identified, frames):
         mean[frame], size[frame] = r.mean(), np.abs(r).mean()

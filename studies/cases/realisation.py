@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.correlation import build_experiment_reference
-from idic.images import ArrayStack, LitStack, RoundedStack, field_noise
+from idic.images import ArrayStack, FieldNoise, LitStack, RoundedStack
 from idic.model import Column, CorrelatedNoise, Experiment, FieldPoints, Noise
 from idic_studies.subset_dic import subset_displacements, subset_grid
 from idic.virtual_tests import recorded_by
@@ -82,7 +82,7 @@ def as_measured_fields(experiment: Experiment, half: int, step: int) -> Experime
     size = model.camera.pixel_size
     points = FieldPoints(centres.astype(float), stack.shape, size, 2.0 * half + 1.0)
     fields = ArrayStack((points.um_per_px * moved).astype(np.float32))
-    estimate = field_noise(fields, points.positions_px / step, frames, model.reference)
+    estimate = FieldNoise.of(fields, points.positions_px / step, frames, model.reference)
     assert estimate is not None
     rows = tuple(tuple(row) for row in estimate.correlation.tolist())
     noise = Noise(estimate.std, "stage_differences",

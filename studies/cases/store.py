@@ -20,7 +20,7 @@ import numpy as np
 import zarr
 
 from idic.images import Stack
-from idic.run import RunStore, ZarrStack, ingest, read_array, write_array
+from idic.run import RunStore, ZarrStack, read_array, write_array
 from idic_studies.pages.case_record import CaseRecord
 from idic_studies.pages.study_page import write_page_files
 from idic_studies.cases.study import Study
@@ -39,7 +39,7 @@ class StudyStore(RunStore):
     # images ---------------------------------------------------------------------------------------
     def keep_images(self, name: str, stack: Stack, source: str) -> None:
         """Copy a stack unless it is there already; `source` identifies its origin."""
-        ingest(self, stack, source=source, name=f"{IMAGES}/{name}")
+        ZarrStack.of(self, stack, source=source, name=f"{IMAGES}/{name}")
 
     def has_images(self, name: str, source: str) -> bool:
         """Whether the images `name`, made from `source`, are there."""

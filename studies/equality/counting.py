@@ -24,7 +24,8 @@ COUNTED: dict[str, tuple[str, ...]] = {  # what is counted -> its places, "modul
     "residual_passes": ("idic.correlation.image_equations.residual:pixel_residual",
                         "idic.correlation.image_equations.frame:pixel_residual"),
     "height_passes": ("idic.correlation.height.surface:height_equations",),
-    "section_passes": ("idic.correlation.height.cross_section:section_equations",),
+    "section_passes": ("idic.correlation.height.cross_section:SectionReference.equations",
+                       "idic.correlation.height.cross_section:section_equations"),
     "field_passes": ("idic.correlation.field.reference:FieldReference.equations",),
 }
 

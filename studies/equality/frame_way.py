@@ -35,9 +35,9 @@ SOURCE = Path(idic.__file__).parent
 FOLLOWED = 3  # the frame of the strip that is followed: the first ones compile
 ENTRY, FRAME, KERNEL = "identify", "frame_system", "image_pass"  # functions
 ONCE = {  # what a frame makes once: the function that makes it
-    "motion in the image": "image_motion", "coefficients of the elements": "element_coefficients",
-    "inverse gradients of the elements": "inverse_gradients", "gradients of the elements": "element_gradients",
-    "gradient at the nodes": "nodal_gradient", "Jacobian of the camera at the nodes": "Camera.jacobian",
+    "motion in the image": "image_motion", "coefficients of the elements": "PixelMap.element_coefficients",
+    "inverse gradients of the elements": "inverse_gradients", "gradients of the elements": "PixelMap.element_gradients",
+    "gradient at the nodes": "Model.nodal_gradient", "Jacobian of the camera at the nodes": "Camera.jacobian",
     "image pass": KERNEL, "spline of the frame": "prefilter",
 }
 Place = tuple[str, str]  # file, function

@@ -20,7 +20,7 @@ from idic.correlation import build_experiment_reference
 from idic.experiment_file import load_experiment
 from idic.identification import identify
 from idic.images import dense_speckle
-from idic.measure import seen_by
+from idic.measure import Seen
 from idic.run import identify_run
 from idic.report import noise_floor
 from idic.virtual_tests import DemoSize, painted, strip, write_images, write_virtual_model
@@ -101,7 +101,7 @@ def free_displacement(folder: Path) -> None:
     sys.stdout.write("\n**free FE-DIC**\n\n| elements | displacement [px] | strain [µm/m] |\n| --- | --- | --- |\n")
     for number, (label, division, cell, overrides) in enumerate(groups()["elements"]):
         experiment = experiment_of(folder / f"free-{number}", division, cell, overrides)
-        inputs = seen_by(experiment, build_experiment_reference(experiment, experiment.model.camera))
+        inputs = Seen.by(experiment, build_experiment_reference(experiment, experiment.model.camera))
         floor = noise_floor(inputs, None, {}, inputs.reference)
         sys.stdout.write(f"| {label} | {floor.free_px:.3f} | {1e6 * floor.free_strain:.0f} |\n")
 

@@ -11,9 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.correlation import (
-    ReferenceImage, build_pixel_map, build_reference, nodal_equations, residual_map, solve_brightness,
-)
+from idic.correlation import PixelMap, ReferenceImage, nodal_equations, residual_map
 from idic.fe import Block
 from idic.images import Camera, Pattern, dense_speckle, prefilter
 
@@ -59,15 +57,15 @@ def build(image: np.ndarray, lowpass_px: float) -> ReferenceImage:
     quads = np.stack([k[:-1, :-1], k[:-1, 1:], k[1:, 1:], k[1:, :-1]], axis=-1).reshape(-1, 4)
     camera = Camera.from_table(1.0, axes=("+col", "+row"))
     nodes = np.column_stack([x.ravel(), y.ravel()])
-    pixel_map = build_pixel_map(nodes, [Block("quad4", quads, 0)], camera, image.shape)
-    return build_reference(pixel_map, image, 5, lowpass_px=lowpass_px)
+    pixel_map = PixelMap.of(nodes, [Block("quad4", quads, 0)], camera, image.shape)
+    return ReferenceImage.of(pixel_map, image, 5, lowpass_px=lowpass_px)
 
 
 def misfit(reference: ReferenceImage, pattern: Pattern, F: np.ndarray) -> float:
     """Mean square of the residual at the true motion over that of the noise."""
     spline = prefilter(picture(pattern, F), 5, reference.lowpass_px)
     u = (reference.pixel_map.nodes_px - MIDDLE) @ (F - np.eye(2)).T
-    light = solve_brightness(nodal_equations(reference, spline, u)).coefficients
+    light = nodal_equations(reference, spline, u).brightness_fit().coefficients
     return residual_map(reference, spline, u, "frame", light).chi2_dof(NOISE_GV)
 
 

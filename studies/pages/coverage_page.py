@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.report import BLUE, FAINT, GREY, ORANGE, Picture, look, new_figure, to_picture
+from idic.report import Colour, Picture, look, new_figure, to_picture
 from idic_studies.pages import study_charts as charts
 from idic_studies.pages.case_record import CaseRecord
 from idic_studies.pages.study_page import Goal, StudyPage, StudySection, Table
@@ -144,11 +144,11 @@ def _picture(coverages: Sequence[Coverage]) -> Picture:
     with look():
         figure = new_figure(8.0, 1.2 + 0.36 * len(coverages))
         axis = figure.subplots()
-        axis.axvspan(100 * COVERAGE_RANGE[0], 100 * COVERAGE_RANGE[1], color=FAINT, lw=0)
-        axis.axvline(95.0, color=GREY, lw=0.8)
+        axis.axvspan(100 * COVERAGE_RANGE[0], 100 * COVERAGE_RANGE[1], color=Colour.FAINT, lw=0)
+        axis.axvline(95.0, color=Colour.GREY, lw=0.8)
         most = int(np.argmax([len(group.names) for group in coverages]))
         for row, group in enumerate(coverages):
-            colour = BLUE if group.name.endswith("generalised") else ORANGE
+            colour = Colour.BLUE if group.name.endswith("generalised") else Colour.ORANGE
             for i, name in enumerate(group.names):
                 y = -row + 0.12 * (1.5 - i)
                 axis.plot(100 * group.band[:, i], [y, y], color=colour, lw=0.8, alpha=0.5)
@@ -166,14 +166,14 @@ def _intervals(coverages: Sequence[Coverage]) -> Picture:
     with look():
         figure = new_figure(8.0, 1.0 + 0.2 * sum(len(group.names) for group in coverages))
         axis, labels = figure.subplots(), []
-        axis.axvspan(-Z95, Z95, color=FAINT, lw=0)
+        axis.axvspan(-Z95, Z95, color=Colour.FAINT, lw=0)
         for group in coverages:
             for i, name in enumerate(group.names):
                 z = np.clip(group.z[:, i], -MAX_SHOWN_ERROR, MAX_SHOWN_ERROR)
-                for part, colour in ((np.abs(z) < Z95, BLUE), (np.abs(z) >= Z95, ORANGE)):
+                for part, colour in ((np.abs(z) < Z95, Colour.BLUE), (np.abs(z) >= Z95, Colour.ORANGE)):
                     axis.plot(z[part], np.full(int(part.sum()), -len(labels)), "|", ms=5, mew=0.7, color=colour)
                 labels.append(f"{group.name.replace('-', ', ')}: {SYMBOLS[name]}")
-            axis.axhline(-len(labels) + 0.5, color=GREY, lw=0.4)
+            axis.axhline(-len(labels) + 0.5, color=Colour.GREY, lw=0.4)
         axis.set_yticks(-np.arange(len(labels)), labels, fontsize=7)
         axis.set(xlabel=f"(value − truth) / std [–]; beyond ± {MAX_SHOWN_ERROR:.0f} at the edge",
                  ylim=(-len(labels) + 0.4, 0.6))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.report import BLUE, FAINT, GREY, ORANGE, Picture, look, new_figure, to_picture
+from idic.report import Colour, Picture, look, new_figure, to_picture
 from idic_studies.examples.misfit_worlds import RIGHT, WRONG, draw, flow_stress
 from idic_studies.pages.case_record import CaseRecord
 from idic_studies.pages.study_page import Goal, StudyPage, StudySection, Table
@@ -142,17 +142,17 @@ def _picture(outcomes: Sequence[Outcome]) -> Picture:
     with look():
         figure = new_figure(9.0, 1.0 + 0.55 * sum(len(entry.names) for entry in outcomes) / 2)
         axis, labels, row = figure.subplots(), [], 0
-        axis.axvspan(-Z95, Z95, color=FAINT, lw=0)
+        axis.axvspan(-Z95, Z95, color=Colour.FAINT, lw=0)
         for outcome in outcomes:
             for i, name in enumerate(outcome.names):
-                for z, shift, colour, label in ((outcome.noise, 0.18, ORANGE, "noise alone"),
-                                                (outcome.both, -0.18, BLUE, "noise and model")):
+                for z, shift, colour, label in ((outcome.noise, 0.18, Colour.ORANGE, "noise alone"),
+                                                (outcome.both, -0.18, Colour.BLUE, "noise and model")):
                     errors = np.clip(z[:, i], -MAX_SHOWN_ERROR, MAX_SHOWN_ERROR)
                     axis.plot(errors, np.full(len(errors), -row + shift), "|", color=colour, ms=6,
                               label=label if row == 0 else None)
                 labels.append(f"{IN_WORDS[outcome.world]}, {name}")
                 row += 1
-            axis.axhline(-row + 0.5, color=GREY, lw=0.5)
+            axis.axhline(-row + 0.5, color=Colour.GREY, lw=0.5)
         axis.set_yticks(-np.arange(len(labels)), labels)
         axis.set(xlabel=f"(value − truth) / std [–]; beyond ± {MAX_SHOWN_ERROR:.0f} at the edge",
                  ylim=(-row + 0.4, 0.6))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.colors import LogNorm, Normalize
 
-from idic.report import BLUE, DIVERGING, Picture, SEQUENTIAL, look, new_figure, to_picture
+from idic.report import DIVERGING, SEQUENTIAL, Colour, Picture, look, new_figure, to_picture
 from idic_studies.pages.case_record import CaseRecord
 
 Y_LINE_MM = 8.0  # mm: the line of the maps over place and time, as published
@@ -147,7 +147,7 @@ def sensitivities(record: CaseRecord) -> Picture:
             for row in range(2):
                 image = _over_time(axes[row, column], lattice, times, line[:, :, row, column] / scale, Normalize(-1, 1))
             rho = record.arrays["rho"][:, 0, column]
-            axes[2, column].plot(times, rho / np.abs(rho).max(), color=BLUE)
+            axes[2, column].plot(times, rho / np.abs(rho).max(), color=Colour.BLUE)
             axes[2, column].set(title=f"{np.abs(rho).max():.4g} N", ylim=(-1.1, 1.1))
             axes[2, column].set_xlabel("time [s]")
             axes[0, column].set_title(f"{SYMBOLS[name]}  ({scale:.3g} mm)")
@@ -218,8 +218,8 @@ def spectrum(record: CaseRecord) -> Picture:
         )
         figure.colorbar(image, ax=M_axis, label="|M| [–]", shrink=0.85)
         at = np.arange(1, len(values) + 1)
-        D_axis.semilogy(at, values, "o", color=BLUE)
-        D_axis.vlines(at, values.min() / 3, values, color=BLUE)
+        D_axis.semilogy(at, values, "o", color=Colour.BLUE)
+        D_axis.vlines(at, values.min() / 3, values, color=Colour.BLUE)
         D_axis.set(title="D", xlabel="eigenvector", ylabel="eigenvalue [–]", xticks=at, ylim=(values.min() / 3, None))
         image = Q_axis.imshow(vectors, cmap=DIVERGING, norm=Normalize(-1, 1))
         figure.colorbar(image, ax=Q_axis, label="component [–]", shrink=0.85)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
-from idic.report import CYCLE, FAINT, GREY, MARKERS, ORANGE, Picture, RED, look, new_figure, to_picture
+from idic.report import CYCLE, MARKERS, Colour, Picture, look, new_figure, to_picture
 from idic_studies.pages.case_record import CaseRecord
 
 MIN_SHOWN_ERROR = 1e-7  # relative error that a logarithmic axis still shows
@@ -86,9 +86,9 @@ def starts(records: Sequence[CaseRecord], right: Sequence[bool], symbols: Mappin
             if not fine:
                 for axis in (start_axis, end_axis):
                     axis.axhspan(row - 0.5, row + 0.5, color="#fdebdd", lw=0, zorder=0)
-                end_axis.text(1.01, row, record.outcome.replace(", ", ",\n"), color=RED, fontsize=7.0, ha="left",
+                end_axis.text(1.01, row, record.outcome.replace(", ", ",\n"), color=Colour.RED, fontsize=7.0, ha="left",
                                 va="center", transform=end_axis.get_yaxis_transform())
-        start_axis.axvline(1.0, color=GREY, lw=0.7)
+        start_axis.axvline(1.0, color=Colour.GREY, lw=0.7)
         start_axis.xaxis.set_minor_formatter(NullFormatter())
         start_axis.set_xticks([0.5, 1.0, 2.0, 3.0], ["0.5", "1", "2", "3"])
         start_axis.set(title="Start", xlabel="start value / true value [–]", ylabel="start number",
@@ -113,9 +113,9 @@ def draws(groups: Sequence[tuple[str, np.ndarray]], names: Sequence[str], name: 
         for g, (label, errors) in enumerate(groups):
             low, high = chance(len(errors))
             at = np.arange(len(names)) + (g - 0.5 * (len(groups) - 1)) * width
-            axis.bar(at, high - low, 0.92 * width, low, color=FAINT, label="99 % of chance" if g == 0 else None)
+            axis.bar(at, high - low, 0.92 * width, low, color=Colour.FAINT, label="99 % of chance" if g == 0 else None)
             axis.plot(at, errors.std(axis=0, ddof=1), MARKERS[g], color=CYCLE[g], ls="none", ms=6, label=label)
-        axis.axhline(1.0, color=GREY, lw=0.8)
+        axis.axhline(1.0, color=Colour.GREY, lw=0.8)
         axis.set_xticks(np.arange(len(names)), names)
         axis.grid(False, axis="x")
         axis.set(ylabel="std of (error / reported std) [–]", ylim=(0.0, None))
@@ -144,7 +144,7 @@ def frame_levels(times: np.ndarray, lines: Sequence[tuple[str, np.ndarray, float
         shades = np.linspace(0.0, 1.0, max(len(lines), 2))
         for k, (label, levels, end) in enumerate(lines):
             is_complete = end is None
-            colour = ORANGE if is_complete else _blue(shades[k])
+            colour = Colour.ORANGE if is_complete else _blue(shades[k])
             inside = np.ones(len(times), bool) if is_complete else times <= end
             axis.plot(times, levels, "--", color=colour, lw=0.9)
             axis.plot(times[inside], levels[inside], color=colour, lw=2.2, label=label)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
-from idic.report import BLUE, GREY, ORANGE, Picture, RED, look, new_figure, to_picture
+from idic.report import Colour, Picture, look, new_figure, to_picture
 from idic_studies.trial.evaluation import TrialRecord
 from idic_studies.trial.scores import confusion
 
@@ -31,7 +31,7 @@ def confusion_picture(records: Sequence[TrialRecord]) -> Picture | None:
             right = "none" if row == "clean" else "outside_library" if row.startswith("outside:") else row
             if right in columns:
                 x, y = columns.index(right) + _SQUARE[0], i + _SQUARE[1]
-                axes.plot(x, y, color=ORANGE, lw=1.3)
+                axes.plot(x, y, color=Colour.ORANGE, lw=1.3)
         axes.set_xticks(range(len(columns)), [c.replace("_", " ") for c in columns], rotation=60, ha="right",
                         rotation_mode="anchor")
         axes.set_yticks(range(len(rows)), [r.replace("_", " ") for r in rows])
@@ -52,11 +52,11 @@ def place_and_onset(records: Sequence[TrialRecord]) -> Picture | None:
     with look():
         figure = new_figure(7.5, 2.6)
         onset_axis, overlap_axis = figure.subplots(1, 2)
-        onset_axis.hist(onset, bins=np.arange(-16.5, 17.5), color=BLUE)
-        onset_axis.axvspan(-2.5, 2.5, color=GREY, alpha=0.15, lw=0)
+        onset_axis.hist(onset, bins=np.arange(-16.5, 17.5), color=Colour.BLUE)
+        onset_axis.axvspan(-2.5, 2.5, color=Colour.GREY, alpha=0.15, lw=0)
         onset_axis.set(xlabel="found − true onset [frames]", ylabel="trials")
-        overlap_axis.hist(overlap, bins=np.linspace(0.0, 1.0, 11), color=BLUE)
-        overlap_axis.axvline(0.5, color=RED, lw=1.0)
+        overlap_axis.hist(overlap, bins=np.linspace(0.0, 1.0, 11), color=Colour.BLUE)
+        overlap_axis.axvline(0.5, color=Colour.RED, lw=1.0)
         overlap_axis.set(xlabel="overlap of place (intersection / union)", ylabel="trials")
         return to_picture(figure, "onset-place", "Onset and place",
                           "Shaded: within two frames. Line: the target's median.")
@@ -72,9 +72,11 @@ def decoy_picture(records: Sequence[TrialRecord]) -> Picture | None:
         axes = figure.subplots()
         largest = np.sort([entry["largest"] for entry in clean])
         n = int(clean[0]["n"])
-        axes.step(largest, np.arange(1, len(largest) + 1) / len(largest), where="post", color=BLUE, label="measured")
+        axes.step(largest, np.arange(1, len(largest) + 1) / len(largest), where="post", color=Colour.BLUE,
+                  label="measured")
         z = np.linspace(1.0, 6.0, 200)
-        axes.plot(z, (1.0 - 2.0 * stats.norm.sf(z)) ** n, color=GREY, ls="--", label=f"{n} independent unit normals")
+        axes.plot(z, (1.0 - 2.0 * stats.norm.sf(z)) ** n, color=Colour.GREY, ls="--",
+                  label=f"{n} independent unit normals")
         axes.set(xlabel="largest score of the decoys [std]", ylabel="share of clean recordings", ylim=(0.0, 1.02))
         axes.legend(loc="lower right")
         return to_picture(figure, "decoys", "Decoys on clean recordings",

@@ -13,11 +13,11 @@ from twin_bodies import CAMERA, SHAPE, TIMES, held_left, plate  # noqa: E402
 from twin_bodies import experiment as body  # noqa: E402
 from twin_runs import ELASTIC, FORCE, TRUTH, Twin, clean_images, identify, judged, solved, write_folder  # noqa: E402
 
-from idic.measure import boundary_start, with_boundary_start  # noqa: E402
+from idic.measure import BoundaryStart, with_boundary_start  # noqa: E402
 from idic.errors import InputError  # noqa: E402
 from idic.experiment_file import load_experiment  # noqa: E402
 from idic.images import ArrayStack  # noqa: E402
-from idic.model import Parametrised, Prescribed, build_drives  # noqa: E402
+from idic.model import DriveTable, Parametrised, Prescribed  # noqa: E402
 from idic.report import undetermined
 from idic.run.prepared.session import open_session  # noqa: E402
 from idic.run.prepared.prepare import check_before_writing  # noqa: E402
@@ -52,7 +52,7 @@ def seen(u):
 
 def prescribed_motion(made):
     """(n_frames, n_p) mm at the parameters of an experiment, of the virtual edge only."""
-    drives = build_drives(made)
+    drives = DriveTable.of(made)
     return drives.histories(made.model.parameters) @ drives.basis.T, drives.dofs
 
 
@@ -66,7 +66,7 @@ def stretching():
 @pytest.mark.parametrize("kind, modes, time_modes", [("bspline", 4, 4), ("polynomial", 3, 4), ("dic", 2, 2)])
 def test_a_motion_that_the_modes_hold_is_the_start_exactly(kind, modes, time_modes):
     made, u = moved(kind, modes, time_modes), stretching()
-    begun = with_boundary_start(made, boundary_start(made, seen(u)))
+    begun = with_boundary_start(made, BoundaryStart.of(made, seen(u)))
     motion, dofs = prescribed_motion(begun)
     right = np.isin(dofs // 2, plate().node_sets["RIGHT"])
     assert np.abs(motion[:, right] - u.reshape(len(TIMES), -1)[:, dofs[right]]).max() < 1e-9
@@ -78,7 +78,7 @@ def test_lost_frames_and_nodes_out_of_view_are_bridged_and_said():
     u_px[2] = np.nan
     u_px[:, plate().node_sets["RIGHT"][:2]] = np.nan
     u_px[4] += 50.0  # an unexplained frame
-    begun = with_boundary_start(made, boundary_start(made, u_px, excluded=(4,)))
+    begun = with_boundary_start(made, BoundaryStart.of(made, u_px, excluded=(4,)))
     motion, _ = prescribed_motion(begun)
     assert np.isfinite(motion).all() and np.abs(motion).max() < 0.5
     assert "% of its nodes are not seen" in begun.notes[-1]
@@ -86,7 +86,7 @@ def test_lost_frames_and_nodes_out_of_view_are_bridged_and_said():
 
 def test_an_edge_that_no_image_shows_starts_from_rest_and_is_named():
     made = moved("bspline", 3, 2)
-    start = boundary_start(made, np.full((len(TIMES), len(plate().nodes), 2), np.nan))
+    start = BoundaryStart.of(made, np.full((len(TIMES), len(plate().nodes), 2), np.nan))
     assert start.values == {} and all("starts from rest" in note for note in start.notes)
 
 
@@ -94,10 +94,10 @@ def test_values_of_the_user_win_and_the_others_are_fitted_with_them():
     made = moved("bspline", 3, 4, given=("boundary.RIGHT.x.s1t3",))
     made = replace(made, model=replace(made.model,
                                        parameters=made.model.parameters.with_values({"boundary.RIGHT.x.s1t3": 0.123})))
-    start = boundary_start(made, seen(stretching()))
+    start = BoundaryStart.of(made, seen(stretching()))
     assert "boundary.RIGHT.x.s1t3" not in start.values and "1 of them as given" in start.notes[0]
     assert with_boundary_start(made, start).model.parameters["boundary.RIGHT.x.s1t3"].value == 0.123
-    free = boundary_start(moved("bspline", 3, 4), seen(stretching())).values
+    free = BoundaryStart.of(moved("bspline", 3, 4), seen(stretching())).values
     assert abs(free["boundary.RIGHT.x.s0t3"] - start.values["boundary.RIGHT.x.s0t3"]) > 1e-3
 
 

@@ -11,13 +11,13 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "twins"))
 from notched_tube import tube  # noqa: E402
 
-from idic.measure import boundary_start, surface_motion, with_boundary_start
+from idic.measure import BoundaryStart, surface_motion, with_boundary_start
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
 from idic.fe import followed, normal_axis, second_differences, seen_first
 from idic.identification import identify, measured_start, motion_in_space, needs_motion_in_space
 from idic.images import rotation_of
-from idic.model import Measured, Parametrised, Prescribed, boundary_parameters, build_drives, set_nodes
+from idic.model import DriveTable, Measured, Parametrised, Prescribed, boundary_parameters
 from idic.parameters import ParameterSet
 from idic.report.evidence.rig import rig_warnings
 from idic.virtual_tests import PlateSize, PlateTest, Rig, Scene  # noqa: E402
@@ -50,11 +50,11 @@ def with_measured_edge(experiment, components="xyz"):
 
 
 def test_hidden_nodes_move_with_the_seen_ones_and_the_thickness_stays_free(experiment):
-    nodes = set_nodes(experiment.model, "RIGHT")
+    nodes = experiment.model.node_set("RIGHT")
     x = experiment.model.mesh.nodes
     front = nodes[np.abs(x[nodes, 2]) < 1e-9]
     assert 0 < len(front) < len(nodes)  # the set goes through the thickness
-    drives = build_drives(experiment)
+    drives = DriveTable.of(experiment)
     assert len(drives.local) == 3 * len(front)
     for drive in drives.local:
         node, component = np.divmod(drives.dofs[drives.basis[:, drive] != 0.0], 3)
@@ -69,7 +69,7 @@ def test_hidden_nodes_move_with_the_seen_ones_and_the_thickness_stays_free(exper
 
 def test_the_prior_of_a_straight_rim_passes_every_linear_motion(experiment):
     mesh = experiment.model.mesh
-    nodes = set_nodes(experiment.model, "RIGHT")
+    nodes = experiment.model.node_set("RIGHT")
     front = nodes[np.abs(mesh.nodes[nodes, 2]) < 1e-9]
     rows = second_differences(mesh, front, "FRONT")
     assert len(rows) == len(front) - 2  # the ends are corners
@@ -84,7 +84,7 @@ def test_a_free_stereo_dic_starts_the_edge_in_space(experiment):
     u_mm, noise = motion_in_space(experiment), surface_motion(experiment)
     std = dict(zip(noise.nodes.tolist(), noise.noise_mm, strict=True))
     local = measured_start(experiment, np.full((3, experiment.model.mesh.n_nodes, 2), np.nan), (), u_mm)
-    drives = build_drives(experiment)
+    drives = DriveTable.of(experiment)
     for column, drive in enumerate(drives.local):
         node, component = np.divmod(drives.dofs[drives.basis[:, drive] != 0.0], 3)
         seen = node[np.abs(experiment.model.mesh.nodes[node, 2]) < 1e-9]
@@ -103,11 +103,11 @@ def test_virtual_boundaries_start_from_the_motion_in_space(experiment, kind):
                                                                       *boundary_parameters((entry,), 0.16)))))
     assert needs_motion_in_space(made)
     nothing, in_space = np.full((3, made.model.mesh.n_nodes, 2), np.nan), motion_in_space(made)
-    begun = with_boundary_start(made, boundary_start(made, nothing, (), in_space))
-    drives = build_drives(begun)
+    begun = with_boundary_start(made, BoundaryStart.of(made, nothing, (), in_space))
+    drives = DriveTable.of(begun)
     moved = drives.basis @ drives.histories(begun.model.parameters).T  # (n_dofs, n_frames)
     node, component = np.divmod(drives.dofs, 3)
-    own = np.isin(node, set_nodes(begun.model, "RIGHT")) & (component == 2)
+    own = np.isin(node, begun.model.node_set("RIGHT")) & (component == 2)
     noise = surface_motion(made)
     std = noise.noise_mm[np.isin(noise.nodes, node[own]), 2].max()
     # 0.22 mm of all nodes, hidden ones as the seen beside them, within four standard deviations of the corner node:
@@ -122,7 +122,7 @@ def test_on_a_tube_hidden_nodes_carry_on_every_linear_motion_of_the_seen_ones(ex
     curved = with_measured_edge(replace(experiment,
                                         model=replace(experiment.model, mesh=mesh, parameters=ParameterSet(()))))
     assert normal_axis(mesh, "FRONT") is None
-    drives, nodes = build_drives(curved), mesh.node_sets["RIGHT"]
+    drives, nodes = DriveTable.of(curved), mesh.node_sets["RIGHT"]
     seen = nodes[np.isin(nodes, mesh.face_set_nodes(mesh.edge_sets["FRONT"]))]
     assert 0 < len(seen) < len(nodes) and len(drives.local) == 3 * len(seen)
     gradient = np.random.default_rng(2).normal(size=(3, 3))
@@ -168,7 +168,7 @@ def test_check_says_where_a_measured_edge_holds_the_thickness(experiment):
     said = [" ".join(rig_warnings(replace(test, model=replace(test.model, parameters=ParameterSet(()))), 0.0))
             for test in (experiment, curved, leaning)]
     assert said[:2] == ["", ""] and "measured edge RIGHT" in said[2] and "fixes the thickness" in said[2]
-    drives, nodes = build_drives(leaning), leaning.model.mesh.node_sets["RIGHT"]
+    drives, nodes = DriveTable.of(leaning), leaning.model.mesh.node_sets["RIGHT"]
     front = nodes[np.isin(nodes, flat.face_set_nodes(flat.edge_sets["FRONT"]))]
     assert len(drives.local) == 3 * len(front) and drives.basis.shape[0] >= 3 * len(nodes)
     # however the seen nodes move, the hidden ones move along the normal as those before them
@@ -185,9 +185,9 @@ def test_check_says_where_a_measured_edge_holds_the_thickness(experiment):
 def test_one_camera_does_not_measure_along_its_sight(experiment):
     alone = replace(experiment, cameras=())
     with pytest.raises(InputError, match="along the line of sight"):
-        build_drives(alone)
+        DriveTable.of(alone)
     assert not needs_motion_in_space(alone)
-    assert len(build_drives(with_measured_edge(alone, "xy")).local) > 0
+    assert len(DriveTable.of(with_measured_edge(alone, "xy")).local) > 0
 
 
 def test_an_edge_that_no_camera_sees_is_refused(experiment):
@@ -196,18 +196,18 @@ def test_an_edge_that_no_camera_sees_is_refused(experiment):
     hidden = replace(experiment, model=replace(experiment.model,
                                                mesh=replace(mesh, node_sets={**mesh.node_sets, "RIGHT": back})))
     with pytest.raises(InputError, match="no camera sees"):
-        build_drives(hidden)
+        DriveTable.of(hidden)
 
 
 def test_hidden_nodes_whose_seen_neighbours_are_measured_elsewhere_are_refused(experiment):
-    mesh, nodes = experiment.model.mesh, set_nodes(experiment.model, "RIGHT")
+    mesh, nodes = experiment.model.mesh, experiment.model.node_set("RIGHT")
     front = nodes[np.abs(mesh.nodes[nodes, 2]) < 1e-9]
     split = replace(experiment, model=replace(experiment.model,
                                               mesh=replace(mesh, node_sets={**mesh.node_sets, "SEEN": front}),
                                               prescribed=(Prescribed("SEEN", "x", Measured()),
                                                           Prescribed("RIGHT", "x", Measured()))))
     with pytest.raises(InputError, match="without a visible node"):
-        build_drives(split)
+        DriveTable.of(split)
 
 
 @pytest.mark.slow

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from idic.correlation import build_pixel_map
+from idic.correlation import PixelMap
 from idic.fe import Block
 from idic.images import Camera
 
@@ -56,7 +56,7 @@ def make_mesh(kind, jitter=0.08, bend=0.03):
 def make_map(kind="quad4", mask=None, shape=SHAPE, camera=None, **distortion):
     nodes, blocks = make_mesh(kind, **distortion)
     camera = camera or Camera.from_table(0.05, (13.3, 77.6), rotation_deg=2.0)
-    return build_pixel_map(nodes, blocks, camera, shape, mask)
+    return PixelMap.of(nodes, blocks, camera, shape, mask)
 
 
 class Texture:

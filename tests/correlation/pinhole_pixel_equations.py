@@ -15,10 +15,8 @@ from __future__ import annotations
 import numpy as np
 
 from correlation.pixel_equations import PixelEquations
-from idic.correlation import in_space
-from idic.correlation import N_NODES
-from idic.correlation.pixels.cells import TRANSFORMS, monomial_slopes
-from idic.correlation import PixelMap
+from idic.correlation import CELLS, N_NODES, PixelMap, in_space
+from idic.fe import cell_type
 from idic.images import PlacedCamera
 from images.spline_reference import inside, spline_slopes, spline_values
 
@@ -51,10 +49,9 @@ def _tangents(pixel_map: PixelMap, points: np.ndarray) -> np.ndarray:
     """d point / d (a, b) at every pixel  # (n_nodes, 3) -> (n_pixels, 3, 2)"""
     owner = np.repeat(np.arange(pixel_map.n_elements), pixel_map.pixels_per_element)
     found = np.empty((len(owner), 3, 2))
-    slopes = monomial_slopes(pixel_map.a.astype(float), pixel_map.b.astype(float))  # (n_pixels, 8, 2)
+    places = np.column_stack([pixel_map.a, pixel_map.b]).astype(float)  # (n_pixels, 2) in the reference cell
     for kind in np.unique(pixel_map.kind):
         of_kind = np.flatnonzero(pixel_map.kind[owner] == kind)
-        n = N_NODES[kind]
-        by = np.einsum("ki,xkd->xid", TRANSFORMS[kind][:, :n], slopes[of_kind])
+        n, by = N_NODES[kind], cell_type(CELLS[kind]).shape_gradients(places[of_kind])  # (n_pixels, n, 2)
         found[of_kind] = np.einsum("xic,xid->xcd", points[pixel_map.conn[owner[of_kind], :n]], by)
     return found

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.correlation import PixelMap
-from idic.correlation.pixels.pixel_map import element_coefficients, element_curvature
 from idic.images import (
     PIXEL_BLUR_PX, derivative_maps, fineness_of, matching_weights, mean_shift,
 )
@@ -69,6 +68,6 @@ def lowpass_shift(pixel_map: PixelMap, U: np.ndarray, F: np.ndarray, f: np.ndarr
     F : (n_pixels, 2, 2) deformation gradient
     """
     inverse = np.linalg.inv(F[pixel_map.start[:-1]])  # of the elements
-    curvature = element_curvature(pixel_map, element_coefficients(pixel_map, U), inverse)
+    curvature = pixel_map.element_curvature(pixel_map.element_coefficients(U), inverse)
     shift = mean_shift(curvature, fineness_of(f, pixel_map.ix, pixel_map.iy), lowpass_px, camera_blur_px)
     return np.repeat(shift, pixel_map.pixels_per_element, axis=0)

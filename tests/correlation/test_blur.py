@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from idic.correlation import GreyReference, build_pixel_map, build_reference, nodal_equations
+from idic.correlation import GreyReference, PixelMap, ReferenceImage, nodal_equations
 from idic.correlation.image_equations.grey import blur_of_noise, with_blur
 from idic.correlation.image_equations.system import solve_positive
 from idic.fe import make_mesh
@@ -55,8 +55,8 @@ def test_the_blur_of_a_frame_that_shows_a_part_of_the_specimen_is_that_of_the_wh
     corner = np.arange(45).reshape(5, 9)
     quads = np.stack([corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]], axis=2).reshape(-1, 4)
     mesh = make_mesh(np.column_stack([x.ravel(), y.ravel()]), [("quad4", quads)])
-    pixel_map = build_pixel_map(mesh.nodes, mesh.blocks, Camera.from_matrix(np.eye(2)), (90, 160))
-    reference = GreyReference(**vars(build_reference(pixel_map, far[:, :160], 3, 40.0, 0.6, 4, None)))
+    pixel_map = PixelMap.of(mesh.nodes, mesh.blocks, Camera.from_matrix(np.eye(2)), (90, 160))
+    reference = GreyReference(**vars(ReferenceImage.of(pixel_map, far[:, :160], 3, 40.0, 0.6, 4, None)))
     found = []
     for shift in (0, 20, 70):
         frame = ndimage.gaussian_filter(np.roll(far, shift, axis=1)[:, :160], np.sqrt(0.15))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pictures import Texture, make_map
 
-from idic.correlation import build_reference, nodal_equations, residual_map
+from idic.correlation import ReferenceImage, nodal_equations, residual_map
 from idic.images import prefilter
 
 SHAPE, BORDER = (90, 113), 6
@@ -23,7 +23,8 @@ def inner():
 
 def test_exactly_the_pixels_closer_than_the_border_are_lost():
     texture, shift = Texture(), (2.5, -1.25)
-    reference = build_reference(make_map("quad4", shape=SHAPE, mask=inner()), texture.picture(SHAPE), border_px=BORDER)
+    reference = ReferenceImage.of(make_map("quad4", shape=SHAPE, mask=inner()), texture.picture(SHAPE),
+                                  border_px=BORDER)
     share = nodal_equations(reference, prefilter(moved(texture, shift)), rigid(reference.pixel_map, shift))
     x = reference.pixel_map.points() + shift
     outside = ((x < BORDER) | (x > np.array(SHAPE[::-1]) - 1 - BORDER)).any(axis=1)
@@ -32,7 +33,8 @@ def test_exactly_the_pixels_closer_than_the_border_are_lost():
 
 def test_at_rest_nothing_is_lost():
     texture = Texture()
-    reference = build_reference(make_map("quad4", shape=SHAPE, mask=inner()), texture.picture(SHAPE), border_px=BORDER)
+    reference = ReferenceImage.of(make_map("quad4", shape=SHAPE, mask=inner()), texture.picture(SHAPE),
+                                  border_px=BORDER)
     assert nodal_equations(reference, prefilter(texture.picture(SHAPE)),
                            rigid(reference.pixel_map, (0.0, 0.0))).n_lost == 0
 
@@ -43,9 +45,9 @@ def test_pixels_that_the_mirror_boundary_changes_are_left_out(degree):
     mirror."""
     texture, shift = Texture(shortest_px=10.0, longest_px=30.0), (0.5, 0.5)
     f, g, pm = texture.picture(SHAPE), moved(texture, shift), make_map("quad4", shape=SHAPE, mask=inner())
-    kept = residual_map(build_reference(pm, f, degree, border_px=BORDER), prefilter(g, degree), rigid(pm, shift))
+    kept = residual_map(ReferenceImage.of(pm, f, degree, border_px=BORDER), prefilter(g, degree), rigid(pm, shift))
     whole = make_map("quad4", shape=SHAPE)
-    everything = residual_map(build_reference(whole, f, degree), prefilter(g, degree), rigid(whole, shift))
+    everything = residual_map(ReferenceImage.of(whole, f, degree), prefilter(g, degree), rigid(whole, shift))
     assert kept.valid.mean() > 0.9
     # the mirror decays by 0.27 (cubic) or 0.43 (quintic) per pixel: 4e-4 or 6e-3 of it are left after six
     assert np.abs(kept.r[kept.valid]).max() < 0.1 * np.abs(everything.r[everything.valid]).max()

@@ -8,7 +8,6 @@ from scipy import ndimage
 from section_cases import PIXEL, SHAPE, WIDTH, Surface, camera, layer_mesh, pixelwise, strip_mesh
 
 from idic.correlation.height.cross_section import build_section_reference
-from idic.correlation import section_equations, section_residual_map
 from idic.correlation.pixels.section_map import RIM_PX, build_section_map
 from idic.errors import InputError
 from idic.images import Camera
@@ -42,7 +41,7 @@ def test_column_sums_are_the_sums_over_the_pixels(degree, levelling, n):
     pm = reference.pixel_map
     motion = SURFACE.nodal(mesh, camera()) + rng.normal(0.0, 0.03, (mesh.n_nodes, 3))
     frame = SURFACE.deformed()
-    share = section_equations(reference, frame, motion, levelling)
+    share = reference.equations(frame, motion, levelling)
     r, L, *_ = pixelwise(pm, SURFACE.image(), frame, motion, degree)
     inside = pm.valid
     r, L, B = r[inside], L[inside], levels(pm, n)[inside]
@@ -52,17 +51,17 @@ def test_column_sums_are_the_sums_over_the_pixels(degree, levelling, n):
     for ours, columns in ((share.q, L), (share.rb, B)):  # float32 heights and weights: 1e-6 um, alike in a column
         np.testing.assert_allclose(ours, columns.T @ r, atol=1e-6 * np.abs(columns).sum(axis=0).max(initial=1.0))
     assert share.rr == pytest.approx(r @ r, rel=1e-4)
-    np.testing.assert_allclose(section_residual_map(reference, frame, motion).r, r, atol=2e-5)
+    np.testing.assert_allclose(reference.residual_map(frame, motion).r, r, atol=2e-5)
 
 
 def test_the_residual_vanishes_at_the_true_motion():
     mesh, reference = whole()
-    found = section_residual_map(reference, SURFACE.deformed(), SURFACE.nodal(mesh, camera()))
+    found = reference.residual_map(SURFACE.deformed(), SURFACE.nodal(mesh, camera()))
     # the nodal motion is quadratic per element, the true one of fourth order: 2e-2 um; the pattern has 1.1 um
     assert np.sqrt(np.mean(found.r[found.valid] ** 2)) < 0.02
     fine = strip_mesh(-WIDTH, WIDTH, 60)
     reference = build_section_reference(build_section_map(fine, "TOP", camera(), SHAPE), SURFACE.image())
-    found = section_residual_map(reference, SURFACE.deformed(), SURFACE.nodal(fine, camera()))
+    found = reference.residual_map(SURFACE.deformed(), SURFACE.nodal(fine, camera()))
     assert np.sqrt(np.mean(found.r[found.valid] ** 2)) < 2e-4  # the quintic spline's own error
 
 
@@ -74,7 +73,7 @@ def test_the_derivative_of_the_residual_meets_a_difference_quotient():
     column = camera().project(mesh.nodes * [1.0, 0.0])[:, 0]
     change = np.stack([np.cos(column / 20.0), 0 * column, np.sin(column / 15.0)], axis=1)
     step = 0.02
-    ahead, behind = (section_residual_map(reference, frame, motion + sign * step * change) for sign in (1.0, -1.0))
+    ahead, behind = (reference.residual_map(frame, motion + sign * step * change) for sign in (1.0, -1.0))
     pm = reference.pixel_map
     _, L, *_ = pixelwise(pm, SURFACE.image(), frame, motion)
     predicted = -(L @ change.ravel())[pm.valid]
@@ -92,7 +91,7 @@ def test_half_a_symmetric_section_gives_the_sums_of_the_whole():
         reference = build_section_reference(found, SURFACE.image())
         r = np.abs(mesh.nodes[:, 0]) / PIXEL
         motion = np.stack([np.sign(mesh.nodes[:, 0]) * 0.02 * r, 0 * r, 40.0 - 0.002 * r**2], axis=1)
-        shares.append(section_equations(reference, SURFACE.deformed(), motion))
+        shares.append(reference.equations(SURFACE.deformed(), motion))
         motions.append(motion)
     partner = np.array([np.argmin(np.hypot(*(half.nodes - point).T)) for point in np.abs(both.nodes)])
     fold = np.zeros((3 * both.n_nodes, 3 * half.n_nodes))
@@ -117,7 +116,7 @@ def test_the_shared_noise_of_the_reference_is_summed_pixel_by_pixel():
     for size in (0.5, 1.0):
         surface = Surface(size=size)
         motion, columns = surface.nodal(mesh, camera()), rng.normal(size=(3 * mesh.n_nodes, 4))
-        equations = section_equations(reference, surface.deformed(), motion, "tilt")
+        equations = reference.equations(surface.deformed(), motion, "tilt")
         shared = shared + reference.shared_columns(equations, columns, 3)
         _, L, *_ = pixelwise(pm, SURFACE.image(), surface.deformed(), motion)
         S = S + np.concatenate([L @ columns, levels(pm, 3)], axis=2)
@@ -129,12 +128,12 @@ def test_columns_that_leave_the_image_are_lost_and_in_no_sum():
     mesh, reference = whole()
     motion = SURFACE.nodal(mesh, camera())
     motion[:, 0] += 7.0
-    share = section_equations(reference, SURFACE.deformed(), motion)
+    share = reference.equations(SURFACE.deformed(), motion)
     pm = reference.pixel_map
     position = pm.column + pm.at_columns(motion[:, 0])
     lost = (position < RIM_PX) | (position > SHAPE[1] - 1 - RIM_PX)
     assert lost.any() and share.n_lost == lost.sum() * SHAPE[0] == share.lost.sum() == len(share.lost_pixels)
-    found = section_residual_map(reference, SURFACE.deformed(), motion)
+    found = reference.residual_map(SURFACE.deformed(), motion)
     assert found.valid.sum() == share.n_valid
     assert float((found.r.astype(float) ** 2).sum()) == pytest.approx(share.rr, rel=1e-5)
 
@@ -142,13 +141,13 @@ def test_columns_that_leave_the_image_are_lost_and_in_no_sum():
 def test_missing_heights_and_spline_values_next_to_them_are_left_out():
     mesh, reference = whole(mask=INNER)
     motion, frame = SURFACE.nodal(mesh, camera()), SURFACE.deformed()
-    full = section_residual_map(reference, frame, motion)
+    full = reference.residual_map(frame, motion)
     frame[10, 50:53] = np.nan
-    share, found = section_equations(reference, frame, motion), section_residual_map(reference, frame, motion)
+    share, found = reference.equations(frame, motion), reference.residual_map(frame, motion)
     assert 3 < share.n_lost < 30 and found.valid.sum() == share.n_valid
     np.testing.assert_allclose(found.r[found.valid], full.r[found.valid], atol=2e-4)  # quintic: 0.43^9 of the gap
     _, masked = whole(mask=reference.pixel_map.to_image(found.valid.astype(float)) == 1.0)
-    again = section_equations(masked, SURFACE.deformed(), motion)
+    again = masked.equations(SURFACE.deformed(), motion)
     np.testing.assert_allclose(share.H.toarray(), again.H.toarray(), rtol=1e-6, atol=1e-3)
     np.testing.assert_allclose(share.q, again.q, atol=1e-4 * np.abs(again.q).max() + 1e-2)
 
@@ -158,7 +157,7 @@ def test_the_order_of_the_rows_does_not_matter():
     motion, frame = SURFACE.nodal(mesh, camera()), SURFACE.deformed()
     order = np.random.default_rng(0).permutation(SHAPE[0])
     turned = build_section_reference(reference.pixel_map, SURFACE.image()[order])
-    a, b = section_equations(reference, frame, motion), section_equations(turned, frame[order], motion)
+    a, b = reference.equations(frame, motion), turned.equations(frame[order], motion)
     np.testing.assert_allclose(a.q, b.q, rtol=1e-4, atol=1e-4 * np.abs(a.q).max())
     assert a.rr == pytest.approx(b.rr, rel=1e-5)
 
@@ -170,8 +169,8 @@ def test_chi2_is_one_for_mere_noise():
     noisy = build_section_reference(reference.pixel_map, image)
     frame = SURFACE.deformed() + sigma * rng.standard_normal(SHAPE).astype(np.float32)
     fine = SURFACE.nodal(mesh, camera())
-    still = section_residual_map(reference, SURFACE.deformed(), fine).r.astype(float)  # what the mesh cannot follow
-    found = section_residual_map(noisy, frame, fine)
+    still = reference.residual_map(SURFACE.deformed(), fine).r.astype(float)  # what the mesh cannot follow
+    found = noisy.residual_map(frame, fine)
     clean = replace(found, r=found.r - still.astype(np.float32))
     assert clean.chi2_dof(sigma) == pytest.approx(1.0, abs=0.06)  # 4000 correlated pixels: 3 standard deviations
 
@@ -207,13 +206,13 @@ def test_a_low_pass_carries_no_filled_height_into_a_pixel_that_counts(gaps, lowp
                                 Camera.from_table(pixel_size=0.004, origin=(95.5, 69.5)), shape, None, True, 1)
     reference = build_section_reference(section, rough.astype(np.float32), 5, lowpass_px)
     frame = (rough + 0.01 * rng.standard_normal(shape)).astype(np.float32)
-    whole = section_residual_map(reference, frame, np.zeros((section.n_nodes, 3)))
+    whole = reference.residual_map(frame, np.zeros((section.n_nodes, 3)))
     if gaps == "row":
         frame[70] = np.nan
     else:
         for row, column in zip(rng.integers(5, 130, 12), rng.integers(10, 180, 12), strict=True):
             frame[row:row + 5, column:column + 5] = np.nan
-    found = section_residual_map(reference, frame, np.zeros((section.n_nodes, 3)))
+    found = reference.residual_map(frame, np.zeros((section.n_nodes, 3)))
     assert 0.1 < found.valid.mean() < whole.valid.mean()
     assert found.chi2_dof(0.01) == pytest.approx(whole.chi2_dof(0.01), rel=0.1)
     assert np.abs(found.r[found.valid]).max() < 0.06

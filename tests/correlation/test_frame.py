@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pictures import SHAPE, Texture, brightness_columns, make_map
 
-from idic.correlation import GreyReference, build_reference, nodal_equations, residual_map, solve_brightness
+from idic.correlation import GreyReference, ReferenceImage, nodal_equations, residual_map
 from correlation.pixel_equations import normal_equations
 from idic.errors import InputError
 from idic.images import Camera, prefilter
@@ -17,7 +17,7 @@ KINDS = ["tri3", "quad4", "tri6", "quad8", "mixed", "mixed orders"]
 def case(texture, kind="quad4", degree=3, shift=(0.7, -0.4), seed=0, patch_px=40.0):
     """Reference, frame and a nodal displacement that is not the true one."""
     f, g = texture.picture(), texture.picture(gradient=np.array([[1.04, 0.02], [0.0, 0.97]]), shift=shift)
-    reference = build_reference(make_map(kind), f, degree, patch_px)
+    reference = ReferenceImage.of(make_map(kind), f, degree, patch_px)
     rng = np.random.default_rng(seed)
     nodes = reference.pixel_map.nodes_px
     u = 0.03 * (nodes - 50) + np.asarray(shift) + 0.1 * rng.normal(size=nodes.shape)
@@ -77,7 +77,7 @@ def test_the_convected_gradient_is_the_derivative_of_the_residual_at_finite_stra
     f_gradient = np.array([[1 + stretch, 0.1], [0.0, 1 - stretch / 2]])
     shape, centre = (110, 190), (30.0, 45.0)
     pm = make_map("quad4", shape=shape)
-    reference = build_reference(pm, texture.picture(shape), 5)
+    reference = ReferenceImage.of(pm, texture.picture(shape), 5)
     spline = prefilter(texture.picture(shape, f_gradient, centre=centre), 5)
     u = (pm.nodes_px - centre) @ (f_gradient - np.eye(2)).T
     phi = np.column_stack([np.sin(pm.nodes_px[:, 1] / 30), 0.2 * np.cos(pm.nodes_px[:, 0] / 30)])  # along the stretch
@@ -109,7 +109,7 @@ def test_the_bias_of_a_rigid_shift_is_that_of_the_spline(degree, limit):
 
     scale = 40 / picture(0.0).std()
     pm = make_map("quad4", shape=(n, n), camera=None)
-    reference = build_reference(pm, 128 + scale * picture(0.0), degree)
+    reference = ReferenceImage.of(pm, 128 + scale * picture(0.0), degree)
     column = np.zeros((2 * pm.n_nodes, 1))
     column[::2] = 1.0
     errors = []
@@ -130,9 +130,9 @@ def rigid(reference, shift):
 
 def test_gain_and_offset_of_a_frame_are_recovered(texture):
     f = texture.picture()
-    reference = build_reference(make_map("quad4"), f)
+    reference = ReferenceImage.of(make_map("quad4"), f)
     share = nodal_equations(reference, prefilter(1.1 * f - 7.0), rigid(reference, (0, 0)), "frame")
-    fit = solve_brightness(share)
+    fit = share.brightness_fit()
     mean = reference.layout("frame").mean[0]
     # g = f + 0.1 (f - mean) + (0.1 mean - 7), all float32
     assert np.abs(fit.coefficients - [0.1, 0.1 * mean - 7.0]).max() < 1e-4
@@ -141,7 +141,7 @@ def test_gain_and_offset_of_a_frame_are_recovered(texture):
 
 def test_gain_and_offset_of_patches_are_recovered(texture):
     f = texture.picture()
-    reference = build_reference(make_map("quad4"), f, patch_px=35.0)
+    reference = ReferenceImage.of(make_map("quad4"), f, patch_px=35.0)
     layout, pm = reference.layout("patch"), reference.pixel_map
     assert layout.n_patches == 6  # 100 x 68 px
     gain, offset = np.linspace(-0.1, 0.1, 6), np.linspace(5, -5, 6)
@@ -149,7 +149,7 @@ def test_gain_and_offset_of_patches_are_recovered(texture):
     g = f.copy()
     g[pm.iy, pm.ix] += gain[patch] * (f[pm.iy, pm.ix] - layout.mean[patch]) + offset[patch]
     share = nodal_equations(reference, prefilter(g), rigid(reference, (0, 0)), "patch")
-    fit = solve_brightness(share)
+    fit = share.brightness_fit()
     assert np.abs(fit.coefficients.reshape(-1, 2) - np.column_stack([gain, offset])).max() < 1e-4  # float32
     assert fit.rr < 1e-6 * share.rr
     after = residual_map(reference, prefilter(g), rigid(reference, (0, 0)), "patch", fit.coefficients)
@@ -163,7 +163,7 @@ def test_lost_pixels_are_excluded_exactly(texture):
     share = nodal_equations(reference, spline, u, "none")
     mask = np.ones(SHAPE, dtype=bool)
     mask[pm.iy[share.lost_pixels], pm.ix[share.lost_pixels]] = False
-    small = build_reference(make_map("quad4", mask=mask), f)
+    small = ReferenceImage.of(make_map("quad4", mask=mask), f)
     other = nodal_equations(small, spline, u, "none")
     assert share.n_lost == len(share.lost_pixels) == share.lost.sum() > 100 and other.n_lost == 0
     assert share.n_valid == other.n_valid
@@ -189,14 +189,14 @@ def test_an_element_that_left_the_image_has_no_say(texture):
     _, g, reference, _, _ = case(texture)
     share = nodal_equations(reference, prefilter(g), rigid(reference, (1e4, 0.0)), "frame")
     assert share.n_valid == 0 and share.rr == 0 and not share.q.any() and not share.H.data.any() and not share.bb.any()
-    assert np.array_equal(solve_brightness(share).coefficients, [0.0, 0.0])
+    assert np.array_equal(share.brightness_fit().coefficients, [0.0, 0.0])
 
 
 def test_a_pixel_on_the_last_column_is_inside_and_beyond_it_is_lost():
     texture, shape = Texture(), (90, 113)
     pm = make_map("quad4", shape=shape)
     assert pm.ix.max() == shape[1] - 1
-    reference, spline = build_reference(pm, texture.picture(shape)), prefilter(texture.picture(shape))
+    reference, spline = ReferenceImage.of(pm, texture.picture(shape)), prefilter(texture.picture(shape))
     assert nodal_equations(reference, spline, rigid(reference, (0, 0))).n_lost == 0
     on_the_edge = np.count_nonzero(pm.ix == shape[1] - 1)
     assert nodal_equations(reference, spline, rigid(reference, (1e-3, 0))).n_lost == on_the_edge > 0
@@ -209,7 +209,7 @@ def test_a_large_motion_costs_no_digits(texture):
     wide[:, :SHAPE[1]] = f
     far = np.zeros_like(wide)
     far[:, 700 : 700 + SHAPE[1]] = f
-    reference = build_reference(make_map("quad4", shape=wide.shape), wide)
+    reference = ReferenceImage.of(make_map("quad4", shape=wide.shape), wide)
     near = nodal_equations(reference, prefilter(wide), rigid(reference, (0.3, 0.2)), "none").rr
     # float32 of the fraction 700.3 would be off by 6e-5 px; the coefficients' own rounding is left
     assert abs(nodal_equations(reference, prefilter(far), rigid(reference, (700.3, 0.2)), "none").rr / near - 1) < 1e-5
@@ -231,7 +231,7 @@ def test_pure_noise_has_chi2_one(degree):
     rng, shape, sigma = np.random.default_rng(0), (300, 400), 2.0
     texture = Texture(shortest_px=12.0, longest_px=30.0)
     pm = make_map("quad4", shape=shape, camera=Camera.from_table(0.0145, (20.2, 270.3)))
-    reference = build_reference(pm, texture.picture(shape) + rng.normal(scale=sigma, size=shape), degree)
+    reference = ReferenceImage.of(pm, texture.picture(shape) + rng.normal(scale=sigma, size=shape), degree)
     for shift in (0.0, 0.25, 0.5):
         g = texture.picture(shape, shift=(shift, shift)) + rng.normal(scale=sigma, size=shape)
         chi2 = residual_map(reference, prefilter(g, degree), rigid(reference, (shift, shift))).chi2_dof(sigma)
@@ -241,13 +241,13 @@ def test_pure_noise_has_chi2_one(degree):
 def test_averaged_references_are_the_mean_image(texture):
     f = texture.picture()
     noisy = [f + d for d in (-2.0, 2.0)]
-    averaged, single = build_reference(make_map("quad4"), noisy), build_reference(make_map("quad4"), f)
+    averaged, single = ReferenceImage.of(make_map("quad4"), noisy), ReferenceImage.of(make_map("quad4"), f)
     assert averaged.n_images == 2 and np.abs(averaged.f - single.f).max() < 1e-4  # float32
 
 
 def test_a_reference_without_contrast_is_an_input_error():
     with pytest.raises(InputError, match="contrast"):
-        build_reference(make_map("quad4"), np.full(SHAPE, 7.0))
+        ReferenceImage.of(make_map("quad4"), np.full(SHAPE, 7.0))
 
 
 def test_an_unknown_brightness_is_an_input_error(texture):

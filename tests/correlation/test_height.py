@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from pictures import SHAPE, Texture, make_map
 
-from idic.correlation import solve_brightness
 from idic.correlation.height.gaps import pixels_at_gaps, fill_gaps, height_frame
 from correlation.height_pixel_equations import height_normal_equations
 from idic.correlation.height.surface import (LEVELLING, build_height_reference, height_residual_map, height_equations,
@@ -138,7 +137,7 @@ def test_offset_and_tilt_of_the_instrument_are_found_and_removed(roughness, leve
     tilt = (levelling == "tilt") * (0.02 * (columns - 60.0) - 0.03 * (rows - 45.0))
     frame = height_frame(f + 4.0 + tilt, reference.level, 5)  # a specimen at rest
     share = height_equations(reference, frame, rest, levelling)
-    fit = solve_brightness(share)
+    fit = share.brightness_fit()
     assert share.n_brightness == LEVELLING[levelling] and fit.rr < 1e-6 * share.rr  # float32 sums
     found = height_residual_map(reference, frame, rest, levelling, fit.coefficients)
     assert np.abs(found.r).max() < 1e-4  # float32 heights of some um

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from pictures import Texture, make_map, with_middles
 
-from idic.correlation import build_pixel_map, build_reference, nodal_equations, residual_map, solve_brightness
+from idic.correlation import PixelMap, ReferenceImage, nodal_equations, residual_map
 from correlation.pixel_equations import normal_equations
-from idic.correlation.pixels.cells import monomial_slopes, monomials
-from idic.correlation.pixels.pixel_map import element_coefficients, element_curvature
 from idic.fe import Block
 from idic.images import Camera, dense_speckle, lowpass, lowpass_weights, prefilter
 from idic.images import derivative_maps, matching_weights
@@ -31,8 +29,8 @@ def squares(side=SIDE, rim=RIM, n=6):
     k = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
     conn = np.stack([k[:-1, :-1], k[:-1, 1:], k[1:, 1:], k[1:, :-1]], axis=-1).reshape(-1, 4)
     nodes = np.column_stack([x.ravel(), y.ravel()])
-    return build_pixel_map(nodes, [Block("quad4", conn, 0)], Camera.from_table(1.0, axes=("+col", "+row")),
-                           (side, side))
+    return PixelMap.of(nodes, [Block("quad4", conn, 0)], Camera.from_table(1.0, axes=("+col", "+row")),
+                       (side, side))
 
 
 def motion(pixel_map, F, middle=MIDDLE):
@@ -56,7 +54,7 @@ def seen_by_a_camera(pattern, F, samples=3):
 def excess(reference, g, F, noise_gv):
     """chi^2 beyond that of the noise, of images without noise."""
     u, spline = motion(reference.pixel_map, F), prefilter(g, reference.degree, reference.lowpass_px)
-    light = solve_brightness(nodal_equations(reference, spline, u)).coefficients
+    light = nodal_equations(reference, spline, u).brightness_fit().coefficients
     return residual_map(reference, spline, u, "frame", light).chi2_dof(noise_gv)
 
 
@@ -64,7 +62,7 @@ def excess(reference, g, F, noise_gv):
 def test_at_the_true_motion_the_blur_of_a_stretched_frame_leaves_a_few_per_cent_of_chi2(degrees):
     """Speckle of 1.6 px, noise of 1 GV: the figures of docs/error-bars.md, with the defaults."""
     pattern, sigma = dense_speckle(np.random.default_rng(7), 1.6, 30.0, 225.0, extent_px=600.0), 1.0
-    reference = build_reference(squares(), seen_by_a_camera(pattern, np.eye(2)), 5, lowpass_px=LOWPASS)
+    reference = ReferenceImage.of(squares(), seen_by_a_camera(pattern, np.eye(2)), 5, lowpass_px=LOWPASS)
     for stretch, allowed, before in ((1.05, 0.03, 0.08), (1.25, 0.03, 1.2), (1.7, 0.05, 6.0)):
         F = stretched(stretch, degrees)
         g = seen_by_a_camera(pattern, F)
@@ -106,7 +104,7 @@ def test_the_image_kernel_agrees_with_the_equation_pixel_by_pixel(degree, kind, 
     texture = Texture()
     f, g = lowpass(texture.picture(), LOWPASS), lowpass(texture.picture(gradient=stretched(1.3, 20.0), shift=shift),
                                                         LOWPASS)
-    reference = build_reference(make_map(kind), texture.picture(), degree, lowpass_px=LOWPASS)
+    reference = ReferenceImage.of(make_map(kind), texture.picture(), degree, lowpass_px=LOWPASS)
     pm, rng = reference.pixel_map, np.random.default_rng(0)
     u = (pm.nodes_px - 50.0) @ (stretched(1.28, 20.0) - np.eye(2)).T + shift + 0.1 * rng.normal(size=pm.nodes_px.shape)
     phi = rng.normal(size=(pm.n_nodes, 2, 3))
@@ -128,7 +126,7 @@ def test_chi2_of_noise_alone_is_one_at_any_stretch(stretch):
     side, sigma, rng = 500, 2.0, np.random.default_rng(0)
     f, g = sigma * rng.standard_normal((2, side, side))
     F, middle = stretched(stretch), np.full(2, (side - 1) / 2)
-    reference = build_reference(squares(side, 150), f, 5, lowpass_px=LOWPASS)
+    reference = ReferenceImage.of(squares(side, 150), f, 5, lowpass_px=LOWPASS)
     found = residual_map(reference, prefilter(g, 5, LOWPASS), motion(reference.pixel_map, F, middle))
     # 4e4 px whose noise is alike over about 4 px: the mean of squares is known to 1.4 %
     assert found.chi2_dof(sigma) == pytest.approx(1.0, abs=0.05)
@@ -141,7 +139,7 @@ def test_without_a_low_pass_or_without_stretch_no_bit_changes():
     f, g = texture.picture(), texture.picture(gradient=stretched(1.2), shift=(0.7, -0.4))
     turn = np.array([[np.cos(0.2), -np.sin(0.2)], [np.sin(0.2), np.cos(0.2)]])
     for lowpass_px, F in ((0.0, stretched(1.2)), (LOWPASS, turn @ stretched(1.0003))):
-        reference = build_reference(make_map(), f, 5, lowpass_px=lowpass_px)
+        reference = ReferenceImage.of(make_map(), f, 5, lowpass_px=lowpass_px)
         spline, u = prefilter(g, 5, lowpass_px), motion(reference.pixel_map, F, (50.0, 40.0))
         one, other = (nodal_equations(r, spline, u) for r in (reference, unmatched(reference)))
         assert np.array_equal(one.q, other.q) and one.rr == other.rr
@@ -172,7 +170,7 @@ def test_where_the_strain_has_a_gradient_the_blur_displaces_the_pattern(monkeypa
     side, corners = np.linspace(RIM, SIDE - 1 - RIM, 9), np.arange(81).reshape(9, 9)
     quads = np.stack([corners[:-1, :-1], corners[:-1, 1:], corners[1:, 1:], corners[1:, :-1]], axis=-1).reshape(-1, 4)
     nodes, cells = with_middles(np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2), quads)
-    pm = build_pixel_map(nodes, [Block("quad8", cells, 0)], Camera.from_table(1.0, axes=("+col", "+row")), (SIDE, SIDE))
+    pm = PixelMap.of(nodes, [Block("quad8", cells, 0)], Camera.from_table(1.0, axes=("+col", "+row")), (SIDE, SIDE))
     offset = (np.arange(3) + 0.5) / 3 - 0.5
     fine = (np.arange(SIDE)[:, None] + offset).ravel()
     points = np.stack(np.meshgrid(fine, fine), axis=-1).reshape(-1, 2)
@@ -183,7 +181,7 @@ def test_where_the_strain_has_a_gradient_the_blur_displaces_the_pattern(monkeypa
     for seed in range(4):
         pattern = dense_speckle(np.random.default_rng(seed), 1.6, 30.0, 225.0, extent_px=600.0)
         f, g = (pattern.value(at).reshape(SIDE, 3, SIDE, 3).mean(axis=(1, 3)) for at in (points, material))
-        reference, u = build_reference(pm, f, 5, lowpass_px=LOWPASS), bent(pm.nodes_px)
+        reference, u = ReferenceImage.of(pm, f, 5, lowpass_px=LOWPASS), bent(pm.nodes_px)
         gradient = np.column_stack([reference.fx, reference.fy]).astype(float)
         monkeypatch.undo()
         for name in ("with", "without"):
@@ -196,11 +194,21 @@ def test_where_the_strain_has_a_gradient_the_blur_displaces_the_pattern(monkeypa
     assert np.all(np.abs(found["with"]) < 0.2 * found["without"])
 
 
+def monomials(a, b):
+    """Those that a field of an element is a sum of (docs/method.md, equation 3.6)  # (n,), (n,) -> (n, 8)"""
+    return np.column_stack([a**0, a, b, a * b, a**2, b**2, a**2 * b, a * b**2])
+
+
+def monomial_slopes(a, b):
+    """By complex steps  # (n,), (n,) -> (n, 8, 2)"""
+    return np.stack([monomials(a + 1e-20j, b).imag, monomials(a, b + 1e-20j).imag], axis=-1) / 1e-20
+
+
 @pytest.mark.parametrize("kind", ["tri3", "quad4", "tri6", "quad8"])
 def test_the_curvature_of_a_motion_is_that_of_difference_quotients(kind):
     pm, rng, h = make_map(kind), np.random.default_rng(0), 1e-3
     u = 0.5 * rng.normal(size=pm.nodes_px.shape)
-    place, motion = (element_coefficients(pm, values) for values in (pm.nodes_px, u))
+    place, motion = (pm.element_coefficients(values) for values in (pm.nodes_px, u))
     inverse = np.linalg.inv(pm.deformation_gradient(u))
     at = np.einsum("eck,ek->ec", place, monomials(*pm.centre.T))
 
@@ -218,5 +226,5 @@ def test_the_curvature_of_a_motion_is_that_of_difference_quotients(kind):
         one, two = along[:, :, i], along[:, :, j]
         both = moved(one + two) - moved(one - two) - moved(two - one) + moved(-one - two)
         quotient[:, :, i, j] = both / (4.0 * h**2)
-    assert np.abs(element_curvature(pm, motion, inverse) - quotient).max() < 1e-5 + 1e-4 * np.abs(quotient).max()
+    assert np.abs(pm.element_curvature(motion, inverse) - quotient).max() < 1e-5 + 1e-4 * np.abs(quotient).max()
     assert (np.abs(quotient).max() > 1e-3) == (kind != "tri3")

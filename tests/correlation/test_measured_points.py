@@ -10,11 +10,11 @@ import pytest
 from scipy import sparse
 
 from idic.correlation import build_point_map
-from idic.correlation import FieldReference, build_field_reference, solve_brightness
+from idic.correlation import FieldReference
 from idic.measure import dic_stack
 from idic.errors import InputError
 from idic.fe import make_mesh, raise_order
-from idic.images import ArrayStack, Camera, coloured, field_noise
+from idic.images import ArrayStack, Camera, FieldNoise, coloured
 from idic.model import Experiment, FieldPoints, Model, Noise, Options, Recording
 from idic.parameters import ParameterSet
 
@@ -60,7 +60,7 @@ def measured(there: Experiment, u_mm: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("triangles", [False, True])
 def test_every_point_on_the_plate_is_found_where_it_is(triangles):
     there = experiment(triangles)
-    reference = build_field_reference(there, there.model.camera)
+    reference = FieldReference.of(there, there.model.camera)
     at, pm = places(there), reference.pixel_map
     inside = (at >= -1e-9).all(axis=1) & (at <= [16 + 1e-9, 24 + 1e-9]).all(axis=1)
     assert sorted(np.unique(pm.point)) == np.flatnonzero(inside).tolist()
@@ -72,7 +72,7 @@ def test_m_and_b_are_sums_over_the_points(rng=np.random.default_rng(2)):
     frame = rng.normal(0.0, 5.0, (33 * 24, 2))
     frame[::11] = np.nan
     there = experiment(frames=[frame])
-    reference = build_field_reference(there, there.model.camera)
+    reference = FieldReference.of(there, there.model.camera)
     motion = rng.normal(0.0, 0.01, (there.model.mesh.n_nodes, 2))
     columns = rng.normal(0.0, 1.0, (2 * there.model.mesh.n_nodes, 3))
     found = reference.compare(there, 1, motion)
@@ -96,7 +96,7 @@ def test_a_mask_leaves_points_out():
     mask = np.ones((33, 24), dtype=bool)
     mask[:16] = False
     there = experiment(mask=mask)
-    kept = build_field_reference(there, there.model.camera).pixel_map
+    kept = FieldReference.of(there, there.model.camera).pixel_map
     assert kept.points()[:, 1].min() >= 15.5 and kept.n_pixels > 0
 
 
@@ -105,7 +105,7 @@ def test_subsets_average_the_motion():
     derivatives."""
     width = 2.5
     there = experiment(subset_px=width, crooked=False)  # x² is exact in straight elements
-    reference = build_field_reference(there, there.model.camera)
+    reference = FieldReference.of(there, there.model.camera)
     x, y = there.model.camera.project(there.model.mesh.nodes).T
     motion = np.column_stack([1e-3 * x * x, 2e-3 * y * y + 1e-3 * x * y])
     found = (reference.matrix @ motion.ravel()) / reference.scale
@@ -123,7 +123,7 @@ def test_subsets_that_reach_beyond_the_mesh_see_an_affine_motion_at_their_middle
     """Points lie on the ends of the plate, too: half or three quarters of their subset is beside it. Places are kept to
     1e-7 of single precision."""
     there = experiment(subset_px=width)
-    reference = build_field_reference(there, there.model.camera)
+    reference = FieldReference.of(there, there.model.camera)
     x, y = there.model.camera.project(there.model.mesh.nodes).T
     motion = np.column_stack([0.3 + 0.01 * x - 0.002 * y, 0.004 * x + 0.02 * y])
     found = (reference.matrix @ motion.ravel()) / reference.scale
@@ -163,7 +163,7 @@ def test_frames_that_lack_as_many_but_other_points_are_each_followed():
     still = experiment(crooked=False)
     u = places(still) @ np.array([[2e-3, 5e-4], [-1e-3, 1e-3]]).T + [0.01, -0.02]
     frames = [measured(still, u) for _ in range(2)]
-    inside = np.unique(build_field_reference(still, still.model.camera).pixel_map.point)
+    inside = np.unique(FieldReference.of(still, still.model.camera).pixel_map.point)
     frames[0][inside[:40]], frames[1][inside[-40:]] = np.nan, np.nan
     there = experiment(crooked=False, frames=frames)
     found = dic_stack(there, "mechanical")
@@ -187,7 +187,7 @@ def test_the_noise_of_a_field_and_its_correlation(correlated):
     first = noise()
     field = np.column_stack([np.sin(column / 15.0) * row / 10.0, row + 3.0 * np.cos(row / 9.0)])
     stages = [np.zeros_like(first), *((0.3 * k + 0.02 * k * k) * field + noise() - first for k in range(1, 14))]
-    found = field_noise(ArrayStack(np.array(stages, dtype=np.float32)), np.column_stack([column, row]), range(14), 0)
+    found = FieldNoise.of(ArrayStack(np.array(stages, dtype=np.float32)), np.column_stack([column, row]), range(14), 0)
     assert found.std == pytest.approx(0.4, rel=0.05)
     exact = float(np.sqrt(kernel.sum()))  # of independent noise that scatters sums alike, over 0.4
     assert found.sum_std / found.std == pytest.approx(exact, rel=0.12)
@@ -211,8 +211,8 @@ def test_the_noise_of_a_small_field_of_overlapping_subsets_is_not_underestimated
         first = noise()
         stages = [np.zeros_like(first),
                   *(0.5 * k * np.column_stack([column, row]) + noise() - first for k in range(1, 9))]
-        found.append(field_noise(ArrayStack(np.array(stages, dtype=np.float32)), np.column_stack([column, row]),
-                                 range(9), 0))
+        found.append(FieldNoise.of(ArrayStack(np.array(stages, dtype=np.float32)), np.column_stack([column, row]),
+                                   range(9), 0))
     assert np.mean([one.std for one in found]) == pytest.approx(1.0, rel=0.05)
     across, along = (np.clip(1.0 - np.abs(np.subtract.outer(np.arange(n), np.arange(n))) / 5.0, 0.0, None)
                      for n in (nx, ny))
@@ -223,12 +223,12 @@ def test_the_noise_of_a_small_field_of_overlapping_subsets_is_not_underestimated
 
 
 def test_too_few_stages_tell_no_noise():
-    assert field_noise(ArrayStack(np.zeros((2, 100, 2), np.float32)), np.zeros((100, 2)), range(2), 0) is None
+    assert FieldNoise.of(ArrayStack(np.zeros((2, 100, 2), np.float32)), np.zeros((100, 2)), range(2), 0) is None
 
 
 def test_the_reference_keeps_one_hessian(rng=np.random.default_rng(1)):
     there = experiment(frames=[rng.normal(size=(33 * 24, 2))])
-    reference = build_field_reference(there, there.model.camera)
+    reference = FieldReference.of(there, there.model.camera)
     assert isinstance(reference, FieldReference)
     found = reference.compare(there, 1, np.zeros((there.model.mesh.n_nodes, 2)))
     assert found.H is reference.hessian and sparse.issparse(found.H) and found.n_brightness == 0
@@ -240,10 +240,10 @@ def test_a_rigid_motion_of_the_whole_specimen_is_an_unknown_of_the_frame():
     swayed = u + [0.3, -0.2] + 1e-3 * (at - at.mean(axis=0))[:, ::-1] * [-1.0, 1.0]
     there = experiment(crooked=False, frames=[measured(still, swayed)])
     there = replace(there, recording=replace(there.recording, points=replace(there.recording.points, free_rigid=True)))
-    reference = build_field_reference(there, there.model.camera)
+    reference = FieldReference.of(there, there.model.camera)
     motion = (there.model.mesh.nodes @ np.array([[2e-3, 5e-4], [-1e-3, 1e-3]]).T) / PITCH * [1.0, -1.0]
     equations = reference.compare(there, 1, motion)
-    fit = solve_brightness(equations)
+    fit = equations.brightness_fit()
     assert equations.n_brightness == 3 and equations.rr > 1e4 and fit.rr < 1e-4 * equations.rr
     left = reference.compare_pixels(there, 1, motion, fit.coefficients)
     assert np.abs(left.r).max() < 0.05  # µm of 300: frames are float32

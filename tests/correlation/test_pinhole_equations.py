@@ -7,7 +7,7 @@ import pytest
 from pictures import SHAPE, Texture, grid, with_middles
 from surfaces import CAMERA, placed, tube
 
-from idic.correlation import build_ray_map, build_reference, nodal_equations, PinholeView, residual_map
+from idic.correlation import build_ray_map, nodal_equations, PinholeView, residual_map, ReferenceImage
 from correlation.pinhole_pixel_equations import pinhole_normal_equations
 from idic.fe import make_mesh, nodal_deformation
 from idic.images import RigidMotion, prefilter
@@ -37,7 +37,7 @@ def case(name, n=6):
     texture = Texture()
     found = build_ray_map(mesh, mesh.surface_cells(surface), camera, SHAPE, surface=surface)
     f, g = texture.picture(), texture.picture(gradient=np.array([[1.03, 0.02], [0.0, 0.98]]), shift=(0.6, -0.4))
-    return mesh, surface, camera, build_reference(found, f, 5), f, g
+    return mesh, surface, camera, ReferenceImage.of(found, f, 5), f, g
 
 
 @pytest.mark.parametrize("name", ["plate", "tube"])

@@ -5,7 +5,7 @@ import pytest
 from pictures import SHAPE, grid, make_map, make_mesh
 from scipy import ndimage
 
-from idic.correlation import build_pixel_map
+from idic.correlation import PixelMap
 from idic.errors import InputError
 from idic.fe import Block
 from idic.images import Camera
@@ -38,7 +38,7 @@ def test_there_are_no_holes_and_no_pixel_twice(kind):
 
 def test_the_area_in_pixels_is_that_of_the_mesh():
     nodes, quads = grid(6, 4)
-    pm = build_pixel_map(nodes, [Block("quad4", quads, 0)], Camera.from_table(0.05, (13.3, 77.6)), SHAPE)
+    pm = PixelMap.of(nodes, [Block("quad4", quads, 0)], Camera.from_table(0.05, (13.3, 77.6)), SHAPE)
     assert pm.n_pixels == 100 * 68  # 5 x 3.4 mm of 0.05 mm px, edges between pixel centres
 
 
@@ -52,7 +52,7 @@ def test_axes_of_any_sense_and_distortion_keep_the_mesh_whole(camera):
 
 def test_a_mesh_that_reaches_beyond_the_image_is_correlated_where_visible():
     nodes, blocks = make_mesh("quad4")
-    pm = build_pixel_map(nodes, blocks, Camera.from_table(0.05, (-30.3, 77.6)), SHAPE)
+    pm = PixelMap.of(nodes, blocks, Camera.from_table(0.05, (-30.3, 77.6)), SHAPE)
     assert 0 < pm.n_elements < 24 and pm.n_nodes == len(nodes) and pm.ix.min() == 0
     assert set(pm.visible_nodes) < set(range(len(nodes)))
     assert np.array_equal(pm.element, np.unique(pm.element)) and pm.pixels_per_element.min() > 0
@@ -91,7 +91,7 @@ def test_the_image_of_the_pixels_has_nan_where_there_is_no_pixel():
 def test_a_strongly_distorted_element_is_still_filled():
     nodes = np.array([[0.0, 0.0], [4.0, 0.3], [2.2, 2.0], [0.2, 3.0]])  # one corner of almost 170 degrees
     one = [Block("quad4", np.array([[0, 1, 2, 3]]), 0)]
-    pm = build_pixel_map(nodes, one, Camera.from_table(0.05, (10.3, 77.6)), SHAPE)
+    pm = PixelMap.of(nodes, one, Camera.from_table(0.05, (10.3, 77.6)), SHAPE)
     ends = np.roll(nodes, -1, axis=0)
     area = 0.5 * abs((nodes[:, 0] * ends[:, 1] - ends[:, 0] * nodes[:, 1]).sum()) / 0.05**2  # px
     assert abs(pm.n_pixels - area) < 0.01 * area  # lattice points against area: about half the circumference / 20
@@ -99,7 +99,7 @@ def test_a_strongly_distorted_element_is_still_filled():
 
 def nowhere():
     nodes, blocks = make_mesh("quad4")
-    return build_pixel_map(nodes, blocks, Camera.from_table(0.05, (1000.0, 1000.0)), SHAPE)
+    return PixelMap.of(nodes, blocks, Camera.from_table(0.05, (1000.0, 1000.0)), SHAPE)
 
 
 def black_mask():
@@ -111,7 +111,7 @@ def other_size():
 
 
 def solid_cells():
-    return build_pixel_map(np.zeros((8, 3)), [Block("hex8", np.arange(8)[None], 0)], Camera.from_table(), SHAPE)
+    return PixelMap.of(np.zeros((8, 3)), [Block("hex8", np.arange(8)[None], 0)], Camera.from_table(), SHAPE)
 
 
 @pytest.mark.parametrize("make, word", [(nowhere, "no pixel lies on the mesh"), (black_mask, "mask leaves no pixel"),

@@ -23,7 +23,7 @@ from idic.report.design.page import _facts
 from idic.report.design.words import best_plan
 from idic.report.design.page import draw_design, render_design
 from idic.report.design.words import direction, fixed_product, headline, open_parameters, weakest
-from idic.identification import expected_odds, load_plan
+from idic.identification import Plan, expected_odds
 from idic.run.design import DesignJob, evaluate_plans, plan_names, run_design
 from idic.run import write_design
 from idic.run.separation.courses import Course, best_course, menu
@@ -78,7 +78,7 @@ def test_the_files_out_are_complete_and_the_page_needs_no_other(two_orientations
 
 def test_a_plan_crosses_to_another_process_and_gives_the_same_numbers_there(two_orientations):
     top, content = two_orientations
-    job = pickle.loads(pickle.dumps(DesignJob("along", load_plan(top / "along"))))
+    job = pickle.loads(pickle.dumps(DesignJob("along", Plan.of(top / "along"))))
     design = pickle.loads(pickle.dumps(run_design(job)))
     stds = {name: entry["std"] for name, entry in content["plans"][0]["parameters"].items()}
     assert {name: design.full.std(name) for name in design.names} == stds
@@ -188,7 +188,7 @@ def planned_folder_of_two(tmp_path):
 # folders ------------------------------------------------------------------------------------------
 def test_a_recorded_test_is_used_as_it_is(tmp_path):
     folder = recorded_folder(tmp_path / "test")
-    plan, experiment = load_plan(folder), load_experiment(folder)
+    plan, experiment = Plan.of(folder), load_experiment(folder)
     assert plan.pattern == "images"
     assert np.array_equal(plan.experiment.model.channels[0].values, experiment.model.channels[0].values)
     assert np.array_equal(plan.experiment.model.times, experiment.model.times)
@@ -197,7 +197,7 @@ def test_a_recorded_test_is_used_as_it_is(tmp_path):
 def test_images_without_a_log_follow_the_programme(tmp_path):
     folder = recorded_folder(tmp_path / "test", ELASTIC + GRIPS + FORCE + PROGRAM)
     (folder / "loads.csv").unlink()
-    experiment = load_plan(folder).experiment
+    experiment = Plan.of(folder).experiment
     assert experiment.model.n_frames == 6 and experiment.model.times[-1] == 5.0
     assert np.allclose(experiment.model.prescribed[2].drive.values, [0.0, 0.03, 0.06, 0.09, 0.12, 0.10])
 
@@ -228,14 +228,14 @@ def test_bad_plans_are_refused_with_a_remedy_and_nothing_is_written(change, word
 def test_a_folder_without_images_and_without_a_plan_gets_the_missing_keys(tmp_path):
     folder = plan_folder(tmp_path / "plan", ELASTIC + GRIPS + FORCE)
     with pytest.raises(InputError, match=r"no images of a test yet(.|\n)*\[design\] with image_px"):
-        load_plan(folder)
+        Plan.of(folder)
 
 
 def test_a_photograph_of_another_size_is_refused(tmp_path):
     folder = plan_folder(tmp_path / "plan", images='images = "speckle.tif"')
     tifffile.imwrite(folder / "speckle.tif", np.zeros((8, 8), np.uint8))
     with pytest.raises(InputError, match="not the size of the photograph"):
-        load_plan(folder)
+        Plan.of(folder)
 
 
 def test_identification_refuses_a_test_that_is_only_planned(tmp_path):
@@ -250,7 +250,7 @@ def test_a_planned_test_can_be_simulated_and_then_identified(planned_folder_of_t
     experiment = load_experiment(made)
     assert experiment.model.n_frames == 2 and experiment.recording.stack.shape == (100, 140)
     assert experiment.model.channels[0].values[1] > 50.0  # N: 0.10 mm of 6 mm at 1200 MPa on 6 mm² less the waist
-    assert load_plan(made).pattern == "images"
+    assert Plan.of(made).pattern == "images"
 
 
 def test_plans_are_named_by_their_folders_and_by_more_where_those_are_equal(tmp_path):
@@ -296,7 +296,7 @@ def course_plan(folder, program, n_frames=12):
 
 
 def odds(folder, *edits):
-    return expected_odds({str(number): load_plan(folder, edit) for number, edit in enumerate(edits)})
+    return expected_odds({str(number): Plan.of(folder, edit) for number, edit in enumerate(edits)})
 
 
 def test_a_model_is_not_told_from_itself_and_odds_grow_with_frames(tmp_path):

@@ -13,7 +13,7 @@ from planned_tests import (ELASTIC, FORCE, GRIPS, PLAN, PLASTIC, PROGRAM, TRUE, 
 from idic.correlation import build_experiment_reference
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
-from idic.identification import design_test, identify, join_designs, load_plan
+from idic.identification import Design, JointDesign, Plan, identify
 from idic.report.design.summary import compare
 from idic.identification.plan.planned_test import virtual_speckle
 from idic.run.design import evaluate_plans
@@ -21,8 +21,8 @@ from idic.virtual_tests import simulate
 
 
 def designed(folder, overrides=TRUE, **more):
-    plan = load_plan(folder, overrides, **more)
-    return design_test(folder.name, plan.experiment, plan.local, plan.assumptions)
+    plan = Plan.of(folder, overrides, **more)
+    return Design.of(folder.name, plan.experiment, plan.local, plan.assumptions)
 
 
 def stds(design):
@@ -68,19 +68,19 @@ def test_without_any_image_a_virtual_speckle_of_like_size_and_contrast_promises_
 def test_one_photograph_of_the_speckle_is_enough_for_the_same_promise(recorded, identified, tmp_path):
     folder = plan_folder(tmp_path / "photo", ELASTIC + GRIPS + FORCE + PLAN + PROGRAM, 'images = "speckle.tif"')
     tifffile.imwrite(folder / "speckle.tif", load_experiment(recorded).recording.stack.frame(0))
-    plan = load_plan(folder, TRUE)
+    plan = Plan.of(folder, TRUE)
     assert plan.pattern == "photograph" and plan.experiment.model.n_frames == 6
-    promised = stds(design_test("photo", plan.experiment, plan.local))
+    promised = stds(Design.of("photo", plan.experiment, plan.local))
     for name, std in identified.items():
         assert promised[name] == pytest.approx(std, rel=0.02)
 
 
 def test_readings_that_are_not_made_yet_are_no_noise_of_the_load_cell(planned):
     """A planned channel holds zeros; what the simulation differs from them by was taken for correlated noise."""
-    plan = load_plan(planned, TRUE | {"design.n_frames": 30}).experiment
+    plan = Plan.of(planned, TRUE | {"design.n_frames": 30}).experiment
     force = plan.model.channels[0]
     made = replace(force, values=100.0 * np.random.default_rng(3).standard_normal(30))
-    coming, other = (stds(design_test("long", replace(plan, model=replace(plan.model, channels=(channel,)))))
+    coming, other = (stds(Design.of("long", replace(plan, model=replace(plan.model, channels=(channel,)))))
                      for channel in (force, made))
     short = stds(designed(planned))
     for name, std in coming.items():
@@ -104,7 +104,7 @@ def test_twice_the_motion_halves_the_standard_deviations_of_small_strain_elastic
 def test_two_equal_tests_together_are_better_by_the_square_root_of_two(planned):
     """Every test has its own reference image: nothing is shared but the material."""
     one = designed(planned)
-    both = join_designs([one, replace(one, name="again")]).full
+    both = JointDesign.of([one, replace(one, name="again")]).full
     for name in one.names:
         assert both.std(name) == pytest.approx(one.full.std(name) / np.sqrt(2.0), rel=1e-9)
 
@@ -112,7 +112,7 @@ def test_two_equal_tests_together_are_better_by_the_square_root_of_two(planned):
 def test_a_parameter_of_one_test_only_is_not_shared(tmp_path):
     toml = ELASTIC + GRIPS + FORCE + '[[dof]]\nname = "camera.shift_col"\n' + PLAN + PROGRAM
     plans = [designed(plan_folder(tmp_path / name, toml)) for name in ("a", "b")]
-    names = join_designs(plans).full.names
+    names = JointDesign.of(plans).full.names
     assert names == ("BODY.E", "BODY.nu", "a/camera.shift_col", "b/camera.shift_col")
 
 
@@ -139,16 +139,16 @@ def off_axis(tmp_path_factory):
 
 def test_plans_share_what_an_identification_of_them_shares(off_axis):
     """As idic identify: directions that differ, and what says shared = false, are each specimen's own."""
-    both = join_designs([off_axis["15"], off_axis["45"]])
+    both = JointDesign.of([off_axis["15"], off_axis["45"]])
     assert both.full.names == ("BODY.E1", "15/BODY.angle", "45/BODY.angle") and not both.notes
-    said = join_designs([off_axis["45"], off_axis["45.0, shared = false"]]).full.names
+    said = JointDesign.of([off_axis["45"], off_axis["45.0, shared = false"]]).full.names
     assert said == ("BODY.E1", "BODY.angle", "45.0/BODY.angle")
 
 
 def test_an_own_direction_gains_from_another_specimen_no_more_than_the_shared_modulus_can_tell(off_axis):
     """At best E1 becomes known: the standard deviation of one parameter given all others is (Cov^-1)_ii^-1/2."""
     plans = [off_axis["15"], off_axis["45"]]
-    both = join_designs(plans).full
+    both = JointDesign.of(plans).full
     for plan in plans:
         i, full = plan.names.index("BODY.angle"), plan.full
         given_the_rest = np.linalg.inv(full.covariance)[i, i] ** -0.5 * abs(full.scaled.slopes[i])
@@ -166,7 +166,7 @@ def test_plans_may_state_a_modulus_in_several_units(planned, tmp_path):
     other = plan_folder(tmp_path / "other", ELASTIC.replace('1200, unit = "MPa"', '1.2, unit = "GPa"')
                         + GRIPS + FORCE + PLAN + PROGRAM)
     plans = [designed(planned, {}), designed(other, {})]
-    both = join_designs(plans)
+    both = JointDesign.of(plans)
     assert both.full.names == ("BODY.E", "BODY.nu") and not both.notes
     assert both.full.std("BODY.E") == pytest.approx(plans[0].full.std("BODY.E") / np.sqrt(2.0), rel=1e-9)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.identification import load_plan
+from idic.identification import Plan
 from idic.run import write_design
 from idic.virtual_tests import write_example
 from idic_studies.examples.polycarbonate_model import REDUCED_MESH, strip_mesh
@@ -18,7 +18,7 @@ def folder(tmp_path_factory):
 
 @pytest.mark.parametrize("plan", PLANS, ids=lambda plan: plan.name)
 def test_every_plan_is_a_folder_that_can_be_read(folder, plan):
-    experiment = load_plan(folder / plan.name).experiment
+    experiment = Plan.of(folder / plan.name).experiment
     (grip,) = [entry.drive.values for entry in experiment.model.prescribed if hasattr(entry.drive, "column")]
     assert grip[-1] == pytest.approx(10.0) and experiment.model.n_frames == 51
     assert experiment.model.times[-1] == pytest.approx(plan.course[-1][0])

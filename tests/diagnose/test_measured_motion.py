@@ -17,8 +17,8 @@ from idic.diagnose.residual.residual_maps import spread
 from idic.diagnose.residual.thinning import CHOICE
 from idic.diagnose.selection.rivals import other_laws
 from idic.experiment_file import load_experiment
-from idic.identification import identify
-from idic.model import build_drives, build_forward, solve
+from idic.identification import Evaluation, identify
+from idic.model import DriveTable, build_forward, solve
 
 TRUTH = {f"BODY.{name}": value for name, value in TRUTHS["clean_rubber"].values.items()}
 MEASURED = [{"nodes": name, "u": "measured"} for name in ("LEFT", "RIGHT")]
@@ -44,9 +44,10 @@ def noisy(u_px):
 def identified(experiment, values, stored=None, rr=0.0):
     """As if an identification had ended there; stored : displacements, rr : weighted sum of squares of its images."""
     found = identification_at(experiment, experiment.model.parameters.as_values() | values,
-                              np.zeros((experiment.model.n_frames, build_drives(experiment).n_local)), None)
+                              np.zeros((experiment.model.n_frames, DriveTable.of(experiment).n_local)), None)
     system = SimpleNamespace(frames=(SimpleNamespace(n_pixels=1000),), phi_image=rr)
-    return replace(found, stored=None if stored is None else lambda: iter(stored), point=SimpleNamespace(system=system))
+    return replace(found, stored=None if stored is None else lambda: iter(stored),
+                   point=Evaluation(0, system, np.zeros((0, 0))))
 
 
 def test_a_law_is_identified_from_the_measured_motion_as_from_images(rubber):

@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from idic.correlation import build_pixel_map, build_reference
+from idic.correlation import PixelMap, ReferenceImage
 from idic.measure import Regularisation, build_smoother
 from idic.fe import Mesh, make_mesh
 from idic.images import ArrayStack, Camera, dense_speckle
@@ -63,8 +63,8 @@ def wavy(nodes: np.ndarray, amplitude: float = 0.4, length: float = 150.0) -> np
 
 def set_up(mesh: Mesh, image, regularisation=Regularisation("none"), mask=None):
     """Reference and smoother."""
-    pixel_map = build_pixel_map(mesh.nodes, mesh.blocks, CAMERA, image.shape, mask)
-    return build_reference(pixel_map, image), build_smoother(pixel_map.nodes_px, mesh.blocks, regularisation)
+    pixel_map = PixelMap.of(mesh.nodes, mesh.blocks, CAMERA, image.shape, mask)
+    return ReferenceImage.of(pixel_map, image), build_smoother(pixel_map.nodes_px, mesh.blocks, regularisation)
 
 
 def experiment(mesh: Mesh, images, **changes) -> Experiment:

@@ -11,7 +11,7 @@ from dic_cases import experiment, grid, pictures, rest
 
 from idic.correlation import build_experiment_reference
 from idic.measure.dic.camera_floor import MAX_STILL_FRAMES
-from idic.measure import camera_floor, find_still_frames
+from idic.measure import CameraFloor, find_still_frames
 from idic.measure.dic.still import StillFrames, without_rigid
 from idic.images import ArrayStack
 from idic.model import Channel, Noise
@@ -63,7 +63,7 @@ def recording(log: bool = False, **what):
 
 
 def floor_of(e, still, motion):
-    return camera_floor(e, build_experiment_reference(e, e.model.camera), still, lambda k: motion[k])
+    return CameraFloor.of(e, build_experiment_reference(e, e.model.camera), still, lambda k: motion[k])
 
 
 @pytest.fixture(scope="module")

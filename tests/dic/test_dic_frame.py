@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from dic_cases import grid, pictures, rest, set_up, wavy
 
-from idic.measure.dic import node_std
 from idic.measure import Regularisation, dic_frame
 from idic.images import prefilter
 
@@ -45,7 +44,7 @@ def test_noise_moves_the_nodes_by_as_much_as_the_covariance_says_and_in_proporti
             found = measure(reference, smoother, g)
             errors.append(found.u_px)
         scatter[noise] = np.std(errors, axis=0, ddof=1)
-        predicted = node_std(reference, found, noise)
+        predicted = found.node_std(reference, noise)
         ratio = np.sqrt(np.mean(scatter[noise] ** 2) / np.mean(predicted**2))
         assert abs(ratio - 1) < 0.15  # 12 draws x 126 correlated values: 4 %; the noise of f in H lowers the prediction
     assert np.sqrt(np.mean(scatter[6.0] ** 2) / np.mean(scatter[2.0] ** 2)) == pytest.approx(3.0, rel=0.15)

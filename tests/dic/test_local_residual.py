@@ -10,8 +10,8 @@ import pytest
 from dic_cases import CAMERA, experiment, grid, pictures, rest
 from scipy import ndimage
 
-from idic.correlation import ResidualMap, build_pixel_map
-from idic.identification import element_sums, local_residual, p_text, try_remedies, z_text
+from idic.correlation import PixelMap, ResidualMap
+from idic.identification import ElementSums, LocalResidual, Remedy, p_text, z_text
 from idic.identification.judgement.remedies import chi2_at, remedies
 from idic.model import Noise, Options
 
@@ -22,7 +22,7 @@ SIGMA, N_FRAMES = 2.0, 6
 
 @cache
 def pixels():
-    return build_pixel_map(MESH.nodes, MESH.blocks, CAMERA, SHAPE)
+    return PixelMap.of(MESH.nodes, MESH.blocks, CAMERA, SHAPE)
 
 
 def sums_of(rng, blur_px=0.0, raised=None, frames=range(N_FRAMES)):
@@ -44,7 +44,7 @@ def sums_of(rng, blur_px=0.0, raised=None, frames=range(N_FRAMES)):
         if raised is not None and k in raised[2]:
             r = np.where(raised[0], raised[1] * r, r)
         every = np.ones(len(r), dtype=bool)
-        found.append(element_sums(pixels(), ResidualMap(r.astype(np.float32), every, np.ones(len(r))), SIGMA))
+        found.append(ElementSums.of(pixels(), ResidualMap(r.astype(np.float32), every, np.ones(len(r))), SIGMA))
     return found
 
 
@@ -56,7 +56,7 @@ def ring(column, row, inner, outer):
 @pytest.mark.parametrize("blur_px", [0.0, 0.6, 1.2])
 def test_noise_is_no_cluster_white_or_correlated(blur_px):
     rng = np.random.default_rng(3)
-    assert not any(local_residual(pixels(), sums_of(rng, blur_px)).is_cluster for _ in range(15))
+    assert not any(LocalResidual.of(pixels(), sums_of(rng, blur_px)).is_cluster for _ in range(15))
 
 
 def test_a_ring_of_misfit_is_a_cluster_though_the_mean_is_noise():
@@ -64,7 +64,7 @@ def test_a_ring_of_misfit_is_a_cluster_though_the_mean_is_noise():
     sums = sums_of(rng, raised=(ring(150, 130, 20, 45), np.sqrt(1.5), range(N_FRAMES)))
     mean = sum(one.chi2.sum() for one in sums) / sum(one.pixels.sum() for one in sums)
     assert mean < 1.1  # what a verdict by the mean calls noise
-    found = local_residual(pixels(), sums)
+    found = LocalResidual.of(pixels(), sums)
     assert found.is_cluster and found.z > 8.0
     assert abs(np.hypot(found.column - 150, found.row - 130) - 32) < 25
     assert found.chi2 > 1.2 and found.typical_chi2 == pytest.approx(1.0, abs=0.03) and 0.02 < found.share < 0.15
@@ -73,24 +73,24 @@ def test_a_ring_of_misfit_is_a_cluster_though_the_mean_is_noise():
 def test_a_cluster_at_the_end_of_the_test_is_found_in_its_part():
     rng = np.random.default_rng(5)
     late = sums_of(rng, raised=(ring(80, 80, 0, 30), np.sqrt(2.0), range(15, 20)), frames=range(20))
-    found = local_residual(pixels(), late)
+    found = LocalResidual.of(pixels(), late)
     assert found.is_cluster and found.part == 3
     assert np.hypot(found.column - 80, found.row - 80) < 30
 
 
 def test_a_residual_that_is_raised_everywhere_is_no_cluster():
     rng = np.random.default_rng(6)
-    found = local_residual(pixels(),
-                           sums_of(rng, raised=(np.ones(pixels().n_pixels, dtype=bool), 1.4, range(N_FRAMES))))
+    found = LocalResidual.of(pixels(),
+                             sums_of(rng, raised=(np.ones(pixels().n_pixels, dtype=bool), 1.4, range(N_FRAMES))))
     assert not found.is_cluster and found.typical_chi2 == pytest.approx(1.96, rel=0.05)
 
 
 def test_a_mesh_of_few_elements_does_not_tell_its_own_scatter():
     mesh = grid(20, 20, 120, 100, 20)
-    few = build_pixel_map(mesh.nodes, mesh.blocks, CAMERA, SHAPE)
+    few = PixelMap.of(mesh.nodes, mesh.blocks, CAMERA, SHAPE)
     every = np.ones(few.n_pixels, dtype=bool)
-    sums = [element_sums(few, ResidualMap(np.ones(few.n_pixels, np.float32), every, np.ones(few.n_pixels)), 1.0)]
-    assert local_residual(few, sums) is None and local_residual(few, []) is None
+    sums = [ElementSums.of(few, ResidualMap(np.ones(few.n_pixels, np.float32), every, np.ones(few.n_pixels)), 1.0)]
+    assert LocalResidual.of(few, sums) is None and LocalResidual.of(few, []) is None
 
 
 # remedies -------------------------------------------------------------------------------------------------------------
@@ -108,7 +108,7 @@ def still(frame):
 
 
 def test_patches_remove_a_lamp_and_the_table_shows_it(uneven):
-    tried = {one.setting: one for one in try_remedies(uneven, CAMERA, (1, 2), still)}
+    tried = {one.setting: one for one in Remedy.tried(uneven, CAMERA, (1, 2), still)}
     before = chi2_at(uneven, CAMERA, (1, 2), still)
     assert before > 1.3 and all(one.chi2_before == before for one in tried.values())
     patches = [one for setting, one in tried.items() if "patch" in setting]
@@ -120,7 +120,7 @@ def test_patches_remove_a_lamp_and_the_table_shows_it(uneven):
 def test_on_clean_images_no_remedy_changes_anything():
     images = pictures((60, 60, 220, 200, 20), [rest] * 2, SHAPE, noise=SIGMA)
     clean = experiment(grid(60, 60, 220, 200, 20), images, noise=Noise(SIGMA))
-    for one in try_remedies(clean, CAMERA, (1,), still):
+    for one in Remedy.tried(clean, CAMERA, (1,), still):
         assert one.chi2_before == pytest.approx(1.0, abs=0.05) and one.chi2_after == pytest.approx(1.0, abs=0.05)
 
 

@@ -11,7 +11,7 @@ sys.path[:0] = [str(Path(__file__).parents[1] / "correlation")]
 from section_cases import SHAPE, WIDTH, Surface, camera, layer_mesh, strip_mesh  # noqa: E402
 
 from idic.correlation.height.cross_section import build_section_reference  # noqa: E402
-from idic.correlation import section_equations, section_motion  # noqa: E402
+from idic.correlation import section_motion  # noqa: E402
 from idic.correlation.pixels.section_map import build_section_map  # noqa: E402
 from idic.measure.dic.section import section_nodes, second_difference  # noqa: E402
 from idic.measure import section_field  # noqa: E402
@@ -56,7 +56,7 @@ def test_the_scatter_is_that_of_the_normal_equations():
     nodes = section_nodes(reference, column)
     values = np.array([draw.motion[nodes][:, [0, 2]] for draw in draws])
     dofs = (3 * nodes[:, None] + [0, 2]).T.ravel()
-    H = section_equations(reference, still, rest).H.tocsr()[dofs][:, dofs].toarray()
+    H = reference.equations(still, rest).H.tocsr()[dofs][:, dofs].toarray()
     bend, n = second_difference(column[nodes]), len(nodes)
     P = np.zeros_like(H)
     for part in (slice(0, n), slice(n, 2 * n)):

@@ -10,7 +10,7 @@ from idic.draw.plan import end_names, first_sketch
 from idic.draw import speckled_area, texture_of
 from idic.draw.texture import noise_floor
 from idic.errors import InputError
-from idic.fe import mesh_polygon, segments_of
+from idic.fe import Segments, mesh_polygon
 from idic.readers import open_stack
 
 
@@ -57,7 +57,7 @@ def test_a_short_slot_and_an_ellipse_are_no_circles(shape_of_it):
     inside = (x >= 80) & (x < 520) & (y >= 60) & (y < 340) & (around > 0)
     image = dots(shape, inside)
     _, (hole,) = speckled_area(image, texture_of(image))
-    outline = segments_of(hole)
+    outline = Segments.of(hole)
     half = {"slot": (60, 40), "ellipse": (70, 50)}[shape_of_it]
     np.testing.assert_allclose(outline.box(), np.array([[300, 200]]) + np.array([[-1], [1]]) * half, atol=3.0)
     assert outline.area() == pytest.approx((around <= 0).sum(), rel=0.03)
@@ -110,7 +110,7 @@ def test_a_waisted_specimen_is_found_as_a_polygon_of_its_area():
     image = dots(shape, inside)
     outline, holes = speckled_area(image, texture_of(image))
     assert not holes and 4 < len(outline) < 30
-    assert segments_of(outline).area() == pytest.approx(inside.sum(), rel=0.05)  # blocks of 4 px along 1400 px
+    assert Segments.of(outline).area() == pytest.approx(inside.sum(), rel=0.05)  # blocks of 4 px along 1400 px
     assert set(first_sketch(outline, holes, shape)["edge_names"]) == {"TOP", "BOTTOM"}
 
 
@@ -135,7 +135,7 @@ def test_round_notches_and_shoulders_are_arcs_and_straight_edges_are_lines():
         inside = inside & ((x - side) ** 2 + (y - 320) ** 2 > 60**2)
     image = dots(shape, inside)
     outline, _ = speckled_area(image, texture_of(image))
-    segments = segments_of(outline)
+    segments = Segments.of(outline)
     assert segments.area() == pytest.approx(inside.sum(), rel=0.01)
     np.testing.assert_allclose(segments.radius[segments.curved], [60, 60], atol=6.0)  # half a circle in blocks of 4 px
     np.testing.assert_allclose(sorted(segments.centre[segments.curved].tolist()), [[80, 320], [320, 320]], atol=4.0)
@@ -147,7 +147,7 @@ def test_a_hexagon_has_no_arc():
     width = [np.abs((x - 240) * np.cos(a) + (y - 240) * np.sin(a)) for a in np.pi / 3 * np.arange(3)]
     image = dots(shape, np.maximum.reduce(np.broadcast_arrays(*width)) < 150)
     outline, _ = speckled_area(image, texture_of(image))
-    segments = segments_of(outline)
+    segments = Segments.of(outline)
     assert not segments.curved.any() and 6 <= len(outline) <= 8
     assert segments.area() == pytest.approx(2 * np.sqrt(3) * 150**2, rel=0.01)
 
@@ -186,7 +186,7 @@ def test_real_recordings_give_their_specimen(shared_data, case, expected, holes)
     image = open_stack(files[:1]).frame(0)
     outline, found = speckled_area(image, texture_of(image))
     assert len(found) == holes
-    box = segments_of(outline).box().ravel()
+    box = Segments.of(outline).box().ravel()
     border = 0.05 * np.array([*image.shape[::-1]] * 2)  # a specimen that leaves the image is cut before its border
     assert (np.abs(box - expected) < border + 5).all()
 

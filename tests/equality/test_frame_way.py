@@ -30,5 +30,5 @@ def test_a_frame_passes_through_few_files(frame_way):
 
 @pytest.mark.parametrize("function", ONCE.values(), ids=ONCE)
 def test_a_frame_computes_it_once(frame_way, function):
-    rare = {"nodal_gradient"}  # where the mesh moves with the parameters, or the camera is free
+    rare = {"Model.nodal_gradient"}  # where the mesh moves with the parameters, or the camera is free
     assert frame_way.times(function) == (0 if function in rare else 1)

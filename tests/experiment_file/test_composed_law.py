@@ -12,6 +12,7 @@ from idic.experiment_file.laws.softening import softening_notes
 from idic.experiment_file.laws.spectrum import spectrum_notes
 from idic.experiment_file.tables.dofs import material
 from idic.fe import make_mesh
+from idic.model import Model
 from idic.virtual_tests import Patch, mesh_patches
 
 TERMS = {"law": "elastoplastic", "E": 70e3, "nu": 0.3, "yield_stress": {"value": 0.2, "unit": "GPa", "identify": True},
@@ -344,8 +345,9 @@ def test_knots_by_evidence_of_a_curve_with_a_locked_value_are_refused():
     raw = with_overrides(tables(yield_stress=200.0, hardening=[term]), None)
     table = validated(raw, "e").material["SPECIMEN"]
     record, found, _ = material("SPECIMEN", table, "e")
-    model = SimpleNamespace(parameters=ParameterSet(found),
-                            free_curves=free_curves([record], {"SPECIMEN": table}, found))
+    curves = free_curves([record], {"SPECIMEN": table}, found)
+    model = Model("plane_stress", None, 1.0, (record,), ParameterSet(found), (), (), (), None, np.arange(2.0),
+                  free_curves=curves)
     with pytest.raises(InputError) as error:
         chosen_tables(SimpleNamespace(model=model), raw)
     assert error.value.key == "material.SPECIMEN.yield_stress"

@@ -13,7 +13,7 @@ from idic.errors import InputError
 from idic.experiment_file import load_experiment, locate, read_toml, validated
 from idic.experiment_file.tables.heterogeneities import heterogeneities
 from idic.fe import Variation
-from idic.model import boundary_parameters, build_drives, build_forward, strayed
+from idic.model import DriveTable, boundary_parameters, build_forward, strayed
 from idic.model.heterogeneity import variations_at
 from idic.model.load_train import directions
 from idic.model.terms.channels.force_drift import drifting
@@ -33,7 +33,7 @@ def test_corrections_add_their_courses_to_the_log_in_internal_units(tmp_path):
     amplitudes = {"slip": 0.002, "compliance": 1e-5, "rotation": 0.1, "misalignment": 0.05}
     names = {f"boundary.TOP.y.{kind}": value for kind, value in amplitudes.items()}
     assert set(names) <= set(experiment.model.parameters.free)
-    drives = build_drives(experiment)
+    drives = DriveTable.of(experiment)
     forward = build_forward(experiment)
     assert all(forward.moves(name) for name in names)
     moved = drives.basis @ drives.histories(experiment.model.parameters.with_values(names))[-1]
@@ -51,7 +51,7 @@ def test_a_fixed_end_may_slip_and_turn_with_a_column_too(tmp_path):
     text = '{ kind = "slip", start_s = 0.5, course = "jump" }, { kind = "rotation", column = "force_kN" }'
     toml = TOML.replace("uy = 0.0", f"uy = {{ value = 0.0, corrections = [{text}] }}", 1)
     experiment = load_experiment(write_experiment(tmp_path / "test", toml))
-    drives = build_drives(experiment)
+    drives = DriveTable.of(experiment)
     histories = drives.histories(experiment.model.parameters.with_values({"boundary.BOTTOM.y.slip": 0.01}))
     slip = drives.names.index("boundary.BOTTOM.y.slip")
     assert histories[:, slip] == pytest.approx([0.0, 0.01, 0.01, 0.01])
@@ -61,7 +61,7 @@ def test_a_rotation_may_begin_at_a_time_and_grips_may_settle_under_the_first_loa
     text = ('{ kind = "rotation", start_s = 0.5, course = "ramp" }, '
             '{ kind = "seating", column = "force_kN", seated_at = 0.1 }')
     experiment = load_experiment(write_experiment(tmp_path / "test", corrected(text)))
-    drives = build_drives(experiment)
+    drives = DriveTable.of(experiment)
     histories = drives.histories(experiment.model.parameters)
     turn, settle = (drives.names.index(f"boundary.TOP.y.{kind}") for kind in ("rotation", "seating"))
     values = experiment.model.parameters.with_values({"boundary.TOP.y.rotation": 0.01, "boundary.TOP.y.seating": 0.02})
@@ -167,7 +167,7 @@ def test_a_shape_moves_the_set_by_a_polynomial_along_it_in_proportion_to_its_lar
     amplitudes = {f"boundary.TOP.y.shape{degree}": 1e-3 * (degree + 1) for degree in range(4)}
     assert set(amplitudes) <= set(experiment.model.parameters.free)
     assert all(experiment.model.parameters[name].unit == "mm" for name in amplitudes)
-    drives = build_drives(experiment)
+    drives = DriveTable.of(experiment)
     moved = [dict(zip(drives.dofs.tolist(), drives.basis @ drives.histories(values)[-1], strict=True))
              for values in (experiment.model.parameters, experiment.model.parameters.with_values(amplitudes))]
     for node in experiment.model.mesh.node_sets["TOP"]:
@@ -182,7 +182,7 @@ def test_a_shape_of_a_fixed_set_follows_a_column_or_a_course_of_its_own(tmp_path
             ' { kind = "shape", degree = 2, column = "force_kN" }')
     toml = TOML.replace("uy = 0.0", f"uy = {{ value = 0.0, corrections = [{text}] }}", 1)
     experiment = load_experiment(write_experiment(tmp_path / "test", toml))
-    drives = build_drives(experiment)
+    drives = DriveTable.of(experiment)
     names = ["boundary.BOTTOM.y.shape3_knot[2]", "boundary.BOTTOM.y.shape3_knot[3]", "boundary.BOTTOM.y.shape2"]
     histories = drives.histories(experiment.model.parameters.with_values(dict(zip(names, (0.2, 0.1, 0.3),
                                                                                   strict=True))))
@@ -342,7 +342,7 @@ def test_a_free_course_has_one_amplitude_per_knot_and_is_linear_between_them(tmp
     names = [name for name in experiment.model.parameters.free if "_knot[" in name]
     assert [name for name in names if "rotation" in name] == [f"boundary.TOP.y.rotation_knot[{k}]" for k in (2, 3)]
     assert [name for name in names if "slip" in name] == [f"boundary.TOP.y.slip_knot[{k}]" for k in (1, 2, 3)]
-    drives, at = build_drives(experiment), {"boundary.TOP.y.rotation_knot[2]": 0.1,
+    drives, at = DriveTable.of(experiment), {"boundary.TOP.y.rotation_knot[2]": 0.1,
                                             "boundary.TOP.y.rotation_knot[3]": 0.3}
     histories = drives.histories(experiment.model.parameters.with_values(at))
     turned = histories[:, [i for i, name in enumerate(drives.names) if "rotation" in name]].sum(axis=1)

@@ -8,7 +8,7 @@ from experiment_file.small_experiment import TOML, write_experiment
 
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
-from idic.model import build_forward, tips_at
+from idic.model import build_forward
 
 CRACK = """
 [[crack]]
@@ -36,7 +36,7 @@ def test_a_length_with_knots_is_linear_between_them_and_stays_outside(tmp_path):
     model = load_experiment(write_experiment(tmp_path / "test", TOML + text)).model
     names = ("crack.edge.length_knot[1]", "crack.edge.length_knot[3]")
     assert model.cracks[0].names == names and set(names) <= set(model.parameters.free)
-    assert tips_at(model, model.parameters)[:, 0] == pytest.approx([0.8, 0.8, 1.4, 2.0])
+    assert model.tips_at(model.parameters)[:, 0] == pytest.approx([0.8, 0.8, 1.4, 2.0])
 
 
 @pytest.mark.parametrize("change, message", [

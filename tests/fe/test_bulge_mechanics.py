@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from idic.fe import cell_type, Control, Direction, march
-from idic.readers import read_mesh_file, to_mesh
+from idic.readers import read_mesh_file
 from idic_studies.examples.bulge_mesh import BASE, FULL, REDUCED, bulge_mesh
 from idic_studies.examples.bulge_model import FIXED, TRUTH, bulge_model, bulge_test, directions, law_values
 from idic.virtual_tests import write_inp
@@ -48,7 +48,7 @@ def test_the_mesh_has_its_sets_and_comes_back_from_its_file(columns, n_elements,
     mesh.check_elements()
     assert (mesh.n_elements, mesh.n_nodes) == (n_elements, n_nodes)
     write_inp(mesh, tmp_path / "mesh.inp", "bulge")
-    again, notes = to_mesh(read_mesh_file(tmp_path / "mesh.inp"), 2, 1.0)
+    again, notes = read_mesh_file(tmp_path / "mesh.inp").to_mesh(2, 1.0)
     assert notes == []
     np.testing.assert_array_equal(again.nodes, mesh.nodes)  # the same to the last bit: model and truth share the mesh
     np.testing.assert_array_equal(again.blocks[0].connectivity, mesh.blocks[0].connectivity)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.fe import coarsen, make_mesh
+from idic.fe import Coarse, make_mesh
 from idic_studies.examples.polycarbonate_model import Divisions, strip_mesh
 
 
@@ -50,7 +50,7 @@ def length(mesh, faces):
 @pytest.mark.parametrize("shuffled", [None, 3])
 def test_a_rectangle_keeps_its_area_its_materials_and_its_sets(shuffled):
     mesh = grid(12, 8, shuffled=None if shuffled is None else np.random.default_rng(shuffled))
-    found = coarsen(mesh, 24)
+    found = Coarse.of(mesh, 24)
     found.mesh.check_elements()
     assert 20 <= found.mesh.n_elements <= 24
     assert np.array_equal(found.mesh.nodes, mesh.nodes[found.nodes])
@@ -64,7 +64,7 @@ def test_a_rectangle_keeps_its_area_its_materials_and_its_sets(shuffled):
 
 def test_the_strip_stays_one_layer_thick_and_its_elements_grow_alike():
     mesh = strip_mesh(Divisions(24, 6))
-    found = coarsen(mesh, 36).mesh
+    found = Coarse.of(mesh, 36).mesh
     assert found.n_elements == 36  # 12 x 3 x 1
     assert volume(found) == pytest.approx(volume(mesh), rel=1e-12)
     x = np.unique(found.nodes[:, 0])
@@ -81,7 +81,7 @@ def test_a_hole_stays_round_to_its_own_nodes():
     cells = np.array([(at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)) for j in range(4) for i in range(16)])
     mesh = make_mesh(nodes, [("quad4", cells)], element_sets={"ring": np.arange(64)})
     mesh.check_elements()
-    found = coarsen(mesh, 8).mesh
+    found = Coarse.of(mesh, 8).mesh
     found.check_elements()
     radii = np.linalg.norm(found.nodes, axis=1)
     assert found.n_elements < 64 and radii.min() == pytest.approx(1.0) and radii.max() == pytest.approx(2.0)
@@ -91,11 +91,11 @@ def test_a_hole_stays_round_to_its_own_nodes():
 
 def test_where_no_layer_can_go_or_there_are_few_elements_there_is_no_coarser_mesh():
     mesh = grid(12, 8)
-    assert coarsen(mesh, 96) is None
+    assert Coarse.of(mesh, 96) is None
     triangles = make_mesh(mesh.nodes, [("tri3", mesh.blocks[0].connectivity[:, :3])])
-    assert coarsen(triangles, 10) is None
+    assert Coarse.of(triangles, 10) is None
     corners = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
-    assert coarsen(make_mesh(corners, [("quad4", [[0, 1, 2, 3]])]), 0) is None
+    assert Coarse.of(make_mesh(corners, [("quad4", [[0, 1, 2, 3]])]), 0) is None
 
 
 def test_quadratic_quadrilaterals_become_linear_ones_on_their_corners():
@@ -105,5 +105,5 @@ def test_quadratic_quadrilaterals_become_linear_ones_on_their_corners():
     number = {tuple(edge): linear.n_nodes + k for k, edge in enumerate(edges)}
     mids = np.array([[number[tuple(sorted((c[k], c[(k + 1) % 4])))] for k in range(4)] for c in cells])
     nodes = np.vstack([linear.nodes, linear.nodes[edges].mean(axis=1)])
-    found = coarsen(make_mesh(nodes, [("quad8", np.hstack([cells, mids]))]), 4).mesh
+    found = Coarse.of(make_mesh(nodes, [("quad8", np.hstack([cells, mids]))]), 4).mesh
     assert found.blocks[0].cell == "quad4" and found.n_elements == 4 and volume(found) == pytest.approx(1.0)

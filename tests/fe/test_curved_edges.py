@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from fe_bodies import grid, volume
 
-from idic.fe import Mesh, cell_type, curved, follow_arcs, make_mesh, mesh_polygon, raise_order
+from idic.fe import Mesh, Segments, cell_type, curved, make_mesh, mesh_polygon, raise_order
 from idic.virtual_tests import strip_with_hole
 
 RADIUS = 3.0
@@ -59,7 +59,7 @@ def test_fillets_and_notches_follow_the_arcs_that_were_drawn_and_straight_edges_
     notched = [[0, 0], [18, 0], [20, 2, 22, 0], [40, 0], [40, 12], [30, 12], [28.5, 12.6213, 27.8787, 14.1213],
                [27.8787, 18], [0, 18]]
     straight = raise_order(mesh_polygon(notched, [[12.0, 9.0, 2.5]], 0.8))
-    wanted, mesh = follow_arcs(straight, notched, [[12.0, 9.0, 2.5]]), curved(straight)
+    wanted, mesh = Segments.of(notched, [[12.0, 9.0, 2.5]]).on_arcs(straight), curved(straight)
     on_arc = (wanted.nodes != straight.nodes).any(axis=1)
     assert on_arc.sum() > 20
     assert np.abs(mesh.nodes - wanted.nodes)[on_arc].max() < 0.05 * np.abs(wanted.nodes - straight.nodes).max()

@@ -5,7 +5,7 @@ import pytest
 from fe_bodies import volume
 
 from idic.errors import InputError
-from idic.fe import can_halve, halve, make_mesh, raise_order
+from idic.fe import halve, make_mesh, raise_order
 from idic.virtual_tests import strip_with_hole
 
 
@@ -70,6 +70,6 @@ def test_a_linear_field_is_carried_over_exactly(name):
 
 def test_tetrahedra_are_refused():
     mesh = make_mesh(np.vstack([np.zeros(3), np.eye(3)]), [("tet4", [[0, 1, 2, 3]])])
-    assert not can_halve(mesh)
+    assert not mesh.can_halve
     with pytest.raises(InputError, match="tetrahedra"):
         halve(mesh)

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.fe import fill, follow_arcs, mesh_polygon, raise_order, segments_of, smallest_angle
-from idic.readers.gmsh_mesher import fill_with_gmsh
-from idic.readers import has_gmsh
+from idic.fe import Segments, mesh_polygon, raise_order
+from idic.readers import Drawing, has_gmsh
 
 STRIP = [[0, 0], [40, 0], [40, 100], [0, 100]]
 DOG_BONE = [[0, 0], [30, 0], [30, 20], [26, 25, 24, 32], [24, 60], [26, 67, 30, 72], [30, 90], [0, 90], [0, 72],
@@ -25,7 +24,7 @@ CASES = {
     "disc": ([0, 0, 20], [[12, 0, 6]], 3), "half circle": ([[-10, 0], [0, -10, 10, 0]], [], 2),
     "two holes with a narrow ligament": (STRIP, [[12, 50, 7], [28, 50, 7]], 4),
 }
-MESHERS = [fill, pytest.param(fill_with_gmsh, marks=pytest.mark.skipif(not has_gmsh(), reason="gmsh is not installed"))]
+MESHERS = ["idic", pytest.param("gmsh", marks=pytest.mark.skipif(not has_gmsh(), reason="gmsh is not installed"))]
 
 
 def area(mesh):
@@ -42,14 +41,14 @@ def area(mesh):
 @pytest.mark.parametrize("case", CASES)
 def test_the_elements_fill_the_drawing_with_sound_angles(case, quads, mesher):
     outline, holes, size = CASES[case]
-    mesh = mesh_polygon(outline, holes, size, quads=quads, mesher=mesher)
+    mesh = Drawing(outline, holes, size, quads, mesher=mesher).mesh()
     mesh.check_elements()
-    raised = follow_arcs(raise_order(mesh), outline, holes)
+    raised = Segments.of(outline, holes).on_arcs(raise_order(mesh))
     raised.check_elements()
     # parabolas through three points of an arc of 45 degrees: the area of the circle to 2e-4
-    assert area(raised) == pytest.approx(segments_of(outline, holes).area(), rel=1e-3)
+    assert area(raised) == pytest.approx(Segments.of(outline, holes).area(), rel=1e-3)
     # the refinement aims at 28 degrees, smoothing may take some away; gmsh promises none: 20 is what FE codes warn at
-    assert smallest_angle(mesh) > (25.0 if mesher is fill else 20.0)
+    assert mesh.smallest_angle > (25.0 if mesher == "idic" else 20.0)
     assert len(mesh.boundary_edges()) == 1 + len(holes)
     lengths = np.hypot(*np.diff(mesh.nodes[[mesh.face_nodes(f)[:2] for f in mesh.boundary_faces()]], axis=1)[:, 0].T)
     assert lengths.max() < 1.5 * size + 1e-9  # segments are divided evenly
@@ -57,14 +56,14 @@ def test_the_elements_fill_the_drawing_with_sound_angles(case, quads, mesher):
 
 def test_without_arcs_the_area_is_that_of_the_polygon_to_rounding():
     mesh = mesh_polygon(NOTCHED[:3] + [[38, 30]] + [NOTCHED[4]] + [[0, 60]], [TRIANGLE], 3.0)
-    assert area(mesh) == pytest.approx(segments_of(NOTCHED[:3] + [[38, 30], [40, 60], [0, 60]], [TRIANGLE]).area(),
+    assert area(mesh) == pytest.approx(Segments.of(NOTCHED[:3] + [[38, 30], [40, 60], [0, 60]], [TRIANGLE]).area(),
                                        rel=1e-12)
 
 
 @pytest.mark.parametrize("quads", [False, True])
 def test_nodes_lie_on_the_arcs_mid_side_nodes_included(quads):
     mesh = mesh_polygon(STRIP, [[20, 50, 6]], 4.0, quads=quads)
-    for body in (mesh, follow_arcs(raise_order(mesh), STRIP, [[20, 50, 6]])):
+    for body in (mesh, Segments.of(STRIP, [[20, 50, 6]]).on_arcs(raise_order(mesh))):
         rim = body.nodes[np.unique([n for face in body.edge_sets["HOLE1"] for n in body.face_nodes(face)])]
         np.testing.assert_allclose(np.hypot(*(rim - (20, 50)).T), 6.0, rtol=1e-12)
     notch = mesh_polygon(NOTCHED, [], 3.0, quads=quads)
@@ -86,7 +85,7 @@ def test_every_edge_of_the_boundary_is_in_the_set_of_its_segment_and_in_its_name
 def test_a_rectangle_of_quadrilaterals_is_a_regular_grid():
     mesh = mesh_polygon(STRIP, [], 5.0, quads=True)
     assert [(block.cell, block.n_elements) for block in mesh.blocks] == [("quad4", 160)]
-    assert smallest_angle(mesh) == pytest.approx(90.0, abs=1e-6)
+    assert mesh.smallest_angle == pytest.approx(90.0, abs=1e-6)
 
 
 def test_one_drawing_gives_one_mesh_whatever_its_unit_and_sense_of_rotation():
@@ -126,7 +125,7 @@ def test_what_cannot_be_meshed_is_refused_with_a_remedy(outline, holes, size, wh
 def test_arcs_are_followed_only_between_their_ends():
     outline = [[0, 0], [10, 0], [10, 10], [5, 12, 0, 10]]
     mesh = raise_order(mesh_polygon(outline, [], 2.0))
-    followed = follow_arcs(mesh, outline)
+    followed = Segments.of(outline).on_arcs(mesh)
     moved = (followed.nodes != mesh.nodes).any(axis=1)
     assert moved.any() and (mesh.nodes[moved, 1] > 9.9).all()
-    assert area(replace(mesh, nodes=followed.nodes)) == pytest.approx(segments_of(outline).area(), rel=1e-4)
+    assert area(replace(mesh, nodes=followed.nodes)) == pytest.approx(Segments.of(outline).area(), rel=1e-4)

@@ -17,7 +17,7 @@ from twin_runs import ELASTIC, FORCE, GRIPS, NOISE, SHAPE, THICKNESS, Twin, clea
 import idic  # noqa: E402
 from idic.correlation import build_experiment_reference  # noqa: E402
 from idic.experiment_file import load_experiment  # noqa: E402
-from idic.measure import in_mm, readings, seen_by  # noqa: E402
+from idic.measure import Seen, in_mm, readings  # noqa: E402
 from idic.images import ArrayStack  # noqa: E402
 from idic.model import Gauge  # noqa: E402
 from idic.run import read_array, write_report  # noqa: E402
@@ -75,7 +75,7 @@ def test_the_noise_floor_is_the_scatter_of_repeated_recordings(plate, series, cl
     for _ in range(N_REPEATS):
         stack = ArrayStack(np.array([recorded(clean[0][k], sensor, rng) for k in (0, 4)] * 3)[:6])
         experiment = load_experiment(path, stack=stack)
-        seen = seen_by(experiment, build_experiment_reference(experiment, experiment.model.camera))
+        seen = Seen.by(experiment, build_experiment_reference(experiment, experiment.model.camera))
         start = (experiment.model.camera.project(experiment.model.mesh.nodes + _simulated(series, experiment, 4))
                  - experiment.model.camera.project(experiment.model.mesh.nodes))
         motion = seen.free_motion((1,), lambda frame, start=start: start)[0]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from idic.errors import InputError
-from idic.readers import FORMATS, open_stack, read_log
+from idic.readers import FORMATS, Log, open_stack
 
 DOCS = Path(__file__).parents[2] / "docs"
 MAX_WORDS = 900
@@ -31,5 +31,5 @@ def test_a_suffix_of_the_page_is_known_to_its_reader(suffix, tmp_path):
     path.write_bytes(bytes(range(256)) * 4)
     kinds = {entry.kind for entry in FORMATS if suffix in entry.suffixes}
     with pytest.raises(InputError) as refusal:
-        read_log(path) if "loads" in kinds else open_stack([path], with_gaps="heights" in kinds)
+        Log.read(path) if "loads" in kinds else open_stack([path], with_gaps="heights" in kinds)
     assert "not an image format" not in refusal.value.what

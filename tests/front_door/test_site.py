@@ -108,7 +108,7 @@ def laboratory(tmp_path_factory):
     """A folder with an experiment my-test, and the names that the examples take for granted."""
     from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
 
-    from idic.correlation import build_pixel_map, build_reference
+    from idic.correlation import PixelMap, ReferenceImage
     from idic.measure import Regularisation, build_smoother
     from idic.experiment_file import load_experiment
     from idic.images import prefilter
@@ -118,8 +118,8 @@ def laboratory(tmp_path_factory):
     f, g = (experiment.recording.stack.frame(k) for k in (0, 1))
     return folder, {"mesh": experiment.model.mesh, "camera": experiment.model.camera, "f": f, "g": g,
                     "prefilter": prefilter,
-                    "build_pixel_map": build_pixel_map, "build_reference": build_reference,
-                    "build_smoother": build_smoother, "Regularisation": Regularisation}
+                    "PixelMap": PixelMap, "ReferenceImage": ReferenceImage, "build_smoother": build_smoother,
+                    "Regularisation": Regularisation}
 
 
 @pytest.mark.parametrize("name", sorted(set(modules_with_examples()) - {"idic.notebook.experiment"}))

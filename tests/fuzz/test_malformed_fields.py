@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.readers import FieldStack, check_stages, loops_of, measured_points, notched_axis, open_fields
+from idic.readers import FieldSeries, FieldStack, check_stages, loops_of, notched_axis
 
 X = np.stack(np.meshgrid(np.arange(6) * 1.5, np.arange(5) * 1.5), axis=-1).reshape(-1, 2)
 ARAMIS = ("# Units: length:mm time:s\n# Stage: 1\nstage;index;relative_time;date\n1;1;1.0;now\n# Name : Surface\n"
@@ -66,8 +66,8 @@ def test_a_spoilt_stage_is_read_or_refused(tmp_path, kind, spoil):
                 spoil(rng, lines, KINDS[kind][1])
             (tmp_path / f"{seed}_{k}.csv").write_text("\n".join(lines), encoding="utf-8")
         try:
-            series = open_fields(sorted(tmp_path.glob(f"{seed}_*.csv")), pixel_size_mm=0.05)
-            stack = FieldStack(series, measured_points(series, [0]))
+            series = FieldSeries.open(sorted(tmp_path.glob(f"{seed}_*.csv")), pixel_size_mm=0.05)
+            stack = FieldStack(series, series.measured_points([0]))
             check_stages(stack, range(stack.n_frames))
             series.log()
             outcomes["read"] += 1
@@ -144,8 +144,8 @@ def test_points_on_a_line_have_no_outline(factor):
 
 
 def _read(folder):
-    series = open_fields(sorted(folder.iterdir()), unit="mm")
-    stack = FieldStack(series, measured_points(series, [0]))
+    series = FieldSeries.open(sorted(folder.iterdir()), unit="mm")
+    stack = FieldStack(series, series.measured_points([0]))
     check_stages(stack, range(stack.n_frames))
 
 

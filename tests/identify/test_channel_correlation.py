@@ -9,7 +9,7 @@ from experiment_file.small_experiment import TOML, write_experiment
 from scipy.signal import lfilter
 
 from idic.experiment_file import load_experiment
-from idic.identification import identify, join
+from idic.identification import Joint, identify
 from idic.identification.loop import parameters_at
 from idic.identification.noise.channel_correlation import ChannelNoise, channel_correlation
 from idic.identification.noise.channel_noise import (
@@ -204,7 +204,7 @@ def test_a_drifting_force_is_that_of_its_own_experiment(tmp_path):
     experiments = {"steady": case_experiment(store, rendering, steady),
                    "drifting": case_experiment(store, rendering, case)}
     found = {name: identify(experiment) for name, experiment in experiments.items()}
-    joint = join(experiments)
+    joint = Joint.of(experiments)
     point = joint.combine({name: one.point for name, one in found.items()},
                           {name: one.weights.image_noise for name, one in found.items()})
     channels = estimated_channel_noise(joint.whole, parameters_at(joint.whole.model, found["drifting"].state), point)

@@ -9,7 +9,7 @@ import pytest
 
 from experiment_file.small_experiment import load, write_experiment
 from idic.errors import InputError
-from idic.model import COMPONENTS, Constant, Drive, build_drives, set_nodes
+from idic.model import COMPONENTS, Constant, Drive, DriveTable
 
 MOTION = 'uy = { column = "grip_um", noise_std = 0.2 }'
 DRIVES = {
@@ -37,8 +37,8 @@ def upper_end(experiment):
 
 
 def test_a_table_holds_every_degree_of_freedom_once(experiment):
-    table, entry = build_drives(experiment), upper_end(experiment)
-    dofs = set_nodes(experiment.model, entry.nodes) * experiment.model.n_dim + COMPONENTS.index(entry.component)
+    table, entry = DriveTable.of(experiment), upper_end(experiment)
+    dofs = experiment.model.node_set(entry.nodes) * experiment.model.n_dim + COMPONENTS.index(entry.component)
     assert set(dofs) <= set(table.dofs) and len(set(table.dofs)) == len(table.dofs)
     assert table.basis.shape == (len(table.dofs), len(table.names)) and len(set(table.names)) == len(table.names)
     assert table.columns.shape == (experiment.model.n_frames, len(table.names))
@@ -49,11 +49,11 @@ def test_a_motion_begins_at_the_reference(experiment):
     drive = upper_end(experiment).drive
     if isinstance(drive, Constant) or getattr(drive, "noise_std", 0.0) > 0.0:
         pytest.skip("does not begin at zero")
-    assert not build_drives(experiment).histories(experiment.model.parameters)[experiment.model.reference].any()
+    assert not DriveTable.of(experiment).histories(experiment.model.parameters)[experiment.model.reference].any()
 
 
 def test_histories_follow_the_parameters_by_their_derivatives(experiment):
-    table, parameters = build_drives(experiment), experiment.model.parameters
+    table, parameters = DriveTable.of(experiment), experiment.model.parameters
     for name, derivative in table.derivatives.items():
         ahead, behind = (table.histories(parameters.with_values({name: parameters[name].value + s * 1e-3}))
                          for s in (1.0, -1.0))
@@ -61,7 +61,7 @@ def test_histories_follow_the_parameters_by_their_derivatives(experiment):
 
 
 def test_local_unknowns_have_a_prior_and_move_one_drive_each(experiment):
-    table = build_drives(experiment)
+    table = DriveTable.of(experiment)
     assert table.local_precision.shape == (table.n_local, table.n_local) and table.measured.shape == (table.n_local,)
     np.testing.assert_array_equal(table.local_precision, table.local_precision.T)
     assert (np.linalg.eigvalsh(table.local_precision) > 0.0).all()
@@ -75,7 +75,7 @@ def test_local_unknowns_have_a_prior_and_move_one_drive_each(experiment):
 def test_a_node_has_one_kind_of_drive(experiment, tmp_path):
     folder, other = tmp_path / "test", "uy = 0.02" if not isinstance(upper_end(experiment).drive, Constant) else MOTION
     with pytest.raises(InputError) as refused:
-        build_drives(load(folder, "[[channel]]", f'[[boundary]]\nnodes = "TOP"\n{other}\n\n[[channel]]'))
+        DriveTable.of(load(folder, "[[channel]]", f'[[boundary]]\nnodes = "TOP"\n{other}\n\n[[channel]]'))
     assert refused.value.remedy
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.identification import FreeCurve, FreeSpectrum, FreeSurface, choose_knots
+from idic.identification import ChosenKnots, FreeCurve, FreeSpectrum, FreeSurface
 from idic.identification.step.ending import beyond_bounds
 from idic.identification.step.parameter_covariance import Scaled
 from idic.identification.step.proposal import Step
@@ -26,7 +26,7 @@ def measured(curve, seed=0, reach=LAST):
 
 def chosen(curve, seed=0, **ways):
     M, b, *_ = measured(curve, seed)
-    return choose_knots(M, b, np.zeros(N + 1), np.ones(N + 1), FreeCurve(tuple(range(1, N + 1)), LAST, 100.0), **ways)
+    return ChosenKnots.of(M, b, np.zeros(N + 1), np.ones(N + 1), FreeCurve(tuple(range(1, N + 1)), LAST, 100.0), **ways)
 
 
 def voce(p):
@@ -56,7 +56,7 @@ def test_the_evidence_is_the_probability_of_the_data():
     """Against the marginal density of the data with the unknowns of unit density spread over a wide normal prior."""
     M, b, J, y = measured(voce)
     curve = FreeCurve(tuple(range(1, N + 1)), LAST, 100.0, ("strain",))
-    found = choose_knots(M, b, np.zeros(N + 1), np.ones(N + 1), curve, (6, 12))
+    found = ChosenKnots.of(M, b, np.zeros(N + 1), np.ones(N + 1), curve, (6, 12))
     wide, ln_z = 1e5, {}
     for n in (6, 12):
         best = -np.inf
@@ -78,7 +78,7 @@ def test_the_chosen_times_of_a_spectrum_give_the_true_relaxation(lines, fewest):
     true = sum(share * relaxing(t, [tau])[:, 0] for tau, share in lines.items())
     J = relaxing(t, fine) / 0.002
     y = true / 0.002 + rng.standard_normal(60)
-    found = choose_knots(J.T @ J, J.T @ y, np.zeros(24), np.ones(24), FreeSpectrum(tuple(range(24)), 0.1, 500.0, 0.5))
+    found = ChosenKnots.of(J.T @ J, J.T @ y, np.zeros(24), np.ones(24), FreeSpectrum(tuple(range(24)), 0.1, 500.0, 0.5))
     assert found.n >= fewest and (found.levels >= 0.0).all() and found.evidence[4] < -10.0
     made = relaxing(t, grid(0.1, 500.0, found.n)) @ found.levels
     assert np.sqrt(np.mean((made - true) ** 2)) < 0.002  # the noise of one reading
@@ -103,10 +103,10 @@ def test_a_surface_that_is_seen_all_around_gets_as_many_knots_as_its_noise_shows
     J = -slopes / q[:, None] / 1e-3
     form = FreeSurface(tuple(range(27)), tuple(here), 1.0, 0.9)
     noise = rng.standard_normal(300)
-    mises = choose_knots(J.T @ J, J.T @ noise, here, np.ones(27), form)
+    mises = ChosenKnots.of(J.T @ J, J.T @ noise, here, np.ones(27), form)
     assert mises.n <= 6 and mises.smoothness.strength == 0.03 and min(mises.evidence.values()) > -1.0
     true = form.finer(6) @ rng.uniform(0.3, 1.7, 18) - here
-    found = choose_knots(J.T @ J, J.T @ (J @ true + noise), here, np.ones(27), form)
+    found = ChosenKnots.of(J.T @ J, J.T @ (J @ true + noise), here, np.ones(27), form)
     assert found.n == 6 and (found.levels >= 0.0).all()
     assert found.evidence[5] < -10.0
     error = J @ (form.finer(6) @ found.levels - here - true)

@@ -15,7 +15,7 @@ from idic.identification import FrameFit, identify, without_edges
 from idic.identification.frame_fit import frame_entries
 from idic.identification.result import shift_notes
 from idic.images import Camera
-from idic.model import Column, build_drives, build_forward, solve
+from idic.model import Column, DriveTable, build_forward, solve
 from idic.report.result.words import left_out, not_explained
 from idic.report.result.record import FreeFields
 from idic.run import prepare_in_memory
@@ -228,7 +228,7 @@ def test_a_black_image_leaves_measured_edges_between_their_neighbours(clean, tmp
     folder = write_folder(tmp_path / "test", Twin(), ELASTIC + edges + FORCE, (black, force))
     prepared = prepare_in_memory(load_experiment(folder))
     found = identify(prepared.start, prepared.local)
-    drives = build_drives(prepared.experiment)
+    drives = DriveTable.of(prepared.experiment)
     right = [i for i, drive in enumerate(drives.local) if ".RIGHT.x" in drives.names[drive]]
     motion = found.local[:, right].mean(axis=1)
     assert prepared.experiment.recording.excluded == (3,)

@@ -11,7 +11,7 @@ from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
 from idic.correlation import CorrelationSystem
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
-from idic.identification import Analysis, Evaluation, join, start
+from idic.identification import Analysis, Evaluation, Joint, start
 from idic.identification.step.state import TrustRegion
 from idic.identification.noise.channel_noise import weighted_std
 from idic.identification.result import joint_record_notes
@@ -59,7 +59,7 @@ def test_the_noise_of_a_channel_is_that_of_its_own_experiment(experiment):
     uneven = np.cumsum(np.random.default_rng(2).uniform(0.2, 1.8, 30))
     parts = {"even": logged(experiment, np.arange(24.0)), "uneven": logged(experiment, uneven),
              "stated": logged(experiment, np.arange(9.0), noise_std=2.5)}
-    whole = join(parts).whole
+    whole = Joint.of(parts).whole
     found = [weighted_std(whole.model, number) for number in range(3)]
     assert found == [weighted_std(part.model, 0) for part in parts.values()]
     assert found[2] == 2.5 and max(found[:2]) < 2.0
@@ -77,7 +77,7 @@ def test_a_log_is_judged_by_the_grip_of_its_own_experiment(experiment):
                                                                          for one in held.model.channels))),
                   stairs[:20])
     for parts, of in (({"slow": slow, "held": held}, "slow"), ({"held": held, "slow": slow}, "slow")):
-        whole = join(parts)
+        whole = Joint.of(parts)
         (note,) = joint_record_notes(whole, whole.whole.model.parameters)
         assert note.startswith(f"{of}: force_N: in 16 of the 23 steps in which grip_mm changes")
 
@@ -93,7 +93,7 @@ def test_a_shorter_experiment_after_a_longer_one_is_identified_with_it(clean, tm
 
 
 def test_increments_are_halved_where_they_are_more_than_the_intervals_of_all_experiments(experiment):
-    joint = join({"first": experiment, "second": experiment})
+    joint = Joint.of({"first": experiment, "second": experiment})
     state = replace(start(joint.whole), trust=TrustRegion(rejections=MAX_COARSE_REJECTIONS))
     intervals = experiment.model.n_frames - 1
 
@@ -114,15 +114,15 @@ def test_increments_are_halved_where_they_are_more_than_the_intervals_of_all_exp
 def test_experiments_of_one_loop_have_the_same_increments_per_frame(experiment):
     finer = replace(experiment, options=replace(experiment.options, substeps=4))
     with pytest.raises(InputError, match="share one schedule") as refused:
-        join({"first": experiment, "second": finer})
+        Joint.of({"first": experiment, "second": finer})
     assert all(text in str(refused.value) for text in ("[options] substeps", "none given, as in first", "4 in second"))
-    assert join({"first": finer, "second": finer}).whole.options.substeps == 4
+    assert Joint.of({"first": finer, "second": finer}).whole.options.substeps == 4
 
 
 def test_a_constant_of_a_law_belongs_to_the_experiment_whose_parameter_it_follows_from(clean, tmp_path):
     """K = K0 ep0^-n with a strength of each specimen and one exponent."""
     own = load_experiment(write_folder(tmp_path / "own", Twin(), OWN_STRENGTH + GRIPS + FORCE, clean))
-    joint = join({"short": own, "long": own})
+    joint = Joint.of({"short": own, "long": own})
     free = joint.whole.model.parameters.free
     assert set(free) == {"short.BODY.K0", "long.BODY.K0", "BODY.n"}
     parameters = joint.whole.model.parameters.with_values({"short.BODY.K0": 100.0, "long.BODY.K0": 110.0})

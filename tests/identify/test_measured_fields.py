@@ -16,7 +16,7 @@ from idic.cli.app import app
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
 from idic.fe import find_holes, make_mesh
-from idic.identification import identify, load_plan, start
+from idic.identification import Plan, identify, start
 from idic.run import diagnose_run, identify_run
 from idic_studies.cases.case import CaseJob, case_experiment, render, true_values, with_measured_start
 from idic_studies.cases.registry import make_study
@@ -311,7 +311,7 @@ def test_a_free_rigid_motion_next_to_a_measured_side_is_refused(between_grips):
 
 
 def test_design_of_a_recorded_field_predicts_its_error_bars(initialised):
-    plan = load_plan(initialised)
+    plan = Plan.of(initialised)
     assert plan.experiment.recording.points is not None and plan.pattern == "measured fields"
     assert plan.experiment.model.channels[0].values.max() == pytest.approx(E_TRUE * 2e-3 * WIDTH * THICKNESS, rel=1e-3)
 

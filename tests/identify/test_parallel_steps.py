@@ -10,9 +10,7 @@ from twin_runs import TRUTH, identify, solved
 
 from idic.errors import NotConverged
 from idic.experiment_file import load_experiment
-from idic.identification import (
-    Evaluation, LoopState, Trial, describe_evaluation, in_memory, resolve_stages, trial_states,
-)
+from idic.identification import Evaluation, LoopState, Trial, describe_evaluation, in_memory, resolve_stages
 from idic.identification.step.state import ParallelTrial
 from idic.identification.loop import _best, advance
 from idic.identification.step.next_step import MAX_REJECTIONS
@@ -132,7 +130,7 @@ def test_another_step_goes_on_where_it_is_clearly_better(ordinary, other, chosen
 def test_trials_are_numbered_one_after_the_other():
     parallel = (ParallelTrial({"E": 2.0}, 1e-4, -1), ParallelTrial({"E": 0.5}, 1e-3, 1))
     state = LoopState(Trial({"E": 1.0}, parallel), evaluations=4)
-    assert [(one.evaluations, one.trial, one.trust.damping) for one in trial_states(state)] == [
+    assert [(one.evaluations, one.trial, one.trust.damping) for one in state.trial_states] == [
         (4, Trial({"E": 1.0}), 0.0), (5, Trial({"E": 2.0}), 1e-4), (6, Trial({"E": 0.5}), 1e-3)]
 
 
@@ -154,7 +152,7 @@ def test_a_round_without_an_accepted_step_counts_as_the_rejections_that_it_saves
     patient = replace(session.experiment.options, trial_steps=4, max_iterations=100)
     experiment, state, rounds = replace(session.experiment, options=patient), open_again, 0
     while state.running:
-        first, *parallel = (Evaluation(trial.evaluations, None, None, "lost") for trial in trial_states(state))
+        first, *parallel = (Evaluation(trial.evaluations, None, None, "lost") for trial in state.trial_states)
         state = advance(state, experiment, first, accepted, session.context.weights.image_noise, parallel)
         rounds += 1
     assert state.status == "forward_failed" and 1 < rounds <= MAX_REJECTIONS // 2 + 1

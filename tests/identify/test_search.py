@@ -8,9 +8,7 @@ from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
 
 from idic.errors import NotConverged
 from idic.experiment_file import load_experiment
-from idic.identification import (
-    CoarseFit, StartTrial, coarse_fit, first_free, resolve_stages, search, start, wants_search,
-)
+from idic.identification import CoarseFit, StartTrial, first_free, resolve_stages, search, start, wants_search
 from idic.identification.coarse import MIN_FRAMES, coarse_frames
 from idic.identification.start_search import (
     MAX_NEAR_COARSE_MISFIT, MAX_NEAR_MISFIT, MAX_PROMISING_COARSE_MISFIT, stabilised_start, trial_points,
@@ -55,7 +53,7 @@ def with_trials(experiment, name, trials):
 def test_a_coarse_fit_finds_the_parameters_of_a_motion_from_any_distance(measured):
     """No image, no grain of a pattern: from five times the modulus and a wrong Poisson's ratio."""
     experiment, u_px = measured
-    fit = coarse_fit(experiment, u_px, {"BODY.E": 10e3, "BODY.nu": 0.05}, 15)
+    fit = CoarseFit.of(experiment, u_px, {"BODY.E": 10e3, "BODY.nu": 0.05}, 15)
     assert fit.misfit < 1e-2
     for name, value in TRUTH.items():
         assert fit.values[name] == pytest.approx(value, rel=1e-2)
@@ -68,7 +66,7 @@ def test_a_coarse_fit_moves_measured_edges_as_they_were_measured(measured, tmp_p
     experiment = load_experiment(write_folder(tmp_path / "test", Twin(), ELASTIC + edges + FORCE))
     experiment = replace(experiment, recording=replace(experiment.recording, stack=None),
                          model=replace(experiment.model, channels=given.model.channels))
-    fit = coarse_fit(experiment, u_px, {"BODY.E": 10e3, "BODY.nu": 0.05}, 15)
+    fit = CoarseFit.of(experiment, u_px, {"BODY.E": 10e3, "BODY.nu": 0.05}, 15)
     assert fit.misfit < 1e-2
     for name, value in TRUTH.items():
         assert fit.values[name] == pytest.approx(value, rel=1e-2)
@@ -77,7 +75,7 @@ def test_a_coarse_fit_moves_measured_edges_as_they_were_measured(measured, tmp_p
 def test_a_test_of_few_frames_can_be_searched(measured):
     experiment, u_px = measured
     frames = list(range(MIN_FRAMES - 1))
-    fit = coarse_fit(selected_frames(experiment, frames), u_px[frames], {"BODY.E": 4e3}, 10)
+    fit = CoarseFit.of(selected_frames(experiment, frames), u_px[frames], {"BODY.E": 4e3}, 10)
     assert fit.part == 1.0 and fit.values["BODY.E"] == pytest.approx(2000.0, rel=1e-2)
 
 
@@ -95,14 +93,14 @@ def test_nodes_that_were_not_measured_and_excluded_frames_do_not_count(measured)
     spoilt[3] += 50.0
     holes = spoilt.copy()
     holes[:, ::2] = np.nan
-    fit = coarse_fit(replace(experiment, recording=replace(experiment.recording, excluded=(3,))), holes,
-                     {"BODY.E": 4e3}, 15)
+    fit = CoarseFit.of(replace(experiment, recording=replace(experiment.recording, excluded=(3,))), holes,
+                       {"BODY.E": 4e3}, 15)
     assert fit.misfit < 1e-2 and fit.points < np.isfinite(u_px).sum()
 
 
 def test_the_channels_alone_can_be_fitted(measured):
     experiment, _ = measured
-    fit = coarse_fit(experiment, None, {"BODY.E": 4e3, "BODY.nu": 0.35}, 15)
+    fit = CoarseFit.of(experiment, None, {"BODY.E": 4e3, "BODY.nu": 0.35}, 15)
     assert fit.misfit < 1e-2
 
 
@@ -137,18 +135,18 @@ def test_a_simulation_that_breaks_down_is_compared_as_far_as_it_came(measured, m
     last = experiment.model.n_frames - 1
     assert last >= MIN_FRAMES
     breaking(monkeypatch, lambda E: last + 1 if E < 3e3 else last if E < 6e3 else MIN_FRAMES)
-    first = coarse_fit(experiment, u_px, {"BODY.E": 8e3}, 1)
+    first = CoarseFit.of(experiment, u_px, {"BODY.E": 8e3}, 1)
     assert np.isfinite(first.phi) and first.part == pytest.approx((MIN_FRAMES - 1) / last)
-    fit = coarse_fit(experiment, u_px, {"BODY.E": 8e3}, 15)
+    fit = CoarseFit.of(experiment, u_px, {"BODY.E": 8e3}, 15)
     assert fit.part == 1.0 and fit.misfit < 1e-2 and fit.values["BODY.E"] == pytest.approx(2000.0, rel=1e-2)
 
 
 def test_frames_that_were_not_reached_count_with_the_motion_that_is_missing(measured, monkeypatch):
     experiment, u_px = measured
-    whole = coarse_fit(experiment, u_px, TRUTH, 1)
+    whole = CoarseFit.of(experiment, u_px, TRUTH, 1)
     last = experiment.model.n_frames - 1
     breaking(monkeypatch, lambda E: last)
-    fit = coarse_fit(experiment, u_px, TRUTH, 1)
+    fit = CoarseFit.of(experiment, u_px, TRUTH, 1)
     missing = 4.0 * np.nansum((u_px[last] - u_px[last - 1]) ** 2)  # weighed by half a pixel
     channel = experiment.model.channels[0].values
     missing += (channel[last] - channel[last - 1]) ** 2 / (0.01 * np.abs(channel).max()) ** 2
@@ -158,7 +156,7 @@ def test_frames_that_were_not_reached_count_with_the_motion_that_is_missing(meas
 def test_a_simulation_that_breaks_down_at_once_says_nothing(measured, monkeypatch):
     experiment, u_px = measured
     breaking(monkeypatch, lambda E: MIN_FRAMES - 1)
-    fit = coarse_fit(experiment, u_px, TRUTH, 3)
+    fit = CoarseFit.of(experiment, u_px, TRUTH, 3)
     assert fit.phi == np.inf and fit.part == 0.0
 
 
@@ -237,7 +235,7 @@ def test_with_a_schedule_the_search_covers_only_the_parameters_of_its_first_stag
     staged = replace(staged, stages=(Stage(("BODY.E",)), Stage("all")))
     assert wants_search(staged)
     nu = experiment.model.parameters["BODY.nu"].value
-    fit = coarse_fit(staged, u_px, {"BODY.E": 4e3}, 10)
+    fit = CoarseFit.of(staged, u_px, {"BODY.E": 4e3}, 10)
     assert fit.values["BODY.nu"] == nu and fit.values["BODY.E"] != 4e3
 
 

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from idic.cli.app import app
 from idic.experiment_file import load_experiment
-from idic.identification import AcceptedPoint, evaluate_at, join, specimens_content, start
+from idic.identification import AcceptedPoint, Joint, evaluate_at, specimens_content, start
 from idic.identification.specimens.scatter import scatter
 from idic.parameters import JointPrior, ParameterSet
 from idic.report import joint_page
@@ -79,13 +79,13 @@ def write_specimen(folder: Path, angle: float, stated: str | None = None, stiffe
 
 def test_directions_that_differ_belong_to_their_specimen(tmp_path):
     folders = {f"s{angle}": write_specimen(tmp_path / f"s{angle}", angle, n=4) for angle in (0, 90)}
-    joint = join({name: load_experiment(folder) for name, folder in folders.items()})
+    joint = Joint.of({name: load_experiment(folder) for name, folder in folders.items()})
     assert set(joint.whole.model.parameters) == {"PLY.E1", "PLY.E2", "PLY.nu12", "PLY.G12", "s0.PLY.angle",
                                                  "s90.PLY.angle"}
     same = {name: load_experiment(folders["s0"]) for name in ("a", "b")}
-    assert "PLY.angle" in join(same).whole.model.parameters
+    assert "PLY.angle" in Joint.of(same).whole.model.parameters
     own = {name: load_experiment(folders["s0"], {"material.PLY.E1.shared": False}) for name in ("a", "b")}
-    assert {"a.PLY.E1", "b.PLY.E1", "PLY.E2"} <= set(join(own).whole.model.parameters)
+    assert {"a.PLY.E1", "b.PLY.E1", "PLY.E2"} <= set(Joint.of(own).whole.model.parameters)
 
 
 @pytest.mark.slow  # 10 s of CPU time; two specimens below and above
@@ -187,7 +187,7 @@ def with_priors(experiment, nu_std=None, joint=()):
 
 def of_specimens(experiments):
     """What every specimen says of the shared parameters, at the true values."""
-    joint = join(experiments)
+    joint = Joint.of(experiments)
     values = joint.whole.model.parameters.as_values() | {"BODY.E": TRUTH["E"], "BODY.nu": TRUTH["nu"]}
     state = replace(start(joint.whole), accepted=AcceptedPoint(values))
     found = {name: evaluate_at(e, joint.values_of(name, values), np.zeros((e.model.n_frames, 0)))

@@ -7,8 +7,7 @@ import pytest
 
 from idic.correlation.image_equations.equations import BasisEquations, ChannelEquations
 from idic.correlation import (
-    CorrelationSystem, eliminate, FrameEquations, generalised_weights, ordinary_variance, reduce_systems, shared_noise,
-    Weights,
+    CorrelationSystem, eliminate, FrameEquations, ordinary_variance, reduce_systems, shared_noise, Weights,
 )
 from idic.correlation.shared_noise import close
 from idic.identification import scaled_system
@@ -117,7 +116,7 @@ def _repeated(frames, generalised, n_reference=1, draws=1000):
     base = rng.normal(size=(PIXELS, N + M + NB))
     designs = [(base * (1 + k) / frames, rng.normal(size=(CHANNELS, N + M))) for k in range(frames)]
     weights = replace(WEIGHTS, image=1.0 / (ordinary_variance(n_reference) * SIGMA**2))
-    weights = generalised_weights(weights) if generalised else weights
+    weights = weights.as_generalised() if generalised else weights
     estimates = []
     for _ in range(draws):
         reference = rng.normal(size=PIXELS) * SIGMA / np.sqrt(n_reference)
@@ -162,7 +161,7 @@ def test_generalised_least_squares_scatter_less_and_as_ordinary_ones_predicted()
 def test_generalised_least_squares_are_the_best_there_are(lost):
     """Against the inverse of the whole covariance of all residuals, without local unknowns (Gauss and Markov)."""
     rng, frames = np.random.default_rng(6), 5
-    weights = generalised_weights(replace(WEIGHTS, channels=np.zeros(0), channel_noise=np.zeros(0)))
+    weights = replace(WEIGHTS, channels=np.zeros(0), channel_noise=np.zeros(0)).as_generalised()
     parts, designs, residuals, where = [], [], [], []
     for k in range(frames):
         seen = rng.random(PIXELS) >= lost
@@ -191,7 +190,7 @@ def test_generalised_least_squares_with_unknowns_of_every_frame_solve_for_the_pa
     pattern. Grips that the channel and a prior see too, and columns that differ from frame to frame."""
     monkeypatch.setattr(shared_noise, "MAX_DENSE_UNKNOWNS", most)
     rng, frames = np.random.default_rng(8), 5
-    weights, local_size = generalised_weights(WEIGHTS), M + NB
+    weights, local_size = WEIGHTS.as_generalised(), M + NB
     size = N + frames * local_size + PIXELS
     parts, rows, right = [], [np.hstack([np.zeros((PIXELS, size - PIXELS)),
                                          np.eye(PIXELS) / SIGMA])], [np.zeros(PIXELS)]

@@ -17,7 +17,7 @@ from idic.identification import (
     Assessment, determined_values, discretisation_bias, in_memory, scaled_system, treatments, with_bias, with_spread,
 )
 from idic.identification.systematic.discretisation import beyond_data
-from idic.model import Stage, build_drives
+from idic.model import DriveTable, Stage
 from idic.identification.systematic.treatments import AS_GIVEN
 from idic.parameters import JointPrior, Parameter, ParameterSet
 from idic.report import render_page
@@ -156,8 +156,8 @@ def test_the_bias_excludes_the_unfinished_part_of_the_search(coarse):
 def test_measured_edges_are_carried_over_as_their_elements_interpolate_them(clean, tmp_path):
     path = write_folder(tmp_path / "test", Twin(), ELASTIC + MEASURED + FORCE, clean)
     experiment = load_experiment(path)
-    finer, old = refined(experiment), build_drives(experiment)
-    new = build_drives(finer.experiment)
+    finer, old = refined(experiment), DriveTable.of(experiment)
+    new = DriveTable.of(finer.experiment)
     assert new.n_local > old.n_local
     stretch = np.array([[1e-3, 2e-3], [-3e-3, 4e-3]])
     local = lambda drives, mesh: np.array([[(mesh.nodes @ stretch).ravel()[_dof(drives, i)]  # noqa: E731
@@ -211,7 +211,7 @@ def test_a_grip_that_leaves_the_other_component_free_may_turn_but_not_run_askew(
     askew = [own for own in treatments(load_experiment(path), read_toml(path)) if "askew" in own.boundary]
     assert len(askew) == 3
     for own in askew:
-        drives = build_drives(load_experiment(path, dict(own.overrides)))
+        drives = DriveTable.of(load_experiment(path, dict(own.overrides)))
         assert any("RIGHT.x.rotation" in name for name in drives.derivatives)
         assert not any("misalignment" in name for name in drives.derivatives)
 

@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 
 from idic.errors import InputError
-from idic.images import ArrayStack, gap_mark, image_noise, lowpass, still_gain, still_noise, still_noise_model
+from idic.images import ArrayStack, NoiseModel, gap_mark, image_noise, lowpass, still_gain, still_noise
 
 
 def speckle(std_px=2.0, shape=(200, 300), seed=0):
@@ -30,7 +30,7 @@ def test_eight_bit_rounding_adds_its_twelfth():
 
 def test_noise_that_grows_with_the_grey_value_is_found():
     rng, f = np.random.default_rng(3), speckle(shape=(400, 400)).clip(5, 250)
-    model = still_noise_model([f + rng.normal(size=f.shape) * np.sqrt(2 + 0.03 * f) for _ in range(4)])
+    model = NoiseModel.of([f + rng.normal(size=f.shape) * np.sqrt(2 + 0.03 * f) for _ in range(4)])
     # variances of 16 bins of 30 000 pixels: 0.8 % each
     assert abs(model.slope / 0.03 - 1) < 0.1 and abs(model.variance(128.0) / (2 + 0.03 * 128) - 1) < 0.03
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import correlate1d, gaussian_filter, map_coordinates
 
-from idic.images import ArrayStack, coloured, lowpass, noise_covariance, pixel_gain, still_gain, sum_gain
+from idic.images import ArrayStack, NoiseCovariance, coloured, lowpass, pixel_gain, still_gain, sum_gain
 
 SHAPE, FRAMES, STD, SMOOTHING_PX, LOWPASS_PX = (140, 180), 6, 2.0, 0.6, 0.6
 
@@ -29,7 +29,7 @@ def smooth_noise(rng):
 
 def measured(clean, noise, lowpass_px=LOWPASS_PX):
     images = (clean + noise).astype(np.float32)
-    return noise_covariance(ArrayStack(images), range(FRAMES), np.ones(SHAPE, bool), lowpass_px)
+    return NoiseCovariance.of(ArrayStack(images), range(FRAMES), np.ones(SHAPE, bool), lowpass_px)
 
 
 def scatter_of_sums(clean, noise, lowpass_px):
@@ -71,14 +71,14 @@ def test_a_beam_of_28_px_shows_the_noise_where_it_is_bright(clean):
     noise = STD * np.sqrt(np.maximum(clean, 0.0) / 120.0) * np.random.default_rng(7).standard_normal(clean.shape)
     beam = np.zeros(SHAPE, bool)
     beam[50:78, 5:175] = True
-    found = noise_covariance(ArrayStack((clean + noise).astype(np.float32)), range(FRAMES), beam, LOWPASS_PX)
+    found = NoiseCovariance.of(ArrayStack((clean + noise).astype(np.float32)), range(FRAMES), beam, LOWPASS_PX)
     known = STD * np.sqrt(np.mean(np.maximum(clean[0][beam], 0.0)) / 120.0)
     assert abs(found.std_gv / known - 1.0) < 0.06  # 2 % of chance, and the quieter half of the pairs counts
 
 
 def test_a_specimen_smaller_than_a_few_tiles_tells_nothing():
     images = ArrayStack(np.random.default_rng(5).standard_normal((3, 24, 24)).astype(np.float32))
-    assert noise_covariance(images, range(3), np.ones((24, 24), bool), LOWPASS_PX) is None
+    assert NoiseCovariance.of(images, range(3), np.ones((24, 24), bool), LOWPASS_PX) is None
 
 
 def test_drawn_noise_has_the_correlation_it_was_asked_for():

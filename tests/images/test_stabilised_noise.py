@@ -4,7 +4,7 @@ options."""
 import numpy as np
 import pytest
 
-from idic.images import ArrayStack, NoiseModel, StabilisedStack, Stabiliser, still_noise_model
+from idic.images import ArrayStack, NoiseModel, StabilisedStack, Stabiliser
 
 MODEL = NoiseModel(1.0, 0.05)  # GV^2, GV: 1.2 GV in the dark, 3.5 GV in the bright
 
@@ -43,7 +43,7 @@ def test_still_frames_tell_offset_and_slope():
     rng = np.random.default_rng(2)
     scene = rng.uniform(20.0, 230.0, (200, 300))
     images = [scene + np.sqrt(MODEL.variance(scene)) * rng.standard_normal(scene.shape) for _ in range(4)]
-    found = still_noise_model(images)
+    found = NoiseModel.of(images)
     # 180 000 squares: their mean is known to 0.3 %, over a range that shows the slope to a few per cent
     assert found.slope == pytest.approx(MODEL.slope, rel=0.05)
     assert found.variance(np.array([30.0, 220.0])) == pytest.approx(MODEL.variance(np.array([30.0, 220.0])), rel=0.05)

@@ -7,7 +7,7 @@ import pytest
 
 from idic.errors import InputError
 from idic.fe import inp_text
-from idic.readers import read_mesh_file, to_mesh
+from idic.readers import read_mesh_file
 
 NODES = "*NODE\n1,0,0\n2,1,0\n3,1,1\n4,0,1\n"
 SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
@@ -21,7 +21,7 @@ def read(tmp_path, text, n_dim=2, **files):
         (tmp_path / f"{name}.txt").write_text(content)
     (tmp_path / "mesh.inp").write_text(text)
     raw = read_mesh_file(tmp_path / "mesh.inp")
-    mesh, notes = to_mesh(raw, n_dim, 1.0)
+    mesh, notes = raw.to_mesh(n_dim, 1.0)
     mesh.check_elements()
     return mesh, notes
 

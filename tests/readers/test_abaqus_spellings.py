@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.readers import read_mesh_file, to_mesh
+from idic.readers import read_mesh_file
 
 NODES = "*NODE\n1,0,0\n2,1,0\n3,2,0\n4,0,1\n5,1,1\n6,2,1\n"
 ELEMENTS = "*ELEMENT,TYPE=CPS4,ELSET=PLATE\n1,1,2,5,4\n2,2,3,6,5\n"
@@ -14,7 +14,7 @@ ELEMENTS = "*ELEMENT,TYPE=CPS4,ELSET=PLATE\n1,1,2,5,4\n2,2,3,6,5\n"
 
 def read(tmp_path, text, encoding="utf-8"):
     (tmp_path / "mesh.inp").write_bytes(text.encode(encoding))
-    return to_mesh(read_mesh_file(tmp_path / "mesh.inp"), 2, 1.0)[0]
+    return read_mesh_file(tmp_path / "mesh.inp").to_mesh(2, 1.0)[0]
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])

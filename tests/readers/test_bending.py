@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from idic.readers import FieldStack, Flattening, largest_bending, measured_points, open_fields
+from idic.readers import FieldSeries, FieldStack, Flattening, largest_bending
 
 THICKNESS = 2.0
 SHEET = np.stack(np.meshgrid(np.linspace(-10, 10, 9), np.linspace(-40, 40, 27)), axis=-1).reshape(-1, 2)  # mm
@@ -29,8 +29,8 @@ def stack(tmp_path_factory):
         rows = np.hstack([reference, seen(strain, curvature) - reference])
         text = "\n".join(["X,Y,Z,U,V,W,sigma", *(",".join(f"{value:.9f}" for value in row) + ",0.01" for row in rows)])
         (folder / f"stage_{k}.csv").write_text(text)
-    series = open_fields(sorted(folder.glob("*.csv")))
-    points = measured_points(series, [0])
+    series = FieldSeries.open(sorted(folder.glob("*.csv")))
+    points = series.measured_points([0])
     return FieldStack(series, points, 2, Flattening.of(points.positions, np.zeros(len(points)), THICKNESS))
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from idic.errors import InputError
 from idic.readers.fields.chosen_stages import change_of_shape
-from idic.readers import StageRule, chosen_stages, mean_strain, measured_points, open_fields
+from idic.readers import FieldSeries, StageRule, chosen_stages, mean_strain
 
 GRID = np.stack(np.meshgrid(np.arange(5.0), np.arange(6.0)), axis=-1).reshape(-1, 2)
 
@@ -26,8 +26,8 @@ def series(tmp_path):
         at = GRID * [1.0, 1.0 + strain] + sway
         rows += [f"{k},{k}.0,{x:.9f},{y:.9f},{u:.9f},{v:.9f}" for (x, y), (u, v) in zip(GRID, at - GRID, strict=True)]
     (tmp_path / "all.csv").write_text("\n".join(["stage,time_s,x_mm,y_mm,ux_mm,uy_mm", *rows]))
-    found = open_fields([tmp_path / "all.csv"])
-    return found, measured_points(found, [0])
+    found = FieldSeries.open([tmp_path / "all.csv"])
+    return found, found.measured_points([0])
 
 
 @pytest.mark.parametrize("rule, kept", [
@@ -48,9 +48,9 @@ def test_reference_stages_are_kept_and_excluded_ones_are_not(series):
 def test_time_is_asked_for_where_the_stages_have_none(tmp_path):
     text = "\n".join(["stage,x_mm,y_mm,ux_mm,uy_mm", *(f"{k},{x},{y},0,0" for k in range(3) for x, y in GRID)])
     (tmp_path / "all.csv").write_text(text)
-    found = open_fields([tmp_path / "all.csv"])
+    found = FieldSeries.open([tmp_path / "all.csv"])
     with pytest.raises(InputError, match="without a time"):
-        chosen_stages(found, measured_points(found, [0]), StageRule(time_s=1.0), [0], [])
+        chosen_stages(found, found.measured_points([0]), StageRule(time_s=1.0), [0], [])
 
 
 def test_a_rigid_motion_is_neither_strain_nor_change_of_shape():

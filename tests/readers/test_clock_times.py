@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.readers import log_of, match, read_log
+from idic.readers import Log, log_of
 
 SECONDS = [0.0, 0.25, 2.5]
 
@@ -14,7 +14,7 @@ SECONDS = [0.0, 0.25, 2.5]
 def read(folder, text: str, name="loads.csv", encoding="utf-8"):
     path = folder / name
     path.write_text(text, encoding=encoding)
-    return read_log(path)
+    return Log.read(path)
 
 
 def table(stamps, header="Time;Force [N]"):
@@ -109,7 +109,7 @@ def test_times_of_day_that_are_not_certain_are_refused(tmp_path, stamps, message
 def test_images_and_log_are_matched_on_one_clock(tmp_path, images, log):
     times = read(tmp_path, "time\n" + "\n".join(images) + "\n", "times.csv")
     on_clock = read(tmp_path, f"Time;force_N\n{log[0]};0\n{log[1]};10\n").on_the_clock_of(times)
-    matched = match(on_clock, 3, None, times.times())
+    matched = on_clock.match(3, None, times.times())
     np.testing.assert_allclose(matched.times, [0, 1, 3])
     start = -on_clock.times()[0]
     np.testing.assert_allclose(matched.column("force_N"),
@@ -124,7 +124,7 @@ def test_images_and_log_are_matched_on_one_clock(tmp_path, images, log):
 def test_two_clocks_that_do_not_fit_are_refused(tmp_path, images, log, message):
     times = read(tmp_path, "time\n" + "\n".join(images) + "\n", "times.csv")
     with pytest.raises(InputError, match=message):
-        match(read(tmp_path, log).on_the_clock_of(times), 2, None, times.times())
+        read(tmp_path, log).on_the_clock_of(times).match(2, None, times.times())
 
 
 def test_a_single_column_of_times_may_have_decimal_commas(tmp_path):
@@ -148,7 +148,7 @@ def test_columns_that_are_not_read_are_named(tmp_path):
         assert part in note
     assert "force_N" not in note
     with pytest.raises(InputError, match="fewer rows") as problem:
-        match(log, 3, None, np.arange(3.0))
+        log.match(3, None, np.arange(3.0))
     assert "Time shows the same time" in problem.value.found
 
 
@@ -169,9 +169,9 @@ def test_a_header_that_is_a_comment_is_the_header(tmp_path, text):
 
 def test_a_file_of_numpy_is_read(tmp_path):
     np.savetxt(tmp_path / "a.csv", [[0, 1.5], [1, 2.5]], delimiter=",", header="specimen 7\ntime_s,force_N")
-    np.testing.assert_array_equal(read_log(tmp_path / "a.csv").column("force_N"), [1.5, 2.5])
+    np.testing.assert_array_equal(Log.read(tmp_path / "a.csv").column("force_N"), [1.5, 2.5])
     np.savetxt(tmp_path / "b.csv", [0.5, 1.25], header="time_s")
-    np.testing.assert_array_equal(read_log(tmp_path / "b.csv").times(), [0.5, 1.25])
+    np.testing.assert_array_equal(Log.read(tmp_path / "b.csv").times(), [0.5, 1.25])
 
 
 def test_dates_in_memory_are_times():

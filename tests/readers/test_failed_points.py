@@ -9,7 +9,7 @@ from experiment_file.point_plate import write_point_plate
 from test_field_exports import GRID, displaced
 
 from idic.errors import InputError
-from idic.readers import FieldStack, check_stages, measured_points, open_fields
+from idic.readers import FieldSeries, FieldStack, check_stages
 
 LOST = 7  # the point that fails
 FAR = 67.0  # a displacement that is none
@@ -20,8 +20,8 @@ def exported(folder, header: str, rows, lost, n_stages: int = 3, suffix: str = "
     for k in range(n_stages):
         lines = [(lost if k and i == LOST else rows)(i, GRID[i], displaced(k)[i]) for i in range(len(GRID))]
         (folder / f"stage_{k}{suffix}").write_text("\n".join([header, *lines]))
-    series = open_fields(sorted(folder.iterdir()), pixel_size_mm=0.05)
-    return FieldStack(series, measured_points(series, [0]))
+    series = FieldSeries.open(sorted(folder.iterdir()), pixel_size_mm=0.05)
+    return FieldStack(series, series.measured_points([0]))
 
 
 def assert_one_gap(stack: FieldStack, reason: str, factor: float = 1.0, upwards=(1.0, 1.0)) -> None:
@@ -76,8 +76,8 @@ def test_the_largest_displacement_of_a_corner_is_no_mark(tmp_path):
     for k in range(3):
         (tmp_path / f"s{k}.csv").write_text("x_mm,y_mm,ux_mm,uy_mm\n" + "".join(
             f"{x},{y},{0.01 * k * x:g},{0.01 * k * y:g}\n" for x, y in points))
-    series = open_fields(sorted(tmp_path.iterdir()))
-    assert np.isfinite(FieldStack(series, measured_points(series, [0])).frame(2)).all()
+    series = FieldSeries.open(sorted(tmp_path.iterdir()))
+    assert np.isfinite(FieldStack(series, series.measured_points([0])).frame(2)).all()
 
 
 @pytest.mark.parametrize("cells", [("", ""), ("NaN", "nan"), ("---", "---"), ("-", ""), ("inf", "0.1"), ("n/a", "N/A")])
@@ -99,8 +99,8 @@ def test_failed_points_at_one_place_are_left_out_and_counted(tmp_path, n_lost):
         rows = [line(0, 0, 0, 0, 0, 0, -1) if k and i >= len(GRID) - n_lost else
                 line(*GRID[i], 0.0, *displaced(k)[i], 0.0, 0.01) for i in range(len(GRID))]
         (tmp_path / f"s_{k}.csv").write_text("\n".join(["X,Y,Z,U,V,W,sigma", *rows]))
-    series = open_fields(sorted(tmp_path.iterdir()))
-    stack = FieldStack(series, measured_points(series, [0]))
+    series = FieldSeries.open(sorted(tmp_path.iterdir()))
+    stack = FieldStack(series, series.measured_points([0]))
     assert dict(check_stages(stack, range(3))) == {"sigma below 0": 2 * n_lost}
     assert np.isfinite(stack.frame(2)).all(axis=1).sum() == len(GRID) - n_lost
 
@@ -109,24 +109,24 @@ def test_a_reference_with_points_at_one_place_counts_the_others(tmp_path):
     for k in range(2):
         rows = [line(0, 0, 0, 0, -1) if i % 4 == 0 else line(*GRID[i], *displaced(k)[i], 0.0) for i in range(len(GRID))]
         (tmp_path / f"s_{k}.csv").write_text("\n".join(["X,Y,U,V,sigma", *rows]))
-    series = open_fields(sorted(tmp_path.iterdir()))
-    assert len(measured_points(series, [0])) == 36
+    series = FieldSeries.open(sorted(tmp_path.iterdir()))
+    assert len(series.measured_points([0])) == 36
 
 
 def test_measured_points_at_one_place_are_refused_as_before(tmp_path):
     rows = [line(*GRID[i], *displaced(1)[i], 0.0) for i in [*range(len(GRID)), 3]]
     (tmp_path / "s.csv").write_text("\n".join(["X,Y,U,V,sigma", *rows]))
     with pytest.raises(InputError, match="a point occurs twice"):
-        open_fields([tmp_path / "s.csv"])
+        FieldSeries.open([tmp_path / "s.csv"])
 
 
 def test_a_file_in_which_all_points_failed_names_the_flag(tmp_path):
     rows = [line(*x, 0, 0, -1) for x in GRID]
     for k in range(2):
         (tmp_path / f"s_{k}.csv").write_text("\n".join(["X,Y,U,V,sigma", *rows]))
-    series = open_fields(sorted(tmp_path.iterdir()))
+    series = FieldSeries.open(sorted(tmp_path.iterdir()))
     with pytest.raises(InputError, match="48 sigma below 0"):
-        measured_points(series, [0])
+        series.measured_points([0])
 
 
 def with_zeros(folder, is_outside, shift=(2.4, -1.3), factor: float = 1.0):
@@ -134,8 +134,8 @@ def with_zeros(folder, is_outside, shift=(2.4, -1.3), factor: float = 1.0):
         u = np.where(is_outside[:, None], 0.0, factor * displaced(k) + (k > 0) * np.array(shift))
         rows = [line(*x, f"{a:.6f}", f"{b:.6f}") for x, (a, b) in zip(GRID, u, strict=True)]
         (folder / f"s_{k}.csv").write_text("\n".join(["x_mm,y_mm,ux_mm,uy_mm", *rows]))
-    series = open_fields(sorted(folder.iterdir()))
-    stack = FieldStack(series, measured_points(series, [0]))
+    series = FieldSeries.open(sorted(folder.iterdir()))
+    stack = FieldStack(series, series.measured_points([0]))
     return np.isnan(stack.frame(2)).any(axis=1), check_stages(stack, range(3))
 
 
@@ -153,8 +153,8 @@ def test_a_clamped_edge_of_exact_zeros_is_measured(tmp_path):
         uy = 1e-3 * k * (GRID[:, 1] - GRID[0, 1])
         rows = [line(*x, 0.0, f"{v:.6f}") for x, v in zip(GRID, uy, strict=True)]
         (tmp_path / f"s_{k}.csv").write_text("\n".join(["x_mm,y_mm,ux_mm,uy_mm", *rows]))
-    series = open_fields(sorted(tmp_path.iterdir()))
-    stack = FieldStack(series, measured_points(series, [0]))
+    series = FieldSeries.open(sorted(tmp_path.iterdir()))
+    stack = FieldStack(series, series.measured_points([0]))
     assert np.isfinite(stack.frame(2)).all() and not check_stages(stack, range(3))
 
 
@@ -162,8 +162,8 @@ def test_small_motions_with_few_digits_are_measured(tmp_path):
     for k in range(3):
         rows = [line(*x, f"{1e-3 * k * (x[0] > 6):.3f}", "0.000") for x in GRID]
         (tmp_path / f"s_{k}.csv").write_text("\n".join(["x_mm,y_mm,ux_mm,uy_mm", *rows]))
-    series = open_fields(sorted(tmp_path.iterdir()))
-    assert np.isfinite(FieldStack(series, measured_points(series, [0])).frame(2)).all()
+    series = FieldSeries.open(sorted(tmp_path.iterdir()))
+    assert np.isfinite(FieldStack(series, series.measured_points([0])).frame(2)).all()
 
 
 def test_flags_and_gaps_of_a_vtu_file(tmp_path):
@@ -173,8 +173,8 @@ def test_flags_and_gaps_of_a_vtu_file(tmp_path):
         converged = np.where((np.arange(len(GRID)) == LOST) & (k > 0), 0.0, 1.0)
         meshio.Mesh(np.column_stack([GRID, np.zeros(len(GRID))]), [("vertex", np.arange(len(GRID))[:, None])],
                     point_data={"displacement": u, "converged": converged}).write(tmp_path / f"s{k}.vtu")
-    series = open_fields(sorted(tmp_path.iterdir()), unit="mm")
-    assert_one_gap(FieldStack(series, measured_points(series, [0])), "converged below 0.5")
+    series = FieldSeries.open(sorted(tmp_path.iterdir()), unit="mm")
+    assert_one_gap(FieldStack(series, series.measured_points([0])), "converged below 0.5")
 
 
 # pyvale 2026 -------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from scipy.io import savemat
 from idic.errors import InputError
 from idic.experiment_file.measured_fields.stages import field_notes
 from idic.readers.fields.plane import mean_plane
-from idic.readers import FieldStack, check_stages, measured_points, open_fields, out_of_plane
+from idic.readers import FieldSeries, FieldStack, check_stages, out_of_plane
 
 GRID = np.stack(np.meshgrid(np.arange(6) * 1.5, np.arange(8) * 1.5), axis=-1).reshape(-1, 2) + [3.0, -2.0]  # (48, 2) mm
 F = np.array([[1.002, 0.001], [0.0005, 0.996]])
@@ -45,8 +45,8 @@ def aramis(folder, k: int, force: float | None = 10.0, comma: bool = False, ids=
 
 
 def opened(folder, pattern: str = "*", **how) -> FieldStack:
-    series = open_fields(sorted(folder.glob(pattern)), **how)
-    return FieldStack(series, measured_points(series, [0]))
+    series = FieldSeries.open(sorted(folder.glob(pattern)), **how)
+    return FieldStack(series, series.measured_points([0]))
 
 
 @pytest.mark.parametrize("comma", [False, True])
@@ -299,14 +299,14 @@ def test_ncorr_files_of_version_7_3_give_the_same_points(tmp_path, formatted):
 def test_ncorr_files_that_cannot_be_read_say_what_to_do(tmp_path):
     (tmp_path / "new.mat").write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64" + bytes(600))
     with pytest.raises(InputError, match="not a readable file of Ncorr"):
-        open_fields([tmp_path / "new.mat"])
+        FieldSeries.open([tmp_path / "new.mat"])
     for what in ({"kind": "backward"}, {"steps": 2}):  # against the present shape, or the reference of a step
         ncorr_hdf5(tmp_path / "open.mat", formatted=False, **what)
         with pytest.raises(InputError, match="not against the reference image"):
-            open_fields([tmp_path / "open.mat"])
+            FieldSeries.open([tmp_path / "open.mat"])
     savemat(tmp_path / "other.mat", {"data_dic_save": {"displacements": 1.0}})
     with pytest.raises(InputError, match="not a readable file of Ncorr"):
-        open_fields([tmp_path / "other.mat"])
+        FieldSeries.open([tmp_path / "other.mat"])
 
 
 def test_mudic_gives_the_positions_of_every_image(tmp_path):
@@ -319,7 +319,7 @@ def test_mudic_gives_the_positions_of_every_image(tmp_path):
     np.testing.assert_allclose(moved_in_um(stack, 2), 0.1 * np.column_stack([u.ravel(), -v.ravel()]), atol=1e-7)
     np.save(tmp_path / "fields.npy", at)
     with pytest.raises(InputError, match="not the positions"):
-        open_fields([tmp_path / "fields.npy"])
+        FieldSeries.open([tmp_path / "fields.npy"])
 
 
 def test_invalid_points_are_missing_and_pixels_take_their_size(tmp_path):
@@ -330,7 +330,7 @@ def test_invalid_points_are_missing_and_pixels_take_their_size(tmp_path):
     keep = np.arange(len(GRID)) != 5
     np.testing.assert_allclose(moved_in_um(stack, 1), 0.05 * displaced(1)[keep] * [1.0, -1.0], atol=1e-7)
     with pytest.raises(InputError, match="without a scale"):
-        open_fields(sorted(tmp_path.glob("*")))
+        FieldSeries.open(sorted(tmp_path.glob("*")))
 
 
 def test_the_reference_need_not_be_the_one_of_the_system(tmp_path):
@@ -588,7 +588,7 @@ def test_points_that_leave_the_view_and_a_specimen_that_stretches_by_half_are_no
 def test_another_kind_of_table_is_not_a_field(tmp_path):
     (tmp_path / "log.csv").write_text("time_s,force_N\n0,1\n1,2\n")
     with pytest.raises(InputError, match="not a field"):
-        open_fields([tmp_path / "log.csv"])
+        FieldSeries.open([tmp_path / "log.csv"])
 
 
 def test_a_header_of_a_million_empty_names_is_refused_soon(tmp_path):
@@ -596,5 +596,5 @@ def test_a_header_of_a_million_empty_names_is_refused_soon(tmp_path):
     (tmp_path / "wide.csv").write_text("," * 1_000_000 + "\n1,2,3\n")
     start = time.process_time()
     with pytest.raises(InputError, match="not a field format"):
-        open_fields([tmp_path / "wide.csv"])
+        FieldSeries.open([tmp_path / "wide.csv"])
     assert time.process_time() - start < 6.0

@@ -8,7 +8,7 @@ import pytest
 
 from idic.errors import InputError
 from idic.fe import cell_type
-from idic.readers import read_mesh_file, to_mesh
+from idic.readers import read_mesh_file
 
 HEAD = "$MeshFormat\n{} 0 8\n$EndMeshFormat\n"
 POINTS = ((0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1))
@@ -29,7 +29,7 @@ def msh4(second=(2, 3, 6, 5), left_tag=1, n_parametric=0, first_groups="1 3"):
 
 def read(tmp_path, text, n_dim=2, name="mesh.msh"):
     (tmp_path / name).write_text(text)
-    mesh, notes = to_mesh(read_mesh_file(tmp_path / name), n_dim, 1.0)
+    mesh, notes = read_mesh_file(tmp_path / name).to_mesh(n_dim, 1.0)
     mesh.check_elements()
     return mesh, notes
 
@@ -141,7 +141,7 @@ def test_solids_of_med_are_turned_with_their_mid_side_nodes(tmp_path, kind, name
     points = np.vstack([mirrored, *middles]) if middles else mirrored
     med(tmp_path / "mesh.med", {name: (np.arange(cell.n_nodes)[None], np.array([-1]))}, points,
         [("ELEME", -1, ["BODY"])])
-    mesh, notes = to_mesh(read_mesh_file(tmp_path / "mesh.med"), 3, 1.0)
+    mesh, notes = read_mesh_file(tmp_path / "mesh.med").to_mesh(3, 1.0)
     mesh.check_elements()
     nodes = mesh.nodes[mesh.blocks[0].connectivity[0]]
     if middles:
@@ -155,7 +155,7 @@ def test_families_without_a_group_do_no_harm(tmp_path):
     families = [("ELEME", -1, []), ("ELEME", -2, ["SOFT", "ALL"]), ("ELEME", -3, ["EDGE"]), ("NOEUD", 4, ["LEFT"])]
     med(tmp_path / "mesh.med", {"QU4": (cells, np.array([-1, -2])), "SE2": (np.array([[2, 5]]), np.array([-3]))},
         np.array(POINTS, float), families, np.array([4, 0, 0, 4, 0, 0]))
-    mesh, _ = to_mesh(read_mesh_file(tmp_path / "mesh.med"), 2, 1.0)
+    mesh, _ = read_mesh_file(tmp_path / "mesh.med").to_mesh(2, 1.0)
     assert {name: ids.tolist() for name, ids in mesh.element_sets.items()} == {"SOFT": [1], "ALL": [1]}
     assert mesh.node_sets["LEFT"].tolist() == [0, 3]
     assert mesh.face_set_nodes(mesh.edge_sets["EDGE"]).tolist() == [2, 5]

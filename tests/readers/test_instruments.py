@@ -7,7 +7,7 @@ import pytest
 from instrument_files import write_cine, write_mraw, write_plu, write_plux, write_zs2
 
 from idic.errors import InputError
-from idic.readers import open_stack, read_log
+from idic.readers import Log, open_stack
 
 pytest.importorskip("surfalize", reason="idic[instruments] is not installed")
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")  # pymraw on files without 12 bits
@@ -175,7 +175,7 @@ FORCE = np.linspace(0.0, 900.0, 40)
 def test_channels_of_tdms_have_their_units_and_times_from_the_start_offset_on(tmp_path):
     write_tdms(tmp_path / "log.tdms", ("test", "force", FORCE, SAMPLING | {"unit_string": "N"}),
                ("test", "stroke", FORCE / 100, SAMPLING | {"unit_string": "mm"}))
-    log = read_log(tmp_path / "log.tdms")
+    log = Log.read(tmp_path / "log.tdms")
     assert log.names == ("time_s", "force", "stroke") and log.unit("stroke") == "mm" and log.unit("force") == "N"
     np.testing.assert_allclose(log.times(), 2.5 + 0.1 * np.arange(40))
     np.testing.assert_allclose(log.column("force"), FORCE)
@@ -184,14 +184,14 @@ def test_channels_of_tdms_have_their_units_and_times_from_the_start_offset_on(tm
 def test_channels_of_tdms_that_were_sampled_otherwise_are_named_and_left_out(tmp_path):
     write_tdms(tmp_path / "log.tdms", ("test", "force", FORCE, SAMPLING), ("test", "stroke", FORCE, SAMPLING),
                ("test", "temperature", FORCE[:4], SAMPLING | {"wf_increment": 1.0}))
-    log = read_log(tmp_path / "log.tdms")
+    log = Log.read(tmp_path / "log.tdms")
     assert log.names == ("time_s", "force", "stroke")
     assert any("temperature (4 samples every 1 s)" in note for note in log.notes)
 
 
 def test_channels_of_tdms_of_different_length_end_with_the_shortest(tmp_path):
     write_tdms(tmp_path / "log.tdms", ("test", "force", FORCE, SAMPLING), ("test", "stroke", FORCE[:33], SAMPLING))
-    log = read_log(tmp_path / "log.tdms")
+    log = Log.read(tmp_path / "log.tdms")
     assert len(log.rows) == 33 and any("force 40, stroke 33" in note for note in log.notes)
 
 
@@ -199,7 +199,7 @@ def test_a_tdms_file_that_was_interrupted_is_read_as_far_as_it_is_complete(tmp_p
     path = tmp_path / "log.tdms"
     write_tdms(path, ("test", "force", FORCE, SAMPLING), ("test", "stroke", FORCE, SAMPLING), parts=2)
     path.write_bytes(path.read_bytes()[:-100])
-    log = read_log(path)
+    log = Log.read(path)
     assert 20 <= len(log.rows) < 40 and any("interrupted" in note for note in log.notes)
     np.testing.assert_allclose(log.column("force"), FORCE[:len(log.rows)])
 
@@ -210,7 +210,7 @@ RECORD = {5: np.arange(6.0), 8: np.arange(6.0) * 125}
 
 def test_a_record_of_zwick_has_the_names_of_its_channels_and_its_time(tmp_path):
     write_zs2(tmp_path / "test.zs2", [RECORD], NAMES)
-    log = read_log(tmp_path / "test.zs2")
+    log = Log.read(tmp_path / "test.zs2")
     assert log.names == ("time_s", "Standardkraft")
     np.testing.assert_allclose(log.times(), RECORD[5])
     np.testing.assert_allclose(log.column("Standardkraft"), RECORD[8])
@@ -220,7 +220,7 @@ def test_a_record_of_zwick_has_the_names_of_its_channels_and_its_time(tmp_path):
 def test_records_of_several_specimens_are_refused(tmp_path):
     write_zs2(tmp_path / "test.zs2", [RECORD, RECORD], NAMES)
     with pytest.raises(InputError, match="several specimens"):
-        read_log(tmp_path / "test.zs2")
+        Log.read(tmp_path / "test.zs2")
 
 
 def write_xlsx(path, **sheets):
@@ -239,7 +239,7 @@ def test_the_record_of_a_workbook_is_the_sheet_with_the_rows(tmp_path):
     write_xlsx(tmp_path / "log.xlsx", Results=[["E", 71000.0]],
                Specimen=[["operator", "N.N."], ["time", "force"], ["s", "kN"],
                          *([0.1 * k, 1.234 * k] for k in range(20))])
-    log = read_log(tmp_path / "log.xlsx")
+    log = Log.read(tmp_path / "log.xlsx")
     assert log.names == ("time", "force") and log.unit("force") == "kN"
     np.testing.assert_allclose(log.column("force"), 1.234 * np.arange(20))
     np.testing.assert_allclose(log.times(), 0.1 * np.arange(20))
@@ -249,4 +249,4 @@ def test_a_workbook_with_two_records_is_refused(tmp_path):
     rows = [["time_s", "force_N"], *([k, k] for k in range(20))]
     write_xlsx(tmp_path / "log.xlsx", Specimen1=rows, Specimen2=rows)
     with pytest.raises(InputError, match="Specimen2 with 20"):
-        read_log(tmp_path / "log.xlsx")
+        Log.read(tmp_path / "log.xlsx")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.readers import column_factor, match, read_log
+from idic.readers import Log, column_factor
 
 PLAIN = "time_s,force_kN,grip_µm\n0,0.0,-0.1\n1,0.5,12.25\n2,1.25,1500.5\n"
 GERMAN = PLAIN.replace(",", ";").replace(".", ",")
@@ -19,7 +19,7 @@ TIMES, FORCES, GRIP = [0.0, 1.0, 2.0], [0.0, 0.5, 1.25], [-0.1, 12.25, 1500.5]
 def read(tmp_path, content: str | bytes, decimal=None):
     path = tmp_path / "loads.csv"
     path.write_bytes(content.encode() if isinstance(content, str) else content)
-    return read_log(path, decimal)
+    return Log.read(path, decimal)
 
 
 def assert_the_numbers(log, names=("time_s", "force_kN", "grip_µm")):
@@ -85,9 +85,9 @@ def test_an_image_after_the_end_of_the_log_is_refused_on_every_clock(tmp_path, s
     """Seconds since 1970: a billionth of them is a second or two, in which a force would stand still."""
     rows = "".join(f"{start + k:.1f},{100.0 * k}\n" for k in range(4))
     log, times = read(tmp_path, f"time_s,force_N\n{rows}"), start + np.arange(4.0)
-    np.testing.assert_allclose(match(log, 4, None, times - 0.5 * (times > start)).column("force_N"), [0, 50, 150, 250])
+    np.testing.assert_allclose(log.match(4, None, times - 0.5 * (times > start)).column("force_N"), [0, 50, 150, 250])
     with pytest.raises(InputError, match="outside the times of the log") as problem:
-        match(log, 4, None, times + 1.0)
+        log.match(4, None, times + 1.0)
     assert f"{start + 3:.0f} s" in problem.value.expected and f"{start + 4:.0f} s" in problem.value.found
 
 
@@ -192,7 +192,7 @@ def test_a_log_with_its_own_times_is_read_later_and_its_rates_are_those_of_its_r
     """Up in 2 s, held; images every second. Central differences between images would smear the knee over 2 s."""
     at = np.arange(0.0, 6.01, 0.1)
     rows = "".join(f"{t:.1f},{min(t, 2.0):.2f}\n" for t in at)
-    on_time = match(read(tmp_path, "time_s,force_N\n" + rows), 5, None, np.arange(5.0))
+    on_time = read(tmp_path, "time_s,force_N\n" + rows).match(5, None, np.arange(5.0))
     np.testing.assert_allclose(on_time.column("force_N"), [0, 1, 2, 2, 2], atol=1e-9)
     np.testing.assert_allclose(on_time.rates("force_N"), [1, 1, 0.5, 0, 0], atol=1e-9)
     late = replace(on_time, late=0.7)
@@ -224,10 +224,10 @@ def test_other_durations_are_no_times_of_rows(tmp_path, header, cells):
 
 def test_rows_of_lost_images_are_left_out_by_their_numbers(tmp_path):
     log = read(tmp_path, "frame,time_s,force_N\n" + "".join(f"{k},{k / 10},{k * k}\n" for k in range(3, 9)))
-    matched = match(log, 4, (3, 4, 7, 8), None)
+    matched = log.match(4, (3, 4, 7, 8), None)
     np.testing.assert_array_equal(matched.column("force_N"), [9.0, 16.0, 49.0, 64.0])
     np.testing.assert_allclose(matched.times, [0.3, 0.4, 0.7, 0.8])
     assert "2 rows have no image of their number and are left out: frame 5, 6" in matched.notes[-1]
     for numbers in ((3, 4, 7, 12), (None, 4, 7, 8), None):
         with pytest.raises(InputError, match="more rows"):
-            match(log, 4, numbers, None)
+            log.match(4, numbers, None)

@@ -9,7 +9,7 @@ import pytest
 from experiment_file.point_plate import TOML
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
-from idic.readers import NamedColumns, detected, measured_points, open_fields
+from idic.readers import FieldSeries, NamedColumns, detected
 
 X, Y = (values.ravel() for values in np.meshgrid(np.arange(6) * 4.0 + 10.0, np.arange(5) * 4.0 + 20.0))
 
@@ -28,8 +28,8 @@ def write_stage(path, k, header, row, above="", separator=";"):
 
 def moved(paths, **keys):
     """Displacements of the second stage in mm, right and up  # (n, 2)"""
-    series = open_fields(paths, **keys)
-    points = measured_points(series, [0])
+    series = FieldSeries.open(paths, **keys)
+    points = series.measured_points([0])
     return points.positions, points.moved(series.stage(1))
 
 
@@ -72,14 +72,14 @@ def test_points_that_flag_or_quality_rejects_are_gaps(tmp_path):
     columns = NamedColumns("pos x", "pos y", "du", "dv", flag="OK", quality="zncc", quality_min=0.9, unit="mm")
     displacement = moved(paths, unit="mm", columns=columns)[1]
     assert np.flatnonzero(np.isnan(displacement).any(axis=1)).tolist() == [0, 1]
-    stage = open_fields(paths, unit="mm", columns=columns).stage(1)
+    stage = FieldSeries.open(paths, unit="mm", columns=columns).stage(1)
     assert stage.failed == {"OK below 0.5": 1, "zncc below 0.9": 1}
 
 
 def test_a_message_names_the_columns_that_there_are(tmp_path):
     write_stage(tmp_path / "a.txt", 0, HEADERS["names"], plain, above="# operator: N.N.\n")
     with pytest.raises(InputError, match="no column 'dw'") as refusal:
-        open_fields([tmp_path / "a.txt"], columns=NamedColumns("pos x", "pos y", "du", "dw"))
+        FieldSeries.open([tmp_path / "a.txt"], columns=NamedColumns("pos x", "pos y", "du", "dw"))
     assert refusal.value.found == "the columns du, dv, pos x, pos y, zncc, ok"
     with pytest.raises(InputError, match="pos x") as refusal:
         detected(tmp_path / "a.txt")
@@ -92,7 +92,7 @@ def test_a_name_that_two_columns_share_needs_its_unit(tmp_path):
                     lambda x, y, u, v, number: (20 * x, x, 20 * y, y, u, v))
     paths = [tmp_path / f"{k}.csv" for k in (0, 1)]
     with pytest.raises(InputError, match="no column 'x', 'y'"):
-        open_fields(paths, columns=NamedColumns("x", "y", "u", "v"))
+        FieldSeries.open(paths, columns=NamedColumns("x", "y", "u", "v"))
     positions, displacement = moved(paths, columns=NamedColumns("x [mm]", "y [mm]", "u", "v"))
     np.testing.assert_allclose(positions, np.column_stack([X, Y]))
     np.testing.assert_allclose(displacement, np.column_stack(motion(1)), atol=1e-12)
@@ -145,7 +145,7 @@ def test_a_node_map_has_its_signals_and_its_time(tmp_path):
                     lambda x, y, u, v, number: (number + 1, x, y, 0.1, u, v, 0.0),
                     above=head.format(k=k, force=1000.5 * k, time=98.0 + 10 * k))
     paths = [tmp_path / f"map_{k}.txt" for k in (0, 1)]
-    series = open_fields(paths)
+    series = FieldSeries.open(paths)
     log = series.log()
     assert series.format == "nodemap" and log.names == ("time_s", "force", "Kraft")
     np.testing.assert_allclose(log.column("force"), [0.0, 1000.5])
@@ -166,7 +166,7 @@ def test_results_of_py3dic_are_positions_in_every_image(tmp_path):
     np.testing.assert_allclose(moved([tmp_path / "result.dic"], pixel_size_mm=1.0)[1], expected_px(), atol=1e-9)
     (tmp_path / "result.dic").write_text("\n".join(lines)[:-40])
     with pytest.raises(InputError, match=": .*py3dic"):
-        open_fields([tmp_path / "result.dic"], pixel_size_mm=1.0)
+        FieldSeries.open([tmp_path / "result.dic"], pixel_size_mm=1.0)
 
 
 def sundic_array(values):
@@ -187,7 +187,7 @@ def test_the_container_of_sundic_has_its_reference_and_its_pairs(n_values, compr
         parts += [msgpack.packb(k), msgpack.packb(values.shape),
                   msgpack.packb(zlib.compress(payload)) if compressed else payload]
     (tmp_path / "run.sdic").write_bytes(b"".join(parts))
-    series = open_fields([tmp_path / "run.sdic"], pixel_size_mm=1.0)
+    series = FieldSeries.open([tmp_path / "run.sdic"], pixel_size_mm=1.0)
     assert len(series.entries) == 3
     np.testing.assert_allclose(moved([tmp_path / "run.sdic"], pixel_size_mm=1.0)[1], expected_px(), atol=1e-9)
     assert np.isnan(series.stage(2).displacement[0]).all()

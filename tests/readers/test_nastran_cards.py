@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.readers import read_mesh_file, to_mesh
+from idic.readers import read_mesh_file
 
 SQUARE = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,1.,1.,0.\nGRID,4,,0.,1.,0.\n"
 RING = ((10.0, 0.0), (20.0, 0.0), (0.0, 20.0), (0.0, 10.0))
@@ -14,7 +14,7 @@ RING = ((10.0, 0.0), (20.0, 0.0), (0.0, 20.0), (0.0, 10.0))
 
 def read(tmp_path, text, n_dim=2):
     (tmp_path / "mesh.bdf").write_text(text)
-    mesh, notes = to_mesh(read_mesh_file(tmp_path / "mesh.bdf"), n_dim, 1.0)
+    mesh, notes = read_mesh_file(tmp_path / "mesh.bdf").to_mesh(n_dim, 1.0)
     mesh.check_elements()
     return mesh, notes
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.readers import Edges, MIN_HOLE, Placement, fitted_placement, loops_of, roi_mesh
+from idic.readers import Edges, MIN_HOLE, Placement, loops_of, roi_mesh
 
 WIDTH, HEIGHT, PITCH, MARGIN = 20.0, 50.0, 0.7, 0.5
 ORIGIN = np.array([5.0, -7.0])
@@ -36,7 +36,7 @@ def placed(angle: float, holes, view=(0.0, HEIGHT), near=None):
     points = seen(angle, holes, view)
     loops = sorted(loops_of(points, PITCH), key=lambda loop: -float(np.prod(np.ptp(loop, axis=0))))
     loops = [loop for k, loop in enumerate(loops) if k == 0 or len(loop) >= MIN_HOLE]
-    return fitted_placement(edges(holes), points, loops, PITCH, near or Placement(np.full(2, np.nan), 0.0, 0.0))
+    return edges(holes).fitted_placement(points, loops, PITCH, near or Placement(np.full(2, np.nan), 0.0, 0.0))
 
 
 @pytest.mark.parametrize("degrees", [pytest.param(31.0, marks=pytest.mark.slow), 170.0])
@@ -68,4 +68,4 @@ def test_a_mesh_of_another_specimen_is_refused():
     points = seen(0.0, [])
     loops = loops_of(points, PITCH)
     with pytest.raises(InputError, match="does not lie along the edges"):
-        fitted_placement(edges([[10.0, 25.0, 8.0]]), points, loops, PITCH, Placement(np.full(2, np.nan), 0.0, 0.0))
+        edges([[10.0, 25.0, 8.0]]).fitted_placement(points, loops, PITCH, Placement(np.full(2, np.nan), 0.0, 0.0))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.readers import PointOutline, narrowest, notched_axis, sides_of_any, width_error
+from idic.readers import PointOutline, narrowest_width, notched_axis, sides_of_any
 
 PITCH, MARGIN = 0.8, 0.5
 
@@ -98,8 +98,8 @@ def test_gaps_that_are_no_holes_are_told():
 def test_the_narrowest_width_is_that_between_a_hole_and_the_edges():
     points = grid(24.0, 60.0)
     found = PointOutline.around(points[np.hypot(*(points - [12.0, 30.0]).T) > 5.0 + MARGIN], PITCH, MARGIN)
-    assert narrowest(found, PITCH) == pytest.approx(14.0, abs=PITCH)
-    assert narrowest(PointOutline.around(points, PITCH, MARGIN), PITCH) == pytest.approx(24.0, abs=1e-6)
+    assert narrowest_width(found, PITCH)[0] == pytest.approx(14.0, abs=PITCH)
+    assert narrowest_width(PointOutline.around(points, PITCH, MARGIN), PITCH)[0] == pytest.approx(24.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("turn", [0.0, 2.0])
@@ -115,13 +115,14 @@ def test_the_width_between_round_notches_is_within_the_stated_error(turn):
     notched = wedge | (np.hypot(points[:, 0], within - tip) < radius)
     points = points[(np.abs(points[:, 0]) < 20.0) & (within < 10.0) & ~notched] @ [[c, -s], [s, c]]
     found = PointOutline.around(points, pitch, 0.5 * pitch)
-    off, error = abs(narrowest(found, pitch) - 11.4), width_error(found, pitch)
+    width, error = narrowest_width(found, pitch)
+    off = abs(width - 11.4)
     assert off < error < 5.0 * pitch
     assert off > pitch  # more than along straight edges
 
 
 def test_the_error_of_a_rectangle_is_half_a_distance_on_every_side():
-    assert width_error(PointOutline.around(grid(24.0, 60.0), PITCH, MARGIN), PITCH) == pytest.approx(PITCH)
+    assert narrowest_width(PointOutline.around(grid(24.0, 60.0), PITCH, MARGIN), PITCH)[1] == pytest.approx(PITCH)
 
 
 @pytest.mark.parametrize("turn", [0.0, 3.0])
@@ -136,7 +137,8 @@ def test_notched_and_waisted_sides_are_free_edges(turn):
     assert notched_axis(bone @ turned, PITCH) == 0
     assert notched_axis(points @ turned, PITCH) is None
     found = PointOutline.around(rail @ turned, PITCH, MARGIN)
-    assert abs(narrowest(found, PITCH) - 30.6 - 2 * MARGIN) < width_error(found, PITCH)  # of the points, and the margin
+    width, error = narrowest_width(found, PITCH)
+    assert abs(width - 30.6 - 2 * MARGIN) < error  # of the points, and the margin
 
 
 def test_the_ends_of_an_outline_are_the_same_in_either_sense():

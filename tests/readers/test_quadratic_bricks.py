@@ -9,9 +9,9 @@ import pytest
 from experiment_file.small_experiment import change, load_experiment, write_experiment
 from fe.fe_bodies import grid
 from idic.errors import InputError
-from idic.fe import ABAQUS_TYPES, CELL_TYPES, can_raise_order, is_raised_by_default, raise_order
+from idic.fe import ABAQUS_TYPES, CELL_TYPES, raise_order
 from idic.fe.mesh.element import HEX_EDGES
-from idic.readers import read_mesh_file, to_mesh
+from idic.readers import read_mesh_file
 
 
 def inp(mesh):
@@ -35,14 +35,14 @@ def test_a_file_of_quadratic_bricks_is_read(suffix, tmp_path):
     else:
         meshio.Mesh(mesh.nodes,
                     [("hexahedron20", mesh.blocks[0].connectivity)]).write(file, "gmsh" if suffix == "msh" else "vtu")
-    found, _ = to_mesh(read_mesh_file(file), 3, 1.0)
+    found, _ = read_mesh_file(file).to_mesh(3, 1.0)
     assert found.blocks[0].cell == "hex20" and found.n_elements == 2
     assert np.allclose(found.nodes[found.blocks[0].connectivity], mesh.nodes[mesh.blocks[0].connectivity])
 
 
 def test_the_camera_sees_the_eight_nodes_of_each_face(tmp_path):
     (tmp_path / "mesh.inp").write_text(inp(grid("hex20", (2, 1, 1))))
-    mesh, _ = to_mesh(read_mesh_file(tmp_path / "mesh.inp"), 3, 1.0)
+    mesh, _ = read_mesh_file(tmp_path / "mesh.inp").to_mesh(3, 1.0)
     (block,) = mesh.surface_cells("FRONT")
     assert block.cell == "quad8" and block.connectivity.shape == (2, 8)
     at = mesh.nodes[block.connectivity]
@@ -52,7 +52,7 @@ def test_the_camera_sees_the_eight_nodes_of_each_face(tmp_path):
 
 def test_linear_bricks_are_raised_only_where_it_is_asked_for():
     linear, straight = grid("hex8", (2, 2, 1)), grid("hex20", (2, 2, 1))
-    assert can_raise_order(linear) and not is_raised_by_default(linear)
+    assert linear.can_raise_order and not linear.is_raised_by_default
     raised = raise_order(linear)
     places = lambda mesh: {tuple(np.round(x, 9)) for x in mesh.nodes}  # noqa: E731
     assert places(raised) == places(straight) and raised.blocks[0].cell == "hex20"
@@ -83,6 +83,6 @@ def test_quadrilaterals_with_a_node_in_the_middle_are_read_without_it(tmp_path, 
     n = 9 if kind == "M3D9" else 8
     (tmp_path / "a.inp").write_text("*NODE\n" + "".join(f"{k}, {x}, {y}\n" for k, (x, y) in enumerate(places[:n], 1))
                                     + f"*ELEMENT, TYPE={kind}, ELSET=BODY\n1, {', '.join(map(str, range(1, n + 1)))}\n")
-    mesh, notes = to_mesh(read_mesh_file(tmp_path / "a.inp"), 2, 1.0)
+    mesh, notes = read_mesh_file(tmp_path / "a.inp").to_mesh(2, 1.0)
     np.testing.assert_array_equal(mesh.nodes, places[:8])
     assert any("quad9" in note for note in notes) == (n == 9)

@@ -17,7 +17,7 @@ from test_calibration_files import TEXTS, opencv_yaml
 from test_field_exports import GRID, displaced, ncorr_file, ncorr_hdf5, on_image
 
 from experiment_file.small_experiment import LOADS, inp_text
-from idic.readers import open_fields, open_stack, read_calibration, read_log, read_mesh_file, volume_entries
+from idic.readers import FieldSeries, Log, open_stack, read_calibration, read_mesh_file, volume_entries
 
 PIXELS = np.arange(600, dtype=np.uint8).reshape(20, 30)
 SQUARES = meshio.Mesh(np.array([[x, y, 0.0] for y in range(2) for x in range(3)]),
@@ -97,7 +97,7 @@ class TestLogs(ReaderContract):
              "tab.txt": lambda path: path.write_text(LOADS.replace(",", "\t"))}
 
     def read(self, path):
-        return read_log(path).column("force_kN")
+        return Log.read(path).column("force_kN")
 
 
 def tdms(path):
@@ -123,7 +123,7 @@ class TestLogsOfInstruments(ReaderContract):
                  path, [{1: np.arange(9.0), 2: np.arange(9.0)}], {1: "Zeit", 2: "force_kN"})}
 
     def read(self, path):
-        return read_log(path).column("force_kN")
+        return Log.read(path).column("force_kN")
 
 
 class TestCalibrations(ReaderContract):
@@ -180,7 +180,7 @@ class TestFields(ReaderContract):
                  f"{x},{y},{u},{v}" for (x, y), (u, v) in zip(GRID, displaced(1), strict=True)))}
 
     def read(self, path):
-        return open_fields([path], unit="mm" if path.suffix == ".vtu" else None, pixel_size_mm=0.05)
+        return FieldSeries.open([path], unit="mm" if path.suffix == ".vtu" else None, pixel_size_mm=0.05)
 
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")

@@ -12,9 +12,7 @@ from PIL import Image
 from experiment_file.small_experiment import inp_text
 from idic.errors import InputError
 from idic.experiment_file.tables.mesh_sets import with_node_set
-from idic.readers import (
-    frames_of, match, matching_files, natural_key, open_stack, read_log, read_mesh_file, recorded_order, to_mesh,
-)
+from idic.readers import Log, frames_of, matching_files, natural_key, open_stack, read_mesh_file, recorded_order
 
 PIXELS = np.arange(6 * 8, dtype=np.uint8).reshape(6, 8) * 5
 
@@ -169,34 +167,34 @@ def test_the_brackets_in_the_name_of_a_folder_or_a_file_are_no_class_of_letters(
 ])
 def test_logs_with_comma_semicolon_and_tab_read_alike(content, tmp_path):
     (tmp_path / "log.csv").write_text(content, encoding="utf-8")
-    log = read_log(tmp_path / "log.csv")
+    log = Log.read(tmp_path / "log.csv")
     np.testing.assert_array_equal(log.column("force_N"), [1.5, 2.5])
     np.testing.assert_array_equal(log.times(), [0.0, 2.0])
 
 
 def test_a_log_is_interpolated_at_the_times_of_the_images(tmp_path):
     (tmp_path / "log.csv").write_text("time_ms,force_N\n" + "".join(f"{100 * k},{3 * k}\n" for k in range(21)))
-    matched = match(read_log(tmp_path / "log.csv"), 3, None, np.array([0.0, 0.55, 2.0]))
+    matched = Log.read(tmp_path / "log.csv").match(3, None, np.array([0.0, 0.55, 2.0]))
     np.testing.assert_allclose(matched.column("force_N"), [0.0, 16.5, 60.0], rtol=1e-12)  # linear: exact to rounding
     np.testing.assert_array_equal(matched.times, [0.0, 0.55, 2.0])
 
 
 def test_the_frame_column_may_hold_the_numbers_of_the_file_names(tmp_path):
     (tmp_path / "log.csv").write_text("frame,force_N\n50,1\n53,2\n")
-    log = read_log(tmp_path / "log.csv")
-    np.testing.assert_array_equal(match(log, 2, (50, 53), None).column("force_N"), [1.0, 2.0])
+    log = Log.read(tmp_path / "log.csv")
+    np.testing.assert_array_equal(log.match(2, (50, 53), None).column("force_N"), [1.0, 2.0])
     with pytest.raises(InputError, match="frame column"):
-        match(log, 2, (50, 54), None)
+        log.match(2, (50, 54), None)
 
 
 def test_text_in_an_unused_column_does_no_harm(tmp_path):
     (tmp_path / "log.csv").write_text("force_N,remark\n1,start\n2,\n")
-    np.testing.assert_array_equal(read_log(tmp_path / "log.csv").column("force_N"), [1.0, 2.0])
+    np.testing.assert_array_equal(Log.read(tmp_path / "log.csv").column("force_N"), [1.0, 2.0])
 
 
 # mesh ---------------------------------------------------------------------------------------------------
 def read(path, n_dim=2, factor=1.0):
-    mesh, _ = to_mesh(read_mesh_file(path), n_dim, factor)
+    mesh, _ = read_mesh_file(path).to_mesh(n_dim, factor)
     mesh.check_elements()
     return mesh
 
@@ -367,7 +365,7 @@ def test_a_mirrored_mesh_is_turned_around_and_keeps_its_edges(tmp_path):
                                 f"{101 + 5 * j + i}, {-float(i)}, {float(j)},")
     (tmp_path / "mesh.inp").write_text(text)
     raw = read_mesh_file(tmp_path / "mesh.inp")
-    mesh, notes = to_mesh(raw, 2, 1.0)
+    mesh, notes = raw.to_mesh(2, 1.0)
     mesh.check_elements()
     assert any("clockwise" in note for note in notes)
     assert {tuple(sorted(mesh.node_labels[mesh.face_nodes(face)])) for face in mesh.edge_sets["RIGHT"]} \

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from idic.errors import InputError
-from idic.readers import column_factor, factor_between, frame_indices, frame_numbers, parse_unit, points_where
+from idic.readers import FrameNames, column_factor, factor_between, parse_unit, points_where
 from idic.readers import unit_in_name
 
 POINTS = np.array([[0.0, -10.0], [3.0, 0.0], [-2.0, 4.0]])
@@ -69,46 +69,46 @@ def test_a_column_tells_its_unit_by_its_name():
 
 
 def test_the_number_that_differs_is_the_number_of_the_frame():
-    assert frame_numbers(("zoom-0050_1.tif", "zoom-0053_1.tif", "zoom-0078_1.tif")) == (50, 53, 78)
-    assert frame_numbers(("a.tif", "b.tif")) is None
-    assert frame_numbers(("s1_1.tif", "s2_2.tif")) is None  # two numbers differ
-    assert frame_numbers(("movie.tif[0]", "movie.tif[1]")) == (0, 1)
+    assert FrameNames(("zoom-0050_1.tif", "zoom-0053_1.tif", "zoom-0078_1.tif")).numbers == (50, 53, 78)
+    assert FrameNames(("a.tif", "b.tif")).numbers is None
+    assert FrameNames(("s1_1.tif", "s2_2.tif")).numbers is None  # two numbers differ
+    assert FrameNames(("movie.tif[0]", "movie.tif[1]")).numbers == (0, 1)
 
 
 def test_numbers_mean_file_names_where_they_all_occur_there_else_indices():
     labels = ("zoom-0050_1.tif", "zoom-0053_1.tif", "zoom-0078_1.tif")
-    assert frame_indices([78], labels, file=None, key="k")[0] == (2,)
-    assert frame_indices([1, "zoom-0078_1.tif"], labels, file=None, key="k")[0] == (1, 2)
+    assert FrameNames(labels).indices([78], file=None, key="k")[0] == (2,)
+    assert FrameNames(labels).indices([1, "zoom-0078_1.tif"], file=None, key="k")[0] == (1, 2)
     with pytest.raises(InputError, match="ambiguous"):
-        frame_indices([78, 1], labels, file=None, key="k")
-    assert frame_indices([1], ("f_1.tif", "f_2.tif"), file=None, key="k")[0] == (0,)
+        FrameNames(labels).indices([78, 1], file=None, key="k")
+    assert FrameNames(("f_1.tif", "f_2.tif")).indices([1], file=None, key="k")[0] == (0,)
 
 
 def test_a_named_reference_without_a_number_leaves_the_numbers_of_the_others_their_meaning():
     labels = ("reference.tif", *(f"img_{k:04d}.tif" for k in range(8)))
-    found, note = frame_indices([5], labels, file=None, key="k")
+    found, note = FrameNames(labels).indices([5], file=None, key="k")
     assert [labels[k] for k in found] == ["img_0005.tif"] and "img_0005.tif" in note
-    assert frame_numbers(labels) is None  # a log has a row for the reference, too
+    assert FrameNames(labels).numbers is None  # a log has a row for the reference, too
     dated = ("reference_2024_1.tif", *labels[1:])
-    assert frame_indices([5], dated, file=None, key="k")[0] == (6,)
+    assert FrameNames(dated).indices([5], file=None, key="k")[0] == (6,)
 
 
 def test_a_number_that_is_one_of_several_in_the_names_is_refused_unless_both_readings_agree():
     labels = tuple(f"cam_{k:04d}_1205{33 + k}.tif" for k in range(1, 9))
     with pytest.raises(InputError, match="ambiguous") as caught:
-        frame_indices([3], labels, file=None, key="k")
+        FrameNames(labels).indices([3], file=None, key="k")
     assert "cam_0003_120536.tif" in str(caught.value) and "cam_0004_120537.tif" in str(caught.value)
     from_zero = tuple(f"cam_{k:04d}_1205{33 + k}.tif" for k in range(8))
-    assert frame_indices([3], from_zero, file=None, key="k")[0] == (3,)
+    assert FrameNames(from_zero).indices([3], file=None, key="k")[0] == (3,)
     with pytest.raises(InputError, match="no such frame"):
-        frame_indices([120536], labels, file=None, key="k")
+        FrameNames(labels).indices([120536], file=None, key="k")
 
 
 def test_numbers_that_are_no_part_of_the_names_are_indices_with_a_note():
     labels = tuple(f"cam_{k:04d}_1205{33 + k}.tif" for k in range(1, 9))
-    found, note = frame_indices([0], labels, file=None, key="k")
+    found, note = FrameNames(labels).indices([0], file=None, key="k")
     assert found == (0,) and "indices from 0" in note
-    assert frame_indices([1], ("a.tif", "b.tif"), file=None, key="k") == ((1,), None)
+    assert FrameNames(("a.tif", "b.tif")).indices([1], file=None, key="k") == ((1,), None)
 
 
 @pytest.mark.parametrize("unit, internal, size", [

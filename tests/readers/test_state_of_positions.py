@@ -7,7 +7,7 @@ import pytest
 from test_field_exports import GRID, displaced
 
 from idic.errors import InputError
-from idic.readers import FieldStack, check_stages, measured_points, open_fields
+from idic.readers import FieldSeries, FieldStack, check_stages
 
 PLACES = GRID + np.random.default_rng(2).normal(0.0, 0.02, GRID.shape)
 N_STAGES = 5
@@ -37,8 +37,8 @@ def table(folder, positions, displacement, named: bool) -> None:
 
 
 def opened(folder) -> FieldStack:
-    series = open_fields(sorted(folder.iterdir()))
-    return FieldStack(series, measured_points(series, [0]))
+    series = FieldSeries.open(sorted(folder.iterdir()))
+    return FieldStack(series, series.measured_points([0]))
 
 
 def moved(stack: FieldStack, k: int) -> np.ndarray:

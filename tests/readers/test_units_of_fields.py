@@ -8,7 +8,7 @@ import pytest
 from test_field_exports import GRID, displaced
 
 from idic.errors import InputError
-from idic.readers import FieldStack, measured_points, open_fields
+from idic.readers import FieldSeries, FieldStack
 
 SIZE_MM = 0.05  # of a pixel
 PLACES_PX = 20.0 * (GRID - GRID.min(axis=0)) + 40.0  # y upwards
@@ -28,8 +28,8 @@ def stages(folder, header: str, row) -> None:
 
 
 def opened(folder, **how) -> FieldStack:
-    series = open_fields(sorted(folder.iterdir()), **how)
-    return FieldStack(series, measured_points(series, [0]))
+    series = FieldSeries.open(sorted(folder.iterdir()), **how)
+    return FieldStack(series, series.measured_points([0]))
 
 
 def assert_motion(stack: FieldStack) -> None:
@@ -92,7 +92,7 @@ def test_a_vtu_file_names_no_unit_so_that_mm_are_assumed(tmp_path):
     pyxel(tmp_path)
     series = opened(tmp_path).series
     assert series.unit_assumed and series.unit == "mm"
-    assert not open_fields(sorted(tmp_path.iterdir()), unit="mm").unit_assumed
+    assert not FieldSeries.open(sorted(tmp_path.iterdir()), unit="mm").unit_assumed
 
 
 def test_a_vtu_file_in_pixels_has_y_upwards(tmp_path):

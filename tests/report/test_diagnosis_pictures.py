@@ -10,7 +10,7 @@ from matplotlib.image import imread
 
 from idic.diagnose import in_words
 from idic.report.diagnosis.where import active_map, side_chart, source_map
-from idic.report import RED
+from idic.report import Colour
 from idic.report.diagnosis.where import WhereRecord
 
 
@@ -43,7 +43,7 @@ def test_a_map_is_as_wide_as_its_body_asks_for(draw):
 
 def red(picture):
     """Number of pixels in the colour of an outline."""
-    colour = np.array([int(RED[k:k + 2], 16) for k in (1, 3, 5)])
+    colour = np.array([int(Colour.RED[k:k + 2], 16) for k in (1, 3, 5)])
     image = np.round(255.0 * imread(io.BytesIO(picture.png))[..., :3])
     return int((np.abs(image - colour).max(axis=-1) < 8).sum())
 

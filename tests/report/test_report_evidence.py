@@ -16,8 +16,7 @@ sys.path[:0] = [str(Path(__file__).parents[1] / "identify")]
 from twin_runs import ELASTIC, FORCE, GRIPS, NOISE, SHAPE, Twin, write_folder  # noqa: E402
 
 from idic.correlation import build_experiment_reference, frame_spline  # noqa: E402
-from idic.measure.dic import node_std  # noqa: E402
-from idic.measure import dic_frame, seen_by  # noqa: E402
+from idic.measure import Seen, dic_frame  # noqa: E402
 from idic.errors import InputError  # noqa: E402
 from idic.experiment_file import load_experiment  # noqa: E402
 from idic.run import open_run, write_report  # noqa: E402
@@ -55,10 +54,10 @@ def test_the_curve_ends_at_the_strain_of_the_specimen(record):
 def test_the_noise_floor_of_the_free_dic_is_its_theory(run, record):
     experiment = open_run(str(run)).experiment
     reference = build_experiment_reference(experiment, experiment.model.camera)
-    seen = seen_by(experiment, reference)
+    seen = Seen.by(experiment, reference)
     u = np.zeros((experiment.model.mesh.n_nodes, 2))
     frame = dic_frame(reference, frame_spline(experiment, experiment.model.reference), u, seen.smoother)
-    theory = np.sqrt(np.nanmean(node_std(reference, frame, experiment.recording.noise.std_gv) ** 2))
+    theory = np.sqrt(np.nanmean(frame.node_std(reference, experiment.recording.noise.std_gv) ** 2))
     n = 2 * experiment.model.mesh.n_nodes
     # one draw of n values, of which smoothing leaves perhaps a third independent: 1/sqrt(2 n/3) = 10 %, thrice that
     assert record.practice.floor.free_px == pytest.approx(theory, rel=3.0 / np.sqrt(2.0 * n / 3.0))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.readers import read_mesh_file, to_mesh
+from idic.readers import read_mesh_file
 from idic.run.reporting.paraview import _frames, write_collection
 from idic.run.reporting.write import load_record
 from idic.virtual_tests import strip_with_hole, write_inp
@@ -63,6 +63,6 @@ def test_the_strip_is_a_sound_mesh_with_a_round_hole(tmp_path, cell):
     assert np.allclose(np.hypot(*corners.T), 3.0)
     assert len(mesh.node_sets["LEFT"]) == len(mesh.node_sets["RIGHT"]) == (9 if cell == "quad4" else 17)
     write_inp(mesh, tmp_path / "mesh.inp", "strip")
-    read, _ = to_mesh(read_mesh_file(tmp_path / "mesh.inp"), 2, 1.0)
+    read, _ = read_mesh_file(tmp_path / "mesh.inp").to_mesh(2, 1.0)
     assert np.allclose(read.nodes, mesh.nodes)
     assert np.array_equal(read.element_sets["sheet"], mesh.element_sets["sheet"])

@@ -28,7 +28,7 @@ from virtual_tests.small_strip import write_small_strip
 
 import idic
 from idic.errors import InputError
-from idic.run import identify_run, start_server
+from idic.run import PrefectServer, identify_run
 from idic.run.workers.dask_connection import LOOPBACK
 from idic.run.workers.prefect_server import QUIET
 
@@ -112,7 +112,7 @@ def test_the_flow_shows_named_tasks_in_prefect_and_n_plus_1_perturbed_runs_in_da
                               overrides={"options.max_iterations": 2})
             print(result["status"], result["sensitivity"])
     """))
-    with start_server() as server:
+    with PrefectServer.start() as server:
         environment = dict(os.environ) | ONE_THREAD | QUIET | {"PREFECT_API_URL": server.wait()}
         found = subprocess.run([sys.executable, script, tmp_path / "experiment", tmp_path / "run", address],
                                env=environment, capture_output=True, text=True, timeout=SECONDS)
@@ -165,7 +165,7 @@ def test_a_flow_of_ones_own_calls_idic_and_a_run_pauses_between_the_stages_of_it
         return idic.flow.identify([tmp_path / "experiment"], tmp_path / "run", resume=True, workers=0,
                                   overrides={"options.max_iterations": 4}, pause_after=pause_after)
 
-    with start_server() as server, connected(server):
+    with PrefectServer.start() as server, connected(server):
         paused = laboratory(1)
         resumed = laboratory(1)
         shown = shown_by(server, "flow_runs")
@@ -190,7 +190,7 @@ def test_a_run_whose_process_was_killed_is_shown_as_crashed_with_its_tasks(share
     host, own = socket.gethostname(), process_tag()
     processes = [f"{TAG}{host}:{2**22 + 1}:1", f"{own.rpartition(':')[0]}:1", own, f"{TAG}another-{host}:{2**22 + 1}:1"]
     flow = prefect.flow(identify, name=f"idic-identify {os.getpid()} {time.time()}")
-    with start_server() as server, connected(server), get_client(sync_client=True) as client:
+    with PrefectServer.start() as server, connected(server), get_client(sync_client=True) as client:
         runs = [client.create_flow_run(flow, parameters={"out": "RUN"}, state=Running(), tags=[tag])
                 for tag in processes]
         task = client.create_task_run(simulate, runs[0].id, dynamic_key="0", state=Running())

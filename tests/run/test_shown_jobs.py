@@ -11,7 +11,7 @@ import pytest
 from run.test_flow import shown_by
 
 from idic.errors import NotConverged
-from idic.run import CorrelationJob, SerialRunner, SimulationJob, open_cluster, start_server
+from idic.run import CorrelationJob, PrefectServer, SerialRunner, SimulationJob, open_cluster
 from idic.run.prepared.tasks import SimulationReport
 from idic_flows.job_runs import Budget, JobRuns
 from idic_flows.job_titles import titles_of
@@ -142,7 +142,7 @@ def shown_states(server, out, wanted, seconds=30.0):
 
 
 def test_jobs_of_a_stage_are_task_runs_on_the_server(tmp_path, shared_server):
-    with start_server() as server, connected(server):
+    with PrefectServer.start() as server, connected(server):
         whole(SerialRunner(), step, [(number, tmp_path) for number in (1, 2, 3)], ["first", "second", "third"],
               str(tmp_path))
         wanted = [("first", "Completed"), ("second", "Failed"), ("second, attempt 2", "Completed"),
@@ -163,7 +163,7 @@ def die_once(job):
 @pytest.mark.slow  # two worker processes
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGKILL")
 def test_a_job_whose_worker_dies_is_shown_as_crashed_and_its_repetition_beside_it(tmp_path, shared_server):
-    with start_server() as server, open_cluster(2) as runner, connected(server):
+    with PrefectServer.start() as server, open_cluster(2) as runner, connected(server):
         done = whole(runner, die_once, [(number, tmp_path) for number in range(3)], ["base", "E", "nu"], str(tmp_path))
         wanted = {("E", "Crashed"), ("E, attempt 2", "Completed")}
         shown = shown_states(server, tmp_path, wanted)

@@ -4,9 +4,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from idic.correlation import (
-    CorrelationSystem, FrameRecord, LocalEquations, OpenSums, Weights, generalised_weights, reduce_systems,
-)
+from idic.correlation import CorrelationSystem, FrameRecord, LocalEquations, OpenSums, Weights, reduce_systems
 from idic.correlation import shared_noise
 from idic.correlation.shared_noise import close
 from idic.correlation.image_equations.system import SharedSums
@@ -32,7 +30,7 @@ def part(rng, first, frames=2):
 
 
 def closed(parts):
-    weights = generalised_weights(Weights(1.0, 1.0, np.zeros(0), np.zeros(0)))
+    weights = Weights(1.0, 1.0, np.zeros(0), np.zeros(0)).as_generalised()
     return close(reduce_systems(parts), weights, 1, lambda columns: columns.T @ columns)[0]
 
 

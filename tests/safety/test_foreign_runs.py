@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from idic.cli.app import app
 from idic.errors import InputError
 from idic.run import folders_of, open_run, read_result
-from idic.readers import open_fields, read_mesh_file
+from idic.readers import FieldSeries, read_mesh_file
 
 SECRET = "what lies outside"
 COMMANDS = {"report": ["report", "{run}"], "clean": ["clean", "{run}"],
@@ -225,7 +225,7 @@ def test_hdf5_takes_no_data_from_another_file(tmp_path, make, suffix):
     (tmp_path / "outside" / "secret.txt").write_text(SECRET)
     path = tmp_path / f"file{suffix}"
     make(path, tmp_path / "outside")
-    read = (lambda: open_fields([path])) if suffix == ".mat" else (lambda: read_mesh_file(path))
+    read = (lambda: FieldSeries.open([path])) if suffix == ".mat" else (lambda: read_mesh_file(path))
     with pytest.raises(InputError, match="takes data from another file"):
         read()
 

@@ -12,7 +12,7 @@ from one_thread import ONE_THREAD
 
 from idic.errors import InputError
 from idic.virtual_tests import write_example
-from idic.run import open_cluster, start_server
+from idic.run import PrefectServer, open_cluster
 from idic.run.workers.dask_connection import check_client_key
 from idic.run.workers.prefect_server import QUIET, _server_environment
 
@@ -93,7 +93,7 @@ OFF = {"DO_NOT_TRACK": "1", "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
 
 def test_the_telemetry_of_prefect_is_off_for_driver_and_server(tmp_path):
     environment = {"PREFECT_API_URL": "https://prefect.lab.example/api"}
-    start_server(environment)  # a configured one: nothing is started
+    PrefectServer.start(environment)  # a configured one: nothing is started
     assert {name: environment.get(name) for name in OFF} == OFF
     assert {name: _server_environment(tmp_path, 4200, "user:key").get(name) for name in OFF} == OFF
     assert OFF.items() <= QUIET.items()

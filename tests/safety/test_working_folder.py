@@ -15,8 +15,8 @@ from idic.run.workers import working_folder
 from idic.run import empty_folder, in_empty_folder
 
 SERVER = """
-from idic.run.workers.prefect_server import start_server
-with start_server() as server:
+from idic.run.workers.prefect_server import PrefectServer
+with PrefectServer.start() as server:
     print(server.wait())
 """
 

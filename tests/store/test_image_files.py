@@ -11,7 +11,7 @@ import tifffile
 from idic.errors import InputError
 from idic.readers import open_stack
 from idic.run.store.image_files import describe, refuse_changed
-from idic.run import RunStore, ZarrStack, ingest
+from idic.run import RunStore, ZarrStack
 
 SHAPE = (400, 500)  # more than the identity of an experiment looks at
 
@@ -25,7 +25,7 @@ def ingested(tmp_path):
         tifffile.imwrite(path, rng.integers(0, 255, SHAPE, dtype=np.uint8))
     store = RunStore(tmp_path / "run")
     with store.claim("identity"):
-        return paths, ingest(store, open_stack(paths))
+        return paths, ZarrStack.of(store, open_stack(paths))
 
 
 def change_the_middle(path, keep_time=False):
@@ -62,7 +62,7 @@ def test_pages_of_one_file_are_described_once(tmp_path):
     tifffile.imwrite(path, np.zeros((4, *SHAPE), np.uint8), photometric="minisblack")
     store = RunStore(tmp_path / "run")
     with store.claim("identity"):
-        stack = ingest(store, open_stack([path]))
+        stack = ZarrStack.of(store, open_stack([path]))
     assert stack.n_frames == 4 and list(stack.files) == [describe(path)]
 
 

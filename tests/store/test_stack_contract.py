@@ -10,7 +10,7 @@ import tifffile
 
 from idic.images import ArrayStack, LeadingFrames, NoisyStack, Stack
 from idic.readers import open_stack
-from idic.run import RunStore, ZarrStack, ingest
+from idic.run import RunStore, ZarrStack
 
 IMAGES = np.random.default_rng(1).integers(0, 256, (20, 11, 13), dtype=np.uint8)
 
@@ -24,7 +24,7 @@ def in_files(folder):
 def in_a_run(folder):
     store = RunStore(folder / "run")
     with store.claim("identity"):
-        ingest(store, ArrayStack(IMAGES))
+        ZarrStack.of(store, ArrayStack(IMAGES))
     return ZarrStack(store.group("images"))
 
 

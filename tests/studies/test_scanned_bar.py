@@ -7,7 +7,7 @@ import shutil
 import numpy as np
 import pytest
 
-from idic.readers import read_log
+from idic.readers import Log
 from idic.virtual_tests import write_example
 
 
@@ -16,7 +16,7 @@ from idic.virtual_tests import write_example
 def test_calculix_and_idic_agree_on_the_bar(tmp_path):
     """The same seed gives both the same noise of the log."""
     folders = [write_example(name, tmp_path / name, reduced=True).parent for name in ("volume", "volume-calculix")]
-    force, foreign_force = (np.asarray(read_log(folder / "loads.csv").column("force_N"), float) for folder in folders)
+    force, foreign_force = (np.asarray(Log.read(folder / "loads.csv").column("force_N"), float) for folder in folders)
     assert foreign_force[2] == pytest.approx(force[2], rel=1e-3)  # elastic but for the edge of the hole
     # Cauchy in place of Kirchhoff stress: the elastic dilatation, (1 - 2 nu) sigma / E = 0.6 % at 30 MPa
     assert foreign_force[3:] == pytest.approx(force[3:], rel=0.012)

@@ -12,7 +12,7 @@ from experiment_file.small_experiment import LOADS, TOML, change, load, load_exp
 
 from idic.diagnose import candidate_library
 from idic.errors import InputError
-from idic.model import CORRECTION_TERMS, build_drives, corrections_of, term_of_motion, without_knot
+from idic.model import CORRECTION_TERMS, DriveTable, corrections_of, term_of_motion, without_knot
 
 TERMS = list(CORRECTION_TERMS.values())
 MOTION = 'uy = { column = "grip_um", noise_std = 0.2 }'
@@ -55,7 +55,7 @@ def test_a_correction_is_zero_at_its_null_and_in_the_reference_and_its_derivativ
         (first, *_) = corrections = of_motion(experiment)
         names = [f"boundary.TOP.y.{correction.name}" for correction in corrections]
         assert set(names) <= set(experiment.model.parameters.free)
-        drives, parameters = build_drives(experiment), experiment.model.parameters
+        drives, parameters = DriveTable.of(experiment), experiment.model.parameters
         moved = drives.basis @ drives.histories(parameters).T  # (n_p, n_frames)
         without = drives.basis @ drives.columns.T
         np.testing.assert_array_equal(moved, without)

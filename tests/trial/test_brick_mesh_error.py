@@ -10,7 +10,7 @@ from idic.diagnose.discretisation.known_error import MAX_FURTHER_SHARE, error_be
 from idic.diagnose import identification_at, residual_evidence
 from idic.experiment_file import load_experiment
 from idic.model import MotionError, build_forward, solve
-from idic.simulation_error import brick_mesh_error, mesh_error, refined, thickness_error, without_reactions
+from idic.simulation_error import brick_mesh_error, mesh_error, refined, thickness_error
 from idic.simulation_error.real_thickness import thick
 from idic.simulation_error.limits import NodeLimits
 from idic.simulation_error.mesh import REACTION_LEFT, as_elastic, compared_frames
@@ -120,7 +120,7 @@ def test_what_finer_bricks_lack_still_is_estimated_from_the_recording(tmp_path, 
     (_, own), (_, force) = (bricks(one, found.parameters) for one in (found.experiment, refined(refined(
         found.experiment).experiment).experiment))
     assert error.of_mesh.channels[-1, 0] == pytest.approx(force[-1, 0] - own[-1, 0], rel=0.2)
-    motions = without_reactions(mesh, found.experiment.model)
+    motions = mesh.without_reactions(found.experiment.model.channels)
 
     def beside(factor):
         held = of_bricks.plus(MotionError(0.0 * mesh.u, mesh.channels))

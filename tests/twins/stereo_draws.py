@@ -15,11 +15,11 @@ import numpy as np
 
 from idic.correlation import (
     CorrelationContext, CorrelationSystem, FrameResponse, build_experiment_reference, camera_at, closed_system,
-    frame_system, generalised_weights, reduce_systems, with_all_cameras,
+    frame_system, reduce_systems, with_all_cameras,
 )
 from idic.measure import surface_motion
 from idic.experiment_file import load_experiment
-from idic.identification import noise_weights, response_of, scaled_system
+from idic.identification import noise_weights, scaled_system
 from idic.images import ArrayStack
 from idic.model import Experiment, build_forward
 from idic.parameters import JointPrior, ParameterSet
@@ -79,7 +79,7 @@ def build_repeats(folder: Path, test: PlateTest, write: Callable[..., Path] = Pl
     logged = next(entry.drive.values for entry in experiment.model.prescribed if entry.nodes == "RIGHT"
                   and entry.component == "x")
     states = forward.march(parameters, moving, (test.grip - logged)[:, None], None, True)
-    responses = tuple(response_of(at, experiment.model.reference) for at in states)
+    responses = tuple(FrameResponse.of(at, experiment.model.reference) for at in states)
     mesh = test.mesh
     test = replace(test, displacements=np.array([at.u for at in responses]),
                    force=np.array([at.channels[0] for at in responses]),
@@ -159,7 +159,7 @@ def _summed(repeats: Repeats, one: Draw, experiment: Experiment, names: tuple[st
     camera = camera_at(experiment, parameters)
     context = with_all_cameras(CorrelationContext(
         experiment, parameters, names, moving, camera, build_experiment_reference(experiment, camera),
-        generalised_weights(noise_weights(experiment)), forward.drives.local_precision,
+        noise_weights(experiment).as_generalised(), forward.drives.local_precision,
         local_scatter=forward.drives.local_scatter))
     systems = [frame_system(context, response, -one.grip_error[[response.frame]]) for response in repeats.responses]
     return closed_system(context, reduce_systems(systems))

@@ -6,7 +6,7 @@ from free_hardening import FORMS, FREE, USER, true_flow_stress, truth_of, write_
 
 import idic
 from idic.experiment_file import load_experiment
-from idic.identification import FreeCurve, choose_knots, evaluate_at
+from idic.identification import ChosenKnots, FreeCurve, evaluate_at
 from idic.laws import basis, bends, between_knots, knots, level_names
 
 pytestmark = pytest.mark.slow
@@ -50,7 +50,7 @@ def test_a_plateau_is_found_within_one_percent_on_a_mesh_that_follows_it(tmp_pat
     On 13 x 6 elements the curve is 2 % off at the end of its range, as that of the whole identification is.
     """
     at, M, b, _ = linearised(tmp_path / "test", truth := truth_of("lueders"), "lueders", (19, 9))
-    chosen = choose_knots(M, b, at, at, FreeCurve(tuple(range(1, len(at))), RANGE, RISE))
+    chosen = ChosenKnots.of(M, b, at, at, FreeCurve(tuple(range(1, len(at))), RANGE, RISE))
     p = np.linspace(0.0, np.percentile(truth.plastic_strain, 99.0), 60)
     found = basis(p, RANGE, chosen.n) @ np.maximum.accumulate(chosen.levels)
     expected = np.array([true_flow_stress(*FORMS["lueders"], x)[0] for x in p])
@@ -67,7 +67,7 @@ def test_the_band_holds_the_truth_over_draws_of_the_noise(tmp_path, form):
     p = np.linspace(0.0, np.percentile(truth.plastic_strain, 99.0), 60)
     expected = np.array([true_flow_stress(*FORMS[form], x)[0] for x in p])
     for b in rng.multivariate_normal(np.zeros(len(at)), noise, DRAWS, method="eigh"):
-        chosen = choose_knots(M, b, at, at, curve)
+        chosen = ChosenKnots.of(M, b, at, at, curve)
         T = np.zeros((len(at), chosen.n + 1))
         T[0, 0], T[1:, 1:] = 1.0, basis(knots(RANGE, MOST_KNOTS), RANGE, chosen.n) / at[1:, None]
         P = np.zeros((chosen.n + 1, chosen.n + 1))

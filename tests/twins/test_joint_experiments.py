@@ -17,7 +17,7 @@ from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, write_folder  # noqa: 
 import idic  # noqa: E402
 from idic.errors import InputError  # noqa: E402
 from idic.experiment_file import load_experiment  # noqa: E402
-from idic.identification import identify, join  # noqa: E402
+from idic.identification import Joint, identify  # noqa: E402
 from idic.run import compare_runs, folders_of, points, write_comparison, write_report  # noqa: E402
 from idic.run.store.state_file import load_state, save_state  # noqa: E402
 
@@ -198,7 +198,7 @@ def test_a_schedule_joins_the_stages_of_all_experiments(pair):
     from idic.model import Stage
 
     staged = replace(first, stages=(Stage(("BODY.E",)), Stage("all")))
-    stages = join({"first": staged, "second": second}).whole.stages
+    stages = Joint.of({"first": staged, "second": second}).whole.stages
     assert stages[0].free == ("BODY.E", "second.camera.rotation_deg")
     assert set(stages[1].free) == {"BODY.E", "BODY.nu", "second.camera.rotation_deg"}
 

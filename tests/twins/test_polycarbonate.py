@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.correlation import build_experiment_reference, nodal_equations, residual_map, solve_brightness
+from idic.correlation import build_experiment_reference, nodal_equations, residual_map
 from idic.experiment_file import load_experiment
 from idic.fe import Reaction, constrain, dofs_of, increments_to_try, make_mesh, march
 from idic.images import ArrayStack, RoundedStack, prefilter
@@ -137,7 +137,7 @@ def test_with_the_default_options_the_true_motion_leaves_rounding_up_to_a_stretc
         moved = nodes + np.pad(test.displacements[frame][:len(nodes)], ((0, 0), (0, 1)))
         u = experiment.model.camera.project(moved) - experiment.model.camera.project(nodes)
         spline = prefilter(stack.frame(frame), 5, 0.6)
-        light = solve_brightness(nodal_equations(reference, spline, u)).coefficients
+        light = nodal_equations(reference, spline, u).brightness_fit().coefficients
         return residual_map(reference, spline, u, "frame", light).chi2_dof(12**-0.5)
 
     frames = range(1, len(test.times))

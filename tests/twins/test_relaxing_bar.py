@@ -7,7 +7,7 @@ from scipy.optimize import lsq_linear, nnls
 
 import idic
 from idic.experiment_file import load_experiment
-from idic.identification import FreeSpectrum, choose_knots, evaluate_at
+from idic.identification import ChosenKnots, FreeSpectrum, evaluate_at
 from idic.laws import grid, grid_covariance, relaxing, weight_names
 from idic.laws.free_forms.relaxation_forms import mittag_leffler
 from idic.run.reporting.write import load_record
@@ -66,7 +66,7 @@ def test_the_band_holds_other_kernels_over_draws_of_the_noise(tmp_path, kernel, 
     for b in np.random.default_rng(4).multivariate_normal(np.zeros(len(values)), noise, DRAWS, method="eigh"):
         n, bends = given, stated if given else None
         if n is None:
-            chosen = choose_knots(scales[:, None] * M * scales, scales * b, values, scales, form)
+            chosen = ChosenKnots.of(scales[:, None] * M * scales, scales * b, values, scales, form)
             n, bends = chosen.n, form.bends(chosen.n, chosen.smoothness)
         taus, T, prior = grid(0.05, 300.0, n), np.zeros((n_fine + 2, n + 2)), np.zeros((n + 2, n + 2))
         T[:2, :2], T[2:, 2:], prior[2:, 2:] = np.eye(2), form.finer(n), bends.T @ bends

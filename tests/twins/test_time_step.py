@@ -14,9 +14,7 @@ import pytest
 from strip_twin import marched, pulled, strip_toml, write_recording, write_rest
 
 from idic.experiment_file import load_experiment
-from idic.identification import (
-    Analysis, Evaluation, Trial, evaluate_at, identify, path_dependent_laws, scaled_system, time_step_bias,
-)
+from idic.identification import Analysis, Evaluation, Trial, evaluate_at, identify, scaled_system, time_step_bias
 from idic.identification.step.state import IncrementChoice
 from idic.identification.loop import advance
 from idic.identification.step.increments import increment_notes
@@ -210,7 +208,7 @@ def test_the_time_error_of_plasticity_in_few_frames_is_estimated_and_removed(tmp
     given, chosen = with_substeps(experiment, 1), identify(experiment)
     one, fine = identify(given), identify(with_substeps(experiment, 16))
     bias = time_step_bias(evaluate_at, given, one.state.accepted.values, one.local, one.state.generalised, one.point)
-    assert path_dependent_laws(experiment.model) == ("j2_linear",) and one.state.increments.per_frame is None
+    assert experiment.model.path_dependent_laws == ("j2_linear",) and one.state.increments.per_frame is None
     assert chosen.result["increments"]["status"] == "enough" and time_error_in_std(experiment, chosen, 4) < 0.5
     errors = {}
     for name, estimated in bias.items():

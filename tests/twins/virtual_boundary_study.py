@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from reduced_domains import TRUTH, clean_images, redrawn, write_case
 
-from idic.measure import boundary_start, dic_stack, with_boundary_start
+from idic.measure import BoundaryStart, dic_stack, with_boundary_start
 from idic.experiment_file import load_experiment
 from idic.identification import identify, measured_start
 from idic.model import Measured, Parametrised
@@ -29,7 +29,7 @@ def begun(experiment):
     if not any(isinstance(p.drive, (Measured, Parametrised)) for p in experiment.model.prescribed):
         return experiment, None
     motion = dic_stack(experiment)
-    experiment = with_boundary_start(experiment, boundary_start(experiment, motion.u_px))
+    experiment = with_boundary_start(experiment, BoundaryStart.of(experiment, motion.u_px))
     return experiment, measured_start(experiment, motion.u_px, ())
 
 

@@ -16,8 +16,8 @@ from virtual_tests.small_strip import SMALL
 from idic.errors import InputError
 from idic.experiment_file import load_experiment, to_toml
 from idic.images import ArrayStack
-from idic.model import Column, build_drives
-from idic.readers import read_log
+from idic.model import Column, DriveTable
+from idic.readers import Log
 from idic.virtual_tests import EXAMPLES
 from idic.virtual_tests import recorded_by, simulate, strip, write_example, write_loads
 
@@ -144,7 +144,7 @@ def test_the_log_of_a_simulated_experiment_is_on_time(tmp_path, own_times):
     first = load_experiment(folder, late)
     path = simulate(folder, tmp_path / "out", late, noise_std_gv=0.0)
     again = load_experiment(path)
-    moved = [build_drives(e).histories(e.model.parameters)[-1, -1] for e in (first, again)]
+    moved = [DriveTable.of(e).histories(e.model.parameters)[-1, -1] for e in (first, again)]
     assert again.model.parameters["time.offset"].value == 0.0 != first.model.parameters["time.offset"].value
     assert json.loads((path.parent / "truth.json").read_text())["parameters"]["time.offset"] == 0.0
     np.testing.assert_allclose(moved[1], moved[0], rtol=1e-5)
@@ -169,7 +169,7 @@ def test_a_law_with_a_memory_is_integrated_finely_unless_increments_are_given(tm
 def test_times_come_back_from_the_written_log(tmp_path):
     times = 1000.0 + 0.002 * np.arange(5)
     write_loads(tmp_path, times, {"force_N": np.arange(5.0)})
-    np.testing.assert_allclose(read_log(tmp_path / "loads.csv").times(), times, rtol=1e-14)  # 15 digits
+    np.testing.assert_allclose(Log.read(tmp_path / "loads.csv").times(), times, rtol=1e-14)  # 15 digits
 
 
 def test_measured_fields_are_refused_before_anything_is_written(tmp_path):

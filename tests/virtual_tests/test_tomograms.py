@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from idic.fe import make_mesh, raise_order
-from idic.readers import read_log, volume_entries
+from idic.readers import Log, volume_entries
 from idic.virtual_tests import GreyDrift, Pose, ReconstructionNoise, Tomograph, write_example
 
 CUBE = np.array([[x, y, z] for z in (0.0, 1.0) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))])
@@ -87,7 +87,7 @@ def test_the_noise_has_its_spectrum_and_the_grey_values_their_drift():
 def test_the_example_has_the_noise_and_the_files_that_it_states(tmp_path):
     folder = write_example("volume", tmp_path / "bar", reduced=True).parent
     entries = volume_entries(folder, "scans/*.tif")
-    assert len(entries) == len(read_log(folder / "loads.csv").rows) == 6
+    assert len(entries) == len(Log.read(folder / "loads.csv").rows) == 6
     assert entries[0].voxel_mm == pytest.approx((0.04, 0.04, 0.04), rel=1e-6)
     everything = slice(None)
     first, second = (entry.block(everything, everything, everything).astype(float) for entry in entries[:2])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.identification import load_plan
+from idic.identification import Plan
 from idic.run import identify_run, write_design
 from idic.virtual_tests import simulate
 
@@ -75,7 +75,7 @@ def test_one_scan_is_the_texture_of_all(bar, tmp_path):
     folder = plan_of(bar, tmp_path / "plan", PLAN.replace("image_px = [40, 48, 44]\n", ""), scanner)
     (folder / "scans").mkdir()
     shutil.copy(bar / "scans" / "scan_01.npy", folder / "scans")
-    plan = load_plan(folder, noise_std_gv=150.0)
+    plan = Plan.of(folder, noise_std_gv=150.0)
     volumes, everything = plan.experiment.recording.volumes, (slice(None),) * 3
     assert plan.pattern == "scan" and volumes.n_frames == 4
     assert plan.experiment.recording.noise.std_gv == 150.0
@@ -92,5 +92,5 @@ def test_one_scan_is_the_texture_of_all(bar, tmp_path):
 def test_a_plan_that_is_not_complete(bar, tmp_path, old, new, words):
     assert old in PLAN
     with pytest.raises(InputError) as problem:
-        load_plan(plan_of(bar, tmp_path / "plan", PLAN.replace(old, new)))
+        Plan.of(plan_of(bar, tmp_path / "plan", PLAN.replace(old, new)))
     assert words in str(problem.value)

@@ -5,7 +5,7 @@ import pytest
 from volumes.test_volume_equations import scans, solid
 from volumes.tomograms import FINE, Tomograms
 
-from idic.correlation import build_volume_reference, build_voxel_map
+from idic.correlation import VolumeReference, build_voxel_map
 from idic.diagnose import JUDGEMENT, thinned
 from idic.experiment_file import load_experiment
 from idic.fe import Block
@@ -21,7 +21,7 @@ def test_sums_of_a_residual_are_those_of_its_scan():
     f, g = scans()
     nodes, conn = solid("hex8", 0.5)
     volumes = ArrayVolumes([f, g])
-    reference = build_volume_reference(build_voxel_map(nodes, [Block("hex8", conn)], f.shape), volumes, (0,))
+    reference = VolumeReference.of(build_voxel_map(nodes, [Block("hex8", conn)], f.shape), volumes, (0,))
     u = np.tile([0.4, -0.3, 0.7], (len(nodes), 1))
     expected = reference.equations(volumes, 1, u, "frame")
     r, valid, _ = reference.voxel_residuals(volumes, 1, u)
@@ -40,7 +40,7 @@ def test_what_scans_have_in_common_is_that_of_their_voxels(monkeypatch):
     f, g = scans()
     nodes, conn = solid("hex8", 0.5)
     volumes, kappa, motions = ArrayVolumes([f, g, f + 0.3 * (g - f)]), np.array([1.2, 1.5]), []
-    reference = build_volume_reference(build_voxel_map(nodes, [Block("hex8", conn)], f.shape), volumes, (0,))
+    reference = VolumeReference.of(build_voxel_map(nodes, [Block("hex8", conn)], f.shape), volumes, (0,))
     total, squares, is_shown = 0.0, 0.0, True
     for frame, k in zip((1, 2), kappa, strict=True):
         u = np.tile([0.4, -0.3, 16.0 * frame], (len(nodes), 1))  # voxels leave the scan

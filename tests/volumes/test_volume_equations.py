@@ -5,7 +5,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from volumes.voxel_equations import voxel_equations
 
-from idic.correlation import build_volume_reference, build_voxel_map
+from idic.correlation import VolumeReference, build_voxel_map
 from idic.errors import InputError
 from idic.fe import Block, Mesh, raise_order
 from idic.images import ArrayVolumes
@@ -52,7 +52,7 @@ def test_the_sums_are_those_of_the_voxels(cell, bend, degree):
     u = 0.02 * (nodes - 20.0) + [12.0, 0.7, 0.3] + 0.3 * rng.normal(size=nodes.shape)
     directions = rng.normal(size=(*nodes.shape, 4))
     volumes = ArrayVolumes([f, g])
-    equations = build_volume_reference(voxel_map, volumes, (0,), degree).equations(volumes, 1, u, "none")
+    equations = VolumeReference.of(voxel_map, volumes, (0,), degree).equations(volumes, 1, u, "none")
     gram = equations.gram(directions.reshape(-1, 4))
     owner = np.repeat(voxel_map.element, voxel_map.pixels_per_element)
     twin = voxel_equations(cell, nodes, conn, owner, points, f, g, u, directions, degree)
@@ -96,7 +96,7 @@ def test_light_is_found():
     f, _ = scans()
     nodes, conn = solid("hex8", 0.5)
     volumes = ArrayVolumes([f, 1.1 * f + 7.0])
-    reference = build_volume_reference(build_voxel_map(nodes, [Block("hex8", conn)], f.shape), volumes, (0,))
+    reference = VolumeReference.of(build_voxel_map(nodes, [Block("hex8", conn)], f.shape), volumes, (0,))
     equations = reference.equations(volumes, 1, np.zeros(nodes.shape))
     gain, offset = np.linalg.solve(equations.bb, equations.rb)
     mean = float(reference.layout("frame").mean[0])
@@ -113,7 +113,7 @@ def test_the_step_leads_to_a_translation():
     moved = np.real(np.fft.ifftn(np.fft.fftn(f) * phase)).astype(np.float32)
     nodes, conn = solid("hex8", 0.0)
     volumes = ArrayVolumes([f, moved])
-    reference = build_volume_reference(build_voxel_map(nodes, [Block("hex8", conn)], f.shape), volumes, (0,), 5)
+    reference = VolumeReference.of(build_voxel_map(nodes, [Block("hex8", conn)], f.shape), volumes, (0,), 5)
     modes, u = np.tile(np.eye(3), (len(nodes), 1)), np.zeros(3)
     for _ in range(6):
         gram = reference.equations(volumes, 1, np.tile(u, (len(nodes), 1)), "none").gram(modes)
@@ -125,7 +125,7 @@ def test_a_volume_without_texture_is_refused():
     nodes, conn = solid("hex8", 0.0)
     flat = ArrayVolumes([np.full((SIDE,) * 3, 7, np.uint8)] * 2)
     with pytest.raises(InputError, match="no contrast"):
-        build_volume_reference(build_voxel_map(nodes, [Block("hex8", conn)], flat.shape), flat, (0,))
+        VolumeReference.of(build_voxel_map(nodes, [Block("hex8", conn)], flat.shape), flat, (0,))
 
 
 def test_a_mesh_beside_the_volume_is_refused():

@@ -9,7 +9,7 @@ import pytest
 from prefect.client.orchestration import get_client
 from prefect.states import Pending
 
-from idic.run import start_server
+from idic.run import PrefectServer
 from idic_flows.deployed import FLOWS
 from idic_flows.settings import connected
 
@@ -20,7 +20,7 @@ COMMANDS = {"identify", "batch", "diagnose", "systematic"}
 
 @pytest.fixture
 def client():
-    with connected(start_server()), get_client(sync_client=True) as client:
+    with connected(PrefectServer.start()), get_client(sync_client=True) as client:
         yield client
 
 

@@ -20,7 +20,7 @@ import psutil
 import pytest
 
 from idic.errors import InputError
-from idic.run import PASSWORD, run_lock, start_server
+from idic.run import PASSWORD, PrefectServer, run_lock
 from idic.run.workers import prefect_server
 from idic.run import configured_url
 
@@ -49,7 +49,7 @@ def unconfigured(monkeypatch, cache, tmp_path):
         monkeypatch.delenv(name)
     for name, value in {"XDG_CACHE_HOME": cache, "LOCALAPPDATA": cache, "HOME": tmp_path}.items():
         monkeypatch.setenv(name, str(value))
-    for name in ("PREFECT_API_URL", "PREFECT_HOME", PASSWORD):  # set by start_server; monkeypatch takes them back
+    for name in ("PREFECT_API_URL", "PREFECT_HOME", PASSWORD):  # PrefectServer.start sets them; monkeypatch takes back
         monkeypatch.setenv(name, "")
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -57,7 +57,7 @@ def unconfigured(monkeypatch, cache, tmp_path):
 
 def test_a_flow_runs_against_our_server_and_its_tasks_have_names(unconfigured):
     started = time.monotonic()
-    with start_server() as server:
+    with PrefectServer.start() as server:
         assert time.monotonic() - started < 1.0  # s: it starts in the background, 0.1 s measured
         assert os.environ["PREFECT_API_URL"] == server.url and server.owned
         from example_flow import example
@@ -75,7 +75,7 @@ def test_a_flow_runs_against_our_server_and_its_tasks_have_names(unconfigured):
 def test_a_server_listens_on_the_loopback_interface_and_answers_its_own_run_only(unconfigured):
     """Neither other users of the machine, nor other web pages, nor pages whose name leads here; a second start shares
     it."""
-    with start_server() as server:
+    with PrefectServer.start() as server:
         server.wait()
         assert server.password == os.environ[PASSWORD] and len(server.password) > 20
         assert _ask(server).status == 200
@@ -85,7 +85,7 @@ def test_a_server_listens_on_the_loopback_interface_and_answers_its_own_run_only
         strange, own = (_ask(server, Origin=page).getheader("Access-Control-Allow-Origin")
                         for page in ("https://evil.example", server.dashboard))
         assert strange is None and own == server.dashboard
-        with start_server() as late:
+        with PrefectServer.start() as late:
             assert not late.owned and late.wait() == server.url and late.home == server.home
         assert server.wait() == server.url  # it still answers
         connections = psutil.Process(server._process.pid).net_connections("tcp")
@@ -96,7 +96,7 @@ def test_a_server_listens_on_the_loopback_interface_and_answers_its_own_run_only
 def test_every_server_has_a_password_of_its_own(unconfigured):
     passwords = []
     for _ in range(2):
-        with start_server() as server:
+        with PrefectServer.start() as server:
             passwords.append(server.password)
     assert len(set(passwords)) == 2
 
@@ -121,7 +121,7 @@ def test_a_configured_server_that_refuses_the_password_is_bad_input_and_no_bug(u
         monkeypatch.setenv("PREFECT_API_URL", f"http://127.0.0.1:{closed.server_port}/api")
         if password:
             monkeypatch.setenv(PASSWORD, password)
-        with start_server() as server:
+        with PrefectServer.start() as server:
             from idic_flows.settings import connected
             from prefect.client.orchestration import get_client
 
@@ -133,9 +133,9 @@ def test_a_configured_server_that_refuses_the_password_is_bad_input_and_no_bug(u
 
 def test_an_error_inside_a_flow_is_said_once_and_by_us(shared_server):
     code = """
-        from idic.run.workers.prefect_server import start_server
+        from idic.run.workers.prefect_server import PrefectServer
         from idic.errors import InputError
-        with start_server() as server:
+        with PrefectServer.start() as server:
             from idic_flows.settings import connected
             with connected(server):
                 from prefect import flow, task
@@ -156,7 +156,7 @@ def test_an_error_inside_a_flow_is_said_once_and_by_us(shared_server):
 
 def test_while_another_run_creates_the_shared_database_ours_has_its_own(unconfigured):
     home = prefect_server._default_home()
-    with run_lock(home), start_server() as server:
+    with run_lock(home), PrefectServer.start() as server:
         assert server.home != home
         temporary = server.home
     assert not temporary.exists()
@@ -167,7 +167,7 @@ def test_a_damaged_database_costs_a_second_attempt_not_the_run(unconfigured, mon
     monkeypatch.setenv("PREFECT_HOME", str(tmp_path / "home"))
     (tmp_path / "home").mkdir()
     (tmp_path / "home" / "prefect.db").write_bytes(b"no database " * 100)
-    with start_server() as server:
+    with PrefectServer.start() as server:
         server.wait()
         temporary = server.home
         assert temporary != tmp_path / "home"
@@ -175,7 +175,7 @@ def test_a_damaged_database_costs_a_second_attempt_not_the_run(unconfigured, mon
 
 
 def test_a_server_that_does_not_answer_is_said(unconfigured):
-    server = start_server()
+    server = PrefectServer.start()
     with pytest.raises(InputError, match="did not start") as problem:
         server.wait(seconds=0.0)
     assert "PREFECT_API_URL" in problem.value.remedy
@@ -185,8 +185,8 @@ def test_a_server_that_does_not_answer_is_said(unconfigured):
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGKILL")
 def test_the_server_ends_when_its_driver_is_killed(unconfigured):
     code = """
-        from idic.run.workers.prefect_server import start_server
-        server = start_server()
+        from idic.run.workers.prefect_server import PrefectServer
+        server = PrefectServer.start()
         server.wait()
         print(server._process.pid, flush=True)
         import time; time.sleep(60)
@@ -204,7 +204,7 @@ def test_the_server_ends_when_its_driver_is_killed(unconfigured):
 
 @pytest.mark.slow  # two starts of a server
 def test_a_server_that_dies_gets_a_successor_at_its_address(unconfigured):
-    with start_server() as server:
+    with PrefectServer.start() as server:
         url, first = server.wait(), server._process
         os.kill(first.pid, signal.SIGKILL)
         first.wait()
@@ -220,7 +220,7 @@ def test_a_server_that_dies_gets_a_successor_at_its_address(unconfigured):
 # a server that the user chose ---------------------------------------------------------------------
 def test_a_server_in_the_environment_is_used_and_left_running(unconfigured, monkeypatch):
     monkeypatch.setenv("PREFECT_API_URL", "https://prefect.lab.example/api")
-    with start_server() as server:
+    with PrefectServer.start() as server:
         assert not server.owned and server.wait() == "https://prefect.lab.example/api"
         assert server.dashboard == "https://prefect.lab.example"
     assert os.environ["PREFECT_API_URL"] == "https://prefect.lab.example/api"
@@ -229,7 +229,7 @@ def test_a_server_in_the_environment_is_used_and_left_running(unconfigured, monk
 def test_a_configured_server_that_is_dead_is_said(unconfigured, monkeypatch):
     monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:1/api")
     monkeypatch.setattr(prefect_server, "_CONFIGURED_SECONDS", 0.1)
-    with start_server() as server, pytest.raises(InputError, match="does not answer"):
+    with PrefectServer.start() as server, pytest.raises(InputError, match="does not answer"):
         server.wait()
 
 

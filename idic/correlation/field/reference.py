@@ -198,26 +198,26 @@ class FieldReference(NodalBasis):
         """The derivative by a motion along columns and rows  # (n_pixels,) each"""
         return {"motion": (self.fx, self.fy)}
 
+    @classmethod
+    def of(cls, experiment: Experiment, camera: Camera) -> FieldReference:
+        """The points of an experiment's field on its mesh.
 
-def build_field_reference(experiment: Experiment, camera: Camera) -> FieldReference:
-    """The points of an experiment's field on its mesh.
-
-    Raises
-    ------
-    InputError
-        If no point lies on the mesh.
-    """
-    model, recording = experiment.model, experiment.recording
-    points = recording.points
-    assert points is not None
-    cells = model.mesh.surface_cells(model.surface)
-    point_map = build_point_map(model.mesh.nodes, cells, camera, points.positions_px, points.shape,
-                                recording.mask, points.n_components)
-    averaged = None
-    if points.subset_px > 0.0:
-        averaged = _over_subsets(model, camera, point_map, points.subset_px)
-    return FieldReference(point_map, points.um_per_px, recording.n_references, averaged, points.free_rigid,
-                          points.depth)
+        Raises
+        ------
+        InputError
+            If no point lies on the mesh.
+        """
+        model, recording = experiment.model, experiment.recording
+        points = recording.points
+        assert points is not None
+        cells = model.mesh.surface_cells(model.surface)
+        point_map = build_point_map(model.mesh.nodes, cells, camera, points.positions_px, points.shape,
+                                    recording.mask, points.n_components)
+        averaged = None
+        if points.subset_px > 0.0:
+            averaged = _over_subsets(model, camera, point_map, points.subset_px)
+        return cls(point_map, points.um_per_px, recording.n_references, averaged, points.free_rigid,
+                   points.depth)
 
 
 def _over_subsets(model: Model, camera: Camera, point_map: PointMap, width: float) -> sparse.csr_array:

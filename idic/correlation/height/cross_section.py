@@ -66,14 +66,14 @@ class SectionReference:
 
     def compare(self, experiment: Experiment, frame: int, motion: np.ndarray) -> NodalEquations:
         """Nodal equations of one frame under a nodal motion (n_nodes, 3)."""
-        return section_equations(self, experiment.recording.stack.frame(frame), motion, experiment.options.brightness)
+        return self.equations(experiment.recording.stack.frame(frame), motion, experiment.options.brightness)
 
     def compare_pixels(self, experiment: Experiment, frame: int, motion: np.ndarray,
                        coefficients: np.ndarray) -> ResidualMap:
         """Residual of every pixel; coefficients : (nb,) levelling."""
-        return section_residual_map(self, experiment.recording.stack.frame(frame), motion,
-                                    experiment.options.brightness,
-                                    coefficients)
+        return self.residual_map(experiment.recording.stack.frame(frame), motion,
+                                 experiment.options.brightness,
+                                 coefficients)
 
     def shows_nothing(self, equations: NodalEquations) -> bool:
         """No: heights have no brightness."""
@@ -138,6 +138,55 @@ class SectionReference:
         cross = a.T @ (s.fx[:, None] * c) + a.T @ (s.yfx[:, None] * d) + c.T @ (s.y[:, None] * d)
         return squares + cross + cross.T
 
+    def equations(self, image: np.ndarray, motion: np.ndarray,
+                  levelling: str = "none") -> NodalEquations:
+        """Compare one height image with the reference under a nodal motion.
+
+        Parameters
+        ----------
+        image : array (ny, nx)
+            The frame as recorded; heights that are not finite are left out, with their surroundings along the row.
+        motion : array (n_nodes, 3)
+            Column and row displacement (px) and height of the nodes.
+        levelling : "none" | "frame" | "tilt"
+            Unknown heights of the whole frame; their columns take the place of brightness.
+        """
+        pm = self.pixel_map
+        moved = section_motion(pm, motion)
+        frame = _Frame.of(self, image, moved)
+        sums = np.empty((pm.n_columns, N_SUMS))
+        section_sums(frame.image, np.float32(frame.level), poles(self.degree), frame.first, frame.weights, frame.shift,
+                     self.f, self.fx, frame.w, self.y, sums)
+        visible = frame.first >= 0
+        sides = self.sums if frame.valid is pm.valid else _frame_sums(self, frame.valid)
+        total = sides.seen(visible)
+        q, matrix = nodal_sums(pm, moved, sums, total)
+        hb, bb, rb = levelling_blocks(pm, self.x, moved, sums, total, levelling)
+        n_valid = int(total.count.sum())
+        lost, lost_pixels = _lost(pm, frame.valid, visible)
+        return NodalEquations(q, matrix, hb, bb, rb, float(sums[:, 2].sum()), n_valid, pm.n_pixels - n_valid, lost,
+                          lost_pixels, np.bincount(pm.edge, sums[:, 2], pm.n_elements),
+                          float((total.count / moved.stretch).sum() / max(n_valid, 1)), motion=moved)
+
+    def residual_map(self, image: np.ndarray, motion: np.ndarray, levelling: str = "none",
+                     coefficients: np.ndarray | None = None) -> ResidualMap:
+        """Residual pixel by pixel, the levelling `coefficients` (nb,) removed; arguments as of `equations`."""
+        pm = self.pixel_map
+        frame = _Frame.of(self, image, section_motion(pm, motion))
+        r = np.empty_like(self.f)
+        section_residuals(frame.image, np.float32(frame.level), poles(self.degree), frame.first, frame.weights,
+                          frame.shift, self.f, frame.w, r)
+        r = from_blocks(r, pm.shape[0])
+        valid = frame.valid & (frame.first >= 0)
+        if coefficients is not None and len(coefficients):
+            y = from_blocks(self.y[:, None], pm.shape[0])[:, 0]
+            levels = [np.ones((1, pm.n_columns)), self.x[None, :], y[:, None]]
+            r = r + sum(c * level for c, level in zip(coefficients, levels[:LEVELLING[levelling]], strict=True))
+        across = float(np.sum(np.square(lowpass_weights(self.lowpass_px))))
+        gain = across * noise_gain(frame.fraction, degree=self.degree, lowpass_px=self.lowpass_px)
+        return ResidualMap(np.where(valid, r, 0.0)[pm.valid].astype(np.float32), valid[pm.valid],
+                           np.broadcast_to(gain, pm.valid.shape)[pm.valid], still_gain(self.lowpass_px))
+
 
 def build_section_reference(section_map: SectionMap, image: np.ndarray, degree: int = 5,
                             lowpass_px: float = 0.0) -> SectionReference:
@@ -169,37 +218,6 @@ def build_section_reference(section_map: SectionMap, image: np.ndarray, degree: 
         column_sums(fx, valid, y), level, degree, lowpass_px)
 
 
-def section_equations(reference: SectionReference, image: np.ndarray, motion: np.ndarray,
-                  levelling: str = "none") -> NodalEquations:
-    """Compare one height image with the reference under a nodal motion.
-
-    Parameters
-    ----------
-    image : array (ny, nx)
-        The frame as recorded; heights that are not finite are left out, with their surroundings along the row.
-    motion : array (n_nodes, 3)
-        Column and row displacement (px) and height of the nodes.
-    levelling : "none" | "frame" | "tilt"
-        Unknown heights of the whole frame; their columns take the place of brightness.
-    """
-    pm = reference.pixel_map
-    moved = section_motion(pm, motion)
-    frame = _Frame.of(reference, image, moved)
-    sums = np.empty((pm.n_columns, N_SUMS))
-    section_sums(frame.image, np.float32(frame.level), poles(reference.degree), frame.first, frame.weights, frame.shift,
-                 reference.f, reference.fx, frame.w, reference.y, sums)
-    visible = frame.first >= 0
-    sides = reference.sums if frame.valid is pm.valid else _frame_sums(reference, frame.valid)
-    total = sides.seen(visible)
-    q, matrix = nodal_sums(pm, moved, sums, total)
-    hb, bb, rb = levelling_blocks(pm, reference.x, moved, sums, total, levelling)
-    n_valid = int(total.count.sum())
-    lost, lost_pixels = _lost(pm, frame.valid, visible)
-    return NodalEquations(q, matrix, hb, bb, rb, float(sums[:, 2].sum()), n_valid, pm.n_pixels - n_valid, lost,
-                      lost_pixels, np.bincount(pm.edge, sums[:, 2], pm.n_elements),
-                      float((total.count / moved.stretch).sum() / max(n_valid, 1)), motion=moved)
-
-
 def _lost(pm: SectionMap, valid: np.ndarray, visible: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Lost pixels per edge (n_elements,), and which they are (n_lost,)."""
     if valid is pm.valid and visible.all():
@@ -212,26 +230,6 @@ def _lost(pm: SectionMap, valid: np.ndarray, visible: np.ndarray) -> tuple[np.nd
         lost = pm.valid & ~(valid & visible)
     per_edge = np.bincount(pm.edge[columns], lost.sum(axis=0), pm.n_elements)
     return per_edge.astype(np.int64), pm.numbers[:, columns][lost]
-
-
-def section_residual_map(reference: SectionReference, image: np.ndarray, motion: np.ndarray, levelling: str = "none",
-                   coefficients: np.ndarray | None = None) -> ResidualMap:
-    """Residual pixel by pixel, the levelling `coefficients` (nb,) removed; arguments as in `section_equations`."""
-    pm = reference.pixel_map
-    frame = _Frame.of(reference, image, section_motion(pm, motion))
-    r = np.empty_like(reference.f)
-    section_residuals(frame.image, np.float32(frame.level), poles(reference.degree), frame.first, frame.weights,
-                      frame.shift, reference.f, frame.w, r)
-    r = from_blocks(r, pm.shape[0])
-    valid = frame.valid & (frame.first >= 0)
-    if coefficients is not None and len(coefficients):
-        y = from_blocks(reference.y[:, None], pm.shape[0])[:, 0]
-        levels = [np.ones((1, pm.n_columns)), reference.x[None, :], y[:, None]]
-        r = r + sum(c * level for c, level in zip(coefficients, levels[:LEVELLING[levelling]], strict=True))
-    across = float(np.sum(np.square(lowpass_weights(reference.lowpass_px))))
-    gain = across * noise_gain(frame.fraction, degree=reference.degree, lowpass_px=reference.lowpass_px)
-    return ResidualMap(np.where(valid, r, 0.0)[pm.valid].astype(np.float32), valid[pm.valid],
-                       np.broadcast_to(gain, pm.valid.shape)[pm.valid], still_gain(reference.lowpass_px))
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,7 @@ from idic.correlation.height.surface_blocks import convection, height_blocks, sc
 from idic.correlation.height.surface_pass import N_HEIGHT_SUMS, height_pass, height_residuals
 from idic.correlation.pixels.blocks import Pattern, sparsity
 from idic.correlation.pixels.cells import N_NODES, TRANSFORMS
-from idic.correlation.pixels.pixel_map import PixelMap, at_nodes, element_coefficients, inverse_gradients
+from idic.correlation.pixels.pixel_map import PixelMap, at_nodes, inverse_gradients
 from idic.errors import InputError
 from idic.images import lowpass, noise_gain, still_gain
 from idic.model import Experiment
@@ -222,4 +222,4 @@ def _coefficients(reference: HeightReference, frame: HeightFrame, motion: np.nda
         raise ValueError(f"a nodal motion must be ({reference.pixel_map.n_nodes}, 3), got {np.shape(motion)}")
     if not np.isfinite(motion).all():
         raise ValueError("the nodal motion is not finite")
-    return element_coefficients(reference.pixel_map, motion)
+    return reference.pixel_map.element_coefficients(motion)

@@ -8,6 +8,7 @@ import numpy as np
 
 from idic.correlation.image_equations.comparison import Reference
 from idic.correlation.image_equations.equations import Weights
+from idic.fe import FrameState
 from idic.images import AnyCamera
 from idic.model import Experiment
 from idic.parameters import ParameterSet
@@ -28,6 +29,12 @@ class FrameResponse:
     dchannels: np.ndarray
     local_du: np.ndarray
     local_dchannels: np.ndarray
+
+    @classmethod
+    def of(cls, state: FrameState, reference: int) -> FrameResponse:
+        """What the correlation needs of a simulated frame; reference : number of the first simulated frame."""
+        return cls(state.frame + reference, state.seen_u.copy(), state.channels.copy(), state.seen_du.copy(),
+                   state.dchannels.copy(), state.seen_local_du.copy(), state.local_dchannels.copy())
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,11 @@ class Weights:
         """The weights with further camera `number` (from 0) in the place of the main one."""
         return replace(self, image=self.cameras[number], image_noise=self.camera_noise[number])
 
+    def as_generalised(self) -> Weights:
+        """The weights of generalised least squares: every image by its own noise alone."""
+        return replace(self, image=self.image_noise**-2, cameras=tuple(n**-2 for n in self.camera_noise),
+                       generalised=True)
+
 
 @dataclass(frozen=True)
 class ChannelEquations:

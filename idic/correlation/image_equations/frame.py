@@ -27,6 +27,14 @@ from idic.images import Spline
 
 
 @dataclass(frozen=True, eq=False)
+class BrightnessFit:
+    """Least-squares brightness ``g(x + u) = f + coefficients[2p] f_centred + coefficients[2p+1]``; rr: r^2 left."""
+
+    coefficients: np.ndarray  # (nb,)
+    rr: float
+
+
+@dataclass(frozen=True, eq=False)
 class NodalEquations:
     """The normal equations of one frame for a free nodal displacement and brightness; dof = 2 node + component.
 
@@ -93,6 +101,13 @@ class NodalEquations:
         matrix[m:, :m] = matrix[:m, m:].T
         matrix[m:, m:] = self.bb
         return FrameGram(matrix, np.concatenate([columns.T @ self.q, self.rb]), m, h_columns)
+
+    def brightness_fit(self) -> BrightnessFit:
+        """Gain and offset of a frame where nothing else is unknown; a patch without a pixel keeps 0."""
+        if self.n_brightness == 0:
+            return BrightnessFit(np.zeros(0), self.rr)
+        coefficients = np.linalg.pinv(self.bb, hermitian=True) @ self.rb
+        return BrightnessFit(coefficients, float(self.rr - coefficients @ self.rb))
 
 
 @dataclass(frozen=True, eq=False)

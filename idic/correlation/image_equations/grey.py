@@ -20,7 +20,7 @@ from scipy import sparse
 
 from idic.correlation.image_equations.comparison import NodalBasis
 from idic.correlation.image_equations.frame import NodalEquations, nodal_equations
-from idic.correlation.image_equations.reference import ReferenceImage, build_reference
+from idic.correlation.image_equations.reference import ReferenceImage
 from idic.correlation.image_equations.residual import PixelResidual, ResidualMap, pixel_residual, residual_map
 from idic.correlation.pixels.pixel_map import PixelMap
 from idic.images import DEGREES, Spline, blur_column, lowpass_weights, prefilter
@@ -86,8 +86,9 @@ def grey_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarray
                    experiment: Experiment) -> GreyReference:
     """The reference image of these images (ny, nx), with interpolation, low-pass and noise of the experiment."""
     options = experiment.options
-    reference = build_reference(pixel_map, images, DEGREES[options.interpolation], options.patch_px, options.lowpass_px,
-                                options.border_px, experiment.recording.noise.std_gv, options.camera_blur_px)
+    reference = ReferenceImage.of(pixel_map, images, DEGREES[options.interpolation], options.patch_px,
+                                  options.lowpass_px, options.border_px, experiment.recording.noise.std_gv,
+                                  options.camera_blur_px)
     return GreyReference(**vars(reference))
 
 

@@ -12,9 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from idic.correlation.image_equations.reference import ReferenceImage
-from idic.correlation.pixels.pixel_map import (
-    PixelMap, at_nodes, element_coefficients, element_gradients, inverse_gradients,
-)
+from idic.correlation.pixels.pixel_map import PixelMap, at_nodes, inverse_gradients
 from idic.images import Spline
 
 
@@ -44,7 +42,7 @@ class ImageMotion:
     @cached_property
     def gradient(self) -> np.ndarray:
         """F of every element  # (n_elements, 2, 2)"""
-        return element_gradients(self.pixel_map, self.u)
+        return self.pixel_map.element_gradients(self.u)
 
     @cached_property
     def pull_back(self) -> np.ndarray:
@@ -69,4 +67,4 @@ def _nodal_motion(reference: ReferenceImage, spline: Spline, u_px: np.ndarray) -
         raise ValueError(f"a nodal displacement must be ({pm.n_nodes}, 2), got {np.shape(u_px)}")
     if not np.isfinite(u_px).all():
         raise ValueError("the nodal displacement is not finite")
-    return element_coefficients(pm, u_px)
+    return pm.element_coefficients(u_px)

@@ -11,7 +11,7 @@ import numpy as np
 from idic.correlation.pixels.blocks import (
     ElementBlocks, Pattern, block_pattern, element_blocks, element_nodes, sparsity,
 )
-from idic.correlation.pixels.pixel_map import PixelMap, element_curvature
+from idic.correlation.pixels.pixel_map import PixelMap
 from idic.errors import InputError
 from idic.images import (
     PIXEL_BLUR_PX, blur_column, derivative_maps, fineness_of, gradient_noise_share, lowpass, matching_weights,
@@ -121,7 +121,7 @@ class ReferenceImage:
         if self.image_gv is None:
             return motion
         pattern_motion = motion.copy()
-        pattern_motion[:, :, 0] += mean_shift(element_curvature(self.pixel_map, motion, inverse), self.fineness,
+        pattern_motion[:, :, 0] += mean_shift(self.pixel_map.element_curvature(motion, inverse), self.fineness,
                                               self.lowpass_px, self.camera_blur_px)
         return pattern_motion
 
@@ -148,58 +148,60 @@ class ReferenceImage:
         """Standard deviation of f in the ROI."""
         return float(np.std(self.f, dtype=np.float64))
 
+    @classmethod
+    def of(cls, pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarray], degree: int = 3,
+           patch_px: float = 100.0, lowpass_px: float = 0.0, border_px: int = 0,
+           noise_std: float | None = None, camera_blur_px: float = PIXEL_BLUR_PX) -> ReferenceImage:
+        """Attach the reference image to the pixel map.
 
-def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarray], degree: int = 3,
-                    patch_px: float = 100.0, lowpass_px: float = 0.0, border_px: int = 0,
-                    noise_std: float | None = None, camera_blur_px: float = PIXEL_BLUR_PX) -> ReferenceImage:
-    """Attach the reference image to the pixel map.
+        Parameters
+        ----------
+        images : array (ny, nx) or sequence of such
+            One reference image, or several of the unmoved specimen: their mean is the reference.
+        degree : {3, 5}
+            Spline degree of the gradient (and the one to use for the frames).
+        patch_px : float
+            Size of a brightness patch; below 90 px it costs information.
+        lowpass_px : float
+            Standard deviation of a Gaussian against aliasing (`idic.images.gaussian_lowpass`); 0: none.
+        border_px : int
+            Along the borders of the image, left out of every frame; to be left out of the pixel map as well.
+        noise_std : float, optional
+            Of one image (GV). Where it is much of the gradient, the gradient is taken without it.
+        camera_blur_px : float
+            Standard deviation of the camera's own blur (px): the area of a pixel, and of the lens what is known.
 
-    Parameters
-    ----------
-    images : array (ny, nx) or sequence of such
-        One reference image, or several of the unmoved specimen: their mean is the reference.
-    degree : {3, 5}
-        Spline degree of the gradient (and the one to use for the frames).
-    patch_px : float
-        Size of a brightness patch; below 90 px it costs information.
-    lowpass_px : float
-        Standard deviation of a Gaussian against aliasing (`idic.images.gaussian_lowpass`); 0: none.
-    border_px : int
-        Along the borders of the image, left out of every frame; to be left out of the pixel map as well.
-    noise_std : float, optional
-        Of one image (GV). Where it is much of the gradient, the gradient is taken without it.
-    camera_blur_px : float
-        Standard deviation of the camera's own blur (px): the area of a pixel, and of the lens what is known.
+        Raises
+        ------
+        InputError
+            Where the images have another size than the pixel map, or show no contrast in the ROI.
+        """
+        images = [images] if isinstance(images, np.ndarray) and images.ndim == 2 else list(images)
+        for image in images:
+            if np.shape(image) != pixel_map.shape:
+                raise InputError("the reference image differs in size from the images the mesh was placed on",
+                                 expected=str(pixel_map.shape), found=str(np.shape(image)),
+                                 remedy="take the reference from the same recording as the other images")
+        image = lowpass(np.mean([np.asarray(image, dtype=np.float64) for image in images], axis=0), lowpass_px)
+        at_pixels = image[pixel_map.iy, pixel_map.ix]
+        level = float(at_pixels.mean())
+        if np.ptp(at_pixels) == 0:
+            raise InputError("the reference image shows no contrast on the mesh", expected="a speckle pattern",
+                             found=f"grey value {level:g} everywhere",
+                             remedy="check the order of the images and the camera table")
+        fx, fy, share = _gradient(pixel_map, image - level, degree, lowpass_px,
+                                  (noise_std or 0.0) / np.sqrt(len(images)))
+        blocks = element_blocks(pixel_map, (at_pixels - level).astype(np.float32), fx, fy)
+        layouts = (
+            _layout("none", np.zeros(pixel_map.n_elements, dtype=np.int64), pixel_map, blocks, level),
+            _layout("frame", np.zeros(pixel_map.n_elements, dtype=np.int64), pixel_map, blocks, level),
+            _layout("patch", group_elements(pixel_map, patch_px), pixel_map, blocks, level),
+        )
+        return cls(pixel_map, at_pixels.astype(np.float32), fx, fy, level, degree, len(images), blocks,
+                   sparsity(pixel_map), layouts, lowpass_px,
+                   blur_column(image)[pixel_map.iy, pixel_map.ix].astype(np.float32), border_px, share,
+                   camera_blur_px, (image - level).astype(np.float32) if lowpass_px > 0 else None)
 
-    Raises
-    ------
-    InputError
-        Where the images have another size than the pixel map, or show no contrast in the ROI.
-    """
-    images = [images] if isinstance(images, np.ndarray) and images.ndim == 2 else list(images)
-    for image in images:
-        if np.shape(image) != pixel_map.shape:
-            raise InputError("the reference image differs in size from the images the mesh was placed on",
-                             expected=str(pixel_map.shape), found=str(np.shape(image)),
-                             remedy="take the reference from the same recording as the other images")
-    image = lowpass(np.mean([np.asarray(image, dtype=np.float64) for image in images], axis=0), lowpass_px)
-    at_pixels = image[pixel_map.iy, pixel_map.ix]
-    level = float(at_pixels.mean())
-    if np.ptp(at_pixels) == 0:
-        raise InputError("the reference image shows no contrast on the mesh", expected="a speckle pattern",
-                         found=f"grey value {level:g} everywhere",
-                         remedy="check the order of the images and the camera table")
-    fx, fy, share = _gradient(pixel_map, image - level, degree, lowpass_px, (noise_std or 0.0) / np.sqrt(len(images)))
-    blocks = element_blocks(pixel_map, (at_pixels - level).astype(np.float32), fx, fy)
-    layouts = (
-        _layout("none", np.zeros(pixel_map.n_elements, dtype=np.int64), pixel_map, blocks, level),
-        _layout("frame", np.zeros(pixel_map.n_elements, dtype=np.int64), pixel_map, blocks, level),
-        _layout("patch", group_elements(pixel_map, patch_px), pixel_map, blocks, level),
-    )
-    return ReferenceImage(pixel_map, at_pixels.astype(np.float32), fx, fy, level, degree, len(images), blocks,
-                          sparsity(pixel_map), layouts, lowpass_px,
-                          blur_column(image)[pixel_map.iy, pixel_map.ix].astype(np.float32), border_px, share,
-                          camera_blur_px, (image - level).astype(np.float32) if lowpass_px > 0 else None)
 
 
 def _gradient(pixel_map: PixelMap, image: np.ndarray, degree: int, lowpass_px: float,

@@ -9,19 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.correlation.image_equations.frame import NodalEquations
 from idic.correlation.image_equations.image_kernel import residual_pass
 from idic.correlation.image_equations.image_motion import ImageMotion, image_motion
 from idic.correlation.image_equations.reference import ReferenceImage
 from idic.images import Spline, matched_gain, noise_gain, still_gain
-
-
-@dataclass(frozen=True, eq=False)
-class BrightnessFit:
-    """Least-squares brightness ``g(x + u) = f + coefficients[2p] f_centred + coefficients[2p+1]``; rr: r^2 left."""
-
-    coefficients: np.ndarray  # (nb,)
-    rr: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,14 +49,6 @@ class ResidualMap:
         return float(np.mean(self.r[self.valid].astype(float)**2 / variance[self.valid]) / noise_std**2)
 
 
-def solve_brightness(equations: NodalEquations) -> BrightnessFit:
-    """Gain and offset of a frame where nothing else is unknown; a patch without a pixel keeps 0."""
-    if equations.n_brightness == 0:
-        return BrightnessFit(np.zeros(0), equations.rr)
-    coefficients = np.linalg.pinv(equations.bb, hermitian=True) @ equations.rb
-    return BrightnessFit(coefficients, float(equations.rr - coefficients @ equations.rb))
-
-
 @dataclass(frozen=True, eq=False)
 class PixelResidual:
     """Residual of every pixel of the map, brightness in it.
@@ -95,7 +78,7 @@ def pixel_residual(reference: ReferenceImage, spline: Spline, motion: ImageMotio
 
 def residual_map(reference: ReferenceImage, spline: Spline, u_px: np.ndarray | ImageMotion, brightness: str = "none",
                  coefficients: np.ndarray | None = None, exclude: np.ndarray | None = None) -> ResidualMap:
-    """Residual pixel by pixel; brightness `coefficients` (nb,), as `solve_brightness` finds them, are removed.
+    """Residual pixel by pixel; brightness `coefficients` (nb,) of `NodalEquations.brightness_fit` are removed.
 
     u_px : as for `nodal_equations`, or the `motion` of the equations of this frame
     """

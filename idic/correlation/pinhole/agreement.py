@@ -6,7 +6,6 @@ of these grey values is near 1 where calibration, alignment and pairing of image
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -87,8 +86,3 @@ def seen_as_well(places: np.ndarray, camera: PlacedCamera, pixel_map: PixelMap, 
 
 def _ray_map(mesh: Mesh, view: Seen, mask: np.ndarray) -> PixelMap:
     return build_ray_map(mesh, mesh.surface_cells(view.surface), view.camera, view.image.shape, mask, view.surface)
-
-
-def agreements(mesh: Mesh, cameras: Sequence[Seen]) -> list[Agreement]:
-    """Of the first camera with every other one."""
-    return [speckle_agreement(mesh, cameras[0], camera) for camera in cameras[1:]]

@@ -136,28 +136,85 @@ class PixelMap:
 
     def deformation_gradient(self, u_px: np.ndarray) -> np.ndarray:
         """F = d(x + u)/dx in pixel coordinates, one per element  # (n_nodes, 2) px -> (n_elements, 2, 2)"""
-        return element_gradients(self, element_coefficients(self, u_px))
+        return self.element_gradients(self.element_coefficients(u_px))
 
     @cached_property
     def geometry(self) -> np.ndarray:
         """Monomial coefficients of the places of the nodes  # (n_elements, 2, 8) px"""
-        return element_coefficients(self, self.nodes_px)
+        return self.element_coefficients(self.nodes_px)
 
+    @classmethod
+    def of(cls, nodes: np.ndarray, cells: Sequence[Block], camera: Camera, image_shape: tuple[int, int],
+           mask: np.ndarray | None = None) -> PixelMap:
+        """Find the element and the place in it of every pixel.
 
-def element_coefficients(pixel_map: PixelMap, nodal: np.ndarray) -> np.ndarray:
-    """Monomial coefficients of a nodal field per element  # (n_nodes, n_comp) -> (n_elements, n_comp, 8)"""
-    nodal = np.ascontiguousarray(nodal, dtype=np.float64)
-    if nodal.ndim != 2 or len(nodal) != pixel_map.n_nodes:
-        raise ValueError(f"a nodal field must be ({pixel_map.n_nodes}, n), got {nodal.shape}")
-    out = np.empty((pixel_map.n_elements, nodal.shape[1], N_MONOMIALS))
-    to_monomials(nodal, pixel_map.conn, pixel_map.kind, TRANSFORMS, N_NODES, out)
-    return out
+        Elements are isoparametric in the image: their nodes are projected by the camera, their edges are those of the
+        cell. A mesh may reach beyond the image.
 
+        Parameters
+        ----------
+        nodes : array (n_nodes, 2|3), mm
+        cells : blocks of tri3, quad4, tri6, quad8 (for solids the visible faces)
+        camera : Camera
+        image_shape : (ny, nx)
+        mask : array (ny, nx), bool, optional
+            True = correlate.
 
-def element_gradients(pixel_map: PixelMap, coefficients: np.ndarray) -> np.ndarray:
-    """F of a motion given by its coefficients, one per element  # (n_elements, 2, 8) px -> (n_elements, 2, 2)"""
-    slopes = monomial_slopes(pixel_map.centre[:, 0], pixel_map.centre[:, 1])
-    return np.eye(2) + np.einsum("eck,ekd,edj->ecj", coefficients, slopes, pixel_map.inverse_jacobian, optimize=True)
+        Raises
+        ------
+        InputError
+            Where the mask has another size, a cell is not a surface cell, or no pixel is left.
+        """
+        ny, nx = (int(n) for n in image_shape)
+        unmasked = mask is None
+        mask = checked_mask(mask, (ny, nx))
+        nodes_px = camera.project(nodes)
+        element, conn, kind = flat_elements(cells)
+        boxes = element_boxes(nodes_px, conn, kind, ny, nx)
+        inside = (boxes[:, 0] <= boxes[:, 1]) & (boxes[:, 2] <= boxes[:, 3])
+        element, conn, kind, boxes = element[inside], conn[inside], kind[inside], boxes[inside]
+        geometry = np.empty((len(element), 2, N_MONOMIALS))
+        to_monomials(nodes_px, conn, kind, TRANSFORMS, N_NODES, geometry)
+        if len(element):
+            column0, row0 = int(boxes[:, 0].min()), int(boxes[:, 2].min())
+            window = mask[row0 : boxes[:, 3].max() + 1, column0 : boxes[:, 1].max() + 1]
+            owner, a, b = find_owners(geometry, kind % 2 == 0, boxes, window, column0, row0, EDGE_TOLERANCE)
+            visible, start, iy, ix = sort_by_owner(owner, len(element))
+        if not len(element) or not len(ix):
+            raise nothing_visible(nodes_px, (ny, nx), mask)
+        a, b = a[iy, ix], b[iy, ix]
+        counts = np.diff(start)
+        centre = np.column_stack([np.add.reduceat(a, start[:-1]), np.add.reduceat(b, start[:-1])]) / counts[:, None]
+        jacobian = np.einsum("eck,ekd->ecd", geometry[visible], monomial_slopes(centre[:, 0], centre[:, 1]))
+        return cls(
+       (ny, nx), nodes_px, element[visible], conn[visible], kind[visible], start,
+       (ix + column0).astype(np.int32), (iy + row0).astype(np.int32), a.astype(np.float32), b.astype(np.float32),
+       centre, np.linalg.inv(jacobian), n_unowned=0 if unmasked else int(mask.sum()) - len(ix),
+    )
+
+    def element_coefficients(self, nodal: np.ndarray) -> np.ndarray:
+        """Monomial coefficients of a nodal field per element  # (n_nodes, n_comp) -> (n_elements, n_comp, 8)"""
+        nodal = np.ascontiguousarray(nodal, dtype=np.float64)
+        if nodal.ndim != 2 or len(nodal) != self.n_nodes:
+            raise ValueError(f"a nodal field must be ({self.n_nodes}, n), got {nodal.shape}")
+        out = np.empty((self.n_elements, nodal.shape[1], N_MONOMIALS))
+        to_monomials(nodal, self.conn, self.kind, TRANSFORMS, N_NODES, out)
+        return out
+
+    def element_gradients(self, coefficients: np.ndarray) -> np.ndarray:
+        """F of a motion given by its coefficients, one per element  # (n_elements, 2, 8) px -> (n_elements, 2, 2)"""
+        slopes = monomial_slopes(self.centre[:, 0], self.centre[:, 1])
+        return np.eye(2) + np.einsum("eck,ekd,edj->ecj", coefficients, slopes, self.inverse_jacobian, optimize=True)
+
+    def element_curvature(self, coefficients: np.ndarray, inverse: np.ndarray) -> np.ndarray:
+        """Second derivatives of a motion along the axes of the frame, one per element; 0 where an element is flattened
+
+        coefficients : (n_elements, 2, 8) px, inverse : (n_elements, 2, 2) F^-1 -> (n_elements, 2, 2, 2) px/px², by
+        component and both directions
+        """
+        curvature = np.empty((self.n_elements, 2, 2, 2))
+        _curvatures(coefficients, self.geometry, self.centre, self.inverse_jacobian, inverse, curvature)
+        return curvature
 
 
 def inverse_gradients(pixel_map: PixelMap, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -170,72 +227,12 @@ def inverse_gradients(pixel_map: PixelMap, coefficients: np.ndarray) -> tuple[np
     return inverse, det
 
 
-def element_curvature(pixel_map: PixelMap, coefficients: np.ndarray, inverse: np.ndarray) -> np.ndarray:
-    """Second derivatives of a motion along the axes of the frame, one per element; 0 where an element is flattened
-
-    coefficients : (n_elements, 2, 8) px, inverse : (n_elements, 2, 2) F^-1 -> (n_elements, 2, 2, 2) px/px², by
-    component and both directions
-    """
-    curvature = np.empty((pixel_map.n_elements, 2, 2, 2))
-    _curvatures(coefficients, pixel_map.geometry, pixel_map.centre, pixel_map.inverse_jacobian, inverse, curvature)
-    return curvature
-
-
 def at_nodes(pixel_map: PixelMap, matrices: np.ndarray) -> np.ndarray:
     """Mean over the elements around each node, the identity where there is none  # (nel, c, c) -> (n_nodes, c, c)"""
     around, size = pixel_map.around_nodes, matrices.shape[1]
     total = (around @ matrices.reshape(len(matrices), size**2)).reshape(pixel_map.n_nodes, size, size)
     count = np.diff(around.indptr)
     return np.where(count[:, None, None] > 0, total / np.maximum(count, 1)[:, None, None], np.eye(size))
-
-
-def build_pixel_map(nodes: np.ndarray, cells: Sequence[Block], camera: Camera, image_shape: tuple[int, int],
-                    mask: np.ndarray | None = None) -> PixelMap:
-    """Find the element and the place in it of every pixel.
-
-    Elements are isoparametric in the image: their nodes are projected by the camera, their edges are those of the cell.
-    A mesh may reach beyond the image.
-
-    Parameters
-    ----------
-    nodes : array (n_nodes, 2|3), mm
-    cells : blocks of tri3, quad4, tri6, quad8 (for solids the visible faces)
-    camera : Camera
-    image_shape : (ny, nx)
-    mask : array (ny, nx), bool, optional
-        True = correlate.
-
-    Raises
-    ------
-    InputError
-        Where the mask has another size, a cell is not a surface cell, or no pixel is left.
-    """
-    ny, nx = (int(n) for n in image_shape)
-    unmasked = mask is None
-    mask = checked_mask(mask, (ny, nx))
-    nodes_px = camera.project(nodes)
-    element, conn, kind = flat_elements(cells)
-    boxes = element_boxes(nodes_px, conn, kind, ny, nx)
-    inside = (boxes[:, 0] <= boxes[:, 1]) & (boxes[:, 2] <= boxes[:, 3])
-    element, conn, kind, boxes = element[inside], conn[inside], kind[inside], boxes[inside]
-    geometry = np.empty((len(element), 2, N_MONOMIALS))
-    to_monomials(nodes_px, conn, kind, TRANSFORMS, N_NODES, geometry)
-    if len(element):
-        column0, row0 = int(boxes[:, 0].min()), int(boxes[:, 2].min())
-        window = mask[row0 : boxes[:, 3].max() + 1, column0 : boxes[:, 1].max() + 1]
-        owner, a, b = find_owners(geometry, kind % 2 == 0, boxes, window, column0, row0, EDGE_TOLERANCE)
-        visible, start, iy, ix = sort_by_owner(owner, len(element))
-    if not len(element) or not len(ix):
-        raise nothing_visible(nodes_px, (ny, nx), mask)
-    a, b = a[iy, ix], b[iy, ix]
-    counts = np.diff(start)
-    centre = np.column_stack([np.add.reduceat(a, start[:-1]), np.add.reduceat(b, start[:-1])]) / counts[:, None]
-    jacobian = np.einsum("eck,ekd->ecd", geometry[visible], monomial_slopes(centre[:, 0], centre[:, 1]))
-    return PixelMap(
-        (ny, nx), nodes_px, element[visible], conn[visible], kind[visible], start,
-        (ix + column0).astype(np.int32), (iy + row0).astype(np.int32), a.astype(np.float32), b.astype(np.float32),
-        centre, np.linalg.inv(jacobian), n_unowned=0 if unmasked else int(mask.sum()) - len(ix),
-    )
 
 
 def checked_mask(mask: np.ndarray | None, shape: tuple[int, int]) -> np.ndarray:

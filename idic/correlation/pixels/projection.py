@@ -18,7 +18,7 @@ import scipy
 from scipy import sparse
 from scipy.sparse.linalg import SuperLU, splu
 
-from idic.correlation.pixels.pixel_map import build_pixel_map
+from idic.correlation.pixels.pixel_map import PixelMap
 from idic.errors import InputError
 from idic.fe import Block, Mesh, conductance, volume
 from idic.images import Camera
@@ -106,14 +106,14 @@ def onto_nodes(mesh: Mesh, cells: Sequence[Block], camera: Camera, images: Itera
 
 def _samples(nodes, cells, camera: Camera, shape, margin: int) -> _Samples:
     """The samples inside the body, its rim left out."""
-    pixel_map = build_pixel_map(nodes, cells, camera, shape)
+    pixel_map = PixelMap.of(nodes, cells, camera, shape)
     edge = np.sqrt(pixel_map.n_pixels / sum(len(block.connectivity) for block in cells))
     finer = int(np.clip(np.ceil(SAMPLES_PER_EDGE / edge), 1, MAX_SAMPLES_PER_PIXEL))
     if finer > 1:
         enlarged = replace(camera, matrix=finer * camera.matrix, origin_px=finer * camera.origin_px,
                            k1=camera.k1 / finer**2, centre_px=finer * camera.centre_px,
                            shift_px=finer * camera.shift_px)
-        pixel_map = build_pixel_map(nodes, cells, enlarged, tuple(finer * (n - 1) + 1 for n in shape))
+        pixel_map = PixelMap.of(nodes, cells, enlarged, tuple(finer * (n - 1) + 1 for n in shape))
     body = np.isfinite(pixel_map.to_image(np.zeros(pixel_map.n_pixels)))
     rim = finer * (margin + (finer > 1)) if margin else 0  # between pixels a sample takes from its neighbours, too
     inner = scipy.ndimage.binary_erosion(body, np.ones((3, 3), bool), iterations=rim, border_value=1) if rim else body

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from idic.correlation.views.kinds import ViewKind
 from idic.errors import InputError, NotConverged
 from idic.fe import Mesh, PerMesh
 from idic.images import PlacedCamera
@@ -40,7 +41,7 @@ class PinholeView:
     mesh: Mesh
     surface: str | None = None
     later: PlacedCamera | None = None
-    kind: str = "grey"
+    kind: ViewKind = ViewKind.GREY
     axis: int = -1
     rise: float = 0.0
     n_components: int = 2

@@ -21,14 +21,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from idic.correlation.views.kinds import ViewKind
 from idic.correlation.views.pinhole_view import PinholeView, in_space
 from idic.correlation.views.volume_view import VolumeView
 from idic.errors import InputError
 from idic.fe import Mesh
 from idic.images import AnyCamera, Camera, PlacedCamera, Scanner
-from idic.model import Experiment, Model
-
-GREY, HEIGHT, SECTION, SPACE = "grey", "height", "section", "space"
+from idic.model import Experiment
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +48,7 @@ class View:
         The camera of the deformed frame, where it moves: see `at`.
     """
 
-    kind: str
+    kind: ViewKind
     camera: Camera
     axis: int = -1
     rise: float = 0.0
@@ -66,7 +65,7 @@ class View:
 
     @property
     def n_components(self) -> int:
-        return 2 if self.kind == GREY else 3
+        return 2 if self.kind == ViewKind.GREY else 3
 
     @property
     def is_affine(self) -> bool:
@@ -75,7 +74,7 @@ class View:
 
     def points(self, nodes: np.ndarray) -> np.ndarray:
         """The points to project: of a cross-section x alone  # (n_nodes, dim) mm"""
-        return nodes if self.kind != SECTION else nodes * [1.0, 0.0]
+        return nodes if self.kind != ViewKind.SECTION else nodes * [1.0, 0.0]
 
     def deformed(self, nodes: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Where the nodes are in the frame  # (n_nodes, dim) mm"""
@@ -85,7 +84,7 @@ class View:
         """Motion in the image (docs/method.md, equation 1.1)  # (n_nodes, dim) mm -> (n_nodes, n_components)"""
         still, moved = self.points(nodes), self.points(self.deformed(nodes, u))
         plane = self.moved_camera.project(moved) - self.camera.project(still)
-        return plane if self.kind == GREY else np.column_stack([plane, self.rise * u[:, self.axis]])
+        return plane if self.kind == ViewKind.GREY else np.column_stack([plane, self.rise * u[:, self.axis]])
 
     def columns(self, nodes: np.ndarray, u: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Nodal sensitivities in the image  # (n_nodes, dim, m) mm per unit -> (n_components n_nodes, m)"""
@@ -94,12 +93,13 @@ class View:
     def jacobian(self, nodes: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Derivative of the position in the frame by that of a deformed node  # (n_nodes, 2, 2) px/mm"""
         jacobian = self.moved_camera.jacobian(self.points(self.deformed(nodes, u)))
-        return jacobian * [1.0, 0.0] if self.kind == SECTION else jacobian  # the height does not move in the image
+        # the height does not move in the image
+        return jacobian * [1.0, 0.0] if self.kind == ViewKind.SECTION else jacobian
 
     def projected(self, jacobian: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """The same as `columns`; jacobian : of the frame, `jacobian`."""
         plane = jacobian[:, :, :1] * columns[:, None, 0] + jacobian[:, :, 1:] * columns[:, None, 1]
-        if self.kind == GREY:
+        if self.kind == ViewKind.GREY:
             return plane.reshape(2 * len(columns), -1)
         spatial = np.concatenate([plane, self.rise * in_space(columns)[:, self.axis:self.axis + 1]], axis=1)
         return spatial.reshape(3 * len(columns), -1)
@@ -116,13 +116,13 @@ class View:
             Deformation gradient at the nodes.
         """
         points = self.points(nodes)
-        if self.kind == GREY:
+        if self.kind == ViewKind.GREY:
             return self.camera.fixed_pixel_sensitivity(points, u, gradient, name, self.later).ravel()
         plane_gradient = gradient[:, :2, :2]
         slope = np.zeros((len(nodes), 2))  # height per mm; the small one of a sheet is left out
         if self.axis < gradient.shape[1]:
             slope = self.rise * (gradient[:, self.axis, :2] - np.eye(3)[self.axis, :2])
-        if self.kind == SECTION:
+        if self.kind == ViewKind.SECTION:
             slope = slope * [1.0, 0.0]
             plane_gradient = gradient[:, :1, :1] * [[1.0, 0.0], [0.0, 0.0]] + np.diag([0.0, 1.0])
         plane = self.camera.fixed_pixel_sensitivity(points, self.points(u), plane_gradient, name, self.later)
@@ -147,22 +147,17 @@ def view_of(experiment: Experiment, camera: AnyCamera) -> View | PinholeView | V
     if isinstance(camera, PlacedCamera):
         return PinholeView(camera, model.mesh, model.surface)
     if recording.points is not None and recording.points.depth is not None:
-        return View(SPACE, camera, 2, camera.normal_sign() / recording.points.pitch_mm)
+        return View(ViewKind.SPACE, camera, 2, camera.normal_sign() / recording.points.pitch_mm)
     if recording.quantity in ("grey", "displacement"):
-        return View(GREY, camera)
+        return View(ViewKind.GREY, camera)
     if model.n_dim == 3:
-        return View(HEIGHT, camera, 2, surface_sign(model.mesh, model.surface) / recording.height_unit)
+        return View(ViewKind.HEIGHT, camera, 2, surface_sign(model.mesh, model.surface) / recording.height_unit)
     if model.surface is None:
         raise InputError("height images of a plane mesh in its own plane", file="experiment.toml",
                          key="experiment.quantity", expected="a solid with its face set, or a cross-section with its "
                          "edge set in `surface`", found=f"kind = {model.kind!r} without a surface",
                          remedy="name the set that is seen, or model the specimen as a solid")
-    return View(SECTION, camera, 1, surface_sign(model.mesh, model.surface) / recording.height_unit)
-
-
-def is_section(model: Model) -> bool:
-    """Whether a plane mesh is a cross-section whose edge set is seen from above."""
-    return model.n_dim == 2 and model.surface is not None
+    return View(ViewKind.SECTION, camera, 1, surface_sign(model.mesh, model.surface) / recording.height_unit)
 
 
 def surface_sign(mesh: Mesh, surface: str) -> float:

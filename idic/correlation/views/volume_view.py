@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from idic.correlation.views.kinds import ViewKind
 from idic.images import Scanner
-
-VOLUME = "volume"
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +22,7 @@ class VolumeView:
 
     camera: Scanner
     later: Scanner | None = None
-    kind = VOLUME
+    kind = ViewKind.VOLUME
     n_components = 3
     is_affine = False  # as `View`: the derivative depends on the drift of the scan
 

@@ -341,6 +341,48 @@ class VolumeReference(NodalBasis):
         raise InputError("a residual of volumes as a scan", expected="images of a surface", found="volumes",
                          remedy="look at the sections of the residual in the report")
 
+    @classmethod
+    def of(cls, voxel_map: VoxelMap, stack: VolumeStack, frames: Sequence[int], degree: int = 3,
+           lowpass_px: float = 0.0, border_px: int = 0, patch_px: float = 100.0) -> VolumeReference:
+        """Attach the reference scans to the voxels.
+
+        Parameters
+        ----------
+        frames : of the unmoved specimen; their mean is the reference
+        degree : {3, 5}; lowpass_px : standard deviation of a Gaussian, voxels; border_px : left out along the borders
+        patch_px : size of a patch of brightness, voxels
+
+        Raises
+        ------
+        InputError
+            Where the reference shows no contrast on the mesh.
+        """
+        pm, n_max = voxel_map, voxel_map.conn.shape[1]
+        level = _level(pm, stack, frames)
+        hessian = np.zeros((pm.n_elements, n_max * (n_max + 1) // 2, 6))
+        coupling, grey = np.zeros((pm.n_elements, n_max, 3, 2)), np.zeros((pm.n_elements, 3))
+        stored: dict[int, Voxels] = {}
+        for number in range(len(pm.blocks) - 1):
+            voxels = _voxels(pm, number, stack, frames, degree, lowpass_px, level)
+            elements = np.arange(*pm.blocks[number:number + 2])
+            _sums_of(pm, elements, pm.start[elements[0]], voxels, np.ones(len(voxels.f), np.uint8), hessian, coupling,
+                     grey)
+            if voxels.nbytes + sum(block.nbytes for block in stored.values()) <= KEPT_BYTES:
+                stored[number] = voxels
+        n, first, second = grey.sum(axis=0)
+        if not second / n - (first / n) ** 2 > 0.0:
+            raise InputError("the reference scan shows no contrast on the mesh", expected="a texture",
+                             found=f"grey value {level:g} everywhere",
+                             remedy="check the order of the scans and the scanner table")
+        patches = {"none": np.zeros(pm.n_elements, dtype=np.int64), "frame": np.zeros(pm.n_elements, dtype=np.int64),
+                   "patch": _patches(pm, patch_px)}
+        pairs = pm.is_node[:, :, None] & pm.is_node[:, None, :]
+        rows, columns = np.broadcast_arrays(pm.conn[:, :, None], pm.conn[:, None, :])
+        pattern = block_pattern(rows, columns, pairs, pm.n_nodes, pm.n_nodes, 3)
+        return cls(pm, stack, tuple(frames), degree, lowpass_px, border_px, level, hessian, coupling, grey,
+                   pattern, {name: _layout(name, patch, pm, grey, level) for name, patch in patches.items()},
+                   stored=stored)
+
 
 _NOTHING, _NO_FRACTIONS = np.empty(0, np.float32), np.empty((3, 0), np.float32)
 
@@ -348,47 +390,6 @@ _NOTHING, _NO_FRACTIONS = np.empty(0, np.float32), np.empty((3, 0), np.float32)
 def volume_still_gain(std_px: float) -> float:
     """Variance of a blurred voxel over that of a voxel, of independent noise."""
     return float(np.sum(np.square(lowpass_weights(std_px)))) ** 3
-
-
-def build_volume_reference(voxel_map: VoxelMap, stack: VolumeStack, frames: Sequence[int], degree: int = 3,
-                           lowpass_px: float = 0.0, border_px: int = 0, patch_px: float = 100.0) -> VolumeReference:
-    """Attach the reference scans to the voxels.
-
-    Parameters
-    ----------
-    frames : of the unmoved specimen; their mean is the reference
-    degree : {3, 5}; lowpass_px : standard deviation of a Gaussian, voxels; border_px : left out along the borders
-    patch_px : size of a patch of brightness, voxels
-
-    Raises
-    ------
-    InputError
-        Where the reference shows no contrast on the mesh.
-    """
-    pm, n_max = voxel_map, voxel_map.conn.shape[1]
-    level = _level(pm, stack, frames)
-    hessian = np.zeros((pm.n_elements, n_max * (n_max + 1) // 2, 6))
-    coupling, grey = np.zeros((pm.n_elements, n_max, 3, 2)), np.zeros((pm.n_elements, 3))
-    stored: dict[int, Voxels] = {}
-    for number in range(len(pm.blocks) - 1):
-        voxels = _voxels(pm, number, stack, frames, degree, lowpass_px, level)
-        elements = np.arange(*pm.blocks[number:number + 2])
-        _sums_of(pm, elements, pm.start[elements[0]], voxels, np.ones(len(voxels.f), np.uint8), hessian, coupling, grey)
-        if voxels.nbytes + sum(block.nbytes for block in stored.values()) <= KEPT_BYTES:
-            stored[number] = voxels
-    n, first, second = grey.sum(axis=0)
-    if not second / n - (first / n) ** 2 > 0.0:
-        raise InputError("the reference scan shows no contrast on the mesh", expected="a texture",
-                         found=f"grey value {level:g} everywhere",
-                         remedy="check the order of the scans and the scanner table")
-    patches = {"none": np.zeros(pm.n_elements, dtype=np.int64), "frame": np.zeros(pm.n_elements, dtype=np.int64),
-               "patch": _patches(pm, patch_px)}
-    pairs = pm.is_node[:, :, None] & pm.is_node[:, None, :]
-    rows, columns = np.broadcast_arrays(pm.conn[:, :, None], pm.conn[:, None, :])
-    pattern = block_pattern(rows, columns, pairs, pm.n_nodes, pm.n_nodes, 3)
-    return VolumeReference(pm, stack, tuple(frames), degree, lowpass_px, border_px, level, hessian, coupling, grey,
-                           pattern, {name: _layout(name, patch, pm, grey, level) for name, patch in patches.items()},
-                           stored=stored)
 
 
 def _layout(mode: str, patch: np.ndarray, voxel_map: VoxelMap, grey: np.ndarray, level: float) -> Brightness:
@@ -517,6 +518,6 @@ def _gather(block, shape, run, low, out):
 def volume_reference(voxel_map: VoxelMap, experiment: Experiment) -> VolumeReference:
     """The reference of an experiment, with interpolation, low-pass and patches of its options."""
     options, recording = experiment.options, experiment.recording
-    return build_volume_reference(voxel_map, recording.volumes, recording.averaged or (experiment.model.reference,),
-                                  DEGREES[options.interpolation], options.lowpass_px, options.border_px,
-                                  options.patch_px)
+    return VolumeReference.of(voxel_map, recording.volumes, recording.averaged or (experiment.model.reference,),
+                              DEGREES[options.interpolation], options.lowpass_px, options.border_px,
+                              options.patch_px)

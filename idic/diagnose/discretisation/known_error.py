@@ -15,7 +15,7 @@ from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_
 from idic.diagnose.residual.subspace import Grid
 from idic.identification import Identification
 from idic.model import MotionError
-from idic.simulation_error import brick_mesh_error, mesh_error, thickness_error, without_reactions
+from idic.simulation_error import brick_mesh_error, mesh_error, thickness_error
 
 # of the change by elements of half the size: with the order p of convergence 1/(2^p - 1) is left, here for p = 0.75
 MAX_FURTHER_SHARE = 1.5
@@ -61,7 +61,7 @@ def error_beside(identification: Identification, bricks: MotionError,
     mesh = brick_mesh_error(identification.model_point)
     if mesh is None:
         return bricks.on_top_of(of_sheet or mesh_error(identification.model_point))
-    error, motions = bricks.on_top_of(mesh), without_reactions(mesh, identification.experiment.model)
+    error, motions = bricks.on_top_of(mesh), mesh.without_reactions(identification.experiment.model.channels)
     corrected = at_values(identification, replace(identification.experiment,
                                                   model=replace(identification.experiment.model, motion_error=error)),
                           identification.parameters.as_values())

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation import FrameResponse, correlated_frames
+from idic.correlation import FrameResponse
 from idic.diagnose.discretisation.following import at_values, following, moved
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.score import null_model
 from idic.errors import NotConverged
-from idic.identification import Identification, response_of
+from idic.identification import Identification
 from idic.model import MotionError
-from idic.simulation_error import Bricks, bricks_of, simulated_sheet
+from idic.simulation_error import Bricks, simulated_sheet
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class Sheet:
         corrected = at_values(self.identification,
                               replace(experiment, model=replace(experiment.model, motion_error=error)),
                               self.identification.parameters.as_values())
-        frames = set(correlated_frames(experiment, range(experiment.model.n_frames)))
+        frames = set(experiment.correlated_frames(range(experiment.model.n_frames)))
         responses = [replace(response, u=response.u + error.u[response.frame],
                              channels=response.channels + error.channels[response.frame])
                      for response in self.frames if response.frame in frames]
@@ -89,7 +89,7 @@ def sheet_at(identification: Identification, neighbour: Sheet | None = None) -> 
                       identification.parameters.as_values())
     names = tuple(name for name in plain.parameters.free if plain.forward.moves(name))
     guesses = None if neighbour is None else neighbour.guesses(plain, names)
-    return Sheet(plain, tuple(response_of(state, plain.experiment.model.reference)
+    return Sheet(plain, tuple(FrameResponse.of(state, plain.experiment.model.reference)
                               for state in simulated_sheet(plain.model_point, names, guesses)), names)
 
 
@@ -107,5 +107,5 @@ def sheet_and_bricks_at(identification: Identification) -> SheetAndBricks | None
         sheet = sheet_at(identification)
     except NotConverged:
         return None
-    bricks = bricks_of(sheet.identification.model_point, sheet.frames, of_sheet=sheet.names)
+    bricks = Bricks.of(sheet.identification.model_point, sheet.frames, of_sheet=sheet.names)
     return None if bricks is None else SheetAndBricks(sheet, bricks)

@@ -24,7 +24,7 @@ from idic.diagnose.residual.subspace import Grid
 from idic.errors import NotConverged
 from idic.identification import Identification
 from idic.model import MotionError
-from idic.simulation_error import Bricks, bricks_of
+from idic.simulation_error import Bricks
 
 MAX_TURNS, TURNED_STD = 12, 0.1  # of error and parameters; standard deviations of the last step
 SETTLED_SHARE = 1e-4  # of the mismatch in chi-square: a last step that would bring less is of no use to a wrong model
@@ -49,7 +49,7 @@ def in_turns(identification: Identification, mesh: MotionError | None, grid: Gri
             sheet = sheet_at(identification)
         except NotConverged:
             return None
-        bricks = bricks_of(sheet.identification.model_point, sheet.frames) if first is None else Bricks(first)
+        bricks = Bricks.of(sheet.identification.model_point, sheet.frames) if first is None else Bricks(first)
     else:
         sheet, bricks = begun.sheet, begun.bricks
     if bricks is None:
@@ -93,7 +93,7 @@ def turned(sheet: Sheet, remainder: Left, bricks: Bricks, step: np.ndarray) -> t
         except NotConverged:
             continue
         if neighbour.left(remainder.error).gain < remainder.gain:
-            bricks_there = bricks_of(neighbour.identification.model_point, neighbour.frames, bricks)
+            bricks_there = Bricks.of(neighbour.identification.model_point, neighbour.frames, bricks)
             if bricks_there is not None:
                 return neighbour, bricks_there
     return None

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy.linalg import block_diag
 
-from idic.correlation import GREY, View, nodal_gradient
+from idic.correlation import View, ViewKind
 from idic.diagnose.locate.tangents import ModelTangent
 from idic.diagnose.residual.residual_evidence import CameraResidual, ResidualEvidence
 from idic.images import CAMERA_PARAMETERS, PLACEMENT_STEM, PlacedCamera, RIGID, Scanner
-from idic.model import COMPONENTS, Model, set_nodes
+from idic.model import COMPONENTS, Model
 
 EDGE_MODE_DEGREE = 3  # of the modes along an edge
 FACE_MODE_DEGREE = 2  # of those on a face
@@ -53,7 +53,7 @@ def boundary_patterns(model: Model, held_dofs: np.ndarray) -> tuple[np.ndarray, 
     motions: list[np.ndarray] = []
     forces: list[np.ndarray] = []
     for name in dict.fromkeys(entry.nodes for entry in model.prescribed):
-        nodes = set_nodes(model, name)
+        nodes = model.node_set(name)
         shapes = edge_modes(model, nodes)
         for component in range(len(COMPONENTS[:n_dim])):
             dofs = nodes * n_dim + component
@@ -102,7 +102,7 @@ def _of_camera(camera: CameraResidual, frame: int, u: np.ndarray) -> np.ndarray:
     nodes = experiment.model.mesh.nodes
     if isinstance(view.camera, Scanner):
         return _of_scanner(view.camera, nodes + u)
-    if view.kind != GREY:
+    if view.kind != ViewKind.GREY:
         return _of_instrument(experiment.model, view, u)
     frame_view = view.at(frame)
     if isinstance(view.camera, PlacedCamera):
@@ -112,7 +112,7 @@ def _of_camera(camera: CameraResidual, frame: int, u: np.ndarray) -> np.ndarray:
         names, constant = tuple(CAMERA_PARAMETERS), BENDING  # constant: in all frames, the reference included
     deformed = frame_view.deformed(nodes, u)
     moved = [frame_view.moved_camera.parameter_jacobian(deformed, name).ravel() for name in names]
-    gradient = nodal_gradient(experiment.model, u)
+    gradient = experiment.model.nodal_gradient(u)
     still = [frame_view.camera_column(nodes, u, gradient, name) for name in constant]
     return np.column_stack(moved + still)
 

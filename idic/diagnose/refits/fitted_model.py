@@ -13,7 +13,7 @@ from idic.diagnose.refits.refit_job import ExperimentSource
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, path_of
 from idic.diagnose.residual.score import null_model
 from idic.diagnose.screen.situation import situation
-from idic.identification import MAX_SECOND_ORDER_STD, Identification, Path, path_dependent_laws
+from idic.identification import MAX_SECOND_ORDER_STD, Identification, Path
 from idic.model import MotionError
 
 
@@ -53,7 +53,7 @@ class FittedModel:
         if path is None or path.is_at(fit.values, fit.local, fit.steps):
             return path
         if path.values.keys() != fit.values.keys() or path.local.shape != fit.local.shape or (
-                fit.local.shape[1] and path_dependent_laws(residual.context.experiment.model)):
+                fit.local.shape[1] and residual.context.experiment.model.path_dependent_laws):
             return None
         gram = null_model(residual.evidence, residual.null).gram
         is_near = path.second_order_std(fit.values, residual.null.names, gram) <= MAX_SECOND_ORDER_STD

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from idic.correlation import GREY, GreyReference, correlated_frames, view_of
+from idic.correlation import GreyReference, ViewKind, view_of
 from idic.diagnose.residual.grey_value_effects import grey_image
 from idic.diagnose.residual.residual_evidence import context_of
 from idic.identification import Identification
@@ -50,13 +50,13 @@ def lost_pattern(identification: Identification) -> LostPattern | None:
         return None
     context = context_of(identification, null=False)
     view = view_of(context.experiment, context.camera)
-    if view.kind != GREY:
+    if view.kind != ViewKind.GREY:
         return None
     reference = grey_image(context)
     pm, frames, lost, moved, brighter = reference.pixel_map, [], [], [], []
     bar = _bar(reference, experiment.recording.noise.std_gv or 0.0)
     inner = ndimage.binary_erosion(pm.to_image(np.ones(pm.n_pixels), 0.0) > 0.0, iterations=EDGE_PX)
-    compared = set(correlated_frames(context.experiment, range(context.experiment.model.n_frames)))
+    compared = set(context.experiment.correlated_frames(range(context.experiment.model.n_frames)))
     matrix = pm.shape_matrix().astype(np.float32)
     for frame, u in _motions(identification):
         if frame not in compared or frame == context.experiment.model.reference:

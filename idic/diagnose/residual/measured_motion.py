@@ -21,10 +21,10 @@ from typing import Any
 
 import numpy as np
 
-from idic.identification import Identification, misfit
+from idic.identification import Identification
 from idic.images import Stack, StackView
-from idic.measure import boundary_start, edge_modes, with_boundary_start
-from idic.model import Experiment, FieldPoints, Measured, Noise, Recording, pixel_size
+from idic.measure import BoundaryStart, edge_modes, with_boundary_start
+from idic.model import Experiment, FieldPoints, Measured, Noise, Recording
 
 MAX_REGISTER_PX = 1.0  # rms of a frame; with more the residual of its image is no error of motion to first order
 MIN_MISFIT_CHI2 = 10.0  # per pixel; where contrast is well above noise, an error of 1 px leaves more
@@ -109,7 +109,7 @@ def may_be_out_of_register(identification: Identification) -> bool:
 
 def image_chi2(identification: Identification) -> float:
     """Roughly chi² per pixel at the accepted point (`misfit` of the estimator): 0.8 to 1.2 for noise."""
-    return misfit(identification.point, identification.experiment.options.lowpass_px)
+    return identification.point.misfit(identification.experiment.options.lowpass_px)
 
 
 def out_of_register(identification: Identification, u_px: np.ndarray,
@@ -154,7 +154,7 @@ def by_motion(experiment: Experiment, u_px: np.ndarray, excluded: Collection[int
     Points are the measured nodes within the image, in pixels of the image. Virtual edges move as measured, locked.
     """
     excluded = tuple(sorted({*experiment.recording.excluded, *excluded}))
-    start = boundary_start(experiment, u_px, excluded)
+    start = BoundaryStart.of(experiment, u_px, excluded)
     experiment = with_boundary_start(experiment, start)
     names = [name for name in experiment.model.parameters.free if name not in start.values]
     experiment = experiment.with_parameters(experiment.model.parameters.with_free(names))
@@ -162,7 +162,7 @@ def by_motion(experiment: Experiment, u_px: np.ndarray, excluded: Collection[int
     ny, nx = experiment.recording.image_shape
     is_inside = (at >= 0.0).all(axis=1) & (at <= [nx - 1, ny - 1]).all(axis=1)
     is_measured = np.isfinite(u_px).all(axis=2).any(axis=0) & is_inside
-    mm_per_px = pixel_size(experiment)
+    mm_per_px = experiment.pixel_size
     stack = MotionStack(experiment.recording.stack, UM_PER_MM * mm_per_px * u_px[:, is_measured])
     points = FieldPoints(at[is_measured], (ny, nx), mm_per_px)
     options = replace(experiment.options, brightness="none", defocus="none", lowpass_px=0.0, edge_margin_px=0,

@@ -16,15 +16,15 @@ import numpy as np
 from scipy import sparse
 
 from idic.correlation import (
-    CorrelationContext, FrameResponse, GREY, GreyReference, NodalEquations, View, blur_bias,
-    build_experiment_reference, camera_at, channel_equations, correlated_frames, global_columns, turned_response,
-    VolumeReference, view_of, with_all_cameras,
+    CorrelationContext, FrameResponse, GreyReference, NodalEquations, View, ViewKind, VolumeReference, blur_bias,
+    build_experiment_reference, camera_at, channel_equations, global_columns, turned_response, view_of,
+    with_all_cameras,
 )
 from idic.diagnose.residual.evidence import Columns, Evidence, FrameEvidence, noise_share
 from idic.diagnose.residual.grey_value_effects import (
     grey_image, joined_pixels, pixel_basis, pixel_parts, sums_against,
 )
-from idic.identification import Identification, Path, response_of
+from idic.identification import Identification, Path
 from idic.model import MotionError
 
 MAX_KEPT_BYTES = 300e6  # of residual maps, at most
@@ -109,14 +109,14 @@ def residual_evidence(identification: Identification, light: bool = True, null: 
 def simulated(identification: Identification, null: bool = True) -> list[FrameResponse]:
     """The accepted point's path in the frames that are compared; null : with its derivatives by the parameters."""
     forward, experiment = identification.forward, identification.experiment.at_geometry(identification.parameters)
-    compared = set(correlated_frames(experiment, range(experiment.model.n_frames)))
+    compared = set(experiment.correlated_frames(range(experiment.model.n_frames)))
     if identification.path is not None:
         responses = [response for response in identification.path.frames if response.frame in compared]
         return responses if null else [replace(r, du=r.du[..., :0].copy(), dchannels=r.dchannels[:, :0])
                                        for r in responses]
     moving = tuple(name for name in experiment.model.parameters.free if null and forward.moves(name))
     states = identification.march(moving, forward.drives.n_local > 0)
-    return [response_of(at, experiment.model.reference) for at in states
+    return [FrameResponse.of(at, experiment.model.reference) for at in states
             if at.frame + experiment.model.reference in compared]
 
 
@@ -164,7 +164,8 @@ def joined_cameras(context: CorrelationContext) -> tuple[CorrelationContext, ...
 
 
 def _is_grey(context: CorrelationContext) -> bool:
-    return view_of(context.experiment, context.camera).kind == GREY and context.experiment.recording.points is None
+    is_grey = view_of(context.experiment, context.camera).kind == ViewKind.GREY
+    return is_grey and context.experiment.recording.points is None
 
 
 def _at_camera_time(context: CorrelationContext, responses: Sequence[FrameResponse]) -> list[FrameResponse]:
@@ -314,7 +315,7 @@ def _assemble(contexts: Sequence[CorrelationContext], responses: Sequence[FrameR
                                       for camera in passes]))
         channels.append(rows.d_global)
     names = ()
-    if light and main.view.kind == GREY and context.experiment.recording.points is None:
+    if light and main.view.kind == ViewKind.GREY and context.experiment.recording.points is None:
         bases = [pixel_basis(camera.context) for camera in passes]
         pixel_columns = [pixel_parts(camera.context, basis, camera.maps, kappa, camera.shared, c, camera.back,
                                      camera.seen, camera.local_columns)

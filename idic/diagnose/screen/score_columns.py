@@ -15,9 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from idic.correlation import (
-    CorrelationContext, FrameResponse, channel_equations, global_columns, nodal_gradient, turned_response,
-)
+from idic.correlation import CorrelationContext, FrameResponse, channel_equations, global_columns, turned_response
 from idic.diagnose.locate.freedoms import in_images
 from idic.diagnose.physics.candidate import Candidate, Variant
 from idic.diagnose.residual.evidence import Columns, joined, of_grey_values
@@ -213,7 +211,7 @@ def _to_fixed_points(model: Model, residual: ResidualEvidence, t: int, moved: Se
     """
     if all(motion is None for motion in moved):
         return
-    gradient = nodal_gradient(model, residual.u[t])
+    gradient = model.nodal_gradient(residual.u[t])
     for k, motion in enumerate(moved):
         if motion is not None:
             du[..., k] -= np.einsum("nij,nj->ni", gradient[:, :du.shape[1]], motion) - motion
@@ -271,7 +269,7 @@ def _direct(identification: Identification, residual: ResidualEvidence, variant:
             camera_response = turned_response(context.experiment.model, response)
             if (t, number) not in gradients and any(name.startswith(f"{context.experiment.recording.camera_name}.")
                                                     for name in names):
-                gradients[t, number] = nodal_gradient(context.experiment.model, camera_response.u)
+                gradients[t, number] = context.experiment.model.nodal_gradient(camera_response.u)
             columns.append(global_columns(replace(context, names=names), camera_response, gradients.get((t, number))))
         fields[t][:, places] = np.concatenate(columns)[residual.evidence.seen]
         channels[t][:, places] = channel_equations(replace(contexts[0], names=names), response).d_global

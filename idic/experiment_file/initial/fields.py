@@ -17,8 +17,8 @@ from idic.experiment_file.initial.loading import Loading, largest_load, loading
 from idic.experiment_file.initial.open_edges import open_edges, open_rectangle
 from idic.images import MIN_POINTS, MIN_STAGES
 from idic.readers import (
-    FORMATS, FieldSeries, Log, MeasuredPoints, PointOutline, StageRule, detected, measured_points, notched_axis,
-    open_fields, parse_unit, patterns_of, read_log, strain_path,
+    FORMATS, FieldSeries, Log, MeasuredPoints, PointOutline, StageRule, detected, notched_axis, parse_unit,
+    patterns_of, strain_path,
 )
 
 _SUFFIXES = {suffix for entry in FORMATS if entry.kind == "fields" for suffix in entry.suffixes}
@@ -73,12 +73,12 @@ def fields_document(folder: Path, paths: Sequence[Path], files: Sequence[Path]) 
     """
     in_px = False
     try:
-        series = open_fields(paths)
+        series = FieldSeries.open(paths)
     except InputError as error:
         if error.key != "camera.pixel_size_mm":
             raise
-        in_px, series = True, open_fields(paths, unit="mm")  # the size of a pixel is to be filled in
-    points = measured_points(series, [0])
+        in_px, series = True, FieldSeries.open(paths, unit="mm")  # the size of a pixel is to be filled in
+    points = series.measured_points([0])
     log, is_exported = series.log(), True
     other_files = [path for path in files if path not in set(paths)]
     meshes = (path.relative_to(folder).as_posix() for path in other_files if path.suffix.lower() in _MESH_SUFFIXES)
@@ -127,7 +127,7 @@ def _log_beside(files: Sequence[Path]) -> tuple[Path, Log] | None:
     for path in files:
         if path.suffix.lower() in _LOG_SUFFIXES:
             try:
-                log = read_log(path)
+                log = Log.read(path)
             except InputError:
                 continue
             if _force(log) is not None:

@@ -12,11 +12,11 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.initial.cameras import CameraPair, camera_pair
-from idic.fe import Mesh, is_circle, segments_of
+from idic.fe import Mesh, Segments
 from idic.images import speckle_size
 from idic.readers import (
-    DIMENSION, FORMATS, Log, image_entries, mesh_suffixes, natural_key, open_stack, patterns_of,
-    read_log, read_mesh_file, recorded_order, to_mesh,
+    DIMENSION, FORMATS, Log, image_entries, mesh_suffixes, natural_key, open_stack, patterns_of, read_mesh_file,
+    recorded_order,
 )
 
 HEIGHT_SUFFIXES = {suffix for entry in FORMATS if entry.kind == "heights" for suffix in entry.suffixes}
@@ -115,7 +115,7 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
     if area is not None and not are_heights:
         first = np.asarray(stack.frame(0))
         contents.outline, holes = area(first)
-        contents.holes = [hole for hole in holes if is_circle(hole)]
+        contents.holes = [hole for hole in holes if Segments.is_circle(hole)]
         contents.speckle_px = speckle_size(first, _box(contents.outline, first.shape))
     _find_mesh(files, contents)
     if contents.mesh is None and (n_irregular := len(holes) - len(contents.holes)):
@@ -128,7 +128,7 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
 def _box(outline: list, shape: tuple[int, int]) -> np.ndarray:
     """The pixels in the box around an outline, all without one  # (ny, nx) bool"""
     region = np.zeros(shape, dtype=bool)
-    low, high = segments_of(outline).box() if outline else ((0, 0), (shape[1], shape[0]))
+    low, high = Segments.of(outline).box() if outline else ((0, 0), (shape[1], shape[0]))
     region[max(int(low[1]), 0):int(high[1]) + 1, max(int(low[0]), 0):int(high[0]) + 1] = True
     return region
 
@@ -160,7 +160,7 @@ def _find_mesh(files: list[Path], contents: Found) -> None:
         try:
             raw = read_mesh_file(path)
             n_dim = max(DIMENSION[kind] for kind, cells, _ in raw.cells if len(cells))
-            mesh, _ = to_mesh(raw, n_dim, 1.0)
+            mesh, _ = raw.to_mesh(n_dim, 1.0)
         except (InputError, ValueError) as error:
             contents.notes.append(f"{path.name} was not understood: {str(error).splitlines()[0]}")
             continue
@@ -177,7 +177,7 @@ def _find_log(files: list[Path], contents: Found) -> None:
     for path in sorted(logs, key=lambda path: path.suffix.lower() in _NOTE_SUFFIXES):
         may_be_note = path.suffix.lower() in _NOTE_SUFFIXES
         try:
-            log = read_log(path)
+            log = Log.read(path)
             if may_be_note and len(log.rows) != contents.n_images and log.time_column is None:
                 continue
         except InputError as error:

@@ -8,7 +8,7 @@ from pathlib import Path
 from idic.errors import InputError
 from idic.experiment_file.initial.fields import find_stages
 from idic.experiment_file.initial.found import CHECK, IMAGE_SUFFIXES, LOG_SUFFIXES, files_in
-from idic.readers import read_log
+from idic.readers import Log
 
 
 def specimens_in(folder: Path) -> list[Path]:
@@ -33,6 +33,6 @@ def _is_recording(files: Sequence[Path]) -> bool:
 
 def _is_log(path: Path) -> bool:
     try:
-        return len(read_log(path).rows) > 1
+        return len(Log.read(path).rows) > 1
     except InputError:
         return False

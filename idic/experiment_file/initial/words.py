@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from idic.experiment_file.initial.found import Found
-from idic.fe import segments_of
+from idic.fe import Segments
 from idic.readers import parse_unit
 
 MAX_ASPECT_DIFFERENCE = 0.05  # of mesh and speckled area: with more, one of them shows another part of the specimen
@@ -39,7 +39,7 @@ def fitting_scale(contents: Found) -> tuple[float, tuple[float, float]] | None:
     if contents.mesh is None or not contents.outline:
         return None
     low, high = contents.mesh.nodes[:, :2].min(axis=0), contents.mesh.nodes[:, :2].max(axis=0)
-    start, end = segments_of(contents.outline).box()
+    start, end = Segments.of(contents.outline).box()
     if np.any(high <= low) or np.any(end <= start):
         return None
     scale = (high - low) / (end - start)

@@ -29,7 +29,7 @@ from idic.laws import (
     knots_of_rubber, level_names, prior_rows, ring_knots_of, rise, rubber_level_names as rubber_levels,
     surface_weights, times_of, weight_names,
 )
-from idic.model import Material, Model, StatedCurve
+from idic.model import Material, StatedCurve
 from idic.parameters import Parameter, SmoothnessPrior
 from idic.readers import factor_between
 
@@ -142,11 +142,6 @@ def stated_smoothness(entry: Mapping, file: str, key: str) -> dict:
 def is_number(value: object) -> bool:
     """Whether a value of the file is a number; true and false are none."""
     return isinstance(value, (int, float)) and not isinstance(value, bool)
-
-
-def by_evidence(model: Model) -> tuple[StatedCurve, ...]:
-    """The free curves whose knots are still to be chosen."""
-    return tuple(curve for curve in model.free_curves if curve.by_evidence)
 
 
 def free_curves(materials: Sequence[Material], tables: Mapping[str, MaterialTable],

@@ -12,7 +12,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.experiment_file.measured_fields.stages import side_seen
 from idic.experiment_file.schema.experiment_file import ExperimentFile
-from idic.images import FieldNoise, field_noise
+from idic.images import FieldNoise
 from idic.model import CorrelatedNoise, Depth, FieldPoints, Noise
 from idic.readers import FieldStack, MeasuredPoints, UM_PER_MM, largest_change
 
@@ -141,4 +141,4 @@ class _Recording:
 def _seen_noise(recording: _Recording) -> FieldNoise | None:
     _, _, frames, reference, n_references, _, components = recording.key
     stack = _Components(recording.stack, components)
-    return field_noise(stack, recording.positions_px, frames, reference, n_references)
+    return FieldNoise.of(stack, recording.positions_px, frames, reference, n_references)

@@ -16,7 +16,7 @@ from idic.experiment_file.schema.experiment_file import ExperimentFile
 from idic.fe import Mesh
 from idic.images import Camera
 from idic.model import Depth, FieldPoints
-from idic.readers import Edges, MIN_HOLE, MeasuredPoints, Placement, fitted_placement, loops_of
+from idic.readers import Edges, MIN_HOLE, MeasuredPoints, Placement, loops_of
 
 
 def grid_of(points: MeasuredPoints, subset_mm: float = 0.0, free_rigid: bool = False,
@@ -79,7 +79,7 @@ def laid_on_outline(config: ExperimentFile, points: MeasuredPoints, mesh: Mesh, 
     loops = sorted(loops_of(points.positions, points.pitch), key=lambda loop: -float(np.prod(np.ptp(loop, axis=0))))
     loops = [loop for k, loop in enumerate(loops) if k == 0 or len(loop) >= MIN_HOLE]
     try:
-        placement, equivalents = fitted_placement(edges, points.positions, loops, points.pitch, start)
+        placement, equivalents = edges.fitted_placement(points.positions, loops, points.pitch, start)
     except InputError as error:
         raise InputError(error.what, file=file, key=error.key, expected=error.expected, found=error.found,
                          remedy=error.remedy) from None

@@ -12,7 +12,7 @@ from idic.experiment_file.schema.experiment import ExperimentTable, StagesTable
 from idic.model import FieldPoints
 from idic.readers import (
     ALLOWED_SHARE, FieldSeries, FieldStack, Flattening, NamedColumns, StageRule, chosen_stages, largest_bending,
-    matching_files, mean_strain, measured_points, open_fields, out_of_plane,
+    matching_files, mean_strain, out_of_plane,
 )
 
 MIN_TOLD_BENDING = 0.005  # of the mean strain
@@ -28,13 +28,13 @@ def open_series(config: ExperimentFile, folder: Path, file: Path) -> FieldSeries
     pixel_size = config.camera.pixel_size_mm if config.camera else None
     columns = None if config.fields is None else NamedColumns(**config.fields.columns.model_dump())
     unit = table.fields_unit or (columns.unit if columns is not None else None)
-    return open_fields(paths, table.fields_format, unit, pixel_size, columns)
+    return FieldSeries.open(paths, table.fields_format, unit, pixel_size, columns)
 
 
 def stack_of(series: FieldSeries, references: Sequence[int], table: ExperimentTable) -> FieldStack:
     """The displacements since the mean of the reference stages; of a sheet those of its middle, laid flat. Of a solid
     and of a sheet of known thickness also that along the normal of the points."""
-    points = measured_points(series, references)
+    points = series.measured_points(references)
     if points.heights is None:
         return FieldStack(series, points)
     if table.kind == "solid":

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.correlation import COARSE_PX, MIN_CORRELATION, Seen, agreements, speckle_agreement
+from idic.correlation import COARSE_PX, MIN_CORRELATION, Seen, speckle_agreement
 from idic.errors import InputError
 from idic.experiment_file.schema.experiment_file import ExperimentFile
 from idic.fe import Mesh
@@ -35,8 +35,8 @@ def pairing_notes(config: ExperimentFile, mesh: Mesh, camera, stack: Stack, furt
     if len(views) < 2:
         return []
     (first, first_view), notes = views[0], []
-    for (name, second_view), agreement in zip(views[1:], agreements(mesh, [view for _, view in views]), strict=True):
-        correlation = agreement.correlation
+    for name, second_view in views[1:]:
+        correlation = speckle_agreement(mesh, first_view, second_view).correlation
         are_opposite = mesh.n_dim == 2 and first_view.camera.side != second_view.camera.side  # both sides of a sheet
         if np.isnan(correlation) or are_opposite:
             continue

@@ -12,9 +12,7 @@ from idic.experiment_file.schema.experiment_file import ExperimentFile
 from idic.experiment_file.schema.cameras import NoiseModelTable
 from idic.experiment_file.checks.images_at_rest import check_exposures
 from idic.fe import Mesh
-from idic.images import (
-    Camera, NoiseModel, StabilisedStack, Stabiliser, Stack, drift_note, still_noise, still_noise_model,
-)
+from idic.images import Camera, NoiseModel, StabilisedStack, Stabiliser, Stack, drift_note, still_noise
 from idic.model import Experiment, Noise
 
 UNIFORM, BY_GREY_LEVEL = "uniform", "grey_level"
@@ -87,7 +85,7 @@ def camera_noise(config: ExperimentFile, frames, mesh: Mesh, camera: Camera, fil
         return noise, (*level_notes, *notes)
     if config.experiment.quantity == "grey":
         check_exposures(still_frames.images, still_frames.labels, still_frames.region, file, "experiment.still_frames")
-    model = still_frames.measured(still_noise_model)
+    model = still_frames.measured(NoiseModel.of)
     if noise_model == BY_GREY_LEVEL:
         noise, level_notes = _by_grey_level(model, reference, "still_frames", file)
         return noise, (*level_notes, *notes)

@@ -13,7 +13,6 @@ from idic.errors import InputError
 from idic.experiment_file.schema.experiment_file import ExperimentFile
 from idic.fe import (
     Hole, Mesh, Morph, OUTLINE, admissible, edges_by_name, find_holes, free_edges, on_circle, outward_velocity,
-    velocities,
 )
 from idic.parameters import Parameter
 
@@ -70,7 +69,7 @@ def holes_of(mesh: Mesh, names: Sequence[str], length_unit: str, file) -> Geomet
     holes = list({id(hole): hole for hole in holes_by_name.values()}.values())
     straight = mesh.nodes
     mesh = on_circle(mesh, holes)
-    fields = {id(hole): velocities(mesh, hole) for hole in holes}
+    fields = {id(hole): hole.velocities(mesh) for hole in holes}
     morphs, parameters = [], []
     for name, hole in holes_by_name.items():
         quantity = _NAME.fullmatch(name)[1]

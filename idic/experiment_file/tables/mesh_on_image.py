@@ -17,7 +17,7 @@ from idic.experiment_file.tables.lengths import Lengths
 from idic.fe import Mesh, OUTLINE
 from idic.images import AnyCamera, Camera, Stack
 from idic.readers import (
-    Drawing, FieldStack, MeasuredPoints, PointOutline, from_image, narrowest, roi_mesh, sides_of_any, width_error,
+    Drawing, FieldStack, MeasuredPoints, PointOutline, from_image, narrowest_width, roi_mesh, sides_of_any,
 )
 
 KEY = "experiment.mesh"
@@ -120,7 +120,7 @@ def _margin_note(config: ExperimentFile, points: MeasuredPoints) -> str:
 
 
 def _edge_notes(config: ExperimentFile, point_outline: PointOutline, pitch: float) -> list[str]:
-    width, error = narrowest(point_outline, pitch), width_error(point_outline, pitch)
+    width, error = narrowest_width(point_outline, pitch)
     notch = f", that of a notch to {0.5 * error:.2g} mm" if error > pitch else ""
     counted = any(entry.name.startswith(OUTLINE) for entry in config.dof)
     advice = (f"{OUTLINE} identifies where the edges are" if counted else
@@ -136,7 +136,8 @@ def outline_share(config: ExperimentFile, stack: Stack, camera: Camera, file: Pa
     if config.experiment.mesh.outline_points_mm is None or not isinstance(stack, FieldStack):
         return None
     point_outline = _of_outline(config, stack.points, camera, file)[1]
-    return width_error(point_outline, stack.points.pitch) / narrowest(point_outline, stack.points.pitch)
+    width, error = narrowest_width(point_outline, stack.points.pitch)
+    return error / width
 
 
 def _gap_notes(point_outline: PointOutline) -> list[str]:

@@ -214,6 +214,13 @@ class Body:
         _check_seams(self, n_frames)
         _PASSED.once(mesh, np.asarray(self.constraints.dofs).tobytes(), lambda: _check_rigid_motion(self))
 
+    @property
+    def is_linear(self) -> bool:
+        """Whether displacements and forces are linear in the histories of drives and loads."""
+        laws = [section.law for section in self.sections]
+        return (all(law.small and law.spec.linear for law in laws) and not self.loads.pressure_faces
+                and self.temperature is None and self.control is None and not self.seams)
+
 
 def uses_mean_dilatation(body: Body, cell: str) -> bool:
     """Whether elements of this cell are computed with mean dilatation, against volumetric locking."""

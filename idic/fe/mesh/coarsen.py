@@ -35,30 +35,31 @@ class Coarse:
     mesh: Mesh
     nodes: np.ndarray
 
+    @classmethod
+    def of(cls, mesh: Mesh, n_elements: int) -> Coarse | None:
+        """A mesh of about so many elements, or of as few as can be; None where no layer can be taken out."""
+        if mesh.n_elements <= n_elements or any(block.cell not in OPPOSITE for block in mesh.blocks):
+            return None
+        layers, body = _layers(mesh), _Body(mesh)
+        edges, owner = np.concatenate([layer.edges for layer in layers]), np.repeat(
+            np.arange(len(layers)), [len(layer.edges) for layer in layers])
 
-def coarsen(mesh: Mesh, n_elements: int) -> Coarse | None:
-    """A mesh of about so many elements, or of as few as can be; None where no layer can be taken out."""
-    if mesh.n_elements <= n_elements or any(block.cell not in OPPOSITE for block in mesh.blocks):
-        return None
-    layers, body = _layers(mesh), _Body(mesh)
-    edges, owner = np.concatenate([layer.edges for layer in layers]), np.repeat(
-        np.arange(len(layers)), [len(layer.edges) for layer in layers])
+        def lengths(at: np.ndarray) -> np.ndarray:
+            """Mean length of the edges of every layer."""
+            edge_lengths = np.linalg.norm(mesh.nodes[at[edges[:, 1]]] - mesh.nodes[at[edges[:, 0]]], axis=1)
+            return np.bincount(owner, edge_lengths) / np.bincount(owner)
 
-    def lengths(at: np.ndarray) -> np.ndarray:
-        """Mean length of the edges of every layer."""
-        edge_lengths = np.linalg.norm(mesh.nodes[at[edges[:, 1]]] - mesh.nodes[at[edges[:, 0]]], axis=1)
-        return np.bincount(owner, edge_lengths) / np.bincount(owner)
-
-    first = lengths(body.at)
-    waiting = np.array([layer.can_close for layer in layers])
-    while waiting.any() and body.n_elements > n_elements:
-        grown = np.where(waiting, np.round(lengths(body.at) / first, 6), np.inf)
-        k = int(np.argmin(grown))
-        waiting[k] = False
-        choices = [candidate for side in (0, 1) if (candidate := body.without(layers[k], side)) is not None]
-        if choices:  # onto the side that leaves the shorter neighbours
-            body = min(choices, key=lambda candidate: float((lengths(candidate.at) / first)[waiting].max(initial=0.0)))
-    return None if body.n_elements == mesh.n_elements else body.as_mesh()
+        first = lengths(body.at)
+        waiting = np.array([layer.can_close for layer in layers])
+        while waiting.any() and body.n_elements > n_elements:
+            grown = np.where(waiting, np.round(lengths(body.at) / first, 6), np.inf)
+            k = int(np.argmin(grown))
+            waiting[k] = False
+            choices = [candidate for side in (0, 1) if (candidate := body.without(layers[k], side)) is not None]
+            if choices:  # onto the side that leaves the shorter neighbours
+                body = min(choices,
+                           key=lambda candidate: float((lengths(candidate.at) / first)[waiting].max(initial=0.0)))
+        return None if body.n_elements == mesh.n_elements else body.as_mesh()
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from idic.fe.mesh.mesh import Mesh, PerMesh, make_mesh
-from idic.fe.mesh.morph import fit_circle, nearest_on_circle, ratios_of_block, walls_about_a_centre
+from idic.fe.mesh.morph import fit_circle, nearest_on_circle, walls_about_a_centre
 
 MAX_TURN = np.radians(31.0)  # between neighbouring edges of an arc: twelve around a circle; an octagon stays one
 MIN_TURN = 1e-4  # flatter arcs are straight lines
@@ -150,8 +150,8 @@ def _round_walls(mesh: Mesh) -> Iterator[_Arc]:
 
 def _flattened(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
     """Nodes of elements that keep too little of their Jacobian with other nodes."""
-    flat = [block.connectivity[ratios_of_block(block, mesh.nodes, nodes, len(
-        block.kind.reference_nodes)).min(axis=1) < MIN_JACOBIAN].ravel() for block in mesh.blocks]
+    flat = [block.connectivity[block.jacobian_ratios(mesh.nodes, nodes, len(
+              block.kind.reference_nodes)).min(axis=1) < MIN_JACOBIAN].ravel() for block in mesh.blocks]
     return np.unique(np.concatenate(flat))
 
 

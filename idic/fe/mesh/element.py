@@ -82,6 +82,11 @@ _HEX20_FACES = tuple((*face, *(8 + [set(edge) for edge in HEX_EDGES].index({a, b
                                for a, b in zip(face, (*face[1:], face[0]), strict=True))) for face in _HEX_FACES)
 _TET_FACES = ((0, 2, 1, 6, 5, 4), (0, 1, 3, 4, 8, 7), (1, 2, 3, 5, 9, 8), (2, 0, 3, 6, 7, 9))  # Abaqus S1..S4
 
+# cells by what another discretisation of the same body takes in their place
+QUADRATIC = {"tri3": "tri6", "quad4": "quad8", "tet4": "tet10", "hex8": "hex20"}
+RAISED_BY_DEFAULT = ("tri3", "quad4", "tet4")  # hex8 has a remedy against locking, and hex20 three times its nodes
+HALVED_AS = {"tri3": "tri3", "tri6": "tri3", "quad4": "quad4", "quad8": "quad4", "hex8": "hex8", "hex20": "hex8"}
+
 CELL_TYPES = {
     c.name: c
     for c in (

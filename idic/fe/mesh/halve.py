@@ -14,11 +14,9 @@ import numpy as np
 from scipy import sparse
 
 from idic.errors import InputError
-from idic.fe.mesh.element import cell_type
+from idic.fe.mesh.element import HALVED_AS, cell_type
 from idic.fe.mesh.mesh import Block, Mesh
 
-LINEAR = {"tri3": "tri3", "tri6": "tri3", "quad4": "quad4", "quad8": "quad4", "hex8": "hex8",
-          "hex20": "hex8"}
 PARTS = 64  # every weight of a corner at a new node is a multiple of 1/64
 
 
@@ -28,11 +26,6 @@ class Halved:
 
     mesh: Mesh
     carry: sparse.csr_array
-
-
-def can_halve(mesh: Mesh) -> bool:
-    """Whether every element can be divided (all but tetrahedra)."""
-    return all(block.cell in LINEAR for block in mesh.blocks)
 
 
 def halve(mesh: Mesh) -> Halved:
@@ -46,8 +39,8 @@ def halve(mesh: Mesh) -> Halved:
     InputError
         If there are tetrahedra.
     """
-    if not can_halve(mesh):
-        raise InputError("tetrahedra are not divided", expected=", ".join(LINEAR),
+    if not mesh.can_halve:
+        raise InputError("tetrahedra are not divided", expected=", ".join(HALVED_AS),
                          found=", ".join(block.cell for block in mesh.blocks), remedy="use a mesh of bricks")
     nodes = _Nodes(mesh)
     blocks, children, first = [], [], 0
@@ -140,7 +133,7 @@ def _corners(weights: np.ndarray) -> list[list[tuple[int, int]]]:
 
 def _corner_weights(cell: str, points: np.ndarray) -> np.ndarray:
     """Weights of the corners at reference points, in 1/64  # (n, n_corners) int"""
-    return np.rint(PARTS * cell_type(LINEAR[cell]).shape_functions(np.asarray(points, dtype=float))).astype(int)
+    return np.rint(PARTS * cell_type(HALVED_AS[cell]).shape_functions(np.asarray(points, dtype=float))).astype(int)
 
 
 def _children(cell: str) -> np.ndarray:

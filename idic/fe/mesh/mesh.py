@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.mesh.element import Cell, cell_type
+from idic.fe.mesh.element import HALVED_AS, QUADRATIC, RAISED_BY_DEFAULT, Cell, cell_type
 
 Found = TypeVar("Found")
 
@@ -41,6 +41,15 @@ class Block:
     @property
     def n_elements(self) -> int:
         return len(self.connectivity)
+
+    def jacobian_ratios(self, nodes_before: np.ndarray, nodes_after: np.ndarray, n_nodes: int) -> np.ndarray:
+        """det dX/dxi with other nodes over that before, at integration points and the first `n_nodes` nodes of every
+        element  # (n_elements, n_points)"""
+        points = np.concatenate([self.kind.quadrature_rule()[0], self.kind.reference_nodes[:n_nodes]])
+        slopes = self.kind.shape_gradients(points)
+        new_volume, old_volume = (np.linalg.det(np.einsum("eai,qaj->eqij", x[self.connectivity], slopes))
+                                  for x in (nodes_after, nodes_before))
+        return new_volume / old_volume
 
 
 @dataclass(frozen=True)
@@ -227,6 +236,43 @@ class Mesh:
             blocks.append(Block(kind, nodes, first))
             first += blocks[-1].n_elements
         return blocks
+
+    @property
+    def smallest_angle(self) -> float:
+        """The smallest corner angle of all elements, in degrees."""
+        angles = []
+        for block in self.blocks:
+            corners = self.nodes[block.connectivity[:, : block.kind.n_corners]]
+            ahead, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+            cosine = (ahead * back).sum(axis=-1) / (np.linalg.norm(ahead, axis=-1) * np.linalg.norm(back, axis=-1))
+            angles.append(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))).min())
+        return float(min(angles))
+
+    @property
+    def can_raise_order(self) -> bool:
+        """Whether every element has a quadratic counterpart (tri3, quad4, tet4, hex8)."""
+        return all(block.cell in QUADRATIC for block in self.blocks)
+
+    @property
+    def is_raised_by_default(self) -> bool:
+        """Whether every element is of a kind that is computed as its quadratic counterpart unless another order is
+        asked for."""
+        return all(block.cell in RAISED_BY_DEFAULT for block in self.blocks)
+
+    @property
+    def can_halve(self) -> bool:
+        """Whether every element can be divided (all but tetrahedra)."""
+        return all(block.cell in HALVED_AS for block in self.blocks)
+
+    def jacobian_ratios(self, nodes: np.ndarray) -> np.ndarray:
+        """det dX/dxi with other nodes over that of the mesh, at integration points and corners of every element
+
+        Returns
+        -------
+        (n,)
+        """
+        return np.concatenate([block.jacobian_ratios(self.nodes, nodes, block.kind.n_corners).ravel()
+                               for block in self.blocks])
 
 
 def make_mesh(nodes: np.ndarray, cells: list[tuple[str, np.ndarray]], **sets) -> Mesh:

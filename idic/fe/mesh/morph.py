@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from idic.errors import NotConverged
-from idic.fe.mesh.mesh import Block, Mesh
+from idic.fe.mesh.mesh import Mesh
 
 MAX_OFF_CIRCLE = 0.05  # of the radius: how far corner nodes of a rim may lie off its circle (meshes made on an image)
 MAX_WALL_NORMAL_Z = 0.5  # |n_z| of a wall of a solid; top and bottom face are no walls
@@ -34,6 +34,27 @@ class Hole:
     centre: np.ndarray
     radius: float
     rim: np.ndarray
+
+    def velocities(self, mesh: Mesh) -> dict[str, np.ndarray]:
+        """V of "x", "y" and "radius" of a hole  # {name: (n_nodes, dim)}, 1
+
+        On the rim (1, 0), (0, 1) and (X - centre)/radius; zero on every other wall; harmonic between; no z component.
+        """
+        faces, _ = _walls(mesh)
+        boundary_nodes = np.unique(np.concatenate([mesh.face_set_nodes(faces), self.rim]))
+        stiffness, used = laplacian(mesh)
+        inner = np.setdiff1d(used, boundary_nodes)
+        components = np.zeros((mesh.n_nodes,
+                               3))  # a rigid shift in one direction, and the two components of the radial field
+        components[self.rim, 0] = 1.0
+        components[self.rim, 1:] = (mesh.nodes[self.rim, :2] - self.centre) / self.radius
+        if len(inner):
+            components[inner] = splu(stiffness[inner][:, inner].tocsc()).solve(-(stiffness[inner] @ components))
+        flat = np.zeros((mesh.n_nodes, mesh.n_dim))
+        fields = {"x": flat.copy(), "y": flat.copy(), "radius": flat.copy()}
+        fields["x"][:, 0] = fields["y"][:, 1] = components[:, 0]
+        fields["radius"][:, :2] = components[:, 1:]
+        return fields
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,35 +132,13 @@ def nearest_on_circle(points: np.ndarray, centre: np.ndarray, radius: float) -> 
     return centre + offset * (radius / np.hypot(offset[..., :1], offset[..., 1:]))
 
 
-def velocities(mesh: Mesh, hole: Hole) -> dict[str, np.ndarray]:
-    """V of "x", "y" and "radius" of a hole  # {name: (n_nodes, dim)}, 1
-
-    On the rim (1, 0), (0, 1) and (X - centre)/radius; zero on every other wall; harmonic between; no z component.
-    """
-    faces, _ = _walls(mesh)
-    boundary_nodes = np.unique(np.concatenate([mesh.face_set_nodes(faces), hole.rim]))
-    stiffness, used = laplacian(mesh)
-    inner = np.setdiff1d(used, boundary_nodes)
-    components = np.zeros((mesh.n_nodes,
-                           3))  # a rigid shift in one direction, and the two components of the radial field
-    components[hole.rim, 0] = 1.0
-    components[hole.rim, 1:] = (mesh.nodes[hole.rim, :2] - hole.centre) / hole.radius
-    if len(inner):
-        components[inner] = splu(stiffness[inner][:, inner].tocsc()).solve(-(stiffness[inner] @ components))
-    flat = np.zeros((mesh.n_nodes, mesh.n_dim))
-    fields = {"x": flat.copy(), "y": flat.copy(), "radius": flat.copy()}
-    fields["x"][:, 0] = fields["y"][:, 1] = components[:, 0]
-    fields["radius"][:, :2] = components[:, 1:]
-    return fields
-
-
 def admissible(mesh: Mesh, velocity: np.ndarray, least: float = MIN_JACOBIAN_IN_BOUNDS) -> tuple[float, float]:
     """Changes (low < 0 < high, mm) along which every element keeps `least` of its Jacobian, at corners too.
 
     The determinant is quadratic in the change (V has two components), so its roots are exact.
     """
     h = 0.1 * float(np.ptp(mesh.nodes, axis=0).max()) / max(np.abs(velocity).max(), 1e-300)
-    up, down = (jacobian_ratios(mesh, mesh.nodes + s * h * velocity) for s in (1.0, -1.0))
+    up, down = (mesh.jacobian_ratios(mesh.nodes + s * h * velocity) for s in (1.0, -1.0))
     a, b = (up - down) / (2.0 * h), (up + down - 2.0) / (2.0 * h * h)  # ratio = 1 + a d + b d²
     with np.errstate(divide="ignore", invalid="ignore"):
         root = np.sqrt(a * a - 4.0 * b * (1.0 - least))
@@ -163,24 +162,9 @@ def morphed(mesh: Mesh, morphs: Iterable[Morph], values: Mapping[str, float]) ->
         nodes = nodes + change * morph.velocity if change else nodes
     if nodes is mesh.nodes:
         return mesh
-    if not jacobian_ratios(mesh, nodes).min() > MIN_JACOBIAN:
+    if not mesh.jacobian_ratios(nodes).min() > MIN_JACOBIAN:
         raise NotConverged("the mesh cannot follow such a change of geometry: an element would be flattened")
     return replace(mesh, nodes=nodes)
-
-
-def jacobian_ratios(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
-    """det dX/dxi with other nodes over that of the mesh, at integration points and corners of all elements  # (n,)"""
-    return np.concatenate([ratios_of_block(block, mesh.nodes, nodes, block.kind.n_corners).ravel()
-                           for block in mesh.blocks])
-
-
-def ratios_of_block(block: Block, nodes_before: np.ndarray, nodes_after: np.ndarray, n_nodes: int) -> np.ndarray:
-    """The same of one block, at integration points and its first `n_nodes` nodes  # (n_elements, n_points)"""
-    points = np.concatenate([block.kind.quadrature_rule()[0], block.kind.reference_nodes[:n_nodes]])
-    slopes = block.kind.shape_gradients(points)
-    new_volume, old_volume = (np.linalg.det(np.einsum("eai,qaj->eqij", x[block.connectivity], slopes))
-                              for x in (nodes_after, nodes_before))
-    return new_volume / old_volume
 
 
 def _n_corners(mesh: Mesh) -> int:

@@ -8,11 +8,12 @@ place of a list is a circle.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from idic.errors import InputError
+from idic.fe.mesh.mesh import Mesh
 
 MAX_ARC_ANGLE = np.pi / 4 + 1e-9  # of one edge: eight edges around a circle; their chord area is 90 % of it
 MIN_ARC_HEIGHT = 1e-6  # of the chord: flatter arcs are straight lines
@@ -76,34 +77,57 @@ class Segments:
         loop_areas = [abs(float((cross + sector)[self.loop == k].sum()) / 2) for k in range(int(self.loop.max()) + 1)]
         return loop_areas[0] - sum(loop_areas[1:])
 
+    @classmethod
+    def of(cls, outline: Sequence, holes: Sequence = ()) -> Segments:
+        """The segments of an outline and its holes.
 
-def segments_of(outline: Sequence, holes: Sequence = ()) -> Segments:
-    """The segments of an outline and its holes.
+        Parameters
+        ----------
+        outline : sequence of entries, or (n, 2) array, or [xc, yc, r]
+        holes : sequence of the same
 
-    Parameters
-    ----------
-    outline : sequence of entries, or (n, 2) array, or [xc, yc, r]
-    holes : sequence of the same
+        Raises
+        ------
+        InputError
+            Fewer than three points (two with an arc), a repeated point, an arc without a circle, values that are not
+            numbers.
+        """
+        parts = [_loop(entries, "outline" if k == 0 else f"hole {k}") for k, entries in enumerate((outline, *holes))]
+        loop = np.repeat(np.arange(len(parts)), [len(part[0]) for part in parts])
+        start, end, centre, radius, angle, sweep = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+        return cls(start, end, centre, radius, angle, sweep, loop)
 
-    Raises
-    ------
-    InputError
-        Fewer than three points (two with an arc), a repeated point, an arc without a circle, values that are not
-        numbers.
-    """
-    parts = [_loop(entries, "outline" if k == 0 else f"hole {k}") for k, entries in enumerate((outline, *holes))]
-    loop = np.repeat(np.arange(len(parts)), [len(part[0]) for part in parts])
-    start, end, centre, radius, angle, sweep = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    return Segments(start, end, centre, radius, angle, sweep, loop)
+    @staticmethod
+    def is_circle(entries: Sequence) -> bool:
+        """Whether a loop is given as [xc, yc, r]."""
+        return len(entries) == 3 and all(np.ndim(entry) == 0 for entry in entries)
 
+    def on_arcs(self, mesh: Mesh) -> Mesh:
+        """A mesh of quadratic elements with the mid-side nodes of the boundary on the arcs of the drawing.
 
-def is_circle(entries: Sequence) -> bool:
-    """Whether a loop is given as [xc, yc, r]."""
-    return len(entries) == 3 and all(np.ndim(entry) == 0 for entry in entries)
+        mesh : of this drawing after `raise_order`, in the unit of the drawing
+        """
+        curved = np.flatnonzero(self.curved)
+        faces = mesh.boundary_faces()
+        if not len(curved) or not len(faces):
+            return mesh
+        ends = np.array([mesh.face_nodes(face) for face in faces])  # (n, 3): corner, corner, middle
+        a, b, middle = (mesh.nodes[ends[:, k]] for k in range(3))
+        nodes = mesh.nodes.copy()
+        for k in curved:
+            centre, radius = self.centre[k], self.radius[k]
+            on = [np.abs(np.hypot(*(x - centre).T) - radius) < 1e-6 * radius for x in (a, b)]
+            on_arc = on[0] & on[1]
+            offset = middle - centre
+            distance = np.hypot(*offset.T)
+            turned = (np.arctan2(offset[:, 1], offset[:, 0]) - self.angle[k]) * np.sign(self.sweep[k]) % (2 * np.pi)
+            on_arc &= (turned < abs(self.sweep[k])) & (distance > 0.5 * radius)
+            nodes[ends[on_arc, 2]] = centre + offset[on_arc] * (radius / distance[on_arc])[:, None]
+        return replace(mesh, nodes=nodes)
 
 
 def _loop(entries: Sequence, name: str):
-    if is_circle(entries):
+    if Segments.is_circle(entries):
         return _circle(np.asarray(entries, dtype=float), name)
     rows = [np.asarray(entry, dtype=float).ravel() for entry in entries]
     if any(len(row) not in (2, 4) or not np.isfinite(row).all() for row in rows):

@@ -12,7 +12,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe.mesh.mesh import Mesh, make_mesh
-from idic.fe.mesh.outline import Boundary, Segments, cut, segments_of
+from idic.fe.mesh.outline import Boundary, Segments, cut
 from idic.fe.mesh.recombine import recombined, smoothed
 from idic.fe.mesh.region import check_crossings, graded_boundary
 from idic.fe.mesh.triangulate import triangulate
@@ -60,7 +60,7 @@ def mesh_polygon(outline: Sequence, holes: Sequence = (), size: float = 1.0, *, 
     InputError
         Lines that cross, holes outside, a name without a segment, an element size that does not suit the region.
     """
-    segments = segments_of(outline, holes)
+    segments = Segments.of(outline, holes)
     _check_size(segments, size)
     boundary = graded_boundary(segments, size)
     (nodes, four, three), boundary = mesher(segments, boundary, size, quads)
@@ -68,45 +68,6 @@ def mesh_polygon(outline: Sequence, holes: Sequence = (), size: float = 1.0, *, 
     cells = [(cell, np.searchsorted(used, c)) for cell, c in (("quad4", four), ("tri3", three)) if len(c)]
     mesh = make_mesh(nodes[used], cells)
     return _with_sets(mesh, segments, replace(boundary, edges=np.searchsorted(used, boundary.edges)), names or {})
-
-
-def follow_arcs(mesh: Mesh, outline: Sequence, holes: Sequence = ()) -> Mesh:
-    """A mesh of quadratic elements with the mid-side nodes of the boundary on the arcs of the drawing.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        `mesh_polygon` of the same drawing after `raise_order`, in the unit of the drawing.
-    """
-    segments = segments_of(outline, holes)
-    curved = np.flatnonzero(segments.curved)
-    faces = mesh.boundary_faces()
-    if not len(curved) or not len(faces):
-        return mesh
-    ends = np.array([mesh.face_nodes(face) for face in faces])  # (n, 3): corner, corner, middle
-    a, b, middle = (mesh.nodes[ends[:, k]] for k in range(3))
-    nodes = mesh.nodes.copy()
-    for k in curved:
-        centre, radius = segments.centre[k], segments.radius[k]
-        on = [np.abs(np.hypot(*(x - centre).T) - radius) < 1e-6 * radius for x in (a, b)]
-        on_arc = on[0] & on[1]
-        offset = middle - centre
-        distance = np.hypot(*offset.T)
-        turned = (np.arctan2(offset[:, 1], offset[:, 0]) - segments.angle[k]) * np.sign(segments.sweep[k]) % (2 * np.pi)
-        on_arc &= (turned < abs(segments.sweep[k])) & (distance > 0.5 * radius)
-        nodes[ends[on_arc, 2]] = centre + offset[on_arc] * (radius / distance[on_arc])[:, None]
-    return replace(mesh, nodes=nodes)
-
-
-def smallest_angle(mesh: Mesh) -> float:
-    """The smallest corner angle of all elements, in degrees."""
-    angles = []
-    for block in mesh.blocks:
-        corners = mesh.nodes[block.connectivity[:, : block.kind.n_corners]]
-        ahead, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
-        cosine = (ahead * back).sum(axis=-1) / (np.linalg.norm(ahead, axis=-1) * np.linalg.norm(back, axis=-1))
-        angles.append(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))).min())
-    return float(min(angles))
 
 
 def _check_size(segments: Segments, size: float) -> None:

@@ -11,22 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from idic.fe.mesh.element import QUADRATIC
 from idic.fe.mesh.mesh import Block, Mesh, PerMesh
 
 _RAISED = PerMesh()  # a diagnosis loads an experiment for every variant, on one mesh
-QUADRATIC = {"tri3": "tri6", "quad4": "quad8", "tet4": "tet10", "hex8": "hex20"}
-RAISED_BY_DEFAULT = ("tri3", "quad4", "tet4")  # hex8 has a remedy against locking, and hex20 three times its nodes
-
-
-def can_raise_order(mesh: Mesh) -> bool:
-    """Whether every element has a quadratic counterpart (tri3, quad4, tet4, hex8)."""
-    return all(block.cell in QUADRATIC for block in mesh.blocks)
-
-
-def is_raised_by_default(mesh: Mesh) -> bool:
-    """Whether every element is of a kind that is computed as its quadratic counterpart unless another order is asked
-    for."""
-    return all(block.cell in RAISED_BY_DEFAULT for block in mesh.blocks)
 
 
 def raise_order(mesh: Mesh) -> Mesh:

@@ -15,16 +15,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from idic.correlation import (
-    CorrelationContext, FrameResponse, closed_system, correlated_frames, frame_system, reduce_systems,
-)
+from idic.correlation import CorrelationContext, FrameResponse, closed_system, frame_system, reduce_systems
 from idic.fe import Alternative, Responses, stress_error_responses
 from idic.identification.discrepancy.expansion import expanded
 from idic.identification.discrepancy.fields import (
     MOTION_LENGTH, N_CHANNEL_COURSES, N_COURSES, STRESS_LENGTH, Hats, course_correlation, courses, field_correlation,
     hats_over, root_of,
 )
-from idic.identification.free_motion.two_step import is_two_step
 from idic.identification.step.state import Evaluation
 from idic.model import Experiment, ForwardModel, Model
 from idic.parameters import ParameterSet
@@ -87,11 +84,11 @@ def reason_against(experiment: Experiment, point: Evaluation | None) -> str:
         return "no simulation converged"
     if experiment.recording.quantity == "height":
         return "height images: std counts noise alone"
-    if is_two_step(experiment.options):
+    if experiment.options.is_two_step:
         return "the second of two steps compares with a measured motion: std counts noise alone"
     if 8.0 * COPIES * experiment.model.mesh.nodes.size * _n_unknowns(experiment.model) > MAX_BYTES:
         return "the mesh has too many nodes for the sums of a discrepancy: std counts noise alone"
-    return "" if correlated_frames(experiment, range(experiment.model.n_frames)) else "no frame is compared"
+    return "" if experiment.correlated_frames(range(experiment.model.n_frames)) else "no frame is compared"
 
 
 def _n_unknowns(model: Model) -> int:
@@ -117,7 +114,7 @@ def discrepancy_system(context: CorrelationContext, forward: object, local: np.n
         If the law finds no stress along the path.
     """
     experiment = context.experiment
-    frames = correlated_frames(experiment, range(experiment.model.n_frames))
+    frames = experiment.correlated_frames(range(experiment.model.n_frames))
     fields = _Fields.of(context, forward, local, u, frames)
     wide = fields.among(context)
     names = (*context.names, *(f"discrepancy.{i}" for i in range(fields.n_unknowns + len(fields.errors))))

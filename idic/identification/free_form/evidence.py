@@ -46,6 +46,46 @@ class ChosenKnots:
     levels: np.ndarray
     evidence: Mapping[int, float]
 
+    @classmethod
+    def of(cls, M: np.ndarray, b: np.ndarray, values: np.ndarray, slopes: np.ndarray, form: FreeForm,
+           numbers: Sequence[int] = ()) -> ChosenKnots:
+        """Knots and smoothness of one free function.
+
+        Parameters
+        ----------
+        M, b : (p, p), (p,) normal equations of the scaled parameters, without the priors of this function
+        values, slopes : (p,) parameters where they were linearised, and d value / d scaled
+        form : the free function, of as many knots as were identified
+        numbers : of knots to try; none: those of the form
+        """
+        numbers, n_others = numbers or form.numbers, len(values) - len(form.at)
+        candidates: dict[tuple[int, Smoothness], _Judged] = {}
+        for n in numbers:
+            T = _restriction(len(values), form, n, slopes)
+            data, pull = T.T @ M @ T, T.T @ (M @ (values / slopes) + b)
+            for over in form.over:
+                for strength in STRENGTHS:
+                    smoothness = Smoothness(strength, over)
+                    candidates[n, smoothness] = _judged(data, pull, form.bends(n, smoothness), form.ends(n),
+                                                        form.centre)
+        handicapped = {key: candidate.ln_z - ROOT_HANDICAP * (key[1].over == ROOT)
+                       for key, candidate in candidates.items()}
+        over = max(handicapped, key=lambda key: handicapped[key])[1].over
+        best = {n: max((candidates[n, Smoothness(s, over)].ln_z, Smoothness(s, over)) for s in STRENGTHS)[1]
+                for n in numbers}
+        top = max(candidates[n, best[n]].ln_z for n in numbers)
+        evidence = {n: candidates[n, best[n]].ln_z - top for n in numbers}
+        possible = sorted(n for n in numbers if evidence[n] >= -STRONG)
+        finest = possible[-1]
+        levels = {n: candidates[n, best[n]].values(n_others, form.lowest) for n in possible}
+        basis = form.seen(finest, finest)
+        covariance = np.linalg.pinv(candidates[finest, best[finest]].A, hermitian=True)
+        stds = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", basis, covariance[n_others:, n_others:], basis), 0.0)
+                       + form.family_error**2)
+        n = next(n for n in possible if np.all(
+            np.abs(form.seen(n, finest) @ levels[n] - basis @ levels[finest]) <= SAME_CURVE * stds))
+        return cls(n, best[n], levels[n], evidence)
+
 
 @dataclass(frozen=True)
 class _Judged:
@@ -66,43 +106,6 @@ class _Judged:
             values = scipy.optimize.lsq_linear(root[:, None] * axes.T, (axes.T @ self.pull) / root, (bound, np.inf),
                                                method="bvls").x
         return values[n_others:]
-
-
-def choose_knots(M: np.ndarray, b: np.ndarray, values: np.ndarray, slopes: np.ndarray, form: FreeForm,
-                 numbers: Sequence[int] = ()) -> ChosenKnots:
-    """Knots and smoothness of one free function.
-
-    Parameters
-    ----------
-    M, b : (p, p), (p,) normal equations of the scaled parameters, without the priors of this function
-    values, slopes : (p,) parameters where they were linearised, and d value / d scaled
-    form : the free function, of as many knots as were identified
-    numbers : of knots to try; none: those of the form
-    """
-    numbers, n_others = numbers or form.numbers, len(values) - len(form.at)
-    candidates: dict[tuple[int, Smoothness], _Judged] = {}
-    for n in numbers:
-        T = _restriction(len(values), form, n, slopes)
-        data, pull = T.T @ M @ T, T.T @ (M @ (values / slopes) + b)
-        for over in form.over:
-            for strength in STRENGTHS:
-                smoothness = Smoothness(strength, over)
-                candidates[n, smoothness] = _judged(data, pull, form.bends(n, smoothness), form.ends(n), form.centre)
-    handicapped = {key: candidate.ln_z - ROOT_HANDICAP * (key[1].over == ROOT) for key, candidate in candidates.items()}
-    over = max(handicapped, key=lambda key: handicapped[key])[1].over
-    best = {n: max((candidates[n, Smoothness(s, over)].ln_z, Smoothness(s, over)) for s in STRENGTHS)[1]
-            for n in numbers}
-    top = max(candidates[n, best[n]].ln_z for n in numbers)
-    evidence = {n: candidates[n, best[n]].ln_z - top for n in numbers}
-    possible = sorted(n for n in numbers if evidence[n] >= -STRONG)
-    finest = possible[-1]
-    levels = {n: candidates[n, best[n]].values(n_others, form.lowest) for n in possible}
-    basis, covariance = form.seen(finest, finest), np.linalg.pinv(candidates[finest, best[finest]].A, hermitian=True)
-    stds = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", basis, covariance[n_others:, n_others:], basis), 0.0)
-                   + form.family_error**2)
-    n = next(n for n in possible if np.all(
-        np.abs(form.seen(n, finest) @ levels[n] - basis @ levels[finest]) <= SAME_CURVE * stds))
-    return ChosenKnots(n, best[n], levels[n], evidence)
 
 
 def _restriction(n_all: int, form: FreeForm, n: int, slopes: np.ndarray) -> np.ndarray:

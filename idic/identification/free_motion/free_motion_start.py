@@ -6,9 +6,8 @@ from collections.abc import Collection
 
 import numpy as np
 
-from idic.identification.free_motion.two_step import is_two_step
 from idic.measure import surface_motion, virtual_boundaries, volume_motion
-from idic.model import Experiment, Measured, build_drives, is_stereo, mode_names
+from idic.model import DriveTable, Experiment, Measured
 
 
 def needs_free_dic(experiment: Experiment) -> bool:
@@ -18,21 +17,21 @@ def needs_free_dic(experiment: Experiment) -> bool:
         return False
     measured = any(isinstance(entry.drive, Measured) for entry in experiment.model.prescribed)
     return (measured or experiment.recording.noise.std_gv is None or starts_from_dic(experiment)
-            or is_two_step(experiment.options))
+            or experiment.options.is_two_step)
 
 
 def starts_from_dic(experiment: Experiment) -> bool:
     """Whether virtual boundaries take modes or starting values from a measured motion: not where all are given, nor
     with height images (these start from a body at rest)."""
     return experiment.recording.quantity != "height" and any(
-        entry.drive.kind == "dic" or set(mode_names(entry)) - set(experiment.model.stated_values)
+        entry.drive.kind == "dic" or set(entry.mode_names) - set(experiment.model.stated_values)
         for entry in virtual_boundaries(experiment))
 
 
 def needs_motion_in_space(experiment: Experiment) -> bool:
     """Whether edges of a solid start from what two cameras with a lens measure, or volumes: from a free stereo FE-DIC,
     or a free FE-DVC."""
-    in_space = is_stereo(experiment) or experiment.recording.quantity == "volume"
+    in_space = experiment.is_stereo or experiment.recording.quantity == "volume"
     return experiment.model.n_dim == 3 and in_space and (starts_from_dic(experiment) or any(
         isinstance(entry.drive, Measured) for entry in experiment.model.prescribed))
 
@@ -71,7 +70,7 @@ def measured_start(experiment: Experiment, u_px: np.ndarray, excluded: Collectio
     Returns (n_frames, m) mm.
     """
     model = experiment.model
-    drives = build_drives(experiment)
+    drives = DriveTable.of(experiment)
     local = np.zeros((model.n_frames, drives.n_local))
     if not drives.measured.any():
         return local
@@ -100,7 +99,7 @@ def measured_start(experiment: Experiment, u_px: np.ndarray, excluded: Collectio
 
 def measured_nodes(experiment: Experiment) -> np.ndarray:
     """The nodes whose motion is measured, of all edges together  # (n,)"""
-    drives = build_drives(experiment)
+    drives = DriveTable.of(experiment)
     rows = [drives.basis[:, drive] != 0.0 for drive, is_measured in zip(drives.local, drives.measured, strict=False)
             if is_measured]
     return np.unique(np.concatenate([drives.dofs[row] for row in rows]) // experiment.model.n_dim if rows else

@@ -27,16 +27,11 @@ METHODS = (INTEGRATED, WEIGHTED, UNWEIGHTED)
 _SAMPLED_NODES = 200
 
 
-def is_two_step(options: Options) -> bool:
-    """Whether the motion is measured first and the model fitted to it afterwards."""
-    return options.method != INTEGRATED
-
-
 def regularisation_of(options: Options) -> Regularisation:
     """How the free FE-DIC of an experiment is regularised: "auto" is none for two steps, mechanical otherwise."""
     regularisation = options.dic_regularisation
     if regularisation == "auto":
-        regularisation = "none" if is_two_step(options) else "mechanical"
+        regularisation = "none" if options.is_two_step else "mechanical"
     return Regularisation.smooth(regularisation)
 
 
@@ -49,7 +44,7 @@ def check_method(experiment: Experiment) -> None:
         Height images; a camera or a geometry that is a degree of freedom; generalised least squares.
     """
     model = experiment.model
-    if not is_two_step(experiment.options):
+    if not experiment.options.is_two_step:
         return
     moved = [name for view in experiment.views for name in model.parameters.free
              if name.startswith(f"{view.recording.camera_name}.")]

@@ -36,6 +36,14 @@ class ElementSums:
     def __add__(self, addend: ElementSums) -> ElementSums:
         return ElementSums(self.chi2 + addend.chi2, self.pixels + addend.pixels)
 
+    @classmethod
+    def of(cls, pixel_map: PixelMap, residual: ResidualMap, noise_std: float) -> ElementSums:
+        """χ² and pixels of every element in one frame."""
+        variance = noise_std**2 * (residual.still_gain / residual.n_images + residual.noise_gain)
+        squares = np.where(residual.valid, residual.r.astype(float) ** 2 / variance, 0.0)
+        start = pixel_map.start[:-1]
+        return cls(np.add.reduceat(squares, start), np.add.reduceat(residual.valid.astype(float), start))
+
 
 @dataclass(frozen=True)
 class LocalResidual:
@@ -70,13 +78,37 @@ class LocalResidual:
     share: float
     part: int | None
 
+    @classmethod
+    def of(cls, pixel_map: PixelMap, sums: Sequence[ElementSums]) -> LocalResidual | None:
+        """The largest local χ² of a recording; None where too few elements are seen.
 
-def element_sums(pixel_map: PixelMap, residual: ResidualMap, noise_std: float) -> ElementSums:
-    """χ² and pixels of every element in one frame."""
-    variance = noise_std**2 * (residual.still_gain / residual.n_images + residual.noise_gain)
-    squares = np.where(residual.valid, residual.r.astype(float) ** 2 / variance, 0.0)
-    start = pixel_map.start[:-1]
-    return ElementSums(np.add.reduceat(squares, start), np.add.reduceat(residual.valid.astype(float), start))
+        sums : of consecutive runs of frames
+        """
+        if not sums:
+            return None
+        adjacency = neighbourhoods(pixel_map)
+        recording_sums = sums[0]
+        for frame_sums in sums[1:]:
+            recording_sums = recording_sums + frame_sums
+        groups: list[tuple[int | None, ElementSums]] = [(None, recording_sums)]
+        if len(sums) >= N_PARTS:
+            for part, chosen in enumerate(np.array_split(np.arange(len(sums)), N_PARTS)):
+                total = sums[chosen[0]]
+                for k in chosen[1:]:
+                    total = total + sums[k]
+                groups.append((part, total))
+        tests = [(part, test) for part, group in groups if (test := _departures(adjacency, group)) is not None]
+        if not tests:
+            return None
+        tried = sum(test.independent for _, test in tests)
+        part, departures = max(tests, key=lambda entry: float(entry[1].z.max()))
+        significant, worst = departures.significant(tried), int(np.argmax(departures.z))
+        pixels = slice(pixel_map.start[worst], pixel_map.start[worst + 1])
+        column, row = pixel_map.ix[pixels].mean(), pixel_map.iy[pixels].mean()
+        return cls(bool(significant.any()), float(departures.mean[worst]), departures.typical,
+                   float(departures.z[worst]),
+                   float(min(1.0, tried * scipy.special.ndtr(-departures.z[worst]))), float(column), float(row),
+                   int(significant.sum()), float(significant.sum() / departures.usable.sum()), part)
 
 
 def neighbourhoods(pixel_map: PixelMap) -> sparse.csr_array:
@@ -88,38 +120,6 @@ def neighbourhoods(pixel_map: PixelMap) -> sparse.csr_array:
     adjacency = (incidence @ incidence.T).tocsr()
     adjacency.data[:] = 1.0
     return adjacency
-
-
-def local_residual(pixel_map: PixelMap, sums: Sequence[ElementSums]) -> LocalResidual | None:
-    """The largest local χ² of a recording; None where too few elements are seen.
-
-    sums : of consecutive runs of frames
-    """
-    if not sums:
-        return None
-    adjacency = neighbourhoods(pixel_map)
-    recording_sums = sums[0]
-    for frame_sums in sums[1:]:
-        recording_sums = recording_sums + frame_sums
-    groups: list[tuple[int | None, ElementSums]] = [(None, recording_sums)]
-    if len(sums) >= N_PARTS:
-        for part, chosen in enumerate(np.array_split(np.arange(len(sums)), N_PARTS)):
-            total = sums[chosen[0]]
-            for k in chosen[1:]:
-                total = total + sums[k]
-            groups.append((part, total))
-    tests = [(part, test) for part, group in groups if (test := _departures(adjacency, group)) is not None]
-    if not tests:
-        return None
-    tried = sum(test.independent for _, test in tests)
-    part, departures = max(tests, key=lambda entry: float(entry[1].z.max()))
-    significant, worst = departures.significant(tried), int(np.argmax(departures.z))
-    pixels = slice(pixel_map.start[worst], pixel_map.start[worst + 1])
-    column, row = pixel_map.ix[pixels].mean(), pixel_map.iy[pixels].mean()
-    return LocalResidual(bool(significant.any()), float(departures.mean[worst]), departures.typical,
-                         float(departures.z[worst]),
-                         float(min(1.0, tried * scipy.special.ndtr(-departures.z[worst]))), float(column), float(row),
-                         int(significant.sum()), float(significant.sum() / departures.usable.sum()), part)
 
 
 @dataclass(frozen=True, eq=False)

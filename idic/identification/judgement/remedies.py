@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation import build_experiment_reference, solve_brightness
+from idic.correlation import build_experiment_reference
 from idic.images import Camera
 from idic.model import Experiment, Options
 
@@ -28,6 +28,20 @@ class Remedy:
     setting: str
     chi2_before: float
     chi2_after: float
+
+    @classmethod
+    def tried(cls, experiment: Experiment, camera: Camera, frames: Sequence[int],
+              motion: Callable[[int], np.ndarray]) -> tuple[Remedy, ...]:
+        """χ² of some frames with every remedy, at a given motion.
+
+        Parameters
+        ----------
+        experiment : view of one camera, grey images, noise known
+        motion : frame -> displacement of the nodes in the image (n_nodes, 2) px
+        """
+        initial_chi2 = chi2_at(experiment, camera, frames, motion)
+        return tuple(cls(setting, initial_chi2, chi2_at(replace(experiment, options=options), camera, frames, motion))
+                     for setting, options in remedies(experiment.options))
 
 
 def remedies(options: Options) -> Iterator[tuple[str, Options]]:
@@ -45,20 +59,6 @@ def remedies(options: Options) -> Iterator[tuple[str, Options]]:
         yield f"lowpass_px = {STRONGER_LOWPASS_PX:g}", replace(options, lowpass_px=STRONGER_LOWPASS_PX)
 
 
-def try_remedies(experiment: Experiment, camera: Camera, frames: Sequence[int],
-                 motion: Callable[[int], np.ndarray]) -> tuple[Remedy, ...]:
-    """χ² of some frames with every remedy, at a given motion.
-
-    Parameters
-    ----------
-    experiment : view of one camera, grey images, noise known
-    motion : frame -> displacement of the nodes in the image (n_nodes, 2) px
-    """
-    initial_chi2 = chi2_at(experiment, camera, frames, motion)
-    return tuple(Remedy(setting, initial_chi2, chi2_at(replace(experiment, options=options), camera, frames, motion))
-                 for setting, options in remedies(experiment.options))
-
-
 def chi2_at(experiment: Experiment, camera: Camera, frames: Sequence[int],
             motion: Callable[[int], np.ndarray]) -> float:
     """Mean χ² per pixel of some frames, brightness fitted in each."""
@@ -66,7 +66,7 @@ def chi2_at(experiment: Experiment, camera: Camera, frames: Sequence[int],
     chi2, pixels = 0.0, 0
     for frame in frames:
         u = motion(frame)
-        fit = solve_brightness(reference.compare(experiment, frame, u))
+        fit = reference.compare(experiment, frame, u).brightness_fit()
         residual = reference.compare_pixels(experiment, frame, u, fit.coefficients)
         n = int(residual.valid.sum())
         if n:

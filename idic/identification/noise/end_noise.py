@@ -14,10 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from idic.correlation import (
-    CorrelationContext, CorrelationSystem, FrameResponse, correlated_frames, frame_equations, frame_system,
-    local_covariance,
+    CorrelationContext, CorrelationSystem, FrameResponse, frame_equations, frame_system, local_covariance,
 )
-from idic.fe import is_linear
 from idic.model import ForwardModel
 
 N_DRAWS = 16  # N is known within 10 % then: a dozen shapes of the ends matter
@@ -34,10 +32,10 @@ def with_end_noise(system: CorrelationSystem, context: CorrelationContext, forwa
     """
     experiment = context.experiment
     if not (isinstance(forward, ForwardModel) and experiment.recording.quantity == "displacement" and context.moving
-            and forward.drives.measured.any() and not experiment.model.loads and is_linear(forward.body)
+            and forward.drives.measured.any() and not experiment.model.loads and forward.body.is_linear
             and experiment.options.weighting == "noise"):
         return system
-    frames = correlated_frames(experiment, range(experiment.model.n_frames))
+    frames = experiment.correlated_frames(range(experiment.model.n_frames))
     drawn = np.resize(np.array(frames)[np.linspace(0, len(frames) - 1, min(N_DRAWS, len(frames))).round().astype(int)],
                       N_DRAWS)
     around = _responses(forward, context, np.zeros((1, forward.drives.n_local)), frames[:1], None)[0]

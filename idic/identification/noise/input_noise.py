@@ -15,7 +15,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from idic.correlation import MAX_GRADIENT_NOISE, build_experiment_reference
 from idic.identification.noise.free_residual import free_residual_noise
 from idic.identification.noise.recordings import CONSECUTIVE, FREE_RESIDUAL, STILL, recordings
-from idic.images import Camera, DEGREES, NoiseCovariance, gradient_noise_share, noise_covariance, pixel_gain, prefilter
+from idic.images import Camera, DEGREES, NoiseCovariance, gradient_noise_share, pixel_gain, prefilter
 from idic.model import Channel, CorrelatedNoise, Experiment, Model, Noise, Recording
 
 MAD_TO_STD = 1.4826  # median absolute deviation -> standard deviation of a normal distribution
@@ -162,7 +162,7 @@ def measured_noise(view: Experiment) -> Noise:
     reference = build_experiment_reference(view, view.model.camera)
     region = reference.pixel_map.to_image(np.ones(len(reference.pixel_map.points())), 0.0) > 0.0
     for recording in recordings(view):
-        covariance = noise_covariance(recording.stack, recording.frames, region, view.options.lowpass_px)
+        covariance = NoiseCovariance.of(recording.stack, recording.frames, region, view.options.lowpass_px)
         if covariance is not None and covariance.sum_std_gv < MAX_NOISE_RATIO * noise.std_gv:
             return _judged(noise, covariance, view.options.lowpass_px, recording.source)
     if (isinstance(view.model.camera, Camera)

@@ -13,8 +13,8 @@ import numpy as np
 from idic.errors import InputError
 from idic.experiment_file import ExperimentFile
 from idic.identification.free_motion.free_motion_start import measured_start, motion_in_space
-from idic.measure import Regularisation, boundary_start, dic_stack, with_boundary_start
-from idic.model import COMPONENTS, Experiment, Measured, Model, Parametrised, Prescribed, build_drives, set_nodes
+from idic.measure import BoundaryStart, Regularisation, dic_stack, with_boundary_start
+from idic.model import COMPONENTS, DriveTable, Experiment, Measured, Model, Parametrised, Prescribed
 
 Courses = Mapping[str, Sequence[Sequence[float]]]
 
@@ -55,10 +55,10 @@ def edge_motion(experiment: Experiment, courses: Courses, recorded: bool,
         motion, notes = None, ()
     _check_known(experiment.model, unknown, driven_edges, motion is not None, recorded, file)
     if motion is None:
-        return experiment, np.zeros((experiment.model.n_frames, build_drives(experiment).n_local)), ()
+        return experiment, np.zeros((experiment.model.n_frames, DriveTable.of(experiment).n_local)), ()
     excluded = experiment.recording.excluded
     in_space = motion if is_volume else None
-    experiment = with_boundary_start(experiment, boundary_start(experiment, motion, excluded, in_space))
+    experiment = with_boundary_start(experiment, BoundaryStart.of(experiment, motion, excluded, in_space))
     return experiment, measured_start(experiment, motion, excluded, in_space), notes
 
 
@@ -69,7 +69,7 @@ def _prescribed_motion(model: Model, driven_edges: Sequence[Prescribed], courses
         times, course = np.array(courses[_key(entry)]).T
         history = np.interp(model.times, times, course)
         history = history - history[model.reference]
-        u[:, set_nodes(model, entry.nodes), COMPONENTS.index(entry.component)] = history[:, None]
+        u[:, model.node_set(entry.nodes), COMPONENTS.index(entry.component)] = history[:, None]
     return u
 
 

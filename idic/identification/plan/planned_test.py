@@ -23,7 +23,7 @@ from idic.experiment_file import (
     with_overrides,
 )
 from idic.images import dense_speckle
-from idic.model import Experiment, Noise, Recording
+from idic.model import Experiment, Noise
 from idic.path_names import path_inside
 from idic.readers import MatchedLog, check_increasing, matching_files, open_stack, unit_in_name
 from idic.identification.plan.planned_motion import edge_keys, edge_motion
@@ -49,6 +49,29 @@ class Plan:
     pattern: str  # "photograph" | "images" | VIRTUAL_SPECKLE
     assumptions: tuple[str, ...]
 
+    @classmethod
+    def of(cls, path: str | Path, overrides: Mapping[str, Any] | None = None,
+           noise_std_gv: float | None = None) -> Plan:
+        """Read an experiment that need not have been made yet.
+
+        Parameters
+        ----------
+        noise_std_gv : standard deviation of the image noise, over what the folder says.
+
+        Raises
+        ------
+        InputError
+            As `load_experiment`; or neither images nor a plan, a course for nothing, a course that ends too early, a
+            channel to come without its noise.
+        """
+        folder = _folder(path, overrides, noise_std_gv)
+        file, experiment = folder.file, folder.experiment()
+        folder.check_program()
+        folder.check_channel_noise()
+        experiment, noise = _with_noise(experiment, noise_std_gv, folder.plan.noise_std_gv)
+        experiment, local, motion = edge_motion(experiment, folder.plan.program, folder.recorded, file)
+        return cls(experiment, local, folder.pattern, (*folder.assumptions(), noise, *motion))
+
 
 class PlannedStack:
     """The reference image, shown again for every frame to come."""
@@ -68,41 +91,18 @@ class PlannedStack:
         return self._image
 
 
-def load_plan(path: str | Path, overrides: Mapping[str, Any] | None = None,
-              noise_std_gv: float | None = None) -> Plan:
-    """Read an experiment that need not have been made yet.
-
-    Parameters
-    ----------
-    noise_std_gv : standard deviation of the image noise, over what the folder says.
-
-    Raises
-    ------
-    InputError
-        As `load_experiment`; or neither images nor a plan, a course for nothing, a course that ends too early, a
-        channel to come without its noise.
-    """
-    folder = _folder(path, overrides, noise_std_gv)
-    file, experiment = folder.file, folder.experiment()
-    folder.check_program()
-    folder.check_channel_noise()
-    experiment, noise = _with_noise(experiment, noise_std_gv, folder.plan.noise_std_gv)
-    experiment, local, motion = edge_motion(experiment, folder.plan.program, folder.recorded, file)
-    return Plan(experiment, local, folder.pattern, (*folder.assumptions(), noise, *motion))
-
-
 def recorded_or_planned(path: str | Path, overrides: Mapping[str, Any] | None = None) -> Experiment:
     """An experiment as it was recorded, else as it is planned: the model of a simulation.
 
     Raises
     ------
     InputError
-        As `load_experiment` and `load_plan`.
+        As `load_experiment` and `Plan.of`.
     """
     folder = _folder(path, overrides)
     if folder.config.design is None or (folder.recorded and folder.has_log):
         return load_experiment(path, overrides)
-    return load_plan(path, overrides).experiment
+    return Plan.of(path, overrides).experiment
 
 
 def planned_speckle(path: str | Path, overrides: Mapping[str, Any] | None = None) -> DesignTable | None:
@@ -364,13 +364,6 @@ class PlannedFolder(ExperimentFolder):
         return lines
 
 
-def image_unit(recording: Recording) -> str:
-    """What pixel values count: grey values, or the unit of the heights."""
-    if recording.points is not None:
-        return recording.value_unit
-    return recording.value_unit
-
-
 def columns_of(config: ExperimentFile) -> set[str]:
     """Columns of the log that boundaries name."""
     entries = [getattr(table, name) for table in config.boundary for name in type(table).model_fields]
@@ -393,4 +386,4 @@ def _with_noise(experiment: Experiment, *stds_gv: float | None) -> tuple[Experim
              "assumed": f"assumed: {100 * NOISE_SHARE:g} % of the contrast; give noise_std_gv or --noise-gv"}
     quantity = "image noise" if recording.points is None else "noise of a component"
     return (replace(experiment, recording=replace(recording, noise=source)),
-            f"{quantity}: {source.std_gv:.3g} {image_unit(recording)} ({words.get(source.source, source.source)})")
+            f"{quantity}: {source.std_gv:.3g} {recording.value_unit} ({words.get(source.source, source.source)})")

@@ -21,7 +21,7 @@ import numpy as np
 
 from idic.correlation import (
     CorrelationContext, CorrelationSystem, FrameResponse, build_experiment_reference, camera_at, channel_values,
-    closed_system, correlated_frames, frame_system, generalised_weights, reduce_systems, view_of, with_all_cameras,
+    closed_system, frame_system, reduce_systems, view_of, with_all_cameras,
 )
 from idic.identification.judgement.basis import load_of_frames
 from idic.identification.plan.planned_test import Plan
@@ -73,7 +73,7 @@ def expected_odds(plans: Mapping[str, Plan]) -> list[PairOdds]:
     """
     members = {name: _Member.of(plan, [rival for rival in plans if rival != name]) for name, plan in plans.items()}
     experiment = next(iter(members.values())).context.experiment
-    frames = correlated_frames(experiment, range(experiment.model.n_frames))
+    frames = experiment.correlated_frames(range(experiment.model.n_frames))
     stops = {frames[i] for i in np.linspace(0, len(frames) - 1, min(STOPS, len(frames))).astype(int)}
     totals: dict[str, CorrelationSystem] = {}
     distances: dict[tuple[str, str], list[float]] = {}
@@ -119,7 +119,7 @@ class _Member:
         experiment = experiment.at_geometry(parameters)
         weights, camera = noise_weights(experiment), camera_at(experiment, parameters)
         if experiment.recording.quantity == "grey":  # elsewhere frames are weighed as independent
-            weights = generalised_weights(weights)
+            weights = weights.as_generalised()
         columns = tuple(f"difference of {rival}" for rival in rivals)
         context = with_all_cameras(CorrelationContext(
             experiment, parameters, (*parameters.free, *columns), (*moving, *columns), camera,

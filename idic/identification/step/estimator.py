@@ -15,7 +15,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.identification.step.parameter_covariance import MAX_UNDETERMINED_SHARE, scaled_system, undetermined_share
 from idic.identification.step.state import GENERALISED, GENERALISED_REJECTED, ORDINARY, Evaluation
-from idic.images import DEGREES, lowpass, spline_error, still_gain
+from idic.images import DEGREES, lowpass, spline_error
 from idic.model import Experiment, Measured, Model, Parametrised
 
 MAX_WORTHWHILE_STD_RATIO = 0.9  # standard deviation over that of ordinary least squares, of at least one parameter
@@ -77,14 +77,14 @@ def next_estimator(current: str, status: str, experiment: Experiment, names: Seq
         return current
     if setting == GENERALISED:
         return GENERALISED
-    if not promised and misfit(point, experiment.options.lowpass_px) > MAX_JUDGED_CHI2:
+    if not promised and point.misfit(experiment.options.lowpass_px) > MAX_JUDGED_CHI2:
         return current
     if experiment.options.interpolation != "quintic" or experiment.options.weighting != "noise":
         return current  # generalised least squares magnify the bias of the cubic spline
     if any(isinstance(entry.drive, Parametrised) for entry in experiment.model.prescribed):
         return current
     if any(isinstance(entry.drive, Measured) for entry in experiment.model.prescribed) and (
-            misfit(point, experiment.options.lowpass_px) > MAX_EXPLAINED_CHI2):
+            point.misfit(experiment.options.lowpass_px) > MAX_EXPLAINED_CHI2):
         return current
     if predicted_gain(experiment.model, names, point, image_noise) >= MAX_WORTHWHILE_STD_RATIO:
         return current
@@ -101,15 +101,6 @@ def may_begin_generalised(experiment: Experiment) -> bool:
         return True
     measured = any(isinstance(entry.drive, Measured) for entry in experiment.model.prescribed)
     return not measured and spline_share(experiment) <= MAX_SPLINE_ERROR_SHARE
-
-
-def misfit(point: Evaluation, lowpass_px: float) -> float:
-    """Mean squared residual over that of the noise after the low-pass: 0.8 to 1.1 where the residual is noise.
-
-    Roughly chi^2 per pixel, which takes the interpolation of every pixel into account, too.
-    """
-    pixels = max(sum(record.n_pixels for record in point.system.frames), 1)
-    return point.system.phi_image / pixels / still_gain(lowpass_px)
 
 
 def estimator_notes(experiment: Experiment, estimator: str) -> list[str]:

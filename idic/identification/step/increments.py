@@ -35,7 +35,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.fe import can_raise_order
 from idic.identification.step.acceptance import scaled_at
 from idic.identification.step.proposal import Step
 from idic.identification.step.settled import negligible
@@ -55,7 +54,6 @@ from idic.identification.step.state import (
     Trial,
     TrustRegion,
 )
-from idic.laws import get_law
 from idic.model import Experiment, Measured, Model, Stage
 from idic.simulation_error import can_be_refined
 
@@ -81,24 +79,9 @@ CURVATURE = 5.0
 MAX_KNOWN_ERROR = 0.1  # of that distance, over the largest change with which increments are enough
 
 
-def rate_dependent_laws(model: Model) -> tuple[str, ...]:
-    """Laws of the experiment that depend on time; none with an external solver, which takes its own increments."""
-    if model.solver is not None:
-        return ()
-    return tuple(dict.fromkeys(m.law for m in model.materials if get_law(m.law).rate_dependent))
-
-
-def path_dependent_laws(model: Model) -> tuple[str, ...]:
-    """Laws of the experiment with a memory, plasticity and damage among them: their stress depends on the increments,
-    if less than that of a rate-dependent law. None with an external solver."""
-    if model.solver is not None:
-        return ()
-    return tuple(dict.fromkeys(m.law for m in model.materials if get_law(m.law).n_state > 0))
-
-
 def chooses_increments(experiment: Experiment) -> bool:
     """Whether the number of increments is found by an error estimate: a law has a memory, and no number is given."""
-    return experiment.options.substeps is None and bool(path_dependent_laws(experiment.model))
+    return experiment.options.substeps is None and bool(experiment.model.path_dependent_laws)
 
 
 def with_increments_judged(state: LoopState, experiment: Experiment, stage: Stage, point: Evaluation,
@@ -130,7 +113,7 @@ def with_increments_judged(state: LoopState, experiment: Experiment, stage: Stag
         return replace(state, increments=replace(choice, status=AT_LIMIT))
     if experiment.options.max_iterations - state.rounds < MIN_EVALUATIONS:
         return replace(state, increments=replace(choice, status=OPEN))
-    if choice == IncrementChoice() and not rate_dependent_laws(experiment.model):
+    if choice == IncrementChoice() and not experiment.model.rate_dependent_laws:
         half_rate = n_intervals(experiment.model) >= MIN_HALF_RATE_INTERVALS
         return _to_compare(state, HALF_RATE if half_rate else finer)
     return _to_finer(state, finer, dict(values), choice.change)
@@ -186,7 +169,7 @@ def meets_a_jump(state: LoopState, model: Model, trial: Evaluation, accepted: Ev
     intervals = n_intervals(model) if trial.intervals is None else trial.intervals
     n_without_halving = intervals * (per_frame + (per_frame // 2 if state.increments.per_frame else 0))
     return (trial.system is not None and max(trial.increments, accepted.increments) > n_without_halving > 0
-            and accepted.increments > 0 and per_frame < MOST_COARSE and not rate_dependent_laws(model)
+            and accepted.increments > 0 and per_frame < MOST_COARSE and not model.rate_dependent_laws
             and state.trust.rejections >= MAX_COARSE_REJECTIONS)
 
 
@@ -205,7 +188,7 @@ def is_too_coarse(state: LoopState, experiment: Experiment, jump: bool = False) 
         return False
     if jump:
         return True
-    return choice == IncrementChoice() and bool(rate_dependent_laws(experiment.model)) and (
+    return choice == IncrementChoice() and bool(experiment.model.rate_dependent_laws) and (
         state.schedule.iterations >= MAX_COARSE_STEPS or rejections >= MAX_COARSE_REJECTIONS)
 
 
@@ -216,7 +199,7 @@ def has_rough_steps(experiment: Experiment) -> bool:
     ones, which the derivatives leave out.
     """
     measured = any(isinstance(entry.drive, Measured) for entry in experiment.model.prescribed)
-    return measured and chooses_increments(experiment) and not rate_dependent_laws(experiment.model)
+    return measured and chooses_increments(experiment) and not experiment.model.rate_dependent_laws
 
 
 def is_judged_next(state: LoopState, experiment: Experiment) -> bool:
@@ -265,7 +248,7 @@ def remaining_share(model: Model, choice: IncrementChoice) -> float:
     """Error that is left over the change of a parameter that is known of a choice."""
     if choice.per_frame is None:
         return 1.0
-    first_of_a_law_without_time = choice.per_frame == 2 and not rate_dependent_laws(model)
+    first_of_a_law_without_time = choice.per_frame == 2 and not model.rate_dependent_laws
     return REMAINING_SHARE_WITHOUT_TIME if first_of_a_law_without_time else REMAINING_SHARE
 
 
@@ -283,9 +266,15 @@ def max_increments(model: Model) -> int:
 
 
 def errs_by_its_mesh(model: Model) -> bool:
+<<<<<<< HEAD
     """Whether linear elements of a solid, of laws without time, leave an error of which at most its size is known."""
     return (model.kind == "solid" and can_raise_order(model.mesh) and not can_be_refined(model)
             and not rate_dependent_laws(model))
+=======
+    """Whether linear elements of a solid leave an error that is too costly to be known, of laws without time."""
+    return (model.kind == "solid" and model.mesh.can_raise_order and not can_be_refined(model)
+            and not model.rate_dependent_laws)
+>>>>>>> h/doors
 
 
 def n_intervals(model: Model) -> int:
@@ -330,19 +319,19 @@ def increments_entry(experiment: Experiment, choice: IncrementChoice) -> dict:
     per_frame : of the finer simulation where two are extrapolated in time; chosen : "frames" (no law has a memory),
     "given" (``substeps``), "error_estimate"; status : "enough", or why the error may be larger
     """
-    laws, substeps = path_dependent_laws(experiment.model), experiment.options.substeps
+    laws, substeps = experiment.model.path_dependent_laws, experiment.options.substeps
     chosen = "given" if substeps is not None else "error_estimate" if laws else "frames"
     number = substeps or choice.per_frame or 1
     entry = {"per_frame": number, "extrapolated": choice.per_frame is not None, "chosen": chosen,
              "status": choice.status if chosen == "error_estimate" else None,
-             "rate_dependent_laws": list(rate_dependent_laws(experiment.model)), "path_dependent_laws": list(laws)}
+             "rate_dependent_laws": list(experiment.model.rate_dependent_laws), "path_dependent_laws": list(laws)}
     return entry | {"words": describe(experiment, choice)}
 
 
 def describe(experiment: Experiment, choice: IncrementChoice) -> str:
     """The increments in one sentence part."""
     substeps, n = experiment.options.substeps, choice.per_frame
-    if substeps is not None and path_dependent_laws(experiment.model):
+    if substeps is not None and experiment.model.path_dependent_laws:
         return f"{substeps} per frame, as given by substeps; their error was not estimated"
     if not chooses_increments(experiment):
         return f"{substeps or 1} per frame"
@@ -358,8 +347,8 @@ def describe(experiment: Experiment, choice: IncrementChoice) -> str:
 def planned_increments(experiment: Experiment) -> tuple[str, ...]:
     """What `idic check` says of the increments, before any simulation; nothing where no law has a memory, or where they
     are given to one without time."""
-    laws, substeps = ", ".join(path_dependent_laws(experiment.model)), experiment.options.substeps
-    in_time = bool(rate_dependent_laws(experiment.model))
+    laws, substeps = ", ".join(experiment.model.path_dependent_laws), experiment.options.substeps
+    in_time = bool(experiment.model.rate_dependent_laws)
     if not laws or (substeps is not None and not in_time):
         return ()
     on = f"law {laws} depends on {'time' if in_time else 'its history'}"
@@ -373,7 +362,7 @@ def increment_notes(experiment: Experiment, choice: IncrementChoice) -> list[str
     """How many increments were chosen and why, or that they are not known to be short enough."""
     if not chooses_increments(experiment):
         return []
-    laws, n = ", ".join(path_dependent_laws(experiment.model)), choice.per_frame
+    laws, n = ", ".join(experiment.model.path_dependent_laws), choice.per_frame
     if choice.status == ENOUGH:
         return [f"increments of law {laws}: {describe(experiment, choice)}"]
     changed = "" if choice.change is None else (f"; the last halving changed a parameter by more than "

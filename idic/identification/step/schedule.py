@@ -20,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic.identification.step.parameter_covariance import Scaled, Spectrum
-from idic.model import Experiment, Measured, Stage, is_stereo
+from idic.model import Experiment, Measured, Stage
 
 MAX_SETTLED_STEP = 0.1  # scaled: a direction with a shorter step no longer holds up weaker ones
 WAITING_STD_RATIO = 10.0  # standard deviation of a waiting direction over that of the one it waits for
@@ -38,7 +38,7 @@ def wants_search(experiment: Experiment) -> bool:
     """
     model = experiment.model
     options = experiment.options
-    in_space = is_stereo(experiment) and any(isinstance(entry.drive, Measured) for entry in model.prescribed)
+    in_space = experiment.is_stereo and any(isinstance(entry.drive, Measured) for entry in model.prescribed)
     is_allowed = (options.search != "never" and options.method == "integrated" and model.solver is None
                   and not in_space and experiment.recording.quantity != "volume")
     return is_allowed and any(model.parameters[name].start_values for name in first_free(experiment))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from idic.correlation import correlated_frames
 from idic.errors import InputError
 from idic.identification.step.schedule import BLURRED_STAGE, begins_blurred, is_preliminary, seen_in
 from idic.model import Experiment, Stage
@@ -45,9 +44,9 @@ def resolve_stages(experiment: Experiment) -> tuple[Stage, ...]:
 def check_images(experiment: Experiment, stage: Stage, number: int) -> None:
     """Refuse a stage without an image to correlate (`InputError`)."""
     model = experiment.model
-    if stage.until_s is None or correlated_frames(seen_in(experiment, stage), range(model.n_frames)):
+    if stage.until_s is None or seen_in(experiment, stage).correlated_frames(range(model.n_frames)):
         return
-    compared = correlated_frames(experiment, range(model.n_frames))
+    compared = experiment.correlated_frames(range(model.n_frames))
     begins = f"{model.times[compared[0]]:g} s or later" if compared else "images after the reference"
     raise InputError(f"stage {number + 1} ends before the first image that is compared", file="experiment.toml",
                      key="[[stage]] until_s", expected=begins, found=f"{stage.until_s:g} s",

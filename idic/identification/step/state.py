@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from idic.correlation import CorrelationSystem
+from idic.images import still_gain
 
 ORDINARY, GENERALISED, GENERALISED_REJECTED = "ordinary", "generalised", "generalised_rejected"
 AS_GIVEN, COMPARED, OPEN, ENOUGH = "as_given", "compared", "open", "enough"
@@ -191,6 +192,16 @@ class LoopState:
         """Whether the evaluation `number` is the accepted point."""
         return self.accepted is not None and self.accepted.number == number
 
+    @property
+    def trial_states(self) -> tuple[LoopState, ...]:
+        """All trials of a state, each as the state that tries it alone: the ordinary step first, then the parallel
+        ones."""
+        ordinary = replace(self, trial=replace(self.trial, parallel=()))
+        return (ordinary, *(replace(ordinary, trial=replace(ordinary.trial, values=dict(trial.values)),
+                                    trust=replace(self.trust, damping=trial.damping),
+                                    evaluations=self.evaluations + number)
+                            for number, trial in enumerate(self.trial.parallel, start=1)))
+
 
 @dataclass(frozen=True)
 class Evaluation:
@@ -212,3 +223,11 @@ class Evaluation:
     def part(self, name: str) -> Evaluation:
         """The evaluation of an experiment: itself where it is the only one, or where no simulation of all converged."""
         return self.parts.get(name, self)
+
+    def misfit(self, lowpass_px: float) -> float:
+        """Mean squared residual over that of the noise after the low-pass: 0.8 to 1.1 where the residual is noise.
+
+        Roughly chi^2 per pixel, which takes the interpolation of every pixel into account, too.
+        """
+        pixels = max(sum(record.n_pixels for record in self.system.frames), 1)
+        return self.system.phi_image / pixels / still_gain(lowpass_px)

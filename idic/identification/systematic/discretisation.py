@@ -22,7 +22,6 @@ import numpy as np
 
 from idic.correlation import CorrelationSystem, Weights
 from idic.errors import NotConverged
-from idic.fe import is_raised_by_default
 from idic.identification.discrepancy.normal_equations import DiscrepancySystem
 from idic.identification.step.parameter_covariance import MAX_UNDETERMINED_SHARE, scaled_system, undetermined_share
 from idic.identification.step.state import Evaluation
@@ -41,7 +40,7 @@ def is_coarse(experiment: Experiment) -> bool:
     """
     model = experiment.model
     return (model.solver is None and experiment.options.weighting == "noise" and model.mesh.n_dim == 2
-            and is_raised_by_default(model.mesh))
+            and model.mesh.is_raised_by_default)
 
 
 def with_mesh_error(discrepancy: DiscrepancySystem, evaluate: Evaluate, experiment: Experiment,

@@ -45,38 +45,39 @@ class FieldNoise:
     sum_std: float
     correlation: np.ndarray
 
+    @classmethod
+    def of(cls, stack: Stack, positions: np.ndarray, frames: Sequence[int], reference: int,
+           n_references: int = 1) -> FieldNoise | None:
+        """Noise from the stages of a test; None where there are too few points or stages.
 
-def field_noise(stack: Stack, positions: np.ndarray, frames: Sequence[int], reference: int,
-                n_references: int = 1) -> FieldNoise | None:
-    """Noise from the stages of a test; None where there are too few points or stages.
-
-    Parameters
-    ----------
-    stack : frames of (n_points, c), NaN where not measured
-    positions : (n_points, 2) in distances of neighbours
-    frames : stages that count, in order, the reference among them
-    reference : the stage that displacements count from; n_references : stages averaged to it
-    """
-    frames = list(frames)
-    if len(frames) < MIN_STAGES or len(positions) < MIN_POINTS:
-        return None
-    middle = [k for k in range(1, len(frames) - 1) if frames[k] != reference]
-    chosen = [middle[k] for k in np.unique(np.linspace(0, len(middle) - 1, min(MAX_STAGES, len(middle))).astype(int))]
-    residuals = [_stage_residual(stack, positions, frames[k - 1], frames[k], frames[k + 1], reference, n_references)
-                 for k in chosen]
-    stages = [stage for stage in residuals if stage is not None]
-    variances = [float(np.mean(stage.noise[stage.measured] ** 2)) for stage in stages]
-    if not variances or not float(np.median(variances)) > 0.0:
-        return None
-    most = MAX_VARIANCE_RATIO * float(np.median(variances))
-    quiet_stages = [stage for stage, variance in zip(stages, variances, strict=True) if variance <= most]
-    covariance = _covariance(positions, quiet_stages)
-    variance = float(covariance[MAX_LAG, MAX_LAG])
-    if not variance > 0.0:  # computed fields
-        return None
-    correlation = covariance / variance
-    sum_variance = variance * _sum_ratio(positions, correlation)
-    return FieldNoise(float(np.sqrt(variance)), float(np.sqrt(sum_variance)), correlation)
+        Parameters
+        ----------
+        stack : frames of (n_points, c), NaN where not measured
+        positions : (n_points, 2) in distances of neighbours
+        frames : stages that count, in order, the reference among them
+        reference : the stage that displacements count from; n_references : stages averaged to it
+        """
+        frames = list(frames)
+        if len(frames) < MIN_STAGES or len(positions) < MIN_POINTS:
+            return None
+        middle = [k for k in range(1, len(frames) - 1) if frames[k] != reference]
+        places = np.linspace(0, len(middle) - 1, min(MAX_STAGES, len(middle)))
+        chosen = [middle[k] for k in np.unique(places.astype(int))]
+        residuals = [_stage_residual(stack, positions, frames[k - 1], frames[k], frames[k + 1], reference, n_references)
+                     for k in chosen]
+        stages = [stage for stage in residuals if stage is not None]
+        variances = [float(np.mean(stage.noise[stage.measured] ** 2)) for stage in stages]
+        if not variances or not float(np.median(variances)) > 0.0:
+            return None
+        most = MAX_VARIANCE_RATIO * float(np.median(variances))
+        quiet_stages = [stage for stage, variance in zip(stages, variances, strict=True) if variance <= most]
+        covariance = _covariance(positions, quiet_stages)
+        variance = float(covariance[MAX_LAG, MAX_LAG])
+        if not variance > 0.0:  # computed fields
+            return None
+        correlation = covariance / variance
+        sum_variance = variance * _sum_ratio(positions, correlation)
+        return cls(float(np.sqrt(variance)), float(np.sqrt(sum_variance)), correlation)
 
 
 def _sum_ratio(positions: np.ndarray, correlation: np.ndarray) -> float:

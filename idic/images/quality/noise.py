@@ -42,6 +42,20 @@ class NoiseModel:
         value = self.offset + self.slope * np.asarray(grey, dtype=float)
         return np.maximum(value, 0.01 * max(float(np.mean(value)), np.finfo(float).tiny))
 
+    @classmethod
+    def of(cls, images: Sequence[np.ndarray], mask: np.ndarray | None = None, n_bins: int = 16) -> NoiseModel:
+        """Intensity-dependent noise from still frames: variance against grey value in bins of equal population."""
+        pairs = _differences(images, mask)
+        grey, square = np.concatenate([g for _, g in pairs]), np.concatenate([d**2 / 2.0 for d, _ in pairs])
+        order = np.argsort(grey, kind="stable")
+        level = np.array([chunk.mean() for chunk in np.array_split(grey[order], n_bins)])
+        variance = np.array([chunk.mean() for chunk in np.array_split(square[order], n_bins)])
+        if np.ptp(level) == 0 or not variance.any():
+            return cls(float(variance.mean()))
+        weight = 1.0 / np.maximum(variance, 1e-3 * variance.mean())  # the scatter of a variance is proportional to it
+        slope, offset = np.polyfit(level, variance, 1, w=weight)
+        return cls(float(offset), float(slope))
+
 
 def still_noise(images: Sequence[np.ndarray], mask: np.ndarray | None = None) -> NoiseEstimate:
     """Noise of one image from two or more images of the specimen at rest.
@@ -63,20 +77,6 @@ def still_noise(images: Sequence[np.ndarray], mask: np.ndarray | None = None) ->
     pairs = _differences(images, mask)
     variance = float(np.mean([np.mean(difference**2) / 2.0 for difference, _ in pairs]))
     return NoiseEstimate(float(np.sqrt(variance)), "still_frames")
-
-
-def still_noise_model(images: Sequence[np.ndarray], mask: np.ndarray | None = None, n_bins: int = 16) -> NoiseModel:
-    """Intensity-dependent noise from still frames: variance against grey value in bins of equal population."""
-    pairs = _differences(images, mask)
-    grey, square = np.concatenate([g for _, g in pairs]), np.concatenate([d**2 / 2.0 for d, _ in pairs])
-    order = np.argsort(grey, kind="stable")
-    level = np.array([chunk.mean() for chunk in np.array_split(grey[order], n_bins)])
-    variance = np.array([chunk.mean() for chunk in np.array_split(square[order], n_bins)])
-    if np.ptp(level) == 0 or not variance.any():
-        return NoiseModel(float(variance.mean()))
-    weight = 1.0 / np.maximum(variance, 1e-3 * variance.mean())  # the scatter of a variance is proportional to it
-    slope, offset = np.polyfit(level, variance, 1, w=weight)
-    return NoiseModel(float(offset), float(slope))
 
 
 def image_noise(image: np.ndarray, mask: np.ndarray | None = None, block: int = 16) -> NoiseEstimate:

@@ -55,33 +55,33 @@ class NoiseCovariance:
     relative_uncertainty: float
     tiles: int
 
+    @classmethod
+    def of(cls, stack: Stack, frames: Sequence[int], region: np.ndarray,
+           lowpass_px: float) -> NoiseCovariance | None:
+        """Covariance of the noise from consecutive images of a series; None where too few tiles are usable.
 
-def noise_covariance(stack: Stack, frames: Sequence[int], region: np.ndarray,
-                     lowpass_px: float) -> NoiseCovariance | None:
-    """Covariance of the noise from consecutive images of a series; None where too few tiles are usable.
-
-    Parameters
-    ----------
-    frames : image numbers in the order of recording
-    region : (ny, nx) bool, the specimen in the first of them
-    lowpass_px : low-pass of the images before correlation; the covariance is that before it
-    """
-    corners, side = tile_corners(region)
-    pairs = _chosen_pairs(len(frames))
-    if len(corners) == 0 or not pairs:
-        return None
-    moved = corners.copy()  # where the material of each tile is
-    noise_of_pairs: list[list[TileNoise]] = []
-    image, image_number = np.asarray(stack.frame(frames[0]), np.float32), 0
-    for first in sorted(pairs):
-        if first != image_number:
-            newer_image = np.asarray(stack.frame(frames[first]), np.float32)
-            moved, image, image_number = moved + _motion(image, newer_image, moved, side), newer_image, first
-        next_image = np.asarray(stack.frame(frames[first + 1]), np.float32)
-        step = _motion(image, next_image, moved, side)
-        noise_of_pairs.append(_pair_noise(image, next_image, moved, step, side, lowpass_px))
-        moved, image, image_number = moved + step, next_image, first + 1
-    return pooled(noise_of_pairs)
+        Parameters
+        ----------
+        frames : image numbers in the order of recording
+        region : (ny, nx) bool, the specimen in the first of them
+        lowpass_px : low-pass of the images before correlation; the covariance is that before it
+        """
+        corners, side = tile_corners(region)
+        pairs = _chosen_pairs(len(frames))
+        if len(corners) == 0 or not pairs:
+            return None
+        moved = corners.copy()  # where the material of each tile is
+        noise_of_pairs: list[list[TileNoise]] = []
+        image, image_number = np.asarray(stack.frame(frames[0]), np.float32), 0
+        for first in sorted(pairs):
+            if first != image_number:
+                newer_image = np.asarray(stack.frame(frames[first]), np.float32)
+                moved, image, image_number = moved + _motion(image, newer_image, moved, side), newer_image, first
+            next_image = np.asarray(stack.frame(frames[first + 1]), np.float32)
+            step = _motion(image, next_image, moved, side)
+            noise_of_pairs.append(_pair_noise(image, next_image, moved, step, side, lowpass_px))
+            moved, image, image_number = moved + step, next_image, first + 1
+        return pooled(noise_of_pairs)
 
 
 @dataclass(frozen=True)

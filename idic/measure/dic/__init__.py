@@ -4,13 +4,11 @@
     frame = dic_frame(reference, spline, start, smoother)    # one frame
 """
 
-from idic.measure.dic.boundary import BoundaryStart, boundary_start, with_boundary_start
+from idic.measure.dic.boundary import BoundaryStart, with_boundary_start
 from idic.measure.dic.frame import DicFrame, dic_frame
-from idic.measure.dic.noise import node_std
 from idic.measure.dic.regularisation import Regularisation, Smoother, build_smoother
 from idic.measure.dic.stack import DicStack, dic_stack
 from idic.measure.dic.start import build_pyramid, coarse_motion, descend
 
-__all__ = ["BoundaryStart", "DicFrame", "DicStack", "Regularisation", "Smoother", "boundary_start",
-           "build_pyramid", "build_smoother", "coarse_motion", "descend", "dic_frame", "dic_stack", "node_std",
-           "with_boundary_start"]
+__all__ = ["BoundaryStart", "DicFrame", "DicStack", "Regularisation", "Smoother", "build_pyramid",
+           "build_smoother", "coarse_motion", "descend", "dic_frame", "dic_stack", "with_boundary_start"]

@@ -89,47 +89,47 @@ class AffineMotions:
                 motions[k] += rests[measured_places][np.argmin(distance[:, measured_places], axis=1)]
         return motions
 
+    @classmethod
+    def of(cls, reference: np.ndarray, picture: Callable[[int], np.ndarray], frames: Sequence[int],
+           points_px: np.ndarray) -> AffineMotions | None:
+        """Affine motion of the surface in some frames, each searched from the one before.
 
-def affine_motions(reference: np.ndarray, picture: Callable[[int], np.ndarray], frames: Sequence[int],
-                   points_px: np.ndarray) -> AffineMotions | None:
-    """Affine motion of the surface in some frames, each searched from the one before.
+        Parameters
+        ----------
+        reference : (ny, nx) image
+        picture : frame -> (ny, nx) image
+        frames : in the order in which they are followed
+        points_px : (n, 2) column and row of points of the surface, e.g. the visible nodes
 
-    Parameters
-    ----------
-    reference : (ny, nx) image
-    picture : frame -> (ny, nx) image
-    frames : in the order in which they are followed
-    points_px : (n, 2) column and row of points of the surface, e.g. the visible nodes
-
-    Returns
-    -------
-    None where the surface has no room for three subsets.
-    """
-    factor = int(np.ceil(max(reference.shape) / MAX_SEARCH_PX))
-    first = binned(reference, factor)
-    points = (points_px - (factor - 1) / 2) / factor
-    side = int(np.clip(np.ptp(points, axis=0).min() / 3, *SIDE_PX)) // 2 * 2
-    if side > min(first.shape):
-        return None
-    centres = subset_centres(points, first.shape, side, SUBSETS_PER_SIDE)
-    if len(centres) < 3:
-        return None
-    templates = _windows(first, centres, side // 2)
-    design = np.column_stack([np.ones(len(centres)), centres])
-    fit, searches, fits, rests, shares = np.zeros((3, 2)), MAX_SEARCHES, [], [], []
-    for frame in frames:
-        image = binned(picture(frame), factor)
-        motion, departure, share = _voted(design, *_matched(templates, image, centres, design @ fit), side)
-        if share < MIN_AGREEING and searches:
-            searches -= 1
-            wide_search = _voted(design, *search_everywhere(first, image, centres, side), side)
-            motion, departure, share = wide_search if wide_search[2] > share else (motion, departure, share)
-        fit = motion if share >= MIN_AGREEING else fit
-        for values, value in ((fits, motion), (rests, departure), (shares, share)):
-            values.append(value)
-    return AffineMotions(tuple(frames), factor * centres + (factor - 1) / 2,
-                         _unbinned(np.reshape(fits, (-1, 3, 2)), factor),
-                         factor * np.reshape(rests, (-1, len(centres), 2)), np.array(shares), NOISE_PX * factor)
+        Returns
+        -------
+        None where the surface has no room for three subsets.
+        """
+        factor = int(np.ceil(max(reference.shape) / MAX_SEARCH_PX))
+        first = binned(reference, factor)
+        points = (points_px - (factor - 1) / 2) / factor
+        side = int(np.clip(np.ptp(points, axis=0).min() / 3, *SIDE_PX)) // 2 * 2
+        if side > min(first.shape):
+            return None
+        centres = subset_centres(points, first.shape, side, SUBSETS_PER_SIDE)
+        if len(centres) < 3:
+            return None
+        templates = _windows(first, centres, side // 2)
+        design = np.column_stack([np.ones(len(centres)), centres])
+        fit, searches, fits, rests, shares = np.zeros((3, 2)), MAX_SEARCHES, [], [], []
+        for frame in frames:
+            image = binned(picture(frame), factor)
+            motion, departure, share = _voted(design, *_matched(templates, image, centres, design @ fit), side)
+            if share < MIN_AGREEING and searches:
+                searches -= 1
+                wide_search = _voted(design, *search_everywhere(first, image, centres, side), side)
+                motion, departure, share = wide_search if wide_search[2] > share else (motion, departure, share)
+            fit = motion if share >= MIN_AGREEING else fit
+            for values, value in ((fits, motion), (rests, departure), (shares, share)):
+                values.append(value)
+        return cls(tuple(frames), factor * centres + (factor - 1) / 2,
+                   _unbinned(np.reshape(fits, (-1, 3, 2)), factor),
+                   factor * np.reshape(rests, (-1, len(centres), 2)), np.array(shares), NOISE_PX * factor)
 
 
 def _voted(design: np.ndarray, shifts: np.ndarray, scores: np.ndarray,

@@ -15,9 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from idic.model import (
-    COMPONENTS, Experiment, Model, Parametrised, Prescribed, is_stereo, mode_names, mode_shapes, pixel_size, set_nodes,
-)
+from idic.model import COMPONENTS, Experiment, Model, Parametrised, Prescribed, mode_shapes
 
 _MAX_FIT_RMS_PX = 0.1  # of the measured motion less its modes; with more, further modes are recommended
 
@@ -34,6 +32,48 @@ class BoundaryStart:
     modes: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
+    @classmethod
+    def of(cls, experiment: Experiment, u_px: np.ndarray, excluded: Collection[int] = (),
+           u_mm: np.ndarray | None = None) -> BoundaryStart:
+        """Starting values and measured modes from a free FE-DIC.
+
+        Parameters
+        ----------
+        u_px : (n_frames, n_nodes, 2) px, NaN where a node was not seen or a frame was lost
+        excluded : frames to leave out
+        u_mm : (n_frames, n_nodes, 3) mm, the motion in space where two cameras measured it, in the place of u_px
+
+        Values that the user gave (``Model.stated_values``) stay; the others are fitted together with them.
+        """
+        model = experiment.model
+        values, modes, notes = {}, {}, []
+        for entry in virtual_boundaries(experiment):
+            stem, drive = f"boundary.{entry.nodes}.{entry.component}", entry.drive
+            nodes = model.node_set(entry.nodes)
+            motion = edge_motion(model, entry, u_px, excluded, u_mm)  # (n_frames, n) mm
+            in_images = np.isfinite(motion).all(axis=0)
+            if not in_images.any():
+                notes.append(f"{stem}: no part of this edge is in the images; it starts from rest")
+                continue
+            if drive.kind == "dic":
+                shapes, courses, amplitudes = _strongest(motion, model.mesh.nodes[nodes], in_images, drive)
+                modes[f"{entry.nodes}.{entry.component}"] = shapes, courses
+            else:
+                shapes, courses = mode_shapes(model, nodes, drive, stem)
+                amplitudes = None
+            names = entry.mode_names
+            given_names = {name for name in names if name in model.stated_values}
+            current_values = np.array([model.parameters[name].value for name in names])
+            is_free = np.array([name not in given_names for name in names])
+            if amplitudes is None or given_names:
+                amplitudes = _projected(motion[:, in_images], shapes[in_images], courses, current_values, is_free)
+            amplitudes = np.where(is_free, amplitudes, current_values)
+            values |= {name: float(value) for name, value in zip(names, amplitudes, strict=True)
+                       if name not in given_names}
+            notes.append(_note(stem, experiment, motion[:, in_images], shapes[in_images], courses, amplitudes,
+                               len(given_names), 1.0 - in_images.mean()))
+        return cls(values, modes, tuple(notes))
+
 
 def virtual_boundaries(experiment: Experiment) -> tuple[Prescribed, ...]:
     """The parametrised drives of an experiment that a free FE-DIC can see."""
@@ -41,50 +81,9 @@ def virtual_boundaries(experiment: Experiment) -> tuple[Prescribed, ...]:
     section = model.surface is not None and model.kind != "solid"
     if experiment.recording.stack is None or experiment.recording.quantity == "height" or section:
         return ()
-    seen_components = "xyz" if is_stereo(experiment) or experiment.recording.quantity == "volume" else "xy"
+    seen_components = "xyz" if experiment.is_stereo or experiment.recording.quantity == "volume" else "xy"
     return tuple(p for p in model.prescribed
                  if isinstance(p.drive, Parametrised) and p.component in seen_components)
-
-
-def boundary_start(experiment: Experiment, u_px: np.ndarray, excluded: Collection[int] = (),
-                   u_mm: np.ndarray | None = None) -> BoundaryStart:
-    """Starting values and measured modes from a free FE-DIC.
-
-    Parameters
-    ----------
-    u_px : (n_frames, n_nodes, 2) px, NaN where a node was not seen or a frame was lost
-    excluded : frames to leave out
-    u_mm : (n_frames, n_nodes, 3) mm, the motion in space where two cameras measured it, in the place of u_px
-
-    Values that the user gave (``Model.stated_values``) stay; the others are fitted together with them.
-    """
-    model = experiment.model
-    values, modes, notes = {}, {}, []
-    for entry in virtual_boundaries(experiment):
-        stem, drive = f"boundary.{entry.nodes}.{entry.component}", entry.drive
-        nodes = set_nodes(model, entry.nodes)
-        motion = edge_motion(model, entry, u_px, excluded, u_mm)  # (n_frames, n) mm
-        in_images = np.isfinite(motion).all(axis=0)
-        if not in_images.any():
-            notes.append(f"{stem}: no part of this edge is in the images; it starts from rest")
-            continue
-        if drive.kind == "dic":
-            shapes, courses, amplitudes = _strongest(motion, model.mesh.nodes[nodes], in_images, drive)
-            modes[f"{entry.nodes}.{entry.component}"] = shapes, courses
-        else:
-            shapes, courses = mode_shapes(model, nodes, drive, stem)
-            amplitudes = None
-        names = mode_names(entry)
-        given_names = {name for name in names if name in model.stated_values}
-        current_values = np.array([model.parameters[name].value for name in names])
-        is_free = np.array([name not in given_names for name in names])
-        if amplitudes is None or given_names:
-            amplitudes = _projected(motion[:, in_images], shapes[in_images], courses, current_values, is_free)
-        amplitudes = np.where(is_free, amplitudes, current_values)
-        values |= {name: float(value) for name, value in zip(names, amplitudes, strict=True) if name not in given_names}
-        notes.append(_note(stem, experiment, motion[:, in_images], shapes[in_images], courses, amplitudes,
-                           len(given_names), 1.0 - in_images.mean()))
-    return BoundaryStart(values, modes, tuple(notes))
 
 
 def with_boundary_start(experiment: Experiment, start: BoundaryStart) -> Experiment:
@@ -103,7 +102,7 @@ def with_boundary_start(experiment: Experiment, start: BoundaryStart) -> Experim
 def edge_motion(model: Model, entry: Prescribed, u_px: np.ndarray, excluded: Collection[int] = (),
                 u_mm: np.ndarray | None = None) -> np.ndarray:
     """Measured motion of a set of nodes, frames that are missing bridged in time  # (n_frames, n) mm, NaN: not seen"""
-    nodes, component = set_nodes(model, entry.nodes), COMPONENTS.index(entry.component)
+    nodes, component = model.node_set(entry.nodes), COMPONENTS.index(entry.component)
     camera, first = model.camera, model.reference
     motion = np.full((model.n_frames, len(nodes)), np.nan)
     if u_mm is not None:
@@ -130,7 +129,7 @@ def edge_motion(model: Model, entry: Prescribed, u_px: np.ndarray, excluded: Col
 def edge_modes(experiment: Experiment, entry: Prescribed, u_px: np.ndarray, max_residual_px: float,
                excluded: Collection[int] = ()) -> int:
     """Fewest modes, in space and in time, that leave less than `max_residual_px` (rms) of a measured edge motion."""
-    motion = edge_motion(experiment.model, entry, u_px, excluded) / pixel_size(experiment)
+    motion = edge_motion(experiment.model, entry, u_px, excluded) / experiment.pixel_size
     motion = motion[:, np.isfinite(motion).all(axis=0)]
     strength = np.linalg.svd(motion, compute_uv=False) ** 2
     residual_px = np.sqrt(np.maximum(strength.sum() - np.cumsum(strength), 0.0) / max(motion.size, 1))
@@ -177,7 +176,7 @@ def _strongest(motion: np.ndarray, points: np.ndarray, in_images: np.ndarray,
 
 
 def _note(stem, experiment, motion, shapes, courses, amplitudes, n_given, unseen) -> str:
-    per_px = pixel_size(experiment)
+    per_px = experiment.pixel_size
     fitted = courses @ amplitudes.reshape(shapes.shape[1], courses.shape[1]).T @ shapes.T
     residual_px = float(np.sqrt(np.mean((motion - fitted) ** 2))) / per_px
     text = (f"{stem}: {len(amplitudes)} modes start from the motion that a free FE-DIC measures there "

@@ -5,7 +5,7 @@ where the specimen has been under load: they may be its permanent strain. Of the
 gives is subtracted:
 
     floor^2 = mean over frames and nodes of (e^2 - v),      v = var(e) by image noise
-    (`idic.measure.dic.noise.node_std`)
+    (`idic.measure.dic.frame.DicFrame.node_std`)
 
 What is left is the camera's: drift of light and focus, heat haze, interpolation and aliasing of a moved pattern. It is
 no smaller in a loaded frame, and no law may be blamed for a motion of that size.
@@ -19,10 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from idic.correlation import FieldReference, ReferenceImage, correlated_frames, frame_spline
+from idic.correlation import FieldReference, ReferenceImage, frame_spline
 from idic.measure.dic.field import field_frame
-from idic.measure.dic.frame import DicFrame, dic_frame
-from idic.measure.dic.noise import gradient_share
+from idic.measure.dic.frame import DicFrame, dic_frame, gradient_share
 from idic.measure.dic.regularisation import Regularisation, Smoother, build_smoother
 from idic.measure.dic.status import is_recognised
 from idic.measure.dic.still import MAX_LEVEL_SHARE, StillFrames, declared_stack, without_rigid
@@ -75,49 +74,49 @@ class CameraFloor:
     drift_px: tuple[float, ...]
     separate: bool = False
 
+    @classmethod
+    def of(cls, experiment: Experiment, reference: ReferenceImage, still: StillFrames,
+           motion: Motion | None = None) -> CameraFloor | None:
+        """Measure the floor in the still frames; None where there is none, or none that the free FE-DIC recognises.
 
-def camera_floor(experiment: Experiment, reference: ReferenceImage, still: StillFrames,
-                 motion: Motion | None = None) -> CameraFloor | None:
-    """Measure the floor in the still frames; None where there is none, or none that the free FE-DIC recognises.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        View of one camera, image noise known.
-    reference : ReferenceImage
-        Of that view (`idic.correlation.experiment_reference.build_experiment_reference`), grey.
-    motion : callable, optional
-        Frame -> displacement of the nodes (n_nodes, 2) px, NaN where unknown: the start of a still frame, and the
-        motions of the specimen.
-    """
-    model, recording = experiment.model, experiment.recording
-    if not still.found or not recording.noise.std_gv or model.mesh.n_nodes > MAX_NODES:
-        return None
-    cells, at = model.mesh.surface_cells(model.surface), reference.pixel_map.nodes_px
-    size = build_smoother(at, cells, Regularisation()).size_px
-    least = MIN_LENGTH_PX if recording.points is None else 0.0
-    smoother = build_smoother(at, cells, Regularisation("mechanical", max(LENGTH_NODES * size, least)))
-    measured = list(_measured(experiment, reference, smoother, still, motion))
-    if not measured:
-        return None
-    nodes = np.all([np.isfinite(frame.u_px).all(axis=1) for _, frame in measured], axis=0)
-    nodes &= measured[0][1].factorisation.measured
-    leading = _leading(experiment, reference, smoother, still, motion, nodes)
-    noise = _NodeNoise(reference, measured[0][1], experiment, nodes)
-    floors = []
-    for number, frame in measured:
-        u = frame.u_px[nodes].reshape(1, -1)
-        warp = without_rigid(u, at[nodes])
-        drift = float(np.sqrt(np.mean((u - warp) ** 2)))
-        if number in still.unloaded and leading is not None:
-            if np.abs(warp @ leading[0][0]) > MAX_LEVEL_SHARE * leading[1]:
-                continue  # a permanent strain: no camera's
-            warp = without_rigid(u, at[nodes], leading[0])
-        warp = warp.reshape(-1, 2)
-        in_reference = number in recording.averaged and not still.separate
-        floors.append(_StillFrameFloor(number, drift, noise.excess(warp, in_reference),
-                            float(noise.variance(in_reference).mean())))
-    return _floor(floors, noise, nodes, smoother, still) if floors else None
+        Parameters
+        ----------
+        experiment : Experiment
+            View of one camera, image noise known.
+        reference : ReferenceImage
+            Of that view (`idic.correlation.experiment_reference.build_experiment_reference`), grey.
+        motion : callable, optional
+            Frame -> displacement of the nodes (n_nodes, 2) px, NaN where unknown: the start of a still frame, and the
+            motions of the specimen.
+        """
+        model, recording = experiment.model, experiment.recording
+        if not still.found or not recording.noise.std_gv or model.mesh.n_nodes > MAX_NODES:
+            return None
+        cells, at = model.mesh.surface_cells(model.surface), reference.pixel_map.nodes_px
+        size = build_smoother(at, cells, Regularisation()).size_px
+        least = MIN_LENGTH_PX if recording.points is None else 0.0
+        smoother = build_smoother(at, cells, Regularisation("mechanical", max(LENGTH_NODES * size, least)))
+        measured = list(_measured(experiment, reference, smoother, still, motion))
+        if not measured:
+            return None
+        nodes = np.all([np.isfinite(frame.u_px).all(axis=1) for _, frame in measured], axis=0)
+        nodes &= measured[0][1].factorisation.measured
+        leading = _leading(experiment, reference, smoother, still, motion, nodes)
+        noise = _NodeNoise(reference, measured[0][1], experiment, nodes)
+        floors = []
+        for number, frame in measured:
+            u = frame.u_px[nodes].reshape(1, -1)
+            warp = without_rigid(u, at[nodes])
+            drift = float(np.sqrt(np.mean((u - warp) ** 2)))
+            if number in still.unloaded and leading is not None:
+                if np.abs(warp @ leading[0][0]) > MAX_LEVEL_SHARE * leading[1]:
+                    continue  # a permanent strain: no camera's
+                warp = without_rigid(u, at[nodes], leading[0])
+            warp = warp.reshape(-1, 2)
+            in_reference = number in recording.averaged and not still.separate
+            floors.append(_StillFrameFloor(number, drift, noise.excess(warp, in_reference),
+                                float(noise.variance(in_reference).mean())))
+        return _floor(floors, noise, nodes, smoother, still) if floors else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +167,7 @@ def _leading(experiment: Experiment, reference: ReferenceImage, smoother: Smooth
 
     None where no frame was at rest after the load: nothing can be a permanent strain.
     """
-    loaded = [k for k in correlated_frames(experiment, range(experiment.model.n_frames)) if k not in still.frames]
+    loaded = [k for k in experiment.correlated_frames(range(experiment.model.n_frames)) if k not in still.frames]
     if not still.unloaded or motion is None or not loaded:
         return None
     picks = np.unique(np.linspace(0, len(loaded) - 1, N_LOADED_FRAMES + 1).round().astype(int)[1:])

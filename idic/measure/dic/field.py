@@ -15,7 +15,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import SuperLU, splu
 
-from idic.correlation import FieldEquations, FieldReference, build_field_reference
+from idic.correlation import FieldEquations, FieldReference
 from idic.measure.dic.frame import DicFrame, Factorisation, measured_nodes
 from idic.measure.dic.noise import fitted_dof
 from idic.measure.dic.regularisation import Regularisation, Smoother, build_smoother
@@ -75,11 +75,6 @@ def _factorised(reference: FieldReference, hessian: sparse.csr_array, smoother: 
     return Factorisation(lu, np.zeros((0, 2, 2)), n_valid, measured, penalty)
 
 
-def field_variance(frame: DicFrame, reference: FieldReference, dof: float) -> float:
-    """Variance of the noise of one component by what the free motion leaves; dof : `fitted_dof`  # µm²"""
-    return frame.rr_gv2 / max(frame.n_pixels - dof, 1.0) / (1.0 + 1.0 / reference.n_images)
-
-
 def smoother_of(model: Model, reference: FieldReference, regularisation: Regularisation) -> Smoother:
     """The regularisation on the nodes of the grid; without a length, waves of two nodes' distance are damped by
     half."""
@@ -98,7 +93,7 @@ def field_motion(experiment: Experiment, regularisation: Regularisation,
     keep : takes the motion of the frames one by one (`idic.measure.dic.stack.dic_stack`)
     """
     model, recording = experiment.model, experiment.recording
-    reference = build_field_reference(experiment, model.camera).in_plane
+    reference = FieldReference.of(experiment, model.camera).in_plane
     smoother = smoother_of(model, reference, regularisation)
     n, nodes = model.n_frames, model.mesh.n_nodes
     motions: list[np.ndarray] = []
@@ -117,7 +112,7 @@ def field_motion(experiment: Experiment, regularisation: Regularisation,
                 factor, dof = frame.factorisation, fitted_dof(frame)
             rms[k], pixels[k], lost[k] = frame.rms_gv, frame.n_pixels, frame.n_lost
             keep_motion(frame.u_px)
-            local[k] = field_variance(frame, reference, dof)
+            local[k] = frame.field_variance(reference, dof)
             chi2[k] = local[k] / std**2
         else:
             keep_motion(np.full((nodes, 2), np.nan))

@@ -14,9 +14,9 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import SuperLU, splu
 
-from idic.correlation import NodalEquations, ReferenceImage, nodal_equations, solve_brightness
+from idic.correlation import FieldReference, NodalEquations, ReferenceImage, nodal_equations
 from idic.measure.dic.regularisation import Smoother
-from idic.images import Spline
+from idic.images import Spline, noise_share
 
 _MAX_STRAIN_CHANGE = (0.03, 0.2)  # of F, rms and largest, under one factorisation: steps contract by twice that
 _MAX_PIXEL_CHANGE = 0.002  # part of the pixels that enter or leave the image under one factorisation
@@ -62,7 +62,7 @@ class DicFrame:
     kappa : float
         Mean of 1/det F.
     hessian : csr_array (2 n_nodes, 2 n_nodes), factorisation : Factorisation
-        From them follows the uncertainty (`idic.measure.dic.noise.node_std`).
+        From them follows the uncertainty (`node_std`).
     """
 
     u_px: np.ndarray
@@ -80,6 +80,48 @@ class DicFrame:
     hessian: sparse.csr_array
     factorisation: Factorisation | None
 
+    def field_variance(self, reference: FieldReference, dof: float) -> float:
+        """Variance of the noise of one component by what the free motion leaves; dof : `fitted_dof`  # µm²"""
+        return self.rr_gv2 / max(self.n_pixels - dof, 1.0) / (1.0 + 1.0 / reference.n_images)
+
+    def node_std(self, reference: ReferenceImage, noise_gv: float,
+                 nodes: np.ndarray | None = None) -> np.ndarray:
+        """Standard deviation of the measured displacement by image noise.
+
+        ``A^-1 H A^-1 sigma^2 (1/n_images + kappa)`` with A = H + w D^T D: the scatter by noise, without the
+        bias by regularisation.
+
+        Parameters
+        ----------
+        noise_gv : float
+            Noise of one image.
+        nodes : array of node indices, optional
+            Default all; two solutions per node, so a few of them suffice on large meshes.
+
+        Returns
+        -------
+        array (n, 2) px; NaN where the displacement is
+        """
+        nodes = np.arange(len(self.u_px)) if nodes is None else np.asarray(nodes)
+        factor = self.factorisation
+        variance = np.empty(2 * len(nodes))
+        dofs = (2 * nodes[:, None] + [0, 1]).ravel()
+        for first in range(0, len(dofs), 256):
+            part = dofs[first : first + 256]
+            unit = np.zeros((2 * len(self.u_px), len(part)))
+            unit[part, np.arange(len(part))] = 1.0
+            x = factor.lu.solve(unit)
+            variance[first : first + 256] = np.einsum("ij,ij->j", x, self.hessian @ x)
+        residual_variance = noise_gv**2 * gradient_share(reference) * (1.0 / reference.n_images + self.kappa)
+        std = np.sqrt(variance * residual_variance).reshape(-1, 2)
+        return np.where(np.isfinite(self.u_px[nodes]), std, np.nan)
+
+
+def gradient_share(reference: ReferenceImage | FieldReference) -> float:
+    """Part of the pixel noise variance in a sum against the gradient after the low-pass (1: no low-pass)."""
+    to_image = reference.pixel_map.to_image
+    return noise_share(to_image(reference.fx, 0.0), to_image(reference.fy, 0.0), reference.lowpass_px)
+
 
 def dic_frame(reference: ReferenceImage, spline: Spline, start_px: np.ndarray, regularisation: Smoother,
               brightness: str = "frame", tolerance: float = 5e-4, max_iterations: int = 40,
@@ -89,7 +131,7 @@ def dic_frame(reference: ReferenceImage, spline: Spline, start_px: np.ndarray, r
     Parameters
     ----------
     reference : ReferenceImage
-        Built on a pixel map (`idic.correlation.image_equations.reference.build_reference`).
+        Built on a pixel map (`idic.correlation.ReferenceImage.of`).
     spline : Spline
         Of the frame (`idic.images.interpolate.prefilter`).
     start_px : array (n_nodes, 2)
@@ -112,9 +154,9 @@ def dic_frame(reference: ReferenceImage, spline: Spline, start_px: np.ndarray, r
 
     Examples
     --------
-    >>> pixel_map = build_pixel_map(mesh.nodes, mesh.blocks, camera, f.shape)
+    >>> pixel_map = PixelMap.of(mesh.nodes, mesh.blocks, camera, f.shape)
     >>> smoother = build_smoother(pixel_map.nodes_px, mesh.blocks, Regularisation("mechanical", 60.0))
-    >>> frame = dic_frame(build_reference(pixel_map, f), prefilter(g), np.zeros((mesh.n_nodes, 2)), smoother)
+    >>> frame = dic_frame(ReferenceImage.of(pixel_map, f), prefilter(g), np.zeros((mesh.n_nodes, 2)), smoother)
     >>> frame.converged, frame.u_px.shape == (mesh.n_nodes, 2)
     (True, True)
     """
@@ -145,7 +187,7 @@ def _diverges(steps: list[float]) -> bool:
 
 
 def _result(nodal, smoother, factor, u, iterations, step, tolerance) -> DicFrame:
-    fit = solve_brightness(nodal)
+    fit = nodal.brightness_fit()
     reached = np.zeros(len(u), dtype=bool) if factor is None else smoother.reached(factor.measured)
     if not np.isfinite(step):
         reached[:] = False

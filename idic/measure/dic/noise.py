@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.correlation import ReferenceImage, residual_map
-from idic.measure.dic.frame import DicFrame
-from idic.images import Spline, noise_share
+from idic.measure.dic.frame import DicFrame, gradient_share
+from idic.images import Spline
 
 _N_SAMPLED_DOFS = 96  # degrees of freedom that the trace is estimated from
 _BEST_FRAMES_PART = 1 / 3  # of the frames: the noise is estimated from those with the smallest residual
@@ -78,42 +78,3 @@ def noise_of_frames(local_variance: np.ndarray) -> float:
     if len(values) == 0:
         return float("nan")
     return float(np.sqrt(np.median(values[: max(1, int(np.ceil(_BEST_FRAMES_PART * len(values))))])))
-
-
-def gradient_share(reference: ReferenceImage) -> float:
-    """Part of the pixel noise variance in a sum against the gradient after the low-pass (1: no low-pass)."""
-    to_image = reference.pixel_map.to_image
-    return noise_share(to_image(reference.fx, 0.0), to_image(reference.fy, 0.0), reference.lowpass_px)
-
-
-def node_std(reference: ReferenceImage, frame: DicFrame, noise_gv: float,
-             nodes: np.ndarray | None = None) -> np.ndarray:
-    """Standard deviation of the measured displacement by image noise.
-
-    ``A^-1 H A^-1 sigma^2 (1/n_images + kappa)`` with A = H + w D^T D: the scatter by noise, without the
-    bias by regularisation.
-
-    Parameters
-    ----------
-    noise_gv : float
-        Noise of one image.
-    nodes : array of node indices, optional
-        Default all; two solutions per node, so a few of them suffice on large meshes.
-
-    Returns
-    -------
-    array (n, 2) px; NaN where the displacement is
-    """
-    nodes = np.arange(len(frame.u_px)) if nodes is None else np.asarray(nodes)
-    factor = frame.factorisation
-    variance = np.empty(2 * len(nodes))
-    dofs = (2 * nodes[:, None] + [0, 1]).ravel()
-    for first in range(0, len(dofs), 256):
-        part = dofs[first : first + 256]
-        unit = np.zeros((2 * len(frame.u_px), len(part)))
-        unit[part, np.arange(len(part))] = 1.0
-        x = factor.lu.solve(unit)
-        variance[first : first + 256] = np.einsum("ij,ij->j", x, frame.hessian @ x)
-    residual_variance = noise_gv**2 * gradient_share(reference) * (1.0 / reference.n_images + frame.kappa)
-    std = np.sqrt(variance * residual_variance).reshape(-1, 2)
-    return np.where(np.isfinite(frame.u_px[nodes]), std, np.nan)

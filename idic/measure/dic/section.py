@@ -15,7 +15,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from idic.correlation import NodalEquations, ResidualMap, SectionReference, section_equations, section_residual_map
+from idic.correlation import NodalEquations, ResidualMap, SectionReference
 
 MIN_LENGTH_PX = 24.0  # of the waves that are damped by half; as in a free FE-DIC of grey images
 _MAX_STEP_STDS = 0.1  # of the last step, in standard deviations of the whole field
@@ -73,7 +73,7 @@ def section_field(reference: SectionReference, image: np.ndarray, start: np.ndar
     penalty, motion, converged = None, np.array(start, dtype=float), False
     begin = motion[nodes][:, _COMPONENTS].T.ravel()
     for _ in range(max_iterations):
-        nodal = section_equations(reference, image, motion)
+        nodal = reference.equations(image, motion)
         if not nodal.n_valid:
             break
         H = nodal.H.tocsr()[dofs][:, dofs].toarray()
@@ -84,7 +84,7 @@ def section_field(reference: SectionReference, image: np.ndarray, start: np.ndar
         converged = _in_noise(step, H + penalty, nodal) < _MAX_STEP_STDS
         if converged:
             break
-    residual = section_residual_map(reference, image, motion)
+    residual = reference.residual_map(image, motion)
     if penalty is None:
         return SectionField(motion, nodes, residual, 0.0, False)
     passed = np.linalg.lstsq(H + penalty, H, rcond=None)[0]

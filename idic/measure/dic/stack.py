@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from idic.correlation import ReferenceImage, build_experiment_reference, frame_spline, nodal_equations, solve_brightness
+from idic.correlation import ReferenceImage, build_experiment_reference, frame_spline, nodal_equations
 from idic.measure.dic.field import field_motion
 from idic.measure.dic.frame import DicFrame, Factorisation, dic_frame
 from idic.measure.dic.noise import fitted_dof, noise_of_frames, residual_noise
@@ -311,7 +311,7 @@ def _from_frame_before(setting: _Setting, k: int, spline: Spline, last_frame: _L
     if last_frame.velocity is not None:
         candidates.append(last_frame.u + last_frame.velocity * (setting.experiment.model.times[k] - last_frame.time))
     trials = [nodal_equations(setting.reference, spline, u, setting.brightness) for u in candidates]
-    fits = [solve_brightness(nodal) for nodal in trials]
+    fits = [nodal.brightness_fit() for nodal in trials]
     likeness = [unlikeness(setting.reference, nodal.n_valid, fit.rr, fit.coefficients)
                 for nodal, fit in zip(trials, fits, strict=True)]
     best = int(np.argmin(likeness))

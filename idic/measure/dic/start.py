@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 from scipy import sparse
 
-from idic.correlation import PixelMap, ReferenceImage, build_reference
+from idic.correlation import PixelMap, ReferenceImage
 from idic.measure.dic.frame import dic_frame
 from idic.measure.dic.regularisation import Regularisation, Smoother, build_smoother
 from idic.measure.far.consensus import agreed_motion
@@ -52,7 +52,7 @@ def build_pyramid(pixel_map: PixelMap, image: np.ndarray, cells: Sequence[Block]
     for blur in BLURS_PX:
         blurred = scipy.ndimage.gaussian_filter(np.asarray(image, dtype=np.float32), blur)
         length = max(_LENGTH_PER_BLUR * blur, least_length_px)
-        levels.append(Level(blur, build_reference(pixel_map, blurred, degree), replace(smoother, length_px=length)))
+        levels.append(Level(blur, ReferenceImage.of(pixel_map, blurred, degree), replace(smoother, length_px=length)))
     return tuple(levels)
 
 

@@ -17,8 +17,10 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from idic.correlation import PinholeView, Reference, build_experiment_reference, in_space, view_of
-from idic.measure.dic.noise import gradient_share
+from idic.correlation import (
+    PinholeView, Reference, build_experiment_reference, in_space, view_of,
+)
+from idic.measure.dic.frame import gradient_share
 from idic.measure.dic.surface_smoothing import SurfaceSmoother, surface_smoother
 from idic.errors import InputError
 from idic.images import PlacedCamera

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.correlation import FieldReference, ReferenceImage, frame_spline, is_section
+from idic.correlation import FieldReference, ReferenceImage, frame_spline
 from idic.measure.dic import Regularisation, Smoother, build_smoother, dic_frame
 from idic.measure.dic.field import field_frame, smoother_of
 from idic.measure.dic.frame import DicFrame, Factorisation
@@ -89,16 +89,17 @@ class Seen:
             samples.append(still.u_px)
         return np.array(samples)
 
-
-def seen_by(experiment: Experiment, reference) -> Seen | None:
-    """None where there is none of this kind: height images (sections have their own), meshes too large for a report."""
-    model = experiment.model
-    if isinstance(reference, FieldReference):
-        return Seen(experiment, reference.in_plane, smoother_of(model, reference, Regularisation.smooth()))
-    if experiment.recording.quantity != "grey" or is_section(model) or model.mesh.n_nodes > MAX_FREE_DIC_NODES:
-        return None
-    cells = model.mesh.surface_cells(model.surface)
-    return Seen(experiment, reference, build_smoother(reference.pixel_map.nodes_px, cells, Regularisation.smooth()))
+    @classmethod
+    def by(cls, experiment: Experiment, reference) -> Seen | None:
+        """None where there is none of this kind: height images (sections have their own), meshes too large for a
+        report."""
+        model = experiment.model
+        if isinstance(reference, FieldReference):
+            return cls(experiment, reference.in_plane, smoother_of(model, reference, Regularisation.smooth()))
+        if experiment.recording.quantity != "grey" or model.is_section or model.mesh.n_nodes > MAX_FREE_DIC_NODES:
+            return None
+        cells = model.mesh.surface_cells(model.surface)
+        return cls(experiment, reference, build_smoother(reference.pixel_map.nodes_px, cells, Regularisation.smooth()))
 
 
 def free_frame(view: Seen, frame: int, start: np.ndarray,

@@ -5,7 +5,7 @@ Records only: `idic.experiment_file` reads files, `idic.model.forward` simulates
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -111,3 +111,27 @@ class Experiment:
         if model.kind != "plane_stress" or model.thickness is None or not placed:
             return 0
         return placed[0].side
+
+    @property
+    def is_stereo(self) -> bool:
+        """Whether two cameras with a lens see the specimen."""
+        return sum(isinstance(camera, PlacedCamera) for camera in
+                   (self.model.camera, *(view.camera for view in self.cameras))) > 1
+
+    @property
+    def sees_space(self) -> bool:
+        """Whether all three components of a motion are observed: by two cameras with a lens, in measured fields or in
+        volumes."""
+        points = self.recording.points
+        if self.recording.quantity == "volume":
+            return True
+        return self.is_stereo if points is None else points.n_components == 3
+
+    @property
+    def pixel_size(self) -> float:
+        """Length of one pixel in mesh units (mm)."""
+        return self.model.camera.pixel_size
+
+    def correlated_frames(self, frames: Sequence[int]) -> list[int]:
+        """Frames that enter the sums: later than the reference and not excluded."""
+        return [int(k) for k in frames if k > self.model.reference and k not in self.recording.excluded]

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe import ExternalSetup, Mesh, Morph, morphed
+from idic.fe import ExternalSetup, Mesh, Morph, morphed, nodal_deformation
 from idic.images import AnyCamera
+from idic.laws import get_law
 from idic.model.records.parts import (
-    Channel, Column, Crack, Drive, Heterogeneity, Load, Material, Prescribed, Temperature,
+    Channel, Column, Crack, Drive, Heterogeneity, Load, Material, Measured, Parametrised, Prescribed, Temperature,
 )
 from idic.model.records.stated_curve import StatedCurve
 from idic.parameters import ParameterSet
@@ -112,3 +113,77 @@ class Model:
         field = field.copy()
         field[:, 2] *= -1.0
         return field
+
+    def node_set(self, name: str) -> np.ndarray:
+        """Node indices of a set.
+
+        Raises
+        ------
+        InputError
+            If the mesh has no such node set.
+        """
+        sets = self.mesh.node_sets
+        if name not in sets:
+            raise InputError(f"no node set {name}", file="experiment.toml", key="[[boundary]] nodes",
+                             expected=f"one of {', '.join(sorted(sets)) or '(the mesh has no node sets)'}", found=name,
+                             remedy="correct the name, or define the set by position under [sets]")
+        return np.asarray(sets[name])
+
+    def rates_since_reference(self, rates: np.ndarray) -> np.ndarray:
+        """Derivative by a time shift of the log of a motion that counts from the reference frame, mm/s  # (n_frames,)
+
+        A later reading of the log has a later zero, too, unless the reference is the first frame, where the test
+        begins.
+        """
+        return rates - rates[self.reference] if self.reference > 0 else rates
+
+    @property
+    def is_section(self) -> bool:
+        """Whether a plane mesh is a cross-section whose edge set is seen from above."""
+        return self.n_dim == 2 and self.surface is not None
+
+    def measured_channels(self, parameters: ParameterSet) -> np.ndarray:
+        """The logged channels of all frames, at the times of the images  # (n_frames, n_channels)"""
+        shift = self.log_shift(parameters)
+        columns = [channel.values + (shift * channel.rates if channel.rates is not None else 0.0)
+                   for channel in self.channels]
+        return np.stack(columns, axis=1) if columns else np.zeros((self.n_frames, 0))
+
+    def nodal_gradient(self, u: np.ndarray) -> np.ndarray:
+        """Deformation gradient at the nodes  # (n_nodes, dim, dim); of a motion with a third component (.., 3, 2)"""
+        gradient = nodal_deformation(self.mesh, u)
+        return np.where(np.isnan(gradient), np.eye(*gradient.shape[1:]), gradient)  # nodes of no element do not matter
+
+    @property
+    def gripped_ends(self) -> list[str]:
+        """Node sets that keep their thickness: held or moved in both components, not measured."""
+        components: dict[str, set[str]] = {}
+        for entry in self.prescribed:
+            if not isinstance(entry.drive, (Measured, Parametrised)):
+                components.setdefault(entry.nodes, set()).add(entry.component)
+        return [name for name, directions in components.items() if directions >= {"x", "y"}]
+
+    def tips_at(self, parameters: ParameterSet) -> np.ndarray:
+        """Lengths of the cracks in the simulated frames  # (n_simulated, n_cracks) mm"""
+        lengths = [np.array([parameters[name].value for name in crack.names]) @ crack.hats for crack in self.cracks]
+        return np.array(lengths).T[self.reference:]
+
+    @property
+    def rate_dependent_laws(self) -> tuple[str, ...]:
+        """Laws that depend on time; none with an external solver, which takes its own increments."""
+        if self.solver is not None:
+            return ()
+        return tuple(dict.fromkeys(m.law for m in self.materials if get_law(m.law).rate_dependent))
+
+    @property
+    def path_dependent_laws(self) -> tuple[str, ...]:
+        """Laws with a memory, plasticity and damage among them: their stress depends on the increments, if less than
+        that of a rate-dependent law. None with an external solver."""
+        if self.solver is not None:
+            return ()
+        return tuple(dict.fromkeys(m.law for m in self.materials if get_law(m.law).n_state > 0))
+
+    @property
+    def curves_by_evidence(self) -> tuple[StatedCurve, ...]:
+        """The free curves whose knots are still to be chosen."""
+        return tuple(curve for curve in self.free_curves if curve.by_evidence)

@@ -7,11 +7,13 @@ differs from that of a finer mesh, or of bricks. A diagnosis adds the difference
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from idic.fe import FrameState
+from idic.model.records.parts import Channel
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,3 +52,8 @@ class MotionError:
     def of_mesh(self) -> MotionError:
         """Without the error of plane stress."""
         return self if self.thickness is None else self.less(self.thickness)
+
+    def without_reactions(self, channels: Sequence[Channel]) -> MotionError:
+        """The same error of motions and other channels: reactions are at their limit, whatever else is lacking."""
+        factor = np.array([0.0 if channel.kind == "reaction" else 1.0 for channel in channels])
+        return replace(self, channels=factor * self.channels)

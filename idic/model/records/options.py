@@ -35,6 +35,11 @@ class Options:
     perturbation: float = 1e-4
     locking: str = "auto"  # auto (mean dilatation where it is needed) | none | mean_dilatation
 
+    @property
+    def is_two_step(self) -> bool:
+        """Whether the motion is measured first and the model fitted to it afterwards."""
+        return self.method != "integrated"
+
 
 @dataclass(frozen=True)
 class Stage:

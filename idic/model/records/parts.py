@@ -137,6 +137,12 @@ class Prescribed:
     component: str
     drive: Drive
 
+    @property
+    def mode_names(self) -> list[str]:
+        """Degrees of freedom of a parametrised drive, the courses of a shape one after the other."""
+        stem, drive = f"boundary.{self.nodes}.{self.component}", self.drive
+        return [f"{stem}.s{i}t{j}" for i in range(drive.modes) for j in range(drive.time_modes)]
+
 
 @dataclass(frozen=True)
 class Load:

@@ -1,5 +1,5 @@
 """Measured fields as other DIC systems export them: positions and displacements of points, stage by stage.
 
-`series.open_fields` opens a folder of stages or one table. `aramis`, `column_tables` and `vtu` read one stage each;
+`FieldSeries.open` opens a folder of stages or one table. `aramis`, `column_tables` and `vtu` read one stage each;
 `plane` projects measured surfaces with three coordinates onto their mean plane.
 """

@@ -13,23 +13,20 @@ SLICES, SLICED = 200, (0.1, 0.9)  # across an outline, for its narrowest width, 
 MIN_NOTCH = 0.7  # radii of a closed gap: how much wider it is a gap beside the narrowest place; less is no notch
 
 
-def width_error(contour: PointOutline, pitch: float) -> float:
-    """Uncertainty of the narrowest width of an outline  # mm
+def narrowest_width(contour: PointOutline, pitch: float) -> tuple[float, float]:
+    """The smallest width of the material across the loaded axis, and its uncertainty  # mm
 
-    Each edge lies half a distance beyond the outermost points, give or take half a distance. The tip of a notch is
-    filled where it is narrower than the gaps that are closed, and the lines of its sides meet deeper than its round:
-    it is known to the radius of such a gap.
+    Between a tenth of the length from both ends; holes are left out. Each edge lies half a distance beyond the
+    outermost points, give or take half a distance. The tip of a notch is filled where it is narrower than the gaps that
+    are closed, and the lines of its sides meet deeper than its round: it is known to the radius of such a gap.
     """
     along, gap = _loaded_axis(contour, pitch), MAX_CIRCUMRADIUS * pitch
-    at = int(np.argmin(_widths(contour, along)))
+    widths_of_material = _widths(contour, along)
+    at = int(np.argmin(widths_of_material))
     widths = _widths(replace(contour, holes=()), along)  # a hole is a circle through many points
     neighbours = np.clip(at + np.array([-1, 1]) * _slices_of(contour, along, 2.0 * gap), 0, SLICES - 1)
-    return 2.0 * gap if (widths[neighbours] - widths[at]).min() > MIN_NOTCH * gap else pitch
-
-
-def narrowest(contour: PointOutline, pitch: float) -> float:
-    """The smallest width across the loaded axis, holes left out, between a tenth of the length from both ends  # mm"""
-    return float(_widths(contour, _loaded_axis(contour, pitch)).min())
+    is_notched = (widths[neighbours] - widths[at]).min() > MIN_NOTCH * gap
+    return float(widths_of_material[at]), 2.0 * gap if is_notched else pitch
 
 
 def _loaded_axis(contour: PointOutline, pitch: float) -> int:

@@ -64,6 +64,56 @@ class Edges:
         place = (np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts) + 0.5) / counts[edge]
         return self.start[edge] + place[:, None] * self.along[edge], edge
 
+    def fitted_placement(self, points: np.ndarray, loops: Sequence[np.ndarray], pitch: float,
+                         guess: Placement) -> tuple[Placement, list[Placement]]:
+        """The placement of a mesh with these edges, in its axes, that is nearest to `guess` among those that fit best,
+        and the others that fit alike.
+
+        Parameters
+        ----------
+        points : all of them, (n, 2) mm; loops : boundary loops of them, (m, 2) mm, the outer one first; pitch :
+        distance of neighbours
+        guess : its origin NaN: nearest is the one with the smallest turn from its angle
+
+        Raises
+        ------
+        InputError
+            The outline does not lie along the edges, does not hold the mesh in every direction, or fits in several ways
+            that are no symmetry of the mesh.
+        """
+        fit = _Fit.of(self, np.concatenate(loops), pitch)
+        coarse = fit.thinned()
+        rough = coarse.distinct([coarse.refined(start, (WIDE,)) for start in _starts(self, loops)])
+        refined = fit.distinct([fit.refined(start, (WIDE, NARROW)) for start in rough[:MAX_REFINED]])
+        fit_of_all = replace(fit, points=points)
+        accepted = [placement for placement in refined
+                    if np.mean(fit_of_all.distances(placement)[0] < -pitch) < MAX_OUTSIDE]
+        strange_holes = [sum(replace(fit, points=hole).off(placement) for hole in loops[1:]) for placement in accepted]
+        accepted = [placement for placement, number in zip(accepted, strange_holes, strict=True)
+                    if number == min(strange_holes)]
+        best = (accepted or refined)[0]
+        if not accepted or best.on_edges < MIN_ON_EDGES:
+            raise InputError("the outline of the points does not lie along the edges of the mesh",
+                             key="camera.placement",
+                             expected=f"{100 * MIN_ON_EDGES:.0f} % of it or more within {NARROW:g} distances of "
+                                      "points, and no point outside the mesh",
+                             found=f"{100 * best.on_edges:.0f} % in the best placement",
+                             remedy="check the mesh and its unit, or place it: origin_mm, axes, rotation_deg")
+        fit.check_held(best)
+        alike = [placement for placement in accepted
+                 if placement.cost < MAX_COST_RATIO * best.cost + (0.1 * pitch) ** 2]
+        if np.isfinite(guess.origin).all():
+            alike.sort(key=lambda placement: fit.distance(placement, guess))
+            return alike[0], []
+        strange = [placement for placement in alike[1:] if not fit.symmetric(best, placement)]
+        if strange:
+            raise InputError("the mesh fits the points in several ways", key="camera.placement",
+                             expected="one placement, or several that are equal by symmetry of the mesh",
+                             found="; ".join(_words(placement) for placement in (best, *strange)),
+                             remedy="select one: give its origin_mm and rotation_deg next to placement")
+        alike.sort(key=lambda placement: abs(_half_turns(placement.angle - guess.angle)))
+        return alike[0], alike[1:]
+
 
 @dataclass(frozen=True, eq=False)
 class Placement:
@@ -79,55 +129,6 @@ class Placement:
     def into_mesh(self, points: np.ndarray) -> np.ndarray:
         """Points in the axes of the mesh  # (n, 2) mm"""
         return (points - self.origin) @ _rotation(self.angle)
-
-
-def fitted_placement(edges: Edges, points: np.ndarray, loops: Sequence[np.ndarray], pitch: float,
-                     guess: Placement) -> tuple[Placement, list[Placement]]:
-    """The placement that is nearest to `guess` among those that fit best, and the others that fit alike.
-
-    Parameters
-    ----------
-    edges : of the mesh, in its axes
-    points : all of them, (n, 2) mm; loops : boundary loops of them, (m, 2) mm, the outer one first; pitch : distance of
-    neighbours
-    guess : its origin NaN: nearest is the one with the smallest turn from its angle
-
-    Raises
-    ------
-    InputError
-        The outline does not lie along the edges, does not hold the mesh in every direction, or fits in several ways
-        that are no symmetry of the mesh.
-    """
-    fit = _Fit.of(edges, np.concatenate(loops), pitch)
-    coarse = fit.thinned()
-    rough = coarse.distinct([coarse.refined(start, (WIDE,)) for start in _starts(edges, loops)])
-    refined = fit.distinct([fit.refined(start, (WIDE, NARROW)) for start in rough[:MAX_REFINED]])
-    fit_of_all = replace(fit, points=points)
-    accepted = [placement for placement in refined
-                if np.mean(fit_of_all.distances(placement)[0] < -pitch) < MAX_OUTSIDE]
-    strange_holes = [sum(replace(fit, points=hole).off(placement) for hole in loops[1:]) for placement in accepted]
-    accepted = [placement for placement, number in zip(accepted, strange_holes, strict=True)
-                if number == min(strange_holes)]
-    best = (accepted or refined)[0]
-    if not accepted or best.on_edges < MIN_ON_EDGES:
-        raise InputError("the outline of the points does not lie along the edges of the mesh", key="camera.placement",
-                         expected=f"{100 * MIN_ON_EDGES:.0f} % of it or more within {NARROW:g} distances of points, "
-                                  f"and no point outside the mesh", found=f"{100 * best.on_edges:.0f} % in the best "
-                                                                          "placement",
-                         remedy="check the mesh and its unit, or place it: origin_mm, axes, rotation_deg")
-    fit.check_held(best)
-    alike = [placement for placement in accepted if placement.cost < MAX_COST_RATIO * best.cost + (0.1 * pitch) ** 2]
-    if np.isfinite(guess.origin).all():
-        alike.sort(key=lambda placement: fit.distance(placement, guess))
-        return alike[0], []
-    strange = [placement for placement in alike[1:] if not fit.symmetric(best, placement)]
-    if strange:
-        raise InputError("the mesh fits the points in several ways", key="camera.placement",
-                         expected="one placement, or several that are equal by symmetry of the mesh",
-                         found="; ".join(_words(placement) for placement in (best, *strange)),
-                         remedy="select one: give its origin_mm and rotation_deg next to placement")
-    alike.sort(key=lambda placement: abs(_half_turns(placement.angle - guess.angle)))
-    return alike[0], alike[1:]
 
 
 def _words(placement: Placement) -> str:

@@ -172,46 +172,95 @@ class FieldSeries:
                              expected=units[0] or "no unit, as in the first stage", found=units[odd_stage] or "no unit",
                              remedy="export all stages with the same units")
 
+    def measured_points(self, references: Sequence[int]) -> MeasuredPoints:
+        """The points that all reference stages show, and where they are.
 
-def open_fields(paths: Sequence[Path], format: str = "auto", unit: str | None = None,
-                pixel_size_mm: float | None = None, columns: NamedColumns | None = None) -> FieldSeries:
-    """The stages in these files, in order. Of stages with a file each, only the first is read whole.
+        references : stages whose mean is the reference
 
-    Parameters
-    ----------
-    unit : of lengths in the files, where they do not state it or state a wrong one
-    pixel_size_mm : for fields in px; columns : of a table, as the user names them
+        Raises
+        ------
+        InputError
+            Hardly any point is in all of them.
+        """
+        stages = [self.stage(k) for k in references]
+        first = stages[-1]
+        n = len(first.points)
+        if n < MIN_POINTS:
+            raise InputError("the reference stage has too few points", file=self.entries[references[-1]].path, key=KEY,
+                             expected=f"{MIN_POINTS} points or more",
+                             found=f"{n} ({in_words(first.failed)})" if first.failed else str(n),
+                             remedy="choose another reference")
+        pitch = float(np.median(scipy.spatial.cKDTree(first.points).query(first.points, k=2)[0][:, 1]))
+        if not pitch > 0.0:
+            raise InputError("the points of the reference stage lie at one place",
+                             file=self.entries[references[-1]].path, key=KEY,
+                             expected="a place for every point",
+                             found=f"{n} points, most of them at the place of another", remedy="export the stage again")
+        raw = MeasuredPoints(first.points, pitch, first.ids, first.points, None, np.zeros_like(first.points))
+        start = np.mean([raw.moved(stage) for stage in stages], axis=0)
+        measured = np.isfinite(start).all(axis=1)
+        if measured.sum() < max(MIN_POINTS, 0.5 * n):
+            raise InputError("the reference stages show different points", file=self.entries[references[0]].path,
+                             key="experiment.reference", expected="stages of one specimen at rest",
+                             found=f"{int(measured.sum())} of {n} points in all of them"
+                             + (f" ({in_words(first.failed)})" if first.failed else ""),
+                             remedy="name fewer reference stages, or others")
+        points, start = first.points[measured], start[measured]
+        positions = start if first.displacement is None else points + start
+        spread = np.linalg.svd(positions - positions.mean(axis=0), compute_uv=False) / np.sqrt(len(points))
+        if spread[1] < _MIN_WIDTH * pitch:
+            raise InputError("the points of the reference stage lie on one line",
+                             file=self.entries[references[-1]].path, key=KEY, expected="points over a surface",
+                             found=f"{len(points)} points on a line",
+                             remedy="export the points of the whole surface")
+        plane = mean_plane(positions) if positions.shape[1] == 3 else None
+        middle = positions.mean(axis=0)  # a turn about the origin of the cameras would shift a drawn outline
+        flat = positions if plane is None else middle + (positions - middle) @ plane.axes.T
+        return MeasuredPoints(flat[:, :2], pitch, None if first.ids is None else first.ids[measured], points, plane,
+                              start, None if plane is None else flat[:, 2] - flat[:, 2].mean())
 
-    Raises
-    ------
-    InputError
-        A file is none of the formats or lacks one of the columns, the fields are in px and no pixel size is given, or a
-        pixel size is given and nothing says whether the lengths are in px.
-    """
-    dialect = None if columns is None else Dialect.of_user(columns)
-    file_format = dialect.name if dialect is not None else detected(paths[0]) if format == "auto" else format
-    source = dialect or file_format
-    entries = [entry for path in paths for entry in _entries(path, source)]
-    first = _read(entries[0].path, source)[entries[0].number]
-    positions = state_of_positions(lambda k: _read(entries[k].path, source)[entries[k].number],
-                                   [entry.path for entry in entries], DEFORMED if file_format == ARAMIS else REFERENCE)
-    assumed = first.unit_assumed and unit is None
-    if assumed and pixel_size_mm is not None:
-        raise InputError("the unit of the fields is not known", file=paths[0], key="experiment.fields_unit",
-                         expected='fields_unit = "px" or "mm" next to pixel_size_mm', found="a file that names no unit "
-                         "of length", remedy='write fields_unit = "px" if its lengths are pixels, else fields_unit = '
-                         '"mm" and no pixel_size_mm')
-    file_unit, unit = first.unit, unit or first.unit
-    if unit == "px":
-        if pixel_size_mm is None:
-            raise InputError("fields in px without a scale", file=paths[0], key="camera.pixel_size_mm",
-                             expected="the size of a pixel in mm", found="no pixel_size_mm",
-                             remedy='give it, or fields_unit = "mm" if the file is in mm')
-        factor = pixel_size_mm
-    else:
-        factor = factor_between(unit, "mm", file=paths[0], key="experiment.fields_unit")
-    return FieldSeries(tuple(entries), file_format, factor, file_unit, first.columns, assumed,
-                       first.unit_assumed and unit == "px" and file_format != VTU, positions, dialect)
+    @classmethod
+    def open(cls, paths: Sequence[Path], format: str = "auto", unit: str | None = None,
+             pixel_size_mm: float | None = None, columns: NamedColumns | None = None) -> FieldSeries:
+        """The stages in these files, in order. Of stages with a file each, only the first is read whole.
+
+        Parameters
+        ----------
+        unit : of lengths in the files, where they do not state it or state a wrong one
+        pixel_size_mm : for fields in px; columns : of a table, as the user names them
+
+        Raises
+        ------
+        InputError
+            A file is none of the formats or lacks one of the columns, the fields are in px and no pixel size is given,
+            or a pixel size is given and nothing says whether the lengths are in px.
+        """
+        dialect = None if columns is None else Dialect.of_user(columns)
+        file_format = dialect.name if dialect is not None else detected(paths[0]) if format == "auto" else format
+        source = dialect or file_format
+        entries = [entry for path in paths for entry in _entries(path, source)]
+        first = _read(entries[0].path, source)[entries[0].number]
+        positions = state_of_positions(lambda k: _read(entries[k].path, source)[entries[k].number],
+                                       [entry.path for entry in entries],
+                                       DEFORMED if file_format == ARAMIS else REFERENCE)
+        assumed = first.unit_assumed and unit is None
+        if assumed and pixel_size_mm is not None:
+            raise InputError("the unit of the fields is not known", file=paths[0], key="experiment.fields_unit",
+                             expected='fields_unit = "px" or "mm" next to pixel_size_mm',
+                             found="a file that names no unit of length",
+                             remedy='write fields_unit = "px" if its lengths are pixels, else fields_unit = "mm" and '
+                             'no pixel_size_mm')
+        file_unit, unit = first.unit, unit or first.unit
+        if unit == "px":
+            if pixel_size_mm is None:
+                raise InputError("fields in px without a scale", file=paths[0], key="camera.pixel_size_mm",
+                                 expected="the size of a pixel in mm", found="no pixel_size_mm",
+                                 remedy='give it, or fields_unit = "mm" if the file is in mm')
+            factor = pixel_size_mm
+        else:
+            factor = factor_between(unit, "mm", file=paths[0], key="experiment.fields_unit")
+        return cls(tuple(entries), file_format, factor, file_unit, first.columns, assumed,
+                   first.unit_assumed and unit == "px" and file_format != VTU, positions, dialect)
 
 
 def shared_part(moved: np.ndarray) -> float:
@@ -334,52 +383,6 @@ class MeasuredPoints:
             values = np.full((1, values.shape[1]), np.nan)
         moved = np.where((place >= 0)[:, None], values[place], np.nan) - self.start
         return moved if self.plane is None else moved @ self.plane.axes.T
-
-
-def measured_points(series: FieldSeries, references: Sequence[int]) -> MeasuredPoints:
-    """The points that all reference stages show, and where they are.
-
-    references : stages whose mean is the reference
-
-    Raises
-    ------
-    InputError
-        Hardly any point is in all of them.
-    """
-    stages = [series.stage(k) for k in references]
-    first = stages[-1]
-    n = len(first.points)
-    if n < MIN_POINTS:
-        raise InputError("the reference stage has too few points", file=series.entries[references[-1]].path, key=KEY,
-                         expected=f"{MIN_POINTS} points or more",
-                         found=f"{n} ({in_words(first.failed)})" if first.failed else str(n),
-                         remedy="choose another reference")
-    pitch = float(np.median(scipy.spatial.cKDTree(first.points).query(first.points, k=2)[0][:, 1]))
-    if not pitch > 0.0:
-        raise InputError("the points of the reference stage lie at one place",
-                         file=series.entries[references[-1]].path, key=KEY, expected="a place for every point",
-                         found=f"{n} points, most of them at the place of another", remedy="export the stage again")
-    raw = MeasuredPoints(first.points, pitch, first.ids, first.points, None, np.zeros_like(first.points))
-    start = np.mean([raw.moved(stage) for stage in stages], axis=0)
-    measured = np.isfinite(start).all(axis=1)
-    if measured.sum() < max(MIN_POINTS, 0.5 * n):
-        raise InputError("the reference stages show different points", file=series.entries[references[0]].path,
-                         key="experiment.reference", expected="stages of one specimen at rest",
-                         found=f"{int(measured.sum())} of {n} points in all of them"
-                         + (f" ({in_words(first.failed)})" if first.failed else ""),
-                         remedy="name fewer reference stages, or others")
-    points, start = first.points[measured], start[measured]
-    positions = start if first.displacement is None else points + start
-    spread = np.linalg.svd(positions - positions.mean(axis=0), compute_uv=False) / np.sqrt(len(points))
-    if spread[1] < _MIN_WIDTH * pitch:
-        raise InputError("the points of the reference stage lie on one line", file=series.entries[references[-1]].path,
-                         key=KEY, expected="points over a surface", found=f"{len(points)} points on a line",
-                         remedy="export the points of the whole surface")
-    plane = mean_plane(positions) if positions.shape[1] == 3 else None
-    middle = positions.mean(axis=0)  # where it was: a turn about the origin of the cameras would shift a drawn outline
-    flat = positions if plane is None else middle + (positions - middle) @ plane.axes.T
-    return MeasuredPoints(flat[:, :2], pitch, None if first.ids is None else first.ids[measured], points, plane, start,
-                          None if plane is None else flat[:, 2] - flat[:, 2].mean())
 
 
 class FieldStack:

@@ -45,58 +45,60 @@ class RawMesh:
     files: tuple[Path, ...] = ()
     stated_kinds: dict[str, str] = field(default_factory=dict)
 
+    def to_mesh(self, n_dim: int, factor: float) -> tuple[Mesh, list[str]]:
+        """The cells of dimension `n_dim` as a Mesh, and notes on omitted parts.
 
-def to_mesh(raw: RawMesh, n_dim: int, factor: float) -> tuple[Mesh, list[str]]:
-    """The cells of dimension `n_dim` as a Mesh, and notes on omitted parts.
+        Cells of dimension ``n_dim - 1`` become edge (face) sets, cells of lower dimension node sets. Unused nodes are
+        dropped, and so is z in two dimensions.
 
-    Cells of dimension ``n_dim - 1`` become edge (face) sets, cells of lower dimension node sets. Unused nodes are
-    dropped, and so is z in two dimensions.
+        Parameters
+        ----------
+        factor : float
+            mm per unit of the file.
 
-    Parameters
-    ----------
-    factor : float
-        mm per unit of the file.
-
-    Raises
-    ------
-    InputError
-        There is no cell of that dimension, a cell type is unsupported, a coordinate is NaN, or a 2D mesh is not plane.
-    """
-    raw = _without_middles(raw)
-    _check_content(raw, n_dim)
-    notes = list(raw.notes)
-    start, new_index, parts_by_kind = 0, {}, defaultdict(list)
-    for kind, connectivity, labels in raw.cells:
-        if DIMENSION[kind] == n_dim:
-            parts_by_kind[kind].append((start, connectivity, labels))
-        start += len(connectivity)
-    cells, element_labels, n = [], [], 0
-    for kind, parts in parts_by_kind.items():
-        cells.append((kind, np.concatenate([c for _, c, _ in parts])))
-        for first, connectivity, labels in parts:
-            new_index.update(zip(range(first, first + len(connectivity)), range(n, n + len(connectivity)), strict=True))
-            element_labels.append(labels)
-            n += len(connectivity)
-    _check_doubles(raw.file, cells, np.concatenate(element_labels))
-    used = np.unique(np.concatenate([c.ravel() for _, c in cells]))
-    if len(used) < len(raw.nodes):
-        notes.append(f"{raw.file.name}: {len(raw.nodes) - len(used)} nodes belong to no element and are left out")
-    renumber = np.full(len(raw.nodes), -1)
-    renumber[used] = np.arange(len(used))
-    nodes = _in_plane(raw, used, n_dim) * factor
-    cells = oriented(nodes, [(kind, renumber[c]) for kind, c in cells], np.concatenate(element_labels), raw.file, notes)
-    node_sets, face_sets = _lower_sets(raw, n_dim, _middles(cells, used))
-    element_sets = {name: np.array(sorted(new_index[i] for i in ids if i in new_index), dtype=np.int64) for name,
-                    ids in raw.element_sets.items()}
-    mesh = make_mesh(nodes, cells, node_labels=np.asarray(raw.node_labels)[used],
-                     element_labels=np.concatenate(element_labels),
-                     node_sets=_clean({name: renumber[ids] for name, ids in node_sets.items()}),
-                     element_sets={name: ids for name, ids in element_sets.items() if len(ids)})
-    edge_sets = _faces(mesh, {name: [tuple(renumber[list(face)]) for face in faces] for name,
-                              faces in face_sets.items()})
-    notes += _corner_sets(mesh, raw.file)
-    return Mesh(mesh.nodes, mesh.blocks, mesh.node_sets, mesh.element_sets, edge_sets, mesh.node_labels,
-                mesh.element_labels), notes
+        Raises
+        ------
+        InputError
+            There is no cell of that dimension, a cell type is unsupported, a coordinate is NaN, or a 2D mesh is not
+            plane.
+        """
+        raw = _without_middles(self)
+        _check_content(raw, n_dim)
+        notes = list(raw.notes)
+        start, new_index, parts_by_kind = 0, {}, defaultdict(list)
+        for kind, connectivity, labels in raw.cells:
+            if DIMENSION[kind] == n_dim:
+                parts_by_kind[kind].append((start, connectivity, labels))
+            start += len(connectivity)
+        cells, element_labels, n = [], [], 0
+        for kind, parts in parts_by_kind.items():
+            cells.append((kind, np.concatenate([c for _, c, _ in parts])))
+            for first, connectivity, labels in parts:
+                count = len(connectivity)
+                new_index.update(zip(range(first, first + count), range(n, n + count), strict=True))
+                element_labels.append(labels)
+                n += count
+        _check_doubles(raw.file, cells, np.concatenate(element_labels))
+        used = np.unique(np.concatenate([c.ravel() for _, c in cells]))
+        if len(used) < len(raw.nodes):
+            notes.append(f"{raw.file.name}: {len(raw.nodes) - len(used)} nodes belong to no element and are left out")
+        renumber = np.full(len(raw.nodes), -1)
+        renumber[used] = np.arange(len(used))
+        nodes = _in_plane(raw, used, n_dim) * factor
+        cells = oriented(nodes, [(kind, renumber[c]) for kind, c in cells], np.concatenate(element_labels), raw.file,
+                         notes)
+        node_sets, face_sets = _lower_sets(raw, n_dim, _middles(cells, used))
+        element_sets = {name: np.array(sorted(new_index[i] for i in ids if i in new_index), dtype=np.int64) for name,
+                        ids in raw.element_sets.items()}
+        mesh = make_mesh(nodes, cells, node_labels=np.asarray(raw.node_labels)[used],
+                         element_labels=np.concatenate(element_labels),
+                         node_sets=_clean({name: renumber[ids] for name, ids in node_sets.items()}),
+                         element_sets={name: ids for name, ids in element_sets.items() if len(ids)})
+        edge_sets = _faces(mesh, {name: [tuple(renumber[list(face)]) for face in faces] for name,
+                                  faces in face_sets.items()})
+        notes += _corner_sets(mesh, raw.file)
+        return Mesh(mesh.nodes, mesh.blocks, mesh.node_sets, mesh.element_sets, edge_sets, mesh.node_labels,
+                    mesh.element_labels), notes
 
 
 def _without_middles(raw: RawMesh) -> RawMesh:

@@ -12,7 +12,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.readers.delimited.log_table import Table
 from idic.readers.delimited.table_times import column_notes
-from idic.readers.logs import Decimal, Log, read_log
+from idic.readers.logs import Decimal, Log
 
 KEY, LOG_IN_MEMORY = "loads", Path("loads")  # in messages
 
@@ -35,7 +35,7 @@ def log_of(loads: Any, units: Mapping[str, str] | None = None, decimal: Decimal 
         path = Path(loads)
         if not path.is_file():
             raise InputError("no such file", key=KEY, expected="a CSV file", found=str(path), remedy="correct the path")
-        return read_log(path, decimal)
+        return Log.read(path, decimal)
     if not hasattr(loads, "__getitem__") or not hasattr(loads, "keys"):
         raise InputError("not a log", key=KEY, expected="a pandas.DataFrame, a dict of columns, or the path of a CSV",
                          found=type(loads).__name__, remedy='give e.g. {"time_s": times, "force_N": force}')

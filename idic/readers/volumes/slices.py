@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.readers.frame_names import frame_numbers
+from idic.readers.frame_names import FrameNames
 from idic.readers.images import PICTURE_SUFFIXES, FileStack, open_stack
 from idic.readers.paths import natural_key
 from idic.readers.volumes.entry import VolumeEntry, volume_entry
@@ -71,7 +71,7 @@ def _check_numbers(paths: list[Path], folder: Path) -> None:
     if not paths:
         raise InputError("no slice in the folder", file=folder, key="volumes", expected="TIFF or PNG images, one per "
                          "plane", found="none", remedy="correct the pattern")
-    numbers = frame_numbers(tuple(path.name for path in paths))
+    numbers = FrameNames(tuple(path.name for path in paths)).numbers
     if numbers is None:
         if len(paths) > 1:
             raise InputError("the order of the slices is not certain", file=folder, key="volumes",

@@ -10,7 +10,7 @@ from idic.identification import Design, JointDesign, VIRTUAL_SPECKLE
 from idic.report.design.figures import PlanPictures
 from idic.report.design.page import design_table, draw_design, render_design
 from idic.report.design.summary import compare, joint_summary, summary
-from idic.report.evidence.volumes.shown_mesh import shown_mesh
+from idic.report.evidence.volumes.shown_mesh import ShownMesh
 
 SCHEMA = "idic.design/1"
 PAGE_FILE, TABLE_FILE = "design.html", "design.csv"
@@ -37,7 +37,7 @@ def design_files(content: Mapping, pictures: Sequence[PlanPictures]) -> dict[str
 def plan_pictures(design: Design, pattern: str) -> PlanPictures:
     """Data of the figures of a plan that are not in its summary."""
     experiment = design.experiment
-    picture_mesh = shown_mesh(experiment, experiment.model.camera)
+    picture_mesh = ShownMesh.seen_by(experiment, experiment.model.camera)
     is_volume = experiment.recording.quantity == "volume"
     has_maps = is_volume or view_of(experiment, experiment.model.camera).n_components == 2
     reference = None if pattern == VIRTUAL_SPECKLE else experiment.recording.picture(experiment.model.reference)

@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from idic.report.design.words import MAX_STD_FAIR, MAX_STD_WELL, MODE, in_words, named
 from idic.report.figures import maps, matrices
-from idic.report.figures.picture import CYCLE, FAINT, GREY, Picture
+from idic.report.figures.picture import CYCLE, Colour, Picture
 from idic.report.figures.style import MARKERS, look, new_figure, to_picture
 from idic.report.result.record import RunRecord, Sensitivities
 from idic.report.result.words import short_names
@@ -59,10 +59,11 @@ def expected(content: Mapping) -> Picture:
             open_places = [i + shift for i, std in rows if std is None]
             axis.plot([UNDETERMINED_STD] * len(open_places), open_places, **(style | {"mfc": "none"}))
             anything_open = anything_open or bool(open_places)
-        axis.axvline(MAX_STD_WELL, color=GREY, lw=0.8, ls=":")
-        axis.axvline(MAX_STD_FAIR, color=GREY, lw=0.8, ls=":")
+        axis.axvline(MAX_STD_WELL, color=Colour.GREY, lw=0.8, ls=":")
+        axis.axvline(MAX_STD_FAIR, color=Colour.GREY, lw=0.8, ls=":")
         if anything_open:
-            axis.axvspan(1.0, 2.0 * UNDETERMINED_STD, color=FAINT, alpha=0.5, lw=0)  # and farther: all marks are seen
+            # and farther: all marks are seen
+            axis.axvspan(1.0, 2.0 * UNDETERMINED_STD, color=Colour.FAINT, alpha=0.5, lw=0)
         axis.set(xscale="log", xlabel="expected standard deviation / value [–]", yticks=range(len(names)),
                  ylim=(len(names) - 0.5, -0.5))
         axis.set_yticks(range(len(names)), [short[name] for name in names])
@@ -103,7 +104,7 @@ def growth(plan: Mapping) -> Picture | None:
                               marker=MARKERS[k % len(MARKERS)], ms=3, label=short[name])
         if not axis.lines:
             return None
-        axis.axhline(MAX_STD_WELL, color=GREY, lw=0.8, ls=":")
+        axis.axhline(MAX_STD_WELL, color=Colour.GREY, lw=0.8, ls=":")
         axis.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))  # no half frames
         axis.set(xlabel="last frame used", ylabel="expected std / value [–]")
         figure.legend(loc="outside right upper")

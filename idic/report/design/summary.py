@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from idic.identification import Analysis, Design, JointDesign, image_unit
+from idic.identification import Analysis, Design, JointDesign
 from idic.model import Experiment
 from idic.readers import factor_to
 from idic.report.design.words import direction, fixed_product, grade
@@ -24,7 +24,7 @@ def summary(design: Design, pattern: str, path: Path | str, confusable: float) -
         "frames": experiment.model.n_frames, "duration_s": float(np.ptp(experiment.model.times)),
         "image_px": size_of(experiment), "pixels": design.n_pixels,
         "points": points_of(design), "motion_px": float(design.motion_px.max()), "pattern": pattern,
-        "noise": {"std_gv": experiment.recording.noise.std_gv, "unit": image_unit(experiment.recording),
+        "noise": {"std_gv": experiment.recording.noise.std_gv, "unit": experiment.recording.value_unit,
                   "source": experiment.recording.noise.source},
         "channels": {c.column: {"unit": c.unit, "noise_std": float(noise), "peak": float(peak)} for c, noise, peak in
                      zip(experiment.model.channels, design.channel_noise, design.channel_peak, strict=True)},

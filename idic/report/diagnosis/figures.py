@@ -11,8 +11,13 @@ from matplotlib.ticker import MaxNLocator
 from idic.report.diagnosis.record import KNOWN_ERROR_COUNTED, Curve, DiagnosisRecord
 from idic.report.diagnosis.words import is_sure, name_of_best, strongest
 from idic.report.figures.axes.time_axis import label_frames
+<<<<<<< HEAD
 from idic.report.figures.picture import BLACK, BLUE, FAINT, GREEN, GREY, ORANGE, RED, SKY, Picture
 from idic.report.figures.style import DIVERGING, look, new_figure, show_pixels, to_picture
+=======
+from idic.report.figures.picture import Colour, Picture
+from idic.report.figures.style import DIVERGING, look, new_figure, to_picture
+>>>>>>> h/doors
 from idic.report.result.words import short_names
 
 COLOUR_LIMIT_STD = 5.0  # standard deviations at the ends of the colour bar
@@ -65,11 +70,11 @@ def excess_course(record: DiagnosisRecord) -> Picture:
     with look():
         figure = new_figure(10.0, 2.9)
         axis = figure.subplots()
-        axis.fill_between(at, -2 * record.excess_std, 2 * record.excess_std, color=FAINT, alpha=0.8, lw=0,
+        axis.fill_between(at, -2 * record.excess_std, 2 * record.excess_std, color=Colour.FAINT, alpha=0.8, lw=0,
                           label="noise (95 %)")
-        axis.plot(at, record.excess_before, "-o", color=ORANGE, label="before")
+        axis.plot(at, record.excess_before, "-o", color=Colour.ORANGE, label="before")
         if record.excess_after is not None:
-            axis.plot(at, record.excess_after, "-s", color=BLUE, label="after")
+            axis.plot(at, record.excess_after, "-s", color=Colour.BLUE, label="after")
         largest = float(np.max(np.abs(record.excess_before), initial=0.0))
         if largest > 20.0 * float(record.excess_std.max(initial=1.0)):
             linear = float(2.0 * record.excess_std.max())
@@ -98,11 +103,13 @@ def ranking(record: DiagnosisRecord) -> Picture | None:
         handles = _scores(score_axis, record, entries)
         for drop_axis in drop_axes:
             for row, entry in refitted:
-                for offset, key, colour in ((0.17, "predicted_chi2_drop", GREY), (-0.17, "achieved_chi2_drop", BLUE)):
+                for offset, key, colour in ((0.17, "predicted_chi2_drop", Colour.GREY),
+                                            (-0.17, "achieved_chi2_drop", Colour.BLUE)):
                     drop_axis.barh(row + offset, max(entry[key] or 0.0, 0.0), height=0.3, color=colour)
             drop_axis.set(xlabel="drop of χ² [–]", title="Drop of χ², predicted and achieved", xlim=(0.0, None))
             drop_axis.ticklabel_format(axis="x", style="sci", scilimits=(-3, 5))
-            handles += [Patch(color=GREY, label="predicted"), Patch(color=BLUE, label="achieved by the refit")]
+            handles += [Patch(color=Colour.GREY, label="predicted"),
+                        Patch(color=Colour.BLUE, label="achieved by the refit")]
         figure.legend(handles=handles, loc="outside lower center", ncols=6)
         return to_picture(figure, "diagnosis_ranking", "Candidates",
                           f"{'Left: score' if refitted else 'Score'} of the best variant of each candidate. The dotted "
@@ -117,16 +124,16 @@ def _scores(axis, record: DiagnosisRecord, entries) -> list[Patch]:
     hollow = [_in_set(record, c) for c in entries]
     axis.barh(y, [_bar(c) for c in entries], height=0.62, edgecolor=colours, linewidth=1.2,
               color=["white" if is_hollow else colour for is_hollow, colour in zip(hollow, colours, strict=True)])
-    axis.axvline(ONE_TEST_Z, color=BLACK, lw=0.8, ls=":")
+    axis.axvline(ONE_TEST_Z, color=Colour.BLACK, lw=0.8, ls=":")
     largest = max([ONE_TEST_Z, *map(_bar, entries)])
     for row, entry in zip(y, entries, strict=True):
         score = entry["score"]
         axis.text(_bar(entry) + 0.01 * largest, row, f"{score:.0f}" if abs(score) >= 100.0 else f"{score:.3g}",
-                  va="center", fontsize=8, color=GREY)
+                  va="center", fontsize=8, color=Colour.GREY)
     axis.set(yticks=y, xlabel="score [standard deviations]", title="Score", xlim=(0.0, 1.12 * largest))
     axis.set_yticklabels([_label(record, c) for c in entries])
-    names = {_best_colour(record): name_of_best(record.content), ORANGE: "significant by score",
-             SKY: "significant, below the practical margin", FAINT: "not significant"}
+    names = {_best_colour(record): name_of_best(record.content), Colour.ORANGE: "significant by score",
+             Colour.SKY: "significant, below the practical margin", Colour.FAINT: "not significant"}
     filled = {colour for is_hollow, colour in zip(hollow, colours, strict=True) if not is_hollow}
     return [Patch(facecolor=colour, label=name) for colour, name in names.items() if colour in filled] + [
         Patch(facecolor="white", edgecolor=_best_colour(record), label="indistinguishable")] * any(hollow)
@@ -145,13 +152,14 @@ def parameters(record: DiagnosisRecord) -> Picture | None:
         y = np.arange(len(names))[::-1]
         for row, name in zip(y, names, strict=True):
             reference, scale = enriched[name]["value"], _percent_of(identified[name], enriched[name])
-            for entry, colour, marker in ((identified[name], ORANGE, "o"), (enriched[name], BLUE, "s")):
+            for entry, colour, marker in ((identified[name], Colour.ORANGE, "o"), (enriched[name], Colour.BLUE, "s")):
                 axis.errorbar(100.0 * (entry["value"] - reference) / scale, row, fmt=marker, color=colour, capsize=3,
                               xerr=100.0 * 1.96 * (entry["std"] or 0.0) / scale)
-        axis.axvline(0.0, color=GREY, lw=0.7)
+        axis.axvline(0.0, color=Colour.GREY, lw=0.7)
         axis.set(yticks=y, xlabel="deviation from the value after [%], 95 % intervals", ylim=(-0.6, len(names) - 0.4))
         axis.set_yticklabels([labels[n] for n in names])
-        axis.legend(handles=[Patch(color=ORANGE, label="before"), Patch(color=BLUE, label="after")], loc="best")
+        axis.legend(handles=[Patch(color=Colour.ORANGE, label="before"), Patch(color=Colour.BLUE, label="after")],
+                    loc="best")
         return to_picture(figure, "diagnosis_parameters", "Parameters before and after",
                       "The parameters of the identified model are biased by the missing physics. The enriched model "
                       "removes the bias. Of a parameter that the enriched model leaves at zero, 100 % is the value "
@@ -170,13 +178,13 @@ def channel(record: DiagnosisRecord, curve: Curve) -> Picture:
     with look():
         figure = new_figure(10.0, 4.0)
         top, strip = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-        top.plot(record.abscissa, curve.measured, "o", color=BLACK, ms=3, label="measured")
-        top.plot(record.abscissa, curve.simulated_before, "-", color=ORANGE, label="before")
-        strip.axhspan(-2, 2, color=FAINT, alpha=0.8, lw=0)
-        strip.plot(record.abscissa, (curve.measured - curve.simulated_before) / curve.std, "-o", color=ORANGE)
+        top.plot(record.abscissa, curve.measured, "o", color=Colour.BLACK, ms=3, label="measured")
+        top.plot(record.abscissa, curve.simulated_before, "-", color=Colour.ORANGE, label="before")
+        strip.axhspan(-2, 2, color=Colour.FAINT, alpha=0.8, lw=0)
+        strip.plot(record.abscissa, (curve.measured - curve.simulated_before) / curve.std, "-o", color=Colour.ORANGE)
         if curve.simulated_after is not None:
-            top.plot(record.abscissa, curve.simulated_after, "--", color=BLUE, label="after")
-            strip.plot(record.abscissa, (curve.measured - curve.simulated_after) / curve.std, "-s", color=BLUE)
+            top.plot(record.abscissa, curve.simulated_after, "--", color=Colour.BLUE, label="after")
+            strip.plot(record.abscissa, (curve.measured - curve.simulated_after) / curve.std, "-s", color=Colour.BLUE)
         top.set(ylabel=f"{curve.name} [{curve.unit}]")
         strip.set_ylabel("residual [σ]")
         label_frames(strip, record.time_label, record.abscissa)
@@ -205,10 +213,10 @@ def _mark_onset(axis, record: DiagnosisRecord) -> None:
     onset = record.content["mismatch"].get("onset_frame")
     if not onset:
         return
-    axis.axvline(record.abscissa[onset], color=RED, lw=0.9)
+    axis.axvline(record.abscissa[onset], color=Colour.RED, lw=0.9)
     span = record.content["mismatch"].get("onset_ci")
     if span:
-        axis.axvspan(record.abscissa[span[0]], record.abscissa[span[1]], color=RED, alpha=0.15, lw=0)
+        axis.axvspan(record.abscissa[span[0]], record.abscissa[span[1]], color=Colour.RED, alpha=0.15, lw=0)
 
 
 def _bar(entry) -> float:
@@ -222,12 +230,12 @@ def _in_set(record: DiagnosisRecord, entry) -> bool:
 def _colour(record: DiagnosisRecord, entry) -> str:
     if entry["named"] or _in_set(record, entry):
         return _best_colour(record)
-    return {"significant": ORANGE, "small": SKY}.get(entry["standing"], FAINT)
+    return {"significant": Colour.ORANGE, "small": Colour.SKY}.get(entry["standing"], Colour.FAINT)
 
 
 def _best_colour(record: DiagnosisRecord) -> str:
     """Of the selected candidate: green is for good news alone."""
-    return GREEN if is_sure(record.content) else BLUE
+    return Colour.GREEN if is_sure(record.content) else Colour.BLUE
 
 
 def _label(record: DiagnosisRecord, entry) -> str:
@@ -246,14 +254,14 @@ def courses(record: DiagnosisRecord) -> Picture | None:
         for axis, entry in zip(axes, entries, strict=True):
             value, std = np.array(entry["value"]), np.array(entry["std"])
             jumps = entry["jumps"]
-            axis.fill_between(record.abscissa, value - 1.96 * std, value + 1.96 * std, color=BLUE, alpha=0.25, lw=0,
-                              label="95 %", step="post" if jumps else None)
-            axis.plot(record.abscissa, value, "-o", color=BLUE, ms=3, label="amplitude",
+            axis.fill_between(record.abscissa, value - 1.96 * std, value + 1.96 * std, color=Colour.BLUE, alpha=0.25,
+                              lw=0, label="95 %", step="post" if jumps else None)
+            axis.plot(record.abscissa, value, "-o", color=Colour.BLUE, ms=3, label="amplitude",
                       drawstyle="steps-post" if jumps else "default")
-            axis.axhline(0.0, color=GREY, lw=0.8)
+            axis.axhline(0.0, color=Colour.GREY, lw=0.8)
             if entry["onset_frames"]:
                 start, end = (record.abscissa[k] for k in entry["onset_frames"])
-                axis.axvspan(start, end, color=FAINT, alpha=0.8, lw=0, label="onset")
+                axis.axvspan(start, end, color=Colour.FAINT, alpha=0.8, lw=0, label="onset")
             origin = "determined by the data" if entry["free"] else "of the candidate"
             title = record.titles.get(entry["name"], entry["name"].replace("_", " "))
             axis.set(title=f"{title}: {entry['parameter']}, course {origin}", ylabel=f"[{entry['unit'] or '–'}]")

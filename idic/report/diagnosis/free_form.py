@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from idic.report.diagnosis.record import DiagnosisRecord
-from idic.report.figures.picture import BLUE, Picture
+from idic.report.figures.picture import Colour, Picture
 from idic.report.figures.style import look, new_figure, to_picture
 
 WIDTH_95 = 1.96
@@ -21,8 +21,8 @@ def free_curve(record: DiagnosisRecord) -> Picture | None:
     with look():
         figure = new_figure(6.4, 3.6)
         axis = figure.subplots()
-        axis.fill_between(at, value - half, value + half, color=BLUE, alpha=0.25, lw=0, label="95 %")
-        axis.plot(at, value, "-o", color=BLUE, ms=3, label=entry["title"])
+        axis.fill_between(at, value - half, value + half, color=Colour.BLUE, alpha=0.25, lw=0, label="95 %")
+        axis.plot(at, value, "-o", color=Colour.BLUE, ms=3, label=entry["title"])
         axis.set(xlabel=entry["axes"][0], ylabel=entry["axes"][1],
                  xscale="log" if entry["axes"][0].startswith("relaxation time") else "linear")
         axis.legend(loc="best")

@@ -6,7 +6,7 @@ import numpy as np
 
 from idic.report.diagnosis.record import DiagnosisRecord, LawPair
 from idic.report.figures.axes.time_axis import label_frames
-from idic.report.figures.picture import BLUE, FAINT, GREY, ORANGE, Picture
+from idic.report.figures.picture import Colour, Picture
 from idic.report.figures.style import look, new_figure, to_picture
 
 MAX_PARAMETERS_SHOWN = 4  # parameters side by side
@@ -24,10 +24,10 @@ def window_courses(record: DiagnosisRecord) -> Picture | None:
         figure = new_figure(10.0, 1.7 * len(curves) + 1.0)
         axes = np.atleast_1d(figure.subplots(len(curves), 1, sharex=True))
         for axis, curve in zip(axes, curves, strict=True):
-            axis.axhline(0.0, color=GREY, lw=0.7)
-            _course(axis, at, curve.value_before, curve.std_before, curve.final, ORANGE, "before")
+            axis.axhline(0.0, color=Colour.GREY, lw=0.7)
+            _course(axis, at, curve.value_before, curve.std_before, curve.final, Colour.ORANGE, "before")
             if curve.value_after is not None:
-                _course(axis, at, curve.value_after, curve.std_after, curve.final, BLUE, "after")
+                _course(axis, at, curve.value_after, curve.std_after, curve.final, Colour.BLUE, "after")
             axis.set(ylabel=f"{curve.name} [%]")
         label_frames(axes[-1], f"window up to {record.time_label}", at)
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
@@ -58,9 +58,9 @@ def _law(pair: LawPair) -> Picture:
         figure = new_figure(6.4, 3.6)
         axis = figure.subplots()
         strain = 100.0 * pair.strain
-        axis.plot(strain, pair.stress_before, color=ORANGE, label=f"before: {pair.laws[0]}")
-        axis.plot(strain, pair.stress_after, color=BLUE, label=f"after: {pair.laws[1]}")
-        axis.fill_between(strain, pair.stress_before, pair.stress_after, color=FAINT, alpha=0.6, lw=0)
+        axis.plot(strain, pair.stress_before, color=Colour.ORANGE, label=f"before: {pair.laws[0]}")
+        axis.plot(strain, pair.stress_after, color=Colour.BLUE, label=f"after: {pair.laws[1]}")
+        axis.fill_between(strain, pair.stress_before, pair.stress_after, color=Colour.FAINT, alpha=0.6, lw=0)
         axis.set(xlabel="nominal strain [%]", ylabel="nominal stress [MPa]", xlim=(0.0, strain[-1]))
         axis.legend(loc="best")
         return to_picture(figure, f"diagnosis_law_{pair.name}", f"Law of {pair.name}",

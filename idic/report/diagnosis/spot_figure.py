@@ -10,7 +10,7 @@ from matplotlib.patches import Circle
 from idic.diagnose import Spot
 from idic.model import Experiment
 from idic.report.diagnosis.spots import WORDS
-from idic.report.figures.picture import RED, Picture
+from idic.report.figures.picture import Colour, Picture
 from idic.report.figures.style import look, new_figure, to_picture
 
 MAX_SHOWN, AROUND_RADII, MIN_HALF_PX = 4, 5.0, 14  # spots; half the width of a cut-out
@@ -29,7 +29,7 @@ def spot_picture(experiment: Experiment, spots: Sequence[Spot]) -> Picture:
             for axis, frame in zip(row, (model.reference, min(later, final_frame)), strict=True):
                 image, half = experiment.recording.stack.frame(frame), max(AROUND_RADII * spot.radius_px, MIN_HALF_PX)
                 axis.imshow(image, cmap="gray", vmin=np.nanmin(image), vmax=np.nanmax(image), interpolation="nearest")
-                axis.add_patch(Circle((spot.column, spot.row), spot.radius_px + 1.0, fill=False, color=RED))
+                axis.add_patch(Circle((spot.column, spot.row), spot.radius_px + 1.0, fill=False, color=Colour.RED))
                 name = "reference image" if frame == model.reference else f"frame {frame}"
                 axis.set(xlim=(spot.column - half, spot.column + half), ylim=(spot.row + half, spot.row - half),
                          title=f"{WORDS[spot.kind]}, {name}", xlabel="column [px]", ylabel="row [px]")

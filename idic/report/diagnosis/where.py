@@ -14,12 +14,17 @@ from matplotlib.ticker import MaxNLocator
 from idic.report.figures.axes.time_axis import label_frames
 from idic.fe import Mesh
 from idic.report.evidence.volumes.shown_mesh import element_sections
+<<<<<<< HEAD
 from idic.report.figures.picture import BLUE, FAINT, GREEN, GREY, ORANGE, RED, SKY, Picture
 from idic.report.figures.style import SEQUENTIAL, look, new_figure, show_pixels, to_picture
+=======
+from idic.report.figures.picture import Colour, Picture
+from idic.report.figures.style import SEQUENTIAL, look, new_figure, to_picture
+>>>>>>> h/doors
 
 LEVELS = {"camera": "camera alone", "boundary": "driven edges, law kept", "camera+boundary": "both",
          "bulk": "any smooth motion"}
-COLOURS = {"camera": SKY, "boundary": ORANGE, "camera+boundary": GREY, "bulk": BLUE}
+COLOURS = {"camera": Colour.SKY, "boundary": Colour.ORANGE, "camera+boundary": Colour.GREY, "bulk": Colour.BLUE}
 MIN_COLOUR_LIMIT = 400.0  # statistic at the end of the colour bar, at least
 # inches beside a map for its labels and colour bar; for a legend above
 MAP_LABEL_WIDTH_INCH, MIN_LEGEND_WIDTH_INCH = 1.9, 3.2
@@ -111,8 +116,8 @@ def source_map(record: WhereRecord) -> Picture | None:
                                norm=norm, alpha=0.75, linewidths=0)
         axis.add_collection(cloud)
         since = record.since[record.source_elements]
-        for frame, colour in zip(np.unique(since[np.isfinite(since)]), (RED, ORANGE, GREEN, SKY, BLUE, GREY),
-                                 strict=False):
+        colours = Colour.RED, Colour.ORANGE, Colour.GREEN, Colour.SKY, Colour.BLUE, Colour.GREY
+        for frame, colour in zip(np.unique(since[np.isfinite(since)]), colours, strict=False):
             axis.add_collection(PolyCollection(record.cells(record.source_elements[since == frame]),
                                                facecolors="none", edgecolors=colour, linewidths=1.6,
                                                label=f"source element, from frame {int(frame)}"))
@@ -121,7 +126,7 @@ def source_map(record: WhereRecord) -> Picture | None:
             axis.plot(*crack[-1], "o", color="black", markersize=6)
         if record.blind.any():
             axis.add_collection(PolyCollection(record.cells(np.flatnonzero(record.blind)),
-                                               facecolors="none", edgecolors=GREY, hatch="////", linewidths=0.0,
+                                               facecolors="none", edgecolors=Colour.GREY, hatch="////", linewidths=0.0,
                                                label="blind: no pixels"))
         _frame_axis(axis, record, low, high)
         figure.legend(loc="outside upper left", ncols=max(int(width / LEGEND_ENTRY_WIDTH_INCH), 1))
@@ -148,7 +153,7 @@ def _extent(record: WhereRecord, required: np.ndarray) -> tuple[np.ndarray, np.n
 def _frame_axis(axis, record: WhereRecord, low: np.ndarray, high: np.ndarray) -> None:
     if record.section:
         axis.add_collection(PolyCollection(record.cells(range(len(record.outlines))), facecolors="none",
-                                           edgecolors=FAINT, linewidths=0.4, zorder=0))
+                                           edgecolors=Colour.FAINT, linewidths=0.4, zorder=0))
         margin = 0.03 * (high - low)
         axis.set(xlim=(low[0] - margin[0], high[0] + margin[0]), ylim=(low[1] - margin[1], high[1] + margin[1]),
                  xlabel="along the section [mm]", ylabel="across it [mm]")
@@ -193,20 +198,20 @@ def amplitude_course(record: WhereRecord) -> Picture | None:
         axis = figure.subplots()
         sign = np.sign(record.amplitude[np.argmax(np.abs(record.amplitude))])
         a = sign * record.amplitude
-        axis.fill_between(record.times, a - 2 * record.std, a + 2 * record.std, color=BLUE, alpha=0.2, lw=0)
-        axis.plot(record.times, a, "-o", color=BLUE, label="mismatch (95 %)")
-        axis.axhline(0.0, color=GREY, lw=0.7)
+        axis.fill_between(record.times, a - 2 * record.std, a + 2 * record.std, color=Colour.BLUE, alpha=0.2, lw=0)
+        axis.plot(record.times, a, "-o", color=Colour.BLUE, label="mismatch (95 %)")
+        axis.axhline(0.0, color=Colour.GREY, lw=0.7)
         if record.interval is not None:
             low, high = record.interval
             width = 0.004 * np.ptp(record.times)
-            axis.axvspan(low - width, high + width, color=ORANGE, alpha=0.35, lw=0, label="onset (95 %)")
-            axis.axvline(record.onset, color=RED, lw=1.0)
+            axis.axvspan(low - width, high + width, color=Colour.ORANGE, alpha=0.35, lw=0, label="onset (95 %)")
+            axis.axvline(record.onset, color=Colour.RED, lw=1.0)
         axis.set_ylabel("motion [px rms]")
         label_frames(axis, record.time_label, record.times)
         lines, labels = axis.get_legend_handles_labels()
         if record.load is not None:
             load_axis = axis.twinx()
-            load_axis.plot(record.times, record.load, color=GREY, lw=1.0, ls="--", label=record.load_label)
+            load_axis.plot(record.times, record.load, color=Colour.GREY, lw=1.0, ls="--", label=record.load_label)
             load_axis.set_ylabel(record.load_label)
             load_axis.grid(False)
             load_axis.spines["right"].set_visible(True)
@@ -224,10 +229,10 @@ def loop(record: WhereRecord) -> Picture | None:
         figure = new_figure(6.0, 3.6)
         axis = figure.subplots()
         sign = np.sign(record.amplitude[np.argmax(np.abs(record.amplitude))])
-        axis.errorbar(record.load, sign * record.amplitude, 2 * record.std, fmt="none", ecolor=FAINT, zorder=1)
-        axis.plot(record.load, sign * record.amplitude, color=GREY, lw=0.8, zorder=2)
+        axis.errorbar(record.load, sign * record.amplitude, 2 * record.std, fmt="none", ecolor=Colour.FAINT, zorder=1)
+        axis.plot(record.load, sign * record.amplitude, color=Colour.GREY, lw=0.8, zorder=2)
         dots = axis.scatter(record.load, sign * record.amplitude, c=record.times, cmap=SEQUENTIAL, s=18, zorder=3)
-        axis.axhline(0.0, color=GREY, lw=0.7)
+        axis.axhline(0.0, color=Colour.GREY, lw=0.7)
         axis.set(xlabel=record.load_label, ylabel="mismatch [px rms]")
         figure.colorbar(dots, ax=axis, label=record.time_label)
         return to_picture(figure, "diagnosis_loop", "Mismatch over load", record.words.get("course", ""))
@@ -244,13 +249,13 @@ def side_chart(record: WhereRecord) -> Picture | None:
         for row, name in enumerate(reversed(levels)):
             share = record.shares[name]
             axis.barh(row, 100.0 * share, color=COLOURS[name], height=0.6,
-                      edgecolor=RED if name == record.side else "none", linewidth=1.5)
+                      edgecolor=Colour.RED if name == record.side else "none", linewidth=1.5)
             axis.annotate(f"{100.0 * share:.0f} %", (100.0 * max(share, 0.0), row), (4, 0), va="center",
                           textcoords="offset points", fontsize=8)
         axis.set_yticks(range(len(levels)), [LEVELS[name] for name in reversed(levels)])
         axis.set(xlabel="share of what any smooth motion explains [%]", xlim=(0, 115))
         axis.grid(False, axis="y")
         if record.side in LEVELS:
-            figure.legend(handles=[Patch(facecolor="none", edgecolor=RED, label="responsible side")],
+            figure.legend(handles=[Patch(facecolor="none", edgecolor=Colour.RED, label="responsible side")],
                           loc="outside upper right")
         return to_picture(figure, "diagnosis_side", "Nested tests of the side", record.words.get("side", ""))

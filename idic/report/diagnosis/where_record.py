@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.correlation import SECTION
+from idic.correlation import ViewKind
 from idic.diagnose import (
     Diagnosis, Mismatch, ResidualEvidence, SelectedEffect, element_centres, holds_motion, place_words,
 )
 from idic.images import picture
-from idic.model import Experiment, Model, tips_at
+from idic.model import Experiment, Model
 from idic.report.diagnosis.spot_figure import spot_picture
 from idic.report.diagnosis.where import WhereRecord, pictures
 from idic.report.figures.picture import Picture
@@ -41,7 +41,7 @@ def _cracks(diagnosis: Diagnosis) -> tuple[np.ndarray, ...]:
     if not model.cracks:
         return ()
     lines = []
-    for crack, length in zip(model.cracks, tips_at(model, model.parameters.with_values(fitted.fit.values))[-1],
+    for crack, length in zip(model.cracks, model.tips_at(model.parameters.with_values(fitted.fit.values))[-1],
                              strict=True):
         nodes, place = model.mesh.nodes[crack.cut.left_nodes], crack.cut.place
         along = np.append(place[place < length], length)
@@ -79,7 +79,7 @@ def where_record(residual: ResidualEvidence, mismatch: Mismatch, selected: Selec
         onset=None if begin is None else float(abscissa[begin]),
         interval=None if interval is None else tuple(float(abscissa[k]) for k in interval),
         shares=shares if real else {}, excess={name: level.excess for name, level in nested_tests.levels.items()},
-        side=selected.side if selected else mismatch.side, words=words, section=residual.view.kind == SECTION)
+        side=selected.side if selected else mismatch.side, words=words, section=residual.view.kind == ViewKind.SECTION)
 
 
 def _when(begin: int | None, interval: tuple[int, int] | None, visible: int | None) -> str:
@@ -111,7 +111,8 @@ def _picture_and_outlines(residual: ResidualEvidence,
 
 def _outlines(model: Model, residual: ResidualEvidence) -> list[np.ndarray]:
     nodes = model.mesh.nodes
-    at = nodes if residual.view.kind == SECTION else residual.context.camera.project(residual.view.points(nodes))
+    view = residual.view
+    at = nodes if view.kind == ViewKind.SECTION else residual.context.camera.project(view.points(nodes))
     return [at[nodes[:min(block.kind.n_corners, 4)]]  # of a solid's cell one face
             for block in model.mesh.blocks for nodes in block.connectivity]
 
@@ -123,7 +124,7 @@ def _blind(experiment: Experiment, residual: ResidualEvidence) -> np.ndarray:
     if holds_motion(experiment.recording):
         measured_nodes = np.unique(residual.evidence.seen // residual.evidence.n_components)
         return np.concatenate([~np.isin(block.connectivity, measured_nodes).any(axis=1) for block in model.mesh.blocks])
-    if residual.view.kind == SECTION:
+    if residual.view.kind == ViewKind.SECTION:
         x = model.mesh.nodes[:, 0]
         visible_x = x[residual.context.reference.pixel_map.visible_nodes]
         middle = element_centres(model.mesh)[:, 0]

@@ -20,7 +20,6 @@ import numpy as np
 from idic.errors import InputError
 from idic.fe import dissected, Fill, Mesh
 from idic.correlation import MAX_DENSE_UNKNOWNS
-from idic.identification import rate_dependent_laws
 from idic.laws import get_law
 from idic.model import Column, Experiment, Measured, Model, Recording, Remedies
 
@@ -194,7 +193,7 @@ def _is_linear(model: Model) -> bool:
 
 def _increments(experiment: Experiment) -> float:
     """Increments per frame; where the identification chooses them, those that most rate-dependent laws end with."""
-    return experiment.options.substeps or (_CHOSEN_INCREMENTS if rate_dependent_laws(experiment.model) else 1)
+    return experiment.options.substeps or (_CHOSEN_INCREMENTS if experiment.model.rate_dependent_laws else 1)
 
 
 def _measured_unknowns(model: Model) -> int:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.correlation import FieldReference, frame_spline, residual_map
-from idic.measure import Seen, dic_frame, field_frame, field_variance, fitted_dof, residual_noise
+from idic.measure import Seen, dic_frame, field_frame, fitted_dof, residual_noise
 from idic.report.result.record import FreeFields, NoiseFloor, Sensitivities
 
 SEED = 20  # of the noise of the still image
@@ -32,35 +32,36 @@ class FreeMotions:
     chi2_dof: np.ndarray
     length_px: float
 
+    @classmethod
+    def of(cls, inputs: Seen, frames: Sequence[int], motion: Callable[[int], np.ndarray]) -> FreeMotions | None:
+        """Free displacement of some frames, started from the simulated one.
 
-def free_motions(inputs: Seen, frames: Sequence[int], motion: Callable[[int], np.ndarray]) -> FreeMotions | None:
-    """Free displacement of some frames, started from the simulated one.
-
-    motion : frame -> simulated displacement of the nodes in the image  # (n_nodes, 2) px
-    """
-    brightness, variance = inputs.experiment.options.brightness, inputs.experiment.recording.noise.std_gv**2
-    differences, full, coefficients, chi2 = [], [], [], []
-    for frame in frames:
-        u = motion(frame)
-        if isinstance(inputs.reference, FieldReference):
-            fit = field_frame(inputs.reference, inputs.reference.measured(inputs.experiment, frame), inputs.smoother)
-            if fit is None:
-                return None
-            chi2.append(field_variance(fit, inputs.reference, fitted_dof(fit)) / variance)
-        else:
-            spline = frame_spline(inputs.experiment, frame)
-            fit = dic_frame(inputs.reference, spline, u, inputs.smoother, brightness)
-            if fit.factorisation is None or not fit.n_pixels:
-                return None
-            chi2.append(residual_noise(inputs.reference, spline, fit, brightness, fitted_dof(fit)).variance
-                        / variance)
-        differences.append(fit.u_px - u)
-        full.append(fit.u_full_px)
-        coefficients.append(fit.brightness)
-    if not frames:
-        return None
-    return FreeMotions(tuple(frames), np.array(differences), np.array(full), np.array(coefficients), np.array(chi2),
-                       inputs.smoother.length_px)
+        motion : frame -> simulated displacement of the nodes in the image  # (n_nodes, 2) px
+        """
+        brightness, variance = inputs.experiment.options.brightness, inputs.experiment.recording.noise.std_gv**2
+        differences, full, coefficients, chi2 = [], [], [], []
+        for frame in frames:
+            u = motion(frame)
+            if isinstance(inputs.reference, FieldReference):
+                fit = field_frame(inputs.reference, inputs.reference.measured(inputs.experiment, frame),
+                                  inputs.smoother)
+                if fit is None:
+                    return None
+                chi2.append(fit.field_variance(inputs.reference, fitted_dof(fit)) / variance)
+            else:
+                spline = frame_spline(inputs.experiment, frame)
+                fit = dic_frame(inputs.reference, spline, u, inputs.smoother, brightness)
+                if fit.factorisation is None or not fit.n_pixels:
+                    return None
+                chi2.append(residual_noise(inputs.reference, spline, fit, brightness, fitted_dof(fit)).variance
+                            / variance)
+            differences.append(fit.u_px - u)
+            full.append(fit.u_full_px)
+            coefficients.append(fit.brightness)
+        if not frames:
+            return None
+        return cls(tuple(frames), np.array(differences), np.array(full), np.array(coefficients), np.array(chi2),
+                   inputs.smoother.length_px)
 
 
 def with_residuals(inputs: Seen, motions: FreeMotions) -> FreeFields:

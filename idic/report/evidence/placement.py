@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.correlation import is_section
 from idic.experiment_file import corners_px, seen_nodes, seen_region, visible_cells
 from idic.images import Camera
 from idic.model import Experiment, Recording, Remedies
@@ -51,7 +50,7 @@ def mirrored_axes(experiment: Experiment, reference: np.ndarray, plain_share: fl
                   width: float | None) -> Iterator[str]:
     """Axes, mirrored or turned, that would put the mesh on the pattern, where this share of the ROI has none."""
     camera, noise = experiment.model.camera, experiment.recording.noise.std_gv
-    if not isinstance(camera, Camera) or is_section(experiment.model) or experiment.recording.quantity != "grey":
+    if not isinstance(camera, Camera) or experiment.model.is_section or experiment.recording.quantity != "grey":
         return
     if plain_share <= MAX_PLAIN_SHARE:
         return

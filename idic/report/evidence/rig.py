@@ -12,7 +12,7 @@ from idic.correlation import determined_by_texture
 from idic.errors import InputError, NotConverged
 from idic.fe import followed, normal_axis, seen_first
 from idic.images import PLACEMENT_STEM, PlacedCamera
-from idic.model import Experiment, Measured, Model, Noise, Remedies, set_nodes
+from idic.model import Experiment, Measured, Model, Noise, Remedies
 
 N_FRAMES = 6  # that are compared; all are simulated
 LONGEST_S = 1200.0  # of an identification, of which the simulation here is a tenth
@@ -41,10 +41,10 @@ def rig_warnings(experiment: Experiment, time_s: float) -> Iterator[str]:
         yield (f"whether {', '.join(rig_parameters)} can be separated is not checked here, because it takes minutes: "
                "idic design reports it")
         return
-    from idic.identification import design_test  # a fifth of the start of a check, where no rig is to be judged
+    from idic.identification import Design  # a fifth of the start of a check, where no rig is to be judged
 
     try:
-        summary = design_test("check", _thinned(experiment)).full.summary()
+        summary = Design.of("check", _thinned(experiment)).full.summary()
     except (InputError, NotConverged) as problem:
         yield f"whether {', '.join(rig_parameters)} can be separated is not known before the run: {problem}"
         return
@@ -82,7 +82,7 @@ def _held_thickness(model: Model) -> Iterator[str]:
     if mesh.n_dim == 2 or surface is None or normal_axis(mesh, surface) is not None:
         return
     for name in dict.fromkeys(entry.nodes for entry in model.prescribed if isinstance(entry.drive, Measured)):
-        nodes = set_nodes(model, name)
+        nodes = model.node_set(name)
         leaders = seen_first(mesh, surface, nodes)
         if len(leaders) and followed(mesh.nodes[nodes], leaders)[1].size:
             yield (f"measured edge {name}: its hidden nodes follow the seen ones across the thickness as well, which "

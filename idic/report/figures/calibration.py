@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from idic.calibrate import Calibration, coverage, tilts_deg
-from idic.report.figures.picture import CYCLE, FAINT, GREY, Picture
+from idic.calibrate import Calibration
+from idic.report.figures.picture import CYCLE, Colour, Picture
 from idic.report.figures.style import look, new_figure, to_picture
 
 ARROW_SHARE = 0.08  # of the image width: the length of an arrow of three standard deviations
@@ -40,7 +40,7 @@ def _residuals(axis, result, camera):
     axis.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal", xlabel="column (px)",
              ylabel="row (px)")
     axis.set_title(f"camera {camera}: residuals × {scale:.0f}, rms {np.sqrt((errors**2).sum(axis=1).mean()):.3f} px;\n"
-                   f"points span {coverage(result, camera):.0%} of the image")
+                   f"points span {result.coverage(camera):.0%} of the image")
 
 
 def _rms(axis, result):
@@ -50,7 +50,7 @@ def _rms(axis, result):
                   for errors in result.residuals_px]
         axis.bar(np.arange(len(values)) + (c - (n - 1) / 2) * 0.8 / n, values, 0.8 / n, color=CYCLE[c],
                  label=f"camera {c}")
-    axis.axhline(result.rms_px, color=GREY, lw=0.8)
+    axis.axhline(result.rms_px, color=Colour.GREY, lw=0.8)
     axis.xaxis.set_major_locator(MaxNLocator(integer=True))
     axis.set(xlabel="image", ylabel="rms (px)",
              title=f"Reprojection error per image; line: all, {result.rms_px:.3f} px")
@@ -66,7 +66,7 @@ def _poses(axis, result):
     for pose in result.poses:
         if pose is not None:
             ends = line @ pose.rotation.T + pose.translation_mm
-            axis.plot(ends[:, 2], ends[:, 0], color=GREY, lw=0.9)
+            axis.plot(ends[:, 2], ends[:, 0], color=Colour.GREY, lw=0.9)
     for c, camera in enumerate(result.rig.cameras):
         centre, sight = camera.centre_mm, camera.rotation[2]
         reach = 0.2 * np.nanmean([np.linalg.norm(p.translation_mm) for p in result.poses if p is not None])
@@ -74,7 +74,7 @@ def _poses(axis, result):
         axis.plot(*centre[[2, 0]], "o", color=CYCLE[c], label=f"camera {c}")
     axis.invert_yaxis()
     axis.set(xlabel="z of camera 0 (mm)", ylabel="x (mm)", aspect="equal",
-             title=f"Poses of the target, tilted by {np.nanmin(tilts_deg(result)):.0f} to "
-                   f"{np.nanmax(tilts_deg(result)):.0f}°")
-    axis.grid(color=FAINT)
+             title=f"Poses of the target, tilted by {np.nanmin(result.tilts_deg):.0f} to "
+                   f"{np.nanmax(result.tilts_deg):.0f}°")
+    axis.grid(color=Colour.FAINT)
     axis.legend(loc="best")

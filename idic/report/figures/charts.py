@@ -7,7 +7,7 @@ from matplotlib.ticker import MaxNLocator
 
 from idic.parameters import digits_text
 from idic.report.figures.axes.time_axis import label_frames
-from idic.report.figures.picture import BLUE, CYCLE, FAINT, GREY, ORANGE, RED, Picture
+from idic.report.figures.picture import CYCLE, Colour, Picture
 from idic.report.figures.style import MARKERS, look, new_figure, to_picture
 from idic.report.result.fit_words import in_words_of
 from idic.report.result.record import ChannelRecord, RunRecord
@@ -30,11 +30,12 @@ def convergence(record: RunRecord) -> Picture | None:
         figure = new_figure(10.0, 3.1)
         functional, ratios, distances = figure.subplots(1, 3)
         functional.semilogy(
-            [h["evaluation"] for h in accepted], [h["phi"] for h in accepted], "-o", color=BLUE, label="accepted"
+            [h["evaluation"] for h in accepted], [h["phi"] for h in accepted], "-o", color=Colour.BLUE, label="accepted"
         )
         if rejected:
             functional.semilogy(
-                [h["evaluation"] for h in rejected], [h["phi"] for h in rejected], "x", color=RED, label="rejected"
+                [h["evaluation"] for h in rejected], [h["phi"] for h in rejected], "x", color=Colour.RED,
+                label="rejected"
             )
             functional.legend()
         phi = [h["phi"] for h in (*accepted, *rejected)]
@@ -45,10 +46,10 @@ def convergence(record: RunRecord) -> Picture | None:
         short = short_names(record.result["parameters"])
         for i, name in enumerate(names):
             _trace(ratios, distances, record, accepted, name, short.get(name, name), i)
-        ratios.axhline(1.0, color=GREY, lw=0.7)
+        ratios.axhline(1.0, color=Colour.GREY, lw=0.7)
         ratios.set(title="Value / identified value", ylabel="ratio [–]")
         limits = distances.get_ylim()
-        distances.axhspan(1e-30, 1.0, color=FAINT, alpha=0.5, lw=0)
+        distances.axhspan(1e-30, 1.0, color=Colour.FAINT, alpha=0.5, lw=0)
         distances.set(ylim=limits, title="Distance from the identified value", ylabel="standard deviations [–]")
         for axis in (functional, ratios, distances):
             axis.set_xlabel("evaluation")
@@ -76,11 +77,11 @@ def residual_level(record: RunRecord) -> Picture | None:
         excluded = _excluded(record)
         identified = np.where(used & ~excluded, record.rms_after, np.nan)
         if expected is not None and len(expected) == len(x):
-            axis.plot(x, expected, color=FAINT, lw=5.0, solid_capstyle="butt",
+            axis.plot(x, expected, color=Colour.FAINT, lw=5.0, solid_capstyle="butt",
                       label=in_words_of(record.result, "camera noise alone"))
         if record.rms_before is not None:
-            axis.plot(x, record.rms_before, "--", color=ORANGE, marker="s", ms=3, label="starting values")
-        axis.plot(x, identified, "-o", color=BLUE, ms=3.5, label="identified values")
+            axis.plot(x, record.rms_before, "--", color=Colour.ORANGE, marker="s", ms=3, label="starting values")
+        axis.plot(x, identified, "-o", color=Colour.BLUE, ms=3.5, label="identified values")
         axis.set(ylabel=f"rms residual [{record.value_unit}]")
         _frame_axis(axis, record)
         start = np.where(used & ~excluded, np.nan if record.rms_before is None else record.rms_before, np.nan)
@@ -126,17 +127,17 @@ def _mark_left_out(axis, record: RunRecord, used: np.ndarray, top: float) -> Non
     out = ~used & np.isfinite(y)
     inside, beyond = out & (y < top), out & (y >= top)
     if inside.any():
-        axis.plot(x[inside], y[inside], "o", mfc="none", mec=RED, ms=8, ls="none", label="lost or unexplained")
+        axis.plot(x[inside], y[inside], "o", mfc="none", mec=Colour.RED, ms=8, ls="none", label="lost or unexplained")
     if not beyond.any():
         return
-    axis.plot(x[beyond], np.full(beyond.sum(), 0.94 * top), "^", mfc="none", mec=RED, ms=8, ls="none",
+    axis.plot(x[beyond], np.full(beyond.sum(), 0.94 * top), "^", mfc="none", mec=Colour.RED, ms=8, ls="none",
               label="lost or unexplained, beyond the axis")
     span = float(np.ptp(x)) or 1.0
     for group in _groups(np.flatnonzero(beyond), x, MIN_LABEL_SHARE * span):
         low, high = y[group].min(), y[group].max()
         text = f"{low:.3g}" if len(group) == 1 else f"{low:.3g} to {high:.3g}"
         middle = np.clip(x[group].mean(), x.min() + LABEL_MARGIN * span, x.max() - LABEL_MARGIN * span)
-        axis.annotate(text, (middle, 0.94 * top), (0, -11), textcoords="offset points", color=RED, fontsize=8,
+        axis.annotate(text, (middle, 0.94 * top), (0, -11), textcoords="offset points", color=Colour.RED, fontsize=8,
                       ha="center",
                       va="center",
                       bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.85})
@@ -155,8 +156,8 @@ def channel(record: RunRecord, data: ChannelRecord) -> Picture:
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1.0))
         x = record.abscissa
         if data.started is not None:
-            top.plot(x, data.started, "--", color=ORANGE, lw=1.1, label="simulated, starting values")
-        top.plot(x, np.where(_excluded(record), np.nan, data.simulated), "-", color=BLUE,
+            top.plot(x, data.started, "--", color=Colour.ORANGE, lw=1.1, label="simulated, starting values")
+        top.plot(x, np.where(_excluded(record), np.nan, data.simulated), "-", color=Colour.BLUE,
                  label="simulated, identified values")
         top.plot(x, data.measured, "o", color="#222222", ms=3.5, label="measured")
         label = data.name.rsplit("_", 1)[0].replace("_", " ") if data.name.endswith("_" + data.unit) else data.name
@@ -164,9 +165,9 @@ def channel(record: RunRecord, data: ChannelRecord) -> Picture:
         top.legend()
         difference = np.where(_excluded(record), np.nan, np.asarray(data.measured) - np.asarray(data.simulated))
         if data.std:
-            bottom.axhspan(-2.0 * data.std, 2.0 * data.std, color=FAINT, alpha=0.6, lw=0)
-        bottom.axhline(0.0, color=GREY, lw=0.7)
-        bottom.plot(x, difference, "-o", color=BLUE, lw=0.8, ms=3.5)
+            bottom.axhspan(-2.0 * data.std, 2.0 * data.std, color=Colour.FAINT, alpha=0.6, lw=0)
+        bottom.axhline(0.0, color=Colour.GREY, lw=0.7)
+        bottom.plot(x, difference, "-o", color=Colour.BLUE, lw=0.8, ms=3.5)
         reach = 1.25 * max(np.nanmax(np.abs(difference), initial=0.0, where=np.isfinite(difference)),
                            2.0 * (data.std or 0.0),
                            1e-12)
@@ -186,9 +187,9 @@ def temperature(record: RunRecord) -> Picture | None:
     with look():
         figure = new_figure(7.2, 2.8)
         axis = figure.subplots()
-        axis.fill_between(record.abscissa, lowest, highest, color=FAINT, alpha=0.8, lw=0,
+        axis.fill_between(record.abscissa, lowest, highest, color=Colour.FAINT, alpha=0.8, lw=0,
                           label="lowest to highest node")
-        axis.plot(record.abscissa, mean, "-o", color=BLUE, ms=3.5, label="mean of the nodes")
+        axis.plot(record.abscissa, mean, "-o", color=Colour.BLUE, ms=3.5, label="mean of the nodes")
         axis.set(ylabel="change [K]")
         _frame_axis(axis, record)
         axis.legend()
@@ -220,4 +221,4 @@ def _mark_stages(axis, accepted):
     stages = [h["stage"] for h in accepted]
     for previous, stage, h in zip(stages[:-1], stages[1:], accepted[1:], strict=True):
         if previous != stage:
-            axis.axvline(h["evaluation"] - 0.5, color=GREY, lw=0.8, ls=":")
+            axis.axvline(h["evaluation"] - 0.5, color=Colour.GREY, lw=0.8, ls=":")

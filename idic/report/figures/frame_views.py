@@ -13,7 +13,7 @@ from matplotlib.image import AxesImage, imsave
 from idic.parameters import digits_text
 from idic.report.figures.maps import RESIDUAL_RANGE, residual_window
 from idic.report.figures.profiles import height_profile, is_profile
-from idic.report.figures.picture import ORANGE, JPEG_QUALITY, Picture, webp
+from idic.report.figures.picture import JPEG_QUALITY, Colour, Picture, webp
 from idic.report.figures.style import DIVERGING, look, new_figure, picked, show_pixels
 from idic.report.result.record import FrameView, RunRecord
 from idic.report.result.words import number_text
@@ -108,7 +108,7 @@ def _image_sheet(image: np.ndarray) -> _Sheet:
     rows, columns = image.shape
     figure, axis = _axis(columns / rows)
     artist = show_pixels(axis, image, dpi=DPI, cmap="gray", interpolation="nearest")
-    lines = axis.add_collection(LineCollection([], colors=ORANGE, linewidths=OUTLINE_WIDTH_PT))
+    lines = axis.add_collection(LineCollection([], colors=Colour.ORANGE, linewidths=OUTLINE_WIDTH_PT))
     axis.set(xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
     return _Sheet(figure, artist, lines)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from idic.experiment_file import SPREAD
 from idic.laws import ClassicalFit, FAMILY_ERROR, ROOT
-from idic.report.figures.picture import BLUE, CYCLE, GREY, Picture
+from idic.report.figures.picture import CYCLE, Colour, Picture
 from idic.report.figures.style import look, new_figure, to_picture
 from idic.report.result.record import HardeningCurve, RunRecord, YieldSurface
 from idic.report.result.stress_scale import stress_unit
@@ -24,16 +24,16 @@ def hardening_curve(record: RunRecord, curve: HardeningCurve) -> Picture:
     with look():
         figure = new_figure(7.2, 5.2)
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1.2))
-        top.fill_between(p, curve.stress / size - half, curve.stress / size + half, color=BLUE, alpha=0.3, lw=0,
+        top.fill_between(p, curve.stress / size - half, curve.stress / size + half, color=Colour.BLUE, alpha=0.3, lw=0,
                          label="95 %")
-        top.plot(p, curve.stress / size, color=BLUE, label="free curve")
+        top.plot(p, curve.stress / size, color=Colour.BLUE, label="free curve")
         inside = curve.knots <= curve.reached
         top.plot(100.0 * curve.knots[inside], np.interp(curve.knots[inside], curve.plastic_strain, curve.stress / size),
                  "|",
-                 color=GREY, label="knots")
+                 color=Colour.GREY, label="knots")
         top.set(ylabel=f"flow stress [{unit}]")
         top.legend()
-        bottom.fill_between(p, -half, half, color=BLUE, alpha=0.3, lw=0)
+        bottom.fill_between(p, -half, half, color=Colour.BLUE, alpha=0.3, lw=0)
         at = np.append(curve.knots[inside], curve.reached)  # between them the curve is a chord
         for i, fit in enumerate(curve.fits):
             difference = np.interp(at, curve.plastic_strain, (fit.stress - curve.stress) / size)
@@ -82,18 +82,18 @@ def yield_surface(record: RunRecord, surface: YieldSurface) -> Picture:
         section_axis, visited_axis = figure.subplots(1, 2, width_ratios=(1.0, 1.35))
         d, r, half = surface.section, surface.radius / size, WIDTH_95 * surface.std / size
         section_axis.fill(np.append(d[:, 0] * (r + half), (d[:, 0] * (r - half))[::-1]),
-                  np.append(d[:, 1] * (r + half), (d[:, 1] * (r - half))[::-1]), color=BLUE, alpha=0.3, lw=0,
+                  np.append(d[:, 1] * (r + half), (d[:, 1] * (r - half))[::-1]), color=Colour.BLUE, alpha=0.3, lw=0,
                   label="95 %")
-        section_axis.plot(d[:, 0] * r, d[:, 1] * r, color=BLUE, label="free surface")
+        section_axis.plot(d[:, 0] * r, d[:, 1] * r, color=Colour.BLUE, label="free surface")
         in_plane = np.abs(surface.visited[:, 2]) < NEAR_PLANE
         for sign in (1.0, -1.0):
             stresses = sign * surface.visited[in_plane] * surface.visited_radius[in_plane, None] / size
-            section_axis.plot(stresses[:, 0], stresses[:, 1], "o", color=GREY, ms=3,
+            section_axis.plot(stresses[:, 0], stresses[:, 1], "o", color=Colour.GREY, ms=3,
                               label="visited" if sign > 0 else None)
         section_axis.set(xlabel=f"stress along axis 1 [{unit}]", ylabel=f"stress along axis 2 [{unit}]", aspect="equal")
         section_axis.legend(fontsize=8)
         at, band = np.arange(len(surface.visited)), 100.0 * WIDTH_95 * surface.visited_std / surface.visited_radius
-        visited_axis.fill_between(at, -band, band, color=BLUE, alpha=0.3, lw=0, label="95 %", step="mid")
+        visited_axis.fill_between(at, -band, band, color=Colour.BLUE, alpha=0.3, lw=0, label="95 %", step="mid")
         for i, fit in enumerate(surface.fits):
             visited_axis.plot(at, 100.0 * (fit.stress / surface.visited_radius - 1.0), "-o" if fit.inside else ":.",
                        color=CYCLE[i % len(CYCLE)], lw=1.2, ms=3,

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from idic.errors import InputError
 from idic.laws import compile, get_law, uniaxial
-from idic.report.figures.picture import BLACK, CYCLE, FAINT
+from idic.report.figures.picture import CYCLE, Colour
 from idic.report.figures.style import look, new_figure
 
 _CURVE_STEPS = 400
@@ -64,14 +64,14 @@ def plot_law(name: str, path: Path | str, largest_strain: float | None = None) -
                                    (slice(_CURVE_STEPS - 1, None), "--", "reversed")):
             if line.stop is None and not memory:
                 continue
-            stress.plot(100 * strain[line], curve.P[line, 0, 0], style, color=BLACK, label=label)
+            stress.plot(100 * strain[line], curve.P[line, 0, 0], style, color=Colour.BLACK, label=label)
             for i, parameter in enumerate(spec.parameters):
                 change.plot(100 * strain[line], params[i] * curve.dP[line, i, 0, 0], style, color=CYCLE[i % len(CYCLE)],
                             label=parameter.name if style == "-" else None)  # fmt: skip
         if memory:
             stress.legend()
         stress.set(ylabel="P11 [MPa]", title=f"{name}, {spec.kinematics[0]} strain, uniaxial stress")
-        change.axhline(0, color=FAINT, lw=0.8, zorder=0)
+        change.axhline(0, color=Colour.FAINT, lw=0.8, zorder=0)
         change.set(xlabel="strain [%]", ylabel="p · dP11/dp [MPa]", title="per relative change of one parameter")
         values = ", ".join(f"{p.name} = {p.default:g} {p.unit}".strip(" -") for p in spec.parameters)
         figure.suptitle(values, fontsize=8, x=0.02, ha="left")

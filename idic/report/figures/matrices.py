@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from idic.model import is_mode
-from idic.report.figures.picture import BLUE, GREY, RED, Picture
+from idic.report.figures.picture import Colour, Picture
 from idic.report.figures.style import DIVERGING, SEQUENTIAL, look, new_figure, to_picture
 from idic.report.result.record import RunRecord
 from idic.report.result.words import hardly_determined, short_names
@@ -91,15 +91,16 @@ def _eigenvalues(axis: Axes, values: np.ndarray) -> None:
     positive = values > MAX_ROUNDING_EIGENVALUE * max(values.max(initial=0.0), 1e-300)
     bottom = values[positive].min() / 10.0 if positive.any() else 0.1
     axis.set_yscale("log")
-    axis.vlines(index[positive], bottom, values[positive], color=BLUE, lw=2.0)
-    axis.plot(index[positive], values[positive], "o", color=BLUE, ms=6)
+    axis.vlines(index[positive], bottom, values[positive], color=Colour.BLUE, lw=2.0)
+    axis.plot(index[positive], values[positive], "o", color=Colour.BLUE, ms=6)
     for i in index[~positive]:
-        axis.annotate("0", (i, bottom), (0, 4), textcoords="offset points", color=RED, ha="center", weight="bold")
+        axis.annotate("0", (i, bottom), (0, 4), textcoords="offset points", color=Colour.RED, ha="center",
+                      weight="bold")
     axis.set(title="D", xlabel="eigenvector", ylabel="eigenvalue [–]", xticks=index, xlim=(0.4, len(values) + 0.6))
     axis.set_ylim(bottom=bottom)
     second = axis.secondary_yaxis("right", functions=(_to_std, _from_std))
     second.set_ylabel("std along it, 1/√D [–]")
-    second.tick_params(colors=GREY)
+    second.tick_params(colors=Colour.GREY)
 
 
 def _to_std(values):

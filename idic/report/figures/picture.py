@@ -5,22 +5,28 @@ from __future__ import annotations
 import base64
 import io
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from PIL import Image
 
-# Okabe & Ito, https://jfly.uni-koeln.de/color/
-BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BLACK = (
-    "#0072B2",
-    "#E69F00",
-    "#009E73",
-    "#D55E00",
-    "#CC79A7",
-    "#56B4E9",
-    "#222222",
-)
-CYCLE = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BLACK)
-GREY, FAINT = "#6b7280", "#d5d8dd"
+
+
+class Colour(StrEnum):
+    """Of lines and marks; the first seven by Okabe and Ito, https://jfly.uni-koeln.de/color/"""
+
+    BLUE = "#0072B2"
+    ORANGE = "#E69F00"
+    GREEN = "#009E73"
+    RED = "#D55E00"
+    PURPLE = "#CC79A7"
+    SKY = "#56B4E9"
+    BLACK = "#222222"
+    GREY = "#6b7280"
+    FAINT = "#d5d8dd"
+
+
+CYCLE = tuple(Colour)[:7]  # of several curves
 DPI = 150
 JPEG_QUALITY = 72
 WEBP_QUALITY = 65  # of a map in the page: noise is half of the size of a JPEG that looks the same

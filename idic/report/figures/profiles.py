@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.cm import viridis
 from matplotlib.figure import Figure
 
-from idic.report.figures.picture import CYCLE, FAINT, GREY, ORANGE, Picture
+from idic.report.figures.picture import CYCLE, Colour, Picture
 from idic.report.figures.style import look, new_figure, to_picture
 from idic.report.result.record import EDGE, FrameView, RunRecord
 from idic.report.result.words import short_names
@@ -70,15 +70,15 @@ def height_profile(figure: Figure, record: RunRecord, view: FrameView) -> None:
     """Height of one frame, measured and simulated, and the residual below; means over the image rows."""
     profile, level = view.profile, np.nan if record.noise_level is None else record.noise_level[view.frame]
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
-    above.plot(profile.column, profile.measured, color=GREY, lw=2.6, label="measured")
-    above.plot(profile.column, profile.measured + profile.misfit, color=ORANGE, lw=1.1, label="simulated")
+    above.plot(profile.column, profile.measured, color=Colour.GREY, lw=2.6, label="measured")
+    above.plot(profile.column, profile.measured + profile.misfit, color=Colour.ORANGE, lw=1.1, label="simulated")
     above.set_ylabel(f"height [{record.value_unit}]")
     above.legend()
     if np.isfinite(level):
         band = np.where(profile.rows > 0, 2.0 * level / np.sqrt(np.maximum(profile.rows, 1)), np.nan)
-        below.fill_between(profile.column, -band, band, color=FAINT, lw=0, label="95 % of noise alone")
+        below.fill_between(profile.column, -band, band, color=Colour.FAINT, lw=0, label="95 % of noise alone")
         below.legend()
-    below.plot(profile.column, profile.misfit, color=ORANGE, lw=0.9)
+    below.plot(profile.column, profile.misfit, color=Colour.ORANGE, lw=0.9)
     below.set(xlabel="column [px]", ylabel=f"residual [{record.value_unit}]")
 
 
@@ -97,4 +97,4 @@ def _mark_image(axis, record: RunRecord) -> None:
     low, high = axis.get_xlim()
     for edge in (0.0, record.reference.shape[1] - 1.0):
         if low < edge < high:
-            axis.axvline(edge, color=GREY, ls=":", lw=1.0)
+            axis.axvline(edge, color=Colour.GREY, ls=":", lw=1.0)

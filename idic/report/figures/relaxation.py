@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from idic.laws import ClassicalFit
 from idic.report.figures.hardening import WIDTH_95
-from idic.report.figures.picture import CYCLE, GREY, Picture
+from idic.report.figures.picture import CYCLE, Colour, Picture
 from idic.report.figures.style import look, new_figure, to_picture
 from idic.report.result.record import RelaxationCurve, RunRecord
 from idic.report.result.stress_scale import stress_unit
@@ -28,9 +28,9 @@ def relaxation_curve(record: RunRecord, curve: RelaxationCurve) -> Picture:
         top.set(xscale="log", xlabel="time after a jump [s]", ylabel=f"shear modulus [{unit}]")
         top.legend()
         bottom.errorbar(curve.taus, curve.weights, yerr=WIDTH_95 * curve.weight_std, fmt="o", color=CYCLE[0], ms=4)
-        bottom.axhline(0.0, color=GREY, lw=0.8)
+        bottom.axhline(0.0, color=Colour.GREY, lw=0.8)
         for end in (curve.time[0], curve.time[-1]):
-            bottom.axvline(end, color=GREY, lw=0.8, ls=":")
+            bottom.axvline(end, color=Colour.GREY, lw=0.8, ls=":")
         bottom.set(xscale="log", xlabel="relaxation time [s] (dotted: what the frames show)", ylabel="weight [-]")
         figure.align_ylabels([top, bottom])
         return to_picture(figure, f"relaxation_{curve.name}", f"Free relaxation spectrum: {curve.name}",

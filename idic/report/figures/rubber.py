@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from idic.laws import ClassicalFit
 from idic.report.figures.hardening import WIDTH_95
-from idic.report.figures.picture import CYCLE, GREY, Picture
+from idic.report.figures.picture import CYCLE, Colour, Picture
 from idic.report.figures.style import look, new_figure, to_picture
 from idic.report.result.record import RubberCurve, RunRecord
 from idic.report.result.stress_scale import stress_unit
@@ -33,7 +33,7 @@ def rubber_energy(record: RunRecord, curve: RubberCurve) -> Picture:
             bottom.plot(slope.invariant, slope.value / size, color=color, label=f"dW/d{slope.name}")
             inside = slope.knots <= slope.invariant[-1]
             at = slope.knots[inside]
-            bottom.plot(at, slope.value_at(at) / size, "|", color=GREY, label="knots" if i == 0 else None)
+            bottom.plot(at, slope.value_at(at) / size, "|", color=Colour.GREY, label="knots" if i == 0 else None)
         bottom.set(xlabel="I1 − 3, I2 − 3 [-]", ylabel=f"derivative [{unit}]")
         bottom.legend()
         figure.align_ylabels([top, bottom])

@@ -14,7 +14,7 @@ from PIL import Image
 
 from idic.path_names import path_name
 from idic.report.figures.layout import MeasuredOnce
-from idic.report.figures.picture import BLACK, DPI, FAINT, GREY, PNG_COMPRESSION, Picture, webp
+from idic.report.figures.picture import DPI, PNG_COMPRESSION, Colour, Picture, webp
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 DIVERGING, SEQUENTIAL = "RdBu_r", "viridis"
@@ -30,19 +30,19 @@ RC = {
     "axes.titlelocation": "left",
     "axes.titleweight": "regular",
     "axes.labelsize": 9.0,
-    "axes.edgecolor": GREY,
-    "axes.labelcolor": BLACK,
+    "axes.edgecolor": Colour.GREY,
+    "axes.labelcolor": Colour.BLACK,
     "axes.linewidth": 0.7,
     "axes.axisbelow": True,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
-    "grid.color": FAINT,
+    "grid.color": Colour.FAINT,
     "grid.linewidth": 0.5,
-    "xtick.color": GREY,
-    "ytick.color": GREY,
-    "xtick.labelcolor": BLACK,
-    "ytick.labelcolor": BLACK,
+    "xtick.color": Colour.GREY,
+    "ytick.color": Colour.GREY,
+    "xtick.labelcolor": Colour.BLACK,
+    "ytick.labelcolor": Colour.BLACK,
     "xtick.labelsize": 8.0,
     "ytick.labelsize": 8.0,
     "xtick.major.width": 0.7,

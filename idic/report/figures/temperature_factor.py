@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from idic.report.figures.hardening import WIDTH_95
-from idic.report.figures.picture import CYCLE, GREY, Picture
+from idic.report.figures.picture import CYCLE, Colour, Picture
 from idic.report.figures.style import look, new_figure, to_picture
 from idic.report.result.record import TemperatureFactor
 
@@ -26,7 +26,7 @@ def temperature_dependence(factors: Sequence[TemperatureFactor]) -> Picture:
                               dependence.factor + half, color=color, alpha=0.3, lw=0)
             axis.plot(dependence.temperature, dependence.factor, color=color,
                       label=f"{', '.join(dependence.targets)} ({dependence.kind})")
-        axis.plot(reference, 1.0, "o", color=GREY, ms=4, label="reference temperature")
+        axis.plot(reference, 1.0, "o", color=Colour.GREY, ms=4, label="reference temperature")
         axis.set(xlabel="temperature [°C]", ylabel="factor [-]")
         axis.legend()
         return to_picture(figure, f"temperature_dependence_{name}", f"Temperature dependence: {name}",

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from idic.model import is_mode
 from idic.report.design.page import short
-from idic.report.figures.picture import CYCLE, GREY, Picture
+from idic.report.figures.picture import CYCLE, Colour, Picture
 from idic.report.figures.style import look, new_figure, to_picture
 from idic.report.html import filled_in
 from idic.report.result.words import number_text, short_names, with_std
@@ -72,10 +72,10 @@ def _panel(axis, rows: Sequence[Mapping], name: str, experiments: Sequence[str])
                       mfc=colour if is_converged else "white", capsize=2, linewidth=0.9, markersize=3.5)
     converged = [entry["value"] for _, row, entry in points if row["status"] == "converged"]
     if converged:
-        axis.axhline(float(np.mean(converged)), color=GREY, linestyle="--", linewidth=0.8, zorder=0)
+        axis.axhline(float(np.mean(converged)), color=Colour.GREY, linestyle="--", linewidth=0.8, zorder=0)
     low, high = _limits(points) or axis.get_ylim()
-    axis.plot([i for i, _, _ in points], [entry["start"] for _, _, entry in points], "x", color=GREY, markersize=3,
-              linestyle="none", zorder=0)
+    axis.plot([i for i, _, _ in points], [entry["start"] for _, _, entry in points], "x", color=Colour.GREY,
+              markersize=3, linestyle="none", zorder=0)
     axis.set_ylim(low, high)
     axis.set_xlim(-0.6, len(rows) - 0.4)
     unit = points[0][2].get("unit")

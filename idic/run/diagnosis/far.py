@@ -12,7 +12,7 @@ from idic.diagnose import (
     Diagnosis, OutOfRegister, by_motion, image_chi2, may_be_out_of_register, out_of_register, with_edge_modes,
 )
 from idic.identification import Identification, identify
-from idic.measure import boundary_start, with_boundary_start
+from idic.measure import BoundaryStart, with_boundary_start
 from idic.model import Experiment
 from idic.run.diagnosis.source import Source
 from idic.run.prepared.prepare import read_free_dic, read_free_motion, run_free_dic
@@ -34,7 +34,7 @@ class MotionSource(Source):
     def images(self) -> Experiment:
         """The experiment with its images, virtual edges as they begin."""
         experiment, u_px = super().load(), read_free_motion(RunStore(self.run))
-        return with_boundary_start(experiment, boundary_start(experiment, u_px, experiment.recording.excluded))
+        return with_boundary_start(experiment, BoundaryStart.of(experiment, u_px, experiment.recording.excluded))
 
 
 def on_measured_motion(source: Source, identification: Identification, runner: TaskRunner,

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from idic.correlation import channel_values, measured_values
+from idic.correlation import channel_values
 from idic.errors import InputError
 from idic.run.prepared.context import RunContext
 from idic.run.recovery.recover import START
@@ -46,7 +46,7 @@ def channel_table(context: RunContext, values: Mapping[str, float],
     simulated = np.full((experiment.model.n_frames, len(experiment.model.channels)), np.nan)
     for i, frame in enumerate(range(experiment.model.reference, experiment.model.n_frames)):
         simulated[frame] = channel_values(experiment, parameters, stored[i], frame)
-    return simulated, measured_values(experiment.model, parameters)
+    return simulated, experiment.model.measured_channels(parameters)
 
 
 def solver_notes(context: RunContext, values: Mapping[str, float], evaluation: int) -> list[str]:

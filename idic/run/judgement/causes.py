@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from idic.correlation import view_of
-from idic.measure import seen_by
+from idic.measure import Seen
 from idic.report import cause_after_run
 from idic.run.judgement.floor import PointJob
 from idic.run.prepared.context import RunContext, correlation_context, open_run
@@ -21,7 +21,7 @@ def cause_of_misfit(job: PointJob) -> dict | None:
     context = open_run(job.run)
     shared = correlation_context(context, context.experiment.model.parameters.with_values(job.values))
     cause = cause_after_run([(camera.experiment, _motion(context, job.evaluation, camera.experiment, camera.camera),
-                              seen_by(camera.experiment, camera.reference.image)) for camera in shared.cameras])
+                              Seen.by(camera.experiment, camera.reference.image)) for camera in shared.cameras])
     return None if cause is None else cause.entry()
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from idic.fe import ring_around
 from idic.laws import point_tangents
-from idic.model import Crack, ForwardModel, tips_at
+from idic.model import Crack, ForwardModel
 from idic.parameters import ParameterSet
 from idic.report import covariance_of
 from idic.run.prepared.context import RunContext
@@ -76,7 +76,7 @@ class Tips:
 
     def entry(self, number: int, crack: Crack) -> dict[str, Any]:
         model = self.forward.model
-        lengths = tips_at(model, self.parameters)[:, number]
+        lengths = model.tips_at(self.parameters)[:, number]
         slopes = np.array([crack.hats[crack.names.index(name)][model.reference:] if name in crack.names
                            else np.zeros(len(lengths)) for name in self.names]).reshape(len(self.names), -1)
         why_not = self._why_not()

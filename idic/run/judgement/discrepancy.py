@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from idic.correlation import generalised_weights
 from idic.identification import DiscrepancySystem, Evaluation, LoopState, perturbations, reason_against
 from idic.model import Stage
 from idic.run.prepared.session import Session
@@ -23,7 +22,7 @@ def discrepancy_job(session: Session, state: LoopState, point: Evaluation | None
             or context.store.finished(group_name(state.accepted.number, LABEL)) is not None):
         return None
     changes = perturbations(session.experiment, session.sensitivity, state.accepted.values, context.moving)
-    weights = generalised_weights(context.weights) if point.system.generalised else None
+    weights = context.weights.as_generalised() if point.system.generalised else None
     return CorrelationJob(session.run, state.accepted.number, 0, session.experiment.model.n_frames,
                           state.accepted.values,
                           changes, weights, stage, state.increments.per_frame)

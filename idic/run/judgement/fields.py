@@ -13,11 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation import CorrelationContext, correlated_frames, in_space, is_section
+from idic.correlation import CorrelationContext, in_space
 from idic.errors import NotConverged
-from idic.identification import is_two_step
 from idic.images import Camera
-from idic.measure import FieldSeries, SeenInSpace, in_mm, seen_by, simulated_states, surface_of
+from idic.measure import FieldSeries, Seen, SeenInSpace, in_mm, simulated_states, surface_of
 from idic.model import Experiment, ForwardModel, Model
 from idic.run.judgement.floor import PointJob, simulated_motion
 from idic.run.prepared.context import RunContext, correlation_context, open_run
@@ -50,7 +49,7 @@ class FieldJob:
 def field_frames(experiment: Experiment) -> tuple[int, ...]:
     """The frames whose fields are shown: the reference, and the correlated ones after it, the last among them."""
     model = experiment.model
-    frames = [k for k in correlated_frames(experiment, range(model.n_frames)) if k > model.reference]
+    frames = [k for k in experiment.correlated_frames(range(model.n_frames)) if k > model.reference]
     picks = np.linspace(0, len(frames) - 1, min(MAX_FIELD_FRAMES - 1, len(frames))) if frames else np.zeros(0)
     return (model.reference, *dict.fromkeys(frames[int(round(p))] for p in picks))
 
@@ -61,7 +60,7 @@ def write_fields(job: PointJob, runner: TaskRunner) -> None:
     context = open_run(job.run)
     if context.experiment.model.surface is None and context.experiment.model.n_dim == 3:
         return
-    if is_section(context.experiment.model) or context.store.finished(FIELDS,
+    if context.experiment.model.is_section or context.store.finished(FIELDS,
                                                                       {"evaluation": job.evaluation}) is not None:
         return
     frames = field_frames(context.experiment)
@@ -91,13 +90,13 @@ def _measurement(shared: CorrelationContext) -> tuple[float | None, int]:
         return stereo.smoother.length_mm, 3
     if not isinstance(shared.camera, Camera):  # a lens does not see a plane
         return None, 0
-    dic_setup = seen_by(shared.experiment, shared.reference.image)
+    dic_setup = Seen.by(shared.experiment, shared.reference.image)
     return (None if dic_setup is None else dic_setup.length_mm(shared.camera)), 2
 
 
 def _in_space(shared: CorrelationContext) -> SeenInSpace | None:
     """The cameras that measure in space; none of two steps, whose first one has measured each camera by itself."""
-    return None if is_two_step(shared.experiment.options) else SeenInSpace.of(shared.cameras)
+    return None if shared.experiment.options.is_two_step else SeenInSpace.of(shared.cameras)
 
 
 def write_part(job: FieldJob) -> None:
@@ -117,7 +116,7 @@ def write_measured(job: FieldJob) -> None:
     if stereo is not None:
         _write_in_space(job, context, stereo)
         return
-    dic_setup = seen_by(shared.experiment, shared.reference.image)
+    dic_setup = Seen.by(shared.experiment, shared.reference.image)
     nodes, index = shared.experiment.model.mesh.nodes, read_array(job.target, "nodes")
     if not job.frames:
         noise = dic_setup.noise_samples()

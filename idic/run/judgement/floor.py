@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.correlation import FieldReference, GREY, SPACE, view_of
-from idic.measure import CameraFloor, camera_floor, find_still_frames
+from idic.correlation import FieldReference, ViewKind, view_of
+from idic.measure import CameraFloor, find_still_frames
 from idic.parameters import ParameterSet
 from idic.run.prepared.context import RunContext, correlation_context, open_run
 from idic.run.store.arrays import FrameArrays, read_array, write_array
@@ -82,7 +82,7 @@ def _floor(context: RunContext, evaluation: int, parameters: ParameterSet) -> Ca
     shared = correlation_context(context, parameters)
     experiment = shared.experiment
     view = view_of(experiment, shared.camera)
-    if view.kind not in (GREY, SPACE) or experiment.recording.noise.std_gv is None:
+    if view.kind not in (ViewKind.GREY, ViewKind.SPACE) or experiment.recording.noise.std_gv is None:
         return None
     motion = simulated_motion(context, evaluation, parameters)
     image = shared.reference.image
@@ -91,7 +91,7 @@ def _floor(context: RunContext, evaluation: int, parameters: ParameterSet) -> Ca
     nodes = nodes[np.unique(np.linspace(0, len(nodes) - 1, min(len(nodes), MAX_FINDER_NODES)).astype(int))]
     sampled = np.array([motion(frame)[nodes] for frame in range(experiment.model.n_frames)])
     still = find_still_frames(experiment, sampled, nodes)
-    return camera_floor(experiment, image, still, motion)
+    return CameraFloor.of(experiment, image, still, motion)
 
 
 def simulated_motion(context: RunContext, evaluation: int, parameters: ParameterSet) -> Callable[[int], np.ndarray]:

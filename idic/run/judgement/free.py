@@ -7,9 +7,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from idic.measure import seen_by
+from idic.measure import Seen
 from idic.parameters import ParameterSet
-from idic.report import FreeMotions, free_motions
+from idic.report import FreeMotions
 from idic.run.judgement.floor import PointJob, simulated_motion
 from idic.run.judgement.shown_frames import shown_frames
 from idic.run.prepared.context import RunContext, correlation_context, open_run
@@ -74,7 +74,7 @@ def _free(context: RunContext, evaluation: int, parameters: ParameterSet) -> Fre
     shared = correlation_context(context, parameters)
     if not shared.experiment.recording.noise.std_gv:
         return None
-    dic_setup = seen_by(shared.experiment, shared.reference.image)
+    dic_setup = Seen.by(shared.experiment, shared.reference.image)
     if dic_setup is None:
         return None
-    return free_motions(dic_setup, shown_frames(shared.experiment), simulated_motion(context, evaluation, parameters))
+    return FreeMotions.of(dic_setup, shown_frames(shared.experiment), simulated_motion(context, evaluation, parameters))

@@ -10,10 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-from idic.correlation import GREY, view_of
-from idic.identification import (
-    ElementSums, FrameFit, LocalResidual, Remedy, local_residual, mean_chi2, try_remedies, used_fits,
-)
+from idic.correlation import ViewKind, view_of
+from idic.identification import ElementSums, FrameFit, LocalResidual, Remedy, mean_chi2, used_fits
 from idic.measure import CameraFloor
 from idic.report import NOISE_CHI2
 from idic.run.judgement.causes import cause_of_misfit
@@ -78,10 +76,10 @@ def tried_remedies(job: PointJob) -> tuple[Remedy, ...]:
     parameters = context.experiment.model.parameters.with_values(job.values)
     shared = correlation_context(context, parameters)
     experiment = shared.experiment
-    is_grey = view_of(experiment, shared.camera).kind == GREY and experiment.recording.points is None
+    is_grey = view_of(experiment, shared.camera).kind == ViewKind.GREY and experiment.recording.points is None
     if not is_grey or not experiment.recording.noise.std_gv:
         return ()
-    return try_remedies(experiment, shared.camera, [k for k in shown_frames(experiment) if k not in job.lost],
+    return Remedy.tried(experiment, shared.camera, [k for k in shown_frames(experiment) if k not in job.lost],
                         simulated_motion(context, job.evaluation, parameters))
 
 
@@ -95,4 +93,4 @@ def _local(context: RunContext, job: PointJob, sums: Sequence[ElementSums]) -> L
     if not sums:
         return None
     shared = correlation_context(context, context.experiment.model.parameters.with_values(job.values))
-    return local_residual(shared.reference.image.pixel_map, sums)
+    return LocalResidual.of(shared.reference.image.pixel_map, sums)

@@ -13,7 +13,7 @@ import numpy as np
 from idic.correlation import CorrelationContext, Reference, VolumeReference, Weights, build_experiment_reference
 from idic.errors import InputError
 from idic.experiment_file import ExperimentTables, read_experiment
-from idic.identification import is_two_step, measured_reference, point_context, seen_in
+from idic.identification import measured_reference, point_context, seen_in
 from idic.images import Camera
 from idic.inside import read_inside, refuse_outside_of_data
 from idic.measure import BoundaryStart, with_boundary_start
@@ -186,7 +186,7 @@ def release_voxels(context: RunContext) -> None:
 
 def _with_motion(context: RunContext, view: Experiment, image: Reference) -> Reference:
     """The reference of the comparison: the images, or with two steps the motion that the first one measured."""
-    if not is_two_step(context.experiment.options):
+    if not context.experiment.options.is_two_step:
         return image
     number = [camera_view.recording.camera_name
               for camera_view in context.experiment.views].index(view.recording.camera_name)

@@ -11,8 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from idic.identification import (
-    coarse_fit, is_two_step, motion_in_space, needs_free_dic, needs_motion_in_space, regularisation_of, search,
-    wants_search,
+    CoarseFit, motion_in_space, needs_free_dic, needs_motion_in_space, regularisation_of, search, wants_search,
 )
 from idic.measure import DicStack, dic_stack, with_boundary_start
 from idic.model import Experiment
@@ -46,7 +45,7 @@ class Prepared:
     @property
     def motion(self) -> dict[str, np.ndarray] | None:
         """The first of two steps: per camera (n_frames, n_nodes, 2) px; None where the method is integrated."""
-        if not is_two_step(self.experiment.options):
+        if not self.experiment.options.is_two_step:
             return None
         return {name: dic.u_px for name, dic in self.free_dics.items()}
 
@@ -95,6 +94,6 @@ def _searched(prepared: Prepared, say: Callable[[str], None]) -> Prepared:
             free_dics[name] = dic_stack(experiment, regularisation_of(experiment.options))
         u_px = free_dics[name].u_px
     bare = replace(experiment, recording=replace(experiment.recording, stack=None))
-    start = search(experiment, lambda trials: [coarse_fit(bare, u_px, trial.values, trial.evaluations, trial.simplified)
-                                               for trial in trials], say)
+    start = search(experiment, lambda trials: [
+        CoarseFit.of(bare, u_px, trial.values, trial.evaluations, trial.simplified) for trial in trials], say)
     return replace(prepared, free_dics=free_dics, begin=start.values if start.moved else None)

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from idic.errors import InputError
-from idic.identification import is_two_step, measured_noise, measured_start, without_edges
-from idic.measure import BoundaryStart, boundary_start
-from idic.model import Experiment, Noise, build_drives
+from idic.identification import measured_noise, measured_start, without_edges
+from idic.measure import BoundaryStart
+from idic.model import DriveTable, Experiment, Noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,14 +60,14 @@ def beginning_of(experiment: Experiment, motion: FreeMotion | None) -> Beginning
     """
     if motion is None:
         return Beginning(tuple(experiment.recording.excluded),
-                         np.zeros((experiment.model.n_frames, build_drives(experiment).n_local)))
+                         np.zeros((experiment.model.n_frames, DriveTable.of(experiment).n_local)))
     excluded = list(experiment.recording.excluded)
     excluded += [int(k) for k in np.flatnonzero(motion.unexplained) if int(k) not in excluded]
     excluded += [k for k in without_edges(experiment, motion.lost, motion.in_space) if k not in excluded]
     _require_frames(experiment, excluded)
     local = measured_start(experiment, motion.u_px, excluded, motion.in_space,
                            motion.nodes if motion.in_space is None else None)
-    return Beginning(tuple(excluded), local, boundary_start(experiment, motion.u_px, excluded, motion.in_space))
+    return Beginning(tuple(excluded), local, BoundaryStart.of(experiment, motion.u_px, excluded, motion.in_space))
 
 
 def _require_frames(experiment: Experiment, excluded: list[int]) -> None:
@@ -82,7 +82,7 @@ def _require_frames(experiment: Experiment, excluded: list[int]) -> None:
 def cameras_to_measure(experiment: Experiment) -> list[int]:
     """The numbers of the further cameras (from 1) that need a free FE-DIC of their own."""
     return [number for number, camera in enumerate(experiment.cameras, 1)
-            if camera.noise.std_gv is None or is_two_step(experiment.options)]
+            if camera.noise.std_gv is None or experiment.options.is_two_step]
 
 
 def camera_noises(experiment: Experiment, free_noises: Mapping[int, float], excluded: tuple[int, ...]) -> list[Noise]:

@@ -21,7 +21,7 @@ from idic.identification import (
 )
 from idic.images import Stack
 from idic.measure import FrameSequence, virtual_boundaries
-from idic.model import Experiment, Measured, Parametrised, build_forward, set_nodes
+from idic.model import Experiment, Measured, Parametrised, build_forward
 from idic.path_names import path_name
 from idic.readers import FieldStack, FileStack, check_stages
 from idic.run.prepared.measured_beginning import (
@@ -116,7 +116,7 @@ def _check_measurable(experiment: Experiment, visible: np.ndarray) -> None:
     for entry in experiment.model.prescribed:
         if not isinstance(entry.drive, Parametrised) or entry.drive.kind != "dic":
             continue
-        if entry not in visible_boundaries or not np.isin(set_nodes(experiment.model, entry.nodes), visible).any():
+        if entry not in visible_boundaries or not np.isin(experiment.model.node_set(entry.nodes), visible).any():
             raise InputError("a motion that the images do not show", file="experiment.toml",
                              key=f"[[boundary]] nodes = {entry.nodes}, u{entry.component}",
                              expected="an edge in the image, moving in its plane",

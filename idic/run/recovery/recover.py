@@ -10,7 +10,7 @@ from pathlib import Path
 
 from idic.errors import InputError
 from idic.fe import sweep
-from idic.identification import LoopState, trial_states
+from idic.identification import LoopState
 from idic.run.prepared.prepare import write_description
 from idic.run.recovery.scan import damaged_groups
 from idic.run.store.checkpoint import load_checkpoint, remove_checkpoint, restore_checkpoint
@@ -133,13 +133,13 @@ def _needed(store: RunStore, state: LoopState) -> list[str]:
             must |= {_stored_name(folder) for folder in _simulations(store, number)}
         must.add(group_name(state.accepted.number, BASE))
     if state.running:
-        must |= {group_name(trial.evaluations, START) for trial in trial_states(state)}
+        must |= {group_name(trial.evaluations, START) for trial in state.trial_states}
     return sorted(must)
 
 
 def _of_the_open_trial(store: RunStore, state: LoopState) -> list[str]:
     """The stored groups of the trial that was being evaluated, and of those beside it."""
-    return [_stored_name(folder) for trial in trial_states(state) for folder in _simulations(store, trial.evaluations)]
+    return [_stored_name(folder) for trial in state.trial_states for folder in _simulations(store, trial.evaluations)]
 
 
 def _simulations(store: RunStore, number: int) -> list[Path]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation import SPACE, VOLUME, at_fixed_pixels, camera_at, view_of
+from idic.correlation import ViewKind, at_fixed_pixels, camera_at, view_of
 from idic.errors import InputError
 from idic.identification import ratios_of
 from idic.inside import folder_inside, is_inside, write_inside
@@ -18,8 +18,7 @@ from idic.model import Experiment, Model, is_mode, nodal_temperature
 from idic.parameters import ParameterSet, digits_text
 from idic.report import (
     AcceptedFrames, ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities, ShownMesh, all_pictures,
-    all_tables, draw_sections, joint_page, render_page, shown_mesh, shown_step, time_label,
-    run_evidence, without_modes,
+    all_tables, draw_sections, joint_page, render_page, shown_step, time_label, run_evidence, without_modes,
 )
 from idic.run.judgement.accepted_point import channel_table, channels_of, last_accepted, refuse_passed_point
 from idic.run.judgement.floor import read_floor
@@ -112,7 +111,7 @@ def load_record(run: Path | str) -> RunRecord:
     parameters = accepted_parameters(result, experiment.model.parameters)
     fitted_experiment = experiment.at_geometry(parameters)  # the mesh as it was identified
     names, M = without_modes(result.get("M", {}))
-    shown_points = shown_mesh(fitted_experiment, camera_at(experiment, parameters))
+    shown_points = ShownMesh.seen_by(fitted_experiment, camera_at(experiment, parameters))
     common = dict(
         title=experiment.title,
         result=result,
@@ -171,7 +170,7 @@ def _seen(context: RunContext, result: Mapping, experiment: Experiment, number: 
     """Images and residuals of one camera: the fields of a RunRecord that differ between cameras."""
     view = experiment.views[number]
     point = [entry["evaluation"] for entry in result["history"] if entry["accepted"]][-1]
-    shown_points = shown_mesh(view, camera_at(view, parameters))
+    shown_points = ShownMesh.seen_by(view, camera_at(view, parameters))
     return dict(
         reference=view.recording.picture(view.model.reference),
         nodes_px=shown_points.points_px,
@@ -344,7 +343,7 @@ def _fields(context: RunContext, point: int, experiment: Experiment, parameters:
     u = np.array([view.at(frame).motion(nodes, seen_u(frame)) for frame in frames])
     if not frames:
         return None
-    if view.kind == VOLUME:
+    if view.kind == ViewKind.VOLUME:
         u = np.array([shown_points.of(motion) for motion in u])
         return FieldFrames(frames, u[:, :, :2], {"motion along the slices [px]": u[:, :, 2]})
     unit = 1.0 if recording.points is None else recording.points.um_per_px
@@ -367,7 +366,7 @@ def sensitivities_of(context: RunContext, point: int, experiment: Experiment,
     du = at_fixed_pixels(model, u, columns, names)
     view, nodes = view_of(experiment, camera_at(experiment, parameters)).at(frame), model.mesh.nodes
     columns = view.columns(nodes, u, du).reshape(len(nodes), view.n_components, len(names))
-    if view.n_components == 3 and view.kind not in (SPACE, VOLUME):
+    if view.n_components == 3 and view.kind not in (ViewKind.SPACE, ViewKind.VOLUME):
         columns[:, 2] *= experiment.recording.height_unit / view.camera.pixel_size
     steps = [shown_step(parameters[name]) for name in names]
     phi = np.stack([columns[:, :, i] * size for i, (size, _) in enumerate(steps)])

@@ -14,7 +14,7 @@ from typing import Any
 
 from idic.errors import InputError
 from idic.experiment_file import locate, read_toml, with_overrides
-from idic.identification import Plan, load_plan
+from idic.identification import Plan
 from idic.run.diagnosis.diagnosis_file import DIAGNOSIS_FILE
 from idic.run.prepared.context import open_run
 from idic.run.store.result_file import read_json
@@ -98,11 +98,11 @@ def planned(model: RefittedModel, origin: Diagnosed, path: Path | str, overrides
     Raises
     ------
     InputError
-        As `load_plan`; the plan has not what the candidate changes.
+        As `Plan.of`; the plan has not what the candidate changes.
     """
     document = with_overrides(read_toml(locate(path)), overrides)
     edits = carried_edits(model, origin.tables, document, path)
-    plan = load_plan(path, {**(overrides or {}), **edits}, noise_std_gv)
+    plan = Plan.of(path, {**(overrides or {}), **edits}, noise_std_gv)
     parameters = plan.experiment.model.parameters
     channels = tuple(replace(channel, full_scale=origin.largest.get(channel.column, channel.full_scale))
                      for channel in plan.experiment.model.channels)

@@ -19,7 +19,6 @@ from idic.run.store.image_files import refuse_changed
 from idic.run.store.run_store import RunStore
 from idic.run.store.stack import GROUP as IMAGES
 from idic.run.store.stack import Spread, ZarrStack
-from idic.run.store.stack import ingest as ingest_stack
 
 
 def group_of(experiment: Experiment, number: int, name: str) -> str:
@@ -32,7 +31,7 @@ def ingest_all(store: RunStore, experiment: Experiment, progress: Callable[[int,
     """Copy the images of every camera into the RUN, unless they are there already.
 
     progress : called as progress(count, total) over the images of all cameras; spread : as of
-    `idic.run.store.stack.ingest`
+    `idic.run.store.stack.ZarrStack.of`
     """
     views = experiment.views
     stacks = [_as_images(view) for view in views]
@@ -41,7 +40,7 @@ def ingest_all(store: RunStore, experiment: Experiment, progress: Callable[[int,
     for number, stack in enumerate(stacks):
         report = progress and (lambda count, _, offset=offset: progress(offset + count, total))  # type: ignore[misc]
         group = group_of(experiment, number, IMAGES)
-        ingest_stack(store, stack, report, experiment.recording.identity, group, spread)
+        ZarrStack.of(store, stack, report, experiment.recording.identity, group, spread)
         offset += stack.n_frames
 
 

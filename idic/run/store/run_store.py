@@ -199,9 +199,9 @@ class RunStore:
     # images ---------------------------------------------------------------------------------------
     def ingest(self, stack: Stack, progress: Callable[[int, int], None] | None = None, source: str = ""):
         """The stack as a `ZarrStack`, copied frame by frame unless the store has a complete copy of this `source`."""
-        from idic.run.store.stack import ingest
+        from idic.run.store.stack import ZarrStack
 
-        return ingest(self, stack, progress, source)
+        return ZarrStack.of(self, stack, progress, source)
 
     # helpers --------------------------------------------------------------------------------------
     def _inside(self, name: str) -> Path:

@@ -85,6 +85,52 @@ class ZarrStack:
         frames.flags.writeable = False
         return frames
 
+    @classmethod
+    def of(cls, store, stack: Stack, progress: Callable[[int, int], None] | None = None, source: str = "",
+           name: str = GROUP, spread: Spread = map) -> ZarrStack:
+        """Copy a stack into ``run.zarr/images`` (or the group `name`) unless it holds a complete copy of the same
+        source.
+
+        Parameters
+        ----------
+        store : RunStore
+            A claimed store.
+        stack : Stack
+            Read one frame at a time, in order; no more than one chunk is in memory.
+        progress : callable, optional
+            Called as ``progress(count, total)`` after every chunk.
+        source : str
+            Identity of the stack (a hash of names, sizes and settings); a copy of another source is replaced.
+        spread : callable
+            Calls a function with every job; the workers, where they copy the chunks.
+
+        Raises
+        ------
+        InputError
+            The disk is too full, or a frame differs from the first one in size or type.
+        """
+        first = np.asarray(stack.frame(0))
+        ident = {"source": source, "shape": [stack.n_frames, *first.shape], "dtype": first.dtype.str}
+        existing = store.finished(name, ident)
+        if existing is not None:
+            return cls(existing)
+        _require_space(store.run, stack.n_frames * first.nbytes)
+        step = 1 if first.nbytes >= _MIN_OWN_CHUNK_BYTES else -(-stack.n_frames //
+                                                                -(-stack.n_frames // _FRAMES_PER_SMALL_CHUNK))
+        with store.building(name, ident) as group:
+            array = create_array(group, ARRAY, (stack.n_frames, *first.shape), (step, *first.shape), first.dtype,
+                                 compressed=True)
+            checksums: list[int] = []
+            files: list[dict] = []
+            jobs = _ingest_jobs(str(group), stack, step)
+            for job, (checksums_of_job, described) in zip(jobs, spread(ingest_frames, jobs), strict=True):
+                checksums += checksums_of_job
+                files += described
+                if progress is not None:
+                    progress(job.stop, stack.n_frames)
+            array.attrs.update({"finished": True, "frame_crc32": checksums, FILES: files})
+        return cls(store.group(name))
+
 
 @dataclass(frozen=True)
 class IngestJob:
@@ -107,51 +153,6 @@ class IngestJob:
 
 Ingested = tuple[list[int], list[dict]]  # checksums of frames, descriptions of files
 Spread = Callable[[Callable[[IngestJob], Ingested], Sequence[IngestJob]], Iterable[Ingested]]  # as `map` does, in order
-
-
-def ingest(store, stack: Stack, progress: Callable[[int, int], None] | None = None, source: str = "",
-           name: str = GROUP, spread: Spread = map) -> ZarrStack:
-    """Copy a stack into ``run.zarr/images`` (or the group `name`) unless it holds a complete copy of the same source.
-
-    Parameters
-    ----------
-    store : RunStore
-        A claimed store.
-    stack : Stack
-        Read one frame at a time, in order; no more than one chunk is in memory.
-    progress : callable, optional
-        Called as ``progress(count, total)`` after every chunk.
-    source : str
-        Identity of the stack (a hash of names, sizes and settings); a copy of another source is replaced.
-    spread : callable
-        Calls a function with every job; the workers, where they copy the chunks.
-
-    Raises
-    ------
-    InputError
-        The disk is too full, or a frame differs from the first one in size or type.
-    """
-    first = np.asarray(stack.frame(0))
-    ident = {"source": source, "shape": [stack.n_frames, *first.shape], "dtype": first.dtype.str}
-    existing = store.finished(name, ident)
-    if existing is not None:
-        return ZarrStack(existing)
-    _require_space(store.run, stack.n_frames * first.nbytes)
-    step = 1 if first.nbytes >= _MIN_OWN_CHUNK_BYTES else -(-stack.n_frames //
-                                                            -(-stack.n_frames // _FRAMES_PER_SMALL_CHUNK))
-    with store.building(name, ident) as group:
-        array = create_array(group, ARRAY, (stack.n_frames, *first.shape), (step, *first.shape), first.dtype,
-                             compressed=True)
-        checksums: list[int] = []
-        files: list[dict] = []
-        jobs = _ingest_jobs(str(group), stack, step)
-        for job, (checksums_of_job, described) in zip(jobs, spread(ingest_frames, jobs), strict=True):
-            checksums += checksums_of_job
-            files += described
-            if progress is not None:
-                progress(job.stop, stack.n_frames)
-        array.attrs.update({"finished": True, "frame_crc32": checksums, FILES: files})
-    return ZarrStack(store.group(name))
 
 
 def _ingest_jobs(group: str, stack: Stack, step: int) -> list[IngestJob]:

@@ -66,7 +66,7 @@ _running: list[PrefectServer] = []  # servers of this process
 
 
 class PrefectServer:
-    """A server that is starting or running; get one from `start_server`.
+    """A server that is starting or running; get one from `start`.
 
     Attributes
     ----------
@@ -231,32 +231,32 @@ class PrefectServer:
             "or update the package: pip install --upgrade idic",
         )
 
+    @classmethod
+    def start(cls, environment=os.environ) -> PrefectServer:
+        """Start a server in the background and return at once, or return a handle on the configured server.
 
-def start_server(environment=os.environ) -> PrefectServer:
-    """Start a server in the background and return at once, or return a handle on the configured server.
-
-    A server that this process started already is shared. ``PREFECT_API_URL`` in the environment then points to the
-    server: import Prefect after this call, or use `idic_flows.settings.connected`.
-    """
-    for name, value in QUIET.items():
-        environment.setdefault(name, value)
-    _bypass_proxies(environment)
-    url = configured_url(environment)
-    if url is not None:
-        return _borrowed(url)
-    server = PrefectServer("", owned=True)
-    _running.append(server)
-    home = Path(environment["PREFECT_HOME"]) if environment.get("PREFECT_HOME") else _default_home()
-    try:
-        home.mkdir(parents=True, exist_ok=True)
-        first_start = run_lock(home)
-        first_start.__enter__()
-    except (InputError, OSError):  # another run is creating the database, or the folder is not writable
-        server._restart_elsewhere()
+        A server that this process started already is shared. ``PREFECT_API_URL`` in the environment then points to the
+        server: import Prefect after this call, or use `idic_flows.settings.connected`.
+        """
+        for name, value in QUIET.items():
+            environment.setdefault(name, value)
+        _bypass_proxies(environment)
+        url = configured_url(environment)
+        if url is not None:
+            return _borrowed(url)
+        server = cls("", owned=True)
+        _running.append(server)
+        home = Path(environment["PREFECT_HOME"]) if environment.get("PREFECT_HOME") else _default_home()
+        try:
+            home.mkdir(parents=True, exist_ok=True)
+            first_start = run_lock(home)
+            first_start.__enter__()
+        except (InputError, OSError):  # another run is creating the database, or the folder is not writable
+            server._restart_elsewhere()
+            return server
+        server._first_start = first_start
+        server._launch(home)
         return server
-    server._first_start = first_start
-    server._launch(home)
-    return server
 
 
 def _borrowed(url: str) -> PrefectServer:

@@ -14,7 +14,7 @@ import numpy as np
 from bench_jobs import brick_px
 from scipy.ndimage import gaussian_filter
 
-from idic.correlation import build_volume_reference, build_voxel_map
+from idic.correlation import VolumeReference, build_voxel_map
 from idic.fe import Block
 
 PERIOD, RIM, PARAMETERS = 96, 6.0, 4
@@ -43,14 +43,14 @@ def main() -> None:
     side, elements = int(sys.argv[1]), int(sys.argv[2])
     small = PeriodicVolumes(64)
     nodes, conn = brick_px(64, 4, RIM)
-    build_volume_reference(build_voxel_map(nodes, [Block("hex8", conn)], small.shape), small, (0,)).equations(
+    VolumeReference.of(build_voxel_map(nodes, [Block("hex8", conn)], small.shape), small, (0,)).equations(
         small, 1, np.zeros(nodes.shape)).gram(np.zeros((nodes.size, PARAMETERS)))  # compiled
     at_rest, volumes = peak_mb(), PeriodicVolumes(side)
     nodes, conn = brick_px(side, elements, RIM)
     times = [time.process_time()]
     voxel_map = build_voxel_map(nodes, [Block("hex8", conn)], volumes.shape)
     times.append(time.process_time())
-    reference = build_volume_reference(voxel_map, volumes, (0,))
+    reference = VolumeReference.of(voxel_map, volumes, (0,))
     times.append(time.process_time())
     u = 0.002 * (nodes - side / 2) + [0.3, -0.2, 1.1]
     reference.equations(volumes, 1, u).gram(np.random.default_rng(1).normal(size=(u.size, PARAMETERS)))

@@ -8,7 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from idic.readers import FieldStack, check_stages, measured_points, open_fields
+from idic.readers import FieldSeries, FieldStack, check_stages
 from idic_studies.evidence.hostile.bases import Base
 from idic_studies.evidence.hostile.counting import Case, Scene, command
 
@@ -51,8 +51,8 @@ def _read(scene: Scene, folder: Path) -> str:
     if scene.rng.random() < INIT_SHARE:
         answer = command("init", folder)
         return command("check", folder, "--no-picture") if answer == "done" else answer
-    series = open_fields(sorted(folder.iterdir()), pixel_size_mm=0.05 if scene.rng.integers(10) else None)
-    stack = FieldStack(series, measured_points(series, [0]))
+    series = FieldSeries.open(sorted(folder.iterdir()), pixel_size_mm=0.05 if scene.rng.integers(10) else None)
+    stack = FieldStack(series, series.measured_points([0]))
     check_stages(stack, range(stack.n_frames))
     series.log()
     for k in range(stack.n_frames):

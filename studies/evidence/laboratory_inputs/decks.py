@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from outcome import Input, right_if
 
-from idic.readers import open_stack, read_log, read_mesh_file, to_mesh
+from idic.readers import Log, open_stack, read_mesh_file
 
 CORNERS = [(0.0, 0.0), (2.0, 0.0), (4.0, 0.0), (0.0, 1.0), (2.0, 1.0), (4.0, 1.0)]
 ABAQUS = """*Heading
@@ -111,7 +111,7 @@ def mesh(name: str, text: str, folder: Path) -> tuple[str, str]:
     """Six nodes at their places, two elements of the right orientation, Left at x = 0 where the file has it."""
     folder.mkdir(parents=True)
     (folder / name).write_text(text, encoding="utf-8")
-    read, notes = to_mesh(read_mesh_file(folder / name), 2, 1.0)
+    read, notes = read_mesh_file(folder / name).to_mesh(2, 1.0)
     read.check_elements()
     places = sorted(map(tuple, np.round(read.nodes, 6)))
     left = next((read.nodes[nodes] for key, nodes in read.node_sets.items() if key.lower().endswith("left")), None)
@@ -127,7 +127,7 @@ def tdms(folder: Path) -> tuple[str, str]:
     with nptdms.TdmsWriter(folder / "a.tdms") as stream:
         stream.write_segment([nptdms.ChannelObject("test", "force", force, {
             "unit_string": "N", "wf_increment": 0.5, "wf_start_offset": 2.0})])
-    log = read_log(folder / "a.tdms")
+    log = Log.read(folder / "a.tdms")
     name = next(name for name in log.names if "force" in name)
     return right_if(np.allclose(log.column(name), force), (log.names, log.rows[:2]))
 
@@ -155,7 +155,7 @@ def workbook(folder: Path) -> tuple[str, str]:
     for row in (["time_s", "force_N"], *([0.5 * k, 10.0 * k] for k in range(6))):
         book.active.append(row)
     book.save(folder / "a.xlsx")
-    log = read_log(folder / "a.xlsx")
+    log = Log.read(folder / "a.xlsx")
     return right_if(np.allclose(log.column("force_N"), 10.0 * np.arange(6)), log.names)
 
 

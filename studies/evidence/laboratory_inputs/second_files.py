@@ -12,7 +12,7 @@ import tifffile
 from outcome import Input, right_if
 from PIL import Image
 
-from idic.readers import open_stack, read_log, read_mesh_file, to_mesh
+from idic.readers import Log, open_stack, read_mesh_file
 
 RNG = np.random.default_rng(11)
 STACK = RNG.integers(0, 200, (6, 40, 50)).astype(np.uint8)
@@ -113,7 +113,7 @@ def plate(save: str, more: Callable[[object], None], dimension: int, set_name: s
         gmsh.write(str(folder / save))
     finally:
         gmsh.finalize()
-    mesh, notes = to_mesh(read_mesh_file(folder / save), dimension, 1.0)
+    mesh, notes = read_mesh_file(folder / save).to_mesh(dimension, 1.0)
     mesh.check_elements()
     if not set_name:
         corners = mesh.nodes[mesh.blocks[0].connectivity[:, :3]]
@@ -157,7 +157,7 @@ def solid(folder: Path) -> tuple[str, str]:
     """The brick at its place, the left nodes, the face z = 1."""
     folder.mkdir(parents=True)
     (folder / "a.inp").write_bytes(brick20().encode())
-    mesh, notes = to_mesh(read_mesh_file(folder / "a.inp"), 3, 1.0)
+    mesh, notes = read_mesh_file(folder / "a.inp").to_mesh(3, 1.0)
     mesh.check_elements()
     left = mesh.nodes[mesh.node_sets["LEFT"]]
     return right_if(mesh.n_elements == 1 and len(left) == 8 and np.ptp(left[:, 0]) == 0 and "FRONT" in str(
@@ -227,7 +227,7 @@ def text_mesh(name: str, text: str, folder: Path) -> tuple[str, str]:
     """Two squares of the strip, the set at x = 0."""
     folder.mkdir(parents=True)
     (folder / name).write_text(text)
-    mesh, notes = to_mesh(read_mesh_file(folder / name), 2, 1.0)
+    mesh, notes = read_mesh_file(folder / name).to_mesh(2, 1.0)
     mesh.check_elements()
     left = next((mesh.nodes[v] for key, v in mesh.node_sets.items() if key.lower().endswith("left")), np.zeros((0, 2)))
     return right_if(mesh.n_elements == 2 and mesh.n_nodes == 6 and len(left) == 2 and np.ptp(left[:, 0]) == 0,
@@ -254,7 +254,7 @@ def turned(folder: Path) -> tuple[str, str]:
     """Three elements in the rectangle 4 x 1."""
     folder.mkdir(parents=True)
     (folder / "a.bdf").write_text(cards())
-    mesh, notes = to_mesh(read_mesh_file(folder / "a.bdf"), 2, 1.0)
+    mesh, notes = read_mesh_file(folder / "a.bdf").to_mesh(2, 1.0)
     mesh.check_elements()
     box = [*mesh.nodes.min(axis=0), *mesh.nodes.max(axis=0)]
     return right_if(mesh.n_elements == 3 and np.allclose(box, [0, 0, 4, 1], atol=1e-6), (mesh.n_elements, box, notes))
@@ -286,7 +286,7 @@ def tdms(folder: Path) -> tuple[str, str]:
         stream.write_segment([
             nptdms.ChannelObject("Machine", "Force", force, {"unit_string": "kN", "wf_increment": 0.01}),
             nptdms.ChannelObject("Oven", "T", oven, {"unit_string": "degC", "wf_increment": 1.0})])
-    log = read_log(folder / "a.tdms")
+    log = Log.read(folder / "a.tdms")
     name = next(name for name in log.names if "orce" in name)
     return right_if(np.isclose(np.nanmax(log.column(name)), 499.0), log.names)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.laws import compile, uniaxial
-from idic.report import BLACK, CYCLE, FAINT, look, new_figure
+from idic.report import CYCLE, Colour, look, new_figure
 
 STRAIN = np.linspace(0.0, 0.8, 401)
 RATES = (1e-4, 1e-3, 1e-2)  # 1/s
@@ -40,9 +40,9 @@ def main() -> None:
             yield_axis.plot(100 * STRAIN[inset], curve[inset], color=colour)
             yield_axis.plot(100 * STRAIN[inset], stress(*several, rate)[inset], "--", color=colour)
         network = compile("egp").spec.defaults()[0] * ((1 + STRAIN) ** 2 - 1 / (1 + STRAIN))  # nearly incompressible
-        stress_axis.plot(100 * STRAIN, network, color=FAINT, label="network alone (Gr)")
+        stress_axis.plot(100 * STRAIN, network, color=Colour.FAINT, label="network alone (Gr)")
         stress_axis.annotate("softening (Sa, r0, r1, r2)", (8, 53), (20, 44), arrowprops={"arrowstyle": "->"},
-                             color=BLACK)
+                             color=Colour.BLACK)
         stress_axis.set(xlabel="strain [%]", ylabel="true stress [MPa]", title="one mode", ylim=(0, 90))
         stress_axis.legend()
         yield_axis.set(xlabel="strain [%]", title="yield: one mode (-), seventeen (--)", ylim=(0, 70))

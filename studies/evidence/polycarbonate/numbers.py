@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from idic.correlation import build_experiment_reference, nodal_equations, residual_map, solve_brightness
+from idic.correlation import build_experiment_reference, nodal_equations, residual_map
 from idic.errors import NotConverged
 from idic.experiment_file import load_experiment
 from idic.identification import identify, scaled_system
@@ -96,7 +96,7 @@ def _misfits(test, stack, overrides: Mapping[str, object]) -> dict[str, list[flo
         u = project(nodes + np.pad(test.displacements[frame][:len(nodes)], ((0, 0), (0, 1)))) - project(nodes)
         for name, reference in zip(chi2, (matched_reference, replace(matched_reference, image_gv=None)), strict=True):
             spline = prefilter(stack.frame(frame), reference.degree, reference.lowpass_px)
-            light = solve_brightness(nodal_equations(reference, spline, u)).coefficients
+            light = nodal_equations(reference, spline, u).brightness_fit().coefficients
             chi2[name].append(residual_map(reference, spline, u, "frame", light).chi2_dof(12**-0.5))
     return chi2
 

@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.correlation import is_section
 from idic.experiment_file import seen_nodes
-from idic.measure import AffineMotions, affine_motions
+from idic.measure import AffineMotions
 from idic.model import Experiment
 from idic.report.evidence.causes.end_of_test import end_of_test, first_of, load_drops
 from idic.report.evidence.causes.ends import counted_frames, logged_ends
@@ -100,9 +99,9 @@ def motions_of(experiment: Experiment, frames: list[int], reference: np.ndarray 
         noise = (recording.noise.std_gv or 0.0) / scale
         motions = values.reshape(len(frames), -1, 2) / scale
         return AffineMotions.of_places(frames, recording.points.positions_px, motions, noise).at_places(chosen)
-    if recording.quantity != "grey" or is_section(model) or reference is None:
+    if recording.quantity != "grey" or model.is_section or reference is None:
         return None
     points, _ = seen_nodes(model.mesh, model.kind, model.surface)
     places = model.camera.project(points)
     places = places[np.unique(np.linspace(0, len(places) - 1, min(len(places), 10 * MAX_NODES)).astype(int))]
-    return affine_motions(reference, picture, frames, places)
+    return AffineMotions.of(reference, picture, frames, places)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.correlation import is_section
 from idic.experiment_file import seen_nodes
 from idic.measure import AffineMotions
 from idic.model import Column, Constant, Experiment
@@ -39,7 +38,7 @@ def component_px(experiment: Experiment, nodes: str, component: str) -> tuple[np
 def logged_ends(experiment: Experiment, motions: AffineMotions) -> Evidence | None:
     """The evidence of driven and held ends; None where none is known in the image, or the camera moves freely."""
     model = experiment.model
-    if is_section(model) or moves_freely(experiment) or (
+    if model.is_section or moves_freely(experiment) or (
             experiment.recording.points is not None and experiment.recording.points.free_rigid):
         return None
     stated_entries = [entry for entry in model.prescribed

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from idic.correlation import is_section
 from idic.images import Camera
 from idic.model import Column, Experiment, Measured, Remedies
 from idic.report.evidence.causes.evidence import Line
@@ -19,7 +18,7 @@ AXIS_NAMES_OF_FIELDS = {(1, 0): "+x", (-1, 0): "-x", (0, -1): "+y", (0, 1): "-y"
 def free_rigid_motion(experiment: Experiment) -> tuple[Line, ...]:
     """A rigid motion of every frame as an unknown; () where there is one already, or none can be."""
     model, recording = experiment.model, experiment.recording
-    if recording.quantity == "height" or is_section(model):
+    if recording.quantity == "height" or model.is_section:
         return ()
     measured = any(isinstance(entry.drive, Measured) for entry in model.prescribed)
     if recording.points is not None and (measured or recording.points.free_rigid):

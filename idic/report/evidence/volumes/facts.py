@@ -12,7 +12,7 @@ from idic.fe import cell_type
 from idic.images import Scanner, picture
 from idic.model import Experiment, Remedies
 from idic.report.evidence.causes.lines import excluded_frames
-from idic.report.evidence.volumes.shown_mesh import shown_mesh
+from idic.report.evidence.volumes.shown_mesh import ShownMesh
 from idic.report.figures.mesh.overlay import mesh_overlay
 from idic.report.figures.picture import Picture
 
@@ -62,7 +62,7 @@ def volume_facts(experiment: Experiment) -> VolumeFacts:
 def volume_overlay(experiment: Experiment) -> Picture:
     """Three sections of the reference scan with the mesh that they cut."""
     model = experiment.model
-    sections = shown_mesh(experiment, model.camera)
+    sections = ShownMesh.seen_by(experiment, model.camera)
     corners = [sections.points_px[ring] for _, cells in sections.cells for ring in cells]
     read, shape = experiment.voxel_mask, experiment.recording.volumes.shape
     mask = None if read is None else picture(read, shape, tuple(n // 2 for n in shape[::-1]), fill=1.0) > 0

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from idic.correlation import is_section
 from idic.fe import Mesh
 from idic.images import GAP_PX, Scanner
 from idic.model import Experiment
@@ -52,18 +51,18 @@ class ShownMesh:
         along = np.array([axes[:2] for axes in PANES])[self.pane]
         return self.points_px + np.take_along_axis(at, along, axis=1)
 
-
-def shown_mesh(experiment: Experiment, camera) -> ShownMesh:
-    """The mesh of a view by this camera."""
-    model = experiment.model
-    if isinstance(camera, Scanner):
-        return _cut(model.mesh, camera.project(model.mesh.nodes), experiment.recording.volumes.shape)
-    if experiment.recording.quantity == "height" and is_section(model):
-        faces = model.mesh.edge_sets[model.surface]
-        cells = ((EDGE, np.array([model.mesh.face_nodes(face) for face in faces])),)
-    else:
-        cells = tuple((block.cell, block.connectivity) for block in model.mesh.surface_cells(model.surface))
-    return ShownMesh(camera.project(model.mesh.nodes), cells)
+    @classmethod
+    def seen_by(cls, experiment: Experiment, camera) -> ShownMesh:
+        """The mesh of a view by this camera."""
+        model = experiment.model
+        if isinstance(camera, Scanner):
+            return _cut(model.mesh, camera.project(model.mesh.nodes), experiment.recording.volumes.shape)
+        if experiment.recording.quantity == "height" and model.is_section:
+            faces = model.mesh.edge_sets[model.surface]
+            cells = ((EDGE, np.array([model.mesh.face_nodes(face) for face in faces])),)
+        else:
+            cells = tuple((block.cell, block.connectivity) for block in model.mesh.surface_cells(model.surface))
+        return cls(camera.project(model.mesh.nodes), cells)
 
 
 def _cut(mesh: Mesh, nodes_px: np.ndarray, shape: tuple[int, int, int]) -> ShownMesh:

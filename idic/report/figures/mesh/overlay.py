@@ -11,7 +11,7 @@ from PIL import Image
 
 from idic.images import CAMERA_PARAMETERS, LENS_PARAMETERS, PLACED_TURNS
 from idic.report.figures.mesh.sheet import Sheet, png
-from idic.report.figures.picture import BLACK, CYCLE, DPI, FAINT, Picture, webp
+from idic.report.figures.picture import CYCLE, DPI, Colour, Picture, webp
 from idic.report.result.record import RunRecord
 
 _WIDTH, _MAX_HEIGHT = 9.0, 9.0  # inch
@@ -48,14 +48,14 @@ def mesh_overlay(
     inside = [cell for cell, is_visible in zip(cells_px, visible, strict=True) if is_visible]
     outside = [cell for cell, is_visible in zip(cells_px, visible, strict=True) if not is_visible]
     entries = [*([("masked", CYCLE[0], "shade")] if mask is not None else []),
-               *([("outside the image", FAINT, "line")] if outside else []),
+               *([("outside the image", Colour.FAINT, "line")] if outside else []),
                *([("mesh", CYCLE[1], "line")] if inside else []), *_set_entries(sets_px)]
     margin = _MARGIN_SHARE * span
     sheet = Sheet(_size_px(_WIDTH, rows), low - margin, high + margin, ("column [px]", "row [px]"), True, entries)
     sheet.image(image)
     if mask is not None:
         sheet.shade(~mask, CYCLE[0])
-    sheet.outlines(outside, FAINT)
+    sheet.outlines(outside, Colour.FAINT)
     sheet.outlines(inside, CYCLE[1])
     _draw_sets(sheet, sets_px)
     return Picture("mesh_on_image", "Mesh on the reference image",
@@ -72,9 +72,9 @@ def mesh_on_points(points: np.ndarray, cells: Sequence[np.ndarray], sets: Mappin
     span, margin = high - low, _MARGIN_SHARE * (high - low).max()
     height = float(np.clip(_WIDTH * span[1] / max(span[0], 1e-9) + 0.6, 2.5, _MAX_HEIGHT))
     columns = float(np.clip((height - 0.6) * span[0] / max(span[1], 1e-9) + 1.6, 4.0, _WIDTH))
-    entries = [("points", BLACK, "point"), ("mesh", CYCLE[1], "line"), *_set_entries(sets)]
+    entries = [("points", Colour.BLACK, "point"), ("mesh", CYCLE[1], "line"), *_set_entries(sets)]
     sheet = Sheet(_size_px(columns, height), low - margin, high + margin, ("x [mm]", "y [mm]"), False, entries)
-    sheet.points(points, BLACK, _MEASURED_POINT)
+    sheet.points(points, Colour.BLACK, _MEASURED_POINT)
     sheet.outlines(cells, CYCLE[1])
     _draw_sets(sheet, sets)
     return Picture("mesh_on_points", "Mesh on the measured points",

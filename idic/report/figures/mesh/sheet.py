@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageColor, ImageDraw, ImageFont
 
-from idic.report.figures.picture import BLACK, DPI, GREY, PNG_COMPRESSION
+from idic.report.figures.picture import DPI, PNG_COMPRESSION, Colour
 
 POINT = DPI / 72  # px of a typographic point
 LETTERS, SMALL_LETTERS = 9.0 * POINT, 8.0 * POINT  # px: of an axis, of ticks and legend
@@ -125,22 +125,23 @@ class Sheet:
         left_px, top = self._corner
         height, width = self._panel.shape[:2]
         right, bottom = left_px + width, top + height
-        self._draw.line([(left_px - 1, top), (left_px - 1, bottom), (right, bottom)], fill=GREY, width=LINE_WIDTH)
+        self._draw.line([(left_px - 1, top), (left_px - 1, bottom), (right, bottom)], fill=Colour.GREY,
+                        width=LINE_WIDTH)
         for value, text in _ticks(self._low[0], self._high[0], width):
             at = left_px + self._scale * (value - self._low[0])
-            self._draw.line([(at, bottom), (at, bottom + TICK)], fill=GREY, width=LINE_WIDTH)
-            self._draw.text((at, bottom + TICK + PAD / 2), text, BLACK, self._small, anchor="mt")
+            self._draw.line([(at, bottom), (at, bottom + TICK)], fill=Colour.GREY, width=LINE_WIDTH)
+            self._draw.text((at, bottom + TICK + PAD / 2), text, Colour.BLACK, self._small, anchor="mt")
         widest = 0.0
         for value, text in _ticks(self._low[1], self._high[1], height):
             down = value - self._low[1] if self._downwards else self._high[1] - value
             at = top + self._scale * down
-            self._draw.line([(left_px - TICK, at), (left_px, at)], fill=GREY, width=LINE_WIDTH)
-            self._draw.text((left_px - TICK - PAD / 2, at), text, BLACK, self._small, anchor="rm")
+            self._draw.line([(left_px - TICK, at), (left_px, at)], fill=Colour.GREY, width=LINE_WIDTH)
+            self._draw.text((left_px - TICK - PAD / 2, at), text, Colour.BLACK, self._small, anchor="rm")
             widest = max(widest, self._small.getlength(text))
-        self._draw.text((left_px + width / 2, bottom + TICK + PAD + SMALL_LETTERS), labels[0], BLACK, self._letters,
-                        anchor="mt")
+        self._draw.text((left_px + width / 2, bottom + TICK + PAD + SMALL_LETTERS), labels[0], Colour.BLACK,
+                        self._letters, anchor="mt")
         upright = Image.new("RGB", (round(self._letters.getlength(labels[1])) + 2, round(1.4 * LETTERS)), "white")
-        ImageDraw.Draw(upright).text((0, 0), labels[1], BLACK, self._letters)
+        ImageDraw.Draw(upright).text((0, 0), labels[1], Colour.BLACK, self._letters)
         self._sheet.paste(upright.rotate(90, expand=True), (
             round(left_px - TICK - 2 * PAD - widest - 1.4 * LETTERS), top + height // 2 - upright.width // 2))
 
@@ -172,7 +173,7 @@ class Sheet:
                 else:
                     mixed = tuple(round(255 * (1 - MARKED_SHADE) + MARKED_SHADE * part) for part in _rgb(colour))
                     self._draw.rectangle([middle - 8, y - 8, middle + 8, y + 8], fill=mixed)
-                self._draw.text((x + 2 * half + SMALL_LETTERS / 2, y), text, BLACK, self._small, anchor="lm")
+                self._draw.text((x + 2 * half + SMALL_LETTERS / 2, y), text, Colour.BLACK, self._small, anchor="lm")
                 x += self._small.getlength(text) + (SIGN_WIDTH + 2) * SMALL_LETTERS
 
 
