@@ -111,16 +111,9 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
         if analysis.channels and not state.failed:
             result["noise"] |= {"channels": channel_noise_content(model, analysis.channels)}
             result["notes"] += channel_noise_notes(model, analysis.channels)
-<<<<<<< HEAD
-        if not state.failed and model.solver is None and (is_raised_by_default(model.mesh) or (
-                model.n_dim == 3 and (can_raise_order(model.mesh) or can_halve(model.mesh)))):
-            result["notes"].append(_mesh_note(analysis))
-=======
         if not state.failed and model.solver is None and (model.mesh.is_raised_by_default or (
                 model.n_dim == 3 and (model.mesh.can_raise_order or model.mesh.can_halve))):
-            result["notes"].append(MESH_COUNTED if analysis.mesh_bias is not None else MESH_CONTRADICTED
-                                   if analysis.mesh_contradicted else MESH_NOT_COUNTED)
->>>>>>> h/doors
+            result["notes"].append(_mesh_note(analysis))
     for p in parameters.values():
         entry = _parameter_entry(p, model.parameters, analysis, state.failed)
         bias = time_bias(model, state.increments).get(p.name)

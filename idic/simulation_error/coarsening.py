@@ -9,7 +9,7 @@ The force on a bar between rigid grips converges so with 8, 16 and 31 cubed hex8
 motion inside the body converges faster, and its error is taken too large rather than too small. Sign and pattern are
 not trusted: of such a bar on 12 cubed hex8, whose parameters err by that size, the residual held -0.06 +- 0.10 of it.
 
-The coarser mesh is the given one with layers of bricks taken out (`idic.fe.mesh.coarsen`). Its motion between its nodes
+The coarser mesh is the given one with layers of bricks taken out (`idic.fe.Coarse`). Its motion between its nodes
 is that of its own functions, whose error counts too.
 """
 
@@ -21,8 +21,8 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from idic.fe import Coarse, PerMesh, can_raise_order, coarsen, interpolation
-from idic.model import Experiment, Model, Parametrised, build_drives
+from idic.fe import Coarse, PerMesh, interpolation
+from idic.model import DriveTable, Experiment, Model, Parametrised
 from idic.simulation_error.refinement import measured_dofs
 
 GROWTH = 2.0  # of the elements' size, about
@@ -55,7 +55,7 @@ class Coarsened:
         # (n_frames, m) mm -> (n_frames, m_coarse)"""
         if local is None:
             return None
-        fine, coarse, d = build_drives(self.fine), build_drives(self.experiment), self.fine.model.n_dim
+        fine, coarse, d = DriveTable.of(self.fine), DriveTable.of(self.experiment), self.fine.model.n_dim
         carried = np.zeros((len(local), coarse.n_local))
         carried[:, np.flatnonzero(~coarse.measured)] = local[:, np.flatnonzero(~fine.measured)]
         columns = {dof: column for column, dof in measured_dofs(fine).items()}
@@ -90,10 +90,10 @@ def coarsened(experiment: Experiment) -> Coarsened | None:
 
 def _coarse(model: Model) -> Coarse | None:
     shaped = model.morphs or model.cracks or any(isinstance(entry.drive, Parametrised) for entry in model.prescribed)
-    if model.n_dim != 3 or model.solver is not None or shaped or not can_raise_order(model.mesh):
+    if model.n_dim != 3 or model.solver is not None or shaped or not model.mesh.can_raise_order:
         return None
     number = int(model.mesh.n_elements / GROWTH**3)
-    coarse = _COARSE.once(model.mesh, number, lambda: coarsen(model.mesh, number))
+    coarse = _COARSE.once(model.mesh, number, lambda: Coarse.of(model.mesh, number))
     return coarse if coarse is not None and _growth(model, coarse) >= MIN_GROWTH else None
 
 

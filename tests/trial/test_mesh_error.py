@@ -11,7 +11,7 @@ from idic.diagnose.residual.heldout import grid_of, misfit_of
 from idic.experiment_file import load_experiment
 from idic.identification import identify
 from idic.fe import halve, make_mesh, raise_order
-from idic.model import build_drives, build_forward, solve
+from idic.model import DriveTable, build_forward, solve
 from idic.simulation_error import ModelPoint, mesh_error, mesh_error_in, refined
 from idic.simulation_error.coarsening import coarsened
 from idic.simulation_error.limits import LIMITS
@@ -107,7 +107,7 @@ def cube_of(n):
 
 
 def local_of(experiment):
-    return np.zeros((experiment.model.n_frames, build_drives(experiment).n_local))
+    return np.zeros((experiment.model.n_frames, DriveTable.of(experiment).n_local))
 
 
 def test_a_field_of_the_coarser_mesh_is_carried_by_its_own_functions(elastic):
@@ -130,7 +130,7 @@ def test_measured_edges_keep_the_motion_of_the_nodes_that_stay(bar):
     slope = np.array([0.01, -0.02, 0.03])
 
     def stretched(one):  # every measured dof moves with its place
-        drives, values = build_drives(one), np.zeros((one.model.n_frames, build_drives(one).n_local))
+        drives, values = DriveTable.of(one), np.zeros((one.model.n_frames, DriveTable.of(one).n_local))
         for column, drive in enumerate(drives.local):
             dof = drives.dofs[np.flatnonzero(drives.basis[:, drive])[0]]
             values[:, column] = one.model.mesh.nodes[dof // 3] @ slope + dof % 3

@@ -79,9 +79,9 @@ def test_the_voxels_of_a_scan_that_is_not_kept_whole_are_given_back(monkeypatch,
     voxel_map = build_voxel_map(nodes, [Block("hex8", conn)], (SIDE,) * 3)
     n_blocks = len(voxel_map.blocks) - 1
     if not whole:
-        kept = build_volume_reference(voxel_map, volumes, (0,)).stored[0].nbytes
+        kept = VolumeReference.of(voxel_map, volumes, (0,)).stored[0].nbytes
         monkeypatch.setattr("idic.correlation.volume.reference.KEPT_BYTES", 2 * kept)
-    reference = build_volume_reference(voxel_map, volumes, (0,))
+    reference = VolumeReference.of(voxel_map, volumes, (0,))
     before = reference.equations(volumes, 1, np.zeros(nodes.shape))
     assert 0 < len(reference.stored) <= n_blocks and (len(reference.stored) == n_blocks) is whole
     reference.release()

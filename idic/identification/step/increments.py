@@ -266,15 +266,9 @@ def max_increments(model: Model) -> int:
 
 
 def errs_by_its_mesh(model: Model) -> bool:
-<<<<<<< HEAD
     """Whether linear elements of a solid, of laws without time, leave an error of which at most its size is known."""
-    return (model.kind == "solid" and can_raise_order(model.mesh) and not can_be_refined(model)
-            and not rate_dependent_laws(model))
-=======
-    """Whether linear elements of a solid leave an error that is too costly to be known, of laws without time."""
     return (model.kind == "solid" and model.mesh.can_raise_order and not can_be_refined(model)
             and not model.rate_dependent_laws)
->>>>>>> h/doors
 
 
 def n_intervals(model: Model) -> int:

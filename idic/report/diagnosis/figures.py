@@ -11,13 +11,8 @@ from matplotlib.ticker import MaxNLocator
 from idic.report.diagnosis.record import KNOWN_ERROR_COUNTED, Curve, DiagnosisRecord
 from idic.report.diagnosis.words import is_sure, name_of_best, strongest
 from idic.report.figures.axes.time_axis import label_frames
-<<<<<<< HEAD
-from idic.report.figures.picture import BLACK, BLUE, FAINT, GREEN, GREY, ORANGE, RED, SKY, Picture
-from idic.report.figures.style import DIVERGING, look, new_figure, show_pixels, to_picture
-=======
 from idic.report.figures.picture import Colour, Picture
-from idic.report.figures.style import DIVERGING, look, new_figure, to_picture
->>>>>>> h/doors
+from idic.report.figures.style import DIVERGING, look, new_figure, show_pixels, to_picture
 from idic.report.result.words import short_names
 
 COLOUR_LIMIT_STD = 5.0  # standard deviations at the ends of the colour bar

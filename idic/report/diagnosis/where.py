@@ -14,13 +14,8 @@ from matplotlib.ticker import MaxNLocator
 from idic.report.figures.axes.time_axis import label_frames
 from idic.fe import Mesh
 from idic.report.evidence.volumes.shown_mesh import element_sections
-<<<<<<< HEAD
-from idic.report.figures.picture import BLUE, FAINT, GREEN, GREY, ORANGE, RED, SKY, Picture
-from idic.report.figures.style import SEQUENTIAL, look, new_figure, show_pixels, to_picture
-=======
 from idic.report.figures.picture import Colour, Picture
-from idic.report.figures.style import SEQUENTIAL, look, new_figure, to_picture
->>>>>>> h/doors
+from idic.report.figures.style import SEQUENTIAL, look, new_figure, show_pixels, to_picture
 
 LEVELS = {"camera": "camera alone", "boundary": "driven edges, law kept", "camera+boundary": "both",
          "bulk": "any smooth motion"}
