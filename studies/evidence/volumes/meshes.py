@@ -8,7 +8,7 @@ derivatives phi of motion and force by the parameters (central differences on EL
 
     (c <phi phi> + phi_F phi_F / s_F^2)^-1 (c <phi e> + phi_F e_F / s_F^2)
 
-512:8:31 (the default; one increment per scan): E +0.82, nu -0.50, yield stress +0.01, hardening -4.9 %; the
+512:8:31 (the default; one increment per scan): E +0.81, nu -0.50, yield stress +0.02, hardening -4.9 %; the
 identification of these scans was +0.82, -0.51, +0.02, -5.2 % off, with std of noise of 0.004, 0.002, 0.004, 0.04 %.
 """
 
