@@ -8,7 +8,7 @@ from matplotlib.colors import Normalize
 from idic.report.figures import maps
 from idic.report.figures.profiles import is_profile
 from idic.report.figures.picture import Picture
-from idic.report.figures.style import DIVERGING, SEQUENTIAL, look, to_picture
+from idic.report.figures.style import DIVERGING, SEQUENTIAL, look, show_pixels, to_picture
 from idic.report.free_section import free_motion
 from idic.report.result.record import RunRecord
 
@@ -33,8 +33,8 @@ def free_dic(record: RunRecord) -> Picture | None:
         figure, axes = maps.grid(3, len(free_fit.frames), window)
         for column, frame in enumerate(free_fit.frames):
             for row, stack in enumerate((data.identified, free_fit.residuals)):
-                image = axes[row, column].imshow(stack[column] / scale[column], cmap=DIVERGING, interpolation="nearest",
-                                                 norm=Normalize(-reach, reach))
+                image = show_pixels(axes[row, column], stack[column] / scale[column], window, cmap=DIVERGING,
+                                    interpolation="nearest", norm=Normalize(-reach, reach))
                 maps.bare(axes[row, column], window)
                 rms = np.sqrt(np.nanmean((stack[column] / scale[column]) ** 2))
                 head = (f"frame {frame},  ",) if row == 0 else ()

@@ -9,6 +9,7 @@ from PIL import Image
 
 from idic.report.figures.axes.time_axis import label_frames, pauses
 from idic.report.figures.layout import MeasuredOnce
+from idic.report.figures.style import show_pixels
 from idic.report import DIVERGING, DPI, look, new_figure, to_picture
 
 
@@ -91,3 +92,23 @@ def test_frames_by_number_have_whole_ticks():
         label_frames(axis, "frame", np.arange(4))
         figure.canvas.draw()
     assert all(float(tick).is_integer() for tick in axis.get_xticks())
+
+
+def test_a_map_is_drawn_from_every_nth_pixel_at_its_place():
+    """A ramp of 3000 columns in a panel of 300 px: each sample lies in the middle of the pixels that it stands for."""
+    ramp = np.tile(np.arange(3000.0), (1200, 1))
+    figure = new_figure(2.0, 1.0)
+    artist = show_pixels(figure.subplots(), ramp, (99.5, 2899.5, -0.5, 1199.5))
+    samples, (left, right, bottom, top) = artist.get_array(), artist.get_extent()
+    width = (right - left) / samples.shape[1]
+    assert samples.shape[1] == 700 and width == 4
+    middles = left + width * (np.arange(samples.shape[1]) + 0.5)
+    assert np.abs(samples[0] - middles).max() <= 0.5
+    assert (left, top) == (99.5, -0.5) and right >= 2899.5 and bottom >= 1199.5
+
+
+def test_a_small_map_keeps_every_pixel():
+    values = np.arange(12.0).reshape(3, 4)
+    artist = show_pixels(new_figure(2.0, 1.0).subplots(), values)
+    np.testing.assert_array_equal(artist.get_array(), values)
+    assert tuple(artist.get_extent()) == (-0.5, 3.5, 2.5, -0.5)

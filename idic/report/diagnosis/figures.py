@@ -12,7 +12,7 @@ from idic.report.diagnosis.record import KNOWN_ERROR_COUNTED, Curve, DiagnosisRe
 from idic.report.diagnosis.words import is_sure, name_of_best, strongest
 from idic.report.figures.axes.time_axis import label_frames
 from idic.report.figures.picture import Colour, Picture
-from idic.report.figures.style import DIVERGING, look, new_figure, to_picture
+from idic.report.figures.style import DIVERGING, look, new_figure, show_pixels, to_picture
 from idic.report.result.words import short_names
 
 COLOUR_LIMIT_STD = 5.0  # standard deviations at the ends of the colour bar
@@ -39,7 +39,7 @@ def _residual_maps(record: DiagnosisRecord, camera: str, maps: Sequence[tuple[st
         figure = new_figure(width, height)
         axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
         for axis, (label, image) in zip(axes, cropped, strict=False):
-            drawn = axis.imshow(image, cmap=DIVERGING, vmin=-COLOUR_LIMIT_STD, vmax=COLOUR_LIMIT_STD,
+            drawn = show_pixels(axis, image, cmap=DIVERGING, vmin=-COLOUR_LIMIT_STD, vmax=COLOUR_LIMIT_STD,
                                 interpolation="nearest")
             axis.set(title=f"{label}: rms {np.sqrt(np.nanmean(image**2)):.2f} σ", xticks=[], yticks=[])
             axis.grid(False)

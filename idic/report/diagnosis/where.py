@@ -15,7 +15,7 @@ from idic.report.figures.axes.time_axis import label_frames
 from idic.fe import Mesh
 from idic.report.evidence.volumes.shown_mesh import element_sections
 from idic.report.figures.picture import Colour, Picture
-from idic.report.figures.style import SEQUENTIAL, look, new_figure, to_picture
+from idic.report.figures.style import SEQUENTIAL, look, new_figure, show_pixels, to_picture
 
 LEVELS = {"camera": "camera alone", "boundary": "driven edges, law kept", "camera+boundary": "both",
          "bulk": "any smooth motion"}
@@ -104,7 +104,7 @@ def source_map(record: WhereRecord) -> Picture | None:
         figure = new_figure(width, height)
         axis = figure.subplots()
         if record.reference is not None:
-            axis.imshow(record.reference, cmap="gray", alpha=0.75)
+            show_pixels(axis, record.reference, cmap="gray", alpha=0.75)
         strong = np.flatnonzero((record.p < 0.01) & (record.statistic > 0.1 * record.statistic.max()))
         norm = LogNorm(max(0.1 * record.statistic.max(), 1.0), max(record.statistic.max(), MIN_COLOUR_LIMIT))
         cloud = PolyCollection(record.cells(strong), array=record.values(strong, record.statistic), cmap=SEQUENTIAL,
@@ -169,7 +169,7 @@ def active_map(record: WhereRecord) -> Picture | None:
         figure = new_figure(*size)
         axis = figure.subplots()
         if record.reference is not None:
-            axis.imshow(record.reference, cmap="gray", alpha=0.75)
+            show_pixels(axis, record.reference, cmap="gray", alpha=0.75)
         cloud = PolyCollection(record.cells(acting), array=record.values(acting, record.since_active).astype(float),
                                cmap=SEQUENTIAL, edgecolors="white", linewidths=0.3)
         earliest, latest = record.since_active[acting].min(), record.since_active[acting].max()

@@ -14,7 +14,7 @@ from idic.parameters import digits_text
 from idic.report.figures.maps import RESIDUAL_RANGE, residual_window
 from idic.report.figures.profiles import height_profile, is_profile
 from idic.report.figures.picture import JPEG_QUALITY, Colour, Picture, webp
-from idic.report.figures.style import DIVERGING, look, new_figure
+from idic.report.figures.style import DIVERGING, look, new_figure, picked, show_pixels
 from idic.report.result.record import FrameView, RunRecord
 from idic.report.result.words import number_text
 
@@ -40,6 +40,11 @@ class _Sheet:
     figure: Figure
     artist: AxesImage
     lines: LineCollection | None = None
+    window: tuple[float, float, float, float] | None = None
+
+    def picked(self, values: np.ndarray) -> np.ndarray:
+        """The pixels of a map that its image shows."""
+        return picked(values, self.window, self.artist.axes, DPI)[0]
 
 
 Sheets = dict[tuple, _Sheet]  # by what decides on their layout
@@ -94,7 +99,7 @@ def _image(record: RunRecord, view: FrameView, sheets: Sheets) -> Picture:
     if key not in sheets:
         sheets[key] = _image_sheet(view.image)
     sheet = sheets[key]
-    sheet.artist.set(data=view.image, clim=(low, max(high, low + 1e-12)))
+    sheet.artist.set(data=sheet.picked(view.image), clim=(low, max(high, low + 1e-12)))
     sheet.lines.set_segments([np.concatenate([polygon, polygon[:1]]) for polygon in corners])
     return _jpeg(sheet.figure, f"frame_{view.frame:04d}", "image, simulated mesh")
 
@@ -102,7 +107,7 @@ def _image(record: RunRecord, view: FrameView, sheets: Sheets) -> Picture:
 def _image_sheet(image: np.ndarray) -> _Sheet:
     rows, columns = image.shape
     figure, axis = _axis(columns / rows)
-    artist = axis.imshow(image, cmap="gray", interpolation="nearest")
+    artist = show_pixels(axis, image, dpi=DPI, cmap="gray", interpolation="nearest")
     lines = axis.add_collection(LineCollection([], colors=Colour.ORANGE, linewidths=OUTLINE_WIDTH_PT))
     axis.set(xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
     return _Sheet(figure, artist, lines)
@@ -120,17 +125,17 @@ def _residual(record: RunRecord, view: FrameView, sheets: Sheets) -> Picture:
         unit = "residual / σ [–]" if is_scaled else f"residual [{record.value_unit}]"
         sheets[key] = _residual_sheet(scaled, window, reach, unit)
     sheet = sheets[key]
-    sheet.artist.set_data(scaled)
+    sheet.artist.set_data(sheet.picked(scaled))
     return _jpeg(sheet.figure, f"left_{view.frame:04d}", "residual in the reference image")
 
 
-def _residual_sheet(scaled: np.ndarray, window: tuple[float, ...], reach: float, label: str) -> _Sheet:
+def _residual_sheet(scaled: np.ndarray, window: tuple[float, float, float, float], reach: float, label: str) -> _Sheet:
     column_from, column_to, row_from, row_to = window
     figure, axis = _axis((column_to - column_from) / (row_to - row_from))
-    artist = axis.imshow(scaled, cmap=DIVERGING, vmin=-reach, vmax=reach, interpolation="nearest")
+    artist = show_pixels(axis, scaled, window, DPI, cmap=DIVERGING, vmin=-reach, vmax=reach, interpolation="nearest")
     axis.set(xlim=(column_from, column_to), ylim=(row_to, row_from))
     figure.colorbar(artist, ax=axis, location="bottom", shrink=0.7, aspect=30, pad=0.02, extend="both", label=label)
-    return _Sheet(figure, artist)
+    return _Sheet(figure, artist, window=window)
 
 
 def _axis(aspect: float):

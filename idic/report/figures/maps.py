@@ -12,7 +12,7 @@ from matplotlib.tri import LinearTriInterpolator, Triangulation
 
 from idic.report.figures import profiles
 from idic.report.figures.picture import Picture
-from idic.report.figures.style import DIVERGING, SEQUENTIAL, look, new_figure, to_picture
+from idic.report.figures.style import DIVERGING, SEQUENTIAL, look, new_figure, show_pixels, to_picture
 from idic.report.result.record import RunRecord
 from idic.report.result.words import short_names
 
@@ -47,7 +47,7 @@ def residuals(record: RunRecord) -> Picture | None:
     limit = float(np.nanpercentile(np.abs(data.start), 99)) if units is None else RESIDUAL_RANGE
     name = record.value_unit if units is None else "σ"
     scale = np.ones(len(data.frames)) if units is None else units
-    stacks = [stack / scale[:, None, None] for stack in (data.start, data.identified)]
+    stacks = [stack / scale[:, None, None].astype(stack.dtype) for stack in (data.start, data.identified)]
     label = f"residual [{record.value_unit}]" if units is None else "residual / σ [–]"
     caption = (
         f"{'f − g(x + u)' if record.value_unit == 'grey values' else 'f + h − g(x + u)'} in the reference image; "
@@ -92,7 +92,7 @@ def _start_note(record: RunRecord) -> str:
     data, curve = record.residuals, record.rms_before
     if curve is None:
         return ""
-    map_rms = np.sqrt(np.nanmean(np.asarray(data.start, dtype=float) ** 2, axis=(1, 2)))
+    map_rms = np.array([np.sqrt(np.nanmean(values.astype(float) ** 2)) for values in data.start])
     at = curve[list(data.frames)]
     if not (np.abs(map_rms - at) > OTHER_THAN_CURVE * at).any():
         return ""
@@ -112,7 +112,7 @@ def _before_and_after(record: RunRecord, stacks, norms: Sequence[Normalize], lab
         for column, frame in enumerate(data.frames):
             for row, stack in enumerate(stacks):
                 axis = axes[row, column]
-                axis.imshow(stack[column], cmap=DIVERGING, norm=norms[min(row, len(norms) - 1)],
+                show_pixels(axis, stack[column], window, cmap=DIVERGING, norm=norms[min(row, len(norms) - 1)],
                             interpolation="nearest")
                 bare(axis, window)
                 entitle(axis, *((f"frame {frame},  ",) if row == 0 else ()), describe(stack[column]))
@@ -173,7 +173,7 @@ def _window_mean(stack: Iterable[np.ndarray], size: int) -> np.ndarray:
         is_finite = np.isfinite(values)
         total, count = (_window_sum(np.where(is_finite, part, 0.0), size) for part in (values, 1.0))
         well_filled = is_finite & (count >= 0.5 * size**2)
-        return np.where(well_filled, total / np.maximum(count, 1.0), np.nan)
+        return np.where(well_filled, total / np.maximum(count, 1.0), np.nan).astype(np.float32)
 
     return np.stack([mean(values) for values in stack])
 
@@ -293,10 +293,12 @@ def _apart(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 def draw(axis: Axes, record: RunRecord, values, norm, cmap: str | None = None):
     """A nodal field over the reference image, sampled on a raster so that no seams of triangles show through."""
+    window = specimen_window(record)
     if record.reference is not None:
         grey = record.value_unit == "grey values"
-        axis.imshow(record.reference, cmap="gray", interpolation="bilinear", vmin=0.0 if grey else None)
-    column_from, column_to, row_from, row_to = window = specimen_window(record)
+        show_pixels(axis, record.reference, window, cmap="gray", interpolation="bilinear",
+                    vmin=0.0 if grey else np.nanmin(record.reference), vmax=np.nanmax(record.reference))
+    column_from, column_to, row_from, row_to = window
     step = max(column_to - column_from, row_to - row_from) / N_RASTER_SAMPLES
     columns, rows = np.meshgrid(np.arange(column_from, column_to, step), np.arange(row_from, row_to, step))
     field = LinearTriInterpolator(triangulate(record), values)(columns, rows)

@@ -6,8 +6,10 @@ import io
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from PIL import Image
 
 from idic.path_names import path_name
@@ -17,6 +19,7 @@ from idic.report.figures.picture import DPI, PNG_COMPRESSION, Colour, Picture, w
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 DIVERGING, SEQUENTIAL = "RdBu_r", "viridis"
 N_COLOURS = 256  # of a map as PNG: a quarter of the size
+SAMPLES_PER_PX = 2  # of a map along a pixel of the picture: fewer could beat with the texture
 EVEN = Image.Quantize.FASTOCTREE  # the median cut takes the colours of a bar from the map beside it
 
 RC = {
@@ -67,6 +70,32 @@ def new_figure(width: float, height: float, kind: type[Figure] = Figure) -> Figu
     return figure
 
 
+def show_pixels(axis: Axes, values: np.ndarray, window: tuple[float, float, float, float] | None = None, dpi: int = DPI,
+                **look_of_map) -> AxesImage:
+    """Draw a map of pixels on axes, cut to a window and no finer than the picture can show it.
+
+    Matplotlib holds several arrays of the size of an image while it draws.
+
+    values : (ny, nx); window : columns from, to, rows from, to; look_of_map : for ``imshow``
+    """
+    samples, extent = picked(values, window, axis, dpi)
+    return axis.imshow(samples, extent=extent, **look_of_map)
+
+
+def picked(values: np.ndarray, window: tuple[float, float, float, float] | None, axis: Axes, dpi: int = DPI):
+    """Every n-th pixel of a map in a window, and their extent (left, right, bottom, top)."""
+    column_from, column_to, row_from, row_to = window or (-0.5, values.shape[1] - 0.5, -0.5, values.shape[0] - 0.5)
+    first_column, first_row = max(int(column_from + 0.5), 0), max(int(row_from + 0.5), 0)
+    cut = values[first_row : int(np.ceil(row_to + 0.5)), first_column : int(np.ceil(column_to + 0.5))]
+    spec = axis.get_subplotspec()
+    panels = (1, 1) if spec is None else spec.get_gridspec().get_geometry()
+    room_px = SAMPLES_PER_PX * dpi * np.asarray(axis.figure.get_size_inches()) / panels[::-1]  # width, height
+    step = max(int(min(cut.shape[1] / room_px[0], cut.shape[0] / room_px[1])), 1)
+    samples = cut[step // 2 :: step, step // 2 :: step]
+    left, top = first_column - 0.5, first_row - 0.5
+    return samples, (left, left + step * samples.shape[1], top + step * samples.shape[0], top)
+
+
 def to_picture(figure: Figure, name: str, title: str, caption: str, as_photo: bool = False) -> Picture:
     """The picture of a figure; as_photo : it is a map, whose noise may lose a little in the page."""
     figure.set_dpi(DPI)
@@ -78,4 +107,6 @@ def to_picture(figure: Figure, name: str, title: str, caption: str, as_photo: bo
     else:
         Image.fromarray(np.asarray(pixels)[..., :3]).save(sharp, "png", dpi=(DPI, DPI), compress_level=PNG_COMPRESSION)
     file = path_name(name).replace("%", "_")  # a page links to it
-    return Picture(file, title, caption, sharp.getvalue(), light=webp(pixels, exact=not as_photo))
+    picture = Picture(file, title, caption, sharp.getvalue(), light=webp(pixels, exact=not as_photo))
+    figure.clear()  # its parts hold each other, and their arrays, until Python looks for cycles
+    return picture
